@@ -27,7 +27,7 @@ function toolsAtWall(view: "orbit" | "walk", place: Vec3 | null) {
       done.push(`aim ${at}`);
     },
     land: (at) => done.push(`land ${at}`),
-    say: (text) => done.push(text),
+    announce: (text) => done.push(text),
     refuse: (why) => done.push(`refuse ${why}`),
   });
   return { tools, done };

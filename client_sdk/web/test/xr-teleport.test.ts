@@ -15,7 +15,7 @@ import {
   type Teleport,
 } from "../src/xr/teleport.ts";
 
-const target: Target = { place: [1, 2, 3], turnRad: 0, facingRad: null };
+const target: Target = { position: [1, 2, 3], turnRad: 0, facingRad: null };
 const FRAME_MS = 1000 / 90;
 
 /** Run frames, doing what a frame does; returns what happened in order. */

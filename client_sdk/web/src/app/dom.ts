@@ -52,8 +52,8 @@ export function setAttribute(element: Element, name: string, value: string | boo
 }
 
 /** Hide or show an element. */
-export function setShown(element: HTMLElement, shown: boolean): void {
-  if (element.hidden === shown) element.hidden = !shown;
+export function setShown(element: HTMLElement, isShown: boolean): void {
+  if (element.hidden === isShown) element.hidden = !isShown;
 }
 
 function append(element: Element, children: readonly Child[]): void {

@@ -31,10 +31,10 @@ export const REMEDY_NAMES: Readonly<Record<Remedy, string>> = {
 };
 
 /** What a link's state means; null where there is nothing to say. `everOpen`: whether there has been a link before. */
-export function linkNotice(link: LinkState, everOpen: boolean, nowMs: number): Notice | null {
+export function linkNotice(link: LinkState, wasOpen: boolean, nowMs: number): Notice | null {
   if (link.state === "open") return null;
   if (link.state === "connecting") {
-    if (!everOpen && link.attempt <= 1) return null;
+    if (!wasOpen && link.attempt <= 1) return null;
     return {
       key: "link",
       tone: "warning",
@@ -68,8 +68,8 @@ export function linkNotice(link: LinkState, everOpen: boolean, nowMs: number): N
     return {
       key: "link",
       tone: "warning",
-      title: everOpen ? "Connection lost" : "No connection",
-      text: everOpen
+      title: wasOpen ? "Connection lost" : "No connection",
+      text: wasOpen
         ? "What is shown stays. Reconnecting in {seconds}."
         : "The service does not answer. Trying again in {seconds}.",
       remedies: ["reconnect"],

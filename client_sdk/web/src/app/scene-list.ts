@@ -47,10 +47,10 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
     showWaiting();
     try {
       const { scenes, links } = await listScenes(shell.serverUrl, { token: shell.token.token, signal: abort.signal });
-      const only = scenes.length === 1 ? scenes[0] : undefined;
-      if (only !== undefined && opensOnlyScene) {
+      const onlyScene = scenes.length === 1 ? scenes[0] : undefined;
+      if (onlyScene !== undefined && opensOnlyScene) {
         // Replaced: going back must not come here only to be sent forward again.
-        window.location.replace(formatRoute(sceneRoute(only.id)));
+        window.location.replace(formatRoute(sceneRoute(onlyScene.id)));
         return;
       }
       showScenes(scenes);
@@ -100,7 +100,7 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
       h("p", { class: "faint", role: "status" }, `${formatCount(scenes.length)} ${noun}. Open one to look around.`),
       h("ul", { class: "cards" }, ...scenes.map(card)),
     );
-    shell.announcer.say(`${scenes.length} ${noun}`);
+    shell.announcer.announce(`${scenes.length} ${noun}`);
   }
 
   function card(scene: SceneSummary): HTMLElement {
@@ -163,9 +163,9 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
       const url = URL.createObjectURL(await answer.blob());
       h("a", { href: url, download: `${id}-report.html` }).click();
       window.setTimeout(() => URL.revokeObjectURL(url), 10_000);
-      shell.announcer.say("Report saved");
+      shell.announcer.announce("Report saved");
     } catch {
-      shell.announcer.say("The report could not be had. Try again later.", true);
+      shell.announcer.announce("The report could not be had. Try again later.", true);
     }
   }
 
@@ -181,7 +181,7 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
   function showFailure(error: unknown): void {
     const code = shell.codeOf(error);
     const { title, text } = loadFailure(code, error instanceof Error ? error.message : "");
-    const again = actionButton("Try again", "reload-list", () => void load(), code !== "unauthorised");
+    const retry = actionButton("Try again", "reload-list", () => void load(), code !== "unauthorised");
     const token = actionButton("Enter a token", "token", () => void askToken(), true);
     fill(
       main,
@@ -191,15 +191,15 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
         title,
         failed: code !== "unauthorised",
         children: [h("p", { class: "faint" }, text)],
-        actions: code === "unauthorised" || code === "forbidden" ? [token] : [again],
+        actions: code === "unauthorised" || code === "forbidden" ? [token] : [retry],
       }),
     );
     if (code === "unauthorised") void askToken();
   }
 
   async function askToken(): Promise<void> {
-    const given = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
-    if (given !== null && !abort.signal.aborted) await load();
+    const newToken = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
+    if (newToken !== null && !abort.signal.aborted) await load();
   }
 
   footer.hidden = true;

@@ -48,7 +48,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
   function loadFiles(
     version: string | undefined,
     signal: AbortSignal,
-    onProgress: (done: number, total: number) => void,
+    onProgress: (doneBytes: number, totalBytes: number) => void,
   ): Promise<SceneFiles> {
     const { token } = shell.token;
     return loadSceneInWorker(sceneUrl, { ...(token === undefined ? {} : { token }), version, onProgress, signal });
@@ -112,9 +112,9 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
     );
     showCard(stateCard({ id: "scene-loading", icon: "mountain", title: `Opening ${id}`, children: [track, text] }));
     return (doneBytes, totalBytes) => {
-      const part = totalBytes > 0 ? Math.min(1, doneBytes / totalBytes) : 0;
-      bar.style.transform = `scaleX(${part})`;
-      track.setAttribute("aria-valuenow", String(Math.round(part * 100)));
+      const fraction = totalBytes > 0 ? Math.min(1, doneBytes / totalBytes) : 0;
+      bar.style.transform = `scaleX(${fraction})`;
+      track.setAttribute("aria-valuenow", String(Math.round(fraction * 100)));
       setText(text, `${formatBytes(doneBytes)} of ${formatBytes(totalBytes)}`);
     };
   }
@@ -166,8 +166,8 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
   }
 
   async function askToken(): Promise<void> {
-    const given = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
-    if (given !== null && !disposed) void load();
+    const newToken = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
+    if (newToken !== null && !disposed) void load();
   }
 
   function close(): void {

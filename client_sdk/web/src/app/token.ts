@@ -79,11 +79,11 @@ export function createTokenKeeper(storage: KeyValueStorage, parent: Element): To
   });
   parent.append(dialog);
 
-  function answer(given: string | null): void {
-    if (given !== null) {
-      token = given;
+  function answer(newToken: string | null): void {
+    if (newToken !== null) {
+      token = newToken;
       try {
-        storage.setItem(KEY, given);
+        storage.setItem(KEY, newToken);
       } catch {
         // Then it holds until the page is loaded again.
       }
@@ -92,7 +92,7 @@ export function createTokenKeeper(storage: KeyValueStorage, parent: Element): To
     dialog.close();
     const resolved = waiting;
     waiting = [];
-    for (const resolve of resolved) resolve(given);
+    for (const resolve of resolved) resolve(newToken);
   }
 
   return {

@@ -216,9 +216,9 @@ export class SegmentShelf {
     }
   }
 
-  #freeIf(isToGo: (entry: Entry, segment: number) => boolean): void {
+  #freeIf(shouldFree: (entry: Entry, segment: number) => boolean): void {
     for (const [segment, entry] of this.#entries) {
-      if (isOnGpu(entry) && isToGo(entry, segment)) {
+      if (isOnGpu(entry) && shouldFree(entry, segment)) {
         this.#free(segment, entry);
       }
     }

@@ -46,7 +46,7 @@ export class BaseGround {
   #toAdd: number[] = [];
   #toRemove: number[] = [];
   #measureName: string | null = null;
-  #wantedRevision = -1;
+  #targetRevision = -1;
   #preparedRevision = -1;
 
   constructor(store: GpuStore, files: SceneFiles, material: GroundMaterial) {
@@ -80,7 +80,7 @@ export class BaseGround {
   }
 
   /** Whether it is on the GPU, both lists included. */
-  get isThere(): boolean {
+  get isUploaded(): boolean {
     return this.mesh.visible;
   }
 
@@ -109,13 +109,13 @@ export class BaseGround {
 
   /** Make the back list ready for these segments; `step` does the work. */
   prepare(segments: readonly number[], revision: number): void {
-    if (revision === this.#wantedRevision) {
+    if (revision === this.#targetRevision) {
       return;
     }
-    this.#wantedRevision = revision;
+    this.#targetRevision = revision;
     this.#preparedRevision = -1;
-    const wanted = new Set(segments);
-    this.#toRemove = [...this.#counters.shown].filter((segment) => !wanted.has(segment));
+    const target = new Set(segments);
+    this.#toRemove = [...this.#counters.shown].filter((segment) => !target.has(segment));
     this.#toAdd = segments.filter((segment) => !this.#counters.shown.has(segment));
   }
 
@@ -144,7 +144,7 @@ export class BaseGround {
       this.#front = this.#front === 0 ? 1 : 0;
       this.mesh.geometry = this.#geometryOf(this.#sides[this.#front]);
       this.#preparedRevision = -1;
-      this.#wantedRevision = -1;
+      this.#targetRevision = -1;
     }
   }
 
@@ -218,7 +218,7 @@ export class BaseGround {
     if (added !== undefined) {
       return this.#mark(this.#counters.add(added));
     }
-    if (this.#wantedRevision < 0 || this.#preparedRevision === this.#wantedRevision || !this.#sides) {
+    if (this.#targetRevision < 0 || this.#preparedRevision === this.#targetRevision || !this.#sides) {
       return 0;
     }
     const back = this.#sides[this.#front === 0 ? 1 : 0];
@@ -233,7 +233,7 @@ export class BaseGround {
     }
     back.hiddenCount = this.#counters.hiddenCount;
     back.hiddenHash = this.#counters.hiddenHash;
-    this.#preparedRevision = this.#wantedRevision;
+    this.#preparedRevision = this.#targetRevision;
     return 1;
   }
 

@@ -53,7 +53,7 @@ export class FaceBoxes {
    * The nearest face along the ray with `t` in [0, mostT], seen from either side; among equals the lowest number. Faces that
    * `isHidden` names are not there.
    */
-  cast(origin: Vec3, direction: Vec3, mostT: number, isHidden?: Uint8Array): FaceHit | null {
+  cast(origin: Vec3, direction: Vec3, maxT: number, isHidden?: Uint8Array): FaceHit | null {
     const { translation, stepM } = this.#mesh;
     const ray: Ray = {
       ox: (origin[0] - translation[0]) / stepM,
@@ -66,14 +66,14 @@ export class FaceBoxes {
     const { runs, groups } = this.#boxes();
     const runCount = runs.length / 6;
     let best: FaceHit | null = null;
-    let most = mostT;
+    let nearestT = maxT;
     for (let group = 0; group < groups.length / 6; group += 1) {
-      if (!meetsBox(ray, groups, group * 6, most)) {
+      if (!meetsBox(ray, groups, group * 6, nearestT)) {
         continue;
       }
       const lastRun = Math.min((group + 1) * GROUP_RUNS, runCount);
       for (let run = group * GROUP_RUNS; run < lastRun; run += 1) {
-        if (!meetsBox(ray, runs, run * 6, most)) {
+        if (!meetsBox(ray, runs, run * 6, nearestT)) {
           continue;
         }
         const lastFace = Math.min((run + 1) * RUN_FACES, this.#mesh.faceCount);
@@ -82,9 +82,9 @@ export class FaceBoxes {
             continue;
           }
           const t = this.#meetFace(ray, face);
-          if (t >= 0 && (t < most || (t === most && best === null))) {
+          if (t >= 0 && (t < nearestT || (t === nearestT && best === null))) {
             best = { t, face };
-            most = t;
+            nearestT = t;
           }
         }
       }
@@ -183,10 +183,10 @@ export class FaceBoxes {
 }
 
 /** Whether a ray meets a box with t in [0, mostT]; direction components may be 0. */
-export function rayMeetsBounds(origin: Vec3, direction: Vec3, mostT: number, bounds: ArrayLike<number>): boolean {
+export function rayMeetsBounds(origin: Vec3, direction: Vec3, maxT: number, bounds: ArrayLike<number>): boolean {
   const [ox, oy, oz] = origin;
   const [dx, dy, dz] = direction;
-  return meetsBox({ ox, oy, oz, dx, dy, dz }, bounds, 0, mostT);
+  return meetsBox({ ox, oy, oz, dx, dy, dz }, bounds, 0, maxT);
 }
 
 interface Ray {
@@ -198,9 +198,9 @@ interface Ray {
   readonly dz: number;
 }
 
-function meetsBox(ray: Ray, boxes: ArrayLike<number>, at: number, mostT: number): boolean {
+function meetsBox(ray: Ray, boxes: ArrayLike<number>, at: number, maxT: number): boolean {
   let near = 0;
-  let far = mostT;
+  let far = maxT;
   // A ray within a slab's plane has 0 * Infinity = NaN there, which neither comparison lets through: asked apart.
   if (ray.dx !== 0) {
     const t0 = (boxes[at]! - ray.ox) / ray.dx;

@@ -93,7 +93,7 @@ export class GroundSet {
       const ground = this.#grounds.get(segment);
       if (ground) {
         this.#grounds.delete(segment);
-        this.#warming = this.#warming.filter((other) => other !== ground);
+        this.#warming = this.#warming.filter((warming) => warming !== ground);
         this.#toFree(ground);
       }
     }
@@ -119,7 +119,7 @@ export class GroundSet {
   /** For every segment, and those to come. */
   setMeasure(name: string | null): void {
     this.#measureName = name;
-    for (const ground of this.#all()) {
+    for (const ground of this.#allGrounds()) {
       ground.setMeasure(name);
     }
   }
@@ -147,7 +147,7 @@ export class GroundSet {
 
   /** Free everything at once: what WebGL lost, or at the end. */
   freeAll(): void {
-    for (const ground of this.#all()) {
+    for (const ground of this.#allGrounds()) {
       ground.free();
     }
     this.#grounds.clear();
@@ -169,7 +169,7 @@ export class GroundSet {
     return `${count}:${(hash >>> 0).toString(16)}`;
   }
 
-  #all(): Set<SegmentGround> {
+  #allGrounds(): Set<SegmentGround> {
     return new Set([...this.#grounds.values(), ...this.#shown.values(), ...this.#freeing]);
   }
 

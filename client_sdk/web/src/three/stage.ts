@@ -148,7 +148,7 @@ export class Stage implements Landings {
     const { comingRevision, coming } = this.#residency;
     const isBaseBehind = !this.#isOldVersion && coming !== null && this.#base.preparedRevision !== comingRevision;
     return (
-      !this.object.visible || !this.#base.isThere || isBaseBehind || this.#grounds.isBusy || this.#residency.isBusy
+      !this.object.visible || !this.#base.isUploaded || isBaseBehind || this.#grounds.isBusy || this.#residency.isBusy
     );
   }
 
@@ -306,7 +306,7 @@ export class Stage implements Landings {
   stats(): StageStats {
     this.#refreshStreamStats();
     const { bufferBytes, textureBytes, createdBytes, freedBytes } = this.#store;
-    let visibleTriangles = this.#base.isThere ? this.#base.faceCount - this.#base.hiddenCount : 0;
+    let visibleTriangles = this.#base.isUploaded ? this.#base.faceCount - this.#base.hiddenCount : 0;
     for (const ground of this.#grounds.shown.values()) {
       visibleTriangles += ground.faceCount;
     }
@@ -430,9 +430,9 @@ export class Stage implements Landings {
       return;
     }
     if (this.#residency.restoring) {
-      const back = this.#residency.restorable();
-      if (back) {
-        this.#base.prepare(back, RESTORED_REVISION);
+      const restorable = this.#residency.restorable();
+      if (restorable) {
+        this.#base.prepare(restorable, RESTORED_REVISION);
       }
     } else if (this.#residency.coming) {
       this.#base.prepare(this.#residency.coming, this.#residency.comingRevision);

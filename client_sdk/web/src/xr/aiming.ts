@@ -19,7 +19,7 @@ const AIM_MOVED_M = 0.25;
 const AIM_ELSEWHERE_M = 3;
 
 export interface Aimed {
-  readonly place: Vec3;
+  readonly position: Vec3;
   readonly normal: Vec3;
   /** How much the facing turns, radians, counter-clockwise. */
   readonly turnRad: number;
@@ -49,8 +49,8 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
   const ring = createRing();
   let casts = 0;
   let turnRad = 0;
-  let toldMs = Number.NEGATIVE_INFINITY;
-  let told: Vec3 | null = null;
+  let sentMs = Number.NEGATIVE_INFINITY;
+  let sentPosition: Vec3 | null = null;
   const counted = {
     cast: (...args: Parameters<Landings["cast"]>) => {
       casts += 1;
@@ -61,17 +61,17 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       return landings.groundAt(...args);
     },
   };
-  const tell = (place: Vec3, nowMs: number): void => {
-    const movedM = told === null ? Number.POSITIVE_INFINITY : distance(told, place);
-    if (movedM < AIM_MOVED_M || nowMs - toldMs < AIM_EVERY_MS) {
+  const sendAim = (position: Vec3, nowMs: number): void => {
+    const movedM = sentPosition === null ? Number.POSITIVE_INFINITY : distance(sentPosition, position);
+    if (movedM < AIM_MOVED_M || nowMs - sentMs < AIM_EVERY_MS) {
       return;
     }
     if (movedM > AIM_ELSEWHERE_M) {
       resetReadiness(readiness);
     }
-    told = place;
-    toldMs = nowMs;
-    landings.aim(place, radiusM());
+    sentPosition = position;
+    sentMs = nowMs;
+    landings.aim(position, radiusM());
   };
   return {
     objects: [ribbon.object, ring.object],
@@ -83,7 +83,7 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       clearTrail(trail);
       resetReadiness(readiness);
       turnRad = 0;
-      told = null;
+      sentPosition = null;
     },
     update(pointer, eye, facingRad, nowMs) {
       casts = 0;
@@ -107,14 +107,14 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
         ring.show("invalid", 0);
         return;
       }
-      tell(arc.hit.position, nowMs);
+      sendAim(arc.hit.position, nowMs);
       const fraction = readinessOf(readiness);
       ring.show(fraction >= 1 ? "ready" : "aim", fraction);
     },
     aimed(pointer, nowMs) {
       const pinches = pointer.source.targetRayMode === "transient-pointer" || isHand(pointer.source);
-      const place = targetBefore(trail, nowMs, pinches ? BEFORE_MS : 0);
-      return place === null ? null : { place, normal: [...stand.normal], turnRad };
+      const position = targetBefore(trail, nowMs, pinches ? BEFORE_MS : 0);
+      return position === null ? null : { position, normal: [...stand.normal], turnRad };
     },
     hide() {
       casts = 0;

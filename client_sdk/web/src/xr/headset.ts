@@ -12,7 +12,7 @@ import { createAiming } from "./aiming.ts";
 import { createBoard } from "./board.ts";
 import { addTime, newFrameTimes, summarise } from "./frames.ts";
 import { listenInputs, type Pointer } from "./inputs.ts";
-import { messageOf, sentence, statusLine, type Told } from "./messages.ts";
+import { type Announced, messageOf, sentence, statusLine } from "./messages.ts";
 import { holdPalm, newPalmHold, palmTowards } from "./palm.ts";
 import { createMenuDesk } from "./panels.ts";
 import { yawOfAzimuth } from "./pose.ts";
@@ -81,15 +81,15 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   const teleport = newTeleport();
   const turn = newSnapTurn();
   const palm = newPalmHold();
-  const told: Told = { linkLost: false };
+  const announced: Announced = { linkLost: false };
   const sky = createSky(matchMedia("(prefers-color-scheme: dark)").matches);
   const aiming = createAiming(landings, options.radiusM);
   const waiting = createRing();
   const board = createBoard();
   const wands = createWands();
-  const intervals = newFrameTimes();
-  const works = newFrameTimes();
-  const owns = newFrameTimes();
+  const intervalTimes = newFrameTimes();
+  const workTimes = newFrameTimes();
+  const ownTimes = newFrameTimes();
 
   const stance = createStance(rig, started.floorM);
   let placed = false;
@@ -103,28 +103,28 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   let startedMs = 0;
   let lastFrameMs: number | null = null;
 
-  const groundUnder = (place: Vec3): Vec3 =>
-    landings.groundAt(place[0], place[2], place[1] + GROUND_FROM_M)?.position ?? place;
+  const groundUnder = (position: Vec3): Vec3 =>
+    landings.groundAt(position[0], position[2], position[1] + GROUND_FROM_M)?.position ?? position;
 
   const land = (target: Target): void => {
-    const asked = options.landOptions?.();
-    const landing = landings.land(target.place, options.radiusM(), asked);
+    const landOptions = options.landOptions?.();
+    const landing = landings.land(target.position, options.radiusM(), landOptions);
     knownLanding = landing;
     refusedUntilMs = 0;
     commit(teleport, landing, target);
   };
-  const layWaiting = (place: Vec3, normal: Vec3, turnRad: number): void => {
-    waiting.lay(place, normal, stance.eye, stance.facingRad + turnRad);
+  const layWaiting = (position: Vec3, normal: Vec3, turnRad: number): void => {
+    waiting.lay(position, normal, stance.eye, stance.facingRad + turnRad);
   };
   const snap = (sign: 1 | -1): void => askTurn(turn, sign * desk.turnDeg * DEGREE, nowMs);
   const desk = createMenuDesk({
     menu: options.menu,
     radiusM: options.radiusM,
     maxRadiusM: () => maxRadiusM,
-    status: () => statusLine(landings.status, told.linkLost),
+    status: () => statusLine(landings.status, announced.linkLost),
     snap,
     visit: ({ place, yawDeg }) => {
-      land({ place, turnRad: 0, facingRad: yawDeg === null ? null : yawOfAzimuth(yawDeg) });
+      land({ position: place, turnRad: 0, facingRad: yawDeg === null ? null : yawOfAzimuth(yawDeg) });
       layWaiting(place, [0, 1, 0], 0);
     },
     leave: () => {
@@ -150,8 +150,8 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     const aimed = aiming.aimed(pointer, nowMs);
     aiming.hide();
     if (aimed !== null) {
-      land({ place: aimed.place, turnRad: aimed.turnRad, facingRad: null });
-      layWaiting(aimed.place, aimed.normal, aimed.turnRad);
+      land({ position: aimed.position, turnRad: aimed.turnRad, facingRad: null });
+      layWaiting(aimed.position, aimed.normal, aimed.turnRad);
       pointer.source.gamepad?.hapticActuators?.[0]?.pulse(0.4, 25).catch(() => undefined);
     }
   };
@@ -191,7 +191,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     }
     const push = readStick(pointer.stick, pointer.stickX, pointer.stickY);
     if (teleport.aimBy === pointer.key) {
-      if (aimsByStick && pointer.stick.held === "none") {
+      if (aimsByStick && pointer.stick.heldPush === "none") {
         letGo(pointer);
       }
     } else if (push === "left" || push === "right") {
@@ -212,9 +212,9 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       shown(teleport, false, false);
       return;
     }
-    const already = status.phase === "shown";
-    const report = already ? null : landings.swap();
-    if (report === null && !already) {
+    const isShown = status.phase === "shown";
+    const report = isShown ? null : landings.swap();
+    if (report === null && !isShown) {
       teleport.pending = null;
       shown(teleport, false, false);
       return;
@@ -222,7 +222,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     if (!pending.moved) {
       const { target } = pending;
       const towards = target.facingRad ?? stance.facingRad + target.turnRad;
-      stance.stand(groundUnder(target.place), towards);
+      stance.stand(groundUnder(target.position), towards);
       desk.hide();
       board.moved();
       options.landed?.(stance.standpoint());
@@ -231,28 +231,28 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     shown(teleport, true, report?.degraded ?? false);
   };
   /** A landing that the page asked for, before or beside the session, is carried out by the session's blink. */
-  const adopt = (): void => {
+  const adoptLanding = (): void => {
     const { status } = landings;
     if (status.landing <= knownLanding || status.phase === "idle" || status.phase === "refused") {
       return;
     }
     knownLanding = status.landing;
-    commit(teleport, status.landing, { place: status.position, turnRad: 0, facingRad: null });
+    commit(teleport, status.landing, { position: status.position, turnRad: 0, facingRad: null });
     layWaiting(status.position, [0, 1, 0], 0);
   };
   const step = (): void => {
-    adopt();
-    const due = advance(teleport, nowMs, landings.status);
-    if (due === "show") {
+    adoptLanding();
+    const teleportStep = advance(teleport, nowMs, landings.status);
+    if (teleportStep === "show") {
       showLanding();
-    } else if (due === "refused") {
+    } else if (teleportStep === "refused") {
       refusedUntilMs = nowMs + REFUSED_MS;
-      board.say(sentence(landings.status.refusal ?? "the landing was refused"), "warning", false, nowMs);
+      board.show(sentence(landings.status.refusal ?? "the landing was refused"), "warning", false, nowMs);
     }
   };
   const drawGuides = (): void => {
     const pointer = inputs.pointers.find((each) => each.key === teleport.aimBy);
-    if (pointer?.seen === true) {
+    if (pointer?.hasRay === true) {
       aiming.update(pointer, stance.eye, stance.facingRad, nowMs);
     } else {
       aiming.hide();
@@ -279,7 +279,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   };
 
   const onVisibility = (): void => (session.visibilityState === "visible" ? undefined : hideHands());
-  const hung: readonly Object3D[] = [
+  const headsetObjects: readonly Object3D[] = [
     sky.object,
     veil.object,
     waiting.object,
@@ -288,14 +288,14 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     ...desk.objects,
   ];
   let resolveEnd: () => void = () => undefined;
-  const over = new Promise<void>((resolve) => {
+  const ended = new Promise<void>((resolve) => {
     resolveEnd = resolve;
   });
   const onEnd = (): void => {
     active = false;
     const last = placed ? stance.standpoint() : null;
     inputs.dispose();
-    scene.remove(...hung);
+    scene.remove(...headsetObjects);
     rig.remove(wands.object);
     for (const each of [sky, veil, waiting, board.panel, aiming, desk, wands]) {
       each.dispose();
@@ -311,7 +311,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   session.addEventListener("visibilitychange", onVisibility);
   // After three.js's own listener, which puts the renderer's size and the camera's lens back.
   session.addEventListener("end", onEnd, { once: true });
-  scene.add(...hung);
+  scene.add(...headsetObjects);
   rig.add(wands.object);
 
   return {
@@ -328,7 +328,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
         return;
       }
       if (lastFrameMs !== null) {
-        addTime(intervals, timeMs - lastFrameMs);
+        addTime(intervalTimes, timeMs - lastFrameMs);
       }
       lastFrameMs = timeMs;
       const viewer = frame.getViewerPose(space);
@@ -358,11 +358,11 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       }
       step();
       drawGuides();
-      addTime(owns, performance.now() - startedMs);
+      addTime(ownTimes, performance.now() - startedMs);
     },
     drawn() {
       if (active && lastFrameMs !== null) {
-        addTime(works, performance.now() - startedMs);
+        addTime(workTimes, performance.now() - startedMs);
       }
     },
     handle(event: StreamEvent) {
@@ -370,20 +370,20 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       if (event.type === "opened") {
         maxRadiusM = event.maxRadiusM;
       }
-      const message = messageOf(event, told);
+      const message = messageOf(event, announced);
       if (message !== null) {
-        board.say(message.text, message.tone, message.stays, performance.now());
+        board.show(message.text, message.tone, message.stays, performance.now());
       }
     },
     message(text, tone) {
-      board.say(text, tone, false, performance.now());
+      board.show(text, tone, false, performance.now());
     },
     stats: () => ({
-      frames: intervals.count,
+      frames: intervalTimes.count,
       frameRateHz: started.frameRateHz,
-      interval: summarise(intervals),
-      work: summarise(works),
-      own: summarise(owns),
+      interval: summarise(intervalTimes),
+      work: summarise(workTimes),
+      own: summarise(ownTimes),
       phase: phaseOf(teleport),
       casts: aiming.casts,
     }),
@@ -391,7 +391,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       if (active) {
         session.end().catch(() => undefined);
       }
-      return over;
+      return ended;
     },
   };
 }

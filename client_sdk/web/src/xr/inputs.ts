@@ -21,7 +21,7 @@ export interface Pointer {
   readonly direction: [number, number, number];
   tracked: boolean;
   /** It has had a ray at all. */
-  seen: boolean;
+  hasRay: boolean;
   stickX: number;
   stickY: number;
   menuDown: boolean;
@@ -146,7 +146,7 @@ function newPointer(key: number, source: XRInputSource): Pointer {
     origin: [0, 0, 0],
     direction: [0, 0, -1],
     tracked: false,
-    seen: false,
+    hasRay: false,
     stickX: 0,
     stickY: 0,
     menuDown: false,
@@ -171,5 +171,5 @@ function readRay(pointer: Pointer, frame: XRFrame, space: XRReferenceSpace, rig:
   pointer.direction[1] = -m[9]!;
   pointer.direction[2] = m[8]! * sin - m[10]! * cos;
   pointer.tracked = true;
-  pointer.seen = true;
+  pointer.hasRay = true;
 }

@@ -38,12 +38,12 @@ export interface Ribbon {
 }
 
 /** A ribbon for at most `most` points, hidden. `order`: three.js's order of drawing. */
-export function createRibbon(most: number, order = 802): Ribbon {
+export function createRibbon(maxPoints: number, order = 802): Ribbon {
   const geometry = new BufferGeometry();
-  const positions = new BufferAttribute(new Float32Array(most * 6), 3).setUsage(DynamicDrawUsage);
-  const along = new BufferAttribute(new Float32Array(most * 2), 1).setUsage(DynamicDrawUsage);
+  const positions = new BufferAttribute(new Float32Array(maxPoints * 6), 3).setUsage(DynamicDrawUsage);
+  const along = new BufferAttribute(new Float32Array(maxPoints * 2), 1).setUsage(DynamicDrawUsage);
   const indices: number[] = [];
-  for (let k = 0; k + 1 < most; k++) {
+  for (let k = 0; k + 1 < maxPoints; k++) {
     indices.push(2 * k, 2 * k + 1, 2 * k + 2, 2 * k + 2, 2 * k + 1, 2 * k + 3);
   }
   geometry.setAttribute("position", positions);

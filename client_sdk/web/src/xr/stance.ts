@@ -102,7 +102,7 @@ export function createStance(rig: Group, floorM: number): Stance {
 
 /** Where a camera of the page is, and which way it looks. */
 export function standpointOf(camera: Camera): Standpoint {
-  const place = camera.getWorldPosition(new Vector3());
+  const position = camera.getWorldPosition(new Vector3());
   const along = camera.getWorldDirection(new Vector3());
-  return { place: [place.x, place.y, place.z], yawDeg: azimuthOfYaw(Math.atan2(-along.x, -along.z)) };
+  return { place: [position.x, position.y, position.z], yawDeg: azimuthOfYaw(Math.atan2(-along.x, -along.z)) };
 }

@@ -39,14 +39,14 @@ export function clearTrail(trail: Trail): void {
 }
 
 /** Where the ring is in this frame; null where one cannot land. */
-export function noteTarget(trail: Trail, timeMs: number, place: Vec3 | null): void {
+export function noteTarget(trail: Trail, timeMs: number, position: Vec3 | null): void {
   const mark = trail.marks[trail.count % KEPT]!;
   mark.timeMs = timeMs;
-  mark.firm = place !== null;
-  if (place !== null) {
-    mark.x = place[0];
-    mark.y = place[1];
-    mark.z = place[2];
+  mark.firm = position !== null;
+  if (position !== null) {
+    mark.x = position[0];
+    mark.y = position[1];
+    mark.z = position[2];
   }
   trail.count += 1;
 }

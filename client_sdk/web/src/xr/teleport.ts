@@ -17,7 +17,7 @@ import { FADE_IN_MS, FADE_OUT_MS, fadeIn, fadeOut } from "./curves.ts";
 
 /** Where somebody asked to land. */
 export interface Target {
-  readonly place: Vec3;
+  readonly position: Vec3;
   /** How much the facing turns from where the head looks then, radians, counter-clockwise. */
   readonly turnRad: number;
   /** Facing in the scene, where a bookmark says it; else null. */

@@ -80,7 +80,7 @@ beforeEach(() => {
     token: "t0ken/+",
     WebSocket: StandInSocket as unknown as typeof WebSocket,
     handle: (news) => events.push(...news),
-    told: (state) => told.push(state),
+    onLinkState: (state) => told.push(state),
   });
   link.start();
 });

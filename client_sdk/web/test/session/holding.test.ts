@@ -99,9 +99,9 @@ describe("evictions", () => {
     pair.client.land([10, 0, 10], 0.5);
     while (pair.of("planned").length < 2) pair.step();
     const inner = toy.within([0, 0, 0], 1);
-    expect(inner.every((segment) => pair.client.held.has(segment))).toBe(true);
+    expect(inner.every((segment) => pair.client.holdings.has(segment))).toBe(true);
     pair.settle();
-    expect(inner.some((segment) => pair.client.held.has(segment))).toBe(false);
+    expect(inner.some((segment) => pair.client.holdings.has(segment))).toBe(false);
   });
 });
 
@@ -116,7 +116,7 @@ describe("a wrong byte", () => {
     expect(rejected).toMatchObject({ segment: 14, expected: toy.facts[14]?.xxh3 });
     expect(rejected?.actual).not.toBe(rejected?.expected);
     expect(pair.of("ready").at(-1)?.missing).toEqual([]);
-    expect(pair.client.held.peek(14)?.payload).toEqual(toy.payloads[14]);
+    expect(pair.client.holdings.peek(14)?.payload).toEqual(toy.payloads[14]);
   });
 
   test("twice leaves the segment missing; the next landing tries again", () => {
@@ -127,7 +127,7 @@ describe("a wrong byte", () => {
     const want = toy.within(MIDDLE, 4);
     expect(pair.of("rejected").length).toBe(2);
     expect(pair.of("ready")).toMatchObject([{ missing: [14], visible: want.filter((one) => one !== 14) }]);
-    expect(pair.client.held.has(14)).toBe(false);
+    expect(pair.client.holdings.has(14)).toBe(false);
     pair.spoil = null;
     pair.client.land(MIDDLE, 4);
     pair.settle();
@@ -145,7 +145,7 @@ describe("a wrong byte", () => {
     expect(pair.of("rejected").length).toBe(1);
     expect(pair.of("planned").at(-1)?.plan.keep).toEqual([0]);
     expect(pair.of("ready").at(-1)?.missing).toEqual([]);
-    expect(pair.client.held.peek(0)?.payload).toEqual(toy.payloads[0]);
+    expect(pair.client.holdings.peek(0)?.payload).toEqual(toy.payloads[0]);
   });
 });
 
@@ -189,7 +189,7 @@ describe("an offer", () => {
     pair.connect().settle();
     expect(pair.server?.heard.map((message) => message.type)).toEqual(["hello"]);
     expect(pair.of("dropped").at(-1)?.segments.length).toBe(toy.within(MIDDLE, 4).length);
-    expect(pair.client.held.count).toBe(0);
+    expect(pair.client.holdings.count).toBe(0);
     pair.client.land(MIDDLE, 4);
     pair.settle();
     expect(pair.client.visible).toEqual(toy.within(MIDDLE, 4));

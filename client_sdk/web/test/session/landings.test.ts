@@ -20,8 +20,8 @@ describe("a landing", () => {
     expect(pair.server?.chunkBytes).toBe(bytes);
     expect(pair.client.payloadBytes).toBe(bytes);
     for (const segment of want) {
-      expect(pair.client.held.peek(segment)?.payload).toEqual(toy.payloads[segment]);
-      expect(pair.client.held.peek(segment)?.facts).toEqual(toy.facts[segment]);
+      expect(pair.client.holdings.peek(segment)?.payload).toEqual(toy.payloads[segment]);
+      expect(pair.client.holdings.peek(segment)?.facts).toEqual(toy.facts[segment]);
     }
   });
 
@@ -156,11 +156,11 @@ describe("a newer landing", () => {
     const pair = new Pair(new ToyScene({ mostBytes: 5000 }), { creditBytes: 100 }).connect();
     pair.client.land([0, 0, 0], 1);
     while ((pair.server?.chunkBytes ?? 0) < 300) pair.step();
-    expect(pair.client.openParts).toBe(1);
+    expect(pair.client.partialCount).toBe(1);
     pair.client.land([10, 0, 10], 0.5);
     const planned = pair.of("planned").length;
     while (pair.of("planned").length === planned) pair.step();
-    expect(pair.client.openParts).toBe(0);
+    expect(pair.client.partialCount).toBe(0);
   });
 
   test("that is refused leaves the older one going (6.5, rule 5)", () => {
@@ -207,7 +207,7 @@ describe("a lost connection", () => {
       for (let step = 0; step < steps; step++) pair.step();
       pair.disconnect();
       expect(pair.client.unfinished === number || pair.of("ready").length === 1).toBe(true);
-      expect(pair.client.openParts).toBe(0);
+      expect(pair.client.partialCount).toBe(0);
       pair.connect().settle();
       const want = toy.within(MIDDLE, 4);
       expect(pair.of("ready").at(-1)).toMatchObject({ landing: number, visible: want, missing: [] });
@@ -303,7 +303,7 @@ describe("an aim", () => {
     pair.settle();
     expect(pair.of("rejected").map((event) => event.segment)).toEqual([0, 0]);
     expect(pair.of("prefetched").length).toBe(1);
-    expect(pair.client.held.has(0)).toBe(false);
+    expect(pair.client.holdings.has(0)).toBe(false);
   });
 
   test("that a cut ended is sent anew, and nothing comes twice (7, rule 4)", () => {

@@ -63,13 +63,13 @@ function oneHistory(toy: ToyScene, seed: number, spoils: boolean): void {
   expect(visible, where).toEqual(wanted);
   expect(visible, where).toEqual(toy.within(MIDDLE, 3.3));
   expect(pair.client.unfinished, where).toBeNull();
-  expect(pair.client.openParts, where).toBe(0);
+  expect(pair.client.partialCount, where).toBe(0);
   expect(pair.client.repeatedBytes, where).toBe(0);
   if (!spoils) expect(pair.of("rejected"), where).toEqual([]);
   const pinned = [...visible, ...plan.nearby];
-  expect(pair.client.held.cacheBytes, where).toBeLessThanOrEqual(Math.max(cacheBytes, toy.bytesOf(pinned)));
+  expect(pair.client.holdings.cacheBytes, where).toBeLessThanOrEqual(Math.max(cacheBytes, toy.bytesOf(pinned)));
   for (const segment of pinned) {
-    expect(pair.client.held.peek(segment)?.payload, where).toEqual(toy.payloads[segment]);
+    expect(pair.client.holdings.peek(segment)?.payload, where).toEqual(toy.payloads[segment]);
   }
   // What was told as here and not as gone is here, and nothing else.
   const told = new Set<number>();
@@ -78,16 +78,16 @@ function oneHistory(toy: ToyScene, seed: number, spoils: boolean): void {
     else if (event.type === "dropped") for (const segment of event.segments) told.delete(segment);
   }
   expect(
-    [...told].filter((segment) => !pair.client.held.has(segment)),
+    [...told].filter((segment) => !pair.client.holdings.has(segment)),
     where,
   ).toEqual([]);
-  expect(told.size, where).toBe(pair.client.held.count);
+  expect(told.size, where).toBe(pair.client.holdings.count);
   // Every landing ends in one way: ready, superseded, or the last one.
   const ends = [...pair.of("ready"), ...pair.of("superseded")].map((event) => event.landing);
   expect(new Set(ends).size, where).toBe(ends.length);
   // What the server believes held is here, once the next landing has told the evictions.
   pair.client.land(MIDDLE, 3.3);
   pair.settle();
-  const believed = [...pair.server!.held.keys()].filter((segment) => !pair.client.held.has(segment));
+  const believed = [...pair.server!.held.keys()].filter((segment) => !pair.client.holdings.has(segment));
   expect(believed, where).toEqual([]);
 }

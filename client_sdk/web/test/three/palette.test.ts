@@ -134,8 +134,8 @@ describe("ramps", () => {
   it("have legends of the very colours that the shader is given", () => {
     const legend = attributeLegend(2, 8);
     expect(legend.map(({ colour }) => colour)).toEqual(attributeRamp().map(toCss));
-    expect(legend[0]).toMatchObject({ place: 0, value: 2 });
-    expect(legend.at(-1)).toMatchObject({ place: 1, value: 8 });
+    expect(legend[0]).toMatchObject({ fraction: 0, value: 2 });
+    expect(legend.at(-1)).toMatchObject({ fraction: 1, value: 8 });
     expect(slopeLegend().map(({ value }) => value)).toEqual([
       0, 7.5, 15, 22.5, 30, 37.5, 45, 52.5, 60, 67.5, 75, 82.5, 90,
     ]);

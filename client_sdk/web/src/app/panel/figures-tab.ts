@@ -113,7 +113,7 @@ export function createFiguresTab(store: ViewerStore, sources: FigureSources): Fi
 
 /** The comfort rule, counted. A landing where all is shown already changes nothing. */
 export function comfortText(state: Pick<ViewerState, "swaps" | "visibleChanges" | "strayChanges">): string {
-  const count = (number: number, one: string) => `${formatCount(number)} ${one}${number === 1 ? "" : "s"}`;
+  const count = (number: number, singular: string) => `${formatCount(number)} ${singular}${number === 1 ? "" : "s"}`;
   const counts = `${count(state.swaps, "landing")}, ${count(state.visibleChanges, "change")}`;
   return state.strayChanges === 0
     ? `What is visible has changed only at landings: ${counts}.`

@@ -65,7 +65,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     ["time", "Ready after"],
     ["shown", "Shown after"],
   ]);
-  const cut = h("p", { id: "landing-cut", class: "hint" });
+  const omittedHint = h("p", { id: "landing-cut", class: "hint" });
 
   const slider = h("input", {
     id: "radius",
@@ -99,7 +99,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     progress,
     h("div", { class: "row" }, landButton, cancelButton, aimButton),
     facts.element,
-    cut,
+    omittedHint,
     h(
       "div",
       { class: "field" },
@@ -115,10 +115,10 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     const { landing, landed, aim } = state;
     setText(status, statusText(state));
     const isLoading = landing !== null && (landing.phase === "planning" || landing.phase === "streaming");
-    const part = aim !== null ? aim.fraction : isLoading ? landing.fraction : null;
-    setShown(progress, part !== null || isLoading);
-    progress.setAttribute("aria-valuenow", String(Math.round((part ?? 0) * 100)));
-    bar.style.transform = `scaleX(${part ?? 0})`;
+    const fraction = aim !== null ? aim.fraction : isLoading ? landing.fraction : null;
+    setShown(progress, fraction !== null || isLoading);
+    progress.setAttribute("aria-valuenow", String(Math.round((fraction ?? 0) * 100)));
+    bar.style.transform = `scaleX(${fraction ?? 0})`;
     setShown(landButton, aim !== null);
     setShown(cancelButton, aim !== null);
     setShown(aimButton, aim === null);
@@ -129,8 +129,8 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     facts.set("bytes", landed === null ? "" : landed.bytes === 0 ? "nothing, all was here" : formatBytes(landed.bytes));
     facts.set("time", landed === null ? "" : formatMs(landed.readyMs));
     facts.set("shown", landed === null ? "" : formatMs(landed.shownMs));
-    setShown(cut, landed?.omittedBy != null || (landed?.missing ?? 0) > 0 || landed?.degraded === true);
-    fill(cut, ...cutTexts(state));
+    setShown(omittedHint, landed?.omittedBy != null || (landed?.missing ?? 0) > 0 || landed?.degraded === true);
+    fill(omittedHint, ...cutTexts(state));
 
     slider.value = String(toStep(state.radiusM, maxOf(state)));
     const radius = formatRadius(state.radiusM);

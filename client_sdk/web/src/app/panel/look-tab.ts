@@ -173,7 +173,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
       });
       return h("div", {}, h("label", { for: `range-${key}` }, title), input);
     };
-    const whole = h(
+    const wholeRangeButton = h(
       "button",
       {
         type: "button",
@@ -191,7 +191,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
       legend,
       h("h2", {}, mode.name),
       ramp(attributeLegend(mode.min, mode.max), formatValue),
-      h("div", { class: "range-fields" }, bound("min", "From"), bound("max", "To"), whole),
+      h("div", { class: "range-fields" }, bound("min", "From"), bound("max", "To"), wholeRangeButton),
       h(
         "p",
         { class: "faint" },
@@ -256,7 +256,7 @@ function keyOf(mode: ViewMode): string {
 
 function ramp(stops: readonly LegendStop[], text: (value: number) => string): HTMLElement {
   const band = h("div", { class: "ramp" });
-  const colours = stops.map(({ colour, place }) => `${colour} ${(place * 100).toFixed(1)}%`);
+  const colours = stops.map(({ colour, fraction: stop }) => `${colour} ${(stop * 100).toFixed(1)}%`);
   band.style.background = `linear-gradient(to right, ${colours.join(", ")})`;
   const marks = [stops[0]!, stops[(stops.length - 1) / 2]!, stops[stops.length - 1]!];
   return h(

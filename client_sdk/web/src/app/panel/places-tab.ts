@@ -22,7 +22,7 @@ export interface PlacesOptions {
   /** The address of what is shown now; null before the first landing. */
   currentHash(): string | null;
   go(hash: string): void;
-  say(text: string): void;
+  announce(text: string): void;
 }
 
 /** The tab. */
@@ -34,7 +34,7 @@ export interface PlacesTab {
 }
 
 /** Make the tab. */
-export function createPlacesTab({ storage, scene, currentHash, go, say }: PlacesOptions): PlacesTab {
+export function createPlacesTab({ storage, scene, currentHash, go, announce }: PlacesOptions): PlacesTab {
   let bookmarks = readBookmarks(storage, scene);
   let renaming: string | null = null;
 
@@ -83,20 +83,20 @@ export function createPlacesTab({ storage, scene, currentHash, go, say }: Places
   function save(next: readonly Bookmark[]): void {
     bookmarks = next;
     if (!writeBookmarks(storage, scene, bookmarks))
-      say("The browser does not keep places: its storage is full or off.");
+      announce("The browser does not keep places: its storage is full or off.");
     show();
   }
 
   function keep(): boolean {
     const hash = currentHash();
     if (hash === null) {
-      say("Land somewhere first: a place is kept with its detail.");
+      announce("Land somewhere first: a place is kept with its detail.");
       return false;
     }
     const before = bookmarks.length;
     save(withBookmark(bookmarks, name.value, hash));
-    const kept = bookmarks[bookmarks.length - 1];
-    say(bookmarks.length > before ? `Kept as ${kept?.name}` : "There are too many places; delete some first.");
+    const newest = bookmarks[bookmarks.length - 1];
+    announce(bookmarks.length > before ? `Kept as ${newest?.name}` : "There are too many places; delete some first.");
     name.value = "";
     return true;
   }
@@ -137,7 +137,7 @@ export function createPlacesTab({ storage, scene, currentHash, go, say }: Places
       }),
       button("delete", "Delete", "delete", () => {
         save(withoutBookmark(bookmarks, bookmark.id));
-        say(`Deleted ${bookmark.name}`);
+        announce(`Deleted ${bookmark.name}`);
         name.focus();
       }),
     );
@@ -191,12 +191,12 @@ export function createPlacesTab({ storage, scene, currentHash, go, say }: Places
     // A list of places is some kilobytes; a file of another kind is not read into memory.
     const merged = chosen.size > 1_000_000 ? null : importBookmarks(bookmarks, await chosen.text());
     if (merged === null) {
-      say("That file has no places of terraport.");
+      announce("That file has no places of terraport.");
       return;
     }
     const added = merged.length - bookmarks.length;
     save(merged);
-    say(`${added} ${added === 1 ? "place" : "places"} added`);
+    announce(`${added} ${added === 1 ? "place" : "places"} added`);
   }
 
   show();

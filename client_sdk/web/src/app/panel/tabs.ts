@@ -64,11 +64,11 @@ export function createTabs<Name extends string>(
     list: h("div", { role: "tablist", class: "tabs", "aria-label": label }, ...buttons.values()),
     panels: [...panels.values()],
     choose(name) {
-      for (const [other, button] of buttons) {
-        button.setAttribute("aria-selected", String(other === name));
-        button.tabIndex = other === name ? 0 : -1;
+      for (const [buttonName, button] of buttons) {
+        button.setAttribute("aria-selected", String(buttonName === name));
+        button.tabIndex = buttonName === name ? 0 : -1;
       }
-      for (const [other, panel] of panels) panel.hidden = other !== name;
+      for (const [panelName, panel] of panels) panel.hidden = panelName !== name;
     },
   };
 }

@@ -45,8 +45,8 @@ export interface ActionOptions {
 /** The actions. */
 export interface Actions {
   act(action: KeyAction): void;
-  mend(remedy: Remedy, noticeKey: string): void;
-  copy(text: string, what: string): Promise<void>;
+  applyRemedy(remedy: Remedy, noticeKey: string): void;
+  copy(text: string, subject: string): Promise<void>;
   /** Straight from the click. */
   enterHeadset(): Promise<void>;
 }
@@ -99,7 +99,7 @@ export function createActions(options: ActionOptions): Actions {
           store.set({ tool: action.slice("tool-".length) as Tool });
       }
     },
-    mend(remedy, noticeKey) {
+    applyRemedy(remedy, noticeKey) {
       if (remedy === "reconnect") {
         // The message goes when there is a link again.
         stream.reconnect();
@@ -118,11 +118,11 @@ export function createActions(options: ActionOptions): Actions {
       }
       if (remedy !== "token") notices.clear(noticeKey);
     },
-    async copy(text, what) {
+    async copy(text, subject) {
       try {
         await navigator.clipboard.writeText(text);
-        shell.announcer.say(`${what} copied`);
-        panel().flash(`${what} copied`);
+        shell.announcer.announce(`${subject} copied`);
+        panel().flash(`${subject} copied`);
       } catch {
         panel().showText(text);
       }

@@ -14,7 +14,7 @@ export interface Blink {
   readonly element: HTMLElement;
   readonly isRunning: boolean;
   /** Close, call `whileDark` in the first frame that is dark, open again. Without motion: call it in the next frame. */
-  start(whileDark: () => void, withoutMotion: boolean): void;
+  start(onDark: () => void, withoutMotion: boolean): void;
   update(timeMs: number): void;
 }
 
@@ -31,8 +31,8 @@ export function createBlink(): Blink {
     get isRunning() {
       return running;
     },
-    start(whileDark, plain) {
-      pending = whileDark;
+    start(onDark, plain) {
+      pending = onDark;
       startMs = null;
       running = true;
       withoutMotion = plain;

@@ -56,7 +56,7 @@ export interface CameraDesk {
   /** A ray through a point of the canvas, CSS pixels. */
   rayAt(x: number, y: number): Ray;
   /** Where a point of the scene is on the canvas; null behind the eye. */
-  pixelOf(place: Vec3): { readonly x: number; readonly y: number } | null;
+  pixelOf(position: Vec3): { readonly x: number; readonly y: number } | null;
   /** One frame; true while it still moves. */
   update(timeMs: number, dtS: number, input: WalkInput, zoomKeys: number): boolean;
 }
@@ -255,8 +255,8 @@ export function createCameraDesk(
       vector.sub(origin).normalize();
       return { origin: [origin.x, origin.y, origin.z], direction: [vector.x, vector.y, vector.z] };
     },
-    pixelOf(place) {
-      vector.set(...place).project(camera);
+    pixelOf(position) {
+      vector.set(...position).project(camera);
       if (vector.z > 1) return null;
       return { x: ((vector.x + 1) / 2) * width, y: ((1 - vector.y) / 2) * height };
     },
@@ -266,10 +266,10 @@ export function createCameraDesk(
         moves = orbitByKeys(dtS, input, zoomKeys);
         if (glide !== null) {
           glide.startMs ??= timeMs;
-          const part = Math.min(1, (timeMs - glide.startMs) / GLIDE_MS);
-          orbit = between(glide.from, glide.to, part * part * (3 - 2 * part));
+          const share = Math.min(1, (timeMs - glide.startMs) / GLIDE_MS);
+          orbit = between(glide.from, glide.to, share * share * (3 - 2 * share));
           moves = true;
-          if (part === 1) glide = null;
+          if (share === 1) glide = null;
         }
       } else {
         const wants = input.forward !== 0 || input.right !== 0 || input.turn !== 0 || input.nod !== 0;
@@ -285,13 +285,13 @@ export function createCameraDesk(
   };
 }
 
-function between(from: OrbitPose, to: OrbitPose, part: number): OrbitPose {
-  const mix = (a: number, b: number) => a + (b - a) * part;
+function between(from: OrbitPose, to: OrbitPose, share: number): OrbitPose {
+  const mix = (a: number, b: number) => a + (b - a) * share;
   // The short way round.
   const turnDeg = ((to.yawDeg - from.yawDeg + 540) % 360) - 180;
   return {
     target: [mix(from.target[0], to.target[0]), mix(from.target[1], to.target[1]), mix(from.target[2], to.target[2])],
-    yawDeg: wrapped(from.yawDeg + turnDeg * part),
+    yawDeg: wrapped(from.yawDeg + turnDeg * share),
     pitchDeg: mix(from.pitchDeg, to.pitchDeg),
     distanceM: mix(from.distanceM, to.distanceM),
   };

@@ -20,7 +20,7 @@ export interface ComfortWatch {
 }
 
 /** Watch a stage. `told` hears of every swap. */
-export function watchComfort(stage: Stage, store: ViewerStore, told: (report: SwapReport) => void): ComfortWatch {
+export function watchComfort(stage: Stage, store: ViewerStore, onSwap: (report: SwapReport) => void): ComfortWatch {
   let digest = stage.visibleDigest();
 
   return {
@@ -38,18 +38,18 @@ export function watchComfort(stage: Stage, store: ViewerStore, told: (report: Sw
       swap() {
         const report = stage.swap();
         if (report === null) return null;
-        const now = stage.visibleDigest();
+        const newDigest = stage.visibleDigest();
         const { swaps, visibleChanges } = store.get();
-        store.set({ swaps: swaps + 1, visibleChanges: visibleChanges + (now === digest ? 0 : 1) });
-        digest = now;
-        told(report);
+        store.set({ swaps: swaps + 1, visibleChanges: visibleChanges + (newDigest === digest ? 0 : 1) });
+        digest = newDigest;
+        onSwap(report);
         return report;
       },
     },
     check() {
-      const now = stage.visibleDigest();
-      if (now === digest) return;
-      digest = now;
+      const newDigest = stage.visibleDigest();
+      if (newDigest === digest) return;
+      digest = newDigest;
       const { visibleChanges, strayChanges } = store.get();
       store.set({ visibleChanges: visibleChanges + 1, strayChanges: strayChanges + 1 });
     },

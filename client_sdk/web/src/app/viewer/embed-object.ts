@@ -76,7 +76,7 @@ export function createEmbed(sources: EmbedSources): Embed {
     },
     land(position, radiusM = store.get().radiusM, options) {
       return new Promise((resolve, reject) => {
-        const landing = going.land({ place: position, radiusM, look: null, isEntry: true }, options);
+        const landing = going.land({ position, radiusM, look: null, isEntry: true }, options);
         const stop = store.subscribe(() => {
           const { status } = stage;
           if (status.landing === landing && status.phase !== "shown" && status.phase !== "refused") return;

@@ -67,7 +67,7 @@ export function createHelpDialog(): HelpDialog {
           "section",
           {},
           h("h3", {}, title),
-          h("dl", {}, ...rows.flatMap(([what, how]) => [h("dt", {}, what), h("dd", {}, how)])),
+          h("dl", {}, ...rows.flatMap(([action, keys]) => [h("dt", {}, action), h("dd", {}, keys)])),
         ),
       ),
     ),

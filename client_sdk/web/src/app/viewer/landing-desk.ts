@@ -22,7 +22,7 @@ export interface LandingDeskOptions {
 
 /** A landing that was asked for. */
 export interface LandingOrder {
-  readonly place: Vec3;
+  readonly position: Vec3;
   readonly radiusM: number;
   /** How to look when there; null keeps the look. */
   readonly look: Look | null;
@@ -32,7 +32,7 @@ export interface LandingOrder {
 
 /** The desk. */
 export interface LandingDesk {
-  aim(place: Vec3, radiusM: number): void;
+  aim(position: Vec3, radiusM: number): void;
   cancelAim(): void;
   /** Returns the landing's number. */
   land(order: LandingOrder, options?: LandOptions): number;
@@ -95,10 +95,10 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
   }
 
   return {
-    aim(place, radiusM) {
+    aim(position, radiusM) {
       aimBytes = { done: 0, total: 0 };
-      store.set({ aim: { place, radiusM, fraction: null, bytes: 0 } });
-      stage.aim(place, radiusM);
+      store.set({ aim: { place: position, radiusM, fraction: null, bytes: 0 } });
+      stage.aim(position, radiusM);
     },
     cancelAim() {
       store.set({ aim: null });
@@ -107,7 +107,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
       order = next;
       hasArrived = false;
       store.set({ aim: null });
-      const landing = stage.land(next.place, next.radiusM, { ...waitingOf(next.radiusM, false), ...options });
+      const landing = stage.land(next.position, next.radiusM, { ...waitingOf(next.radiusM, false), ...options });
       store.set({ landing: stage.status });
       return landing;
     },

@@ -19,26 +19,26 @@ export interface Notices {
 /** Make the place for them. */
 export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: string) => void): Notices {
   const element = h("div", { id: "notices", class: "notices", role: "region", "aria-label": "Messages" });
-  const shown = new Map<string, { readonly notice: Notice; readonly box: HTMLElement; readonly text: HTMLElement }>();
+  const entries = new Map<string, { readonly notice: Notice; readonly box: HTMLElement; readonly text: HTMLElement }>();
   let timer: number | null = null;
 
   function tick(): void {
-    const counting = [...shown.values()].filter(({ notice }) => notice.untilMs !== undefined);
-    for (const { notice, text } of counting) setText(text, words(notice));
+    const counting = [...entries.values()].filter(({ notice }) => notice.untilMs !== undefined);
+    for (const { notice, text } of counting) setText(text, textOf(notice));
     timer = counting.length > 0 ? window.setTimeout(tick, 250) : null;
   }
 
   return {
     element,
     get current() {
-      return [...shown.values()].map(({ notice }) => notice);
+      return [...entries.values()].map(({ notice }) => notice);
     },
     show(notice) {
-      const before = shown.get(notice.key);
+      const before = entries.get(notice.key);
       const text = before?.text ?? h("p", {});
       const box = before?.box ?? h("section", { class: "notice", "data-notice": notice.key });
       box.dataset.tone = notice.tone;
-      setText(text, words(notice));
+      setText(text, textOf(notice));
       // A button that has the focus must not vanish under it: only where the remedies differ are they made anew.
       if (before === undefined || before.notice.title !== notice.title || !sameRemedies(before.notice, notice)) {
         const buttons = notice.remedies.map((remedy) =>
@@ -60,15 +60,15 @@ export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: s
           text,
           h("div", { class: "notice-actions" }, ...buttons),
         );
-        announcer.say(`${notice.title}. ${words(notice)}`, notice.tone === "failure");
+        announcer.announce(`${notice.title}. ${textOf(notice)}`, notice.tone === "failure");
       }
       if (before === undefined) element.append(box);
-      shown.set(notice.key, { notice, box, text });
+      entries.set(notice.key, { notice, box, text });
       if (timer === null) tick();
     },
     clear(key) {
-      shown.get(key)?.box.remove();
-      shown.delete(key);
+      entries.get(key)?.box.remove();
+      entries.delete(key);
     },
     dispose() {
       if (timer !== null) window.clearTimeout(timer);
@@ -76,7 +76,7 @@ export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: s
   };
 }
 
-function words(notice: Notice): string {
+function textOf(notice: Notice): string {
   if (notice.untilMs === undefined) return notice.text;
   const seconds = Math.max(0, Math.ceil((notice.untilMs - performance.now()) / 1000));
   return notice.text.replace("{seconds}", seconds === 0 ? "a moment" : `${seconds} s`);

@@ -74,13 +74,13 @@ function labelsOf({ aim, picked, measured }: ViewerState): readonly Label[] {
   const labels: Label[] = [];
   if (aim !== null) {
     const ready = aim.fraction === null ? "" : aim.fraction >= 1 ? " · ready" : ` · ${formatPercent(aim.fraction)}`;
-    labels.push({ place: aim.place, kind: "aim", text: `${formatRadius(aim.radiusM)}${ready}` });
+    labels.push({ position: aim.place, kind: "aim", text: `${formatRadius(aim.radiusM)}${ready}` });
   }
-  if (picked !== null) labels.push({ place: picked.place, kind: "pick", text: "" });
-  for (const place of measured) labels.push({ place, kind: "measure", text: "" });
+  if (picked !== null) labels.push({ position: picked.place, kind: "pick", text: "" });
+  for (const position of measured) labels.push({ position, kind: "measure", text: "" });
   for (const [index, leg] of (measurePath(measured)?.legs ?? []).entries()) {
     labels.push({
-      place: middle(measured[index]!, measured[index + 1]!),
+      position: middle(measured[index]!, measured[index + 1]!),
       kind: "length",
       text: formatMetres(leg.straightM),
     });

@@ -21,7 +21,7 @@ export interface ViewerPanelOptions {
   readonly files: SceneFiles;
   readonly shell: Shell;
   readonly frames: readonly number[];
-  copy(text: string, what: string): void;
+  copy(text: string, subject: string): void;
   landAim(): void;
   cancelAim(): void;
   aimAtCentre(): void;
@@ -60,13 +60,13 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
       void options.diagnostics().then((report) => options.copy(JSON.stringify(report, null, 2), "Diagnostics"));
     },
   });
-  const places = createPlacesTab({
+  const placesTab = createPlacesTab({
     storage: shell.storage,
     scene: manifest.id,
     currentHash: () => (store.get().landed === null ? null : formatRoute(options.routeNow())),
     go: options.go,
-    say(text) {
-      shell.announcer.say(text);
+    announce(text) {
+      shell.announcer.announce(text);
       flash(text);
     },
   });
@@ -79,7 +79,7 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
     }),
     look: createLookTab(store, { regions, regionColour: (id) => stage.regionColour(id) }),
     inspect: createInspectTab(store, { regions, copy: options.copy, undoPoint: options.undoPoint }),
-    places: places.element,
+    places: placesTab.element,
     figures: figures.element,
   });
 
@@ -119,9 +119,9 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
       if (panelOpen && tab === "figures") figures.refresh();
     },
     keep() {
-      places.keep();
+      placesTab.keep();
     },
-    keptPlaces: places.list,
+    keptPlaces: placesTab.list,
     flash,
     showText(value) {
       text.value = value;

@@ -99,7 +99,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   // --- Who does what ------------------------------------------------------------------------------------------------
 
   const comfort = watchComfort(stage, store, (report) => listeners.emit("swap", report));
-  const notices = createNotices(shell.announcer, (remedy, key) => actions.mend(remedy, key));
+  const notices = createNotices(shell.announcer, (remedy, key) => actions.applyRemedy(remedy, key));
   const headset = createHeadsetEntry(() => bars.showHeadset(true));
   const loop = createFrameLoop(world.renderer, times, frame);
   const link = createPlaceLink();
@@ -152,11 +152,11 @@ export function createViewer(options: ViewerOptions): Viewer {
     cast,
     standNear: (hit) => standNear(hit, stage),
     pixelOf: camera.pixelOf,
-    aim: (place) => desk.aim(place, store.get().radiusM),
+    aim: (position) => desk.aim(position, store.get().radiusM),
     land: () => going.landAim(),
-    say: shell.announcer.say,
-    refuse(why) {
-      if (why === null) notices.clear("steep");
+    announce: shell.announcer.announce,
+    refuse(reason) {
+      if (reason === null) notices.clear("steep");
       else notices.show(steepNotice());
     },
   });
@@ -201,7 +201,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     files,
     shell,
     frames: times.recent,
-    copy: (text, what) => void actions.copy(text, what),
+    copy: (text, subject) => void actions.copy(text, subject),
     landAim: going.landAim,
     cancelAim: desk.cancelAim,
     aimAtCentre: () => actions.act("aim"),
@@ -362,7 +362,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     stage.contextRestored();
     store.set({ contextLost: false });
     notices.clear("graphics");
-    shell.announcer.say("The picture is back");
+    shell.announcer.announce("The picture is back");
     loop.request();
   }
 

@@ -66,7 +66,7 @@ export class DecodePool {
 
   #proceed(): void {
     while (this.#waiting.length > 0 && this.#failures < MAX_FAILURES) {
-      const worker = this.#idle.pop() ?? this.#another();
+      const worker = this.#idle.pop() ?? this.#startWorker();
       if (worker === null) return;
       const job = this.#waiting.shift();
       if (job === undefined) return;
@@ -76,13 +76,13 @@ export class DecodePool {
       );
       this.#busy.set(worker, { worker, job, timer });
       const payload = job.payload.slice();
-      const sent: DecodeJob = { segment: job.segment, payload };
-      worker.postMessage(sent, [payload.buffer]);
+      const message: DecodeJob = { segment: job.segment, payload };
+      worker.postMessage(message, [payload.buffer]);
     }
   }
 
   /** One more worker, if there may be one. */
-  #another(): Worker | null {
+  #startWorker(): Worker | null {
     if (this.#busy.size >= this.#size) return null;
     const worker = this.#make();
     worker.onmessage = (event: MessageEvent<DecodeAnswer>) => this.#answered(worker, event.data);

@@ -57,10 +57,10 @@ async function resolveScene(sceneUrl: string, options: HttpOptions): Promise<str
   const { server, scene } = parseSceneUrl(sceneUrl);
   if (scene !== null) return sceneUrlOf(server, scene);
   const { scenes } = await listScenes(server, options);
-  const [only] = scenes;
-  if (only !== undefined && scenes.length === 1) return sceneUrlOf(server, only.id);
-  const named = scenes.map((one) => one.id).join(", ") || "none";
-  const text = `${server} serves ${scenes.length} scenes (${named}), expected one: name it as .../scenes/ID`;
+  const [onlyScene] = scenes;
+  if (onlyScene !== undefined && scenes.length === 1) return sceneUrlOf(server, onlyScene.id);
+  const ids = scenes.map((scene) => scene.id).join(", ") || "none";
+  const text = `${server} serves ${scenes.length} scenes (${ids}), expected one: name it as .../scenes/ID`;
   throw new StreamError("several_scenes", text);
 }
 
@@ -78,14 +78,14 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
   let doneBytes = 0;
 
   const load = async (key: LoadedFile): Promise<Uint8Array<ArrayBuffer>> => {
-    const { bytes: mostBytes, xxh3: expected } = files[key];
+    const { bytes: maxBytes, xxh3: expected } = files[key];
     const onBytes = (bytes: number) => {
       doneBytes += bytes;
       options.onProgress?.(doneBytes, totalBytes);
     };
     const address = versioned(`${url}/${key}`, manifest.version);
     const request = { token: options.token, signal };
-    const bytes = await fetchBytes(address, request, { mostBytes, isExact: true, onBytes });
+    const bytes = await fetchBytes(address, request, { maxBytes, isExact: true, onBytes });
     if (xxh3(bytes) !== expected) {
       throw new StreamError("damaged", `${address} has another hash than the manifest says; load it again`, 200);
     }

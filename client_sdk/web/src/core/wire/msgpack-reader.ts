@@ -40,8 +40,8 @@ class Reader {
   }
 
   expectEnd(): void {
-    const left = this.#data.length - this.#at;
-    if (left > 0) throw malformed(`got ${left} bytes after the message, expected none`, this.#at);
+    const remainingBytes = this.#data.length - this.#at;
+    if (remainingBytes > 0) throw malformed(`got ${remainingBytes} bytes after the message, expected none`, this.#at);
   }
 
   /** `depth` counts the maps and arrays around the value. */
