@@ -72,7 +72,7 @@ export function drapeCircle(centre: Vec3, radiusM: number, count: number, liftM:
   };
 }
 
-/** A level circle. */
+/** Points of a circle at the height of its centre, whatever the ground does: for marks too small to be draped. */
 export function levelCircle(centre: Vec3, radiusM: number, count: number, liftM: number): Float32Array {
   const drape = drapeCircle(centre, radiusM, count, liftM);
   drape.step(() => null, count);

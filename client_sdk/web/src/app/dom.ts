@@ -12,7 +12,7 @@ type Listeners = { readonly [Name in keyof HTMLElementEventMap]?: (event: HTMLEl
 /** A child; `null` and `false` are left out. */
 export type Child = Node | string | null | false | undefined;
 
-/** Make an element. */
+/** Element with properties, listeners (`on`) and children; text is set as text, never as HTML. */
 export function h<Tag extends keyof HTMLElementTagNameMap>(
   tag: Tag,
   properties: Properties = {},

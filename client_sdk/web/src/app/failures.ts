@@ -30,9 +30,10 @@ export const REMEDY_NAMES: Readonly<Record<Remedy, string>> = {
   dismiss: "Dismiss",
 };
 
-/** What a link's state means; null where there is nothing to say. `everOpen`: whether there has been a link before. */
+/** What a link's state means; null where there is nothing to say. `wasOpen`: whether there has been a link before. */
 export function linkNotice(link: LinkState, wasOpen: boolean, nowMs: number): Notice | null {
   if (link.state === "open") return null;
+  // The first attempt is the page's loading, which says so itself.
   if (link.state === "connecting") {
     if (!wasOpen && link.attempt <= 1) return null;
     return {
@@ -79,6 +80,7 @@ export function linkNotice(link: LinkState, wasOpen: boolean, nowMs: number): No
   return closedNotice(link.code, link.message);
 }
 
+/** For good: nothing is tried again, so every text ends in what the user can do. */
 function closedNotice(code: string, message: string): Notice {
   const failure = (title: string, text: string, remedies: readonly Remedy[]): Notice => ({
     key: "link",

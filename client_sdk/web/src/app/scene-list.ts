@@ -11,7 +11,7 @@ import { formatRoute, sceneRoute } from "./route.ts";
 import type { Shell } from "./shell.ts";
 import { actionButton, stateCard } from "./state-card.ts";
 
-/** What the list needs. */
+/** The shell, and what the user meant by opening the list. */
 export interface SceneListOptions {
   readonly shell: Shell;
   /** Whether a service with one scene opens it at once: not where the user asked for the list. */
@@ -24,7 +24,11 @@ export interface Page {
   dispose(): void;
 }
 
-/** Make the list, and load it. */
+/**
+ * Make the list, and load it. `main` holds one of four states: waiting, cards, empty, failed; each replaces the one before.
+ *
+ * `dispose` aborts what is under way: an answer that comes later must not write into a page that was left.
+ */
 export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Page {
   const abort = new AbortController();
   const main = h("main", { id: "scene-list", class: "list-main" });

@@ -13,13 +13,18 @@ import type { Shell } from "./shell.ts";
 import { actionButton, stateCard } from "./state-card.ts";
 import { createViewer, type Viewer } from "./viewer/viewer.ts";
 
-/** The page of a scene. */
+/** Page of one scene over all its versions. */
 export interface ScenePage extends Page {
   /** The address changed, within the same scene: go there. */
   follow(route: Route): void;
 }
 
-/** Load a scene and show it. */
+/**
+ * Load a scene and show it.
+ *
+ * One load and one viewer at a time: a newer load aborts the one before, and a viewer is closed before the next is made, since
+ * browsers allow a handful of WebGL contexts only. `route` outlives both, so that a reload comes back to the same place.
+ */
 export function createScenePage(shell: Shell, id: string, firstRoute: Route): ScenePage {
   const element = h("div", { class: "scene-page" });
   const sceneUrl = sceneUrlOf(shell.serverUrl, id);
@@ -55,6 +60,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
   }
 
   function open(files: SceneFiles): void {
+    // Its first event says of which version it is; the stage compares that with the files (wire protocol, 2.5).
     const budgets = budgetsFor(deviceClass());
     const { token } = shell.token;
     const stream = openStream({
@@ -80,6 +86,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
         loadFiles: (version) => loadFiles(version, new AbortController().signal, () => undefined),
       });
     } catch (error) {
+      // No viewer owns it: it would stay connected.
       stream.close();
       showNoGraphics(error);
       return;

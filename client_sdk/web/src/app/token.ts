@@ -90,6 +90,7 @@ export function createTokenKeeper(storage: KeyValueStorage, parent: Element): To
     }
     input.value = "";
     dialog.close();
+    // Everybody who asked meanwhile gets the same answer; who asks from within one waits for the next dialog.
     const resolved = waiting;
     waiting = [];
     for (const resolve of resolved) resolve(newToken);

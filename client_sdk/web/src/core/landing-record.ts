@@ -6,7 +6,7 @@
 
 import type { PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
 
-/** A set that may be shown. */
+/** The next set of a landing that may be shown: all of it, or its declared inner part. */
 export interface ShowableSet {
   readonly segments: readonly number[];
   /** Whether it is all of the landing, and not the declared inner part. */

@@ -17,7 +17,7 @@ import { PLAIN } from "./palette.ts";
 /** Faces that are written at once: 48 KB of indices. */
 const BLOCK_FACES = 4096;
 
-/** One of the two lists. */
+/** One of the two index lists: the front one is drawn, the back one is made ready for the coming set. */
 interface Side {
   readonly buffer: GpuBuffer;
   readonly index: GLBufferAttribute;
@@ -119,7 +119,10 @@ export class BaseGround {
     this.#toAdd = segments.filter((segment) => !this.#counters.shown.has(segment));
   }
 
-  /** One slice of work. Returns its bytes, or 0 where there was nothing to do. */
+  /**
+   * One slice of work: buffers, then both lists, then the mesh is switched on, then the back list is brought to the coming set.
+   * Returns its bytes, or 0 where there was nothing to do. The front list is never written while it is drawn.
+   */
   step(): number {
     if (!this.#upload.isDone) {
       return Math.max(this.#upload.step(), 1);

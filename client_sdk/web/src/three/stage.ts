@@ -229,6 +229,7 @@ export class Stage implements Landings {
     this.#prepareBase();
     const endMs = startMs + this.uploadBudgetMs;
     let bytes = 0;
+    // The base goes first: without its list for the coming set no swap is possible, however many segments are there.
     while (bytes < MAX_FRAME_UPLOAD_BYTES && performance.now() < endMs) {
       const slice = this.#base.step() || this.#grounds.step();
       if (slice === 0) {
@@ -250,6 +251,7 @@ export class Stage implements Landings {
     if (!swap) {
       return null;
     }
+    // One frame, flags alone: a segment and the base faces under it are never both missing, nor both drawn.
     for (const segment of swap.hidden) {
       this.#grounds.setShown(segment, false);
     }
@@ -418,6 +420,7 @@ export class Stage implements Landings {
   }
 
   #onMesh(segment: number, data: MeshData, epoch: number): void {
+    // The bitmap is this side's to close wherever the mesh is not taken: memory of images is not collected in time.
     if (this.#isDisposed || !this.#residency.decoded(segment, epoch, gpuBytesOf(data))) {
       data.image?.bitmap.close();
       return;

@@ -39,7 +39,12 @@ export interface Aiming {
   dispose(): void;
 }
 
-/** An aim at what `landings` shows, hidden. */
+/**
+ * An aim at what `landings` shows, hidden. Ribbon and ring are its own, to be added to the scene by the caller and freed by
+ * `dispose`.
+ *
+ * What is drawn in a frame is what a release in that frame would do: arc, footing, ring and trail come from one throw.
+ */
 export function createAiming(landings: Landings, radiusM: () => number): Aiming {
   const arc = newArc();
   const stand = newStand();
@@ -51,6 +56,7 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
   let turnRad = 0;
   let sentMs = Number.NEGATIVE_INFINITY;
   let sentPosition: Vec3 | null = null;
+  // Casts are what an aim costs; the figures show them.
   const counted = {
     cast: (...args: Parameters<Landings["cast"]>) => {
       casts += 1;
@@ -88,6 +94,7 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
     update(pointer, eye, facingRad, nowMs) {
       casts = 0;
       turnRad = facingOfStick(pointer.stickX, pointer.stickY, turnRad);
+      // (1) Where the arc comes down, and whether one can stand there.
       throwArc(arc, pointer.origin, pointer.direction);
       if (pointsAway(pointer.direction)) {
         cutShort(arc);
@@ -96,6 +103,7 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       }
       judgeFooting(stand, arc.hit, counted);
       const firm = stand.footing === "firm" && arc.hit !== null;
+      // (2) The trail, since a pinch moves the hand before it is recognised; and what is seen.
       noteTarget(trail, nowMs, firm ? arc.hit!.position : null);
       ribbon.draw(arc.points, arc.count, eye, firm);
       if (arc.hit === null) {
@@ -107,6 +115,7 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
         ring.show("invalid", 0);
         return;
       }
+      // (3) The service is told only where a release would land.
       sendAim(arc.hit.position, nowMs);
       const fraction = readinessOf(readiness);
       ring.show(fraction >= 1 ? "ready" : "aim", fraction);

@@ -19,7 +19,7 @@ export function newFrameTimes(): FrameTimes {
   return { ms: new Float32Array(KEPT), count: 0 };
 }
 
-/** Add one. */
+/** Note a frame's time, over the oldest once the ring is full: no memory is taken in a frame. */
 export function addTime(times: FrameTimes, ms: number): void {
   times.ms[times.count % KEPT] = ms;
   times.count += 1;

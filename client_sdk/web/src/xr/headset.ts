@@ -58,8 +58,12 @@ const REFUSED_MS = 1500;
  * Show the scene in the headset. To be called straight from a click.
  *
  * Rejects where there is no headset, or the user or the system says no; the page is then as it was.
+ *
+ * The order in a frame is fixed: head, inputs, turn, teleport, guides. Each reads the rig that the one before left, so hands,
+ * arc and panels are drawn where the eyes of the same frame see them. The rig moves in a dark frame, or about the head.
  */
 export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSession> {
+  // (1) Ask in the task of the click: after an await the browser no longer takes it for the user's wish.
   const requested = requestSession();
   const { landings, renderer, rig, camera, scene } = options;
   const first = options.start?.() ?? standpointOf(camera);
@@ -75,9 +79,11 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   });
   const { session, space } = started;
 
+  // (2) From here on the session owns rig and camera; `onEnd` gives both back, however the session ends.
   const giveBack = borrowCamera(camera, rig);
   options.setUploadBudgetMs?.(started.profile.uploadBudgetMs);
 
+  // (3) What is drawn besides the scene. Each of these owns its geometries and materials; `onEnd` disposes them.
   const teleport = newTeleport();
   const turn = newSnapTurn();
   const palm = newPalmHold();
@@ -92,10 +98,12 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   const ownTimes = newFrameTimes();
 
   const stance = createStance(rig, started.floorM);
+  // Until the first pose is known there is no head to put over the ground: nothing is pressed, aimed or landed before.
   let placed = false;
   let tracked = false;
   let aimsByStick = false;
   let maxRadiusM: number | null = null;
+  // A landing above this number is the page's own, and waits for a blink of the session.
   let knownLanding = landings.status.phase === "shown" ? landings.status.landing : -1;
   let refusedUntilMs = 0;
   let active = true;
@@ -132,6 +140,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     },
   });
 
+  // (4) Inputs. One pointer aims at a time (`teleport.aimBy`); the others press and turn.
   const endAim = (by: number | null): void => {
     if (cancelAim(teleport, by)) {
       aiming.hide();
@@ -205,6 +214,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     }
   };
 
+  // (5) The swap, in a frame that the veil draws black: set, rig and panels change together or not at all.
   const showLanding = (): void => {
     const { pending } = teleport;
     const { status } = landings;
@@ -212,6 +222,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       shown(teleport, false, false);
       return;
     }
+    // The page may have swapped it before the eyes were closed; then the user alone is still to be moved.
     const isShown = status.phase === "shown";
     const report = isShown ? null : landings.swap();
     if (report === null && !isShown) {
@@ -219,6 +230,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       shown(teleport, false, false);
       return;
     }
+    // Moved once: when a degraded set is completed later, he stands there already and may have walked on.
     if (!pending.moved) {
       const { target } = pending;
       const towards = target.facingRad ?? stance.facingRad + target.turnRad;
@@ -278,6 +290,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     stance.stand(groundUnder(first.place), yawOfAzimuth(first.yawDeg));
   };
 
+  // (6) Begin and end. The scene is borrowed: what was added to it is taken out again, and nothing of it is disposed.
   const onVisibility = (): void => (session.visibilityState === "visible" ? undefined : hideHands());
   const headsetObjects: readonly Object3D[] = [
     sky.object,
@@ -322,6 +335,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       return placed ? stance.standpoint() : null;
     },
     frame(timeMs, frame) {
+      // Head first: everything below reads this frame's pose, in the scene's frame.
       startedMs = performance.now();
       nowMs = timeMs;
       if (!active || frame === undefined || frame === null) {
@@ -346,6 +360,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
         // Nobody lands by a guess that began in the middle of a gesture.
         endAim(null);
       }
+      // Then the inputs, under the rig as it stands now; a turn below moves them only in the next frame.
       inputs.update(frame, space, stance.pose);
       if (session.visibilityState === "visible") {
         wands.update(frame, space, inputs.pointers);
@@ -356,6 +371,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
         stance.turn(turnRad);
         desk.follow(stance.eye, stance.facingRad);
       }
+      // After the inputs, so that a release in this frame lands in it; before the guides, which show the outcome.
       step();
       drawGuides();
       addTime(ownTimes, performance.now() - startedMs);

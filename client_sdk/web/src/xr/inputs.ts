@@ -10,7 +10,7 @@ const CANCEL_BUTTON = 5;
 const STICK_X = 2;
 const STICK_Y = 3;
 
-/** One input source. */
+/** A controller, a hand or a gaze. The same object as long as the source is there; its arrays are written in place. */
 export interface Pointer {
   readonly key: number;
   readonly source: XRInputSource;
@@ -55,6 +55,7 @@ export function listenInputs(
 ): Inputs {
   const pointers: Pointer[] = [];
   let nextKey = 0;
+  // By identity of the source: a pointer keeps its key, and with it an aim, as long as the source is there.
   const find = (source: XRInputSource): Pointer => {
     let pointer = pointers.find((each) => each.source === source);
     if (pointer === undefined) {
@@ -101,6 +102,7 @@ export function listenInputs(
   session.addEventListener("select", onSelect);
   session.addEventListener("selectend", onEnd);
   session.addEventListener("squeezestart", onSqueeze);
+  // Sources that were there before this listened come in no event.
   for (const source of session.inputSources ?? []) {
     find(source);
   }

@@ -11,12 +11,12 @@ export interface Message {
   readonly stays: boolean;
 }
 
-/** What has been said, so that the return of the link is told only to those who were told of its loss. */
+/** What the board has announced: the return of the link is news only after its loss was. */
 export interface Announced {
   linkLost: boolean;
 }
 
-/** The message of an event. */
+/** The board's words for an event; null for one that needs none. Changes `announced`. */
 export function messageOf(event: StreamEvent, announced: Announced): Message | null {
   if (event.type === "link") {
     return linkMessage(event.link, announced);

@@ -26,7 +26,10 @@ export interface Panel {
   dispose(): void;
 }
 
-/** A panel of so many units, hidden. */
+/**
+ * A panel of so many units, hidden. Canvas, texture, geometry and material are its own; `dispose` frees them, and takes nothing
+ * out of the scene.
+ */
 export function createPanel(name: string, width: number, height: number): Panel {
   const canvas = document.createElement("canvas");
   canvas.width = width;

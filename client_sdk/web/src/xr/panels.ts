@@ -49,6 +49,7 @@ export function createMenuDesk(state: MenuState): MenuDesk {
   let page = 0;
   let turnDeg = 30;
   let refreshedMs = 0;
+  // Read anew each time: radius, mode and bookmarks are the page's, and may change while the menu is open.
   const model = (): MenuModel => ({
     radiusM: state.radiusM(),
     maxRadiusM: state.maxRadiusM(),
@@ -119,6 +120,7 @@ export function createMenuDesk(state: MenuState): MenuDesk {
         refreshedMs = nowMs;
         menu.refresh(model());
       }
+      // The first pointer that meets the menu has the ray and the light; the one that aims is at the ground.
       let menuHit: MenuMeeting | null = null;
       for (const pointer of pointers) {
         menuHit = pointer.tracked && pointer.key !== aimBy ? menu.meet(pointer.origin, pointer.direction) : null;
@@ -139,6 +141,7 @@ export function createMenuDesk(state: MenuState): MenuDesk {
       if (hit === null) {
         return false;
       }
+      // Taken even where no button is: a press on the plate must not begin an aim behind it.
       if (hit.item !== null && hit.item.action !== null) {
         act(hit.item.action);
       }

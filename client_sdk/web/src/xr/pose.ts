@@ -14,7 +14,7 @@ export interface RigPose {
   readonly yawRad: number;
 }
 
-/** The head in the play space. */
+/** The head in the play space: metres from its origin on the real floor, which the rig carries through the scene. */
 export interface HeadPose {
   readonly position: Vec3;
   readonly yawRad: number;
@@ -93,11 +93,15 @@ export function rigOver(ground: Vec3, head: HeadPose, facingRad: number, floorM:
 
 /** The rig turned about the head (which keeps its place), counter-clockwise seen from above. */
 export function turnAboutHead(rig: RigPose, head: HeadPose, angleRad: number): RigPose {
-  const before = toScene(rig, head.position);
+  const headBefore = toScene(rig, head.position);
   const yawRad = wrapAngle(rig.yawRad + angleRad);
-  const after = toScene({ position: rig.position, yawRad }, head.position);
+  const headAfter = toScene({ position: rig.position, yawRad }, head.position);
   return {
-    position: [rig.position[0] + before[0] - after[0], rig.position[1], rig.position[2] + before[2] - after[2]],
+    position: [
+      rig.position[0] + headBefore[0] - headAfter[0],
+      rig.position[1],
+      rig.position[2] + headBefore[2] - headAfter[2],
+    ],
     yawRad,
   };
 }

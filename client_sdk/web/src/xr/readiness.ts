@@ -13,7 +13,7 @@ export interface Readiness {
   isDone: boolean;
 }
 
-/** Nothing known. */
+/** Before the service has answered any aim. */
 export function newReadiness(): Readiness {
   return { announcedBytes: null, arrivedBytes: 0, isDone: false };
 }

@@ -111,7 +111,7 @@ void main() {
 export interface Ring {
   readonly object: Group;
   /**
-   * Lay it at `place` on ground with this upward unit normal, seen from `eye`; `facingRad` is where its arrow points.
+   * Lay it at `position` on ground with this upward unit normal, seen from `eye`; `facingRad` is where its arrow points.
    */
   lay(position: Vec3, normal: Vec3, eye: Vec3, facingRad: number): void;
   show(state: RingState, fraction: number): void;
@@ -121,7 +121,7 @@ export interface Ring {
 
 const UP = new Vector3(0, 1, 0);
 
-/** A ring, hidden. */
+/** A ring, hidden. Flat ring and wall share their uniforms: one call of `show` changes both. */
 export function createRing(): Ring {
   const uniforms = {
     uColour: { value: COLOURS.aim.clone() },

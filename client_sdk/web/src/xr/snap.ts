@@ -9,7 +9,7 @@ import { VIGNETTE_CLOSE_MS, VIGNETTE_OPEN_MS, vignetteAt } from "./curves.ts";
 /** What a push of the stick means; `back` is not used. */
 export type Push = "none" | "left" | "right" | "forward" | "back";
 
-/** One stick. */
+/** State of one thumbstick: a push counts once, until the stick has been let go. */
 export interface Stick {
   /** The push that still holds; "none" near the middle. */
   heldPush: Push;

@@ -33,7 +33,7 @@ export function newTrail(): Trail {
   };
 }
 
-/** A new aim begins. */
+/** Forget the targets of the aim before: a release must not land where that one pointed. */
 export function clearTrail(trail: Trail): void {
   trail.count = 0;
 }

@@ -52,7 +52,7 @@ export interface Teleport {
 /** What the frame must do. `show`: swap and move now, then call `shown`. `refused`: the landing is off. */
 export type TeleportStep = "none" | "show" | "refused";
 
-/** Nothing begun. */
+/** No aim, no landing, eyes open. */
 export function newTeleport(): Teleport {
   return { aimBy: -1, pending: null, blink: null, opacity: 0 };
 }

@@ -75,6 +75,7 @@ export function createWands(): Wands {
     // Opaque all the same: with the transparent things it is drawn after the panels, which hide what is behind them.
     transparent: true,
   });
+  // Shared by all pointers, and freed once; of a pointer's own there is the instance buffer alone.
   const wandGeometry = new CapsuleGeometry(0.016, 0.085, 4, 12).rotateX(Math.PI / 2);
   const jointGeometry = new IcosahedronGeometry(1, 1);
   const drawn = new Map<Pointer, Drawn>();

@@ -10,14 +10,14 @@ import type { Tool, ViewerState, ViewerStore } from "../viewer/state.ts";
 import { createFacts } from "./facts.ts";
 import { regionName } from "./look-tab.ts";
 
-/** What the tab can ask for. */
+/** Regions of the scene version, and what the buttons do. */
 export interface InspectActions {
   readonly regions: readonly RegionFacts[];
   copy(text: string, subject: string): void;
   undoPoint(): void;
 }
 
-/** Make the tab. */
+/** Build the tab; it follows `picked` and `measured` of the store. */
 export function createInspectTab(store: ViewerStore, actions: InspectActions): HTMLElement {
   const toolButton = (tool: Tool, name: string) =>
     h(
@@ -34,6 +34,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
   const pickButton = toolButton("pick", "Pick a point");
   const measureButton = toolButton("measure", "Measure");
 
+  // --- A picked point
   const pickHint = h("p", { class: "faint" });
   const pickFacts = createFacts([
     ["region", "Region"],
@@ -64,6 +65,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     copyPick,
   );
 
+  // --- A measured path
   const measureHint = h("p", { class: "faint" });
   const measureFacts = createFacts([
     ["straight", "Straight"],
@@ -107,6 +109,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     h("div", { class: "row" }, undo, clear, copyMeasure),
   );
 
+  // --- Positions are kept in the scene's frame; people get them in the survey's CRS.
   function surveyOf(position: Vec3): [number, number, number] {
     return toSurvey(store.get().manifest, position);
   }
@@ -134,6 +137,10 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     actions.copy(lines.join("\n"), "Measurement");
   }
 
+  /**
+   * The point as far as it is known: what the page met at once, and the service's answer over it when that comes. The answer
+   * is of full detail, and wins where both say something.
+   */
   function showPick(state: ViewerState): void {
     const { picked } = state;
     const answer = picked !== null && typeof picked.answer === "object" ? picked.answer : null;
@@ -151,6 +158,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
               : "",
     );
     setShown(pickHint, picked === null || answer === null);
+    // What it is, where it is, what was measured there.
     const region = actions.regions[answer?.region ?? picked?.region ?? -1];
     const survey = position === null ? null : surveyOf(position);
     const hasPick = picked !== null;
@@ -219,6 +227,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     setShown(copyMeasure, path !== null);
   }
 
+  // The lists are made anew only where their own part of the state differs; the rest changes while the camera moves.
   let shownState: Partial<ViewerState> = {};
   function show(state: ViewerState): void {
     setAttribute(pickButton, "aria-pressed", String(state.tool === "pick"));

@@ -15,7 +15,7 @@ import {
 import { fill, h, setShown } from "../dom.ts";
 import { icon } from "../icons.ts";
 
-/** What the tab needs. */
+/** Where bookmarks are kept, and how to go to one. */
 export interface PlacesOptions {
   readonly storage: KeyValueStorage;
   readonly scene: string;
@@ -25,7 +25,7 @@ export interface PlacesOptions {
   announce(text: string): void;
 }
 
-/** The tab. */
+/** Bookmarks of one scene in this browser. */
 export interface PlacesTab {
   readonly element: HTMLElement;
   /** Keep what is shown; false where nothing was landed on. */
@@ -33,7 +33,7 @@ export interface PlacesTab {
   list(): readonly Bookmark[];
 }
 
-/** Make the tab. */
+/** Build the tab over what the storage holds for the scene. */
 export function createPlacesTab({ storage, scene, currentHash, go, announce }: PlacesOptions): PlacesTab {
   let bookmarks = readBookmarks(storage, scene);
   let renaming: string | null = null;
@@ -80,6 +80,7 @@ export function createPlacesTab({ storage, scene, currentHash, go, announce }: P
   const exportButton = h("button", { type: "button", class: "button", on: { click: exportFile } }, "Export");
   const importButton = h("button", { type: "button", class: "button", on: { click: () => file.click() } }, "Import");
 
+  // --- Keep, list, rename: every change goes through `save`, which writes first and shows what is kept then.
   function save(next: readonly Bookmark[]): void {
     bookmarks = next;
     if (!writeBookmarks(storage, scene, bookmarks))
@@ -93,10 +94,12 @@ export function createPlacesTab({ storage, scene, currentHash, go, announce }: P
       announce("Land somewhere first: a place is kept with its detail.");
       return false;
     }
-    const before = bookmarks.length;
+    const countBefore = bookmarks.length;
     save(withBookmark(bookmarks, name.value, hash));
     const newest = bookmarks[bookmarks.length - 1];
-    announce(bookmarks.length > before ? `Kept as ${newest?.name}` : "There are too many places; delete some first.");
+    announce(
+      bookmarks.length > countBefore ? `Kept as ${newest?.name}` : "There are too many places; delete some first.",
+    );
     name.value = "";
     return true;
   }

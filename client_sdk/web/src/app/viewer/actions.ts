@@ -17,7 +17,7 @@ import type { Tool, ViewerStore } from "./state.ts";
 import { renewToken } from "./stream-watch.ts";
 import type { ViewerPanel } from "./viewer-panel.ts";
 
-/** What the actions are done with. */
+/** Modules that the actions drive; those made after them are functions, looked up when an action runs. */
 export interface ActionOptions {
   readonly store: ViewerStore;
   readonly stream: Stream;
@@ -42,7 +42,7 @@ export interface ActionOptions {
   readonly usesKeys: () => void;
 }
 
-/** The actions. */
+/** Every key, button and remedy of the viewer comes through here. */
 export interface Actions {
   act(action: KeyAction): void;
   applyRemedy(remedy: Remedy, noticeKey: string): void;
@@ -51,7 +51,7 @@ export interface Actions {
   enterHeadset(): Promise<void>;
 }
 
-/** Make the actions. */
+/** Bind the actions to the modules; nothing is done yet. */
 export function createActions(options: ActionOptions): Actions {
   const { store, stream, shell, camera, desk, markers, notices, loop, headset } = options;
   const { going, tools, canvas, panel, openHelp, usesKeys } = options;
@@ -105,6 +105,7 @@ export function createActions(options: ActionOptions): Actions {
         stream.reconnect();
         return;
       }
+      // The others are done with the click, and their message with them; a token's goes when there is a link again.
       if (remedy === "token") void renewToken(options, true);
       else if (remedy === "scenes") window.location.assign("#list");
       else if (remedy === "reload-page") window.location.reload();
@@ -129,6 +130,7 @@ export function createActions(options: ActionOptions): Actions {
     },
     async enterHeadset() {
       try {
+        // In the task of the click, or the browser refuses. From `presenting` on the session moves rig and camera.
         await headset.enter(options.headsetOptions());
         if (headset.session === null) return;
         store.set({ presenting: true, aim: null });

@@ -9,7 +9,7 @@ import type { Stage } from "../../three/stage.ts";
 import type { Landings, SwapReport } from "../../three/types.ts";
 import type { ViewerStore } from "./state.ts";
 
-/** The watch. */
+/** Counts changes of what is visible, those outside a swap apart. */
 export interface ComfortWatch {
   /** The stage's own, with every swap counted. */
   readonly landings: Landings;
@@ -19,7 +19,7 @@ export interface ComfortWatch {
   restart(): void;
 }
 
-/** Watch a stage. `told` hears of every swap. */
+/** Watch a stage. `onSwap` is called after every one that changed something. */
 export function watchComfort(stage: Stage, store: ViewerStore, onSwap: (report: SwapReport) => void): ComfortWatch {
   let digest = stage.visibleDigest();
 

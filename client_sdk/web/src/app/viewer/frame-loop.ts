@@ -10,7 +10,7 @@ import type { FrameTimes } from "../frame-times.ts";
 /** What a frame says of the next. */
 export type FrameResult = "again" | "rest";
 
-/** The loop. */
+/** Draws on request and rests otherwise: a still picture costs no power. */
 export interface FrameLoop {
   /** Something changed: at least one more frame. */
   request(): void;

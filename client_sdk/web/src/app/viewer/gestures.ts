@@ -26,7 +26,12 @@ interface Contact {
   moved: boolean;
 }
 
-/** Listen on the canvas; returns how to stop. */
+/**
+ * Listen on the canvas; returns how to stop.
+ *
+ * One contact is a tap, a press (held still) or a drag, decided once and kept until it is lifted; two are a pinch. A gesture
+ * that has had two contacts ends only when both are lifted.
+ */
 export function listenToGestures(canvas: HTMLElement, target: GestureTarget): () => void {
   const contacts = new Map<number, Contact>();
   let pressTimer: number | null = null;
@@ -56,6 +61,7 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
   canvas.addEventListener(
     "pointerdown",
     (event) => {
+      // Moves are told to the canvas even where they leave it.
       canvas.setPointerCapture(event.pointerId);
       const { x, y } = canvasPointOf(event);
       contacts.set(event.pointerId, { startX: x, startY: y, x, y, moved: false });

@@ -17,7 +17,7 @@ import type { PlaceLink } from "./place-link.ts";
 import { modeOf, placeOf, routeModeOf } from "./route-state.ts";
 import type { Landed, ViewerStore } from "./state.ts";
 
-/** The ways to go. */
+/** Every way to a landing: a click, a link, the history, an embedding page. */
 export interface Going {
   /** Returns the landing's number. */
   land(order: LandingOrder, options?: LandOptions): number;
@@ -54,7 +54,7 @@ export interface GoingOptions {
   readonly stand: (at: Vec3) => Vec3;
 }
 
-/** Make the ways to go. */
+/** Bind them to stage, camera and address; the first landing is the caller's. */
 export function createGoing(options: GoingOptions): Going {
   const { store, stage, camera, markers, notices, link, loop, announcer, stand } = options;
   /** Since the newest landing the user has walked: to walk again is to go back to where he stood. */
@@ -123,6 +123,7 @@ export function createGoing(options: GoingOptions): Going {
       if (aim !== null) land({ position: aim.place, radiusM: aim.radiusM, look: null, isEntry: true });
     },
     follow(route, isEntry) {
+      // The mode is taken in any case; a place that is shown already is only looked at, any other is landed on.
       const { manifest, landed } = store.get();
       store.set({ mode: modeOf(route.mode, manifest) });
       const { place } = route;
@@ -163,6 +164,7 @@ export function createGoing(options: GoingOptions): Going {
         notices.clear("degraded");
         announcer.announce(landedText(landed, isCompletion));
       }
+      // The rest of a degraded landing: its entry of the history was written with the first swap.
       if (isCompletion) return;
       if (order.isEntry) link.push(routeNow());
       else link.follow(settledRoute);

@@ -6,7 +6,7 @@ import { formatMetres } from "../format.ts";
 import type { Ray } from "./camera-desk.ts";
 import type { ViewerStore } from "./state.ts";
 
-/** What the tools need. */
+/** How the tools see the ground, and what they set off. */
 export interface GroundToolOptions {
   readonly store: ViewerStore;
   readonly stream: Pick<Stream, "pick">;
@@ -22,7 +22,7 @@ export interface GroundToolOptions {
   refuse(reason: "steep" | null): void;
 }
 
-/** The tools. Places are CSS pixels of the canvas. */
+/** What gestures on the ground do under the chosen tool. Points are CSS pixels of the canvas. */
 export interface GroundTools {
   tap(x: number, y: number): void;
   press(x: number, y: number): boolean;
@@ -42,7 +42,7 @@ const BESIDE_M = 1;
 /** So far before the ground the ray of a pick begins: the service asks full detail, which may lie before the base. */
 const PICK_START_M = 15;
 
-/** Make them. */
+/** The tool is read from the store at every gesture, so that it may change in the middle of one. */
 export function createGroundTools(options: GroundToolOptions): GroundTools {
   const { store, stream, rayAt, cast, standNear, pixelOf, aim, land, announce, refuse } = options;
   let pickNumber = 0;
@@ -58,6 +58,7 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
     const number = pickNumber;
     const { position, segment, region } = hit;
     store.set({ picked: { place: position, segment, region, answer: null }, tab: "inspect", panelOpen: true });
+    // The page's own answer is shown at once; the service's, of full detail, replaces it.
     const startM = Math.max(0, hit.distanceM - PICK_START_M);
     const origin: Vec3 = [
       ray.origin[0] + ray.direction[0] * startM,
@@ -98,6 +99,7 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
 
   return {
     tap(x, y) {
+      // On the target's own mark, whatever the ray behind it meets: it is what the user sees under the finger.
       const { tool, aim: target, measured } = store.get();
       if (tool === "land" && target !== null && isOnTarget(x, y)) {
         land(target.place);

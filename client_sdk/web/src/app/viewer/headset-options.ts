@@ -14,7 +14,7 @@ import type { PlaceLink } from "./place-link.ts";
 import type { ViewerStore } from "./state.ts";
 import type { World } from "./world.ts";
 
-/** What the page lends a headset. */
+/** Modules that the headset drives while it is worn; all stay the page's, and go on after the session. */
 export interface PageForHeadset {
   readonly store: ViewerStore;
   readonly world: World;
@@ -30,7 +30,10 @@ export interface PageForHeadset {
   readonly keptPlaces: () => readonly Bookmark[];
 }
 
-/** Make the headset's options from the page's modules. */
+/**
+ * Make the headset's options from the page's modules. While it is worn the page's camera and landing desk rest; what the session
+ * does is noted here, so that the page is where the user is when he takes it off.
+ */
 export function headsetOptions(page: PageForHeadset): HeadsetOptions {
   const { store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces } = page;
   const modes = modesOf(store.get().manifest).map(({ name, mode }) => ({ label: name, mode }));

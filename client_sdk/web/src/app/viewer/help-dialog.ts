@@ -3,7 +3,7 @@
 import { h } from "../dom.ts";
 import { icon } from "../icons.ts";
 
-/** The dialog. */
+/** Modal list of keys and gestures. */
 export interface HelpDialog {
   readonly element: HTMLDialogElement;
   open(): void;

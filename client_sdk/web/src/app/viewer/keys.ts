@@ -78,6 +78,7 @@ export function listenToKeys(canvas: HTMLElement, act: (action: KeyAction) => vo
   document.addEventListener(
     "keydown",
     (event) => {
+      // Whoever types into a field, or means a shortcut of the browser, does not move the camera.
       if (!isForScene(event.target, canvas) || event.ctrlKey || event.metaKey || event.altKey) return;
       // By what is printed on the key: where "?" is differs from keyboard to keyboard.
       const action = event.key === "?" ? "help" : ACTIONS[event.code];

@@ -11,7 +11,7 @@ export interface Label {
   readonly text: string;
 }
 
-/** The labels. */
+/** Texts at points of the scene, moved with the camera. */
 export interface Labels {
   readonly element: HTMLElement;
   set(labels: readonly Label[]): void;

@@ -11,7 +11,7 @@ import { LineMaterial } from "three/addons/lines/LineMaterial.js";
 import type { Vec3 } from "../../core/types.ts";
 import { arcPoints, type Drape, drapeCircle, type Heights, levelCircle } from "../arc.ts";
 
-/** The markers. */
+/** Lines over the ground. Owns their geometries and materials; `dispose` frees them. */
 export interface Markers {
   readonly object: Group;
   /** Null takes the aim away. The arc starts at `start`, a little below it. */
@@ -98,6 +98,7 @@ export function createMarkers(): Markers {
       edgeDrape = centre === null ? null : drapeCircle(centre, radiusM, CIRCLE_POINTS, liftOf(radiusM));
     },
     step(groundY) {
+      // The aim first, which the user is looking at; and one of the two in a frame: what a frame may spend is spent on one.
       if (aimDrape !== null && isLaid(aimDrape, groundY)) {
         for (const line of rings) line.set(aimDrape.points);
         aimDrape = nextAim;

@@ -5,7 +5,7 @@ import { fill, h, setText } from "../dom.ts";
 import { type Notice, REMEDY_NAMES, type Remedy } from "../failures.ts";
 import { icon } from "../icons.ts";
 
-/** The messages. */
+/** Messages over the picture by key. */
 export interface Notices {
   readonly element: HTMLElement;
   /** Show one, in place of any of the same key. */
@@ -16,7 +16,7 @@ export interface Notices {
   dispose(): void;
 }
 
-/** Make the place for them. */
+/** An empty list. `act` carries out the remedy of a pressed button. */
 export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: string) => void): Notices {
   const element = h("div", { id: "notices", class: "notices", role: "region", "aria-label": "Messages" });
   const entries = new Map<string, { readonly notice: Notice; readonly box: HTMLElement; readonly text: HTMLElement }>();
@@ -34,13 +34,13 @@ export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: s
       return [...entries.values()].map(({ notice }) => notice);
     },
     show(notice) {
-      const before = entries.get(notice.key);
-      const text = before?.text ?? h("p", {});
-      const box = before?.box ?? h("section", { class: "notice", "data-notice": notice.key });
+      const previous = entries.get(notice.key);
+      const text = previous?.text ?? h("p", {});
+      const box = previous?.box ?? h("section", { class: "notice", "data-notice": notice.key });
       box.dataset.tone = notice.tone;
       setText(text, textOf(notice));
       // A button that has the focus must not vanish under it: only where the remedies differ are they made anew.
-      if (before === undefined || before.notice.title !== notice.title || !sameRemedies(before.notice, notice)) {
+      if (previous === undefined || previous.notice.title !== notice.title || !sameRemedies(previous.notice, notice)) {
         const buttons = notice.remedies.map((remedy) =>
           h(
             "button",
@@ -62,7 +62,7 @@ export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: s
         );
         announcer.announce(`${notice.title}. ${textOf(notice)}`, notice.tone === "failure");
       }
-      if (before === undefined) element.append(box);
+      if (previous === undefined) element.append(box);
       entries.set(notice.key, { notice, box, text });
       if (timer === null) tick();
     },

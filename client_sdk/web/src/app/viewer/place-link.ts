@@ -2,7 +2,7 @@
 
 import { formatRoute, type Place, type Route } from "../route.ts";
 
-/** The address. */
+/** Keeps the browser's address at what is shown. */
 export interface PlaceLink {
   /** A landing was shown: a new entry, unless the address asked for it. */
   push(route: Route): void;

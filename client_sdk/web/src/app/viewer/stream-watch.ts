@@ -31,7 +31,10 @@ export interface StreamListeners extends Pick<ViewerOptions, "stream" | "loadFil
   readonly shell: Shell;
 }
 
-/** Make the listener of a stream. */
+/**
+ * Listener for `Stream.onEvent`. The stage takes an event before anybody else: what the others read of it is then as new as
+ * the event.
+ */
 export function watchStream(modules: StreamListeners): (event: StreamEvent) => void {
   const history: LinkHistory = { wasOpen: false };
   return (event) => {

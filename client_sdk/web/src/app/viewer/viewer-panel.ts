@@ -14,7 +14,7 @@ import { formatRoute, type Route } from "../route.ts";
 import type { Shell } from "../shell.ts";
 import type { ViewerStore } from "./state.ts";
 
-/** What the panel needs of the viewer. */
+/** What the tabs show, and what their buttons do. */
 export interface ViewerPanelOptions {
   readonly store: ViewerStore;
   readonly stage: Stage;
@@ -32,7 +32,7 @@ export interface ViewerPanelOptions {
   diagnostics(): Promise<object>;
 }
 
-/** The panel. */
+/** The tabs beside the picture, and the words that its buttons answer with. */
 export interface ViewerPanel {
   readonly element: HTMLElement;
   /** Read the figures anew, where they are shown. */
@@ -48,7 +48,7 @@ export interface ViewerPanel {
 
 const FLASH_MS = 2500;
 
-/** Make the panel. */
+/** Build the tabs over the viewer's store; they follow it, but for the figures, which wait for `refresh`. */
 export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
   const { store, stage, files, shell } = options;
   const { manifest, regions } = files;
@@ -94,6 +94,7 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
     }, FLASH_MS);
   }
 
+  // A modal dialog, so that the selection for Ctrl+C is where the focus is.
   const text = h("textarea", { readonly: true, rows: 8, "aria-label": "Text to copy" });
   const copyDialog = h(
     "dialog",

@@ -173,7 +173,10 @@ export class StreamCore {
     if (streamEvents.length > 0 && !this.#closed) this.#platform.emit(streamEvents);
   }
 
-  /** What the page is told of an event; null for nothing. */
+  /**
+   * The page's event for a session's; null for none. Answers settle the promise of their question, and times are taken here:
+   * the session has no clock.
+   */
   #translated(event: SessionEvent): StreamEvent | null {
     switch (event.type) {
       case "opened": {

@@ -27,7 +27,7 @@ export interface FlatField {
   readonly values: FlatValues;
 }
 
-/** A flat file. */
+/** A flat file: its arrays are views of the bytes that were read. */
 export interface FlatFile {
   /** Number of segments, base faces or vertices. */
   readonly rows: number;

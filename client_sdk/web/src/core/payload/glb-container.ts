@@ -15,7 +15,7 @@ const BIN_CHUNK = 0x004e4942;
 
 /** The two chunks of a GLB. */
 export interface Glb {
-  /** Nothing inside it is checked yet. */
+  /** Parsed JSON, of whatever shape the file gave it: each reader checks the members that it takes. */
   readonly gltf: JsonObject;
   /** A view of the payload. */
   readonly binary: Uint8Array<ArrayBuffer>;

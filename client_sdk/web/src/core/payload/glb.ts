@@ -62,9 +62,14 @@ interface ImageFile {
   readonly bytes: Uint8Array<ArrayBuffer>;
 }
 
+/**
+ * Read and check everything but the pixels. Nothing of the file is trusted: each accessor is checked against the buffer and the
+ * vertex count before an array is made of it, so that what is returned can be drawn without another look.
+ */
 function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshData; image: ImageFile | null } {
   const glb = splitGlb(bytes);
   const { gltf } = glb;
+  // (1) One mesh with one primitive of triangles, and no extension that would change its meaning.
   for (const name of expectList(gltf.extensionsRequired ?? [], "extensionsRequired")) {
     if (!KNOWN.has(name)) throw new PayloadError(`required extension ${shortly(name)}, expected one that we know`);
   }
@@ -74,6 +79,7 @@ function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshD
     throw new PayloadError(`primitive mode ${shortly(primitive.mode)}, expected 4 (triangles)`);
   }
   const names = expectObject(primitive.attributes, "attributes");
+  // (2) Positions, and the node that brings codes to metres: together exact in float32.
   const reader = new AccessorReader(glb);
   const transform = nodeTransformOf(onlyOne(gltf, "nodes"));
   const positions = readPositions(reader, names.POSITION);
@@ -94,6 +100,7 @@ function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshD
     return { values: new Uint16Array(rows.bytes.buffer), normalised: rows.normalised };
   };
 
+  // (3) Faces and attributes, as many rows as there are positions.
   const indices = reader.indices(primitive.indices);
   checkIndices(indices, vertexCount);
   const normalRows = reader.vertices(names.NORMAL, { label: "NORMAL", components: [BYTE], type: "VEC3" }, () => 4);
@@ -110,6 +117,7 @@ function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshD
     ({ gltfName, ...scale }): AttributeCodes => ({ ...scale, codes: codes(gltfName, "SCALAR").values }),
   );
   const image = texture === null ? null : readImage(reader, texture, segment);
+  // (4) The box is of the decoded positions, not the accessor's min and max: culling must not believe the file.
   const result: MeshData = {
     segment,
     vertexCount,

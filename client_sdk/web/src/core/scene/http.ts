@@ -13,7 +13,7 @@ export interface HttpOptions {
 export interface Download {
   /** More than this is refused; where it is exact, less is as well. */
   readonly maxBytes: number;
-  /** `mostBytes` is what must come. */
+  /** `maxBytes` is what must come. */
   readonly isExact: boolean;
   readonly onBytes?: (bytes: number) => void;
 }

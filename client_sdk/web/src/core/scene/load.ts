@@ -69,6 +69,10 @@ async function fetchManifest(url: string, options: LoadOptions): Promise<Checked
   return checkManifest(json, parseSceneUrl(url).scene ?? "");
 }
 
+/**
+ * All files of the manifest's version, or none. Each is asked for by `?v=` and compared with the manifest's hash: what a proxy
+ * or a publication in between has mixed is refused here (wire protocol, 2.5, rule 2).
+ */
 async function loadVersion(url: string, checked: CheckedManifest, options: LoadOptions): Promise<SceneFiles> {
   const { manifest, files } = checked;
   // One that fails must not leave the others loading.
@@ -100,6 +104,7 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
       load("regions.json"),
       fetchLabels(`${url}/labels.json`, { token: options.token, signal }),
     ]);
+    // Right bytes may still hold a wrong file: base, cover and segment ids must belong together.
     const base = await decodeGlb(glb, -1, options.decodeImage);
     if (base.faceCount !== checked.baseFaces) {
       throw new PayloadError(`base of ${base.faceCount} faces, expected ${checked.baseFaces} by the manifest`);

@@ -32,12 +32,12 @@ export function readLabels(json: unknown): Labels {
   if (format !== "terraport-labels" || typeof version !== "string" || version.split(".")[0] !== "1") return noLabels;
   if (!Array.isArray(rows)) return noLabels;
   const labels = new Map<number, string>();
-  let before = -1;
+  let previousId = -1;
   for (const row of rows as readonly unknown[]) {
     const { stable_id: stableId, label } = (row ?? {}) as JsonObject;
-    if (!isWhole(stableId) || stableId <= before || !isLabel(label)) return noLabels;
+    if (!isWhole(stableId) || stableId <= previousId || !isLabel(label)) return noLabels;
     labels.set(stableId, label);
-    before = stableId;
+    previousId = stableId;
   }
   return labels;
 }

@@ -38,10 +38,10 @@ export function parseSceneUrl(url: string): SceneUrl {
   const origin = `${scheme}//${address.host}`;
   const scenesAt = address.pathname.indexOf(SCENES);
   const prefix = scenesAt < 0 ? address.pathname : address.pathname.slice(0, scenesAt);
-  const rest = scenesAt < 0 ? "" : address.pathname.slice(scenesAt + SCENES.length);
-  const scene = rest.replace(/^\/+|\/+$/g, "").replace(/\/stream$/, "");
+  const scenePath = scenesAt < 0 ? "" : address.pathname.slice(scenesAt + SCENES.length);
+  const scene = scenePath.replace(/^\/+|\/+$/g, "").replace(/\/stream$/, "");
   if (scene === "") return { server: origin + prefix.replace(/\/+$/, ""), scene: null };
-  if (scene.includes("/") || !rest.startsWith("/")) {
+  if (scene.includes("/") || !scenePath.startsWith("/")) {
     throw invalid(`URL path ${JSON.stringify(address.pathname)}, expected [/prefix]/scenes/ID`);
   }
   return { server: origin + prefix, scene: decoded(scene) };

@@ -25,7 +25,7 @@ export class LandingState {
   readonly crossed = new Map<number, SegmentFacts>();
   /** Ids of load and keep. */
   plannedIds: ReadonlySet<number> = new Set();
-  /** Wanted ids whose payload is not here yet. */
+  /** Planned ids whose payload is not here yet. */
   waiting = new Set<number>();
   /** Ids of the latest `ready.missing`. */
   missing: ReadonlySet<number> = new Set();
@@ -76,7 +76,7 @@ export class LandingState {
     return true;
   }
 
-  /** What it shows once complete: all that is wanted and whole, ascending. */
+  /** What it shows once complete: all that is planned and whole, ascending. */
   get shown(): readonly number[] {
     return [...this.plannedIds].filter((segment) => !this.waiting.has(segment)).sort((a, b) => a - b);
   }
@@ -90,7 +90,7 @@ export interface PrefetchState {
   readonly bytes: number;
 }
 
-/** Begin one. */
+/** State of a prefetch from its announcement: everything in it is still to come. */
 export function prefetchState(prefetch: PrefetchMessage): PrefetchState {
   const facts = new Map(prefetch.segments.map((row) => [row.segment, row]));
   return { generation: prefetch.generation, facts, waiting: new Set(facts.keys()), bytes: prefetch.bytes };

@@ -210,12 +210,14 @@ export class Transfers {
     const { segment, generation, chunk } = frame;
     const landing = this.#current?.generation === generation ? this.#current : null;
     const prefetch = this.#prefetch?.generation === generation ? this.#prefetch : null;
+    // Of a known generation, and of a segment that it loads; counted before the hash is known, as the wire was used.
     const facts = this.#expected(frame, landing, prefetch);
     if (landing !== null) landing.payloadBytes += chunk.byteLength;
     this.payloadBytes += chunk.byteLength;
     if (this.#options.holdings.has(segment)) this.repeatedBytes += chunk.byteLength;
     const payload = this.#assembler.take(frame, facts.length);
     if (payload === null) return;
+    // Whole: held only with the right hash, else asked for once more.
     const actual = this.#options.xxh3(payload);
     if (actual !== facts.xxh3) {
       const number = landing?.number ?? null;

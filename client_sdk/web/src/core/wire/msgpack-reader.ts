@@ -55,6 +55,8 @@ class Reader {
     if (token <= 0x8f) return this.#map(token & 0x0f, depth, start);
     if (token <= 0x9f) return this.#array(token & 0x0f, depth, start);
     if (token <= 0xbf) return this.#text(token & 0x1f);
+    // The tokens of the msgpack specification, but for extensions, which no message uses. Containers are bounded in items
+    // and depth before any of them is read (`expectContainer`): a stated length reserves nothing.
     switch (token) {
       case 0xc0:
         return null;

@@ -10,7 +10,7 @@ export class Refused extends Error {
   }
 }
 
-/** Run a step whose refusals lie below `place`. */
+/** Run a step whose refusals lie below `path`. */
 export function below<T>(path: string, step: () => T): T {
   try {
     return step();
