@@ -357,11 +357,12 @@ export class Stage implements Landings {
   }
 
   /**
-   * Base, cover and regions of {@link neededVersion}; what was shown of the old goes. Files of another version are not taken:
-   * the session went on meanwhile, and their ids would be taken for its.
+   * Base, cover and regions of {@link neededVersion}; what was shown of the old goes. Any others are not taken: of another
+   * version, where the session went on meanwhile and their ids would be taken for its; nor the same a second time, where it
+   * went there and back: the base would be drawn whole over the segments that are shown by then.
    */
   replaceFiles(files: SceneFiles): void {
-    if (this.#servedVersion !== null && files.manifest.version !== this.#servedVersion) {
+    if (files.manifest.version !== this.neededVersion) {
       return;
     }
     this.#files = files;
