@@ -79,6 +79,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
         budgets,
         route,
         reload: (version) => {
+          // Before it is closed: where the user is now is where the new version opens.
           route = viewer?.route ?? route;
           close();
           void load(version);

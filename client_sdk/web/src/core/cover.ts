@@ -53,6 +53,7 @@ export class CoverCounters {
     for (let segment = 0; segment <= maxSegment; segment += 1) {
       this.#starts[segment + 1]! += this.#starts[segment]!;
     }
+    // Counting sort: starts from the counts above, then each face to its segments; ascending, as faces come in order.
     const writeAt = this.#starts.slice();
     this.#faces = new Uint32Array(segments.length);
     for (let face = 0; face < this.faceCount; face += 1) {

@@ -38,6 +38,7 @@ export class LandingRecord {
   /** A plan came: the first, or another one after a reconnect. What was shown stays shown until the next `ready`. */
   planned(plan: PlanFacts): void {
     this.plan = plan;
+    // Declared under the generation before; the new one declares its own.
     this.#inner = null;
     this.#full = null;
     this.#loadBytes = new Map(plan.load.map((facts) => [facts.segment, facts.length]));
@@ -45,6 +46,7 @@ export class LandingRecord {
 
   arrived(facts: SegmentFacts): void {
     this.#arrived.add(facts.segment);
+    // An aim's bytes are not this landing's; and `ready` brings the sum that counts.
     if (this.#full === null && this.#loadBytes.has(facts.segment)) {
       this.payloadBytes += facts.length;
     }
@@ -57,6 +59,7 @@ export class LandingRecord {
   ready(visible: readonly number[], missing: readonly number[], elapsedMs: number, payloadBytes: number): void {
     this.#full = visible;
     this.missing = missing;
+    // The first time counts: after a reconnect the same set is only declared once more.
     this.readyMs ??= elapsedMs;
     this.payloadBytes = payloadBytes;
   }

@@ -138,6 +138,7 @@ export class Residency {
       this.#recompute();
     }
     this.#newest?.arrived(facts);
+    // What an aim brought waits its turn behind the landing's own; beyond the bound the oldest is the least likely target.
     if (landing === null && !this.#desiredIds.has(facts.segment)) {
       if (this.#prefetched.length === MAX_PREFETCHED) {
         this.#prefetched.shift(); // Its payload stays held.
@@ -164,6 +165,7 @@ export class Residency {
     if (!record) {
       return;
     }
+    // A reconnect declares what is shown once more: then nothing is to be swapped, and no blink is wasted on it.
     const isShown = record.swapped === "full" && sameIds([...visible].sort(ascending), this.#visible);
     record.ready(visible, missing, elapsedMs, payloadBytes);
     record.swapped = isShown ? "full" : "nothing"; // After a reconnect the same set may be declared once more.
@@ -312,6 +314,7 @@ export class Residency {
       return null;
     }
     const visible = this.#coming;
+    // By id, not by landing: what both sets have stays drawn and is neither shown nor hidden.
     const before = this.#visibleIds;
     const shown = visible.filter((segment) => !before.has(segment));
     const after = new Set(visible);

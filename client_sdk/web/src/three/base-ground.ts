@@ -71,10 +71,12 @@ export class BaseGround {
     this.mesh = new Mesh();
     this.mesh.name = "base";
     this.mesh.material = material.material;
+    // The shader places the codes (translation, step): the mesh itself stays at the origin of the scene's frame.
     this.mesh.matrixAutoUpdate = false;
     // After the detail, which stands before it nearly everywhere: what it hides is not shaded.
     this.mesh.renderOrder = 1;
     this.mesh.visible = false;
+    // Picking is face-boxes.ts's: three.js has no arrays of positions to walk.
     this.mesh.raycast = () => undefined;
     this.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => material.bind(this.#facts, camera);
   }
@@ -114,6 +116,7 @@ export class BaseGround {
     }
     this.#targetRevision = revision;
     this.#preparedRevision = -1;
+    // From where the counters are, not from what is drawn: a preparation that was cut short is not undone.
     const target = new Set(segments);
     this.#toRemove = [...this.#counters.shown].filter((segment) => !target.has(segment));
     this.#toAdd = segments.filter((segment) => !this.#counters.shown.has(segment));
@@ -146,6 +149,7 @@ export class BaseGround {
     if (this.#sides) {
       this.#front = this.#front === 0 ? 1 : 0;
       this.mesh.geometry = this.#geometryOf(this.#sides[this.#front]);
+      // The list that is the back now is that of the set before.
       this.#preparedRevision = -1;
       this.#targetRevision = -1;
     }
@@ -213,6 +217,7 @@ export class BaseGround {
   }
 
   #stepBack(): number {
+    // Segments first, which make blocks stale; then the stale blocks, one a step; the counts last, when all is written.
     const segment = this.#toRemove.pop();
     if (segment !== undefined) {
       return this.#mark(this.#counters.remove(segment));
@@ -241,6 +246,7 @@ export class BaseGround {
   }
 
   #mark(faces: Uint32Array): number {
+    // Of both lists: the front one is brought up to date when a flip has made it the back.
     for (const side of this.#sides ?? []) {
       for (const face of faces) {
         side.stale[Math.floor(face / BLOCK_FACES)] = 1;

@@ -50,11 +50,12 @@ export class FaceBoxes {
   }
 
   /**
-   * The nearest face along the ray with `t` in [0, mostT], seen from either side; among equals the lowest number. Faces that
+   * The nearest face along the ray with `t` in [0, maxT], seen from either side; among equals the lowest number. Faces that
    * `isHidden` names are not there.
    */
   cast(origin: Vec3, direction: Vec3, maxT: number, isHidden?: Uint8Array): FaceHit | null {
     const { translation, stepM } = this.#mesh;
+    // Into the codes' units once, not every vertex into metres; `t` is the same in both.
     const ray: Ray = {
       ox: (origin[0] - translation[0]) / stepM,
       oy: (origin[1] - translation[1]) / stepM,
@@ -68,6 +69,7 @@ export class FaceBoxes {
     let best: FaceHit | null = null;
     let nearestT = maxT;
     for (let group = 0; group < groups.length / 6; group += 1) {
+      // What lies behind the nearest face so far is left out by its box.
       if (!meetsBox(ray, groups, group * 6, nearestT)) {
         continue;
       }
@@ -121,6 +123,7 @@ export class FaceBoxes {
     const groups = emptyBoxes(Math.ceil(runCount / GROUP_RUNS));
     for (let run = 0; run < runCount; run += 1) {
       const end = Math.min((run + 1) * RUN_FACES, faceCount) * 3;
+      // Numbers, no small arrays: this loop walks every corner of the mesh.
       let [x0, y0, z0, x1, y1, z1] = [Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity];
       for (let corner = run * RUN_FACES * 3; corner < end; corner += 1) {
         const at = indices[corner]! * stride;
@@ -182,7 +185,7 @@ export class FaceBoxes {
   }
 }
 
-/** Whether a ray meets a box with t in [0, mostT]; direction components may be 0. */
+/** Whether a ray meets a box with t in [0, maxT]; direction components may be 0. */
 export function rayMeetsBounds(origin: Vec3, direction: Vec3, maxT: number, bounds: ArrayLike<number>): boolean {
   const [ox, oy, oz] = origin;
   const [dx, dy, dz] = direction;

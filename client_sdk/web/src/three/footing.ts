@@ -65,6 +65,7 @@ export function judgeFooting(stand: Stand, hit: GroundHit | null, landings: Pick
   const west = landings.groundAt(x - PROBE_M, z, fromY);
   const south = landings.groundAt(x, z + PROBE_M, fromY);
   const north = landings.groundAt(x, z - PROBE_M, fromY);
+  // The ground ends beside it: nobody is put on an edge.
   if (east === null || west === null || south === null || north === null) {
     stand.footing = "outside";
     return;

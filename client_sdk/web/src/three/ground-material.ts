@@ -116,6 +116,8 @@ export class GroundMaterial {
     u.hasMeasure.value = facts.measure !== null;
     u.measureScale.value.set(facts.measure?.[0] ?? 0, facts.measure?.[1] ?? 0);
     u.segmentColour.value.copy(facts.segmentColour);
+    // The eye in two parts. The coarse one lies on the grid of the codes, so the shader's difference to it is exact in
+    // float32; the fine one is small. One number for both would shake by millimetres far from the origin.
     const worldMatrix = camera.matrixWorld.elements;
     const [x, y, z] = [worldMatrix[12]!, worldMatrix[13]!, worldMatrix[14]!];
     const grid = this.#gridM;
@@ -125,12 +127,14 @@ export class GroundMaterial {
       Math.round(z / grid) * grid,
     );
     u.eyeFine.value.set(x - coarse.x, y - coarse.y, z - coarse.z);
+    // One material for all meshes: three.js would take the uniforms for those of the draw before.
     this.material.uniformsNeedUpdate = true;
   }
 
   /** Grid and regions of another version. */
   setVersion(stepM: number, regions: readonly RegionFacts[]): void {
     this.#gridM = Math.max(stepM, EYE_GRID_M);
+    // Owned here: the material only refers to it.
     this.#regionColours.dispose();
     this.#regionColours = regionTexture(regions);
     this.#uniforms.regionColours.value = this.#regionColours;

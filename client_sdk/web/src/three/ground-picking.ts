@@ -39,6 +39,7 @@ export function castGround(ground: ShownGround, origin: Vec3, direction: Vec3, m
 
 function firstAlong(ground: ShownGround, origin: Vec3, unit: Vec3, maxDistanceM: number): Meeting | null {
   const base = ground.base ? meet(ground.base, origin, unit, maxDistanceM, ground.hidden) : null;
+  // The base is drawn pushed back: detail that lies so far behind it is seen before it all the same.
   let nearestM = base ? Math.min(base.t + ground.pushM, maxDistanceM) : maxDistanceM;
   let detail: Meeting | null = null;
   for (const segment of ground.segments) {

@@ -66,6 +66,7 @@ export class GroundSet {
   step(): number {
     const segment = this.#residency.nextUpload();
     const ground = segment === null ? undefined : this.#grounds.get(segment);
+    // Each that is whole is drawn once without a face: too many at a time would make that frame a long one.
     if (!ground || ground.mesh || this.#warming.length >= MAX_FRAME_WARMINGS) {
       return 0;
     }
@@ -104,6 +105,7 @@ export class GroundSet {
 
   /** Set the flag of one segment. */
   setShown(segment: number, isShown: boolean): void {
+    // What is to be hidden is looked up among what is shown: after a change of version its id is another segment's.
     const ground = isShown ? this.#grounds.get(segment) : this.#shown.get(segment);
     if (!ground?.mesh) {
       return;
@@ -174,6 +176,7 @@ export class GroundSet {
   }
 
   #toFree(ground: SegmentGround): void {
+    // Out of the picture at once, its memory later: drivers take their time to free.
     ground.mesh?.removeFromParent();
     this.#freeing.push(ground);
   }

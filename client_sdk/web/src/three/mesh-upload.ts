@@ -77,11 +77,13 @@ export class MeshUpload {
       return SLICE_BYTES;
     }
     if (this.#row < image.height) {
+      // Whole rows, as WebGL writes rectangles; one at least, however wide the image is.
       const rows = Math.min(Math.max(Math.floor(SLICE_BYTES / (image.width * 4)), 1), image.height - this.#row);
       this.#store.writeTextureRows(this.#texture, image.bitmap, this.#row, rows);
       this.#row += rows;
       return rows * image.width * 4;
     }
+    // At the end, of all rows: levels made before would show those that had not come.
     this.#store.makeMips(this.#texture);
     this.map = new ExternalTexture(this.#texture.texture);
     this.#finish();
@@ -134,6 +136,7 @@ export class MeshUpload {
   }
 
   #finishBuffer(upload: UploadArray, buffer: WebGLBuffer): void {
+    // The array gives type and length only: it is not kept.
     const attribute = wrap(buffer, upload.array, upload.itemSize, upload.normalised);
     if (upload.use === "indices") {
       this.index = attribute;
@@ -153,6 +156,7 @@ export function geometryOf(upload: MeshUpload, index: GLBufferAttribute, data: M
   }
   geometry.index = asAttribute(index);
   const [x0, y0, z0, x1, y1, z1] = data.bounds;
+  // Else three.js would work it out from positions, which are on the GPU alone.
   geometry.boundingSphere = new Sphere(
     new Vector3((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2),
     Math.hypot(x1 - x0, y1 - y0, z1 - z0) / 2,
@@ -195,6 +199,7 @@ function arraysOf(data: MeshData, withIndices: boolean): UploadArray[] {
       uploads.push({ name, use: name === "index" ? "indices" : "vertices", array, itemSize, normalised });
     }
   };
+  // Rows are multiples of 4 bytes, padding included; the shader reads of them what it needs.
   add("code", data.positions, data.positions instanceof Uint16Array ? 4 : 3, false);
   add("tilt", data.normals, 4, true);
   add("tint", data.colours, 4, true);

@@ -54,6 +54,7 @@ export class SegmentGround {
     const bytes = this.#upload.step();
     if (this.#upload.isDone && this.#meshData && this.#upload.index) {
       this.mesh = new Mesh(geometryOf(this.#upload, this.#upload.index, this.#meshData), this.#material.material);
+      // On the GPU: picking keeps positions and indices, everything else may be collected.
       this.#meshData = null;
       this.#facts.map = this.#upload.map;
       this.mesh.name = `segment ${this.segment}`;
@@ -87,6 +88,7 @@ export class SegmentGround {
 
   free(): void {
     this.mesh?.removeFromParent();
+    // Gives back three.js's vertex array alone: the buffers are the upload's, the material is everybody's.
     this.mesh?.geometry.dispose();
     this.mesh = null;
     this.#meshData = null;

@@ -331,6 +331,7 @@ export class Stage implements Landings {
 
   /** Call on the canvas's webglcontextlost: everything on the GPU is gone. */
   contextLost(): void {
+    // What was visible counts as visible until it is back: its digest is that of before.
     this.#digest ??= this.#digestOfDrawn();
     this.#isLost = true;
     this.#residency.contextLost();
@@ -406,6 +407,7 @@ export class Stage implements Landings {
 
   /** What is shown stays drawn until the new version's files are here; it must not be taken for segments of the new. */
   #leaveVersion(): void {
+    // Residency first: answers of decoders that are under way are of the epoch before, and are thrown away.
     this.#residency.versionChanged();
     this.#isOldVersion = true;
     this.#grounds.leaveVersion();

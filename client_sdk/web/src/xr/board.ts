@@ -47,6 +47,7 @@ export function createBoard(): Board {
         return;
       }
       const isBeside = Math.abs(wrapAngle(facingRad - hungFacingRad)) > BESIDE_RAD;
+      // It hangs still while it is read: only news brings it round, and only where the user looks elsewhere.
       if (due && (panel.pose === null || isBeside)) {
         panel.moveTo(panelBefore(eye, facingRad, AWAY_M, BELOW_M));
         hungFacingRad = facingRad;

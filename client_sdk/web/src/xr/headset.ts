@@ -238,6 +238,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       desk.hide();
       board.moved();
       options.landed?.(stance.standpoint());
+      // The page was told, and may have moved the rig with its own camera: put back before this frame is drawn.
       stance.settle();
     }
     shown(teleport, true, report?.degraded ?? false);
@@ -338,6 +339,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       // Head first: everything below reads this frame's pose, in the scene's frame.
       startedMs = performance.now();
       nowMs = timeMs;
+      // Without an XR frame there is no pose to draw by: the frame loop may still run once after the end.
       if (!active || frame === undefined || frame === null) {
         return;
       }
@@ -345,6 +347,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
         addTime(intervalTimes, timeMs - lastFrameMs);
       }
       lastFrameMs = timeMs;
+      // None while it is taken off or tracking is lost: what is drawn stays, and no gesture goes on blindly.
       const viewer = frame.getViewerPose(space);
       if (viewer === undefined || viewer === null) {
         tracked = false;

@@ -38,6 +38,7 @@ export interface StreamListeners extends Pick<ViewerOptions, "stream" | "loadFil
 export function watchStream(modules: StreamListeners): (event: StreamEvent) => void {
   const history: LinkHistory = { wasOpen: false };
   return (event) => {
+    // Asked for once for each version that the session turns to, not for each event until its files are here.
     const neededBefore = modules.stage.neededVersion;
     modules.stage.handle(event);
     const { neededVersion } = modules.stage;

@@ -87,7 +87,9 @@ export class Link {
   /** Hand out events and send what the session has to say; to be called after every command. */
   pump(): void {
     const { session } = this.#options;
+    // Events first: what their listeners ask for goes out with the rest.
     this.#report();
+    // Behind the server's message rate aims wait in the session, where a newer one replaces an older.
     if (!this.#outgoing.blocked) {
       if (session.hasAim) this.#aim();
       this.#outgoing.push(session.dataToSend());
@@ -167,6 +169,7 @@ export class Link {
       this.#options.session.receive(typeof data === "string" ? data : new Uint8Array(data));
     } catch (error) {
       if (!(error instanceof ProtocolViolation)) throw error;
+      // What was right before it has happened.
       this.#report();
       this.#refusal = { code: "malformed", message: `the server broke the protocol: ${error.message}` };
       this.#cut(CLOSE_CODES.malformed, "malformed");
@@ -227,6 +230,7 @@ export class Link {
   #lost(closeCode: number, reason: string): void {
     if (this.#socket === null || this.#hasLeft) return;
     this.#drop(NORMAL);
+    // What the loss did to landings is told before the loss itself.
     this.#report();
     // Whoever was told may have left, or connected again.
     if (this.#hasLeft || this.#socket !== null) return;
@@ -242,6 +246,7 @@ export class Link {
       this.#options.onLinkState({ state: "closed", closeCode, code, message });
       return;
     }
+    // What a draining server asked for holds once; else longer from attempt to attempt, scattered by chance.
     const retryInMs = this.#firstWaitMs ?? waitMs(Math.max(0, this.#attempt - 1), Math.random());
     this.#firstWaitMs = null;
     this.#retryTimer = setTimeout(() => this.#connect(), retryInMs);
@@ -265,6 +270,7 @@ export class Link {
     this.#outgoing.clear();
     this.#owedSinceMs = null;
     if (socket === null) return;
+    // Handlers first: a socket that closes may still deliver what was under way, and nobody is there for it.
     socket.onopen = socket.onmessage = socket.onclose = socket.onerror = null;
     socket.close(closeCode);
     this.#options.session.connectionLost();

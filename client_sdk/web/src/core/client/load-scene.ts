@@ -31,6 +31,7 @@ export function loadSceneInWorker(sceneUrl: string, options: LoadSceneOptions = 
       name: "terraport scene",
     });
     const aborted = () => end(() => reject(signal?.reason));
+    // Ended in every case: a worker of its own keeps what it decoded until then.
     const end = (settle: () => void) => {
       worker.terminate();
       signal?.removeEventListener("abort", aborted);

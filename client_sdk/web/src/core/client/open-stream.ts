@@ -88,6 +88,7 @@ class PageStream {
 
   land(position: Vec3, radiusM: number, options: LandOptions = {}): number {
     checkLand(position, radiusM, options);
+    // Counted alike on both sides, so that the page has the number at once; the worker compares.
     this.#landings += 1;
     const number = this.#landings;
     this.send({ type: "land", number, position, radiusM, options, askedMs: sharedNowMs() });
@@ -114,6 +115,7 @@ class PageStream {
 
   close(): void {
     if (this.#ended !== null) return;
+    // Before the end is noted: nothing is sent after it.
     this.send({ type: "close" });
     this.#end(new StreamError("closed", "the stream was closed here"));
     setTimeout(() => this.#worker.terminate(), CLOSE_MS);
@@ -135,6 +137,7 @@ class PageStream {
   }
 
   #take(message: StreamMessage): void {
+    // Also after the end: it answers the goodbye.
     if (message.type === "closed") this.#worker.terminate();
     if (this.#ended !== null) return;
     if (message.type === "events") for (const event of message.events) this.emit(event);

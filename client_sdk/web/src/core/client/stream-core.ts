@@ -111,6 +111,7 @@ export class StreamCore {
 
   async mesh(segment: number): Promise<MeshData> {
     if (this.#closed) throw closedHere();
+    // Peeked at: what is drawn is pinned anyway, and decoding must not change what is evicted first.
     const entry = this.#session.holdings.peek(segment);
     if (entry === undefined) throw new StreamError("not_held", `segment ${segment} is not held`);
     try {
@@ -158,6 +159,7 @@ export class StreamCore {
   #end(error: StreamError): void {
     this.#ended = error;
     for (const [request, { reject }] of this.#picks) {
+      // Else a reconnect would ask once more, for nobody.
       this.#session.dropPick(request);
       reject(error);
     }
@@ -165,6 +167,7 @@ export class StreamCore {
   }
 
   #handle(events: readonly SessionEvent[]): void {
+    // In one batch: out of a worker each message is a task of the page's thread.
     const streamEvents: StreamEvent[] = [];
     for (const event of events) {
       const streamEvent = this.#translated(event);

@@ -53,6 +53,7 @@ async function answer(stream: StreamCore, question: StreamQuestion): Promise<voi
   const { id } = question;
   try {
     if (question.type === "mesh") {
+      // Handed over, not copied: the cache keeps payloads, never meshes.
       const mesh = await stream.mesh(question.segment);
       post({ type: "answer", id, value: mesh }, transferablesOfMesh(mesh));
       return;
@@ -73,12 +74,14 @@ function execute(command: StreamCommand): void {
   if (core === null) throw new Error(`got ${command.type} first, expected open`);
   if (command.type === "land") {
     const number = core.land(command.position, command.radiusM, command.options, command.askedMs);
+    // The page has told its number to whoever asked; another one here would answer the wrong landing.
     if (number !== command.number) throw new Error(`landing ${command.number} of the page is ${number} here`);
   } else if (command.type === "aim") core.aim(command.position, command.radiusM);
   else if (command.type === "reconnect") core.reconnect(command.token);
   else if (command.type === "close") {
     core.close();
     closePool();
+    // The page ends this worker when it hears of it, and `bye` with it if that has not left.
     setTimeout(() => post({ type: "closed" }), GOODBYE_MS);
   } else void answer(core, command);
 }

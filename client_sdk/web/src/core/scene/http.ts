@@ -88,6 +88,7 @@ async function readBody(url: string, response: Response, download: Download): Pr
   let bytes = new Uint8Array(isExact ? maxBytes : Math.min(maxBytes, 65_536));
   let size = 0;
   for await (const chunk of chunksOf(response)) {
+    // Stopped at the bound, not read to the end and then refused.
     if (chunk.length > maxBytes - size) {
       throw new StreamError(
         "damaged",
@@ -95,6 +96,7 @@ async function readBody(url: string, response: Response, download: Download): Pr
         200,
       );
     }
+    // Where no length was promised, memory grows with what has come, not with the bound.
     if (size + chunk.length > bytes.length) bytes = enlarged(bytes, Math.min(maxBytes, 2 * (size + chunk.length)));
     bytes.set(chunk, size);
     size += chunk.length;

@@ -163,6 +163,7 @@ export class ClientSession {
     this.#greeting = false;
     this.#outbox = [];
     this.#unsent = null;
+    // Credit belongs to the connection (8).
     this.#takenBytes = 0;
     this.#aim.connectionLost(this.#transfers.aimDone);
     this.#queue(this.#transfers.connectionLost());
@@ -246,7 +247,7 @@ export class ClientSession {
     this.#picks.drop(request);
   }
 
-  /** End the session politely. */
+  /** Say `bye`, where there is a connection: the server then closes at once (5.6). */
   bye(): void {
     if (this.#open) this.#outbox.push({ type: "bye" });
   }
@@ -286,9 +287,13 @@ export class ClientSession {
     const { scene, limits, session } = welcome;
     const changed = this.version !== null && this.version !== scene.version;
     this.version = scene.version;
+    // Visible ids meant segments of the version before (5.4).
     if (changed) this.#transfers.hideAll();
+    // Granted in halves: the server never runs dry while a grant is on its way (8).
     this.#creditStep = Math.max(1, Math.floor(Math.min(this.options.creditBytes, limits.max_credit_bytes) / 2));
     this.#events.push({ type: "opened", scene, limits, session, heldCount: welcome.held_count, changed });
+    // In this order (5.3): what is held is offered whole before the landing, whose plan counts on it; what a connection left
+    // unanswered is asked again.
     this.#onDropped(welcome.dropped);
     const { messages, unsendable } = this.#offer.remaining(welcome);
     this.#outbox.push(...messages);

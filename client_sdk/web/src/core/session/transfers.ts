@@ -114,6 +114,7 @@ export class Transfers {
     this.aimDone = -1;
     const current = this.#current;
     this.#current = null;
+    // Only the newest is asked again: the others are superseded by it, as on one connection.
     const waiting = current === null || current.isDone ? this.#unplanned : [current, ...this.#unplanned];
     this.#unplanned = [];
     const newest = waiting.at(-1) ?? null;
@@ -148,6 +149,7 @@ export class Transfers {
     this.#nearby = plan.nearby;
     this.#retried.clear();
     landing.begin(plan);
+    // Parts of what the new load has go on where they stopped; all others are forgotten, on both sides (6.5, rule 3).
     this.#assembler.keepOnly(landing.facts);
     this.aims.planned(plan.keep, plan.load.length > 0);
     const lost: number[] = [];
@@ -180,6 +182,7 @@ export class Transfers {
   onDegraded(degraded: DegradedMessage): void {
     const landing = this.#current;
     if (landing === null || landing.isDone || landing.generation !== degraded.generation) return;
+    // Perhaps before all of it is here: it is passed on once it is whole.
     landing.inner = [...degraded.segments].sort((a, b) => a - b);
     this.#degradeIfWhole(landing);
   }
@@ -300,6 +303,7 @@ export class Transfers {
     const landing = this.#current;
     if (landing === null || landing.isDone || !landing.complete) return;
     landing.isDone = true;
+    // From here on pinned as visible, and no longer as planned.
     this.visible = landing.shown;
     this.#inner = [];
     this.#options.report({
