@@ -264,13 +264,13 @@ def test_whatever_happens_the_last_landing_alone_decides_what_is_visible(
     if not lost and ("spoil",) not in steps:
         assert pair.of(SegmentRejected) == []
     pinned = sum(len(toy.payloads[segment]) for segment in want)
-    assert pair.client.held.cache_bytes <= max(cache_bytes, pinned)
+    assert pair.client.holdings.cache_bytes <= max(cache_bytes, pinned)
     for segment in want:
-        assert pair.client.held.peek(segment).payload == toy.payloads[segment]
+        assert pair.client.holdings.peek(segment).payload == toy.payloads[segment]
     assert pair.client.repeated_bytes == 0
     # What the server believes held is here, or will be named by the next evict.
     pair.client.land(MIDDLE, 3.3)
     pair.settle()
     assert pair.server is not None
     believed = set(pair.server.deliveries.held.array().tolist())
-    assert {segment for segment in believed if segment not in pair.client.held} == set()
+    assert {segment for segment in believed if segment not in pair.client.holdings} == set()

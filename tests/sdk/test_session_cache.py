@@ -83,7 +83,7 @@ def test_a_wrong_byte_is_rejected_and_sent_again(pair: Pair) -> None:
     assert (rejected.segment, rejected.expected) == (14, int(pair.scene.hashes[14]))
     assert rejected.actual != rejected.expected
     assert pair.of(Ready)[-1].missing == ()
-    assert pair.client.held.peek(14).payload == pair.scene.payloads[14]
+    assert pair.client.holdings.peek(14).payload == pair.scene.payloads[14]
 
 
 def test_a_reject_that_crosses_the_next_landing_is_sent_again_in_that_one(toy: ToyScene) -> None:
@@ -106,7 +106,7 @@ def test_a_reject_that_crosses_the_next_landing_is_sent_again_in_that_one(toy: T
     assert len(pair.of(SegmentRejected)) == 1
     assert pair.of(Planned)[-1].plan.keep.tolist() == [0]
     assert pair.of(Ready)[-1].missing == ()
-    assert pair.client.held.peek(0).payload == toy_payload
+    assert pair.client.holdings.peek(0).payload == toy_payload
 
 
 def test_a_segment_that_stays_wrong_is_missing(pair: Pair) -> None:
@@ -125,7 +125,7 @@ def test_a_segment_that_stays_wrong_is_missing(pair: Pair) -> None:
     (ready,) = pair.of(Ready)
     assert ready.missing == (14,)
     assert ready.shown == tuple(s for s in expected(pair.scene, MIDDLE, 4.0) if s != 14)
-    assert 14 not in pair.client.held
+    assert 14 not in pair.client.holdings
     pair.spoil = None
     pair.client.land(MIDDLE, 4.0)  # a missing segment is tried again
     pair.settle()
@@ -163,7 +163,7 @@ def test_what_the_disk_has_lost_is_sent_again_in_the_same_landing(toy: ToyScene)
     assert len(again.of(SegmentRejected)) == 1
     assert again.received == [0]
     assert again.client.visible == (0,)
-    assert again.client.held.peek(0).facts.faces == len(lattice_mesh(0, 0).faces)
+    assert again.client.holdings.peek(0).facts.faces == len(lattice_mesh(0, 0).faces)
 
 
 def test_a_newer_version_drops_what_changed_and_keeps_the_rest(toy: ToyScene) -> None:

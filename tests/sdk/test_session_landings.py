@@ -34,7 +34,7 @@ def test_a_landing_shows_exactly_what_brute_force_finds() -> None:
     assert pair.client.visible == want
     assert pair.chunk_bytes == sum(len(toy.payloads[segment]) for segment in want)
     for segment in want:
-        entry = pair.client.held.peek(segment)
+        entry = pair.client.holdings.peek(segment)
         assert entry is not None
         assert entry.payload == toy.payloads[segment]
         assert entry.facts.bounds == tuple(toy.bounds[segment].tolist())
@@ -65,7 +65,7 @@ def test_what_lies_a_little_beyond_the_radius_is_kept_and_not_shown(toy: ToyScen
     assert again.load_bytes == 0
     pair.client.land(MIDDLE, 1.0)
     pair.settle()
-    held = [segment for segment in range(len(toy.payloads)) if segment in pair.client.held]
+    held = [segment for segment in range(len(toy.payloads)) if segment in pair.client.holdings]
     assert tuple(held) == expected(toy, MIDDLE, 1.5)
 
 
@@ -172,7 +172,7 @@ def test_an_aim_that_comes_wrong_twice_is_given_up(pair: Pair) -> None:
     pair.settle()
     assert [event.segment for event in pair.of(SegmentRejected)] == [0, 0]
     assert len(pair.of(Prefetched)) == 1
-    assert 0 not in pair.client.held
+    assert 0 not in pair.client.holdings
 
 
 def test_only_the_newest_aim_is_sent_and_a_landing_drops_it(pair: Pair) -> None:

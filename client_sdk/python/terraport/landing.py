@@ -22,7 +22,11 @@ __all__ = ["Landing", "LandingRecord", "LandingStats"]
 
 @dataclass(frozen=True, slots=True)
 class LandingStats:
-    """What one landing took; times in seconds from the call of ``land``, None while open."""
+    """What one landing took; times in seconds from the call of ``land``, None while open.
+
+    Bytes are of whole payloads, without frames and messages; each segment counts once, where it
+    came from last.
+    """
 
     plan_s: float | None
     first_segment_s: float | None
@@ -42,7 +46,12 @@ class LandingStats:
 
 @dataclass(slots=True)
 class LandingRecord:
-    """State of a landing. Filled by the session, on its event loop; read by the landing."""
+    """State of a landing. Filled by the session, on its event loop; read by the landing.
+
+    The session holds it until the landing is over, the landing as long as its user does. Fields
+    change only between two awaits, and :meth:`changed` follows every change: whoever wakes sees a
+    state that was whole.
+    """
 
     number: int
     clock: Callable[[], float]
@@ -70,8 +79,8 @@ class LandingRecord:
         self.trace = LandingTrace(self.number, self.started_s)
 
     @property
-    def over(self) -> bool:
-        """Whether nothing more will happen."""
+    def is_over(self) -> bool:
+        """Whether nothing more will happen: it is ready, or has failed."""
         return self.shown is not None or self.error is not None
 
     def planned(self, plan: Plan, kept: tuple[CachedSegment, ...]) -> None:
@@ -83,17 +92,19 @@ class LandingRecord:
             self.plan_s = now_s - self.started_s
         trace.plan_s, trace.generation = now_s, plan.generation
         trace.position, trace.radius_m = plan.position, plan.radius_m
-        before, self.segments = self.segments, {}
+        # What had come before a reconnect is in `kept` now: it keeps its source, and is not given
+        # to whoever iterates once more.
+        previous_segments, self.segments = self.segments, {}
         for entry in kept:
-            known = before.get(entry.facts.segment)
-            if known is not None and known.entry == entry:
-                self.segments[known.id] = known
+            previous = previous_segments.get(entry.facts.segment)
+            if previous is not None and previous.entry == entry:
+                self.segments[previous.id] = previous
             else:
                 self._add(entry, "memory")
         self.changed()
 
     def arrive(self, entry: CachedSegment, source: str) -> None:
-        """Take one segment."""
+        """Take a whole, verified segment; `source` is ``stream`` or ``disk``."""
         if self.first_segment_s is None:
             self.first_segment_s = self.clock() - self.started_s
         self._add(entry, source)
@@ -106,21 +117,23 @@ class LandingRecord:
         self.changed()
 
     def ready(self, shown: tuple[int, ...], missing: tuple[int, ...]) -> None:
-        """Note that it is whole."""
+        """Note that every byte is there: exactly `shown` is to be drawn."""
         self.shown, self.missing = shown, missing
         self.trace.ready_s = self.clock()
         self.ready_s = self.trace.ready_s - self.started_s
         self.changed()
 
     def fail(self, error: TerraportError) -> None:
-        """Note that it will not be."""
-        if not self.over:
+        """Note that it will not be ready, and why."""
+        # Once ready it stays so: a session that ends takes nothing back.
+        if not self.is_over:
             self.error = error
             self.trace.ended_by, self.trace.ended_s = type(error).__name__, self.clock()
             self.changed()
 
     def changed(self) -> None:
         """Wake everyone who waits."""
+        # Exchanged first: who wakes may wait again at once, for the next change.
         waiters, self._waiters = self._waiters, []
         for waiter in waiters:
             if not waiter.done():
@@ -291,27 +304,30 @@ class Landing:
         return self._iterate()
 
     async def _iterate(self) -> AsyncIterator[Segment]:
-        record, at = self._record, 0
+        record, next_index = self._record, 0
         while True:
-            while at < len(record.arrived):
-                at += 1
-                yield record.arrived[at - 1]
-            if record.over:
-                await self.ready()
+            # By index, not by iterator: the list grows while the caller has the segment.
+            while next_index < len(record.arrived):
+                next_index += 1
+                yield record.arrived[next_index - 1]
+            if record.is_over:
+                await self.ready()  # for its errors: nothing is left to wait for
                 return
             await record.change()
 
-    async def _until(self, reached: Callable[[], bool], timeout_s: float | None) -> None:
+    async def _until(self, is_reached: Callable[[], bool], timeout_s: float | None) -> None:
+        """Wait until the record is that far, or has failed; what is reached wins over an error."""
         record = self._record
         if timeout_s is not None and not timeout_s >= 0:
             raise UsageError(f"timeout_s is {timeout_s}, expected 0 or more, or None")
         try:
             async with asyncio.timeout(timeout_s):
-                while not reached():
+                while not is_reached():
                     if record.error is not None:
                         raise record.error
                     await record.change()
         except TimeoutError as error:
+            # The landing's own error may be a TimeoutError too: it is not this wait's.
             if isinstance(error, TerraportError):
                 raise
             expected = 0 if record.plan is None else len(record.plan.load) + len(record.plan.keep)

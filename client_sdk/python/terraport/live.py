@@ -1,6 +1,8 @@
-"""A session with a scene, open: the state machine, its connection, its disk and its HTTP together.
+"""A session with a scene, open: what its user may ask for, and how long it lives.
 
-:func:`terraport.connect` makes it and says what may be called when.
+It puts the state machine, its connection, its disk and its HTTP together; what comes back is
+carried out by :mod:`terraport.intake`. :func:`terraport.connect` makes it and says what may be
+called when.
 """
 
 from __future__ import annotations
@@ -15,37 +17,19 @@ import xxhash
 
 from terraport.access import Access
 from terraport.base import BaseMesh
-from terraport.cache import CachedSegment, SegmentFacts
 from terraport.disk_cache import DiskCache
 from terraport.disk_worker import DiskWorker
 from terraport.errors import (
     GroupError,
-    LandingSupersededError,
     OutsideSceneWarning,
     ServerError,
     SessionClosedError,
     TerraportError,
 )
-from terraport.events import (
-    Degraded,
-    Dropped,
-    Event,
-    LandingSent,
-    Noticed,
-    Opened,
-    PayloadBegan,
-    PickAnswered,
-    PickRefused,
-    Planned,
-    Ready,
-    Refused,
-    RestoreNeeded,
-    SegmentArrived,
-    SegmentRejected,
-    Superseded,
-)
-from terraport.group import Group, GroupEvent, GroupRecord
+from terraport.events import Opened
+from terraport.group import Group, GroupRecord
 from terraport.http import SceneHttp
+from terraport.intake import EventIntake
 from terraport.landing import Landing
 from terraport.link import Link
 from terraport.scene_box import SceneBox
@@ -53,14 +37,17 @@ from terraport.session import ClientSession
 from terraport.session_stats import SessionStats
 from terraport.timeouts import Timeouts
 from terraport.urls import SceneUrl
-from terraport.waiting import Waiting
 from terraport_wire import Hit, SceneInfo, ServerLimits
 
 __all__ = ["Session"]
 
 
 class Session:
-    """One scene, open. Made by :func:`connect`."""
+    """One scene, open, over as many connections as it takes. Made by :func:`connect`.
+
+    It owns the link, the disk worker and their tasks, and ends them in :meth:`aclose`; a landing or
+    group that it handed out ends with it.
+    """
 
     def __init__(
         self,
@@ -77,30 +64,25 @@ class Session:
         self._url = url
         self._timeouts = timeouts
         self._disk = disk
-        self._link = Link(state, url.stream, access, timeouts, self._take)
+        # Events need the link to answer, and the link needs somebody to give events to.
+        self._intake = intake = EventIntake(state, pump=self._pump, on_opened=self._on_opened)
+        self._link = Link(state, url.stream, access, timeouts, intake.take)
         self._link.group = group
-        self._worker = (
-            None
-            if disk is None
-            else DiskWorker(
+        if disk is not None:
+            intake.worker = DiskWorker(
                 disk,
-                restored=self._on_restored,
-                lost=self._on_lost,
-                stored=self._on_stored,
-                removed=self._on_removed,
+                restored=intake.restored,
+                lost=intake.lost,
+                stored=intake.stored,
+                removed=intake.removed,
             )
-        )
-        self._opened: Opened | None = None
+        self._worker = intake.worker
         self._welcome: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._failure: TerraportError | None = None
-        self._waiting = Waiting()
         self._base: BaseMesh | None = None
         self._base_lock = asyncio.Lock()
+        # The link's first, then the disk worker's; `aclose` ends them all.
         self._tasks: list[asyncio.Task[None]] = []
-        self._payload_bytes = self._rejected = 0
-        self._group: GroupRecord | None = None
-        self.newest_version: str | None = None
-        """A newer scene version that the server has announced; served from the next connection."""
 
     # ---- what is served
 
@@ -128,20 +110,25 @@ class Session:
         return self._state.visible
 
     @property
+    def newest_version(self) -> str | None:
+        """A newer scene version that the server has announced; served from the next connection."""
+        return self._intake.newest_version
+
+    @property
     def stats(self) -> SessionStats:
-        """Counts so far."""
+        """What has been transferred, and how well aims foresaw it, over all connections."""
         aims = self._state.aims
         return SessionStats(
             connections=self._link.connections,
             received_bytes=self._link.received_bytes,
-            payload_bytes=self._payload_bytes,
+            payload_bytes=self._intake.payload_bytes,
             prefetched_bytes=aims.prefetched_bytes,
             prefetch_used_bytes=aims.used_bytes,
             aimed_landings=aims.landings,
             aim_hits=aims.hits,
             repeated_bytes=self._state.repeated_bytes,
-            rejected=self._rejected,
-            cache_bytes=self._state.held.cache_bytes,
+            rejected=self._intake.rejected,
+            cache_bytes=self._state.holdings.cache_bytes,
         )
 
     async def manifest(self) -> dict[str, Any]:
@@ -232,10 +219,12 @@ class Session:
             deadline_ms=_milliseconds(deadline_s),
             stall_ms=_milliseconds(stall_s),
         )
-        record = self._waiting.begin_landing(number)
+        # Nothing is sent before `pump`: the record is there when the first event of it comes.
+        record = self._intake.waiting.begin_landing(number)
         self._link.pump()
         landing = Landing(record)
         plan = await landing.planned(self._timeouts.plan_s if timeout_s is None else timeout_s)
+        # Whatever loads or keeps something is in the scene: only empty plans are looked at.
         if not (len(plan.load) or len(plan.keep) or plan.omitted_segments):
             record.outside_m = await self._warn_outside(plan.position, plan.radius_m)
         return landing
@@ -292,13 +281,13 @@ class Session:
         """
         self._require_open()
         request = self._state.pick(origin, direction)
-        answer = self._waiting.begin_pick(request)
+        answer = self._intake.waiting.begin_pick(request)
         self._link.pump()
         try:
             async with asyncio.timeout(self._timeouts.pick_s if timeout_s is None else timeout_s):
                 return await answer
         finally:
-            self._waiting.end_pick(request)
+            self._intake.waiting.end_pick(request)
             self._state.drop_pick(request)
 
     async def join_group(
@@ -338,17 +327,20 @@ class Session:
             The session has ended.
         """
         self._require_open()
-        served, named = self.limits.groups, self._link.group
-        if served not in {"here", "query"}:
+        groups_served, url_group = self.limits.groups, self._link.group
+        if groups_served not in {"here", "query"}:
             raise ServerError("group_refused", "no groups are served at this address")
-        reroute = named != group if served == "query" else named not in {None, group}
+        # By query the URL must name this group; elsewhere it must only not name another (16.6).
+        allowed = {group} if groups_served == "query" else {None, group}
+        reroute = url_group not in allowed
         request = self._state.group.join(group, role, name)
-        if self._group is not None:
-            self._group.end(GroupError(f"group {self._group.name} was left"))
+        if self._intake.group is not None:
+            self._intake.group.end(GroupError(f"group {self._intake.group.name} was left"))
         record = GroupRecord(
             group, self._state.group, land=self.land, pump=self._link.pump, request=request
         )
-        self._group = record
+        # Before anything is sent: the answer is taken by whoever has the seat.
+        self._intake.group = record
         if reroute:
             self._link.reroute(group)
         self._link.pump()
@@ -362,6 +354,7 @@ class Session:
         loads if need be): a function of the last landing's plan, whatever happened since.
         """
         base = await self.base()
+        # After the wait: the set that is visible now, not the one before the base was loaded.
         visible = self.visible
         digest = xxhash.xxh3_64(np.array(visible, dtype="<u4").tobytes())
         digest.update(np.packbits(base.hidden_faces(visible)).tobytes())
@@ -372,9 +365,10 @@ class Session:
         self._link.leave()
         try:
             async with asyncio.timeout(self._timeouts.close_s):
+                # What came is paid for: it is written before the disk is left.
                 if self._worker is not None and len(self._tasks) > 1:
                     await self._worker.drained()
-                if self._tasks and self._state.open:  # else there is nobody to say it to
+                if self._tasks and self._state.open:  # else there is nobody to say goodbye to
                     await asyncio.wait(self._tasks[:1])
         except TimeoutError:
             pass  # what is left is cut off
@@ -416,8 +410,15 @@ class Session:
 
     @property
     def _welcomed(self) -> Opened:
-        assert self._opened is not None  # connect() waits for it
-        return self._opened
+        assert self._intake.opened is not None  # connect() waits for it
+        return self._intake.opened
+
+    def _pump(self) -> None:
+        self._link.pump()
+
+    def _on_opened(self) -> None:
+        if not self._welcome.done():  # only the first welcome is waited for
+            self._welcome.set_result(None)
 
     def _spawn(self, work: Coroutine[Any, Any, None], name: str) -> None:
         task = asyncio.create_task(work, name=name)
@@ -440,89 +441,11 @@ class Session:
         if not self._welcome.done():
             self._welcome.set_exception(error)
             self._welcome.exception()  # nobody waits for it any more once open() was cancelled
-        self._waiting.fail(error)
-        if self._group is not None:
-            self._group.end(error)
+        self._intake.fail(error)
 
     def _require_open(self) -> None:
         if self._failure is not None:
             raise SessionClosedError(str(self._failure)) from self._failure
-
-    def _take(self, event: Event) -> None:
-        """Carry out one event of the state machine."""
-        if isinstance(event, SegmentArrived):
-            self._on_arrived(event)
-        elif isinstance(event, Planned):
-            record = self._waiting.landing(event.landing)
-            record.planned(event.plan, event.kept)
-            record.trace.server_session = self._welcomed.session
-        elif isinstance(event, Ready):
-            record = self._waiting.end_landing(event.landing)
-            record.trace.server = event.timings
-            record.ready(event.shown, event.missing)
-        elif isinstance(event, LandingSent):
-            record = self._waiting.landing(event.landing)
-            record.trace.sent_s = record.clock()
-        elif isinstance(event, PayloadBegan):
-            record = self._waiting.landing(event.landing)
-            record.trace.first_byte_s = record.clock()
-        elif isinstance(event, Degraded):
-            self._waiting.landing(event.landing).degrade(event.segments)
-        elif isinstance(event, Superseded):
-            error = LandingSupersededError(event.landing, event.by)
-            self._waiting.end_landing(event.landing).fail(error)
-        elif isinstance(event, Refused) and event.landing is not None:
-            self._waiting.end_landing(event.landing).fail(ServerError(event.code, event.message))
-        elif isinstance(event, SegmentRejected):
-            self._rejected += 1
-            if event.landing is not None:
-                self._waiting.landing(event.landing).rejected += 1
-            if self._worker is not None:
-                self._worker.remove({event.segment: event.expected})
-        elif isinstance(event, RestoreNeeded):
-            assert self._worker is not None  # only its catalogue knows such segments
-            for segment in event.segments:
-                xxh3 = self._state.held.hash_of(segment)
-                assert xxh3 is not None
-                self._worker.restore(segment, xxh3)
-        elif isinstance(event, PickAnswered | PickRefused):
-            self._waiting.answer_pick(event)
-        elif isinstance(event, Opened):
-            self._opened = event
-            if not self._welcome.done():
-                self._welcome.set_result(None)
-        elif isinstance(event, Dropped) and self._worker is not None:
-            self._worker.remove(dict(event.on_disk))
-        elif isinstance(event, Noticed) and event.kind == "scene_published":
-            self.newest_version = event.version
-        elif self._group is not None and isinstance(event, GroupEvent):
-            self._group.take(event)
-
-    def _on_arrived(self, event: SegmentArrived) -> None:
-        entry = event.entry
-        if not event.restored:
-            self._payload_bytes += len(entry.payload)
-            if self._worker is not None and not self._state.held.on_disk(entry.facts.segment):
-                self._worker.store(entry)
-        if event.landing is not None:
-            source = "disk" if event.restored else "stream"
-            self._waiting.landing(event.landing).arrive(entry, source)
-
-    # ---- the disk worker's news
-
-    def _on_restored(self, entry: CachedSegment) -> None:
-        self._state.restored(entry)
-        self._link.pump()
-
-    def _on_lost(self, segment: int) -> None:
-        self._state.lost(segment)
-        self._link.pump()
-
-    def _on_stored(self, facts: SegmentFacts) -> None:
-        self._state.stored_on_disk(facts)
-
-    def _on_removed(self, segments: list[int]) -> None:
-        self._state.removed_from_disk(segments)
 
 
 def _milliseconds(seconds: float | None) -> int | None:

@@ -94,7 +94,7 @@ class ClientSession:
         self.options = options
         self.version: str | None = None
         """Scene version of the newest connection."""
-        self.held = Holdings(cache, on_disk)
+        self.holdings = Holdings(cache, on_disk)
         """What is held here, in memory and on disk."""
         self._events: deque[Event] = deque()
         self._outbox: deque[Message] = deque()
@@ -102,7 +102,9 @@ class ClientSession:
         """Numbers of the landings whose ``land`` is in the outbox."""
         self._leaving: list[int] = []
         """Those whose ``land`` was given out to be sent."""
-        self._transfers = Transfers(self.held, say=self._outbox.append, report=self._events.append)
+        self._transfers = Transfers(
+            self.holdings, say=self._outbox.append, report=self._events.append
+        )
         self._open = self._greeting = False
         self._generation = self._landings = self._requests = 0
         self._queued: LandingState | None = None
@@ -169,9 +171,9 @@ class ClientSession:
     def sent(self) -> bool:
         """Note that what :meth:`data_to_send` gave is on its way; whether that is an event."""
         self._events.extend(LandingSent(number) for number in self._leaving)
-        told = bool(self._leaving)
+        has_events = bool(self._leaving)
         self._leaving.clear()
-        return told
+        return has_events
 
     # ---- connection
 
@@ -187,8 +189,8 @@ class ClientSession:
         self._outbox.clear()
         self._open = False
         self._greeting = True
-        held = self._offer.first(self.held.offer(), in_hello=offer_held)
-        self._outbox.append(self.options.hello(held))
+        held_rows = self._offer.first(self.holdings.offer(), in_hello=offer_held)
+        self._outbox.append(self.options.hello(held_rows))
 
     def connection_lost(self) -> None:
         """Note that the connection is gone.
@@ -200,7 +202,7 @@ class ClientSession:
         self._outbox.clear()
         self._unsent.clear()
         self._leaving.clear()
-        self._taken_bytes = 0
+        self._taken_bytes = 0  # credit belongs to the connection (8)
         self._aim.connection_lost(self._transfers.aim_done)
         self._queue(self._transfers.connection_lost())
         self.group.connection_lost()
@@ -300,20 +302,20 @@ class ClientSession:
         self._picks.drop(request)
 
     def bye(self) -> None:
-        """End the session politely."""
+        """Say ``bye``, where there is a connection: the server then closes at once (5.6)."""
         if self._open:
             self._outbox.append(Bye())
 
     # ---- news from the disk cache
 
     def stored_on_disk(self, facts: SegmentFacts) -> None:
-        """Note that the disk holds a segment."""
-        self.held.add_disk(facts.segment, facts.xxh3)
+        """Note that the disk holds a segment: its payload may leave memory unreported."""
+        self.holdings.add_disk(facts.segment, facts.xxh3)
 
     def removed_from_disk(self, segments: Iterable[int]) -> None:
         """Note that the disk no longer holds these."""
         for segment in segments:
-            self.held.drop_disk(segment)
+            self.holdings.drop_disk(segment)
 
     def restored(self, entry: CachedSegment) -> None:
         """Take a segment that ``RestoreNeeded`` asked for, verified by the caller."""
@@ -346,8 +348,8 @@ class ClientSession:
         elif isinstance(message, Picked):
             self._picks.answered(message)
         elif isinstance(message, Notice):
-            news = Noticed(message.kind, message.version, message.reconnect_after_ms)
-            self._events.append(news)
+            noticed = Noticed(message.kind, message.version, message.reconnect_after_ms)
+            self._events.append(noticed)
         elif isinstance(message, HeldChecked):
             self._on_dropped(message.dropped)
         else:
@@ -364,13 +366,16 @@ class ClientSession:
         self._open, self._greeting = True, False
         changed = self.version is not None and self.version != welcome.scene.version
         self.version = welcome.scene.version
-        if changed:
+        if changed:  # visible ids meant segments of the version before (5.4)
             self._transfers.hide_all()
         credit = min(self.options.credit_bytes, welcome.limits.max_credit_bytes)
+        # Granted in halves: the server never runs dry while a grant is on its way (8).
         self._credit_step = max(1, credit // 2)
         self._events.append(
             Opened(welcome.scene, welcome.limits, welcome.session, welcome.held_count, changed)
         )
+        # In this order (5.3): what is held is offered whole before the landing, whose plan counts
+        # on it; what a connection left unanswered is asked again.
         self._on_dropped(welcome.dropped)
         self._outbox.extend(self._offer.rest(welcome))
         self._outbox.extend(self._picks.waiting())
@@ -383,13 +388,14 @@ class ClientSession:
         """Free what this scene version does not have."""
         dropped = tuple(segments.tolist())
         if dropped:
-            on_disk = self.held.disk_hashes(dropped)
-            self.held.forget(dropped)
+            on_disk = self.holdings.disk_hashes(dropped)
+            self.holdings.forget(dropped)
             self._events.append(Dropped(dropped, on_disk))
 
     def _on_error(self, error: Error) -> None:
-        told = self._picks.refused(error) or self.group.refused(error)
-        if told and not error.fatal:
+        # A request's own answer: nothing else was refused, unless the connection ends with it.
+        is_answer = self._picks.refused(error) or self.group.refused(error)
+        if is_answer and not error.fatal:
             return
         self._aim.refused(error.generation)
         refused = None if error.fatal else self._transfers.refused(error.generation)
@@ -411,6 +417,7 @@ class ClientSession:
         self._queued = landing
 
     def _send_landing(self, landing: LandingState) -> None:
+        # Evictions go first: the plan must not keep what is gone here (6.7).
         self._send_evictions()
         self._generation += 1
         landing.generation = self._generation
@@ -421,7 +428,7 @@ class ClientSession:
     def _send_evictions(self) -> None:
         # What may not be told now (6.7, rule 2) is told before the next land or aim.
         if not self._transfers.awaits_plan:
-            self._outbox.extend(self.held.evictions(self._transfers.open_plan))
+            self._outbox.extend(self.holdings.evictions(self._transfers.open_plan))
 
     def _grant(self, taken_bytes: int) -> None:
         self._taken_bytes += taken_bytes

@@ -13,7 +13,7 @@ import {
   writeBookmarks,
 } from "../src/app/bookmarks.ts";
 
-function memory(entries: Record<string, string> = {}): KeyValueStorage {
+function memoryStorage(entries: Record<string, string> = {}): KeyValueStorage {
   const values = new Map(Object.entries(entries));
   return { getItem: (key) => values.get(key) ?? null, setItem: (key, value) => void values.set(key, value) };
 }
@@ -26,7 +26,7 @@ describe("bookmarks", () => {
       ["1", "North wall"],
       ["2", "Place 2"],
     ]);
-    const storage = memory();
+    const storage = memoryStorage();
     expect(writeBookmarks(storage, "pit", TWO)).toBe(true);
     expect(readBookmarks(storage, "pit")).toEqual(TWO);
     expect(readBookmarks(storage, "other")).toEqual([]);
@@ -35,14 +35,14 @@ describe("bookmarks", () => {
   test("are renamed and deleted; a number is not given twice", () => {
     expect(withRenamed(TWO, "2", "  Crack  ")[1]?.name).toBe("Crack");
     expect(withRenamed(TWO, "2", "   ")[1]?.name).toBe("Place 2");
-    const one = withoutBookmark(TWO, "1");
-    expect(withBookmark(one, "new", "#x").map(({ id }) => id)).toEqual(["2", "3"]);
+    const remaining = withoutBookmark(TWO, "1");
+    expect(withBookmark(remaining, "new", "#x").map(({ id }) => id)).toEqual(["2", "3"]);
   });
 
   test("end where they are too many", () => {
-    let many = TWO;
-    for (let index = 0; index < MAX_BOOKMARKS + 5; index += 1) many = withBookmark(many, "x", "#x");
-    expect(many).toHaveLength(MAX_BOOKMARKS);
+    let bookmarks = TWO;
+    for (let index = 0; index < MAX_BOOKMARKS + 5; index += 1) bookmarks = withBookmark(bookmarks, "x", "#x");
+    expect(bookmarks).toHaveLength(MAX_BOOKMARKS);
   });
 
   test("survive a storage that is refused or spoiled", () => {
@@ -57,7 +57,7 @@ describe("bookmarks", () => {
     expect(readBookmarks(broken, "pit")).toEqual([]);
     expect(writeBookmarks(broken, "pit", TWO)).toBe(false);
     for (const text of ["", "nonsense", "{}", "[null, 3]", '[{"id":"1","name":"a","hash":"javascript:alert(1)"}]']) {
-      expect(readBookmarks(memory({ "terraport.places.pit": text }), "pit")).toEqual([]);
+      expect(readBookmarks(memoryStorage({ "terraport.places.pit": text }), "pit")).toEqual([]);
     }
   });
 

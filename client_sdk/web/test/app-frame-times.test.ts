@@ -36,10 +36,10 @@ describe("a store", () => {
     const stop = store.subscribe(listener);
     store.set({ a: 1 });
     expect(listener).not.toHaveBeenCalled();
-    const before = store.get();
+    const previousState = store.get();
     store.set({ a: 2 });
-    expect(listener).toHaveBeenCalledExactlyOnceWith({ a: 2, b: "x" }, before);
-    expect(before).toEqual({ a: 1, b: "x" });
+    expect(listener).toHaveBeenCalledExactlyOnceWith({ a: 2, b: "x" }, previousState);
+    expect(previousState).toEqual({ a: 1, b: "x" });
     stop();
     store.set({ a: 3 });
     expect(listener).toHaveBeenCalledTimes(1);

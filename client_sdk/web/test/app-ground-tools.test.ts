@@ -11,47 +11,47 @@ const WALL: Vec3 = [5, 4, 0];
 const FOOT: Vec3 = [4.5, 0, 0];
 
 /** Tools of a page on which every click meets a wall; what they do, in order. */
-function toolsAtWall(view: "orbit" | "walk", place: Vec3 | null) {
+function toolsAtWall(view: "orbit" | "walk", foothold: Vec3 | null) {
   const store = createStore({ view, tool: "land", aim: null } as unknown as ViewerState);
-  const done: string[] = [];
+  const calls: string[] = [];
   const hit: GroundHit = { position: WALL, normal: [-1, 0, 0], isOuter: true, distanceM: 9, segment: 1, region: 2 };
   const tools = createGroundTools({
     store,
     stream: { pick: () => Promise.resolve(null) },
     rayAt: () => ({ origin: [0, 2, 0], direction: [1, 0, 0] }),
     cast: () => hit,
-    standNear: () => place,
+    standNear: () => foothold,
     pixelOf: () => ({ x: 900, y: 900 }),
     aim(at) {
       store.set({ aim: { place: at, radiusM: 60, fraction: null, bytes: 0 } });
-      done.push(`aim ${at}`);
+      calls.push(`aim ${at}`);
     },
-    land: (at) => done.push(`land ${at}`),
-    say: (text) => done.push(text),
-    refuse: (why) => done.push(`refuse ${why}`),
+    land: (at) => calls.push(`land ${at}`),
+    announce: (text) => calls.push(text),
+    refuse: (why) => calls.push(`refuse ${why}`),
   });
-  return { tools, done };
+  return { tools, calls };
 }
 
 describe("a click on a wall", () => {
   it("puts the target where one can stand, says so, and lands by a second click on the wall", () => {
-    const { tools, done } = toolsAtWall("walk", FOOT);
+    const { tools, calls } = toolsAtWall("walk", FOOT);
     tools.tap(10, 10);
-    expect(done).toEqual(["refuse null", "aim 4.5,0,0", "Nobody could stand there. The target is 4.03 m beside"]);
+    expect(calls).toEqual(["refuse null", "aim 4.5,0,0", "Nobody could stand there. The target is 4.03 m beside"]);
     tools.tap(10, 10);
-    expect(done.at(-1)).toBe("land 4.5,0,0");
+    expect(calls.at(-1)).toBe("land 4.5,0,0");
   });
 
   it("without a foothold is refused to a walker", () => {
-    const { tools, done } = toolsAtWall("walk", null);
+    const { tools, calls } = toolsAtWall("walk", null);
     tools.tap(10, 10);
     expect(tools.press(10, 10)).toBe(false);
-    expect(done).toEqual(["refuse steep", "refuse steep"]);
+    expect(calls).toEqual(["refuse steep", "refuse steep"]);
   });
 
   it("without a foothold is looked at from above", () => {
-    const { tools, done } = toolsAtWall("orbit", null);
+    const { tools, calls } = toolsAtWall("orbit", null);
     tools.tap(10, 10);
-    expect(done).toEqual(["refuse null", "aim 5,4,0"]);
+    expect(calls).toEqual(["refuse null", "aim 5,4,0"]);
   });
 });

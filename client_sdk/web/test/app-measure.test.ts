@@ -63,14 +63,14 @@ test("an arc goes from below the eye to the place, and over both", () => {
 
 test("a circle lies on the ground, is closed, and keeps its height over nothing", () => {
   const drape = drapeCircle([10, 5, 20], 8, 16, 0.25);
-  const asked: number[] = [];
+  const probes: number[] = [];
   const ground = (x: number) => {
-    asked.push(x);
+    probes.push(x);
     return x > 10 ? null : x * 0.5;
   };
   expect([drape.step(ground, 7), drape.step(ground, 7), drape.step(ground, 7)]).toEqual([false, false, true]);
-  expect(asked).toHaveLength(16);
-  expect(drape.onGround).toBeCloseTo(asked.filter((x) => x <= 10).length / 16, 12);
+  expect(probes).toHaveLength(16);
+  expect(drape.onGround).toBeCloseTo(probes.filter((x) => x <= 10).length / 16, 12);
   const { points } = drape;
   expect([...points.slice(0, 3)]).toEqual([...points.slice(48)]);
   for (let index = 0; index <= 16; index += 1) {

@@ -15,8 +15,8 @@ describe("a place", () => {
     [[0, 2, -120], 100],
     [[0, -100, 0], 100],
     [[641_000, 120, 5_200_000], Math.hypot(640_990, 115, 5_199_980)],
-  ] as const)("%j", (place, outsideM) => {
-    expect(outsideBy(place, 60, BOUNDS)).toBe(outsideM);
+  ] as const)("%j", (position, outsideM) => {
+    expect(outsideBy(position, 60, BOUNDS)).toBe(outsideM);
   });
 
   it("outside is said with how far", () => {

@@ -60,15 +60,15 @@ describe("CoverCounters", () => {
     const counters = new CoverCounters(cover(rows));
     const hashes = new Map<string, number>();
     for (let step = 0; step < 400; step += 1) {
-      const before = [...counters.hidden];
-      const wanted = new Set(Array.from({ length: 40 }, (_, id) => id).filter(() => next() < (step % 10) / 10));
-      const changed = counters.show(wanted);
-      const expected = hiddenByTheRule(rows, wanted);
+      const hiddenBefore = [...counters.hidden];
+      const target = new Set(Array.from({ length: 40 }, (_, id) => id).filter(() => next() < (step % 10) / 10));
+      const changed = counters.show(target);
+      const expected = hiddenByTheRule(rows, target);
       expect([...counters.hidden]).toEqual(expected);
-      expect([...changed]).toEqual(expected.flatMap((state, face) => (state === before[face] ? [] : [face])));
+      expect([...changed]).toEqual(expected.flatMap((state, face) => (state === hiddenBefore[face] ? [] : [face])));
       expect(counters.hiddenCount).toBe(expected.filter((state) => state === 1).length);
       const fresh = new CoverCounters(cover(rows));
-      fresh.show([...wanted].reverse());
+      fresh.show([...target].reverse());
       expect(counters.hiddenHash).toBe(fresh.hiddenHash);
       hashes.set(expected.join(""), counters.hiddenHash);
     }

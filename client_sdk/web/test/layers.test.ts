@@ -59,30 +59,30 @@ const PACKAGE_JSON = "../package.json";
 const IMPORTS = FILES.flatMap(importsOf).filter(({ target }) => target !== PACKAGE_JSON);
 
 it("finds the source, and its imports", () => {
-  for (const part of Object.keys(MAY_IMPORT)) expect(FILES.some((path) => path.startsWith(`${part}/`))).toBe(true);
+  for (const layer of Object.keys(MAY_IMPORT)) expect(FILES.some((path) => path.startsWith(`${layer}/`))).toBe(true);
   expect(IMPORTS.length).toBeGreaterThan(FILES.length);
 });
 
 describe("imports", () => {
   it("are of files that are there, with their ending", () => {
-    const ours = IMPORTS.filter((one) => one.isOurs);
+    const ours = IMPORTS.filter((imported) => imported.isOurs);
     expect(ours.filter(({ target }) => target.endsWith(".ts") && !FILES.includes(target))).toEqual([]);
     expect(ours.filter(({ target }) => !/\.(ts|css|svg)(\?|$)/.test(target))).toEqual([]);
   });
 
   it("go from part to part in one direction", () => {
     const wrong = IMPORTS.filter(({ from, target, isOurs }) => {
-      const [part, other] = [partOf(from), partOf(target)];
-      return isOurs && part !== other && !MAY_IMPORT[part]?.includes(other);
+      const [layer, targetLayer] = [partOf(from), partOf(target)];
+      return isOurs && layer !== targetLayer && !MAY_IMPORT[layer]?.includes(targetLayer);
     });
     expect(wrong).toEqual([]);
   });
 
   it("go from folder to folder of core in one direction", () => {
     const wrong = IMPORTS.filter(({ from, target }) => {
-      const [folder, other] = [coreFolderOf(from), coreFolderOf(target)];
-      if (folder === null || other === null || folder === other) return false;
-      return !MAY_IMPORT_IN_CORE[folder]?.includes(other);
+      const [folder, targetFolder] = [coreFolderOf(from), coreFolderOf(target)];
+      if (folder === null || targetFolder === null || folder === targetFolder) return false;
+      return !MAY_IMPORT_IN_CORE[folder]?.includes(targetFolder);
     });
     expect(wrong).toEqual([]);
   });
@@ -121,13 +121,13 @@ describe("core", () => {
 
 function importsOf(path: string): Import[] {
   const text = readFileSync(join(SRC, path), "utf-8");
-  const found = [
+  const matches = [
     ...text.matchAll(/^(?:import|export)\s[^;"']*?from\s+"([^"]+)"/gm),
     ...text.matchAll(/^import\s+"([^"]+)"/gm),
     ...text.matchAll(/\bimport\(\s*"([^"]+)"\s*\)/g),
     ...text.matchAll(/new URL\("(\.[^"]+)", import\.meta\.url\)/g),
   ];
-  return found.map(([, target]) => {
+  return matches.map(([, target]) => {
     if (!target!.startsWith(".")) return { from: path, target: target!, isOurs: false };
     const below = relative(SRC, join(SRC, dirname(path), target!));
     return { from: path, target: below.split(sep).join("/"), isOurs: true };

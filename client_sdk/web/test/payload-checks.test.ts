@@ -17,13 +17,13 @@ it("an array that reaches beyond the BIN chunk is refused, compressed or not", a
     const { gltf, binary } = splitGlb(bytes);
     const views = gltf.bufferViews as { byteOffset?: number; extensions?: Record<string, { byteOffset?: number }> }[];
     for (const view of views) {
-      const place = view.extensions?.EXT_meshopt_compression ?? view;
-      const before = place.byteOffset;
+      const bytesRange = view.extensions?.EXT_meshopt_compression ?? view;
+      const offsetBefore = bytesRange.byteOffset;
       // Its first byte is inside, its last is not.
-      place.byteOffset = binary.length - 1;
+      bytesRange.byteOffset = binary.length - 1;
       await expect(decodeGlb(withJson(bytes, gltf), 0)).rejects.toThrow("expected within");
-      if (before === undefined) delete place.byteOffset;
-      else place.byteOffset = before;
+      if (offsetBefore === undefined) delete bytesRange.byteOffset;
+      else bytesRange.byteOffset = offsetBefore;
     }
   }
 });
@@ -52,14 +52,14 @@ it("a KTX2 image is not handed to the browser", async () => {
 it("what is decoded belongs to the caller, and the payload stays as it was", async () => {
   for (const name of ["good-plain.glb", "good-full.glb"]) {
     const bytes = payload(name);
-    const before = bytes.slice();
+    const original = bytes.slice();
     const mesh = await decodeGlb(bytes, 0);
     const buffers = [mesh.positions, mesh.normals, mesh.indices, mesh.colours, mesh.regionIds]
       .concat(mesh.attributes.map(({ codes }) => codes))
       .flatMap((values) => (values === null ? [] : [values.buffer as ArrayBuffer]));
     // Throws where a buffer is named twice, or is the payload's own.
     structuredClone(mesh, { transfer: buffers });
-    expect(bytes).toEqual(before);
+    expect(bytes).toEqual(original);
   }
 });
 

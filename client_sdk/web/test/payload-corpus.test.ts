@@ -72,8 +72,8 @@ it("runs every file of the corpus", () => {
   expect(namesOf(false).length).toBeGreaterThanOrEqual(15);
 });
 
-function namesOf(good: boolean): string[] {
-  return NAMES.filter((name) => name.endsWith(".glb") && expectedOf(name).good === good);
+function namesOf(isValid: boolean): string[] {
+  return NAMES.filter((name) => name.endsWith(".glb") && expectedOf(name).good === isValid);
 }
 
 function bytesOf(name: string): Uint8Array<ArrayBuffer> {
@@ -84,10 +84,10 @@ function expectedOf(name: string): Expected {
   return JSON.parse(readFileSync(new URL(`${name}.json`, CORPUS), "utf-8")) as Expected;
 }
 
-/** The first `wanted` of every `stride` values. */
-function rows(values: ArrayLike<number>, stride: number, wanted: number): number[][] {
+/** The first `width` of every `stride` values. */
+function rows(values: ArrayLike<number>, stride: number, width: number): number[][] {
   return Array.from({ length: values.length / stride }, (_, row) =>
-    Array.from({ length: wanted }, (_, column) => values[row * stride + column]!),
+    Array.from({ length: width }, (_, column) => values[row * stride + column]!),
   );
 }
 
@@ -116,9 +116,9 @@ function valuesOf({ offset, step, codes }: MeshData["attributes"][number]): (num
   return rows(codes, 2, 1).map(([code]) => (code === 65535 ? null : Math.fround(offset + step * code!)));
 }
 
-function expectClose(found: number[][], expected: number[][]): void {
-  expect(found.length).toBe(expected.length);
-  for (const [row, values] of found.entries()) {
+function expectClose(actual: number[][], expected: number[][]): void {
+  expect(actual.length).toBe(expected.length);
+  for (const [row, values] of actual.entries()) {
     for (const [column, value] of values.entries())
       expect(Math.abs(value - expected[row]![column]!)).toBeLessThan(4e-6);
   }

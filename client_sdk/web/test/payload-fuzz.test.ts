@@ -33,13 +33,13 @@ describe("a GLB", () => {
 
   it.each(GLBS)("%s, with another document", async (name, bytes) => {
     const chance = seeded(bytes.length + 1);
-    let taken = 0;
+    let acceptedCount = 0;
     for (let round = 0; round < MUTATIONS; round += 1) {
-      if (await tryGlb(withOtherJson(bytes, chance), `${name}, round ${round}`)) taken += 1;
+      if (await tryGlb(withOtherJson(bytes, chance), `${name}, round ${round}`)) acceptedCount += 1;
     }
     // Names, extras and the like may change.
-    expect(taken).toBeGreaterThan(0);
-    expect(taken).toBeLessThan(MUTATIONS);
+    expect(acceptedCount).toBeGreaterThan(0);
+    expect(acceptedCount).toBeLessThan(MUTATIONS);
   });
 
   it.each(GLBS.slice(0, 2))("%s, every truncation", async (_name, bytes) => {
@@ -57,9 +57,9 @@ describe("a GLB", () => {
       view.byteLength = 800_000_000;
       if (packed !== undefined) packed.count = 100_000_000;
     }
-    const before = process.memoryUsage().rss;
+    const bytesBefore = process.memoryUsage().rss;
     await expect(decodeGlb(withJson(bytes, json), 0)).rejects.toBeInstanceOf(PayloadError);
-    expect(process.memoryUsage().rss - before).toBeLessThan(100_000_000);
+    expect(process.memoryUsage().rss - bytesBefore).toBeLessThan(100_000_000);
   });
 });
 
@@ -76,19 +76,19 @@ describe("a cover", () => {
 
   it("with bytes changed under a right checksum is read or refused", () => {
     const chance = seeded(3);
-    let taken = 0;
+    let acceptedCount = 0;
     for (let round = 0; round < 2_000; round += 1) {
       const data = withChecksum(mutated(bytes, chance));
       try {
         const cover = decodeCover(data, 32);
         expect(cover.offsets.length).toBe(33);
         expect(cover.offsets[32]).toBe(cover.segments.length);
-        taken += 1;
+        acceptedCount += 1;
       } catch (error) {
         if (!(error instanceof PayloadError)) throw new Error(`round ${round}`, { cause: error });
       }
     }
-    expect(taken).toBeGreaterThan(10);
+    expect(acceptedCount).toBeGreaterThan(10);
   });
 
   it("of another base is refused", () => {
@@ -125,12 +125,12 @@ it("random bytes are no flat file, no GLB and no image", async () => {
 });
 
 /** True where it is taken; then it must be a mesh that a GPU can be given. */
-async function tryGlb(bytes: Uint8Array<ArrayBuffer>, place: string): Promise<boolean> {
+async function tryGlb(bytes: Uint8Array<ArrayBuffer>, label: string): Promise<boolean> {
   try {
     expectMesh(await decodeGlb(bytes, 0));
     return true;
   } catch (error) {
-    if (!(error instanceof PayloadError)) throw new Error(place, { cause: error });
+    if (!(error instanceof PayloadError)) throw new Error(label, { cause: error });
     return false;
   }
 }
@@ -170,18 +170,18 @@ function withChecksum(bytes: Uint8Array<ArrayBuffer>): Uint8Array<ArrayBuffer> {
 /** One value somewhere in the document changed to another of any type. */
 function withOtherJson(bytes: Uint8Array<ArrayBuffer>, chance: (below: number) => number): Uint8Array<ArrayBuffer> {
   const json = structuredClone(splitGlb(bytes).gltf) as Record<string, unknown>;
-  let place: Record<string, unknown> = json;
+  let node: Record<string, unknown> = json;
   for (;;) {
-    const keys = Object.keys(place);
+    const keys = Object.keys(node);
     const key = keys[chance(keys.length)];
     if (key === undefined) break;
-    const value = place[key];
+    const value = node[key];
     if (typeof value === "object" && value !== null && chance(6) !== 0) {
-      place = value as Record<string, unknown>;
+      node = value as Record<string, unknown>;
       continue;
     }
-    if (chance(4) === 0) delete place[key];
-    else place[key] = OTHERS[chance(OTHERS.length)];
+    if (chance(4) === 0) delete node[key];
+    else node[key] = OTHERS[chance(OTHERS.length)];
     break;
   }
   return withJson(bytes, json);

@@ -18,41 +18,43 @@ describe("whatever happens", () => {
     const ids = (): number[] => Array.from({ length: 24 }, (_, id) => id).filter(() => next() < 0.3);
     const gpu = new Set<number>(); // What a stage would hold.
     const decoding: { segment: number; epoch: number }[] = [];
-    const held = new Set<number>();
+    const heldIds = new Set<number>();
     let uploading: number[] = [];
     let landing = 0;
-    let asked: PlanFacts | null = null;
+    let requestedPlan: PlanFacts | null = null;
     let swaps = 0;
     for (let step = 0; step < 1000; step += 1) {
-      const before = residency.visible;
+      const visibleBefore = residency.visible;
       const act = pick(14);
       if (act === 0 && (landing === 0 || next() < 0.2)) {
         landing += 1;
-        asked = null;
+        requestedPlan = null;
         residency.land(landing, [0, 0, 0], 60, step);
-      } else if (act === 1 && landing > 0 && (asked === null || next() < 0.1)) {
-        const wanted = ids();
-        asked = plan(
+      } else if (act === 1 && landing > 0 && (requestedPlan === null || next() < 0.1)) {
+        const target = ids();
+        requestedPlan = plan(
           landing,
-          wanted.filter((id) => !held.has(id)),
-          wanted.filter((id) => held.has(id)),
-          ids().filter((id) => held.has(id) && !wanted.includes(id)),
+          target.filter((id) => !heldIds.has(id)),
+          target.filter((id) => heldIds.has(id)),
+          ids().filter((id) => heldIds.has(id) && !target.includes(id)),
         );
-        residency.planned(asked);
-      } else if (act === 2 && asked) {
-        for (const { segment } of asked.load) {
-          held.add(segment);
+        residency.planned(requestedPlan);
+      } else if (act === 2 && requestedPlan) {
+        for (const { segment } of requestedPlan.load) {
+          heldIds.add(segment);
           residency.arrived(facts(segment), landing);
         }
-        const all = [...asked.load.map(({ segment }) => segment), ...asked.keep].sort((a, b) => a - b);
-        residency.ready(landing, all, [], 1, 1);
-      } else if (act === 3 && asked && asked.load[0]) {
-        held.add(asked.load[0].segment);
-        residency.arrived(asked.load[0], landing);
-        residency.degraded(landing, [asked.load[0].segment]);
+        const planned = [...requestedPlan.load.map(({ segment }) => segment), ...requestedPlan.keep].sort(
+          (a, b) => a - b,
+        );
+        residency.ready(landing, planned, [], 1, 1);
+      } else if (act === 3 && requestedPlan && requestedPlan.load[0]) {
+        heldIds.add(requestedPlan.load[0].segment);
+        residency.arrived(requestedPlan.load[0], landing);
+        residency.degraded(landing, [requestedPlan.load[0].segment]);
       } else if (act === 4) {
         const segment = pick(24);
-        held.add(segment);
+        heldIds.add(segment);
         residency.arrived(facts(segment), null);
       } else if (act === 5 && landing > 0 && next() < 0.2) {
         residency.refused(landing, "no");
@@ -61,8 +63,8 @@ describe("whatever happens", () => {
         gpu.clear();
         uploading = [];
       } else if (act === 7) {
-        const gone = ids().filter((id) => !residency.visible.includes(id) && next() < 0.1);
-        residency.dropped(gone);
+        const dropped = ids().filter((id) => !residency.visible.includes(id) && next() < 0.1);
+        residency.dropped(dropped);
       } else if (act === 8) {
         for (const segment of residency.takeFreed()) {
           gpu.delete(segment);
@@ -106,12 +108,12 @@ describe("whatever happens", () => {
           expect(swap.landing).toBe(landing);
           expect(residency.visible).toEqual(swap.visible);
           expect(swap.visible.every((segment) => gpu.has(segment))).toBe(true);
-          expect(swap.shown).toEqual(swap.visible.filter((id) => !before.includes(id)));
-          expect(swap.hidden).toEqual(before.filter((id) => !swap.visible.includes(id)));
+          expect(swap.shown).toEqual(swap.visible.filter((id) => !visibleBefore.includes(id)));
+          expect(swap.hidden).toEqual(visibleBefore.filter((id) => !swap.visible.includes(id)));
           continue;
         }
       }
-      expect(residency.visible).toBe(before);
+      expect(residency.visible).toBe(visibleBefore);
       expect(residency.spareBytes).toBeLessThanOrEqual(3 * BYTES);
     }
     expect(swaps).toBeGreaterThan(0);

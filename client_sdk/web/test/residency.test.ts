@@ -11,11 +11,11 @@ beforeEach(() => {
 
 /** Decode and upload whatever is asked for until nothing is. Returns what was asked for. */
 function work(except: readonly number[] = []): number[] {
-  const asked: number[] = [];
+  const requested: number[] = [];
   for (;;) {
     const requests = residency.takeDecodes();
     for (const { segment, epoch } of requests) {
-      asked.push(segment);
+      requested.push(segment);
       if (except.includes(segment)) {
         residency.decodeFailed(segment, epoch);
       } else {
@@ -28,7 +28,7 @@ function work(except: readonly number[] = []): number[] {
     }
     if (requests.length === 0) {
       residency.basePrepared(residency.comingRevision);
-      return asked;
+      return requested;
     }
   }
 }
@@ -292,11 +292,11 @@ describe("bounds", () => {
     for (const id of ids) {
       residency.arrived(facts(id), 1);
     }
-    let most = 0;
+    let maxInFlight = 0;
     for (let round = 0; round < 30; round += 1) {
       const requests = residency.takeDecodes();
       expect(requests.length).toBeGreaterThan(0);
-      most = round > 8 ? Math.max(most, requests.length) : 0;
+      maxInFlight = round > 8 ? Math.max(maxInFlight, requests.length) : 0;
       const first = requests[0]!;
       for (const { segment, epoch } of requests) {
         residency.decoded(segment, epoch, 22e6);
@@ -309,7 +309,7 @@ describe("bounds", () => {
         break;
       }
     }
-    expect(most).toBeLessThanOrEqual(1);
+    expect(maxInFlight).toBeLessThanOrEqual(1);
   });
 
   it("keeps what an aim brought within the spare bytes, and what is wanted whatever it takes", () => {

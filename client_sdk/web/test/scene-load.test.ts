@@ -50,14 +50,14 @@ let server: Server;
 let url: string;
 let scenes: Map<string, Files>;
 let gate: Gate;
-let asked: string[];
+let requests: string[];
 
 beforeEach(async () => {
   scenes = new Map();
-  asked = [];
+  requests = [];
   gate = () => false;
   server = createServer((request, response) => {
-    asked.push(`${request.url} ${request.headers.authorization ?? ""}`.trim());
+    requests.push(`${request.url} ${request.headers.authorization ?? ""}`.trim());
     if (!gate(request, response)) answer(request, response);
   });
   await new Promise<void>((resolve) => server.listen(0, "127.0.0.1", resolve));
@@ -72,8 +72,8 @@ afterEach(() => {
 describe("a whole scene", () => {
   it.each(["tiny", "tiny-textured"])("%s is loaded", async (name) => {
     scenes.set(name, filesOf(name));
-    const seen: [number, number][] = [];
-    const onProgress = (done: number, total: number) => seen.push([done, total]);
+    const progress: [number, number][] = [];
+    const onProgress = (doneBytes: number, totalBytes: number) => progress.push([doneBytes, totalBytes]);
     const { manifest, base, cover, regions } = await loadScene(`${url}/scenes/${name}`, { onProgress });
     expect(manifest).toMatchObject({ id: name, segmentCount: 4, detailFaces: 288, origin: [500000, 8000000, 100] });
     expect(manifest.stepM).toBe(2 ** -12);
@@ -83,9 +83,9 @@ describe("a whole scene", () => {
     expect(Array.from(cover.segments.subarray(cover.offsets[0], cover.offsets[1]))).toEqual([0]);
     expect(Array.from(cover.segments.subarray(cover.offsets[31], cover.offsets[32]))).toEqual([3]);
     expect(regions.map((region) => region.id)).toEqual([0, 1, 2]);
-    expect(seen[0]![0]).toBe(0);
-    expect(seen.at(-1)![0]).toBe(seen.at(-1)![1]);
-    expect(asked.some((line) => line.includes("Bearer"))).toBe(false);
+    expect(progress[0]![0]).toBe(0);
+    expect(progress.at(-1)![0]).toBe(progress.at(-1)![1]);
+    expect(requests.some((line) => line.includes("Bearer"))).toBe(false);
   });
 
   it("has labels by stable id", async () => {
@@ -97,20 +97,22 @@ describe("a whole scene", () => {
 
   it("has textures where it says so", async () => {
     scenes.set("tiny", filesOf("tiny-textured"));
-    const given: string[] = [];
+    const decodedFiles: string[] = [];
     const decodeImage: LoadOptions["decodeImage"] = async (bytes, mediaType) => {
-      given.push(`${mediaType} ${bytes.length}`);
+      decodedFiles.push(`${mediaType} ${bytes.length}`);
       const { width, height } = readImageHeader(bytes);
       return { width, height, close: () => undefined };
     };
     const { manifest, base } = await loadScene(`${url}/scenes/tiny`, { decodeImage });
     expect(manifest.texturesOf).toBe("photos");
-    expect(given).toHaveLength(1);
+    expect(decodedFiles).toHaveLength(1);
     expect(base.image).toMatchObject({ mediaType: "image/jpeg", width: 16, height: 8 });
     expect(base.colours).toBeNull();
 
-    const liar: LoadOptions["decodeImage"] = async () => ({ width: 64, height: 32, close: () => undefined });
-    await expect(loadScene(`${url}/scenes/tiny`, { decodeImage: liar })).rejects.toMatchObject({ code: "damaged" });
+    const wrongSize: LoadOptions["decodeImage"] = async () => ({ width: 64, height: 32, close: () => undefined });
+    await expect(loadScene(`${url}/scenes/tiny`, { decodeImage: wrongSize })).rejects.toMatchObject({
+      code: "damaged",
+    });
   });
 
   it("is the only one of a server URL, behind a prefix", async () => {
@@ -182,8 +184,8 @@ describe("a server that refuses", () => {
   it("sees the token, and nobody else does", async () => {
     scenes.set("tiny", filesOf("tiny"));
     await loadScene(`${url}/scenes/tiny`, { token: "secret" });
-    expect(asked.length).toBeGreaterThanOrEqual(5);
-    for (const line of asked) expect(line).toMatch(/^[^ ]+ Bearer secret$/);
+    expect(requests.length).toBeGreaterThanOrEqual(5);
+    for (const line of requests) expect(line).toMatch(/^[^ ]+ Bearer secret$/);
     // To a place that would answer.
     gate = (request, response) => {
       if (request.url!.startsWith("/prefix")) return false;
@@ -211,16 +213,16 @@ it("stops where it is aborted", async () => {
 
 it("stops the other files where one fails", async () => {
   scenes.set("tiny", filesOf("tiny"));
-  let gone = false;
+  let isClosed = false;
   gate = (request, response) => {
     if (request.url!.includes("base.cover")) response.writeHead(500).end();
     else if (!request.url!.includes("base.glb")) return false;
     // base.glb: never answered; the client lets go of it.
-    else response.on("close", () => (gone = true));
+    else response.on("close", () => (isClosed = true));
     return true;
   };
   await expect(loadScene(`${url}/scenes/tiny`)).rejects.toMatchObject({ status: 500 });
-  await vi.waitFor(() => expect(gone).toBe(true));
+  await vi.waitFor(() => expect(isClosed).toBe(true));
 });
 
 it("refuses a cover that names segments which the scene does not have", async () => {
@@ -276,8 +278,8 @@ function filesOf(scene: string, damage?: Damage): Files {
   return files;
 }
 
-function apply(edit: Edit, whole: Buffer): Buffer | null {
-  const data = Buffer.from(whole);
+function apply(edit: Edit, original: Buffer): Buffer | null {
+  const data = Buffer.from(original);
   if (edit.delete === true) return null;
   if (edit.truncate !== undefined) return data.subarray(0, edit.truncate);
   if (edit.flip !== undefined) data[edit.flip]! ^= 1;
@@ -285,9 +287,9 @@ function apply(edit: Edit, whole: Buffer): Buffer | null {
   if (edit.set === undefined) return data;
   const [keys, value] = edit.set;
   const document = JSON.parse(data.toString()) as Record<string | number, unknown>;
-  let place = document;
-  for (const key of keys.slice(0, -1)) place = place[key] as typeof document;
-  place[keys.at(-1)!] = value;
+  let node = document;
+  for (const key of keys.slice(0, -1)) node = node[key] as typeof document;
+  node[keys.at(-1)!] = value;
   return Buffer.from(JSON.stringify(document));
 }
 
@@ -302,10 +304,10 @@ function answer(request: IncomingMessage, response: ServerResponse): void {
   }
   const files = scenes.get(path[0]!);
   const data = files?.get(path[1] ?? "scene.json");
-  const asks = searchParams.get("v");
-  const has =
+  const requestedVersion = searchParams.get("v");
+  const servedVersion =
     files === undefined ? null : /"version": ?"([0-9a-f]{32})"/.exec(files.get("scene.json")!.toString())?.[1];
-  if (data === undefined || (asks !== null && asks !== has)) {
+  if (data === undefined || (requestedVersion !== null && requestedVersion !== servedVersion)) {
     response.writeHead(404).end('{"error":{"code":"unknown_scene","message":"not here"}}');
     return;
   }

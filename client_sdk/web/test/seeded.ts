@@ -44,12 +44,12 @@ export function mutated(bytes: Uint8Array, chance: (below: number) => number): U
 /** Bytes that mean something somewhere: ends of ranges, msgpack's lengths, quotes. */
 const EDGES = [0x00, 0x01, 0x7f, 0x80, 0x90, 0xc0, 0xc1, 0xc6, 0xdb, 0xdd, 0xdf, 0xe0, 0xff, 0x22, 0x5c, 0x7b];
 
-function joined(...parts: readonly Uint8Array[]): Uint8Array<ArrayBuffer> {
-  const whole = new Uint8Array(parts.reduce((total, part) => total + part.length, 0));
+function joined(...chunks: readonly Uint8Array[]): Uint8Array<ArrayBuffer> {
+  const joinedBytes = new Uint8Array(chunks.reduce((total, chunk) => total + chunk.length, 0));
   let at = 0;
-  for (const part of parts) {
-    whole.set(part, at);
-    at += part.length;
+  for (const chunk of chunks) {
+    joinedBytes.set(chunk, at);
+    at += chunk.length;
   }
-  return whole;
+  return joinedBytes;
 }

@@ -42,8 +42,8 @@ it("absent fields may be undefined, and are not written", () => {
 
 it("names that every object has are names like any other", () => {
   const attributes = map({ ["__proto__"]: 1.5, constructor: 2, toString: 3 });
-  const place = { position: [0, 0, 0], normal: [0, 1, 0], segment: 1, region: 0, height_m: 0 };
-  const picked = map({ type: "picked", request: 1, hit: map({ ...place, attributes }) });
+  const hit = { position: [0, 0, 0], normal: [0, 1, 0], segment: 1, region: 0, height_m: 0 };
+  const picked = map({ type: "picked", request: 1, hit: map({ ...hit, attributes }) });
   const message = decodeMessage(writeMsgpack(picked), "server_to_client");
   if (message.type !== "picked") throw new Error("expected picked");
   expect(Object.entries(message.hit!.attributes)).toEqual([

@@ -91,12 +91,12 @@ describe("arc", () => {
   });
 
   test("the length of the direction does not matter", () => {
-    const one = newArc();
-    const other = newArc();
-    throwArc(one, hand, [0.1, 0.2, -0.9]);
-    throwArc(other, hand, [0.3, 0.6, -2.7]);
-    for (const [k, value] of one.points.entries()) {
-      expect(other.points[k]).toBeCloseTo(value, 4);
+    const arc = newArc();
+    const scaledArc = newArc();
+    throwArc(arc, hand, [0.1, 0.2, -0.9]);
+    throwArc(scaledArc, hand, [0.3, 0.6, -2.7]);
+    for (const [k, value] of arc.points.entries()) {
+      expect(scaledArc.points[k]).toBeCloseTo(value, 4);
     }
   });
 

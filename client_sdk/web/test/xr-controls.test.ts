@@ -41,13 +41,13 @@ describe("snap turn", () => {
     askTurn(turn, 0.5, 100);
     let turned = 0;
     let closedThen = 0;
-    for (let now = 100; now < 500; now += 11) {
-      const due = dueTurn(turn, now);
+    for (let timeMs = 100; timeMs < 500; timeMs += 11) {
+      const due = dueTurn(turn, timeMs);
       if (due !== 0) {
         turned += 1;
-        closedThen = vignetteOf(turn, now);
+        closedThen = vignetteOf(turn, timeMs);
         expect(due).toBe(0.5);
-        expect(now - 100).toBeGreaterThanOrEqual(VIGNETTE_CLOSE_MS);
+        expect(timeMs - 100).toBeGreaterThanOrEqual(VIGNETTE_CLOSE_MS);
       }
     }
     expect(turned).toBe(1);
@@ -77,9 +77,9 @@ describe("pinch", () => {
     }
     const nowMs = 40 * 11;
     expect(targetBefore(trail, nowMs, 0)).toEqual([39, 0, 0]);
-    const before = targetBefore(trail, nowMs, BEFORE_MS)!;
-    expect(before[0] * 11).toBeLessThanOrEqual(nowMs - BEFORE_MS);
-    expect(before[0] * 11).toBeGreaterThan(nowMs - BEFORE_MS - 12);
+    const position = targetBefore(trail, nowMs, BEFORE_MS)!;
+    expect(position[0] * 11).toBeLessThanOrEqual(nowMs - BEFORE_MS);
+    expect(position[0] * 11).toBeGreaterThan(nowMs - BEFORE_MS - 12);
   });
 
   test("released at once, the first place counts; over no ground, none; before any frame, none", () => {
@@ -109,10 +109,10 @@ describe("palm", () => {
   test("opens the menu once for a hold, and again only after it was turned away", () => {
     const hold = newPalmHold();
     const opened: number[] = [];
-    for (let now = 0; now < 3000; now += 10) {
-      const towards = now > 1500 && now < 1600 ? 0.1 : 0.95;
-      if (holdPalm(hold, towards, now)) {
-        opened.push(now);
+    for (let timeMs = 0; timeMs < 3000; timeMs += 10) {
+      const towards = timeMs > 1500 && timeMs < 1600 ? 0.1 : 0.95;
+      if (holdPalm(hold, towards, timeMs)) {
+        opened.push(timeMs);
       }
     }
     expect(opened).toEqual([HOLD_MS, 1600 + HOLD_MS]);

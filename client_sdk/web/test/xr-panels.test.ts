@@ -1,7 +1,7 @@
 import { describe, expect, test } from "vitest";
 import type { LandingStatus } from "../src/three/types.ts";
 import { itemAt, layoutMenu, MENU_HEIGHT, MENU_WIDTH, type MenuModel, pagesOf } from "../src/xr/menu-layout.ts";
-import { messageOf, sentence, statusLine, type Told, wrapText } from "../src/xr/messages.ts";
+import { type Announced, messageOf, sentence, statusLine, wrapText } from "../src/xr/messages.ts";
 import { meetPanel, panelBefore } from "../src/xr/panel-place.ts";
 
 const model: MenuModel = {
@@ -107,17 +107,17 @@ describe("panel", () => {
 
 describe("messages", () => {
   test("a lost link is told once, and its return only after that", () => {
-    const told: Told = { linkLost: false };
+    const announced: Announced = { linkLost: false };
     const waiting = {
       type: "link",
       link: { state: "waiting", attempt: 1, retryInMs: 500, closeCode: 1006, code: "lost", message: "gone" },
     } as const;
     const open = { type: "link", link: { state: "open" } } as const;
-    expect(messageOf(open, told)).toBeNull();
-    expect(messageOf(waiting, told)).toMatchObject({ tone: "warning", stays: true });
-    expect(messageOf(waiting, told)).toBeNull();
-    expect(messageOf(open, told)).toMatchObject({ tone: "info", stays: false });
-    expect(messageOf(open, told)).toBeNull();
+    expect(messageOf(open, announced)).toBeNull();
+    expect(messageOf(waiting, announced)).toMatchObject({ tone: "warning", stays: true });
+    expect(messageOf(waiting, announced)).toBeNull();
+    expect(messageOf(open, announced)).toMatchObject({ tone: "info", stays: false });
+    expect(messageOf(open, announced)).toBeNull();
   });
 
   test("the service's own words become a sentence", () => {

@@ -104,11 +104,11 @@ describe("rig", () => {
 
   test("recentred: nothing moves before the eyes", () => {
     const after: HeadPose = { position: [0, 1.69, 0], yawRad: 0 };
-    const kept = keepAcrossReset(rig, head, after);
-    const before = toScene(rig, head.position);
-    const now = toScene(kept, after.position);
-    expectClose([now[0], now[2]], [before[0], before[2]]);
-    expect(facingOf(kept, after)).toBeCloseTo(facingOf(rig, head));
-    expect(kept.position[1]).toBe(rig.position[1]);
+    const rigAfter = keepAcrossReset(rig, head, after);
+    const positionBefore = toScene(rig, head.position);
+    const positionAfter = toScene(rigAfter, after.position);
+    expectClose([positionAfter[0], positionAfter[2]], [positionBefore[0], positionBefore[2]]);
+    expect(facingOf(rigAfter, after)).toBeCloseTo(facingOf(rig, head));
+    expect(rigAfter.position[1]).toBe(rig.position[1]);
   });
 });

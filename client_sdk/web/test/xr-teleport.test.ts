@@ -15,7 +15,7 @@ import {
   type Teleport,
 } from "../src/xr/teleport.ts";
 
-const target: Target = { place: [1, 2, 3], turnRad: 0, facingRad: null };
+const target: Target = { position: [1, 2, 3], turnRad: 0, facingRad: null };
 const FRAME_MS = 1000 / 90;
 
 /** Run frames, doing what a frame does; returns what happened in order. */
@@ -26,16 +26,16 @@ function run(
   status: { landing: number; phase: LandingPhase },
   degraded = false,
 ): { timeMs: number; opacity: number; step: string }[] {
-  const seen: { timeMs: number; opacity: number; step: string }[] = [];
+  const steps: { timeMs: number; opacity: number; step: string }[] = [];
   for (let timeMs = fromMs; timeMs < untilMs; timeMs += FRAME_MS) {
     const step = advance(teleport, timeMs, status);
-    seen.push({ timeMs, opacity: teleport.opacity, step });
+    steps.push({ timeMs, opacity: teleport.opacity, step });
     if (step === "show") {
       shown(teleport, true, degraded);
       status.phase = degraded ? "streaming" : "shown";
     }
   }
-  return seen;
+  return steps;
 }
 
 describe("curves", () => {
@@ -196,8 +196,8 @@ describe("an aim", () => {
     const teleport = newTeleport();
     commit(teleport, 1, target);
     beginAim(teleport, 0);
-    const held = run(teleport, 0, 400, { landing: 1, phase: "presentable" });
-    expect(held.every((each) => each.opacity === 0 && each.step === "none")).toBe(true);
+    const steps = run(teleport, 0, 400, { landing: 1, phase: "presentable" });
+    expect(steps.every((each) => each.opacity === 0 && each.step === "none")).toBe(true);
     cancelAim(teleport, 0);
     expect(run(teleport, 400, 900, { landing: 1, phase: "presentable" }).some((each) => each.step === "show")).toBe(
       true,

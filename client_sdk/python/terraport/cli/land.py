@@ -29,6 +29,7 @@ from terraport.errors import (
 )
 from terraport.frames import to_crs, to_scene
 from terraport.landing import Landing
+from terraport.live import Session
 from terraport.mesh import mixed_model, write_glb
 from terraport.obj import write_obj
 from terraport.scene_box import SceneBox
@@ -96,7 +97,9 @@ def land(
     members: Annotated[
         int, typer.Option(min=1, help="Members that a guide waits for, itself included.")
     ] = 1,
-    known_as: Annotated[str | None, typer.Option("--as", help="What the group calls you.")] = None,
+    member_name: Annotated[
+        str | None, typer.Option("--as", help="What the group calls you.")
+    ] = None,
     glb: Annotated[
         Path | None,
         typer.Option(help="Write base and detail at that landing as GLB, or FILE.obj as OBJ."),
@@ -126,8 +129,9 @@ def land(
 
     The first waits until the second, the guide, lands them both.
     """
-    together = None if group is None else GroupOptions(group, guide, known_as, members)
-    place = place_of((x, y, z), together, repeat)
+    group_options = None if group is None else GroupOptions(group, guide, member_name, members)
+    coordinates = place_of((x, y, z), group_options, repeat)
+    # What cannot be written is said before the landing, which may take minutes.
     if png is not None:
         _require_pictures()
     for file in (glb, png, trace):
@@ -146,9 +150,9 @@ def land(
         asyncio.run(
             _land(
                 url,
-                place,
+                coordinates,
                 radius,
-                together=together,
+                group_options=group_options,
                 crs=crs,
                 ground=ground,
                 token=token,
@@ -165,10 +169,10 @@ def land(
 
 async def _land(
     url: str,
-    place: tuple[float, float, float] | None,
+    coordinates: tuple[float, float, float] | None,
     radius_m: float,
     *,
-    together: GroupOptions | None,
+    group_options: GroupOptions | None,
     crs: bool,
     ground: bool,
     token: str | None,
@@ -180,54 +184,52 @@ async def _land(
     trace: Path | None,
     as_json: bool,
 ) -> None:
+    """Land, alone or with a group, and report the last landing.
+
+    One session for all of it: what the first landing loaded is held for the next. Traces are
+    written whatever happens, files and the report only of a landing that is ready.
+    """
     traces: list[LandingTrace] = []
     async with connect(url, token, **options) as session, _traced(trace, traces):
         manifest = await session.manifest()
 
-        async def position_of_place() -> tuple[float, float, float]:
-            assert place is not None
+        # (1) Where to. A member of a group never asks: its guide says.
+        async def target() -> tuple[float, float, float]:
+            assert coordinates is not None
             box = SceneBox.of(manifest)
-            position = to_scene(place, manifest["origin"]) if crs else place
+            position = to_scene(coordinates, manifest["origin"]) if crs else coordinates
             # From the scene's own heights: a pick does not reach down from anywhere.
             hit = await session.pick(box.at_its_height(position)) if ground else None
             if hit is None:
-                require_reach(box, place, position, radius_m, crs=crs, ground=ground)
+                require_reach(box, coordinates, position, radius_m, crs=crs, ground=ground)
             return position if hit is None else hit.position
 
-        landings, party = [], None
-        if together is not None:
-            landing, party = await land_together(
+        # (2) Land. The trace is noted before the wait: a landing that fails is asked about most.
+        landing_facts, group_facts = [], None
+        if group_options is not None:
+            landing, group_facts = await land_together(
                 session,
-                together,
-                position_of_place,
+                group_options,
+                target,
                 radius_m,
                 lambda landing: _watch(landing, 1, timeout_s),
                 timeout_s,
             )
             position = landing.plan.position
             traces.append(landing.trace)
-            landings.append(_facts(landing))
+            landing_facts.append(_facts(landing))
         else:
-            position = await position_of_place()
+            position = await target()
             for number in range(1, repeat + 1):
                 landing = await session.land(position, radius_m)
                 traces.append(landing.trace)
                 await _watch(landing, number, timeout_s)
-                landings.append(_facts(landing))
-        facts: dict[str, Any] = {
-            "scene": {
-                "id": session.scene.id,
-                "name": session.scene.name,
-                "version": session.scene.version,
-                "url": session.url,
-            },
-            "position": list(position),
-            "position_crs": list(to_crs(position, manifest["origin"])),
-            "landings": landings,
-            "visible_set_hash": await session.visible_set_hash(),
-        }
-        if party is not None:
-            facts["group"] = party
+                landing_facts.append(_facts(landing))
+
+        # (3) Write what was asked for, then say it: the report names the files.
+        facts = await _report_facts(session, position, manifest, landing_facts)
+        if group_facts is not None:
+            facts["group"] = group_facts
         if glb is not None or png is not None:
             base = await session.base()
             facts["files"] = await asyncio.to_thread(
@@ -241,6 +243,27 @@ async def _land(
             _print(facts, landing)
         if not (landing.segments or landing.plan.omitted_segments):
             typer.echo(f"warning: {nothing_there(landing)}", err=True)
+
+
+async def _report_facts(
+    session: Session,
+    position: tuple[float, float, float],
+    manifest: dict[str, Any],
+    landing_facts: list[dict[str, Any]],
+) -> dict[str, Any]:
+    """Return the members that every report has, as ``--json`` names them."""
+    return {
+        "scene": {
+            "id": session.scene.id,
+            "name": session.scene.name,
+            "version": session.scene.version,
+            "url": session.url,
+        },
+        "position": list(position),
+        "position_crs": list(to_crs(position, manifest["origin"])),
+        "landings": landing_facts,
+        "visible_set_hash": await session.visible_set_hash(),
+    }
 
 
 @asynccontextmanager
@@ -270,12 +293,14 @@ async def _watch(landing: Landing, number: int, timeout_s: float) -> None:
                 async for segment in landing:
                     progress.advance(task, len(segment.payload))
         except TimeoutError as error:
+            # A timeout of the landing itself knows more than this one.
             if isinstance(error, LandingTimeoutError):
                 raise
             await landing.ready(0.0)  # raises, and says how far it got
 
 
 def _facts(landing: Landing) -> dict[str, Any]:
+    """Return plan and statistics of one landing, as ``--json`` names them."""
     plan = landing.plan
     return {
         "radius_m": plan.radius_m,
@@ -302,11 +327,15 @@ def _write(
     glb: Path | None,
     png: Path | None,
 ) -> list[dict[str, Any]]:
-    """Write what a viewer would draw here: base and detail."""
+    """Write what a viewer would draw here: base and detail, as one mesh.
+
+    Runs in a thread: decoding and writing some million faces would hold the connection up.
+    """
     segments = {segment.id: segment.arrays() for segment in landing.segments}
     deviation_m = float(manifest["hand_off"]["deviation_m"])
     written = []
     if glb is not None:
+        # Sunk at the rim, since a file has no eye to push the base away from.
         model = mixed_model(base, segments, sink_rim_m=deviation_m)
         scales = {
             attribute["name"]: AttributeScale(attribute["offset"], attribute["step"])
@@ -369,22 +398,22 @@ def _print(facts: dict[str, Any], landing: Landing) -> None:
     console = Console()
     scene, landings = facts["scene"], facts["landings"]
     east, north, height = facts["position_crs"]
-    place = ", ".join(f"{value:,.2f}" for value in facts["position"])
+    position = ", ".join(f"{value:,.2f}" for value in facts["position"])
     console.print(f"[bold]{scene['name']}[/]  version {scene['version'][:12]}")
-    console.print(f"landed at {place} m  (E {east:,.2f}, N {north:,.2f}, H {height:,.2f})")
+    console.print(f"landed at {position} m  (E {east:,.2f}, N {north:,.2f}, H {height:,.2f})")
     table = Table("", *(f"landing {number}" for number in range(1, len(landings) + 1)), box=None)
     for column in table.columns[1:]:
         column.justify = "right"
     for label, cell in _ROWS:
-        table.add_row(label, *(cell(one) for one in landings))
+        table.add_row(label, *(cell(landing_facts) for landing_facts in landings))
     console.print(table)
-    party = facts.get("group")
-    if party is not None:
-        there = ", ".join(party["ready"]) or "nobody"
-        console.print(f"group {party['name']} ({party['role']}): {there} ready")
+    group = facts.get("group")
+    if group is not None:
+        ready_names = ", ".join(group["ready"]) or "nobody"
+        console.print(f"group {group['name']} ({group['role']}): {ready_names} ready")
         for state in ("degraded", "missing"):
-            if party[state]:
-                console.print(f"{state}: {', '.join(party[state])}", style="yellow")
+            if group[state]:
+                console.print(f"{state}: {', '.join(group[state])}", style="yellow")
     console.print(f"visible set {facts['visible_set_hash']}", style="dim")
     if landing.plan.omitted_segments:
         console.print(
@@ -405,25 +434,25 @@ def _milliseconds(seconds: float | None) -> str:
     return "-" if seconds is None else f"{seconds * 1000:,.1f} ms"
 
 
-def _speed(one: dict[str, Any]) -> str:
-    if not one["streamed_bytes"] or not one["ready_s"]:
+def _speed(landing: dict[str, Any]) -> str:
+    if not landing["streamed_bytes"] or not landing["ready_s"]:
         return "-"
-    return f"{one['streamed_bytes'] / one['ready_s'] / 1e6:,.1f} MB/s"
+    return f"{landing['streamed_bytes'] / landing['ready_s'] / 1e6:,.1f} MB/s"
 
 
 _ROWS: Final = (
-    ("radius", lambda one: f"{one['radius_m']:g} m"),
-    ("to load", lambda one: f"{one['load_segments']:,} segments"),
-    ("", lambda one: f"{one['load_triangles']:,} triangles"),
-    ("", lambda one: _bytes(one["load_bytes"])),
-    ("held already", lambda one: f"{one['keep_segments']:,} segments"),
-    ("shown", lambda one: f"{one['total_triangles']:,} triangles"),
-    ("", lambda one: _bytes(one["total_bytes"])),
-    ("kept nearby", lambda one: f"{one['nearby_segments']:,} segments"),
-    ("streamed", lambda one: _bytes(one["streamed_bytes"])),
-    ("plan after", lambda one: _milliseconds(one["plan_s"])),
-    ("first segment after", lambda one: _milliseconds(one["first_segment_s"])),
-    ("ready after", lambda one: _milliseconds(one["ready_s"])),
+    ("radius", lambda landing: f"{landing['radius_m']:g} m"),
+    ("to load", lambda landing: f"{landing['load_segments']:,} segments"),
+    ("", lambda landing: f"{landing['load_triangles']:,} triangles"),
+    ("", lambda landing: _bytes(landing["load_bytes"])),
+    ("held already", lambda landing: f"{landing['keep_segments']:,} segments"),
+    ("shown", lambda landing: f"{landing['total_triangles']:,} triangles"),
+    ("", lambda landing: _bytes(landing["total_bytes"])),
+    ("kept nearby", lambda landing: f"{landing['nearby_segments']:,} segments"),
+    ("streamed", lambda landing: _bytes(landing["streamed_bytes"])),
+    ("plan after", lambda landing: _milliseconds(landing["plan_s"])),
+    ("first segment after", lambda landing: _milliseconds(landing["first_segment_s"])),
+    ("ready after", lambda landing: _milliseconds(landing["ready_s"])),
     ("speed", _speed),
 )
 """Label and cell of each row of the table."""

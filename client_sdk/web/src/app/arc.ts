@@ -46,33 +46,33 @@ export interface Drape {
  */
 export function drapeCircle(centre: Vec3, radiusM: number, count: number, liftM: number): Drape {
   const points = new Float32Array((count + 1) * 3);
-  let done = 0;
-  let found = 0;
+  let probed = 0;
+  let groundHits = 0;
   let y = centre[1];
   return {
     points,
     get onGround() {
-      return found / count;
+      return groundHits / count;
     },
-    step(groundY, more) {
-      const end = Math.min(count, done + more);
-      for (; done < end; done += 1) {
-        const angle = (done / count) * Math.PI * 2;
+    step(groundY, maxPoints) {
+      const end = Math.min(count, probed + maxPoints);
+      for (; probed < end; probed += 1) {
+        const angle = (probed / count) * Math.PI * 2;
         const x = centre[0] + Math.sin(angle) * radiusM;
         const z = centre[2] - Math.cos(angle) * radiusM;
         const ground = groundY(x, z);
-        if (ground !== null) found += 1;
+        if (ground !== null) groundHits += 1;
         y = ground ?? y;
-        points.set([x, y + liftM, z], done * 3);
+        points.set([x, y + liftM, z], probed * 3);
       }
-      if (done < count) return false;
+      if (probed < count) return false;
       points.copyWithin(count * 3, 0, 3);
       return true;
     },
   };
 }
 
-/** A level circle. */
+/** Points of a circle at the height of its centre, whatever the ground does: for marks too small to be draped. */
 export function levelCircle(centre: Vec3, radiusM: number, count: number, liftM: number): Float32Array {
   const drape = drapeCircle(centre, radiusM, count, liftM);
   drape.step(() => null, count);

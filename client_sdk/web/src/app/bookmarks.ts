@@ -64,8 +64,8 @@ export function withoutBookmark(bookmarks: readonly Bookmark[], id: string): rea
 
 /** A file's text for somebody else. */
 export function exportBookmarks(scene: string, bookmarks: readonly Bookmark[]): string {
-  const places = bookmarks.map(({ name, hash }) => ({ name, hash }));
-  return `${JSON.stringify({ format: FORMAT, scene, places }, null, 2)}\n`;
+  const savedBookmarks = bookmarks.map(({ name, hash }) => ({ name, hash }));
+  return `${JSON.stringify({ format: FORMAT, scene, places: savedBookmarks }, null, 2)}\n`;
 }
 
 /** With those of an exported file that are not there yet; null where the text is no such file. */
@@ -78,10 +78,10 @@ export function importBookmarks(bookmarks: readonly Bookmark[], text: string): r
   }
   if (!isRecord(document) || document.format !== FORMAT || !Array.isArray(document.places)) return null;
   let merged = bookmarks;
-  for (const place of document.places) {
-    if (!isRecord(place) || typeof place.name !== "string" || !isHash(place.hash)) continue;
-    const { name, hash } = place;
-    if (!merged.some((other) => other.name === name && other.hash === hash)) {
+  for (const candidate of document.places) {
+    if (!isRecord(candidate) || typeof candidate.name !== "string" || !isHash(candidate.hash)) continue;
+    const { name, hash } = candidate;
+    if (!merged.some((bookmark) => bookmark.name === name && bookmark.hash === hash)) {
       merged = withBookmark(merged, name, hash as string);
     }
   }

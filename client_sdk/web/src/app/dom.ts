@@ -12,7 +12,7 @@ type Listeners = { readonly [Name in keyof HTMLElementEventMap]?: (event: HTMLEl
 /** A child; `null` and `false` are left out. */
 export type Child = Node | string | null | false | undefined;
 
-/** Make an element. */
+/** Element with properties, listeners (`on`) and children; text is set as text, never as HTML. */
 export function h<Tag extends keyof HTMLElementTagNameMap>(
   tag: Tag,
   properties: Properties = {},
@@ -52,8 +52,8 @@ export function setAttribute(element: Element, name: string, value: string | boo
 }
 
 /** Hide or show an element. */
-export function setShown(element: HTMLElement, shown: boolean): void {
-  if (element.hidden === shown) element.hidden = !shown;
+export function setShown(element: HTMLElement, isShown: boolean): void {
+  if (element.hidden === isShown) element.hidden = !isShown;
 }
 
 function append(element: Element, children: readonly Child[]): void {

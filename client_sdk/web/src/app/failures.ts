@@ -30,11 +30,12 @@ export const REMEDY_NAMES: Readonly<Record<Remedy, string>> = {
   dismiss: "Dismiss",
 };
 
-/** What a link's state means; null where there is nothing to say. `everOpen`: whether there has been a link before. */
-export function linkNotice(link: LinkState, everOpen: boolean, nowMs: number): Notice | null {
+/** What a link's state means; null where there is nothing to say. `wasOpen`: whether there has been a link before. */
+export function linkNotice(link: LinkState, wasOpen: boolean, nowMs: number): Notice | null {
   if (link.state === "open") return null;
+  // The first attempt is the page's loading, which says so itself.
   if (link.state === "connecting") {
-    if (!everOpen && link.attempt <= 1) return null;
+    if (!wasOpen && link.attempt <= 1) return null;
     return {
       key: "link",
       tone: "warning",
@@ -68,8 +69,8 @@ export function linkNotice(link: LinkState, everOpen: boolean, nowMs: number): N
     return {
       key: "link",
       tone: "warning",
-      title: everOpen ? "Connection lost" : "No connection",
-      text: everOpen
+      title: wasOpen ? "Connection lost" : "No connection",
+      text: wasOpen
         ? "What is shown stays. Reconnecting in {seconds}."
         : "The service does not answer. Trying again in {seconds}.",
       remedies: ["reconnect"],
@@ -79,6 +80,7 @@ export function linkNotice(link: LinkState, everOpen: boolean, nowMs: number): N
   return closedNotice(link.code, link.message);
 }
 
+/** For good: nothing is tried again, so every text ends in what the user can do. */
 function closedNotice(code: string, message: string): Notice {
   const failure = (title: string, text: string, remedies: readonly Remedy[]): Notice => ({
     key: "link",

@@ -34,8 +34,8 @@ export function formatMs(milliseconds: number | null | undefined): string {
   if (milliseconds < 999.5) return `${Math.round(milliseconds)} ms`;
   const seconds = milliseconds / 1000;
   if (seconds < 59.95) return `${significant(seconds)} s`;
-  const whole = Math.round(seconds);
-  return `${Math.floor(whole / 60)} min ${whole % 60} s`;
+  const wholeSeconds = Math.round(seconds);
+  return `${Math.floor(wholeSeconds / 60)} min ${wholeSeconds % 60} s`;
 }
 
 /** Metres with centimetres: a survey's numbers are not rounded away. `12.34 m`; above a kilometre one decimal. */
@@ -84,8 +84,8 @@ export function formatValue(value: number | null | undefined): string {
  * East, north and height for the clipboard: plain digits, millimetres, no thousands separators, so that a spreadsheet or a
  * GNSS controller takes them.
  */
-export function formatSurvey(place: readonly [number, number, number]): string {
-  return place.map((value) => fixed(value, 3)).join(" ");
+export function formatSurvey(coordinates: readonly [number, number, number]): string {
+  return coordinates.map((value) => fixed(value, 3)).join(" ");
 }
 
 function isNumber(value: number | null | undefined): value is number {

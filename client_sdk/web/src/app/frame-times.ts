@@ -43,6 +43,6 @@ export function createFrameTimes(): FrameTimes {
 export function summariseFrames(recent: readonly number[]): FrameSummary | null {
   if (recent.length === 0) return null;
   const sorted = recent.toSorted((a, b) => a - b);
-  const at = (part: number) => sorted[Math.min(sorted.length - 1, Math.floor(part * sorted.length))]!;
+  const at = (share: number) => sorted[Math.min(sorted.length - 1, Math.floor(share * sorted.length))]!;
   return { count: sorted.length, medianMs: at(0.5), p95Ms: at(0.95), maxMs: sorted[sorted.length - 1]! };
 }

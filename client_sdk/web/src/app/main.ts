@@ -10,8 +10,8 @@ import { createThemeSwitch } from "./theme.ts";
 import { createTokenKeeper } from "./token.ts";
 
 const root = document.querySelector("#app")!;
-const place = document.createElement("div");
-root.append(place);
+const pageRoot = document.createElement("div");
+root.append(pageRoot);
 
 const storage = localStorageOrMemory();
 const shell: Shell = {
@@ -42,7 +42,7 @@ function show(): void {
     scene = { id: route.scene, page: scenePage };
     page = scenePage;
   }
-  place.replaceChildren(page.element);
+  pageRoot.replaceChildren(page.element);
 }
 
 // `hashchange` comes for a typed or clicked address and for back and forward alike; `pushState` brings none.

@@ -33,15 +33,15 @@ const VERTICAL_M = 1e-6;
 /** Measure one leg. */
 export function measureLeg(from: Vec3, to: Vec3): Leg {
   const east = to[0] - from[0];
-  const up = to[1] - from[1];
+  const riseM = to[1] - from[1];
   const south = to[2] - from[2];
   const horizontalM = Math.hypot(east, south);
   const isVertical = horizontalM < VERTICAL_M;
   return {
-    straightM: Math.hypot(east, up, south),
+    straightM: Math.hypot(east, riseM, south),
     horizontalM,
-    heightDifferenceM: up,
-    slopeDeg: isVertical && up === 0 ? 0 : degrees(Math.atan2(up, horizontalM)),
+    heightDifferenceM: riseM,
+    slopeDeg: isVertical && riseM === 0 ? 0 : degrees(Math.atan2(riseM, horizontalM)),
     azimuthDeg: isVertical ? null : (degrees(Math.atan2(east, -south)) + 360) % 360,
   };
 }

@@ -54,8 +54,8 @@ export function panned(pose: OrbitPose, rightM: number, forwardM: number): Orbit
 export function zoomed(pose: OrbitPose, factor: number, maxDistanceM: number, about: Vec3 | null = null): OrbitPose {
   const distanceM = Math.min(maxDistanceM, Math.max(MIN_DISTANCE_M, pose.distanceM * factor));
   if (about === null) return { ...pose, distanceM };
-  const part = 1 - distanceM / pose.distanceM;
-  const target = pose.target.map((value, axis) => value + (about[axis]! - value) * part);
+  const share = 1 - distanceM / pose.distanceM;
+  const target = pose.target.map((value, axis) => value + (about[axis]! - value) * share);
   return { ...pose, distanceM, target: [target[0]!, target[1]!, target[2]!] };
 }
 

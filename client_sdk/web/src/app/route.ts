@@ -50,11 +50,11 @@ export function parseRoute(hash: string): Route {
 
 /** Write a hash with its `#`. Commas stay readable; names are escaped. */
 export function formatRoute(route: Route): string {
-  const parts: string[] = [];
-  if (route.scene !== null) parts.push(`scene=${encodeURIComponent(route.scene)}`);
-  if (route.place !== null) parts.push(...formatPlace(route.place));
-  if (route.mode !== null) parts.push(...formatMode(route.mode));
-  return `#${parts.join("&")}`;
+  const fields: string[] = [];
+  if (route.scene !== null) fields.push(`scene=${encodeURIComponent(route.scene)}`);
+  if (route.place !== null) fields.push(...formatPlace(route.place));
+  if (route.mode !== null) fields.push(...formatMode(route.mode));
+  return `#${fields.join("&")}`;
 }
 
 /** The address of a scene without a place. */
@@ -85,15 +85,15 @@ function parsePlace(fields: URLSearchParams): Place | null {
 }
 
 function formatPlace(place: Place): string[] {
-  const parts = [`at=${point(place.at)}`];
-  if (place.radiusM !== null) parts.push(`radius=${rounded(atLeastACentimetre(place.radiusM), 2)}`);
+  const fields = [`at=${point(place.at)}`];
+  if (place.radiusM !== null) fields.push(`radius=${rounded(atLeastACentimetre(place.radiusM), 2)}`);
   if (place.yawDeg !== null && place.pitchDeg !== null) {
-    parts.push(`look=${rounded(wrapDegrees(place.yawDeg), 1)},${rounded(place.pitchDeg, 1)}`);
+    fields.push(`look=${rounded(wrapDegrees(place.yawDeg), 1)},${rounded(place.pitchDeg, 1)}`);
   }
-  if (place.distanceM !== null) parts.push(`distance=${rounded(atLeastACentimetre(place.distanceM), 2)}`);
-  if (place.focus !== null) parts.push(`focus=${point(place.focus)}`);
-  if (place.view !== null) parts.push(`view=${place.view}`);
-  return parts;
+  if (place.distanceM !== null) fields.push(`distance=${rounded(atLeastACentimetre(place.distanceM), 2)}`);
+  if (place.focus !== null) fields.push(`focus=${point(place.focus)}`);
+  if (place.view !== null) fields.push(`view=${place.view}`);
+  return fields;
 }
 
 function parseMode(fields: URLSearchParams): RouteMode | null {
@@ -110,10 +110,10 @@ function parseMode(fields: URLSearchParams): RouteMode | null {
 
 function formatMode(mode: RouteMode): string[] {
   if (mode.kind !== "attribute") return [`mode=${mode.kind}`];
-  const parts = ["mode=attribute", `attribute=${encodeURIComponent(mode.name)}`];
+  const fields = ["mode=attribute", `attribute=${encodeURIComponent(mode.name)}`];
   if (mode.range !== null)
-    parts.push(`range=${Number(mode.range[0].toPrecision(6))},${Number(mode.range[1].toPrecision(6))}`);
-  return parts;
+    fields.push(`range=${Number(mode.range[0].toPrecision(6))},${Number(mode.range[1].toPrecision(6))}`);
+  return fields;
 }
 
 function parsePoint(text: string | null): Vec3 | null {
@@ -147,8 +147,8 @@ function wrapDegrees(degrees: number): number {
   return ((degrees % 360) + 360) % 360;
 }
 
-function point(place: Vec3): string {
-  return place.map((value) => rounded(value, 2)).join(",");
+function point(position: Vec3): string {
+  return position.map((value) => rounded(value, 2)).join(",");
 }
 
 function rounded(value: number, digits: number): string {

@@ -11,7 +11,7 @@ import { formatRoute, sceneRoute } from "./route.ts";
 import type { Shell } from "./shell.ts";
 import { actionButton, stateCard } from "./state-card.ts";
 
-/** What the list needs. */
+/** The shell, and what the user meant by opening the list. */
 export interface SceneListOptions {
   readonly shell: Shell;
   /** Whether a service with one scene opens it at once: not where the user asked for the list. */
@@ -24,7 +24,11 @@ export interface Page {
   dispose(): void;
 }
 
-/** Make the list, and load it. */
+/**
+ * Make the list, and load it. `main` holds one of four states: waiting, cards, empty, failed; each replaces the one before.
+ *
+ * `dispose` aborts what is under way: an answer that comes later must not write into a page that was left.
+ */
 export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Page {
   const abort = new AbortController();
   const main = h("main", { id: "scene-list", class: "list-main" });
@@ -47,10 +51,10 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
     showWaiting();
     try {
       const { scenes, links } = await listScenes(shell.serverUrl, { token: shell.token.token, signal: abort.signal });
-      const only = scenes.length === 1 ? scenes[0] : undefined;
-      if (only !== undefined && opensOnlyScene) {
+      const onlyScene = scenes.length === 1 ? scenes[0] : undefined;
+      if (onlyScene !== undefined && opensOnlyScene) {
         // Replaced: going back must not come here only to be sent forward again.
-        window.location.replace(formatRoute(sceneRoute(only.id)));
+        window.location.replace(formatRoute(sceneRoute(onlyScene.id)));
         return;
       }
       showScenes(scenes);
@@ -100,7 +104,7 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
       h("p", { class: "faint", role: "status" }, `${formatCount(scenes.length)} ${noun}. Open one to look around.`),
       h("ul", { class: "cards" }, ...scenes.map(card)),
     );
-    shell.announcer.say(`${scenes.length} ${noun}`);
+    shell.announcer.announce(`${scenes.length} ${noun}`);
   }
 
   function card(scene: SceneSummary): HTMLElement {
@@ -163,9 +167,9 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
       const url = URL.createObjectURL(await answer.blob());
       h("a", { href: url, download: `${id}-report.html` }).click();
       window.setTimeout(() => URL.revokeObjectURL(url), 10_000);
-      shell.announcer.say("Report saved");
+      shell.announcer.announce("Report saved");
     } catch {
-      shell.announcer.say("The report could not be had. Try again later.", true);
+      shell.announcer.announce("The report could not be had. Try again later.", true);
     }
   }
 
@@ -181,7 +185,7 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
   function showFailure(error: unknown): void {
     const code = shell.codeOf(error);
     const { title, text } = loadFailure(code, error instanceof Error ? error.message : "");
-    const again = actionButton("Try again", "reload-list", () => void load(), code !== "unauthorised");
+    const retry = actionButton("Try again", "reload-list", () => void load(), code !== "unauthorised");
     const token = actionButton("Enter a token", "token", () => void askToken(), true);
     fill(
       main,
@@ -191,15 +195,15 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
         title,
         failed: code !== "unauthorised",
         children: [h("p", { class: "faint" }, text)],
-        actions: code === "unauthorised" || code === "forbidden" ? [token] : [again],
+        actions: code === "unauthorised" || code === "forbidden" ? [token] : [retry],
       }),
     );
     if (code === "unauthorised") void askToken();
   }
 
   async function askToken(): Promise<void> {
-    const given = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
-    if (given !== null && !abort.signal.aborted) await load();
+    const newToken = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
+    if (newToken !== null && !abort.signal.aborted) await load();
   }
 
   footer.hidden = true;

@@ -13,13 +13,18 @@ import type { Shell } from "./shell.ts";
 import { actionButton, stateCard } from "./state-card.ts";
 import { createViewer, type Viewer } from "./viewer/viewer.ts";
 
-/** The page of a scene. */
+/** Page of one scene over all its versions. */
 export interface ScenePage extends Page {
   /** The address changed, within the same scene: go there. */
   follow(route: Route): void;
 }
 
-/** Load a scene and show it. */
+/**
+ * Load a scene and show it.
+ *
+ * One load and one viewer at a time: a newer load aborts the one before, and a viewer is closed before the next is made, since
+ * browsers allow a handful of WebGL contexts only. `route` outlives both, so that a reload comes back to the same place.
+ */
 export function createScenePage(shell: Shell, id: string, firstRoute: Route): ScenePage {
   const element = h("div", { class: "scene-page" });
   const sceneUrl = sceneUrlOf(shell.serverUrl, id);
@@ -48,13 +53,14 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
   function loadFiles(
     version: string | undefined,
     signal: AbortSignal,
-    onProgress: (done: number, total: number) => void,
+    onProgress: (doneBytes: number, totalBytes: number) => void,
   ): Promise<SceneFiles> {
     const { token } = shell.token;
     return loadSceneInWorker(sceneUrl, { ...(token === undefined ? {} : { token }), version, onProgress, signal });
   }
 
   function open(files: SceneFiles): void {
+    // Its first event says of which version it is; the stage compares that with the files (wire protocol, 2.5).
     const budgets = budgetsFor(deviceClass());
     const { token } = shell.token;
     const stream = openStream({
@@ -73,6 +79,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
         budgets,
         route,
         reload: (version) => {
+          // Before it is closed: where the user is now is where the new version opens.
           route = viewer?.route ?? route;
           close();
           void load(version);
@@ -80,6 +87,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
         loadFiles: (version) => loadFiles(version, new AbortController().signal, () => undefined),
       });
     } catch (error) {
+      // No viewer owns it: it would stay connected.
       stream.close();
       showNoGraphics(error);
       return;
@@ -112,9 +120,9 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
     );
     showCard(stateCard({ id: "scene-loading", icon: "mountain", title: `Opening ${id}`, children: [track, text] }));
     return (doneBytes, totalBytes) => {
-      const part = totalBytes > 0 ? Math.min(1, doneBytes / totalBytes) : 0;
-      bar.style.transform = `scaleX(${part})`;
-      track.setAttribute("aria-valuenow", String(Math.round(part * 100)));
+      const fraction = totalBytes > 0 ? Math.min(1, doneBytes / totalBytes) : 0;
+      bar.style.transform = `scaleX(${fraction})`;
+      track.setAttribute("aria-valuenow", String(Math.round(fraction * 100)));
       setText(text, `${formatBytes(doneBytes)} of ${formatBytes(totalBytes)}`);
     };
   }
@@ -166,8 +174,8 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
   }
 
   async function askToken(): Promise<void> {
-    const given = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
-    if (given !== null && !disposed) void load();
+    const newToken = await shell.token.ask(shell.token.token === undefined ? "missing" : "refused");
+    if (newToken !== null && !disposed) void load();
   }
 
   function close(): void {

@@ -6,7 +6,7 @@ import type { KeyValueStorage } from "./bookmarks.ts";
 import type { ThemeSwitch } from "./theme.ts";
 import type { TokenKeeper } from "./token.ts";
 
-/** The shared parts. */
+/** Made once in main.ts, and given to every page; pages neither replace nor dispose it. */
 export interface Shell {
   /** Of the service that served the page, also behind a proxy's prefix; ends in a slash. */
   readonly serverUrl: string;

@@ -3,7 +3,7 @@
 import { type Child, h } from "./dom.ts";
 import { type IconName, icon } from "./icons.ts";
 
-/** What the card says. */
+/** Content of a card that stands in place of a page: loading, empty or failed. */
 export interface StateCard {
   readonly id: string;
   readonly icon: IconName;

@@ -1,6 +1,6 @@
 /** A value that is replaced, never changed, and tells who listens. */
 
-/** The store. */
+/** A value that can be watched. */
 export interface Store<T extends object> {
   get(): T;
   /** Replace some fields. Listeners run at once, unless no field differs. */
@@ -9,7 +9,7 @@ export interface Store<T extends object> {
   subscribe(listener: (state: T, before: T) => void): () => void;
 }
 
-/** Make a store. */
+/** Holds `initial` until the first `set`. */
 export function createStore<T extends object>(initial: T): Store<T> {
   let state = initial;
   const listeners = new Set<(state: T, before: T) => void>();

@@ -4,7 +4,7 @@ import type { KeyValueStorage } from "./bookmarks.ts";
 import { h, setAttribute } from "./dom.ts";
 import { icon } from "./icons.ts";
 
-/** What the user chose. */
+/** The choice that is kept; `system` follows the device's own setting. */
 export type ThemeChoice = "system" | "light" | "dark";
 
 /** What is shown. */
@@ -14,7 +14,7 @@ const KEY = "terraport.theme";
 const NEXT: Readonly<Record<ThemeChoice, ThemeChoice>> = { system: "light", light: "dark", dark: "system" };
 const ICONS = { system: "auto", light: "sun", dark: "moon" } as const;
 
-/** The theme of the page. */
+/** Theme in force, and the button that changes it. */
 export interface ThemeSwitch {
   readonly theme: Theme;
   /** A button that goes from system to light to dark. Each call makes one more; all stay current. */

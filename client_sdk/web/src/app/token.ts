@@ -79,20 +79,21 @@ export function createTokenKeeper(storage: KeyValueStorage, parent: Element): To
   });
   parent.append(dialog);
 
-  function answer(given: string | null): void {
-    if (given !== null) {
-      token = given;
+  function answer(newToken: string | null): void {
+    if (newToken !== null) {
+      token = newToken;
       try {
-        storage.setItem(KEY, given);
+        storage.setItem(KEY, newToken);
       } catch {
         // Then it holds until the page is loaded again.
       }
     }
     input.value = "";
     dialog.close();
+    // Everybody who asked meanwhile gets the same answer; who asks from within one waits for the next dialog.
     const resolved = waiting;
     waiting = [];
-    for (const resolve of resolved) resolve(given);
+    for (const resolve of resolved) resolve(newToken);
   }
 
   return {

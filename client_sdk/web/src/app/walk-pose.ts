@@ -97,6 +97,6 @@ export function clampNod(pitchDeg: number): number {
 }
 
 function settled(fromY: number, toY: number, dtS: number): number {
-  const left = (fromY - toY) * Math.exp(-SETTLE_PER_S * dtS);
-  return Math.abs(left) < 0.002 ? toY : toY + left;
+  const remainingM = (fromY - toY) * Math.exp(-SETTLE_PER_S * dtS);
+  return Math.abs(remainingM) < 0.002 ? toY : toY + remainingM;
 }

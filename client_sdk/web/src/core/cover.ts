@@ -42,26 +42,27 @@ export class CoverCounters {
     this.faceCount = offsets.length - 1;
     this.hidden = new Uint8Array(this.faceCount);
     this.#total = new Uint32Array(this.faceCount);
-    let most = -1;
+    let maxSegment = -1;
     for (const segment of segments) {
-      most = Math.max(most, segment);
+      maxSegment = Math.max(maxSegment, segment);
     }
-    this.#starts = new Uint32Array(most + 2);
+    this.#starts = new Uint32Array(maxSegment + 2);
     for (const segment of segments) {
       this.#starts[segment + 1]! += 1;
     }
-    for (let segment = 0; segment <= most; segment += 1) {
+    for (let segment = 0; segment <= maxSegment; segment += 1) {
       this.#starts[segment + 1]! += this.#starts[segment]!;
     }
-    const next = this.#starts.slice();
+    // Counting sort: starts from the counts above, then each face to its segments; ascending, as faces come in order.
+    const writeAt = this.#starts.slice();
     this.#faces = new Uint32Array(segments.length);
     for (let face = 0; face < this.faceCount; face += 1) {
       const end = offsets[face + 1]!;
       this.#total[face] = end - offsets[face]!;
       for (let entry = offsets[face]!; entry < end; entry += 1) {
         const segment = segments[entry]!;
-        this.#faces[next[segment]!] = face;
-        next[segment]! += 1;
+        this.#faces[writeAt[segment]!] = face;
+        writeAt[segment]! += 1;
       }
     }
     this.#missing = this.#total.slice();
@@ -113,28 +114,28 @@ export class CoverCounters {
 
   /** Make exactly these segments the shown ones. Returns the faces whose state changed, ascending. */
   show(segments: Iterable<number>): Uint32Array {
-    const wanted = new Set(segments);
-    for (const segment of wanted) {
+    const target = new Set(segments);
+    for (const segment of target) {
       checkId(segment);
     }
     // A face may be shown by one segment's leaving and hidden again by another's coming: those changed twice did not.
-    const odd = new Set<number>();
+    const toggled = new Set<number>();
     const flip = (faces: Uint32Array): void => {
       for (const face of faces) {
-        if (!odd.delete(face)) {
-          odd.add(face);
+        if (!toggled.delete(face)) {
+          toggled.add(face);
         }
       }
     };
     for (const segment of [...this.#shown]) {
-      if (!wanted.has(segment)) {
+      if (!target.has(segment)) {
         flip(this.remove(segment));
       }
     }
-    for (const segment of wanted) {
+    for (const segment of target) {
       flip(this.add(segment));
     }
-    return Uint32Array.from(odd).sort();
+    return Uint32Array.from(toggled).sort();
   }
 
   #changed(segment: number, crosses: (face: number) => boolean): Uint32Array {

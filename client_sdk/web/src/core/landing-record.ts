@@ -6,11 +6,11 @@
 
 import type { PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
 
-/** A set that may be shown. */
+/** The next set of a landing that may be shown: all of it, or its declared inner part. */
 export interface ShowableSet {
   readonly segments: readonly number[];
   /** Whether it is all of the landing, and not the declared inner part. */
-  readonly whole: boolean;
+  readonly isWhole: boolean;
 }
 
 /** One landing, from `land` until a newer one. */
@@ -24,7 +24,7 @@ export class LandingRecord {
   /** What was shown of it. */
   swapped: "nothing" | "degraded" | "full" = "nothing";
   #inner: readonly number[] | null = null;
-  #whole: readonly number[] | null = null;
+  #full: readonly number[] | null = null;
   #loadBytes = new Map<number, number>();
   readonly #arrived = new Set<number>();
 
@@ -38,14 +38,16 @@ export class LandingRecord {
   /** A plan came: the first, or another one after a reconnect. What was shown stays shown until the next `ready`. */
   planned(plan: PlanFacts): void {
     this.plan = plan;
+    // Declared under the generation before; the new one declares its own.
     this.#inner = null;
-    this.#whole = null;
+    this.#full = null;
     this.#loadBytes = new Map(plan.load.map((facts) => [facts.segment, facts.length]));
   }
 
   arrived(facts: SegmentFacts): void {
     this.#arrived.add(facts.segment);
-    if (this.#whole === null && this.#loadBytes.has(facts.segment)) {
+    // An aim's bytes are not this landing's; and `ready` brings the sum that counts.
+    if (this.#full === null && this.#loadBytes.has(facts.segment)) {
       this.payloadBytes += facts.length;
     }
   }
@@ -55,8 +57,9 @@ export class LandingRecord {
   }
 
   ready(visible: readonly number[], missing: readonly number[], elapsedMs: number, payloadBytes: number): void {
-    this.#whole = visible;
+    this.#full = visible;
     this.missing = missing;
+    // The first time counts: after a reconnect the same set is only declared once more.
     this.readyMs ??= elapsedMs;
     this.payloadBytes = payloadBytes;
   }
@@ -71,7 +74,7 @@ export class LandingRecord {
     this.missing = [];
     this.swapped = "nothing";
     this.#inner = null;
-    this.#whole = null;
+    this.#full = null;
     this.#loadBytes.clear();
     this.#arrived.clear();
   }
@@ -81,10 +84,10 @@ export class LandingRecord {
     if (this.refusal !== null) {
       return null;
     }
-    if (this.#whole) {
-      return { segments: this.#whole, whole: true };
+    if (this.#full) {
+      return { segments: this.#full, isWhole: true };
     }
-    return this.#inner && this.swapped !== "degraded" ? { segments: this.#inner, whole: false } : null;
+    return this.#inner && this.swapped !== "degraded" ? { segments: this.#inner, isWhole: false } : null;
   }
 
   /** What `ready` will presumably say: the plan's load and keep. */
@@ -99,12 +102,12 @@ export class LandingRecord {
     if (!this.plan) {
       return 0;
     }
-    let total = 0;
-    let done = 0;
+    let totalBytes = 0;
+    let doneBytes = 0;
     for (const [segment, bytes] of this.#loadBytes) {
-      total += 2 * bytes;
-      done += (this.#arrived.has(segment) || this.#whole ? bytes : 0) + (isResident(segment) ? bytes : 0);
+      totalBytes += 2 * bytes;
+      doneBytes += (this.#arrived.has(segment) || this.#full ? bytes : 0) + (isResident(segment) ? bytes : 0);
     }
-    return total > 0 ? done / total : 1;
+    return totalBytes > 0 ? doneBytes / totalBytes : 1;
   }
 }

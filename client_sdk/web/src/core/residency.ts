@@ -14,7 +14,7 @@ import { SegmentShelf, type ShelfLimits } from "./segment-shelf.ts";
 import type { PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
 
 /** Segments that aims brought and that wait for spare room; beyond it the oldest goes. */
-const MOST_PREFETCHED = 4096;
+const MAX_PREFETCHED = 4096;
 
 /** How much is done at once, and kept. */
 export type ResidencyOptions = ShelfLimits;
@@ -40,8 +40,8 @@ export class Residency {
   readonly #shelf: SegmentShelf;
   #visible: readonly number[] = [];
   #visibleIds = new Set<number>();
-  #wanted: readonly number[] = [];
-  #wantedIds = new Set<number>();
+  #desired: readonly number[] = [];
+  #desiredIds = new Set<number>();
   #nearbyIds = new Set<number>();
   #prefetched: number[] = [];
   #newest: LandingRecord | null = null;
@@ -82,7 +82,7 @@ export class Residency {
       this.#shelf.inFlight > 0 ||
       this.#shelf.hasFrees ||
       this.#restoring ||
-      (this.#newest?.plan !== null && this.#wanted.some(waits)) ||
+      (this.#newest?.plan !== null && this.#desired.some(waits)) ||
       (this.#shelf.hasSpareRoom && this.#prefetched.some(waits))
     );
   }
@@ -127,7 +127,7 @@ export class Residency {
       this.#shelf.hold(segment, -1);
     }
     this.#nearbyIds = new Set(plan.nearby);
-    this.#setWanted([...plan.keep, ...plan.load.map((facts) => facts.segment)]);
+    this.#setDesired([...plan.keep, ...plan.load.map((facts) => facts.segment)]);
     this.#shelf.freeUnneededMeshes();
   }
 
@@ -138,8 +138,9 @@ export class Residency {
       this.#recompute();
     }
     this.#newest?.arrived(facts);
-    if (landing === null && !this.#wantedIds.has(facts.segment)) {
-      if (this.#prefetched.length === MOST_PREFETCHED) {
+    // What an aim brought waits its turn behind the landing's own; beyond the bound the oldest is the least likely target.
+    if (landing === null && !this.#desiredIds.has(facts.segment)) {
+      if (this.#prefetched.length === MAX_PREFETCHED) {
         this.#prefetched.shift(); // Its payload stays held.
       }
       this.#prefetched.push(facts.segment);
@@ -164,6 +165,7 @@ export class Residency {
     if (!record) {
       return;
     }
+    // A reconnect declares what is shown once more: then nothing is to be swapped, and no blink is wasted on it.
     const isShown = record.swapped === "full" && sameIds([...visible].sort(ascending), this.#visible);
     record.ready(visible, missing, elapsedMs, payloadBytes);
     record.swapped = isShown ? "full" : "nothing"; // After a reconnect the same set may be declared once more.
@@ -171,9 +173,9 @@ export class Residency {
       this.#shelf.hold(segment, -1);
     }
     // In the plan's order, nearest first; what the plan did not name last.
-    const order = new Map(this.#wanted.map((segment, index) => [segment, index]));
-    const place = (segment: number): number => order.get(segment) ?? Number.MAX_SAFE_INTEGER;
-    this.#setWanted([...visible].sort((a, b) => place(a) - place(b)));
+    const order = new Map(this.#desired.map((segment, index) => [segment, index]));
+    const rankOf = (segment: number): number => order.get(segment) ?? Number.MAX_SAFE_INTEGER;
+    this.#setDesired([...visible].sort((a, b) => rankOf(a) - rankOf(b)));
     this.#shelf.freeUnneededMeshes();
   }
 
@@ -182,7 +184,7 @@ export class Residency {
     const record = this.#landing(landing);
     if (record) {
       record.refuse(message);
-      this.#setWanted([]);
+      this.#setDesired([]);
       this.#shelf.freeUnneededMeshes();
     }
   }
@@ -206,7 +208,7 @@ export class Residency {
     this.#nearbyIds.clear();
     this.#restoring = false;
     this.#newest?.restart();
-    this.#setWanted([]);
+    this.#setDesired([]);
   }
 
   /** The base of the new version is here: nothing of the old one is shown any more. */
@@ -228,7 +230,7 @@ export class Residency {
       this.#visible.forEach(ask);
     }
     if (this.#newest?.plan) {
-      this.#wanted.forEach(ask);
+      this.#desired.forEach(ask);
     }
     // What finds no spare room waits for the next swap.
     while (this.#prefetched.length > 0 && this.#shelf.hasRoom && this.#shelf.hasSpareRoom) {
@@ -259,9 +261,9 @@ export class Residency {
         return urgent;
       }
     }
-    const wanted = this.#wanted.find(waits);
-    if (wanted !== undefined) {
-      return wanted;
+    const mostUrgent = this.#desired.find(waits);
+    if (mostUrgent !== undefined) {
+      return mostUrgent;
     }
     return this.#shelf.anyDecoded();
   }
@@ -301,7 +303,7 @@ export class Residency {
         return null;
       }
     }
-    return set.whole ? "full" : "degraded";
+    return set.isWhole ? "full" : "degraded";
   }
 
   /** Show what is presentable; null where nothing is. The one place where the visible set changes. */
@@ -312,6 +314,7 @@ export class Residency {
       return null;
     }
     const visible = this.#coming;
+    // By id, not by landing: what both sets have stays drawn and is neither shown nor hidden.
     const before = this.#visibleIds;
     const shown = visible.filter((segment) => !before.has(segment));
     const after = new Set(visible);
@@ -345,10 +348,10 @@ export class Residency {
 
   /** The restorable set is drawn again. It is the visible set, less what could not be decoded again: no hole may stay there. */
   restored(): void {
-    const there = this.restorable();
-    if (there) {
+    const restorable = this.restorable();
+    if (restorable) {
       this.#restoring = false;
-      this.#setVisible(there);
+      this.#setVisible(restorable);
       this.#recompute();
     }
   }
@@ -381,7 +384,7 @@ export class Residency {
 
   /** What is shown, what is to be, and what the newest plan keeps ready beside it. */
   #isNeeded(segment: number): boolean {
-    return this.#wantedIds.has(segment) || this.#visibleIds.has(segment) || this.#nearbyIds.has(segment);
+    return this.#desiredIds.has(segment) || this.#visibleIds.has(segment) || this.#nearbyIds.has(segment);
   }
 
   #isSettled(segment: number): boolean {
@@ -389,9 +392,9 @@ export class Residency {
     return step === undefined || step === "resident" || step === "failed";
   }
 
-  #setWanted(wanted: readonly number[]): void {
-    this.#wanted = wanted;
-    this.#wantedIds = new Set(wanted);
+  #setDesired(desired: readonly number[]): void {
+    this.#desired = desired;
+    this.#desiredIds = new Set(desired);
     this.#shelf.trim();
     this.#recompute();
   }

@@ -72,6 +72,7 @@ export class SegmentShelf {
       this.#entries.set(segment, { step: "held", bytes: 0, aimedDuring, usedAt: this.#nextTick() });
       return false;
     }
+    // Never lowered: a landing keeps a segment by `isNeeded`, an aim by this number alone.
     entry.aimedDuring = Math.max(entry.aimedDuring, aimedDuring);
     return entry.step === "failed";
   }
@@ -88,6 +89,7 @@ export class SegmentShelf {
   drop(segment: number): void {
     const entry = this.#entries.get(segment);
     if (entry?.step === "held" && this.#isNeeded(segment)) {
+      // Not forgotten: a set that waits for it must learn that it will not come.
       entry.step = "failed";
     } else if (entry?.step === "held" || entry?.step === "failed") {
       this.#entries.delete(segment);
@@ -126,6 +128,7 @@ export class SegmentShelf {
     }
     const isNeeded = this.#isNeeded(segment);
     if (!isNeeded && (entry.aimedDuring < 0 || this.#spareBytes + bytes > this.#limits.spareBytes)) {
+      // Its payload is here, and can be asked for again when there is room.
       entry.step = "held";
       this.#inFlight.dismiss();
       return false;
@@ -192,6 +195,7 @@ export class SegmentShelf {
   /** Everything on the GPU is gone without being freed; the payloads are here. */
   loseGpu(): void {
     this.#freeIf(() => true);
+    // Nothing to give back: the context took it along.
     this.#toFree = [];
   }
 
@@ -216,9 +220,9 @@ export class SegmentShelf {
     }
   }
 
-  #freeIf(isToGo: (entry: Entry, segment: number) => boolean): void {
+  #freeIf(shouldFree: (entry: Entry, segment: number) => boolean): void {
     for (const [segment, entry] of this.#entries) {
-      if (isOnGpu(entry) && isToGo(entry, segment)) {
+      if (isOnGpu(entry) && shouldFree(entry, segment)) {
         this.#free(segment, entry);
       }
     }

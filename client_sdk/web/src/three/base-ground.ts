@@ -17,7 +17,7 @@ import { PLAIN } from "./palette.ts";
 /** Faces that are written at once: 48 KB of indices. */
 const BLOCK_FACES = 4096;
 
-/** One of the two lists. */
+/** One of the two index lists: the front one is drawn, the back one is made ready for the coming set. */
 interface Side {
   readonly buffer: GpuBuffer;
   readonly index: GLBufferAttribute;
@@ -46,7 +46,7 @@ export class BaseGround {
   #toAdd: number[] = [];
   #toRemove: number[] = [];
   #measureName: string | null = null;
-  #wantedRevision = -1;
+  #targetRevision = -1;
   #preparedRevision = -1;
 
   constructor(store: GpuStore, files: SceneFiles, material: GroundMaterial) {
@@ -71,16 +71,18 @@ export class BaseGround {
     this.mesh = new Mesh();
     this.mesh.name = "base";
     this.mesh.material = material.material;
+    // The shader places the codes (translation, step): the mesh itself stays at the origin of the scene's frame.
     this.mesh.matrixAutoUpdate = false;
     // After the detail, which stands before it nearly everywhere: what it hides is not shaded.
     this.mesh.renderOrder = 1;
     this.mesh.visible = false;
+    // Picking is face-boxes.ts's: three.js has no arrays of positions to walk.
     this.mesh.raycast = () => undefined;
     this.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => material.bind(this.#facts, camera);
   }
 
   /** Whether it is on the GPU, both lists included. */
-  get isThere(): boolean {
+  get isUploaded(): boolean {
     return this.mesh.visible;
   }
 
@@ -109,17 +111,21 @@ export class BaseGround {
 
   /** Make the back list ready for these segments; `step` does the work. */
   prepare(segments: readonly number[], revision: number): void {
-    if (revision === this.#wantedRevision) {
+    if (revision === this.#targetRevision) {
       return;
     }
-    this.#wantedRevision = revision;
+    this.#targetRevision = revision;
     this.#preparedRevision = -1;
-    const wanted = new Set(segments);
-    this.#toRemove = [...this.#counters.shown].filter((segment) => !wanted.has(segment));
+    // From where the counters are, not from what is drawn: a preparation that was cut short is not undone.
+    const target = new Set(segments);
+    this.#toRemove = [...this.#counters.shown].filter((segment) => !target.has(segment));
     this.#toAdd = segments.filter((segment) => !this.#counters.shown.has(segment));
   }
 
-  /** One slice of work. Returns its bytes, or 0 where there was nothing to do. */
+  /**
+   * One slice of work: buffers, then both lists, then the mesh is switched on, then the back list is brought to the coming set.
+   * Returns its bytes, or 0 where there was nothing to do. The front list is never written while it is drawn.
+   */
   step(): number {
     if (!this.#upload.isDone) {
       return Math.max(this.#upload.step(), 1);
@@ -143,8 +149,9 @@ export class BaseGround {
     if (this.#sides) {
       this.#front = this.#front === 0 ? 1 : 0;
       this.mesh.geometry = this.#geometryOf(this.#sides[this.#front]);
+      // The list that is the back now is that of the set before.
       this.#preparedRevision = -1;
-      this.#wantedRevision = -1;
+      this.#targetRevision = -1;
     }
   }
 
@@ -210,6 +217,7 @@ export class BaseGround {
   }
 
   #stepBack(): number {
+    // Segments first, which make blocks stale; then the stale blocks, one a step; the counts last, when all is written.
     const segment = this.#toRemove.pop();
     if (segment !== undefined) {
       return this.#mark(this.#counters.remove(segment));
@@ -218,7 +226,7 @@ export class BaseGround {
     if (added !== undefined) {
       return this.#mark(this.#counters.add(added));
     }
-    if (this.#wantedRevision < 0 || this.#preparedRevision === this.#wantedRevision || !this.#sides) {
+    if (this.#targetRevision < 0 || this.#preparedRevision === this.#targetRevision || !this.#sides) {
       return 0;
     }
     const back = this.#sides[this.#front === 0 ? 1 : 0];
@@ -233,11 +241,12 @@ export class BaseGround {
     }
     back.hiddenCount = this.#counters.hiddenCount;
     back.hiddenHash = this.#counters.hiddenHash;
-    this.#preparedRevision = this.#wantedRevision;
+    this.#preparedRevision = this.#targetRevision;
     return 1;
   }
 
   #mark(faces: Uint32Array): number {
+    // Of both lists: the front one is brought up to date when a flip has made it the back.
     for (const side of this.#sides ?? []) {
       for (const face of faces) {
         side.stale[Math.floor(face / BLOCK_FACES)] = 1;

@@ -50,11 +50,12 @@ export class FaceBoxes {
   }
 
   /**
-   * The nearest face along the ray with `t` in [0, mostT], seen from either side; among equals the lowest number. Faces that
+   * The nearest face along the ray with `t` in [0, maxT], seen from either side; among equals the lowest number. Faces that
    * `isHidden` names are not there.
    */
-  cast(origin: Vec3, direction: Vec3, mostT: number, isHidden?: Uint8Array): FaceHit | null {
+  cast(origin: Vec3, direction: Vec3, maxT: number, isHidden?: Uint8Array): FaceHit | null {
     const { translation, stepM } = this.#mesh;
+    // Into the codes' units once, not every vertex into metres; `t` is the same in both.
     const ray: Ray = {
       ox: (origin[0] - translation[0]) / stepM,
       oy: (origin[1] - translation[1]) / stepM,
@@ -66,14 +67,15 @@ export class FaceBoxes {
     const { runs, groups } = this.#boxes();
     const runCount = runs.length / 6;
     let best: FaceHit | null = null;
-    let most = mostT;
+    let nearestT = maxT;
     for (let group = 0; group < groups.length / 6; group += 1) {
-      if (!meetsBox(ray, groups, group * 6, most)) {
+      // What lies behind the nearest face so far is left out by its box.
+      if (!meetsBox(ray, groups, group * 6, nearestT)) {
         continue;
       }
       const lastRun = Math.min((group + 1) * GROUP_RUNS, runCount);
       for (let run = group * GROUP_RUNS; run < lastRun; run += 1) {
-        if (!meetsBox(ray, runs, run * 6, most)) {
+        if (!meetsBox(ray, runs, run * 6, nearestT)) {
           continue;
         }
         const lastFace = Math.min((run + 1) * RUN_FACES, this.#mesh.faceCount);
@@ -82,9 +84,9 @@ export class FaceBoxes {
             continue;
           }
           const t = this.#meetFace(ray, face);
-          if (t >= 0 && (t < most || (t === most && best === null))) {
+          if (t >= 0 && (t < nearestT || (t === nearestT && best === null))) {
             best = { t, face };
-            most = t;
+            nearestT = t;
           }
         }
       }
@@ -121,6 +123,7 @@ export class FaceBoxes {
     const groups = emptyBoxes(Math.ceil(runCount / GROUP_RUNS));
     for (let run = 0; run < runCount; run += 1) {
       const end = Math.min((run + 1) * RUN_FACES, faceCount) * 3;
+      // Numbers, no small arrays: this loop walks every corner of the mesh.
       let [x0, y0, z0, x1, y1, z1] = [Infinity, Infinity, Infinity, -Infinity, -Infinity, -Infinity];
       for (let corner = run * RUN_FACES * 3; corner < end; corner += 1) {
         const at = indices[corner]! * stride;
@@ -182,11 +185,11 @@ export class FaceBoxes {
   }
 }
 
-/** Whether a ray meets a box with t in [0, mostT]; direction components may be 0. */
-export function rayMeetsBounds(origin: Vec3, direction: Vec3, mostT: number, bounds: ArrayLike<number>): boolean {
+/** Whether a ray meets a box with t in [0, maxT]; direction components may be 0. */
+export function rayMeetsBounds(origin: Vec3, direction: Vec3, maxT: number, bounds: ArrayLike<number>): boolean {
   const [ox, oy, oz] = origin;
   const [dx, dy, dz] = direction;
-  return meetsBox({ ox, oy, oz, dx, dy, dz }, bounds, 0, mostT);
+  return meetsBox({ ox, oy, oz, dx, dy, dz }, bounds, 0, maxT);
 }
 
 interface Ray {
@@ -198,9 +201,9 @@ interface Ray {
   readonly dz: number;
 }
 
-function meetsBox(ray: Ray, boxes: ArrayLike<number>, at: number, mostT: number): boolean {
+function meetsBox(ray: Ray, boxes: ArrayLike<number>, at: number, maxT: number): boolean {
   let near = 0;
-  let far = mostT;
+  let far = maxT;
   // A ray within a slab's plane has 0 * Infinity = NaN there, which neither comparison lets through: asked apart.
   if (ray.dx !== 0) {
     const t0 = (boxes[at]! - ray.ox) / ray.dx;

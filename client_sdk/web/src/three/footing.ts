@@ -65,6 +65,7 @@ export function judgeFooting(stand: Stand, hit: GroundHit | null, landings: Pick
   const west = landings.groundAt(x - PROBE_M, z, fromY);
   const south = landings.groundAt(x, z + PROBE_M, fromY);
   const north = landings.groundAt(x, z - PROBE_M, fromY);
+  // The ground ends beside it: nobody is put on an edge.
   if (east === null || west === null || south === null || north === null) {
     stand.footing = "outside";
     return;
@@ -75,13 +76,13 @@ export function judgeFooting(stand: Stand, hit: GroundHit | null, landings: Pick
   normal[0] = -eastRise / length;
   normal[1] = 1 / length;
   normal[2] = -southRise / length;
-  const most = Math.max(
+  const riseM = Math.max(
     Math.abs(east.position[1] - y),
     Math.abs(west.position[1] - y),
     Math.abs(south.position[1] - y),
     Math.abs(north.position[1] - y),
   );
-  stand.footing = normal[1] < LEAST_UP || most > MOST_RISE_M ? "steep" : "firm";
+  stand.footing = normal[1] < LEAST_UP || riseM > MOST_RISE_M ? "steep" : "firm";
 }
 
 /** Where feet are put instead of a place in a wall or under a ceiling: what is asked of the ground. */

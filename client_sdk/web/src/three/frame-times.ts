@@ -2,7 +2,7 @@
 
 const FRAMES = 240;
 
-/** A ring of times. */
+/** The newest times in a ring: noting one takes no memory. */
 export class FrameTimes {
   readonly #ring = new Float64Array(FRAMES);
   #count = 0;

@@ -51,12 +51,12 @@ export class GpuStore {
     const buffer = gl.createBuffer();
     if (use === "indices") {
       // The binding of indices belongs to the vertex array: none is bound meanwhile.
-      const before: WebGLVertexArrayObject | null = gl.getParameter(gl.VERTEX_ARRAY_BINDING);
+      const boundVertexArray: WebGLVertexArrayObject | null = gl.getParameter(gl.VERTEX_ARRAY_BINDING);
       gl.bindVertexArray(null);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, buffer);
       gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, bytes, gl.STATIC_DRAW);
       gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, null);
-      gl.bindVertexArray(before);
+      gl.bindVertexArray(boundVertexArray);
     } else {
       gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
       gl.bufferData(gl.ARRAY_BUFFER, bytes, gl.STATIC_DRAW);

@@ -116,8 +116,10 @@ export class GroundMaterial {
     u.hasMeasure.value = facts.measure !== null;
     u.measureScale.value.set(facts.measure?.[0] ?? 0, facts.measure?.[1] ?? 0);
     u.segmentColour.value.copy(facts.segmentColour);
-    const place = camera.matrixWorld.elements;
-    const [x, y, z] = [place[12]!, place[13]!, place[14]!];
+    // The eye in two parts. The coarse one lies on the grid of the codes, so the shader's difference to it is exact in
+    // float32; the fine one is small. One number for both would shake by millimetres far from the origin.
+    const worldMatrix = camera.matrixWorld.elements;
+    const [x, y, z] = [worldMatrix[12]!, worldMatrix[13]!, worldMatrix[14]!];
     const grid = this.#gridM;
     const coarse = u.eyeCoarse.value.set(
       Math.round(x / grid) * grid,
@@ -125,12 +127,14 @@ export class GroundMaterial {
       Math.round(z / grid) * grid,
     );
     u.eyeFine.value.set(x - coarse.x, y - coarse.y, z - coarse.z);
+    // One material for all meshes: three.js would take the uniforms for those of the draw before.
     this.material.uniformsNeedUpdate = true;
   }
 
   /** Grid and regions of another version. */
   setVersion(stepM: number, regions: readonly RegionFacts[]): void {
     this.#gridM = Math.max(stepM, EYE_GRID_M);
+    // Owned here: the material only refers to it.
     this.#regionColours.dispose();
     this.#regionColours = regionTexture(regions);
     this.#uniforms.regionColours.value = this.#regionColours;
@@ -144,13 +148,15 @@ export class GroundMaterial {
 
 /** Linear light of an sRGB colour. */
 export function linear(colour: Rgb): Vector3 {
-  const [r, g, b] = colour.map((part) => (part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4));
+  const [r, g, b] = colour.map((channel) =>
+    channel <= 0.04045 ? channel / 12.92 : ((channel + 0.055) / 1.055) ** 2.4,
+  );
   return new Vector3(r, g, b);
 }
 
 function regionTexture(regions: readonly RegionFacts[]): DataTexture {
-  const most = regions.reduce((id, region) => Math.max(id, region.id), 0);
-  const rows = Math.floor(most / REGION_TEXTURE_SIDE) + 1;
+  const maxId = regions.reduce((id, region) => Math.max(id, region.id), 0);
+  const rows = Math.floor(maxId / REGION_TEXTURE_SIDE) + 1;
   const texels = new Uint8Array(REGION_TEXTURE_SIDE * rows * 4).fill(255);
   for (const region of regions) {
     const colour = regionColour(region.stableId ?? region.id);

@@ -39,13 +39,14 @@ export function castGround(ground: ShownGround, origin: Vec3, direction: Vec3, m
 
 function firstAlong(ground: ShownGround, origin: Vec3, unit: Vec3, maxDistanceM: number): Meeting | null {
   const base = ground.base ? meet(ground.base, origin, unit, maxDistanceM, ground.hidden) : null;
-  let most = base ? Math.min(base.t + ground.pushM, maxDistanceM) : maxDistanceM;
+  // The base is drawn pushed back: detail that lies so far behind it is seen before it all the same.
+  let nearestM = base ? Math.min(base.t + ground.pushM, maxDistanceM) : maxDistanceM;
   let detail: Meeting | null = null;
   for (const segment of ground.segments) {
-    const found = meet(segment, origin, unit, most, undefined);
-    if (found) {
-      detail = found;
-      most = found.t;
+    const hit = meet(segment, origin, unit, nearestM, undefined);
+    if (hit) {
+      detail = hit;
+      nearestM = hit.t;
     }
   }
   return detail ?? base;
@@ -80,13 +81,14 @@ export function groundOnVertical(ground: ShownGround, x: number, z: number, from
 
 /** The first face along a vertical ray that faces up. */
 function facingUp(ground: ShownGround, origin: Vec3, unit: Vec3): GroundHit | null {
-  let goneM = 0;
+  let travelledM = 0;
   for (let ceilings = 0; ceilings <= MAX_CEILINGS; ceilings += 1) {
-    const from: Vec3 = [origin[0], origin[1] + goneM * unit[1], origin[2]];
+    const from: Vec3 = [origin[0], origin[1] + travelledM * unit[1], origin[2]];
     const first = firstAlong(ground, from, unit, Number.MAX_VALUE);
     if (first === null) return null;
-    if (first.target.boxes.normalOf(first.face)[1] > 0) return describe({ ...first, t: goneM + first.t }, origin, unit);
-    goneM += first.t + BEHIND_M;
+    if (first.target.boxes.normalOf(first.face)[1] > 0)
+      return describe({ ...first, t: travelledM + first.t }, origin, unit);
+    travelledM += first.t + BEHIND_M;
   }
   return null;
 }
@@ -101,13 +103,13 @@ function meet(
   target: Pickable,
   origin: Vec3,
   unit: Vec3,
-  most: number,
+  maxT: number,
   hidden: Uint8Array | undefined,
 ): Meeting | null {
-  if (!rayMeetsBounds(origin, unit, most, target.bounds)) {
+  if (!rayMeetsBounds(origin, unit, maxT, target.bounds)) {
     return null;
   }
-  const hit = target.boxes.cast(origin, unit, most, hidden);
+  const hit = target.boxes.cast(origin, unit, maxT, hidden);
   return hit ? { target, t: hit.t, face: hit.face } : null;
 }
 

@@ -66,6 +66,7 @@ export class GroundSet {
   step(): number {
     const segment = this.#residency.nextUpload();
     const ground = segment === null ? undefined : this.#grounds.get(segment);
+    // Each that is whole is drawn once without a face: too many at a time would make that frame a long one.
     if (!ground || ground.mesh || this.#warming.length >= MAX_FRAME_WARMINGS) {
       return 0;
     }
@@ -93,7 +94,7 @@ export class GroundSet {
       const ground = this.#grounds.get(segment);
       if (ground) {
         this.#grounds.delete(segment);
-        this.#warming = this.#warming.filter((other) => other !== ground);
+        this.#warming = this.#warming.filter((warming) => warming !== ground);
         this.#toFree(ground);
       }
     }
@@ -104,6 +105,7 @@ export class GroundSet {
 
   /** Set the flag of one segment. */
   setShown(segment: number, isShown: boolean): void {
+    // What is to be hidden is looked up among what is shown: after a change of version its id is another segment's.
     const ground = isShown ? this.#grounds.get(segment) : this.#shown.get(segment);
     if (!ground?.mesh) {
       return;
@@ -119,7 +121,7 @@ export class GroundSet {
   /** For every segment, and those to come. */
   setMeasure(name: string | null): void {
     this.#measureName = name;
-    for (const ground of this.#all()) {
+    for (const ground of this.#allGrounds()) {
       ground.setMeasure(name);
     }
   }
@@ -147,7 +149,7 @@ export class GroundSet {
 
   /** Free everything at once: what WebGL lost, or at the end. */
   freeAll(): void {
-    for (const ground of this.#all()) {
+    for (const ground of this.#allGrounds()) {
       ground.free();
     }
     this.#grounds.clear();
@@ -169,11 +171,12 @@ export class GroundSet {
     return `${count}:${(hash >>> 0).toString(16)}`;
   }
 
-  #all(): Set<SegmentGround> {
+  #allGrounds(): Set<SegmentGround> {
     return new Set([...this.#grounds.values(), ...this.#shown.values(), ...this.#freeing]);
   }
 
   #toFree(ground: SegmentGround): void {
+    // Out of the picture at once, its memory later: drivers take their time to free.
     ground.mesh?.removeFromParent();
     this.#freeing.push(ground);
   }

@@ -16,7 +16,7 @@ const FLOAT = 0x1406;
 type VertexArray = Uint16Array | Float32Array | Int8Array;
 
 /** A vertex attribute of the shader, or the indices. */
-interface Part {
+interface UploadArray {
   readonly name: string;
   readonly use: "vertices" | "indices";
   readonly array: VertexArray | Uint32Array;
@@ -26,7 +26,7 @@ interface Part {
 
 /** Bytes that a mesh takes on the GPU. */
 export function gpuBytesOf(data: MeshData): number {
-  const buffers = partsOf(data, true).reduce((sum, part) => sum + part.array.byteLength, 0);
+  const buffers = arraysOf(data, true).reduce((sum, upload) => sum + upload.array.byteLength, 0);
   return buffers + (data.image ? textureBytes(data.image.width, data.image.height) : 0);
 }
 
@@ -41,10 +41,10 @@ export class MeshUpload {
   readonly #store: GpuStore;
   #image: MeshImage | null;
   readonly #isBase: boolean;
-  #parts: readonly Part[];
+  #arrays: readonly UploadArray[];
   readonly #buffers: GpuBuffer[] = [];
   #texture: GpuTexture | null = null;
-  #part = 0;
+  #arrayIndex = 0;
   #offset = 0;
   #row = 0;
   #isDone = false;
@@ -54,7 +54,7 @@ export class MeshUpload {
     this.#store = store;
     this.#image = data.image;
     this.#isBase = isBase;
-    this.#parts = partsOf(data, !isBase);
+    this.#arrays = arraysOf(data, !isBase);
   }
 
   get isDone(): boolean {
@@ -63,9 +63,9 @@ export class MeshUpload {
 
   /** Upload one slice. Returns its bytes; for creating and mips, which cost too, a slice's worth. */
   step(): number {
-    const part = this.#parts[this.#part];
-    if (part) {
-      return this.#stepBuffer(part);
+    const upload = this.#arrays[this.#arrayIndex];
+    if (upload) {
+      return this.#stepBuffer(upload);
     }
     const image = this.#image;
     if (!image) {
@@ -77,11 +77,13 @@ export class MeshUpload {
       return SLICE_BYTES;
     }
     if (this.#row < image.height) {
+      // Whole rows, as WebGL writes rectangles; one at least, however wide the image is.
       const rows = Math.min(Math.max(Math.floor(SLICE_BYTES / (image.width * 4)), 1), image.height - this.#row);
       this.#store.writeTextureRows(this.#texture, image.bitmap, this.#row, rows);
       this.#row += rows;
       return rows * image.width * 4;
     }
+    // At the end, of all rows: levels made before would show those that had not come.
     this.#store.makeMips(this.#texture);
     this.map = new ExternalTexture(this.#texture.texture);
     this.#finish();
@@ -105,7 +107,7 @@ export class MeshUpload {
   /** Let go of everything that was read from. */
   #finish(): void {
     this.#isDone = true;
-    this.#parts = [];
+    this.#arrays = [];
     this.#closeImage();
   }
 
@@ -116,31 +118,32 @@ export class MeshUpload {
     this.#image = null;
   }
 
-  #stepBuffer(part: Part): number {
-    const bytes = new Uint8Array(part.array.buffer, part.array.byteOffset, part.array.byteLength);
+  #stepBuffer(upload: UploadArray): number {
+    const bytes = new Uint8Array(upload.array.buffer, upload.array.byteOffset, upload.array.byteLength);
     if (this.#offset === 0) {
-      this.#buffers.push(this.#store.createBuffer(bytes.length, part.use));
+      this.#buffers.push(this.#store.createBuffer(bytes.length, upload.use));
     }
     const target = this.#buffers[this.#buffers.length - 1]!;
     const length = Math.min(SLICE_BYTES, bytes.length - this.#offset);
     this.#store.writeBuffer(target, this.#offset, bytes.subarray(this.#offset, this.#offset + length));
     this.#offset += length;
     if (this.#offset >= bytes.length) {
-      this.#finishPart(part, target.buffer);
-      this.#part += 1;
+      this.#finishBuffer(upload, target.buffer);
+      this.#arrayIndex += 1;
       this.#offset = 0;
     }
     return length;
   }
 
-  #finishPart(part: Part, buffer: WebGLBuffer): void {
-    const attribute = wrap(buffer, part.array, part.itemSize, part.normalised);
-    if (part.use === "indices") {
+  #finishBuffer(upload: UploadArray, buffer: WebGLBuffer): void {
+    // The array gives type and length only: it is not kept.
+    const attribute = wrap(buffer, upload.array, upload.itemSize, upload.normalised);
+    if (upload.use === "indices") {
       this.index = attribute;
-    } else if (part.name.startsWith(MEASURE)) {
-      this.measures.set(part.name.slice(MEASURE.length), attribute);
+    } else if (upload.name.startsWith(MEASURE)) {
+      this.measures.set(upload.name.slice(MEASURE.length), attribute);
     } else {
-      this.attributes.set(part.name, attribute);
+      this.attributes.set(upload.name, attribute);
     }
   }
 }
@@ -153,6 +156,7 @@ export function geometryOf(upload: MeshUpload, index: GLBufferAttribute, data: M
   }
   geometry.index = asAttribute(index);
   const [x0, y0, z0, x1, y1, z1] = data.bounds;
+  // Else three.js would work it out from positions, which are on the GPU alone.
   geometry.boundingSphere = new Sphere(
     new Vector3((x0 + x1) / 2, (y0 + y1) / 2, (z0 + z1) / 2),
     Math.hypot(x1 - x0, y1 - y0, z1 - z0) / 2,
@@ -188,13 +192,14 @@ function typeOf(array: VertexArray | Uint32Array): GLenum {
   return array instanceof Uint32Array ? UNSIGNED_INT : FLOAT;
 }
 
-function partsOf(data: MeshData, withIndices: boolean): Part[] {
-  const parts: Part[] = [];
-  const add = (name: string, array: Part["array"] | null, itemSize: number, normalised: boolean): void => {
+function arraysOf(data: MeshData, withIndices: boolean): UploadArray[] {
+  const uploads: UploadArray[] = [];
+  const add = (name: string, array: UploadArray["array"] | null, itemSize: number, normalised: boolean): void => {
     if (array) {
-      parts.push({ name, use: name === "index" ? "indices" : "vertices", array, itemSize, normalised });
+      uploads.push({ name, use: name === "index" ? "indices" : "vertices", array, itemSize, normalised });
     }
   };
+  // Rows are multiples of 4 bytes, padding included; the shader reads of them what it needs.
   add("code", data.positions, data.positions instanceof Uint16Array ? 4 : 3, false);
   add("tilt", data.normals, 4, true);
   add("tint", data.colours, 4, true);
@@ -206,5 +211,5 @@ function partsOf(data: MeshData, withIndices: boolean): Part[] {
   if (withIndices) {
     add("index", data.indices, 1, false);
   }
-  return parts;
+  return uploads;
 }

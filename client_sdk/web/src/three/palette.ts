@@ -9,7 +9,7 @@ export type Rgb = readonly [number, number, number];
 
 /** One mark of a legend: where it stands on the ramp (0 to 1), its value, and its CSS colour. */
 export interface LegendStop {
-  readonly place: number;
+  readonly fraction: number;
   readonly value: number;
   readonly colour: string;
 }
@@ -78,15 +78,15 @@ export function slopeRamp(): readonly Rgb[] {
 /** Legend of an attribute between `min` and `max`: a linear CSS gradient through these is what is drawn. */
 export function attributeLegend(min: number, max: number): readonly LegendStop[] {
   return VIRIDIS.map((colour, index) => {
-    const place = index / (RAMP_STOPS - 1);
-    return { place, value: min + place * (max - min), colour };
+    const fraction = index / (RAMP_STOPS - 1);
+    return { fraction, value: min + fraction * (max - min), colour };
   });
 }
 
 /** Legend of slopes, values in degrees. */
 export function slopeLegend(): readonly LegendStop[] {
   return SLOPE.map((colour, index) => ({
-    place: index / (RAMP_STOPS - 1),
+    fraction: index / (RAMP_STOPS - 1),
     value: (90 * index) / (RAMP_STOPS - 1),
     colour,
   }));
@@ -109,12 +109,12 @@ export function segmentColour(segment: number): Rgb {
 
 /** `#rrggbb`. */
 export function toCss(colour: Rgb): string {
-  return `#${colour.map((part) => toByte(part).toString(16).padStart(2, "0")).join("")}`;
+  return `#${colour.map((channel) => toByte(channel).toString(16).padStart(2, "0")).join("")}`;
 }
 
 /** 0 to 255. */
-export function toByte(part: number): number {
-  return Math.round(Math.min(Math.max(part, 0), 1) * 255);
+export function toByte(channel: number): number {
+  return Math.round(Math.min(Math.max(channel, 0), 1) * 255);
 }
 
 const GOLDEN_ANGLE_DEG = 137.50776405003785;
@@ -131,7 +131,7 @@ function fromOklch(lightness: number, chroma: number, hueDeg: number): Rgb {
   const hue = (hueDeg * Math.PI) / 180;
   for (let share = 1; share > 0; share -= 0.05) {
     const colour = fromOklab(lightness, share * chroma * Math.cos(hue), share * chroma * Math.sin(hue));
-    if (colour.every((part) => part >= 0 && part <= 1)) {
+    if (colour.every((channel) => channel >= 0 && channel <= 1)) {
       return colour;
     }
   }

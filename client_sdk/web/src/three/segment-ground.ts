@@ -23,7 +23,7 @@ export class SegmentGround {
   readonly #material: GroundMaterial;
   readonly #attributes: readonly Pick<AttributeCodes, "name" | "offset" | "step">[];
   #measureName: string | null;
-  #bare: MeshData | null;
+  #meshData: MeshData | null;
 
   constructor(store: GpuStore, data: MeshData, material: GroundMaterial, measureName: string | null) {
     this.segment = data.segment;
@@ -35,7 +35,7 @@ export class SegmentGround {
     this.#measureName = measureName;
     this.#material = material;
     this.#upload = new MeshUpload(store, data, false);
-    this.#bare = data;
+    this.#meshData = data;
     this.#facts = {
       translation,
       stepM,
@@ -52,9 +52,10 @@ export class SegmentGround {
   /** Upload one slice. Returns its bytes. */
   step(): number {
     const bytes = this.#upload.step();
-    if (this.#upload.isDone && this.#bare && this.#upload.index) {
-      this.mesh = new Mesh(geometryOf(this.#upload, this.#upload.index, this.#bare), this.#material.material);
-      this.#bare = null;
+    if (this.#upload.isDone && this.#meshData && this.#upload.index) {
+      this.mesh = new Mesh(geometryOf(this.#upload, this.#upload.index, this.#meshData), this.#material.material);
+      // On the GPU: picking keeps positions and indices, everything else may be collected.
+      this.#meshData = null;
       this.#facts.map = this.#upload.map;
       this.mesh.name = `segment ${this.segment}`;
       this.mesh.matrixAutoUpdate = false;
@@ -87,9 +88,10 @@ export class SegmentGround {
 
   free(): void {
     this.mesh?.removeFromParent();
+    // Gives back three.js's vertex array alone: the buffers are the upload's, the material is everybody's.
     this.mesh?.geometry.dispose();
     this.mesh = null;
-    this.#bare = null;
+    this.#meshData = null;
     this.#upload.free();
   }
 

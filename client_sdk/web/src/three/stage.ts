@@ -148,7 +148,7 @@ export class Stage implements Landings {
     const { comingRevision, coming } = this.#residency;
     const isBaseBehind = !this.#isOldVersion && coming !== null && this.#base.preparedRevision !== comingRevision;
     return (
-      !this.object.visible || !this.#base.isThere || isBaseBehind || this.#grounds.isBusy || this.#residency.isBusy
+      !this.object.visible || !this.#base.isUploaded || isBaseBehind || this.#grounds.isBusy || this.#residency.isBusy
     );
   }
 
@@ -229,6 +229,7 @@ export class Stage implements Landings {
     this.#prepareBase();
     const endMs = startMs + this.uploadBudgetMs;
     let bytes = 0;
+    // The base goes first: without its list for the coming set no swap is possible, however many segments are there.
     while (bytes < MAX_FRAME_UPLOAD_BYTES && performance.now() < endMs) {
       const slice = this.#base.step() || this.#grounds.step();
       if (slice === 0) {
@@ -250,6 +251,7 @@ export class Stage implements Landings {
     if (!swap) {
       return null;
     }
+    // One frame, flags alone: a segment and the base faces under it are never both missing, nor both drawn.
     for (const segment of swap.hidden) {
       this.#grounds.setShown(segment, false);
     }
@@ -306,7 +308,7 @@ export class Stage implements Landings {
   stats(): StageStats {
     this.#refreshStreamStats();
     const { bufferBytes, textureBytes, createdBytes, freedBytes } = this.#store;
-    let visibleTriangles = this.#base.isThere ? this.#base.faceCount - this.#base.hiddenCount : 0;
+    let visibleTriangles = this.#base.isUploaded ? this.#base.faceCount - this.#base.hiddenCount : 0;
     for (const ground of this.#grounds.shown.values()) {
       visibleTriangles += ground.faceCount;
     }
@@ -329,6 +331,7 @@ export class Stage implements Landings {
 
   /** Call on the canvas's webglcontextlost: everything on the GPU is gone. */
   contextLost(): void {
+    // What was visible counts as visible until it is back: its digest is that of before.
     this.#digest ??= this.#digestOfDrawn();
     this.#isLost = true;
     this.#residency.contextLost();
@@ -355,11 +358,12 @@ export class Stage implements Landings {
   }
 
   /**
-   * Base, cover and regions of {@link neededVersion}; what was shown of the old goes. Files of another version are not taken:
-   * the session went on meanwhile, and their ids would be taken for its.
+   * Base, cover and regions of {@link neededVersion}; what was shown of the old goes. Any others are not taken: of another
+   * version, where the session went on meanwhile and their ids would be taken for its; nor the same a second time, where it
+   * went there and back: the base would be drawn whole over the segments that are shown by then.
    */
   replaceFiles(files: SceneFiles): void {
-    if (this.#servedVersion !== null && files.manifest.version !== this.#servedVersion) {
+    if (files.manifest.version !== this.neededVersion) {
       return;
     }
     this.#files = files;
@@ -403,6 +407,7 @@ export class Stage implements Landings {
 
   /** What is shown stays drawn until the new version's files are here; it must not be taken for segments of the new. */
   #leaveVersion(): void {
+    // Residency first: answers of decoders that are under way are of the epoch before, and are thrown away.
     this.#residency.versionChanged();
     this.#isOldVersion = true;
     this.#grounds.leaveVersion();
@@ -418,6 +423,7 @@ export class Stage implements Landings {
   }
 
   #onMesh(segment: number, data: MeshData, epoch: number): void {
+    // The bitmap is this side's to close wherever the mesh is not taken: memory of images is not collected in time.
     if (this.#isDisposed || !this.#residency.decoded(segment, epoch, gpuBytesOf(data))) {
       data.image?.bitmap.close();
       return;
@@ -430,9 +436,9 @@ export class Stage implements Landings {
       return;
     }
     if (this.#residency.restoring) {
-      const back = this.#residency.restorable();
-      if (back) {
-        this.#base.prepare(back, RESTORED_REVISION);
+      const restorable = this.#residency.restorable();
+      if (restorable) {
+        this.#base.prepare(restorable, RESTORED_REVISION);
       }
     } else if (this.#residency.coming) {
       this.#base.prepare(this.#residency.coming, this.#residency.comingRevision);

@@ -19,7 +19,7 @@ const AIM_MOVED_M = 0.25;
 const AIM_ELSEWHERE_M = 3;
 
 export interface Aimed {
-  readonly place: Vec3;
+  readonly position: Vec3;
   readonly normal: Vec3;
   /** How much the facing turns, radians, counter-clockwise. */
   readonly turnRad: number;
@@ -39,7 +39,12 @@ export interface Aiming {
   dispose(): void;
 }
 
-/** An aim at what `landings` shows, hidden. */
+/**
+ * An aim at what `landings` shows, hidden. Ribbon and ring are its own, to be added to the scene by the caller and freed by
+ * `dispose`.
+ *
+ * What is drawn in a frame is what a release in that frame would do: arc, footing, ring and trail come from one throw.
+ */
 export function createAiming(landings: Landings, radiusM: () => number): Aiming {
   const arc = newArc();
   const stand = newStand();
@@ -49,8 +54,9 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
   const ring = createRing();
   let casts = 0;
   let turnRad = 0;
-  let toldMs = Number.NEGATIVE_INFINITY;
-  let told: Vec3 | null = null;
+  let sentMs = Number.NEGATIVE_INFINITY;
+  let sentPosition: Vec3 | null = null;
+  // Casts are what an aim costs; the figures show them.
   const counted = {
     cast: (...args: Parameters<Landings["cast"]>) => {
       casts += 1;
@@ -61,17 +67,17 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       return landings.groundAt(...args);
     },
   };
-  const tell = (place: Vec3, nowMs: number): void => {
-    const movedM = told === null ? Number.POSITIVE_INFINITY : distance(told, place);
-    if (movedM < AIM_MOVED_M || nowMs - toldMs < AIM_EVERY_MS) {
+  const sendAim = (position: Vec3, nowMs: number): void => {
+    const movedM = sentPosition === null ? Number.POSITIVE_INFINITY : distance(sentPosition, position);
+    if (movedM < AIM_MOVED_M || nowMs - sentMs < AIM_EVERY_MS) {
       return;
     }
     if (movedM > AIM_ELSEWHERE_M) {
       resetReadiness(readiness);
     }
-    told = place;
-    toldMs = nowMs;
-    landings.aim(place, radiusM());
+    sentPosition = position;
+    sentMs = nowMs;
+    landings.aim(position, radiusM());
   };
   return {
     objects: [ribbon.object, ring.object],
@@ -83,11 +89,12 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       clearTrail(trail);
       resetReadiness(readiness);
       turnRad = 0;
-      told = null;
+      sentPosition = null;
     },
     update(pointer, eye, facingRad, nowMs) {
       casts = 0;
       turnRad = facingOfStick(pointer.stickX, pointer.stickY, turnRad);
+      // (1) Where the arc comes down, and whether one can stand there.
       throwArc(arc, pointer.origin, pointer.direction);
       if (pointsAway(pointer.direction)) {
         cutShort(arc);
@@ -96,6 +103,7 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       }
       judgeFooting(stand, arc.hit, counted);
       const firm = stand.footing === "firm" && arc.hit !== null;
+      // (2) The trail, since a pinch moves the hand before it is recognised; and what is seen.
       noteTarget(trail, nowMs, firm ? arc.hit!.position : null);
       ribbon.draw(arc.points, arc.count, eye, firm);
       if (arc.hit === null) {
@@ -107,14 +115,15 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
         ring.show("invalid", 0);
         return;
       }
-      tell(arc.hit.position, nowMs);
+      // (3) The service is told only where a release would land.
+      sendAim(arc.hit.position, nowMs);
       const fraction = readinessOf(readiness);
       ring.show(fraction >= 1 ? "ready" : "aim", fraction);
     },
     aimed(pointer, nowMs) {
       const pinches = pointer.source.targetRayMode === "transient-pointer" || isHand(pointer.source);
-      const place = targetBefore(trail, nowMs, pinches ? BEFORE_MS : 0);
-      return place === null ? null : { place, normal: [...stand.normal], turnRad };
+      const position = targetBefore(trail, nowMs, pinches ? BEFORE_MS : 0);
+      return position === null ? null : { position, normal: [...stand.normal], turnRad };
     },
     hide() {
       casts = 0;

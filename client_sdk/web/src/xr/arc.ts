@@ -104,6 +104,7 @@ export function castArc(arc: Arc, landings: Pick<Landings, "cast">): void {
     const lengthM = Math.hypot(along[0], along[1], along[2]);
     const hit = lengthM > 0 ? landings.cast(from, along, lengthM) : null;
     if (hit !== null) {
+      // The last point in use becomes the meeting itself: the ribbon ends on the ground.
       points.set(hit.position, 3 * k + 3);
       arc.count = k + 2;
       arc.hit = hit;

@@ -20,7 +20,7 @@ const BESIDE_RAD = Math.PI / 4;
 export interface Board {
   readonly panel: Panel;
   /** Show a text; `stays`: until the next. */
-  say(text: string, tone: Tone, stays: boolean, nowMs: number): void;
+  show(text: string, tone: Tone, stays: boolean, nowMs: number): void;
   /** Once a frame: hangs it up where it is due, takes it down in time. */
   update(eye: Vec3, facingRad: number, nowMs: number): void;
   /** The user was moved: hang it up anew. */
@@ -35,7 +35,7 @@ export function createBoard(): Board {
   let hungFacingRad = 0;
   return {
     panel,
-    say(text, tone, stays, nowMs) {
+    show(text, tone, stays, nowMs) {
       panel.draw((context) => drawBoard(context, text, tone));
       untilMs = stays ? Number.POSITIVE_INFINITY : nowMs + LASTS_MS;
       due = true;
@@ -46,9 +46,10 @@ export function createBoard(): Board {
         due = false;
         return;
       }
-      const beside = Math.abs(wrapAngle(facingRad - hungFacingRad)) > BESIDE_RAD;
-      if (due && (panel.pose === null || beside)) {
-        panel.place(panelBefore(eye, facingRad, AWAY_M, BELOW_M));
+      const isBeside = Math.abs(wrapAngle(facingRad - hungFacingRad)) > BESIDE_RAD;
+      // It hangs still while it is read: only news brings it round, and only where the user looks elsewhere.
+      if (due && (panel.pose === null || isBeside)) {
+        panel.moveTo(panelBefore(eye, facingRad, AWAY_M, BELOW_M));
         hungFacingRad = facingRad;
       }
       due = false;

@@ -19,7 +19,7 @@ export function newFrameTimes(): FrameTimes {
   return { ms: new Float32Array(KEPT), count: 0 };
 }
 
-/** Add one. */
+/** Note a frame's time, over the oldest once the ring is full: no memory is taken in a frame. */
 export function addTime(times: FrameTimes, ms: number): void {
   times.ms[times.count % KEPT] = ms;
   times.count += 1;
@@ -27,7 +27,8 @@ export function addTime(times: FrameTimes, ms: number): void {
 
 /** Of the last 240; zeros where there was none. */
 export function summarise(times: FrameTimes): TimeSummary {
-  const kept = times.ms.slice(0, Math.min(times.count, KEPT)).sort();
-  const at = (share: number): number => kept[Math.min(kept.length - 1, Math.floor(share * kept.length))] ?? 0;
+  const sortedMs = times.ms.slice(0, Math.min(times.count, KEPT)).sort();
+  const at = (share: number): number =>
+    sortedMs[Math.min(sortedMs.length - 1, Math.floor(share * sortedMs.length))] ?? 0;
   return { medianMs: at(0.5), p99Ms: at(0.99), maxMs: at(1) };
 }

@@ -12,7 +12,7 @@ import { createAiming } from "./aiming.ts";
 import { createBoard } from "./board.ts";
 import { addTime, newFrameTimes, summarise } from "./frames.ts";
 import { listenInputs, type Pointer } from "./inputs.ts";
-import { messageOf, sentence, statusLine, type Told } from "./messages.ts";
+import { type Announced, messageOf, sentence, statusLine } from "./messages.ts";
 import { holdPalm, newPalmHold, palmTowards } from "./palm.ts";
 import { createMenuDesk } from "./panels.ts";
 import { yawOfAzimuth } from "./pose.ts";
@@ -58,8 +58,12 @@ const REFUSED_MS = 1500;
  * Show the scene in the headset. To be called straight from a click.
  *
  * Rejects where there is no headset, or the user or the system says no; the page is then as it was.
+ *
+ * The order in a frame is fixed: head, inputs, turn, teleport, guides. Each reads the rig that the one before left, so hands,
+ * arc and panels are drawn where the eyes of the same frame see them. The rig moves in a dark frame, or about the head.
  */
 export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSession> {
+  // (1) Ask in the task of the click: after an await the browser no longer takes it for the user's wish.
   const requested = requestSession();
   const { landings, renderer, rig, camera, scene } = options;
   const first = options.start?.() ?? standpointOf(camera);
@@ -75,27 +79,31 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   });
   const { session, space } = started;
 
+  // (2) From here on the session owns rig and camera; `onEnd` gives both back, however the session ends.
   const giveBack = borrowCamera(camera, rig);
   options.setUploadBudgetMs?.(started.profile.uploadBudgetMs);
 
+  // (3) What is drawn besides the scene. Each of these owns its geometries and materials; `onEnd` disposes them.
   const teleport = newTeleport();
   const turn = newSnapTurn();
   const palm = newPalmHold();
-  const told: Told = { linkLost: false };
+  const announced: Announced = { linkLost: false };
   const sky = createSky(matchMedia("(prefers-color-scheme: dark)").matches);
   const aiming = createAiming(landings, options.radiusM);
   const waiting = createRing();
   const board = createBoard();
   const wands = createWands();
-  const intervals = newFrameTimes();
-  const works = newFrameTimes();
-  const owns = newFrameTimes();
+  const intervalTimes = newFrameTimes();
+  const workTimes = newFrameTimes();
+  const ownTimes = newFrameTimes();
 
   const stance = createStance(rig, started.floorM);
+  // Until the first pose is known there is no head to put over the ground: nothing is pressed, aimed or landed before.
   let placed = false;
   let tracked = false;
   let aimsByStick = false;
   let maxRadiusM: number | null = null;
+  // A landing above this number is the page's own, and waits for a blink of the session.
   let knownLanding = landings.status.phase === "shown" ? landings.status.landing : -1;
   let refusedUntilMs = 0;
   let active = true;
@@ -103,28 +111,28 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   let startedMs = 0;
   let lastFrameMs: number | null = null;
 
-  const groundUnder = (place: Vec3): Vec3 =>
-    landings.groundAt(place[0], place[2], place[1] + GROUND_FROM_M)?.position ?? place;
+  const groundUnder = (position: Vec3): Vec3 =>
+    landings.groundAt(position[0], position[2], position[1] + GROUND_FROM_M)?.position ?? position;
 
   const land = (target: Target): void => {
-    const asked = options.landOptions?.();
-    const landing = landings.land(target.place, options.radiusM(), asked);
+    const landOptions = options.landOptions?.();
+    const landing = landings.land(target.position, options.radiusM(), landOptions);
     knownLanding = landing;
     refusedUntilMs = 0;
     commit(teleport, landing, target);
   };
-  const layWaiting = (place: Vec3, normal: Vec3, turnRad: number): void => {
-    waiting.lay(place, normal, stance.eye, stance.facingRad + turnRad);
+  const layWaiting = (position: Vec3, normal: Vec3, turnRad: number): void => {
+    waiting.lay(position, normal, stance.eye, stance.facingRad + turnRad);
   };
   const snap = (sign: 1 | -1): void => askTurn(turn, sign * desk.turnDeg * DEGREE, nowMs);
   const desk = createMenuDesk({
     menu: options.menu,
     radiusM: options.radiusM,
     maxRadiusM: () => maxRadiusM,
-    status: () => statusLine(landings.status, told.linkLost),
+    status: () => statusLine(landings.status, announced.linkLost),
     snap,
     visit: ({ place, yawDeg }) => {
-      land({ place, turnRad: 0, facingRad: yawDeg === null ? null : yawOfAzimuth(yawDeg) });
+      land({ position: place, turnRad: 0, facingRad: yawDeg === null ? null : yawOfAzimuth(yawDeg) });
       layWaiting(place, [0, 1, 0], 0);
     },
     leave: () => {
@@ -132,6 +140,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     },
   });
 
+  // (4) Inputs. One pointer aims at a time (`teleport.aimBy`); the others press and turn.
   const endAim = (by: number | null): void => {
     if (cancelAim(teleport, by)) {
       aiming.hide();
@@ -150,8 +159,8 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     const aimed = aiming.aimed(pointer, nowMs);
     aiming.hide();
     if (aimed !== null) {
-      land({ place: aimed.place, turnRad: aimed.turnRad, facingRad: null });
-      layWaiting(aimed.place, aimed.normal, aimed.turnRad);
+      land({ position: aimed.position, turnRad: aimed.turnRad, facingRad: null });
+      layWaiting(aimed.position, aimed.normal, aimed.turnRad);
       pointer.source.gamepad?.hapticActuators?.[0]?.pulse(0.4, 25).catch(() => undefined);
     }
   };
@@ -191,7 +200,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     }
     const push = readStick(pointer.stick, pointer.stickX, pointer.stickY);
     if (teleport.aimBy === pointer.key) {
-      if (aimsByStick && pointer.stick.held === "none") {
+      if (aimsByStick && pointer.stick.heldPush === "none") {
         letGo(pointer);
       }
     } else if (push === "left" || push === "right") {
@@ -205,6 +214,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     }
   };
 
+  // (5) The swap, in a frame that the veil draws black: set, rig and panels change together or not at all.
   const showLanding = (): void => {
     const { pending } = teleport;
     const { status } = landings;
@@ -212,47 +222,50 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       shown(teleport, false, false);
       return;
     }
-    const already = status.phase === "shown";
-    const report = already ? null : landings.swap();
-    if (report === null && !already) {
+    // The page may have swapped it before the eyes were closed; then the user alone is still to be moved.
+    const isShown = status.phase === "shown";
+    const report = isShown ? null : landings.swap();
+    if (report === null && !isShown) {
       teleport.pending = null;
       shown(teleport, false, false);
       return;
     }
+    // Moved once: when a degraded set is completed later, he stands there already and may have walked on.
     if (!pending.moved) {
       const { target } = pending;
       const towards = target.facingRad ?? stance.facingRad + target.turnRad;
-      stance.stand(groundUnder(target.place), towards);
+      stance.stand(groundUnder(target.position), towards);
       desk.hide();
       board.moved();
       options.landed?.(stance.standpoint());
+      // The page was told, and may have moved the rig with its own camera: put back before this frame is drawn.
       stance.settle();
     }
     shown(teleport, true, report?.degraded ?? false);
   };
   /** A landing that the page asked for, before or beside the session, is carried out by the session's blink. */
-  const adopt = (): void => {
+  const adoptLanding = (): void => {
     const { status } = landings;
     if (status.landing <= knownLanding || status.phase === "idle" || status.phase === "refused") {
       return;
     }
     knownLanding = status.landing;
-    commit(teleport, status.landing, { place: status.position, turnRad: 0, facingRad: null });
+    commit(teleport, status.landing, { position: status.position, turnRad: 0, facingRad: null });
     layWaiting(status.position, [0, 1, 0], 0);
   };
   const step = (): void => {
-    adopt();
-    const due = advance(teleport, nowMs, landings.status);
-    if (due === "show") {
+    adoptLanding();
+    const teleportStep = advance(teleport, nowMs, landings.status);
+    if (teleportStep === "show") {
       showLanding();
-    } else if (due === "refused") {
+    } else if (teleportStep === "refused") {
       refusedUntilMs = nowMs + REFUSED_MS;
-      board.say(sentence(landings.status.refusal ?? "the landing was refused"), "warning", false, nowMs);
+      board.show(sentence(landings.status.refusal ?? "the landing was refused"), "warning", false, nowMs);
     }
   };
   const drawGuides = (): void => {
     const pointer = inputs.pointers.find((each) => each.key === teleport.aimBy);
-    if (pointer?.seen === true) {
+    if (pointer?.hasRay === true) {
       aiming.update(pointer, stance.eye, stance.facingRad, nowMs);
     } else {
       aiming.hide();
@@ -278,8 +291,9 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     stance.stand(groundUnder(first.place), yawOfAzimuth(first.yawDeg));
   };
 
+  // (6) Begin and end. The scene is borrowed: what was added to it is taken out again, and nothing of it is disposed.
   const onVisibility = (): void => (session.visibilityState === "visible" ? undefined : hideHands());
-  const hung: readonly Object3D[] = [
+  const headsetObjects: readonly Object3D[] = [
     sky.object,
     veil.object,
     waiting.object,
@@ -288,14 +302,14 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     ...desk.objects,
   ];
   let resolveEnd: () => void = () => undefined;
-  const over = new Promise<void>((resolve) => {
+  const ended = new Promise<void>((resolve) => {
     resolveEnd = resolve;
   });
   const onEnd = (): void => {
     active = false;
     const last = placed ? stance.standpoint() : null;
     inputs.dispose();
-    scene.remove(...hung);
+    scene.remove(...headsetObjects);
     rig.remove(wands.object);
     for (const each of [sky, veil, waiting, board.panel, aiming, desk, wands]) {
       each.dispose();
@@ -311,7 +325,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   session.addEventListener("visibilitychange", onVisibility);
   // After three.js's own listener, which puts the renderer's size and the camera's lens back.
   session.addEventListener("end", onEnd, { once: true });
-  scene.add(...hung);
+  scene.add(...headsetObjects);
   rig.add(wands.object);
 
   return {
@@ -322,15 +336,18 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       return placed ? stance.standpoint() : null;
     },
     frame(timeMs, frame) {
+      // Head first: everything below reads this frame's pose, in the scene's frame.
       startedMs = performance.now();
       nowMs = timeMs;
+      // Without an XR frame there is no pose to draw by: the frame loop may still run once after the end.
       if (!active || frame === undefined || frame === null) {
         return;
       }
       if (lastFrameMs !== null) {
-        addTime(intervals, timeMs - lastFrameMs);
+        addTime(intervalTimes, timeMs - lastFrameMs);
       }
       lastFrameMs = timeMs;
+      // None while it is taken off or tracking is lost: what is drawn stays, and no gesture goes on blindly.
       const viewer = frame.getViewerPose(space);
       if (viewer === undefined || viewer === null) {
         tracked = false;
@@ -346,6 +363,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
         // Nobody lands by a guess that began in the middle of a gesture.
         endAim(null);
       }
+      // Then the inputs, under the rig as it stands now; a turn below moves them only in the next frame.
       inputs.update(frame, space, stance.pose);
       if (session.visibilityState === "visible") {
         wands.update(frame, space, inputs.pointers);
@@ -356,13 +374,14 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
         stance.turn(turnRad);
         desk.follow(stance.eye, stance.facingRad);
       }
+      // After the inputs, so that a release in this frame lands in it; before the guides, which show the outcome.
       step();
       drawGuides();
-      addTime(owns, performance.now() - startedMs);
+      addTime(ownTimes, performance.now() - startedMs);
     },
     drawn() {
       if (active && lastFrameMs !== null) {
-        addTime(works, performance.now() - startedMs);
+        addTime(workTimes, performance.now() - startedMs);
       }
     },
     handle(event: StreamEvent) {
@@ -370,20 +389,20 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       if (event.type === "opened") {
         maxRadiusM = event.maxRadiusM;
       }
-      const message = messageOf(event, told);
+      const message = messageOf(event, announced);
       if (message !== null) {
-        board.say(message.text, message.tone, message.stays, performance.now());
+        board.show(message.text, message.tone, message.stays, performance.now());
       }
     },
     message(text, tone) {
-      board.say(text, tone, false, performance.now());
+      board.show(text, tone, false, performance.now());
     },
     stats: () => ({
-      frames: intervals.count,
+      frames: intervalTimes.count,
       frameRateHz: started.frameRateHz,
-      interval: summarise(intervals),
-      work: summarise(works),
-      own: summarise(owns),
+      interval: summarise(intervalTimes),
+      work: summarise(workTimes),
+      own: summarise(ownTimes),
       phase: phaseOf(teleport),
       casts: aiming.casts,
     }),
@@ -391,7 +410,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       if (active) {
         session.end().catch(() => undefined);
       }
-      return over;
+      return ended;
     },
   };
 }

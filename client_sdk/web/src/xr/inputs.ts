@@ -10,7 +10,7 @@ const CANCEL_BUTTON = 5;
 const STICK_X = 2;
 const STICK_Y = 3;
 
-/** One input source. */
+/** A controller, a hand or a gaze. The same object as long as the source is there; its arrays are written in place. */
 export interface Pointer {
   readonly key: number;
   readonly source: XRInputSource;
@@ -21,7 +21,7 @@ export interface Pointer {
   readonly direction: [number, number, number];
   tracked: boolean;
   /** It has had a ray at all. */
-  seen: boolean;
+  hasRay: boolean;
   stickX: number;
   stickY: number;
   menuDown: boolean;
@@ -55,6 +55,7 @@ export function listenInputs(
 ): Inputs {
   const pointers: Pointer[] = [];
   let nextKey = 0;
+  // By identity of the source: a pointer keeps its key, and with it an aim, as long as the source is there.
   const find = (source: XRInputSource): Pointer => {
     let pointer = pointers.find((each) => each.source === source);
     if (pointer === undefined) {
@@ -101,6 +102,7 @@ export function listenInputs(
   session.addEventListener("select", onSelect);
   session.addEventListener("selectend", onEnd);
   session.addEventListener("squeezestart", onSqueeze);
+  // Sources that were there before this listened come in no event.
   for (const source of session.inputSources ?? []) {
     find(source);
   }
@@ -146,7 +148,7 @@ function newPointer(key: number, source: XRInputSource): Pointer {
     origin: [0, 0, 0],
     direction: [0, 0, -1],
     tracked: false,
-    seen: false,
+    hasRay: false,
     stickX: 0,
     stickY: 0,
     menuDown: false,
@@ -171,5 +173,5 @@ function readRay(pointer: Pointer, frame: XRFrame, space: XRReferenceSpace, rig:
   pointer.direction[1] = -m[9]!;
   pointer.direction[2] = m[8]! * sin - m[10]! * cos;
   pointer.tracked = true;
-  pointer.seen = true;
+  pointer.hasRay = true;
 }

@@ -89,10 +89,11 @@ export function layoutMenu(model: MenuModel): MenuItem[] {
 
 /** The item under a place of the panel that can be pressed, or null. */
 export function itemAt(items: readonly MenuItem[], x: number, y: number): MenuItem | null {
-  for (const found of items) {
-    const inside = x >= found.x && x < found.x + found.width && y >= found.y && y < found.y + found.height;
-    if (found.action !== null && inside) {
-      return found;
+  for (const candidate of items) {
+    const inside =
+      x >= candidate.x && x < candidate.x + candidate.width && y >= candidate.y && y < candidate.y + candidate.height;
+    if (candidate.action !== null && inside) {
+      return candidate;
     }
   }
   return null;
@@ -132,8 +133,8 @@ function stepper(items: MenuItem[], y: number, text: string, less: MenuAction | 
 
 /** The next radius of the list in one direction; null where there is none. */
 function stepRadius(model: MenuModel, direction: -1 | 1): MenuAction | null {
-  const most = model.maxRadiusM ?? Number.POSITIVE_INFINITY;
-  const allowed = RADII_M.filter((radiusM) => radiusM <= most);
+  const maxRadiusM = model.maxRadiusM ?? Number.POSITIVE_INFINITY;
+  const allowed = RADII_M.filter((radiusM) => radiusM <= maxRadiusM);
   const next =
     direction > 0
       ? allowed.find((radiusM) => radiusM > model.radiusM + 0.5)

@@ -63,7 +63,7 @@ export function createMenu(): Menu {
     },
     show(eye, facingRad, model) {
       redraw(model);
-      panel.place(panelBefore(eye, facingRad, AWAY_M, BELOW_M));
+      panel.moveTo(panelBefore(eye, facingRad, AWAY_M, BELOW_M));
     },
     hide() {
       light.visible = false;
@@ -72,16 +72,16 @@ export function createMenu(): Menu {
     refresh: redraw,
     meet(origin, direction) {
       const { pose } = panel;
-      const met = pose === null ? null : meetPanel(pose, origin, direction);
-      if (met === null) {
+      const hit = pose === null ? null : meetPanel(pose, origin, direction);
+      if (hit === null) {
         return null;
       }
-      const x = met.x / METRES_PER_UNIT + MENU_WIDTH / 2;
-      const y = MENU_HEIGHT / 2 - met.y / METRES_PER_UNIT;
+      const x = hit.x / METRES_PER_UNIT + MENU_WIDTH / 2;
+      const y = MENU_HEIGHT / 2 - hit.y / METRES_PER_UNIT;
       if (x < 0 || y < 0 || x > MENU_WIDTH || y > MENU_HEIGHT) {
         return null;
       }
-      return { item: itemAt(items, x, y), distanceM: met.distanceM };
+      return { item: itemAt(items, x, y), distanceM: hit.distanceM };
     },
     hover(item) {
       light.visible = item !== null;
@@ -130,11 +130,11 @@ function drawMenu(context: CanvasRenderingContext2D, items: readonly MenuItem[])
         context.stroke();
       }
     }
-    const left = item.look === "title" || item.look === "label" || item.look === "status";
-    context.textAlign = left ? "left" : "center";
+    const isLeftAligned = item.look === "title" || item.look === "label" || item.look === "status";
+    context.textAlign = isLeftAligned ? "left" : "center";
     context.fillStyle = item.look === "status" ? "#b6c2cf" : "#f2f5f8";
     context.font = fontOf(item);
-    const x = left ? item.x : item.x + item.width / 2;
+    const x = isLeftAligned ? item.x : item.x + item.width / 2;
     context.fillText(fitText(context, item.text, item.width - 16), x, item.y + item.height / 2);
     context.globalAlpha = 1;
   }
@@ -151,13 +151,13 @@ function fontOf(item: MenuItem): string {
 }
 
 /** Cut a text that is too long, with an ellipsis: squeezed letters are harder to read than few. */
-function fitText(context: CanvasRenderingContext2D, text: string, most: number): string {
-  if (context.measureText(text).width <= most) {
+function fitText(context: CanvasRenderingContext2D, text: string, maxWidth: number): string {
+  if (context.measureText(text).width <= maxWidth) {
     return text;
   }
-  let cut = text;
-  while (cut.length > 1 && context.measureText(`${cut}…`).width > most) {
-    cut = cut.slice(0, -1);
+  let shortened = text;
+  while (shortened.length > 1 && context.measureText(`${shortened}…`).width > maxWidth) {
+    shortened = shortened.slice(0, -1);
   }
-  return `${cut.trimEnd()}…`;
+  return `${shortened.trimEnd()}…`;
 }

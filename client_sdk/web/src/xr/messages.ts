@@ -11,15 +11,15 @@ export interface Message {
   readonly stays: boolean;
 }
 
-/** What has been said, so that the return of the link is told only to those who were told of its loss. */
-export interface Told {
+/** What the board has announced: the return of the link is news only after its loss was. */
+export interface Announced {
   linkLost: boolean;
 }
 
-/** The message of an event. */
-export function messageOf(event: StreamEvent, told: Told): Message | null {
+/** The board's words for an event; null for one that needs none. Changes `announced`. */
+export function messageOf(event: StreamEvent, announced: Announced): Message | null {
   if (event.type === "link") {
-    return linkMessage(event.link, told);
+    return linkMessage(event.link, announced);
   }
   if (event.type === "degraded") {
     return {
@@ -35,12 +35,12 @@ export function messageOf(event: StreamEvent, told: Told): Message | null {
   return null;
 }
 
-function linkMessage(link: Extract<StreamEvent, { type: "link" }>["link"], told: Told): Message | null {
+function linkMessage(link: Extract<StreamEvent, { type: "link" }>["link"], announced: Announced): Message | null {
   if (link.state === "waiting") {
-    if (told.linkLost) {
+    if (announced.linkLost) {
       return null;
     }
-    told.linkLost = true;
+    announced.linkLost = true;
     return {
       text: "The link is lost. The ground you see stays; trying to reconnect.",
       tone: "warning",
@@ -48,11 +48,11 @@ function linkMessage(link: Extract<StreamEvent, { type: "link" }>["link"], told:
     };
   }
   if (link.state === "closed") {
-    told.linkLost = true;
+    announced.linkLost = true;
     return { text: `The link is closed: ${sentence(link.message)}`, tone: "warning", stays: true };
   }
-  if (link.state === "open" && told.linkLost) {
-    told.linkLost = false;
+  if (link.state === "open" && announced.linkLost) {
+    announced.linkLost = false;
     return { text: "The link is back.", tone: "info", stays: false };
   }
   return null;
@@ -91,12 +91,12 @@ export function sentence(message: string): string {
 }
 
 /** Break a text into lines that fit, by the width that `measure` gives; words longer than a line stand alone. */
-export function wrapText(text: string, most: number, measure: (line: string) => number): string[] {
+export function wrapText(text: string, maxWidth: number, measure: (line: string) => number): string[] {
   const lines: string[] = [];
   let line = "";
   for (const word of text.split(/\s+/)) {
     const longer = line === "" ? word : `${line} ${word}`;
-    if (line !== "" && measure(longer) > most) {
+    if (line !== "" && measure(longer) > maxWidth) {
       lines.push(line);
       line = word;
     } else {

@@ -24,12 +24,12 @@ export function panelBefore(eye: Vec3, facingRad: number, awayM: number, belowM:
 function axesOf(pose: PanelPose): { right: Vec3; up: Vec3; out: Vec3 } {
   const cos = Math.cos(pose.yawRad);
   const sin = Math.sin(pose.yawRad);
-  const lean = Math.cos(pose.leanRad);
-  const back = Math.sin(pose.leanRad);
+  const cosLean = Math.cos(pose.leanRad);
+  const sinLean = Math.sin(pose.leanRad);
   return {
     right: [cos, 0, -sin],
-    up: [-sin * back, lean, -cos * back],
-    out: [sin * lean, back, cos * lean],
+    up: [-sin * sinLean, cosLean, -cos * sinLean],
+    out: [sin * cosLean, sinLean, cos * cosLean],
   };
 }
 

@@ -20,13 +20,16 @@ export interface Panel {
   readonly object: Mesh;
   /** Draw anew; `draw` gets a cleared canvas in panel units. One upload to the GPU: not for every frame. */
   draw(draw: (context: CanvasRenderingContext2D) => void): void;
-  place(pose: PanelPose): void;
+  moveTo(pose: PanelPose): void;
   readonly pose: PanelPose | null;
   hide(): void;
   dispose(): void;
 }
 
-/** A panel of so many units, hidden. */
+/**
+ * A panel of so many units, hidden. Canvas, texture, geometry and material are its own; `dispose` frees them, and takes nothing
+ * out of the scene.
+ */
 export function createPanel(name: string, width: number, height: number): Panel {
   const canvas = document.createElement("canvas");
   canvas.width = width;
@@ -64,7 +67,7 @@ export function createPanel(name: string, width: number, height: number): Panel 
         texture.needsUpdate = true;
       }
     },
-    place(next) {
+    moveTo(next) {
       pose = next;
       object.position.set(next.centre[0], next.centre[1], next.centre[2]);
       object.rotation.set(-next.leanRad, next.yawRad, 0);

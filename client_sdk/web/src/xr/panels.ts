@@ -49,6 +49,7 @@ export function createMenuDesk(state: MenuState): MenuDesk {
   let page = 0;
   let turnDeg = 30;
   let refreshedMs = 0;
+  // Read anew each time: radius, mode and bookmarks are the page's, and may change while the menu is open.
   const model = (): MenuModel => ({
     radiusM: state.radiusM(),
     maxRadiusM: state.maxRadiusM(),
@@ -119,28 +120,30 @@ export function createMenuDesk(state: MenuState): MenuDesk {
         refreshedMs = nowMs;
         menu.refresh(model());
       }
-      let met: MenuMeeting | null = null;
+      // The first pointer that meets the menu has the ray and the light; the one that aims is at the ground.
+      let menuHit: MenuMeeting | null = null;
       for (const pointer of pointers) {
-        met = pointer.tracked && pointer.key !== aimBy ? menu.meet(pointer.origin, pointer.direction) : null;
-        if (met !== null) {
-          layRay(ends, pointer, met.distanceM);
+        menuHit = pointer.tracked && pointer.key !== aimBy ? menu.meet(pointer.origin, pointer.direction) : null;
+        if (menuHit !== null) {
+          layRay(ends, pointer, menuHit.distanceM);
           break;
         }
       }
-      menu.hover(met?.item ?? null);
-      if (met === null) {
+      menu.hover(menuHit?.item ?? null);
+      if (menuHit === null) {
         ray.hide();
       } else {
         ray.draw(ends, 2, eye, true);
       }
     },
     press(pointer) {
-      const met = menu.open && pointer.seen ? menu.meet(pointer.origin, pointer.direction) : null;
-      if (met === null) {
+      const hit = menu.open && pointer.hasRay ? menu.meet(pointer.origin, pointer.direction) : null;
+      if (hit === null) {
         return false;
       }
-      if (met.item !== null && met.item.action !== null) {
-        act(met.item.action);
+      // Taken even where no button is: a press on the plate must not begin an aim behind it.
+      if (hit.item !== null && hit.item.action !== null) {
+        act(hit.item.action);
       }
       if (menu.open) {
         menu.refresh(model());

@@ -14,7 +14,7 @@ export interface RigPose {
   readonly yawRad: number;
 }
 
-/** The head in the play space. */
+/** The head in the play space: metres from its origin on the real floor, which the rig carries through the scene. */
 export interface HeadPose {
   readonly position: Vec3;
   readonly yawRad: number;
@@ -63,13 +63,13 @@ export function yawOfQuaternion(x: number, y: number, z: number, w: number): num
 }
 
 /** A place of the play space in the scene. */
-export function toScene(rig: RigPose, place: Vec3): Vec3 {
+export function toScene(rig: RigPose, position: Vec3): Vec3 {
   const cos = Math.cos(rig.yawRad);
   const sin = Math.sin(rig.yawRad);
   return [
-    rig.position[0] + place[0] * cos + place[2] * sin,
-    rig.position[1] + place[1],
-    rig.position[2] - place[0] * sin + place[2] * cos,
+    rig.position[0] + position[0] * cos + position[2] * sin,
+    rig.position[1] + position[1],
+    rig.position[2] - position[0] * sin + position[2] * cos,
   ];
 }
 
@@ -93,11 +93,15 @@ export function rigOver(ground: Vec3, head: HeadPose, facingRad: number, floorM:
 
 /** The rig turned about the head (which keeps its place), counter-clockwise seen from above. */
 export function turnAboutHead(rig: RigPose, head: HeadPose, angleRad: number): RigPose {
-  const before = toScene(rig, head.position);
+  const headBefore = toScene(rig, head.position);
   const yawRad = wrapAngle(rig.yawRad + angleRad);
-  const after = toScene({ position: rig.position, yawRad }, head.position);
+  const headAfter = toScene({ position: rig.position, yawRad }, head.position);
   return {
-    position: [rig.position[0] + before[0] - after[0], rig.position[1], rig.position[2] + before[2] - after[2]],
+    position: [
+      rig.position[0] + headBefore[0] - headAfter[0],
+      rig.position[1],
+      rig.position[2] + headBefore[2] - headAfter[2],
+    ],
     yawRad,
   };
 }
@@ -108,8 +112,8 @@ export function turnAboutHead(rig: RigPose, head: HeadPose, angleRad: number): R
  * The height is kept only by the floor: that the system moved it is why people recentre.
  */
 export function keepAcrossReset(rig: RigPose, before: HeadPose, after: HeadPose): RigPose {
-  const place = toScene(rig, before.position);
+  const headPosition = toScene(rig, before.position);
   const yawRad = wrapAngle(rig.yawRad + before.yawRad - after.yawRad);
   const offset = toScene({ position: [0, 0, 0], yawRad }, after.position);
-  return { position: [place[0] - offset[0], rig.position[1], place[2] - offset[2]], yawRad };
+  return { position: [headPosition[0] - offset[0], rig.position[1], headPosition[2] - offset[2]], yawRad };
 }

@@ -10,19 +10,19 @@ export interface Readiness {
   /** Bytes announced for the newest aim; null until the service has answered. */
   announcedBytes: number | null;
   arrivedBytes: number;
-  done: boolean;
+  isDone: boolean;
 }
 
-/** Nothing known. */
+/** Before the service has answered any aim. */
 export function newReadiness(): Readiness {
-  return { announcedBytes: null, arrivedBytes: 0, done: false };
+  return { announcedBytes: null, arrivedBytes: 0, isDone: false };
 }
 
 /** A new aim begins, or the old one is over: what was said of it counts no more. */
 export function resetReadiness(readiness: Readiness): void {
   readiness.announcedBytes = null;
   readiness.arrivedBytes = 0;
-  readiness.done = false;
+  readiness.isDone = false;
 }
 
 /** Take an event of the stream; those that are not about an aim change nothing. */
@@ -30,17 +30,17 @@ export function noteEvent(readiness: Readiness, event: StreamEvent): void {
   if (event.type === "prefetching") {
     readiness.announcedBytes = event.bytes;
     readiness.arrivedBytes = 0;
-    readiness.done = event.bytes === 0;
+    readiness.isDone = event.bytes === 0;
   } else if (event.type === "arrived" && event.landing === null) {
     readiness.arrivedBytes += event.facts.length;
   } else if (event.type === "prefetched") {
-    readiness.done = true;
+    readiness.isDone = true;
   }
 }
 
 /** 0 to 1. Below 1 until the service has said that all was sent. */
 export function readinessOf(readiness: Readiness): number {
-  if (readiness.done) {
+  if (readiness.isDone) {
     return 1;
   }
   if (readiness.announcedBytes === null || readiness.announcedBytes <= 0) {

@@ -37,13 +37,13 @@ export interface Ribbon {
   dispose(): void;
 }
 
-/** A ribbon for at most `most` points, hidden. `order`: three.js's order of drawing. */
-export function createRibbon(most: number, order = 802): Ribbon {
+/** A ribbon for at most `maxPoints` points, hidden. `order`: three.js's order of drawing. */
+export function createRibbon(maxPoints: number, order = 802): Ribbon {
   const geometry = new BufferGeometry();
-  const positions = new BufferAttribute(new Float32Array(most * 6), 3).setUsage(DynamicDrawUsage);
-  const along = new BufferAttribute(new Float32Array(most * 2), 1).setUsage(DynamicDrawUsage);
+  const positions = new BufferAttribute(new Float32Array(maxPoints * 6), 3).setUsage(DynamicDrawUsage);
+  const along = new BufferAttribute(new Float32Array(maxPoints * 2), 1).setUsage(DynamicDrawUsage);
   const indices: number[] = [];
-  for (let k = 0; k + 1 < most; k++) {
+  for (let k = 0; k + 1 < maxPoints; k++) {
     indices.push(2 * k, 2 * k + 1, 2 * k + 2, 2 * k + 2, 2 * k + 1, 2 * k + 3);
   }
   geometry.setAttribute("position", positions);
@@ -60,6 +60,7 @@ export function createRibbon(most: number, order = 802): Ribbon {
   });
   const object = new Mesh(geometry, material);
   object.name = "teleport-arc";
+  // Its points change in every frame: a bounding sphere would cost more than it saves.
   object.frustumCulled = false;
   object.renderOrder = order;
   object.visible = false;
@@ -99,6 +100,7 @@ function fillRibbon(out: Float32Array, along: Float32Array, points: Float32Array
     const eyeX = eye[0] - x;
     const eyeY = eye[1] - y;
     const eyeZ = eye[2] - z;
+    // Across the line and across the view: the flat side faces the eye.
     const sideX = alongY * eyeZ - alongZ * eyeY;
     const sideY = alongZ * eyeX - alongX * eyeZ;
     const sideZ = alongX * eyeY - alongY * eyeX;

@@ -111,9 +111,9 @@ void main() {
 export interface Ring {
   readonly object: Group;
   /**
-   * Lay it at `place` on ground with this upward unit normal, seen from `eye`; `facingRad` is where its arrow points.
+   * Lay it at `position` on ground with this upward unit normal, seen from `eye`; `facingRad` is where its arrow points.
    */
-  lay(place: Vec3, normal: Vec3, eye: Vec3, facingRad: number): void;
+  lay(position: Vec3, normal: Vec3, eye: Vec3, facingRad: number): void;
   show(state: RingState, fraction: number): void;
   hide(): void;
   dispose(): void;
@@ -121,7 +121,7 @@ export interface Ring {
 
 const UP = new Vector3(0, 1, 0);
 
-/** A ring, hidden. */
+/** A ring, hidden. Flat ring and wall share their uniforms: one call of `show` changes both. */
 export function createRing(): Ring {
   const uniforms = {
     uColour: { value: COLOURS.aim.clone() },
@@ -146,10 +146,10 @@ export function createRing(): Ring {
   const turn = new Quaternion();
   return {
     object,
-    lay(place, normal, eye, facingRad) {
-      const awayM = Math.hypot(place[0] - eye[0], place[1] - eye[1], place[2] - eye[2]);
+    lay(position, normal, eye, facingRad) {
+      const awayM = Math.hypot(position[0] - eye[0], position[1] - eye[1], position[2] - eye[2]);
       const radiusM = Math.max(RING_RADIUS_M, LEAST_ANGLE_RAD * awayM);
-      object.position.set(place[0], place[1], place[2]);
+      object.position.set(position[0], position[1], position[2]);
       object.scale.set(radiusM, WALL_HEIGHT_M * (radiusM / RING_RADIUS_M), radiusM);
       tilt.setFromUnitVectors(UP, up.set(normal[0], normal[1], normal[2]));
       object.quaternion.copy(tilt).multiply(turn.setFromAxisAngle(UP, facingRad));

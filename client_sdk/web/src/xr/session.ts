@@ -46,6 +46,7 @@ export async function startSession(renderer: WebGLRenderer, session: XRSession):
   try {
     const profile = profileOf(navigator.userAgent);
     const hasFloor = await offersFloor(session);
+    // three.js reads these when the session is set: afterwards they are too late.
     renderer.xr.setReferenceSpaceType(hasFloor ? "local-floor" : "local");
     renderer.xr.setFramebufferScaleFactor(profile.framebufferScale);
     renderer.xr.setFoveation(profile.foveation);
@@ -93,6 +94,7 @@ export function borrowCamera(camera: PerspectiveCamera, rig: Group): () => void 
   const quaternion = camera.quaternion.clone();
   const scale = camera.scale.clone();
   const { near } = camera;
+  // No projection from it: three.js hands it to the session, which makes one for each eye.
   camera.near = NEAR_M;
   return () => {
     rig.position.copy(rigPosition);

@@ -9,10 +9,10 @@ import { VIGNETTE_CLOSE_MS, VIGNETTE_OPEN_MS, vignetteAt } from "./curves.ts";
 /** What a push of the stick means; `back` is not used. */
 export type Push = "none" | "left" | "right" | "forward" | "back";
 
-/** One stick. */
+/** State of one thumbstick: a push counts once, until the stick has been let go. */
 export interface Stick {
   /** The push that still holds; "none" near the middle. */
-  held: Push;
+  heldPush: Push;
 }
 
 /** Beyond this it is a push, below the other it is let go; of the stick's full way. */
@@ -25,27 +25,27 @@ export const FACING_STEP_RAD = Math.PI / 4;
 
 /** A stick at rest. */
 export function newStick(): Stick {
-  return { held: "none" };
+  return { heldPush: "none" };
 }
 
 /** Take the stick's axes (x right, y towards the user). Returns the push that begins now, "none" in between. */
 export function readStick(stick: Stick, x: number, y: number): Push {
-  const out = Math.hypot(x, y);
-  if (stick.held !== "none") {
-    if (out < LET_GO_AT) {
-      stick.held = "none";
+  const tilt = Math.hypot(x, y);
+  if (stick.heldPush !== "none") {
+    if (tilt < LET_GO_AT) {
+      stick.heldPush = "none";
     }
     return "none";
   }
-  if (out < PUSH_AT) {
+  if (tilt < PUSH_AT) {
     return "none";
   }
   if (Math.abs(x) > Math.abs(y)) {
-    stick.held = x < 0 ? "left" : "right";
+    stick.heldPush = x < 0 ? "left" : "right";
   } else {
-    stick.held = y < 0 ? "forward" : "back";
+    stick.heldPush = y < 0 ? "forward" : "back";
   }
-  return stick.held;
+  return stick.heldPush;
 }
 
 /**

@@ -19,7 +19,7 @@ export interface Stance {
   readonly pose: RigPose;
   /** In the play space. */
   readonly head: HeadPose;
-  /** The head in the scene. */
+  /** Where the head is in the scene's frame, metres. */
   readonly eye: Vec3;
   /** Which way the head looks in the scene, radians. */
   readonly facingRad: number;
@@ -39,7 +39,12 @@ export interface Stance {
   turn(angleRad: number): void;
 }
 
-/** A stance at the scene's origin. `floorM`: height of the floor in the play space. */
+/**
+ * A stance at the scene's origin. `floorM`: height of the floor in the play space.
+ *
+ * Two frames meet here: the headset reports the head in the play space, and the rig is the play space's place and turn in the
+ * scene. `eye` is the product of both, and is made anew whenever one of them changes.
+ */
 export function createStance(rig: Group, floorM: number): Stance {
   const position: [number, number, number] = [0, 0, 0];
   const head = { position, yawRad: 0 };
@@ -47,7 +52,7 @@ export function createStance(rig: Group, floorM: number): Stance {
   let eye: Vec3 = [0, 0, 0];
   let guessed = false;
   let guessBegan = false;
-  let before: HeadPose | null = null;
+  let headBeforeReset: HeadPose | null = null;
   const set = (next: RigPose): void => {
     pose = next;
     // Also where nothing changed: the page may have put its own camera somewhere, for when the session is over.
@@ -81,15 +86,15 @@ export function createStance(rig: Group, floorM: number): Stance {
       head.yawRad = yawOfQuaternion(orientation.x, orientation.y, orientation.z, orientation.w);
       guessBegan = viewer.emulatedPosition && !guessed;
       guessed = viewer.emulatedPosition;
-      set(before === null ? pose : keepAcrossReset(pose, before, head));
-      before = null;
+      set(headBeforeReset === null ? pose : keepAcrossReset(pose, headBeforeReset, head));
+      headBeforeReset = null;
     },
     settle() {
       set(pose);
     },
     recentred() {
       // Two of them before a frame: the head was last seen before the first.
-      before ??= { position: [...position], yawRad: head.yawRad };
+      headBeforeReset ??= { position: [...position], yawRad: head.yawRad };
     },
     stand(ground, facingRad) {
       set(rigOver(ground, head, facingRad, floorM));
@@ -102,7 +107,7 @@ export function createStance(rig: Group, floorM: number): Stance {
 
 /** Where a camera of the page is, and which way it looks. */
 export function standpointOf(camera: Camera): Standpoint {
-  const place = camera.getWorldPosition(new Vector3());
+  const position = camera.getWorldPosition(new Vector3());
   const along = camera.getWorldDirection(new Vector3());
-  return { place: [place.x, place.y, place.z], yawDeg: azimuthOfYaw(Math.atan2(-along.x, -along.z)) };
+  return { place: [position.x, position.y, position.z], yawDeg: azimuthOfYaw(Math.atan2(-along.x, -along.z)) };
 }

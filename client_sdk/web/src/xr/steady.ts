@@ -33,20 +33,20 @@ export function newTrail(): Trail {
   };
 }
 
-/** A new aim begins. */
+/** Forget the targets of the aim before: a release must not land where that one pointed. */
 export function clearTrail(trail: Trail): void {
   trail.count = 0;
 }
 
 /** Where the ring is in this frame; null where one cannot land. */
-export function noteTarget(trail: Trail, timeMs: number, place: Vec3 | null): void {
+export function noteTarget(trail: Trail, timeMs: number, position: Vec3 | null): void {
   const mark = trail.marks[trail.count % KEPT]!;
   mark.timeMs = timeMs;
-  mark.firm = place !== null;
-  if (place !== null) {
-    mark.x = place[0];
-    mark.y = place[1];
-    mark.z = place[2];
+  mark.firm = position !== null;
+  if (position !== null) {
+    mark.x = position[0];
+    mark.y = position[1];
+    mark.z = position[2];
   }
   trail.count += 1;
 }

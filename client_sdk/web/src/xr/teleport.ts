@@ -17,7 +17,7 @@ import { FADE_IN_MS, FADE_OUT_MS, fadeIn, fadeOut } from "./curves.ts";
 
 /** Where somebody asked to land. */
 export interface Target {
-  readonly place: Vec3;
+  readonly position: Vec3;
   /** How much the facing turns from where the head looks then, radians, counter-clockwise. */
   readonly turnRad: number;
   /** Facing in the scene, where a bookmark says it; else null. */
@@ -52,7 +52,7 @@ export interface Teleport {
 /** What the frame must do. `show`: swap and move now, then call `shown`. `refused`: the landing is off. */
 export type TeleportStep = "none" | "show" | "refused";
 
-/** Nothing begun. */
+/** No aim, no landing, eyes open. */
 export function newTeleport(): Teleport {
   return { aimBy: -1, pending: null, blink: null, opacity: 0 };
 }

@@ -75,17 +75,22 @@ export function createWands(): Wands {
     // Opaque all the same: with the transparent things it is drawn after the panels, which hide what is behind them.
     transparent: true,
   });
+  // Shared by all pointers, and freed once; of a pointer's own there is the instance buffer alone.
   const wandGeometry = new CapsuleGeometry(0.016, 0.085, 4, 12).rotateX(Math.PI / 2);
   const jointGeometry = new IcosahedronGeometry(1, 1);
   const drawn = new Map<Pointer, Drawn>();
   const find = (pointer: Pointer): Drawn => {
-    let found = drawn.get(pointer);
-    if (found === undefined) {
-      found = newDrawn(pointer, new Mesh(wandGeometry, material), new InstancedMesh(jointGeometry, material, JOINTS));
-      drawn.set(pointer, found);
-      object.add(found.wand, found.joints);
+    let drawnPointer = drawn.get(pointer);
+    if (drawnPointer === undefined) {
+      drawnPointer = newDrawn(
+        pointer,
+        new Mesh(wandGeometry, material),
+        new InstancedMesh(jointGeometry, material, JOINTS),
+      );
+      drawn.set(pointer, drawnPointer);
+      object.add(drawnPointer.wand, drawnPointer.joints);
     }
-    return found;
+    return drawnPointer;
   };
   return {
     object,
@@ -101,14 +106,14 @@ export function createWands(): Wands {
       }
     },
     jointsOf(pointer) {
-      const found = drawn.get(pointer);
-      return found?.handTracked === true ? found.matrices : null;
+      const drawnPointer = drawn.get(pointer);
+      return drawnPointer?.handTracked === true ? drawnPointer.matrices : null;
     },
     remove(pointer) {
-      const found = drawn.get(pointer);
-      if (found !== undefined) {
-        object.remove(found.wand, found.joints);
-        found.joints.dispose();
+      const drawnPointer = drawn.get(pointer);
+      if (drawnPointer !== undefined) {
+        object.remove(drawnPointer.wand, drawnPointer.joints);
+        drawnPointer.joints.dispose();
         drawn.delete(pointer);
       }
     },

@@ -64,13 +64,13 @@ function newest(): StandInSocket {
 
 let session: ClientSession;
 let link: Link;
-let told: LinkState[];
+let linkStates: LinkState[];
 let events: SessionEvent[];
 
 beforeEach(() => {
   vi.useFakeTimers();
   StandInSocket.all = [];
-  told = [];
+  linkStates = [];
   events = [];
   const options = { client: "t", budgets: {}, creditBytes: 1 << 20 } as const;
   session = new ClientSession(options, 1 << 20, toyHash);
@@ -79,8 +79,8 @@ beforeEach(() => {
     url: "ws://h/scenes/toy/stream",
     token: "t0ken/+",
     WebSocket: StandInSocket as unknown as typeof WebSocket,
-    handle: (news) => events.push(...news),
-    told: (state) => told.push(state),
+    handle: (sessionEvents) => events.push(...sessionEvents),
+    onLinkState: (state) => linkStates.push(state),
   });
   link.start();
 });
@@ -103,26 +103,26 @@ describe("a connection", () => {
     expect(newest().closed).toEqual([]);
     vi.advanceTimersByTime(1);
     expect(newest().closed[0]).toBe(4408);
-    expect(told.at(-1)).toMatchObject({ state: "waiting", attempt: 2, closeCode: 4408, code: "timeout" });
+    expect(linkStates.at(-1)).toMatchObject({ state: "waiting", attempt: 2, closeCode: 4408, code: "timeout" });
   });
 
   test("that cannot be made is tried again: 0.5 s, 1 s, 2 s, 4 s at most, half of it at least", () => {
-    for (const most of [500, 1000, 2000, 4000]) {
-      const before = StandInSocket.all.length;
+    for (const maxWaitMs of [500, 1000, 2000, 4000]) {
+      const countBefore = StandInSocket.all.length;
       newest().lose();
-      const state = told.at(-1);
+      const state = linkStates.at(-1);
       if (state?.state !== "waiting") throw new Error(`is ${state?.state}`);
-      expect(state.retryInMs).toBeGreaterThanOrEqual(most / 2);
-      expect(state.retryInMs).toBeLessThanOrEqual(most);
+      expect(state.retryInMs).toBeGreaterThanOrEqual(maxWaitMs / 2);
+      expect(state.retryInMs).toBeLessThanOrEqual(maxWaitMs);
       vi.advanceTimersByTime(state.retryInMs);
-      expect(StandInSocket.all.length).toBe(before + 1);
+      expect(StandInSocket.all.length).toBe(countBefore + 1);
     }
   });
 
   test("that readied a landing begins the waits anew", () => {
     for (let attempt = 0; attempt < 4; attempt++) {
       newest().lose();
-      const state = told.at(-1);
+      const state = linkStates.at(-1);
       vi.advanceTimersByTime(state?.state === "waiting" ? state.retryInMs : 0);
     }
     newest().open();
@@ -131,7 +131,7 @@ describe("a connection", () => {
     newest().talk();
     expect(events.at(-1)?.type).toBe("ready");
     newest().lose();
-    expect(told.at(-1)).toMatchObject({ state: "waiting", attempt: 1 });
+    expect(linkStates.at(-1)).toMatchObject({ state: "waiting", attempt: 1 });
   });
 
   test("is made again after the time that the server names, once (10.1)", () => {
@@ -139,17 +139,17 @@ describe("a connection", () => {
     newest().server.say({ type: "notice", kind: "draining", reconnect_after_ms: 7000 });
     newest().talk();
     newest().lose(4503, "draining");
-    expect(told.at(-1)).toMatchObject({ state: "waiting", retryInMs: 7000, code: "draining" });
+    expect(linkStates.at(-1)).toMatchObject({ state: "waiting", retryInMs: 7000, code: "draining" });
     vi.advanceTimersByTime(7000);
     newest().lose();
-    expect(told.at(-1)).toMatchObject({ state: "waiting" });
-    expect(told.at(-1)).not.toMatchObject({ retryInMs: 7000 });
+    expect(linkStates.at(-1)).toMatchObject({ state: "waiting" });
+    expect(linkStates.at(-1)).not.toMatchObject({ retryInMs: 7000 });
   });
 
   test.each([4400, 4401, 4403, 4404, 4409, 4413, 1000])("closed with %d is not made again", (code) => {
     newest().open();
     newest().lose(code);
-    expect(told.at(-1)).toMatchObject({ state: "closed", closeCode: code });
+    expect(linkStates.at(-1)).toMatchObject({ state: "closed", closeCode: code });
     vi.advanceTimersByTime(120_000);
     expect(StandInSocket.all.length).toBe(1);
   });
@@ -158,7 +158,7 @@ describe("a connection", () => {
     newest().open();
     newest().onmessage?.({ data: Uint8Array.of(0xc1).buffer });
     expect(newest().closed[0]).toBe(4400);
-    expect(told.at(-1)).toMatchObject({ state: "closed", closeCode: 4400, code: "malformed" });
+    expect(linkStates.at(-1)).toMatchObject({ state: "closed", closeCode: 4400, code: "malformed" });
   });
 
   test("whose server owes an answer is given up after 30 s of silence, and not before", () => {
@@ -189,7 +189,7 @@ describe("a connection", () => {
     newest().onmessage = null;
     expect(newest().server.heard).toMatchObject([{ type: "hello", held: [] }]);
     newest().lose(4413);
-    expect(told.at(-1)).toMatchObject({ state: "closed", closeCode: 4413 });
+    expect(linkStates.at(-1)).toMatchObject({ state: "closed", closeCode: 4413 });
   });
 });
 
@@ -207,7 +207,7 @@ describe("reconnect", () => {
 
   test("with another token connects anew with it, after a refusal too", () => {
     newest().lose(4401);
-    expect(told.at(-1)).toMatchObject({ state: "closed", code: "unauthorised" });
+    expect(linkStates.at(-1)).toMatchObject({ state: "closed", code: "unauthorised" });
     link.reconnect("other");
     expect(newest().protocols[1]).toBe("terraport.token.b3RoZXI");
     newest().open();
@@ -266,14 +266,14 @@ test("outgoing messages keep their order over a pause", () => {
     },
   );
   outgoing.allow(10);
-  const all = Array.from({ length: 100 }, (_, at) => Uint8Array.of(at));
-  outgoing.push(all.slice(0, 90));
-  outgoing.push(all.slice(90));
+  const messages = Array.from({ length: 100 }, (_, at) => Uint8Array.of(at));
+  outgoing.push(messages.slice(0, 90));
+  outgoing.push(messages.slice(90));
   expect(sent.length).toBe(80);
   expect(outgoing.blocked).toBe(true);
   vi.advanceTimersByTime(1000);
   expect(sent.length).toBe(88);
   vi.advanceTimersByTime(2000);
-  expect(sent).toEqual(all);
+  expect(sent).toEqual(messages);
   expect([outgoing.blocked, drained]).toEqual([false, 1]);
 });

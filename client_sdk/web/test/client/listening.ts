@@ -22,7 +22,7 @@ export function listening(options: Partial<StreamOptions> & { sceneUrl: string }
   const waiting = new Set<(event: StreamEvent) => void>();
   stream.onEvent = (event) => {
     events.push(event);
-    for (const one of waiting) one(event);
+    for (const resolve of waiting) resolve(event);
   };
   const isOf = <T extends StreamEvent["type"]>(type: T, event: StreamEvent): event is Of<T> => event.type === type;
   const of = <T extends StreamEvent["type"]>(type: T) => events.filter((event): event is Of<T> => isOf(type, event));

@@ -33,9 +33,9 @@ const open: Listening[] = [];
 const proxies: CuttingProxy[] = [];
 
 function listen(options: Partial<Parameters<typeof listening>[0]> = {}, serverUrl = TERRAPORT_URL): Listening {
-  const one = listening({ sceneUrl: sceneUrlOf(serverUrl ?? "", TERRAPORT_SCENE), ...options });
-  open.push(one);
-  return one;
+  const listened = listening({ sceneUrl: sceneUrlOf(serverUrl ?? "", TERRAPORT_SCENE), ...options });
+  open.push(listened);
+  return listened;
 }
 
 async function throughProxy(): Promise<CuttingProxy> {
@@ -64,13 +64,17 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     expect(stats.repeatedBytes).toBe(0);
     expect(stats.payloadBytes).toBe(first.payloadBytes + hop.payloadBytes);
     const facts = of("arrived").map((event) => event.facts);
-    expect(stats.heldBytes).toBe(facts.reduce((sum, one) => sum + one.length, 0));
+    expect(stats.heldBytes).toBe(facts.reduce((sum, row) => sum + row.length, 0));
     for (const segment of first.visible.slice(0, 4)) {
       const mesh = await stream.mesh(segment);
-      const told = facts.find((one) => one.segment === segment);
-      expect([mesh.segment, mesh.faceCount, mesh.vertexCount]).toEqual([segment, told?.faces, told?.vertices]);
+      const announced = facts.find((row) => row.segment === segment);
+      expect([mesh.segment, mesh.faceCount, mesh.vertexCount]).toEqual([
+        segment,
+        announced?.faces,
+        announced?.vertices,
+      ]);
       expect(mesh.indices.length).toBe(3 * mesh.faceCount);
-      expect([...mesh.bounds]).toEqual([...(told?.bounds ?? [])]);
+      expect([...mesh.bounds]).toEqual([...(announced?.bounds ?? [])]);
     }
   });
 
@@ -113,8 +117,8 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
     proxy.cutAfterBytes = null;
     const landed = await ready(landing);
     expect(proxy.connections).toBe(2);
-    const whole = of("arrived").map((event) => event.facts.segment);
-    expect(new Set(whole).size).toBe(whole.length);
+    const wholeIds = of("arrived").map((event) => event.facts.segment);
+    expect(new Set(wholeIds).size).toBe(wholeIds.length);
     expect(of("opened")[1]?.heldCount).toBeGreaterThan(0);
     expect((await stream.stats()).repeatedBytes).toBe(0);
     expect(landed.elapsedMs).toBeGreaterThan(200);
@@ -177,21 +181,22 @@ describe.skipIf(skipped !== null)(`on a real server${skipped === null ? "" : ` (
   test.skipIf(TERRAPORT_PYTHON === undefined)(
     "visible sets are those of the Python SDK",
     async () => {
-      const places = Array.from({ length: 12 }, (_, at) => {
+      const positions = Array.from({ length: 12 }, (_, at) => {
         const angle = at * 2.4;
         return [Math.cos(angle) * 12 * at, 10, Math.sin(angle) * 12 * at, 10 + ((at * 7) % 40)] as const;
       });
       const script = fileURLToPath(new URL("./land_with_sdk.py", import.meta.url));
       const url = sceneUrlOf(TERRAPORT_URL ?? "", TERRAPORT_SCENE);
-      const { stdout } = await promisify(execFile)(TERRAPORT_PYTHON ?? "", [script, url, JSON.stringify(places)]);
-      const want = stdout
+      const { stdout } = await promisify(execFile)(TERRAPORT_PYTHON ?? "", [script, url, JSON.stringify(positions)]);
+      const expected = stdout
         .trim()
         .split("\n")
         .map((line) => JSON.parse(line));
       const { stream, ready } = listen();
-      const got: (readonly number[])[] = [];
-      for (const [x, y, z, radiusM] of places) got.push((await ready(stream.land([x, y, z], radiusM))).visible);
-      expect(got).toEqual(want);
+      const visibleSets: (readonly number[])[] = [];
+      for (const [x, y, z, radiusM] of positions)
+        visibleSets.push((await ready(stream.land([x, y, z], radiusM))).visible);
+      expect(visibleSets).toEqual(expected);
     },
     60_000,
   );

@@ -10,19 +10,19 @@ import { MIDDLE, ToyScene, toyHash } from "./toy-scene.ts";
 
 const toy = new ToyScene();
 
-function said(client: ClientSession) {
+function messagesOf(client: ClientSession) {
   return client.dataToSend().map((data) => decodeMessage(data, "client_to_server"));
 }
 
 describe("evictions", () => {
   test("are told before the next landing, and as events at once", () => {
     const pair = new Pair(toy, { cacheBytes: 0 }).connect();
-    for (const place of [
+    for (const position of [
       [0, 0, 0],
       [10, 0, 10],
       [0, 0, 0],
     ] as const) {
-      pair.client.land(place, 2);
+      pair.client.land(position, 2);
       pair.settle();
     }
     const plans = pair.of("planned").map((event) => event.plan);
@@ -32,7 +32,7 @@ describe("evictions", () => {
     expect(pair.of("dropped").at(-1)?.segments).toEqual(expect.arrayContaining(away));
     const beyond = [...pair.server!.held.keys()].filter((segment) => !pair.client.visible.includes(segment));
     pair.client.land([0, 0, 0], 2);
-    const messages = said(pair.client);
+    const messages = messagesOf(pair.client);
     expect(messages.map((message) => message.type)).toEqual(["evict", "land"]);
     expect(messages[0]).toEqual({ type: "evict", segments: beyond.sort((a, b) => a - b) });
   });
@@ -59,8 +59,8 @@ describe("evictions", () => {
     pair.client.land([0, 0, 0], 2);
     pair.settle();
     pair.client.land([10, 0, 10], 2);
-    const all = pair.received.length + toy.within([10, 0, 10], 2).length;
-    while (pair.received.length < all) pair.step();
+    const total = pair.received.length + toy.within([10, 0, 10], 2).length;
+    while (pair.received.length < total) pair.step();
     pair.client.land([0, 0, 0], 2);
     const onTheirWay = pair.client.dataToSend();
     pair.client.receive(pair.server!.next()!);
@@ -74,11 +74,11 @@ describe("evictions", () => {
 
   test("are not told to a new connection: what it is not offered, it does not count on", () => {
     const pair = new Pair(toy, { cacheBytes: 0 }).connect();
-    for (const place of [
+    for (const position of [
       [0, 0, 0],
       [10, 0, 10],
     ] as const) {
-      pair.client.land(place, 2);
+      pair.client.land(position, 2);
       pair.settle();
     }
     expect(pair.of("dropped").length).toBe(1);
@@ -99,9 +99,9 @@ describe("evictions", () => {
     pair.client.land([10, 0, 10], 0.5);
     while (pair.of("planned").length < 2) pair.step();
     const inner = toy.within([0, 0, 0], 1);
-    expect(inner.every((segment) => pair.client.held.has(segment))).toBe(true);
+    expect(inner.every((segment) => pair.client.holdings.has(segment))).toBe(true);
     pair.settle();
-    expect(inner.some((segment) => pair.client.held.has(segment))).toBe(false);
+    expect(inner.some((segment) => pair.client.holdings.has(segment))).toBe(false);
   });
 });
 
@@ -116,7 +116,7 @@ describe("a wrong byte", () => {
     expect(rejected).toMatchObject({ segment: 14, expected: toy.facts[14]?.xxh3 });
     expect(rejected?.actual).not.toBe(rejected?.expected);
     expect(pair.of("ready").at(-1)?.missing).toEqual([]);
-    expect(pair.client.held.peek(14)?.payload).toEqual(toy.payloads[14]);
+    expect(pair.client.holdings.peek(14)?.payload).toEqual(toy.payloads[14]);
   });
 
   test("twice leaves the segment missing; the next landing tries again", () => {
@@ -124,14 +124,14 @@ describe("a wrong byte", () => {
     pair.spoil = (data) => (segmentOf(data) === 14 ? flipped(data) : data);
     pair.client.land(MIDDLE, 4);
     pair.settle();
-    const want = toy.within(MIDDLE, 4);
+    const expected = toy.within(MIDDLE, 4);
     expect(pair.of("rejected").length).toBe(2);
-    expect(pair.of("ready")).toMatchObject([{ missing: [14], visible: want.filter((one) => one !== 14) }]);
-    expect(pair.client.held.has(14)).toBe(false);
+    expect(pair.of("ready")).toMatchObject([{ missing: [14], visible: expected.filter((id) => id !== 14) }]);
+    expect(pair.client.holdings.has(14)).toBe(false);
     pair.spoil = null;
     pair.client.land(MIDDLE, 4);
     pair.settle();
-    expect(pair.client.visible).toEqual(want);
+    expect(pair.client.visible).toEqual(expected);
   });
 
   test("whose reject crosses the next landing is sent again in that one, and rejected once (6.4, rule 7)", () => {
@@ -145,7 +145,7 @@ describe("a wrong byte", () => {
     expect(pair.of("rejected").length).toBe(1);
     expect(pair.of("planned").at(-1)?.plan.keep).toEqual([0]);
     expect(pair.of("ready").at(-1)?.missing).toEqual([]);
-    expect(pair.client.held.peek(0)?.payload).toEqual(toy.payloads[0]);
+    expect(pair.client.holdings.peek(0)?.payload).toEqual(toy.payloads[0]);
   });
 });
 
@@ -156,13 +156,13 @@ describe("an offer", () => {
     pair.settle();
     pair.disconnect();
     pair.client.connected();
-    const [hello] = said(pair.client);
+    const [hello] = messagesOf(pair.client);
     expect(hello).toMatchObject({ type: "hello", encoding: "glb", protocol: [1, 0] });
     const rows = hello?.type === "hello" ? hello.held : undefined;
-    const want = pair.client.visible.map((segment) => ({ segment, xxh3: toy.facts[segment]?.xxh3 }));
-    expect([...(rows ?? [])].sort((a, b) => a.segment - b.segment)).toEqual(want);
+    const expected = pair.client.visible.map((segment) => ({ segment, xxh3: toy.facts[segment]?.xxh3 }));
+    expect([...(rows ?? [])].sort((a, b) => a.segment - b.segment)).toEqual(expected);
     pair.client.connected(false);
-    expect(said(pair.client)).toMatchObject([{ type: "hello", held: [] }]);
+    expect(messagesOf(pair.client)).toMatchObject([{ type: "hello", held: [] }]);
   });
 
   test("goes in as many tables as the server asks for, before the landing", () => {
@@ -189,7 +189,7 @@ describe("an offer", () => {
     pair.connect().settle();
     expect(pair.server?.heard.map((message) => message.type)).toEqual(["hello"]);
     expect(pair.of("dropped").at(-1)?.segments.length).toBe(toy.within(MIDDLE, 4).length);
-    expect(pair.client.held.count).toBe(0);
+    expect(pair.client.holdings.count).toBe(0);
     pair.client.land(MIDDLE, 4);
     pair.settle();
     expect(pair.client.visible).toEqual(toy.within(MIDDLE, 4));
@@ -201,10 +201,10 @@ test("a newer version hides all, drops what changed and keeps the rest (5, rules
   const pair = new Pair(toy).connect();
   pair.client.land(MIDDLE, 4);
   pair.settle();
-  const before = pair.client.visible;
+  const visibleBefore = pair.client.visible;
   pair.disconnect();
   const newer = new ToyScene({ version: "v2" });
-  const changed = before.slice(0, 3);
+  const changed = visibleBefore.slice(0, 3);
   for (const segment of changed) newer.replace(segment, new Uint8Array(300).fill(segment));
   pair.scene = newer;
   pair.received = [];
@@ -215,7 +215,7 @@ test("a newer version hides all, drops what changed and keeps the rest (5, rules
   pair.client.land(MIDDLE, 4);
   pair.settle();
   expect([...pair.received].sort((a, b) => a - b)).toEqual(changed);
-  expect(pair.client.visible).toEqual(before);
+  expect(pair.client.visible).toEqual(visibleBefore);
 });
 
 describe("picks", () => {
@@ -310,9 +310,9 @@ describe("what the protocol forbids is a violation", () => {
     pair.client.land(MIDDLE, 1);
     for (const data of pair.client.dataToSend()) pair.server?.receive(data);
     const plan = pair.server?.next();
-    const other = new Pair(toy);
-    other.client.connected();
-    expect(() => other.client.receive(plan!)).toThrow(/plan first/);
+    const otherPair = new Pair(toy);
+    otherPair.client.connected();
+    expect(() => otherPair.client.receive(plan!)).toThrow(/plan first/);
     expect(() => pair.client.receive(model.next() ?? plan!)).not.toThrow();
     expect(() => pair.client.receive(plan!)).toThrow(/plan of generation 1, expected none/);
   });

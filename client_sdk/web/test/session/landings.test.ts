@@ -11,17 +11,17 @@ describe("a landing", () => {
     const pair = new Pair(toy).connect();
     const number = pair.client.land(MIDDLE, 4);
     pair.settle();
-    const want = toy.within(MIDDLE, 4);
-    const bytes = toy.bytesOf(want);
+    const expected = toy.within(MIDDLE, 4);
+    const bytes = toy.bytesOf(expected);
     expect(pair.of("ready")).toEqual([
-      { type: "ready", landing: number, visible: want, missing: [], payloadBytes: bytes, timings: null },
+      { type: "ready", landing: number, visible: expected, missing: [], payloadBytes: bytes, timings: null },
     ]);
-    expect(pair.client.visible).toEqual(want);
+    expect(pair.client.visible).toEqual(expected);
     expect(pair.server?.chunkBytes).toBe(bytes);
     expect(pair.client.payloadBytes).toBe(bytes);
-    for (const segment of want) {
-      expect(pair.client.held.peek(segment)?.payload).toEqual(toy.payloads[segment]);
-      expect(pair.client.held.peek(segment)?.facts).toEqual(toy.facts[segment]);
+    for (const segment of expected) {
+      expect(pair.client.holdings.peek(segment)?.payload).toEqual(toy.payloads[segment]);
+      expect(pair.client.holdings.peek(segment)?.facts).toEqual(toy.facts[segment]);
     }
   });
 
@@ -45,17 +45,17 @@ describe("a landing", () => {
       pair.settle();
       expect(pair.client.visible).toEqual(toy.within(MIDDLE, radiusM));
     }
-    const [whole, less, again] = pair.of("planned").map((event) => event.plan);
-    expect(less?.nearby).toEqual(toy.within(MIDDLE, 6).filter((one) => !toy.within(MIDDLE, 4.5).includes(one)));
-    expect(less?.nearby.length).toBeGreaterThan(0);
-    expect(again?.load).toEqual([]);
-    expect(again?.keep.length).toBe(whole?.load.length);
+    const [first, second, third] = pair.of("planned").map((event) => event.plan);
+    expect(second?.nearby).toEqual(toy.within(MIDDLE, 6).filter((id) => !toy.within(MIDDLE, 4.5).includes(id)));
+    expect(second?.nearby.length).toBeGreaterThan(0);
+    expect(third?.load).toEqual([]);
+    expect(third?.keep.length).toBe(first?.load.length);
     expect(pair.of("dropped")).toEqual([]);
     pair.client.land(MIDDLE, 1);
     pair.settle();
     const dropped = pair.of("dropped").flatMap((event) => event.segments);
     expect(dropped).not.toEqual([]);
-    expect(dropped.filter((one) => toy.within(MIDDLE, 1.5).includes(one))).toEqual([]);
+    expect(dropped.filter((id) => toy.within(MIDDLE, 1.5).includes(id))).toEqual([]);
   });
 
   test("is not ready before the server says so, though it is whole (6.4, rule 5)", () => {
@@ -119,8 +119,10 @@ describe("a landing", () => {
     pair.settle();
     const at = pair.events.findIndex((event) => event.type === "degraded");
     const inner = toy.within(MIDDLE, 1.5);
-    const before = pair.events.slice(0, at).flatMap((e) => (e.type === "arrived" ? [e.entry.facts.segment] : []));
-    expect(before).toEqual(expect.arrayContaining(inner));
+    const arrivedBefore = pair.events
+      .slice(0, at)
+      .flatMap((e) => (e.type === "arrived" ? [e.entry.facts.segment] : []));
+    expect(arrivedBefore).toEqual(expect.arrayContaining(inner));
     expect(pair.of("rejected").map((event) => inner.includes(event.segment))).toEqual([true]);
   });
 
@@ -129,13 +131,13 @@ describe("a landing", () => {
     pair.server!.unreadable.add(14);
     pair.client.land(MIDDLE, 4);
     pair.settle();
-    const want = toy.within(MIDDLE, 4);
+    const expected = toy.within(MIDDLE, 4);
     expect(pair.of("ready")[0]?.missing).toEqual([14]);
-    expect(pair.client.visible).toEqual(want.filter((segment) => segment !== 14));
+    expect(pair.client.visible).toEqual(expected.filter((segment) => segment !== 14));
     pair.server!.unreadable.clear();
     pair.client.land(MIDDLE, 4);
     pair.settle();
-    expect(pair.client.visible).toEqual(want);
+    expect(pair.client.visible).toEqual(expected);
   });
 });
 
@@ -156,21 +158,21 @@ describe("a newer landing", () => {
     const pair = new Pair(new ToyScene({ mostBytes: 5000 }), { creditBytes: 100 }).connect();
     pair.client.land([0, 0, 0], 1);
     while ((pair.server?.chunkBytes ?? 0) < 300) pair.step();
-    expect(pair.client.openParts).toBe(1);
+    expect(pair.client.partialCount).toBe(1);
     pair.client.land([10, 0, 10], 0.5);
     const planned = pair.of("planned").length;
     while (pair.of("planned").length === planned) pair.step();
-    expect(pair.client.openParts).toBe(0);
+    expect(pair.client.partialCount).toBe(0);
   });
 
   test("that is refused leaves the older one going (6.5, rule 5)", () => {
     const pair = new Pair(toy).connect();
-    const good = pair.client.land(MIDDLE, 4);
+    const accepted = pair.client.land(MIDDLE, 4);
     for (let step = 0; step < 3; step++) pair.step();
     const bad = pair.client.land(MIDDLE, 501);
     pair.settle();
     expect(pair.of("refused")).toMatchObject([{ landing: bad, code: "radius_too_large", fatal: false }]);
-    expect(pair.of("ready").map((event) => event.landing)).toEqual([good]);
+    expect(pair.of("ready").map((event) => event.landing)).toEqual([accepted]);
     expect(pair.of("superseded")).toEqual([]);
   });
 
@@ -188,9 +190,9 @@ describe("a newer landing", () => {
     pair.settle();
     for (let count = 0; count < 100; count++) pair.client.land(MIDDLE, 1 + count / 50);
     pair.client.pick([0, 0, 0]);
-    const said = pair.client.dataToSend();
-    expect(said.length).toBe(2);
-    for (const data of said) pair.server?.receive(data);
+    const messages = pair.client.dataToSend();
+    expect(messages.length).toBe(2);
+    for (const data of messages) pair.server?.receive(data);
     pair.settle();
     expect(pair.of("superseded").length).toBe(99);
     expect(pair.of("ready").map((event) => event.landing)).toEqual([100]);
@@ -207,11 +209,11 @@ describe("a lost connection", () => {
       for (let step = 0; step < steps; step++) pair.step();
       pair.disconnect();
       expect(pair.client.unfinished === number || pair.of("ready").length === 1).toBe(true);
-      expect(pair.client.openParts).toBe(0);
+      expect(pair.client.partialCount).toBe(0);
       pair.connect().settle();
-      const want = toy.within(MIDDLE, 4);
-      expect(pair.of("ready").at(-1)).toMatchObject({ landing: number, visible: want, missing: [] });
-      expect([...pair.received].sort((a, b) => a - b)).toEqual(want);
+      const expected = toy.within(MIDDLE, 4);
+      expect(pair.of("ready").at(-1)).toMatchObject({ landing: number, visible: expected, missing: [] });
+      expect([...pair.received].sort((a, b) => a - b)).toEqual(expected);
       expect(pair.client.repeatedBytes).toBe(0);
     },
   );
@@ -239,12 +241,12 @@ describe("a lost connection", () => {
     const pair = new Pair(toy).connect();
     pair.client.land([0, 0, 0], 2);
     pair.settle();
-    const shown = pair.client.visible;
+    const visibleBefore = pair.client.visible;
     pair.client.land(MIDDLE, 4);
     pair.step();
     pair.disconnect();
     pair.connect();
-    expect(pair.client.visible).toEqual(shown);
+    expect(pair.client.visible).toEqual(visibleBefore);
     pair.settle();
     expect(pair.client.visible).toEqual(toy.within(MIDDLE, 4));
   });
@@ -258,16 +260,16 @@ describe("an aim", () => {
     expect(pair.client.hasAim).toBe(true);
     pair.client.flushAim();
     pair.settle();
-    const want = toy.within(MIDDLE, 3);
-    expect(pair.of("prefetching")).toMatchObject([{ segments: want.length, bytes: toy.bytesOf(want) }]);
-    expect(pair.of("prefetched")).toMatchObject([{ segments: want.length }]);
+    const expected = toy.within(MIDDLE, 3);
+    expect(pair.of("prefetching")).toMatchObject([{ segments: expected.length, bytes: toy.bytesOf(expected) }]);
+    expect(pair.of("prefetched")).toMatchObject([{ segments: expected.length }]);
     expect(pair.client.visible).toEqual([]);
     pair.client.land(MIDDLE, 3);
     pair.settle();
     expect(pair.of("planned").at(-1)?.plan.load_bytes).toBe(0);
-    expect(pair.client.visible).toEqual(want);
+    expect(pair.client.visible).toEqual(expected);
     const { landings, hits, usedBytes, prefetchedBytes } = pair.client.aims;
-    expect([landings, hits, usedBytes, prefetchedBytes]).toEqual([1, 1, toy.bytesOf(want), toy.bytesOf(want)]);
+    expect([landings, hits, usedBytes, prefetchedBytes]).toEqual([1, 1, toy.bytesOf(expected), toy.bytesOf(expected)]);
   });
 
   test("that was elsewhere is a miss, and counted", () => {
@@ -303,7 +305,7 @@ describe("an aim", () => {
     pair.settle();
     expect(pair.of("rejected").map((event) => event.segment)).toEqual([0, 0]);
     expect(pair.of("prefetched").length).toBe(1);
-    expect(pair.client.held.has(0)).toBe(false);
+    expect(pair.client.holdings.has(0)).toBe(false);
   });
 
   test("that a cut ended is sent anew, and nothing comes twice (7, rule 4)", () => {

@@ -64,7 +64,7 @@ export class ModelServer {
   #landing: Sending | null = null;
   #prefetch: Sending | null = null;
   #waitingAim: (ClientMessage & { type: "aim" }) | null = null;
-  #parts = new Map<number, number>();
+  #partials = new Map<number, number>();
 
   constructor(scene: ToyScene, options: ModelOptions = {}) {
     this.#scene = scene;
@@ -185,7 +185,7 @@ export class ModelServer {
     }
     sending.rejected.add(segment);
     sending.readySent = false;
-    const rank = (one: number) => (this.#parts.has(one) ? -1 : sending.order.indexOf(one));
+    const rank = (id: number) => (this.#partials.has(id) ? -1 : sending.order.indexOf(id));
     sending.queue = [...sending.queue, segment].sort((a, b) => rank(a) - rank(b));
   }
 
@@ -210,13 +210,13 @@ export class ModelServer {
     const order = this.#ordered(land.position, land.radius_m);
     const fitting = this.#within(order);
     const isNear = (segment: number) => distance(land.position, this.#scene.facts[segment]!.bounds) <= land.radius_m;
-    const wanted = fitting.wanted.filter(isNear);
-    const load = wanted.filter((segment) => !this.held.has(segment));
+    const target = fitting.wanted.filter(isNear);
+    const load = target.filter((segment) => !this.held.has(segment));
     const innerRadius = land.inner_radius_m ?? -1;
-    const inner = wanted.filter((one) => distance(land.position, this.#scene.facts[one]!.bounds) <= innerRadius);
+    const inner = target.filter((id) => distance(land.position, this.#scene.facts[id]!.bounds) <= innerRadius);
     this.#prefetch = null;
-    this.#landing = this.#begin(land.generation, land, wanted, load, inner);
-    const omitted = order.filter(isNear).slice(wanted.length);
+    this.#landing = this.#begin(land.generation, land, target, load, inner);
+    const omitted = order.filter(isNear).slice(target.length);
     this.say({
       type: "plan",
       generation: land.generation,
@@ -227,12 +227,12 @@ export class ModelServer {
         omitted[0] === undefined ? land.radius_m : distance(land.position, this.#scene.facts[omitted[0]]!.bounds),
       inner_count: inner.length,
       load: load.map((segment) => this.#scene.facts[segment]!),
-      keep: wanted.filter((segment) => this.held.has(segment)).sort((a, b) => a - b),
+      keep: target.filter((segment) => this.held.has(segment)).sort((a, b) => a - b),
       nearby: fitting.wanted.filter((segment) => !isNear(segment)).sort((a, b) => a - b),
       load_bytes: this.#scene.bytesOf(load),
       load_triangles: 10 * load.length,
-      total_bytes: this.#scene.bytesOf(wanted),
-      total_triangles: 10 * wanted.length,
+      total_bytes: this.#scene.bytesOf(target),
+      total_triangles: 10 * target.length,
       omitted_segments: omitted.length,
       omitted_by: omitted.length > 0 ? fitting.omittedBy : undefined,
     });
@@ -267,7 +267,7 @@ export class ModelServer {
     load: readonly number[],
     inner: readonly number[],
   ): Sending {
-    for (const segment of [...this.#parts.keys()]) if (!load.includes(segment)) this.#parts.delete(segment);
+    for (const segment of [...this.#partials.keys()]) if (!load.includes(segment)) this.#partials.delete(segment);
     return {
       generation,
       land,
@@ -303,8 +303,8 @@ export class ModelServer {
   #ordered(centre: readonly [number, number, number], radiusM: number): number[] {
     const far = (segment: number) => distance(centre, this.#scene.facts[segment]!.bounds);
     return this.#scene.facts
-      .map((one) => one.segment)
-      .filter((one) => far(one) <= (this.held.has(one) ? radiusM * this.#releaseFactor : radiusM))
+      .map((row) => row.segment)
+      .filter((id) => far(id) <= (this.held.has(id) ? radiusM * this.#releaseFactor : radiusM))
       .sort((a, b) => far(a) - far(b) || a - b);
   }
 
@@ -329,16 +329,16 @@ export class ModelServer {
     const segment = sending.queue[0];
     if (segment === undefined || this.credit < 1) return null;
     const payload = this.#scene.payloads[segment]!;
-    const offset = this.#parts.get(segment) ?? 0;
+    const offset = this.#partials.get(segment) ?? 0;
     const random = 1 + Math.floor(this.#options.random() * this.#options.maxChunk);
     const length = Math.min(random, this.credit, payload.length - offset);
     const chunk = payload.subarray(offset, offset + length);
     this.credit -= length;
     this.chunkBytes += length;
     sending.payloadBytes += length;
-    this.#parts.set(segment, offset + length);
+    this.#partials.set(segment, offset + length);
     if (offset + length === payload.length) {
-      this.#parts.delete(segment);
+      this.#partials.delete(segment);
       sending.queue.shift();
       sending.delivered += 1;
       this.held.set(segment, this.#scene.facts[segment]!.xxh3);

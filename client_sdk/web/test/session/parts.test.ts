@@ -23,34 +23,34 @@ describe("the cache", () => {
       let model: [number, number][] = []; // id and size, least recently used first
       let pinned: number[] = [];
       for (let step = 0; step < 40; step++) {
-        const what = Math.floor(random() * 5);
+        const action = Math.floor(random() * 5);
         const id = Math.floor(random() * 7);
-        const found = model.filter(([one]) => one === id);
-        const others = model.filter(([one]) => one !== id);
-        if (what === 0) {
+        const matching = model.filter(([key]) => key === id);
+        const remaining = model.filter(([key]) => key !== id);
+        if (action === 0) {
           const size = 1 + Math.floor(random() * 50);
           cache.put(entry(id, size));
-          model = [...others, [id, size]];
-        } else if (what === 1) {
-          expect(cache.get(id) !== undefined).toBe(found.length > 0);
-          model = [...others, ...found];
-        } else if (what === 2) {
-          expect(cache.discard(id)).toBe(found.length > 0);
-          model = others;
-        } else if (what === 3) {
+          model = [...remaining, [id, size]];
+        } else if (action === 1) {
+          expect(cache.get(id) !== undefined).toBe(matching.length > 0);
+          model = [...remaining, ...matching];
+        } else if (action === 2) {
+          expect(cache.discard(id)).toBe(matching.length > 0);
+          model = remaining;
+        } else if (action === 3) {
           pinned = [id, (id + 1) % 7];
           cache.pin(pinned);
         } else {
-          const gone: number[] = [];
+          const evicted: number[] = [];
           for (const item of [...model]) {
             if (model.reduce((sum, [, size]) => sum + size, 0) <= maxBytes) break;
             if (pinned.includes(item[0])) continue;
-            model = model.filter((one) => one !== item);
-            gone.push(item[0]);
+            model = model.filter((candidate) => candidate !== item);
+            evicted.push(item[0]);
           }
-          expect(cache.trim().map((facts) => facts.segment)).toEqual(gone);
+          expect(cache.trim().map((facts) => facts.segment)).toEqual(evicted);
         }
-        expect(cache.ids()).toEqual(model.map(([one]) => one));
+        expect(cache.ids()).toEqual(model.map(([key]) => key));
         expect(cache.bytes).toBe(model.reduce((sum, [, size]) => sum + size, 0));
       }
     }
@@ -84,15 +84,15 @@ describe("assembly", () => {
     for (let seed = 0; seed < 50; seed++) {
       const random = seeded(seed);
       const assembler = new Assembler();
-      let whole: Uint8Array | null = null;
+      let payload: Uint8Array | null = null;
       for (let at = 0; at < 40; ) {
-        expect(whole).toBeNull();
+        expect(payload).toBeNull();
         expect(assembler.received(1)).toBe(at);
         const end = Math.min(40, at + 1 + Math.floor(random() * 20));
-        whole = assembler.take(chunk(at, end), 40);
+        payload = assembler.take(chunk(at, end), 40);
         at = end;
       }
-      expect(whole).toEqual(payload);
+      expect(payload).toEqual(payload);
       expect(assembler.size).toBe(0);
     }
   });
@@ -119,12 +119,12 @@ describe("assembly", () => {
 
 describe("waits before connecting again", () => {
   test.each([0, 1, 3, 5, 6, 60, 1e6])("stay between half and all of the doubling: attempt %d", (attempt) => {
-    const most = Math.min(30_000, 500 * 2 ** Math.min(attempt, 30));
+    const maxMs = Math.min(30_000, 500 * 2 ** Math.min(attempt, 30));
     const random = seeded(1);
     const waits = Array.from({ length: 200 }, () => waitMs(attempt, random()));
-    expect(Math.min(...waits)).toBeGreaterThanOrEqual(most / 2);
-    expect(Math.max(...waits)).toBeLessThanOrEqual(most);
-    expect(Math.max(...waits) - Math.min(...waits)).toBeGreaterThan(0.3 * most);
+    expect(Math.min(...waits)).toBeGreaterThanOrEqual(maxMs / 2);
+    expect(Math.max(...waits)).toBeLessThanOrEqual(maxMs);
+    expect(Math.max(...waits) - Math.min(...waits)).toBeGreaterThan(0.3 * maxMs);
   });
 
   test("are made after exactly the close codes that the protocol lists (11)", () => {

@@ -21,7 +21,7 @@ describe("whatever happens", () => {
 function oneHistory(toy: ToyScene, seed: number, spoils: boolean): void {
   const random = seeded(seed);
   const pick = <T>(values: readonly T[]): T => values[Math.floor(random() * values.length)]!;
-  const place = (): Vec3 => [random() * 16 - 2, 0, random() * 16 - 2];
+  const randomPosition = (): Vec3 => [random() * 16 - 2, 0, random() * 16 - 2];
   const radiusM = () => 0.5 + random() * 7.5;
   const cacheBytes = pick([0, 2000, 8000, 1 << 20]);
   const pair = new Pair(toy, {
@@ -40,18 +40,18 @@ function oneHistory(toy: ToyScene, seed: number, spoils: boolean): void {
     spoilNext = false;
     return spoilt;
   };
-  const where = `seed ${seed}`;
+  const label = `seed ${seed}`;
   const steps = Math.floor(random() * 25);
   for (let step = 0; step < steps; step++) {
-    const what = pick(["land", "aim", "run", "run", "cut", "spoil"] as const);
-    if (what === "land") pair.client.land(place(), radiusM());
-    else if (what === "aim") {
-      pair.client.aim(place(), radiusM());
+    const action = pick(["land", "aim", "run", "run", "cut", "spoil"] as const);
+    if (action === "land") pair.client.land(randomPosition(), radiusM());
+    else if (action === "aim") {
+      pair.client.aim(randomPosition(), radiusM());
       pair.client.flushAim();
-    } else if (what === "cut") {
+    } else if (action === "cut") {
       pair.disconnect();
       pair.connect();
-    } else if (what === "spoil") spoilNext = spoils;
+    } else if (action === "spoil") spoilNext = spoils;
     else for (let count = Math.floor(random() * 60); count > 0; count--) pair.step();
   }
   spoilNext = false;
@@ -59,35 +59,35 @@ function oneHistory(toy: ToyScene, seed: number, spoils: boolean): void {
   pair.settle();
   const visible = pair.client.visible;
   const plan = pair.of("planned").at(-1)!.plan;
-  const wanted = [...plan.load.map((facts) => facts.segment), ...plan.keep].sort((a, b) => a - b);
-  expect(visible, where).toEqual(wanted);
-  expect(visible, where).toEqual(toy.within(MIDDLE, 3.3));
-  expect(pair.client.unfinished, where).toBeNull();
-  expect(pair.client.openParts, where).toBe(0);
-  expect(pair.client.repeatedBytes, where).toBe(0);
-  if (!spoils) expect(pair.of("rejected"), where).toEqual([]);
+  const planned = [...plan.load.map((facts) => facts.segment), ...plan.keep].sort((a, b) => a - b);
+  expect(visible, label).toEqual(planned);
+  expect(visible, label).toEqual(toy.within(MIDDLE, 3.3));
+  expect(pair.client.unfinished, label).toBeNull();
+  expect(pair.client.partialCount, label).toBe(0);
+  expect(pair.client.repeatedBytes, label).toBe(0);
+  if (!spoils) expect(pair.of("rejected"), label).toEqual([]);
   const pinned = [...visible, ...plan.nearby];
-  expect(pair.client.held.cacheBytes, where).toBeLessThanOrEqual(Math.max(cacheBytes, toy.bytesOf(pinned)));
+  expect(pair.client.holdings.cacheBytes, label).toBeLessThanOrEqual(Math.max(cacheBytes, toy.bytesOf(pinned)));
   for (const segment of pinned) {
-    expect(pair.client.held.peek(segment)?.payload, where).toEqual(toy.payloads[segment]);
+    expect(pair.client.holdings.peek(segment)?.payload, label).toEqual(toy.payloads[segment]);
   }
   // What was told as here and not as gone is here, and nothing else.
-  const told = new Set<number>();
+  const reported = new Set<number>();
   for (const event of pair.events) {
-    if (event.type === "arrived") told.add(event.entry.facts.segment);
-    else if (event.type === "dropped") for (const segment of event.segments) told.delete(segment);
+    if (event.type === "arrived") reported.add(event.entry.facts.segment);
+    else if (event.type === "dropped") for (const segment of event.segments) reported.delete(segment);
   }
   expect(
-    [...told].filter((segment) => !pair.client.held.has(segment)),
-    where,
+    [...reported].filter((segment) => !pair.client.holdings.has(segment)),
+    label,
   ).toEqual([]);
-  expect(told.size, where).toBe(pair.client.held.count);
+  expect(reported.size, label).toBe(pair.client.holdings.count);
   // Every landing ends in one way: ready, superseded, or the last one.
   const ends = [...pair.of("ready"), ...pair.of("superseded")].map((event) => event.landing);
-  expect(new Set(ends).size, where).toBe(ends.length);
+  expect(new Set(ends).size, label).toBe(ends.length);
   // What the server believes held is here, once the next landing has told the evictions.
   pair.client.land(MIDDLE, 3.3);
   pair.settle();
-  const believed = [...pair.server!.held.keys()].filter((segment) => !pair.client.held.has(segment));
-  expect(believed, where).toEqual([]);
+  const believed = [...pair.server!.held.keys()].filter((segment) => !pair.client.holdings.has(segment));
+  expect(believed, label).toEqual([]);
 }

@@ -73,7 +73,7 @@ export class ToyScene {
 
   /** Brute force: ids of the segments that a landing shows. */
   within(centre: Vec3, radiusM: number): number[] {
-    return this.facts.filter((one) => distance(centre, one.bounds) <= radiusM).map((one) => one.segment);
+    return this.facts.filter((row) => distance(centre, row.bounds) <= radiusM).map((one) => one.segment);
   }
 
   bytesOf(segments: readonly number[]): number {

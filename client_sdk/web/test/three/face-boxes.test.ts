@@ -141,8 +141,8 @@ describe("rayMeetsBounds", () => {
     [[0, 0, 0], [0, 0, 1], 0, true],
     [[1, 5, 1], [0, -1, 0], 10, true],
     [[1.01, 5, 1], [0, -1, 0], 10, false],
-  ] as const)("from %j along %j within %d: %s", (origin, direction, most, expected) => {
-    expect(rayMeetsBounds(origin, direction, most, [-1, -1, -1, 1, 1, 1])).toBe(expected);
+  ] as const)("from %j along %j within %d: %s", (origin, direction, maxT, expected) => {
+    expect(rayMeetsBounds(origin, direction, maxT, [-1, -1, -1, 1, 1, 1])).toBe(expected);
   });
 });
 

@@ -121,22 +121,22 @@ describe("standing near what was clicked", () => {
   it("is on the floor below an underside", () => {
     const hit = landings.clicked([-3, 1.7, 0.3], [1, 0.8, 0]);
     expect(hit.normal[1]).toBe(-1);
-    const place = standNear(hit, landings)!;
-    expect(place[0]).toBeCloseTo(hit.position[0]);
-    expect(place[1]).toBeCloseTo(0);
+    const foothold = standNear(hit, landings)!;
+    expect(foothold[0]).toBeCloseTo(hit.position[0]);
+    expect(foothold[1]).toBeCloseTo(0);
   });
 
   it("is at the foot of a wall, on the side that was seen", () => {
-    const place = standNear(landings.clicked([-5, 3, 0.3], [1, 0, 0]), landings)!;
-    expect(place[1]).toBeCloseTo(0);
-    expect(place[0]).toBeLessThan(5);
-    expect(place[0]).toBeGreaterThan(3);
+    const foothold = standNear(landings.clicked([-5, 3, 0.3], [1, 0, 0]), landings)!;
+    expect(foothold[1]).toBeCloseTo(0);
+    expect(foothold[0]).toBeLessThan(5);
+    expect(foothold[0]).toBeGreaterThan(3);
   });
 
   it("is on top where that is nearer", () => {
-    const place = standNear(landings.clicked([-5, 8.5, 0.3], [1, 0, 0]), landings)!;
-    expect(place[1]).toBeCloseTo(10);
-    expect(place[0]).toBeGreaterThan(0);
+    const foothold = standNear(landings.clicked([-5, 8.5, 0.3], [1, 0, 0]), landings)!;
+    expect(foothold[1]).toBeCloseTo(10);
+    expect(foothold[0]).toBeGreaterThan(0);
   });
 
   it("is not under a ceiling that is too low", () => {
@@ -150,9 +150,9 @@ describe("standing near what was clicked", () => {
         [40, 10],
       ]),
     );
-    const place = standNear(low.clicked([-5, 0.5, 0.3], [1, -0.07, 0]), low)!;
-    expect(place[1]).toBeCloseTo(0);
-    expect(place[0]).toBeLessThan(0);
+    const foothold = standNear(low.clicked([-5, 0.5, 0.3], [1, -0.07, 0]), low)!;
+    expect(foothold[1]).toBeCloseTo(0);
+    expect(foothold[0]).toBeLessThan(0);
   });
 
   it("is nowhere on a high cliff, and the search is bounded", () => {

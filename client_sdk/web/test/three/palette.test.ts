@@ -13,8 +13,8 @@ import {
   toCss,
 } from "../../src/three/palette.ts";
 
-function linear(part: number): number {
-  return part <= 0.04045 ? part / 12.92 : ((part + 0.055) / 1.055) ** 2.4;
+function linear(channel: number): number {
+  return channel <= 0.04045 ? channel / 12.92 : ((channel + 0.055) / 1.055) ** 2.4;
 }
 
 /** WCAG 2.2. */
@@ -63,14 +63,14 @@ const EYES: Record<string, readonly (readonly [number, number, number])[]> = {
   ],
 };
 
-function seen(colour: Rgb, eye: string): [number, number, number] {
+function seenBy(colour: Rgb, eye: string): [number, number, number] {
   const light = colour.map(linear);
   const mixed = EYES[eye]!.map((row) => Math.max(row[0] * light[0]! + row[1] * light[1]! + row[2] * light[2]!, 0));
   return oklab(mixed as [number, number, number]);
 }
 
 function apart(a: Rgb, b: Rgb, eye: string): number {
-  const [x, y] = [seen(a, eye), seen(b, eye)];
+  const [x, y] = [seenBy(a, eye), seenBy(b, eye)];
   return Math.hypot(x[0] - y[0], x[1] - y[1], x[2] - y[2]);
 }
 
@@ -116,7 +116,7 @@ describe("ramps", () => {
   ] as const)("%s: lightness goes one way, in even steps, for everybody", (_name, ramp, sign) => {
     expect(ramp).toHaveLength(RAMP_STOPS);
     for (const eye of ["full", "protan", "deutan"]) {
-      const lightness = ramp.map((colour) => sign * seen(colour, eye)[0]);
+      const lightness = ramp.map((colour) => sign * seenBy(colour, eye)[0]);
       lightness.slice(1).forEach((value, index) => {
         expect(value).toBeGreaterThan(lightness[index]!);
       });
@@ -134,8 +134,8 @@ describe("ramps", () => {
   it("have legends of the very colours that the shader is given", () => {
     const legend = attributeLegend(2, 8);
     expect(legend.map(({ colour }) => colour)).toEqual(attributeRamp().map(toCss));
-    expect(legend[0]).toMatchObject({ place: 0, value: 2 });
-    expect(legend.at(-1)).toMatchObject({ place: 1, value: 8 });
+    expect(legend[0]).toMatchObject({ fraction: 0, value: 2 });
+    expect(legend.at(-1)).toMatchObject({ fraction: 1, value: 8 });
     expect(slopeLegend().map(({ value }) => value)).toEqual([
       0, 7.5, 15, 22.5, 30, 37.5, 45, 52.5, 60, 67.5, 75, 82.5, 90,
     ]);

@@ -16,14 +16,14 @@ export interface FigureSources {
   copyDiagnostics(): void;
 }
 
-/** The tab. */
+/** Figures change in every frame: the tab reads them when told to, not by itself. */
 export interface FiguresTab {
   readonly element: HTMLElement;
   /** Read the numbers anew; called some times a second while the tab is open. */
   refresh(): void;
 }
 
-/** Make the tab. */
+/** Build the tab, and read the figures once. */
 export function createFiguresTab(store: ViewerStore, sources: FigureSources): FiguresTab {
   const comfort = h("p", { id: "comfort", class: "comfort" });
   const spark = h("canvas", { class: "spark", role: "img" });
@@ -85,6 +85,7 @@ export function createFiguresTab(store: ViewerStore, sources: FigureSources): Fi
     frame.set("frame-max", formatMs(summary?.maxMs));
     frame.set("update-max", formatMs(stats.updateMaxMs));
 
+    // The newest landing, and all of them.
     const { landed } = state;
     landing.set("landing-time", landed === null ? "–" : formatMs(landed.readyMs));
     landing.set("landing-bytes", landed === null ? "–" : formatBytes(landed.bytes));
@@ -100,6 +101,7 @@ export function createFiguresTab(store: ViewerStore, sources: FigureSources): Fi
       stream === null ? "–" : `${formatBytes(stream.heldBytes)} (${formatCount(stream.heldSegments)})`,
     );
 
+    // What is drawn, and what it takes.
     const { gpu } = stats;
     drawn.set("visible-segments", formatCount(gpu.visibleSegments));
     drawn.set("visible-triangles", formatCount(stats.visibleTriangles));
@@ -113,7 +115,7 @@ export function createFiguresTab(store: ViewerStore, sources: FigureSources): Fi
 
 /** The comfort rule, counted. A landing where all is shown already changes nothing. */
 export function comfortText(state: Pick<ViewerState, "swaps" | "visibleChanges" | "strayChanges">): string {
-  const count = (number: number, one: string) => `${formatCount(number)} ${one}${number === 1 ? "" : "s"}`;
+  const count = (number: number, singular: string) => `${formatCount(number)} ${singular}${number === 1 ? "" : "s"}`;
   const counts = `${count(state.swaps, "landing")}, ${count(state.visibleChanges, "change")}`;
   return state.strayChanges === 0
     ? `What is visible has changed only at landings: ${counts}.`

@@ -10,14 +10,14 @@ import type { Tool, ViewerState, ViewerStore } from "../viewer/state.ts";
 import { createFacts } from "./facts.ts";
 import { regionName } from "./look-tab.ts";
 
-/** What the tab can ask for. */
+/** Regions of the scene version, and what the buttons do. */
 export interface InspectActions {
   readonly regions: readonly RegionFacts[];
-  copy(text: string, what: string): void;
+  copy(text: string, subject: string): void;
   undoPoint(): void;
 }
 
-/** Make the tab. */
+/** Build the tab; it follows `picked` and `measured` of the store. */
 export function createInspectTab(store: ViewerStore, actions: InspectActions): HTMLElement {
   const toolButton = (tool: Tool, name: string) =>
     h(
@@ -34,6 +34,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
   const pickButton = toolButton("pick", "Pick a point");
   const measureButton = toolButton("measure", "Measure");
 
+  // --- A picked point
   const pickHint = h("p", { class: "faint" });
   const pickFacts = createFacts([
     ["region", "Region"],
@@ -64,6 +65,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     copyPick,
   );
 
+  // --- A measured path
   const measureHint = h("p", { class: "faint" });
   const measureFacts = createFacts([
     ["straight", "Straight"],
@@ -107,8 +109,9 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     h("div", { class: "row" }, undo, clear, copyMeasure),
   );
 
-  function surveyOf(place: Vec3): [number, number, number] {
-    return toSurvey(store.get().manifest, place);
+  // --- Positions are kept in the scene's frame; people get them in the survey's CRS.
+  function surveyOf(position: Vec3): [number, number, number] {
+    return toSurvey(store.get().manifest, position);
   }
 
   function pickedPlace(): Vec3 | null {
@@ -118,8 +121,8 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
   }
 
   function copyPlace(): void {
-    const place = pickedPlace();
-    if (place !== null) actions.copy(formatSurvey(surveyOf(place)), "Coordinates");
+    const position = pickedPlace();
+    if (position !== null) actions.copy(formatSurvey(surveyOf(position)), "Coordinates");
   }
 
   function copyPath(): void {
@@ -128,16 +131,20 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     if (path === null) return;
     const lines = [
       "east north height",
-      ...measured.map((place) => formatSurvey(surveyOf(place))),
+      ...measured.map((position) => formatSurvey(surveyOf(position))),
       `straight ${path.straightM.toFixed(3)} m, horizontal ${path.horizontalM.toFixed(3)} m, height difference ${path.heightDifferenceM.toFixed(3)} m, slope ${path.direct.slopeDeg.toFixed(2)} deg`,
     ];
     actions.copy(lines.join("\n"), "Measurement");
   }
 
+  /**
+   * The point as far as it is known: what the page met at once, and the service's answer over it when that comes. The answer
+   * is of full detail, and wins where both say something.
+   */
   function showPick(state: ViewerState): void {
     const { picked } = state;
     const answer = picked !== null && typeof picked.answer === "object" ? picked.answer : null;
-    const place = pickedPlace();
+    const position = pickedPlace();
     setText(
       pickHint,
       picked === null
@@ -151,11 +158,12 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
               : "",
     );
     setShown(pickHint, picked === null || answer === null);
+    // What it is, where it is, what was measured there.
     const region = actions.regions[answer?.region ?? picked?.region ?? -1];
-    const survey = place === null ? null : surveyOf(place);
-    const known = picked !== null;
+    const survey = position === null ? null : surveyOf(position);
+    const hasPick = picked !== null;
     const label = answer?.label ?? null;
-    pickFacts.set("region", known ? (label ?? regionName(region)) : "");
+    pickFacts.set("region", hasPick ? (label ?? regionName(region)) : "");
     pickFacts.set("area", region === undefined ? "" : formatArea(region.areaM2));
     pickFacts.set("region-slope", region?.slopeDeg == null ? "" : formatDegrees(region.slopeDeg));
     pickFacts.set("east", survey === null ? "" : formatCoordinate(survey[0]));
@@ -163,7 +171,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     pickFacts.set("height", survey === null ? "" : `${formatCoordinate(answer?.heightM ?? survey[2])} m`);
     pickFacts.set("slope", answer === null ? "" : formatDegrees(slopeOf(answer.normal)));
     const segment = answer?.segment ?? picked?.segment ?? -1;
-    pickFacts.set("segment", !known ? "" : segment < 0 ? "base" : String(segment));
+    pickFacts.set("segment", !hasPick ? "" : segment < 0 ? "base" : String(segment));
     fill(
       attributes,
       ...Object.entries(answer?.attributes ?? {}).map(([name, value]) =>
@@ -176,14 +184,14 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
       ),
     );
     const { manifest } = state;
-    setShown(crs, known);
+    setShown(crs, hasPick);
     setText(
       crs,
       manifest.crs === null
         ? "The survey names no coordinate system."
         : `${manifest.crs.name}${manifest.crs.epsg === null ? "" : ` (EPSG:${manifest.crs.epsg})`}`,
     );
-    setShown(copyPick, known);
+    setShown(copyPick, hasPick);
   }
 
   function showMeasure(state: ViewerState): void {
@@ -219,14 +227,15 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     setShown(copyMeasure, path !== null);
   }
 
-  let shown: Partial<ViewerState> = {};
+  // The lists are made anew only where their own part of the state differs; the rest changes while the camera moves.
+  let shownState: Partial<ViewerState> = {};
   function show(state: ViewerState): void {
     setAttribute(pickButton, "aria-pressed", String(state.tool === "pick"));
     setAttribute(measureButton, "aria-pressed", String(state.tool === "measure"));
     setAttribute(element, "data-tool", state.tool);
-    if (state.picked !== shown.picked) showPick(state);
-    if (state.measured !== shown.measured) showMeasure(state);
-    shown = state;
+    if (state.picked !== shownState.picked) showPick(state);
+    if (state.measured !== shownState.measured) showMeasure(state);
+    shownState = state;
   }
 
   const element = h(

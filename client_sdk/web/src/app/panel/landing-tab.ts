@@ -6,7 +6,7 @@ import { icon } from "../icons.ts";
 import type { ViewerState, ViewerStore } from "../viewer/state.ts";
 import { createFacts } from "./facts.ts";
 
-/** What the tab can ask for. */
+/** What the buttons do. */
 export interface LandingActions {
   land(): void;
   cancel(): void;
@@ -25,7 +25,7 @@ const BUDGET_NAMES: Readonly<Record<string, string>> = {
   max_segments: "segments",
 };
 
-/** Make the tab. */
+/** Build the tab; it follows the store. */
 export function createLandingTab(store: ViewerStore, actions: LandingActions): HTMLElement {
   const status = h("p", { id: "landing-status", class: "status-line" });
   const bar = h("div", {});
@@ -65,8 +65,9 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     ["time", "Ready after"],
     ["shown", "Shown after"],
   ]);
-  const cut = h("p", { id: "landing-cut", class: "hint" });
+  const omittedHint = h("p", { id: "landing-cut", class: "hint" });
 
+  // --- The next landing
   const slider = h("input", {
     id: "radius",
     type: "range",
@@ -99,7 +100,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     progress,
     h("div", { class: "row" }, landButton, cancelButton, aimButton),
     facts.element,
-    cut,
+    omittedHint,
     h(
       "div",
       { class: "field" },
@@ -112,13 +113,14 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
   );
 
   function show(state: ViewerState): void {
+    // An aim's progress goes before a landing's: it is what the user looks at next.
     const { landing, landed, aim } = state;
     setText(status, statusText(state));
     const isLoading = landing !== null && (landing.phase === "planning" || landing.phase === "streaming");
-    const part = aim !== null ? aim.fraction : isLoading ? landing.fraction : null;
-    setShown(progress, part !== null || isLoading);
-    progress.setAttribute("aria-valuenow", String(Math.round((part ?? 0) * 100)));
-    bar.style.transform = `scaleX(${part ?? 0})`;
+    const fraction = aim !== null ? aim.fraction : isLoading ? landing.fraction : null;
+    setShown(progress, fraction !== null || isLoading);
+    progress.setAttribute("aria-valuenow", String(Math.round((fraction ?? 0) * 100)));
+    bar.style.transform = `scaleX(${fraction ?? 0})`;
     setShown(landButton, aim !== null);
     setShown(cancelButton, aim !== null);
     setShown(aimButton, aim === null);
@@ -129,8 +131,8 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     facts.set("bytes", landed === null ? "" : landed.bytes === 0 ? "nothing, all was here" : formatBytes(landed.bytes));
     facts.set("time", landed === null ? "" : formatMs(landed.readyMs));
     facts.set("shown", landed === null ? "" : formatMs(landed.shownMs));
-    setShown(cut, landed?.omittedBy != null || (landed?.missing ?? 0) > 0 || landed?.degraded === true);
-    fill(cut, ...cutTexts(state));
+    setShown(omittedHint, landed?.omittedBy != null || (landed?.missing ?? 0) > 0 || landed?.degraded === true);
+    fill(omittedHint, ...cutTexts(state));
 
     slider.value = String(toStep(state.radiusM, maxOf(state)));
     const radius = formatRadius(state.radiusM);
@@ -160,9 +162,9 @@ export function statusText({ landing, landed, aim }: ViewerState): string {
   }
   if (landing?.phase === "planning") return "Landing: asking for the ground…";
   if (landing?.phase === "streaming" || landing?.phase === "degraded-presentable") {
-    const rest = landing.plan === null ? "" : ` of ${formatBytes(landing.plan.loadBytes)}`;
-    if (landed?.degraded) return `The middle is shown; ${formatPercent(landing.fraction)}${rest} is here.`;
-    return `Landing: ${formatPercent(landing.fraction)}${rest} is here.`;
+    const ofBytes = landing.plan === null ? "" : ` of ${formatBytes(landing.plan.loadBytes)}`;
+    if (landed?.degraded) return `The middle is shown; ${formatPercent(landing.fraction)}${ofBytes} is here.`;
+    return `Landing: ${formatPercent(landing.fraction)}${ofBytes} is here.`;
   }
   if (landed !== null) return landed.degraded ? "Landed, with the middle of the detail only." : "Landed.";
   return "Click the ground to aim, and once more to land there in full detail.";

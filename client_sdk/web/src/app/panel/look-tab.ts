@@ -7,7 +7,7 @@ import { fill, h, setAttribute } from "../dom.ts";
 import { formatArea, formatValue } from "../format.ts";
 import type { ViewerState, ViewerStore } from "../viewer/state.ts";
 
-/** What the tab asks the drawn scene. */
+/** Regions of the scene version, with the colours that the shader gives them. */
 export interface LookSources {
   readonly regions: readonly RegionFacts[];
   regionColour(id: number): string;
@@ -23,9 +23,10 @@ export interface Choice {
 /** Regions that the legend lists at once; the rest behind a button. */
 const LISTED_REGIONS = 40;
 
-/** Make the tab. */
+/** Build the tab; legends are made anew where the mode changes, not for every state. */
 export function createLookTab(store: ViewerStore, sources: LookSources): HTMLElement {
   const choices = modesOf(store.get().manifest);
+  // The modes of a scene version never change: the radio buttons are made once.
   const inputs = choices.map((choice) => {
     const input = h("input", {
       type: "radio",
@@ -59,6 +60,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
   let listsAll = false;
 
   function show(state: ViewerState): void {
+    // The legend is made anew for another mode alone: under a moving range or highlight its inputs keep the focus.
     const key = keyOf(state.mode);
     for (const { choice, input } of inputs) input.checked = keyOf(choice.mode) === key;
     if (key !== shownKey) {
@@ -97,7 +99,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
   function drawRegions(state: ViewerState): void {
     const byArea = sources.regions.toSorted((a, b) => (b.areaM2 ?? 0) - (a.areaM2 ?? 0));
     const listed = listsAll ? byArea : byArea.slice(0, LISTED_REGIONS);
-    const rest = byArea.length - listed.length;
+    const hiddenCount = byArea.length - listed.length;
     const more = h(
       "button",
       {
@@ -110,14 +112,14 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
           },
         },
       },
-      `Show ${rest} more`,
+      `Show ${hiddenCount} more`,
     );
     fill(
       legend,
       h("h2", { id: "regions-title" }, `Regions (${byArea.length})`),
       h("p", { class: "faint" }, "Choose one to see it alone in colour. Grey: the base, no detail landed here."),
       h("ul", { class: "regions", "aria-labelledby": "regions-title" }, ...listed.map(regionRow)),
-      rest > 0 && more,
+      hiddenCount > 0 && more,
     );
     markHighlighted(state.highlightedRegion);
   }
@@ -152,6 +154,10 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
     }
   }
 
+  /**
+   * Ramp and range of an attribute. A bound takes effect only where both together are a range; until then it is marked
+   * invalid and the ground keeps its colours.
+   */
   function drawAttribute(mode: ViewMode & { kind: "attribute" }): void {
     const info = store.get().manifest.attributes.find(({ name }) => name === mode.name);
     const bound = (key: "min" | "max", title: string) => {
@@ -162,6 +168,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
         value: Number(mode[key].toPrecision(5)),
         on: {
           change: () => {
+            // The range as it is now, not as it was when the legend was drawn: the other bound may have changed since.
             const { mode: current } = store.get();
             if (current.kind !== "attribute") return;
             const next = { ...current, [key]: Number(input.value) };
@@ -173,7 +180,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
       });
       return h("div", {}, h("label", { for: `range-${key}` }, title), input);
     };
-    const whole = h(
+    const wholeRangeButton = h(
       "button",
       {
         type: "button",
@@ -191,7 +198,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
       legend,
       h("h2", {}, mode.name),
       ramp(attributeLegend(mode.min, mode.max), formatValue),
-      h("div", { class: "range-fields" }, bound("min", "From"), bound("max", "To"), whole),
+      h("div", { class: "range-fields" }, bound("min", "From"), bound("max", "To"), wholeRangeButton),
       h(
         "p",
         { class: "faint" },
@@ -256,7 +263,7 @@ function keyOf(mode: ViewMode): string {
 
 function ramp(stops: readonly LegendStop[], text: (value: number) => string): HTMLElement {
   const band = h("div", { class: "ramp" });
-  const colours = stops.map(({ colour, place }) => `${colour} ${(place * 100).toFixed(1)}%`);
+  const colours = stops.map(({ colour, fraction: stop }) => `${colour} ${(stop * 100).toFixed(1)}%`);
   band.style.background = `linear-gradient(to right, ${colours.join(", ")})`;
   const marks = [stops[0]!, stops[(stops.length - 1) / 2]!, stops[stops.length - 1]!];
   return h(

@@ -15,17 +15,17 @@ import {
 import { fill, h, setShown } from "../dom.ts";
 import { icon } from "../icons.ts";
 
-/** What the tab needs. */
+/** Where bookmarks are kept, and how to go to one. */
 export interface PlacesOptions {
   readonly storage: KeyValueStorage;
   readonly scene: string;
   /** The address of what is shown now; null before the first landing. */
   currentHash(): string | null;
   go(hash: string): void;
-  say(text: string): void;
+  announce(text: string): void;
 }
 
-/** The tab. */
+/** Bookmarks of one scene in this browser. */
 export interface PlacesTab {
   readonly element: HTMLElement;
   /** Keep what is shown; false where nothing was landed on. */
@@ -33,8 +33,8 @@ export interface PlacesTab {
   list(): readonly Bookmark[];
 }
 
-/** Make the tab. */
-export function createPlacesTab({ storage, scene, currentHash, go, say }: PlacesOptions): PlacesTab {
+/** Build the tab over what the storage holds for the scene. */
+export function createPlacesTab({ storage, scene, currentHash, go, announce }: PlacesOptions): PlacesTab {
   let bookmarks = readBookmarks(storage, scene);
   let renaming: string | null = null;
 
@@ -80,23 +80,26 @@ export function createPlacesTab({ storage, scene, currentHash, go, say }: Places
   const exportButton = h("button", { type: "button", class: "button", on: { click: exportFile } }, "Export");
   const importButton = h("button", { type: "button", class: "button", on: { click: () => file.click() } }, "Import");
 
+  // --- Keep, list, rename: every change goes through `save`, which writes first and shows what is kept then.
   function save(next: readonly Bookmark[]): void {
     bookmarks = next;
     if (!writeBookmarks(storage, scene, bookmarks))
-      say("The browser does not keep places: its storage is full or off.");
+      announce("The browser does not keep places: its storage is full or off.");
     show();
   }
 
   function keep(): boolean {
     const hash = currentHash();
     if (hash === null) {
-      say("Land somewhere first: a place is kept with its detail.");
+      announce("Land somewhere first: a place is kept with its detail.");
       return false;
     }
-    const before = bookmarks.length;
+    const countBefore = bookmarks.length;
     save(withBookmark(bookmarks, name.value, hash));
-    const kept = bookmarks[bookmarks.length - 1];
-    say(bookmarks.length > before ? `Kept as ${kept?.name}` : "There are too many places; delete some first.");
+    const newest = bookmarks[bookmarks.length - 1];
+    announce(
+      bookmarks.length > countBefore ? `Kept as ${newest?.name}` : "There are too many places; delete some first.",
+    );
     name.value = "";
     return true;
   }
@@ -137,7 +140,7 @@ export function createPlacesTab({ storage, scene, currentHash, go, say }: Places
       }),
       button("delete", "Delete", "delete", () => {
         save(withoutBookmark(bookmarks, bookmark.id));
-        say(`Deleted ${bookmark.name}`);
+        announce(`Deleted ${bookmark.name}`);
         name.focus();
       }),
     );
@@ -191,12 +194,12 @@ export function createPlacesTab({ storage, scene, currentHash, go, say }: Places
     // A list of places is some kilobytes; a file of another kind is not read into memory.
     const merged = chosen.size > 1_000_000 ? null : importBookmarks(bookmarks, await chosen.text());
     if (merged === null) {
-      say("That file has no places of terraport.");
+      announce("That file has no places of terraport.");
       return;
     }
     const added = merged.length - bookmarks.length;
     save(merged);
-    say(`${added} ${added === 1 ? "place" : "places"} added`);
+    announce(`${added} ${added === 1 ? "place" : "places"} added`);
   }
 
   show();

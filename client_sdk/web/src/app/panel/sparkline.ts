@@ -28,9 +28,9 @@ export function drawSparkline(canvas: HTMLCanvasElement, times: readonly number[
   }
   context.setLineDash([]);
   context.fillStyle = style.color;
-  const shown = times.slice(-WIDTH / 2);
-  for (const [index, ms] of shown.entries()) {
-    const x = WIDTH - (shown.length - index) * 2;
+  const recent = times.slice(-WIDTH / 2);
+  for (const [index, ms] of recent.entries()) {
+    const x = WIDTH - (recent.length - index) * 2;
     context.fillRect(x, yOf(ms), 1.4, HEIGHT - yOf(ms));
   }
 }

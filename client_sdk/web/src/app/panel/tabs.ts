@@ -9,7 +9,7 @@ export interface Tab<Name extends string> {
   readonly content: HTMLElement;
 }
 
-/** The tabs. */
+/** The row of tabs, and one panel for each; the caller places both. */
 export interface Tabs<Name extends string> {
   readonly list: HTMLElement;
   readonly panels: readonly HTMLElement[];
@@ -38,6 +38,7 @@ export function createTabs<Name extends string>(
         on: {
           click: () => chosen(name),
           keydown: (event) => {
+            // Round at both ends, as the pattern has it.
             const step = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
             const next =
               step !== undefined
@@ -64,11 +65,12 @@ export function createTabs<Name extends string>(
     list: h("div", { role: "tablist", class: "tabs", "aria-label": label }, ...buttons.values()),
     panels: [...panels.values()],
     choose(name) {
-      for (const [other, button] of buttons) {
-        button.setAttribute("aria-selected", String(other === name));
-        button.tabIndex = other === name ? 0 : -1;
+      for (const [buttonName, button] of buttons) {
+        button.setAttribute("aria-selected", String(buttonName === name));
+        // One stop of the Tab key for all tabs; the arrows go on from it.
+        button.tabIndex = buttonName === name ? 0 : -1;
       }
-      for (const [other, panel] of panels) panel.hidden = other !== name;
+      for (const [panelName, panel] of panels) panel.hidden = panelName !== name;
     },
   };
 }

@@ -17,7 +17,7 @@ import type { Tool, ViewerStore } from "./state.ts";
 import { renewToken } from "./stream-watch.ts";
 import type { ViewerPanel } from "./viewer-panel.ts";
 
-/** What the actions are done with. */
+/** Modules that the actions drive; those made after them are functions, looked up when an action runs. */
 export interface ActionOptions {
   readonly store: ViewerStore;
   readonly stream: Stream;
@@ -42,16 +42,16 @@ export interface ActionOptions {
   readonly usesKeys: () => void;
 }
 
-/** The actions. */
+/** Every key, button and remedy of the viewer comes through here. */
 export interface Actions {
   act(action: KeyAction): void;
-  mend(remedy: Remedy, noticeKey: string): void;
-  copy(text: string, what: string): Promise<void>;
+  applyRemedy(remedy: Remedy, noticeKey: string): void;
+  copy(text: string, subject: string): Promise<void>;
   /** Straight from the click. */
   enterHeadset(): Promise<void>;
 }
 
-/** Make the actions. */
+/** Bind the actions to the modules; nothing is done yet. */
 export function createActions(options: ActionOptions): Actions {
   const { store, stream, shell, camera, desk, markers, notices, loop, headset } = options;
   const { going, tools, canvas, panel, openHelp, usesKeys } = options;
@@ -99,12 +99,13 @@ export function createActions(options: ActionOptions): Actions {
           store.set({ tool: action.slice("tool-".length) as Tool });
       }
     },
-    mend(remedy, noticeKey) {
+    applyRemedy(remedy, noticeKey) {
       if (remedy === "reconnect") {
         // The message goes when there is a link again.
         stream.reconnect();
         return;
       }
+      // The others are done with the click, and their message with them; a token's goes when there is a link again.
       if (remedy === "token") void renewToken(options, true);
       else if (remedy === "scenes") window.location.assign("#list");
       else if (remedy === "reload-page") window.location.reload();
@@ -118,17 +119,18 @@ export function createActions(options: ActionOptions): Actions {
       }
       if (remedy !== "token") notices.clear(noticeKey);
     },
-    async copy(text, what) {
+    async copy(text, subject) {
       try {
         await navigator.clipboard.writeText(text);
-        shell.announcer.say(`${what} copied`);
-        panel().flash(`${what} copied`);
+        shell.announcer.announce(`${subject} copied`);
+        panel().flash(`${subject} copied`);
       } catch {
         panel().showText(text);
       }
     },
     async enterHeadset() {
       try {
+        // In the task of the click, or the browser refuses. From `presenting` on the session moves rig and camera.
         await headset.enter(options.headsetOptions());
         if (headset.session === null) return;
         store.set({ presenting: true, aim: null });

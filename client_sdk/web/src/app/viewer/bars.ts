@@ -5,7 +5,7 @@ import { type IconName, icon } from "../icons.ts";
 import type { KeyAction } from "./keys.ts";
 import type { Tool, ViewerState, ViewerStore } from "./state.ts";
 
-/** What the bars are given. */
+/** State to show, and what the buttons do. */
 export interface BarOptions {
   readonly store: ViewerStore;
   readonly name: string;
@@ -14,7 +14,7 @@ export interface BarOptions {
   enterHeadset(): void;
 }
 
-/** The bars. */
+/** Two elements for the viewer's layout; `showHeadset` brings the button that enters VR. */
 export interface Bars {
   readonly top: HTMLElement;
   readonly tools: HTMLElement;
@@ -28,7 +28,7 @@ const LINK_TEXTS = {
   closed: "Disconnected",
 } as const;
 
-/** Make them. */
+/** Build both bars; they follow the store. */
 export function createBars({ store, name, themeButton, act, enterHeadset }: BarOptions): Bars {
   const iconButton = (image: IconName, title: string, action: string, run: () => void) =>
     h(
@@ -37,6 +37,7 @@ export function createBars({ store, name, themeButton, act, enterHeadset }: BarO
       icon(image),
     );
 
+  // --- Top: where am I, and is it connected
   const dot = h("span", { class: "link-dot", "aria-hidden": "true" });
   const linkText = h("span", { class: "faint", id: "link-state" });
   const headset = h(
@@ -60,6 +61,7 @@ export function createBars({ store, name, themeButton, act, enterHeadset }: BarO
     panelButton,
   );
 
+  // --- Tools: which view, and what a click on the ground does
   const view = (kind: "orbit" | "walk", title: string) => {
     const button = h(
       "button",

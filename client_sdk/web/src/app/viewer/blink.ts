@@ -9,12 +9,12 @@ import { h } from "../dom.ts";
 const CLOSE_MS = 110;
 const OPEN_MS = 170;
 
-/** The blink. */
+/** Closes the picture for a moment, so that a change happens unseen. */
 export interface Blink {
   readonly element: HTMLElement;
   readonly isRunning: boolean;
-  /** Close, call `whileDark` in the first frame that is dark, open again. Without motion: call it in the next frame. */
-  start(whileDark: () => void, withoutMotion: boolean): void;
+  /** Close, call `onDark` in the first frame that is dark, open again. Without motion: call it in the next frame. */
+  start(onDark: () => void, withoutMotion: boolean): void;
   update(timeMs: number): void;
 }
 
@@ -31,8 +31,8 @@ export function createBlink(): Blink {
     get isRunning() {
       return running;
     },
-    start(whileDark, plain) {
-      pending = whileDark;
+    start(onDark, plain) {
+      pending = onDark;
       startMs = null;
       running = true;
       withoutMotion = plain;

@@ -16,7 +16,7 @@ import {
   walked,
 } from "../walk-pose.ts";
 
-/** A ray through a pixel. */
+/** A ray through a pixel: from the eye, `direction` of length 1, in the scene's frame. */
 export interface Ray {
   readonly origin: Vec3;
   readonly direction: Vec3;
@@ -56,7 +56,7 @@ export interface CameraDesk {
   /** A ray through a point of the canvas, CSS pixels. */
   rayAt(x: number, y: number): Ray;
   /** Where a point of the scene is on the canvas; null behind the eye. */
-  pixelOf(place: Vec3): { readonly x: number; readonly y: number } | null;
+  pixelOf(position: Vec3): { readonly x: number; readonly y: number } | null;
   /** One frame; true while it still moves. */
   update(timeMs: number, dtS: number, input: WalkInput, zoomKeys: number): boolean;
 }
@@ -66,7 +66,13 @@ const DEGREES_PER_PIXEL = 0.22;
 /** Keys turn an orbit by so much a second. */
 const ORBIT_KEYS_DEG_PER_S = 70;
 
-/** Make it, looking at all of the scene. */
+/**
+ * A desk that looks at all of the scene.
+ *
+ * Orbit and walk each keep their own pose, and one of them is in force (`view`); a free pose of an embedding page goes before
+ * both. The rig carries the position in the scene's frame and the camera only the rotation: a headset takes the rig over and
+ * finds its origin where the user is.
+ */
 export function createCameraDesk(
   rig: Group,
   camera: PerspectiveCamera,
@@ -88,6 +94,7 @@ export function createCameraDesk(
     const pose = view === "orbit" ? orbit : walk;
     const eye = free?.eye ?? (view === "orbit" ? orbitEye(orbit) : walkEye(walk));
     const { yawDeg, pitchDeg } = free ?? pose;
+    // The one place where the two poses are written.
     rig.position.set(...eye);
     rig.rotation.set(0, 0, 0);
     camera.position.set(0, 0, 0);
@@ -103,6 +110,7 @@ export function createCameraDesk(
     rig.updateMatrixWorld(true);
   }
 
+  /** Go to a pose over some frames; any move of the user ends it where it is. */
   function glideTo(to: OrbitPose): void {
     if (prefersLessMotion()) {
       orbit = to;
@@ -119,16 +127,17 @@ export function createCameraDesk(
 
   function orbitByKeys(dtS: number, input: WalkInput, zoomKeys: number): boolean {
     const panSize = orbit.distanceM * dtS * (input.fast ? 1.2 : 0.5);
-    const before = orbit;
+    const orbitBefore = orbit;
     if (input.turn !== 0 || input.nod !== 0) {
       orbit = turned(orbit, input.turn * ORBIT_KEYS_DEG_PER_S * dtS, input.nod * ORBIT_KEYS_DEG_PER_S * dtS);
     }
     if (input.forward !== 0 || input.right !== 0) orbit = panned(orbit, input.right * panSize, input.forward * panSize);
     if (zoomKeys !== 0) orbit = zoomed(orbit, Math.exp(-zoomKeys * 1.4 * dtS), maxDistanceM);
-    if (orbit !== before) moved();
+    if (orbit !== orbitBefore) moved();
     return input.turn !== 0 || input.nod !== 0 || input.forward !== 0 || input.right !== 0 || zoomKeys !== 0;
   }
 
+  /** The user took over: nothing moves by itself any more, and the opening view is given up. */
   function moved(): void {
     glide = null;
     free = null;
@@ -169,8 +178,8 @@ export function createCameraDesk(
       if (next === "walk") {
         walk = placed(at ?? orbit.target, orbit.yawDeg, -6, ground);
       } else {
-        const far = Math.min(maxDistanceM, 70);
-        orbit = { target: walk.feet, yawDeg: walk.yawDeg, pitchDeg: -35, distanceM: far };
+        const distanceM = Math.min(maxDistanceM, 70);
+        orbit = { target: walk.feet, yawDeg: walk.yawDeg, pitchDeg: -35, distanceM };
         isHome = false;
       }
       view = next;
@@ -250,13 +259,15 @@ export function createCameraDesk(
       apply();
     },
     rayAt(x, y) {
+      // `unproject` needs the matrices of `apply`: from the pixel at half depth, seen from the eye.
       vector.set((x / width) * 2 - 1, 1 - (y / height) * 2, 0.5).unproject(camera);
       const origin = camera.getWorldPosition(new Vector3());
       vector.sub(origin).normalize();
       return { origin: [origin.x, origin.y, origin.z], direction: [vector.x, vector.y, vector.z] };
     },
-    pixelOf(place) {
-      vector.set(...place).project(camera);
+    pixelOf(position) {
+      // Normalised device coordinates: beyond 1 in depth is behind the eye, or past the far plane.
+      vector.set(...position).project(camera);
       if (vector.z > 1) return null;
       return { x: ((vector.x + 1) / 2) * width, y: ((1 - vector.y) / 2) * height };
     },
@@ -266,10 +277,10 @@ export function createCameraDesk(
         moves = orbitByKeys(dtS, input, zoomKeys);
         if (glide !== null) {
           glide.startMs ??= timeMs;
-          const part = Math.min(1, (timeMs - glide.startMs) / GLIDE_MS);
-          orbit = between(glide.from, glide.to, part * part * (3 - 2 * part));
+          const share = Math.min(1, (timeMs - glide.startMs) / GLIDE_MS);
+          orbit = between(glide.from, glide.to, share * share * (3 - 2 * share));
           moves = true;
-          if (part === 1) glide = null;
+          if (share === 1) glide = null;
         }
       } else {
         const wants = input.forward !== 0 || input.right !== 0 || input.turn !== 0 || input.nod !== 0;
@@ -285,13 +296,13 @@ export function createCameraDesk(
   };
 }
 
-function between(from: OrbitPose, to: OrbitPose, part: number): OrbitPose {
-  const mix = (a: number, b: number) => a + (b - a) * part;
+function between(from: OrbitPose, to: OrbitPose, share: number): OrbitPose {
+  const mix = (a: number, b: number) => a + (b - a) * share;
   // The short way round.
   const turnDeg = ((to.yawDeg - from.yawDeg + 540) % 360) - 180;
   return {
     target: [mix(from.target[0], to.target[0]), mix(from.target[1], to.target[1]), mix(from.target[2], to.target[2])],
-    yawDeg: wrapped(from.yawDeg + turnDeg * part),
+    yawDeg: wrapped(from.yawDeg + turnDeg * share),
     pitchDeg: mix(from.pitchDeg, to.pitchDeg),
     distanceM: mix(from.distanceM, to.distanceM),
   };

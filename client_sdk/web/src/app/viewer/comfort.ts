@@ -9,7 +9,7 @@ import type { Stage } from "../../three/stage.ts";
 import type { Landings, SwapReport } from "../../three/types.ts";
 import type { ViewerStore } from "./state.ts";
 
-/** The watch. */
+/** Counts changes of what is visible, those outside a swap apart. */
 export interface ComfortWatch {
   /** The stage's own, with every swap counted. */
   readonly landings: Landings;
@@ -19,8 +19,8 @@ export interface ComfortWatch {
   restart(): void;
 }
 
-/** Watch a stage. `told` hears of every swap. */
-export function watchComfort(stage: Stage, store: ViewerStore, told: (report: SwapReport) => void): ComfortWatch {
+/** Watch a stage. `onSwap` is called after every one that changed something. */
+export function watchComfort(stage: Stage, store: ViewerStore, onSwap: (report: SwapReport) => void): ComfortWatch {
   let digest = stage.visibleDigest();
 
   return {
@@ -38,18 +38,18 @@ export function watchComfort(stage: Stage, store: ViewerStore, told: (report: Sw
       swap() {
         const report = stage.swap();
         if (report === null) return null;
-        const now = stage.visibleDigest();
+        const newDigest = stage.visibleDigest();
         const { swaps, visibleChanges } = store.get();
-        store.set({ swaps: swaps + 1, visibleChanges: visibleChanges + (now === digest ? 0 : 1) });
-        digest = now;
-        told(report);
+        store.set({ swaps: swaps + 1, visibleChanges: visibleChanges + (newDigest === digest ? 0 : 1) });
+        digest = newDigest;
+        onSwap(report);
         return report;
       },
     },
     check() {
-      const now = stage.visibleDigest();
-      if (now === digest) return;
-      digest = now;
+      const newDigest = stage.visibleDigest();
+      if (newDigest === digest) return;
+      digest = newDigest;
       const { visibleChanges, strayChanges } = store.get();
       store.set({ visibleChanges: visibleChanges + 1, strayChanges: strayChanges + 1 });
     },

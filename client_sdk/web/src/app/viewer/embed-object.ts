@@ -14,7 +14,7 @@ import type { Notices } from "./notices.ts";
 import type { ViewerStore } from "./state.ts";
 import type { World } from "./world.ts";
 
-/** What the object reads and drives. */
+/** Modules behind the members of `window.terraport`. */
 export interface EmbedSources {
   readonly store: ViewerStore;
   readonly stage: Stage;
@@ -33,7 +33,7 @@ export interface EmbedSources {
   nextFrame(): Promise<void>;
 }
 
-/** Make the object. */
+/** Build the object; it is the viewer that makes it global, and takes it away. */
 export function createEmbed(sources: EmbedSources): Embed {
   const { store, stage, world, camera, desk, going, notices, headset, listeners, loop } = sources;
   const { cast, frameTimes, nextFrame } = sources;
@@ -76,7 +76,8 @@ export function createEmbed(sources: EmbedSources): Embed {
     },
     land(position, radiusM = store.get().radiusM, options) {
       return new Promise((resolve, reject) => {
-        const landing = going.land({ place: position, radiusM, look: null, isEntry: true }, options);
+        const landing = going.land({ position, radiusM, look: null, isEntry: true }, options);
+        // Settled by state, not by events: also where the landing was replaced by one of the user's.
         const stop = store.subscribe(() => {
           const { status } = stage;
           if (status.landing === landing && status.phase !== "shown" && status.phase !== "refused") return;

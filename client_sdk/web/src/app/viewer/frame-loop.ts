@@ -10,7 +10,7 @@ import type { FrameTimes } from "../frame-times.ts";
 /** What a frame says of the next. */
 export type FrameResult = "again" | "rest";
 
-/** The loop. */
+/** Draws on request and rests otherwise: a still picture costs no power. */
 export interface FrameLoop {
   /** Something changed: at least one more frame. */
   request(): void;
@@ -26,20 +26,20 @@ export function createFrameLoop(
   frame: (timeMs: number, dtS: number, xrFrame: XRFrame | null) => FrameResult,
 ): FrameLoop {
   let running = false;
-  let wanted = false;
+  let isRequested = false;
   let stopped = false;
   let lastMs = 0;
   let count = 0;
 
   function tick(timeMs: number, xrFrame?: XRFrame): void {
     const rested = lastMs === 0;
-    wanted = false;
+    isRequested = false;
     times.begin(timeMs, rested);
     const dtS = rested ? 0 : Math.max(0, timeMs - lastMs) / 1000;
     lastMs = timeMs;
     count += 1;
     const result = frame(timeMs, dtS, xrFrame ?? null);
-    if (result === "rest" && !wanted && !renderer.xr.isPresenting) {
+    if (result === "rest" && !isRequested && !renderer.xr.isPresenting) {
       running = false;
       lastMs = 0;
       renderer.setAnimationLoop(null);
@@ -48,10 +48,10 @@ export function createFrameLoop(
 
   return {
     request() {
-      wanted = true;
+      isRequested = true;
       if (running || stopped) return;
       running = true;
-      wanted = false;
+      isRequested = false;
       renderer.setAnimationLoop(tick);
     },
     get count() {

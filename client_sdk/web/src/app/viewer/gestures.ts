@@ -26,7 +26,12 @@ interface Contact {
   moved: boolean;
 }
 
-/** Listen on the canvas; returns how to stop. */
+/**
+ * Listen on the canvas; returns how to stop.
+ *
+ * One contact is a tap, a press (held still) or a drag, decided once and kept until it is lifted; two are a pinch. A gesture
+ * that has had two contacts ends only when both are lifted.
+ */
 export function listenToGestures(canvas: HTMLElement, target: GestureTarget): () => void {
   const contacts = new Map<number, Contact>();
   let pressTimer: number | null = null;
@@ -37,7 +42,7 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
   const abort = new AbortController();
   const options = { signal: abort.signal };
 
-  const placeOf = (event: MouseEvent) => {
+  const canvasPointOf = (event: MouseEvent) => {
     const box = canvas.getBoundingClientRect();
     return { x: event.clientX - box.left, y: event.clientY - box.top };
   };
@@ -56,8 +61,9 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
   canvas.addEventListener(
     "pointerdown",
     (event) => {
+      // Moves are told to the canvas even where they leave it.
       canvas.setPointerCapture(event.pointerId);
-      const { x, y } = placeOf(event);
+      const { x, y } = canvasPointOf(event);
       contacts.set(event.pointerId, { startX: x, startY: y, x, y, moved: false });
       if (contacts.size === 1) {
         wasPinch = false;
@@ -80,7 +86,7 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
     (event) => {
       const contact = contacts.get(event.pointerId);
       if (contact === undefined) return;
-      const { x, y } = placeOf(event);
+      const { x, y } = canvasPointOf(event);
       const dx = x - contact.x;
       const dy = y - contact.y;
       if (contacts.size === 2) {
@@ -102,12 +108,12 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
 
   /** Both fingers: their middle pans, their distance zooms, their direction turns. */
   function pinch(id: number, contact: Contact, x: number, y: number): void {
-    const other = [...contacts].find(([otherId]) => otherId !== id)?.[1];
-    if (other === undefined) return;
-    const before = { x: contact.x - other.x, y: contact.y - other.y };
-    const after = { x: x - other.x, y: y - other.y };
-    const middleX = (x + other.x) / 2;
-    const middleY = (y + other.y) / 2;
+    const otherContact = [...contacts].find(([otherId]) => otherId !== id)?.[1];
+    if (otherContact === undefined) return;
+    const before = { x: contact.x - otherContact.x, y: contact.y - otherContact.y };
+    const after = { x: x - otherContact.x, y: y - otherContact.y };
+    const middleX = (x + otherContact.x) / 2;
+    const middleY = (y + otherContact.y) / 2;
     target.pan((x - contact.x) / 2, (y - contact.y) / 2);
     const beforeSize = Math.hypot(before.x, before.y);
     const afterSize = Math.hypot(after.x, after.y);
@@ -140,7 +146,7 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
     "wheel",
     (event) => {
       event.preventDefault();
-      const { x, y } = placeOf(event);
+      const { x, y } = canvasPointOf(event);
       // Lines and pages to pixels, as browsers scroll; a notch of a wheel is about a tenth nearer.
       const pixels = event.deltaY * (event.deltaMode === 1 ? 32 : event.deltaMode === 2 ? 400 : 1);
       target.zoom(Math.exp(Math.max(-240, Math.min(240, pixels)) * 0.0014), x, y);

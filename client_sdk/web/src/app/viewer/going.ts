@@ -17,7 +17,7 @@ import type { PlaceLink } from "./place-link.ts";
 import { modeOf, placeOf, routeModeOf } from "./route-state.ts";
 import type { Landed, ViewerStore } from "./state.ts";
 
-/** The ways to go. */
+/** Every way to a landing: a click, a link, the history, an embedding page. */
 export interface Going {
   /** Returns the landing's number. */
   land(order: LandingOrder, options?: LandOptions): number;
@@ -54,7 +54,7 @@ export interface GoingOptions {
   readonly stand: (at: Vec3) => Vec3;
 }
 
-/** Make the ways to go. */
+/** Bind them to stage, camera and address; the first landing is the caller's. */
 export function createGoing(options: GoingOptions): Going {
   const { store, stage, camera, markers, notices, link, loop, announcer, stand } = options;
   /** Since the newest landing the user has walked: to walk again is to go back to where he stood. */
@@ -66,15 +66,15 @@ export function createGoing(options: GoingOptions): Going {
     notices.clear("landing");
     notices.clear("degraded");
     notices.clear("steep");
-    sayIfOutside(order.place, order.radiusM);
+    sayIfOutside(order.position, order.radiusM);
     const landing = options.order(order, landOptions);
     loop.request();
     return landing;
   }
 
   /** Say that nothing can be at a place; whether that is so. */
-  function sayIfOutside(place: Vec3, radiusM: number): boolean {
-    const outsideM = outsideBy(place, radiusM, store.get().manifest.bounds);
+  function sayIfOutside(position: Vec3, radiusM: number): boolean {
+    const outsideM = outsideBy(position, radiusM, store.get().manifest.bounds);
     if (outsideM !== null) notices.show(outsideNotice(outsideM, radiusM));
     return outsideM !== null;
   }
@@ -92,9 +92,9 @@ export function createGoing(options: GoingOptions): Going {
   function settledRoute(): Route | null {
     const { phase, position, radiusM } = stage.status;
     const { landed } = store.get();
-    const isThere =
+    const isAtLanding =
       landed !== null && landed.radiusM === radiusM && position.every((value, axis) => value === landed.place[axis]);
-    return isThere || phase === "refused" ? routeNow() : null;
+    return isAtLanding || phase === "refused" ? routeNow() : null;
   }
 
   function isBeyondDetail(): boolean {
@@ -120,9 +120,10 @@ export function createGoing(options: GoingOptions): Going {
     },
     landAim() {
       const { aim } = store.get();
-      if (aim !== null) land({ place: aim.place, radiusM: aim.radiusM, look: null, isEntry: true });
+      if (aim !== null) land({ position: aim.place, radiusM: aim.radiusM, look: null, isEntry: true });
     },
     follow(route, isEntry) {
+      // The mode is taken in any case; a place that is shown already is only looked at, any other is landed on.
       const { manifest, landed } = store.get();
       store.set({ mode: modeOf(route.mode, manifest) });
       const { place } = route;
@@ -136,16 +137,16 @@ export function createGoing(options: GoingOptions): Going {
         moved();
         return;
       }
-      land({ place: place.at, radiusM, look: place, isEntry });
+      land({ position: place.at, radiusM, look: place, isEntry });
     },
-    arrived({ place, look }) {
+    arrived({ position, look }) {
       const { bringsCamera } = store.get();
       // On what is shown now: an aim was at what was shown before. Feet that a link tells stood there already.
       const walks = (look?.view ?? camera.view) === "walk" && (look?.focus ?? null) === null;
-      const at = walks ? stand(place) : place;
+      const at = walks ? stand(position) : position;
       if (look !== null) camera.moveTo(at, look, false);
       else if (camera.view === "walk") camera.moveTo(at, null, false);
-      else if (bringsCamera) camera.moveTo(place, null, true);
+      else if (bringsCamera) camera.moveTo(position, null, true);
       hasWalked = camera.view === "walk";
       store.set({ view: camera.view, outside: false });
     },
@@ -161,8 +162,9 @@ export function createGoing(options: GoingOptions): Going {
         });
       } else {
         notices.clear("degraded");
-        announcer.say(landedText(landed, isCompletion));
+        announcer.announce(landedText(landed, isCompletion));
       }
+      // The rest of a degraded landing: its entry of the history was written with the first swap.
       if (isCompletion) return;
       if (order.isEntry) link.push(routeNow());
       else link.follow(settledRoute);

@@ -6,7 +6,7 @@ import { formatMetres } from "../format.ts";
 import type { Ray } from "./camera-desk.ts";
 import type { ViewerStore } from "./state.ts";
 
-/** What the tools need. */
+/** How the tools see the ground, and what they set off. */
 export interface GroundToolOptions {
   readonly store: ViewerStore;
   readonly stream: Pick<Stream, "pick">;
@@ -14,15 +14,15 @@ export interface GroundToolOptions {
   cast(ray: Ray): GroundHit | null;
   /** Where one can stand near what was hit; null where nobody could. */
   standNear(hit: GroundHit): Vec3 | null;
-  pixelOf(place: Vec3): { readonly x: number; readonly y: number } | null;
-  aim(place: Vec3): void;
-  land(place: Vec3): void;
-  say(text: string): void;
+  pixelOf(position: Vec3): { readonly x: number; readonly y: number } | null;
+  aim(position: Vec3): void;
+  land(position: Vec3): void;
+  announce(text: string): void;
   /** A place to walk was asked for where nobody could stand; null takes that back. */
-  refuse(why: "steep" | null): void;
+  refuse(reason: "steep" | null): void;
 }
 
-/** The tools. Places are CSS pixels of the canvas. */
+/** What gestures on the ground do under the chosen tool. Points are CSS pixels of the canvas. */
 export interface GroundTools {
   tap(x: number, y: number): void;
   press(x: number, y: number): boolean;
@@ -42,9 +42,9 @@ const BESIDE_M = 1;
 /** So far before the ground the ray of a pick begins: the service asks full detail, which may lie before the base. */
 const PICK_START_M = 15;
 
-/** Make them. */
+/** The tool is read from the store at every gesture, so that it may change in the middle of one. */
 export function createGroundTools(options: GroundToolOptions): GroundTools {
-  const { store, stream, rayAt, cast, standNear, pixelOf, aim, land, say, refuse } = options;
+  const { store, stream, rayAt, cast, standNear, pixelOf, aim, land, announce, refuse } = options;
   let pickNumber = 0;
 
   function isOnTarget(x: number, y: number): boolean {
@@ -56,8 +56,9 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
   async function pick(ray: Ray, hit: GroundHit): Promise<void> {
     pickNumber += 1;
     const number = pickNumber;
-    const { position: place, segment, region } = hit;
-    store.set({ picked: { place, segment, region, answer: null }, tab: "inspect", panelOpen: true });
+    const { position, segment, region } = hit;
+    store.set({ picked: { place: position, segment, region, answer: null }, tab: "inspect", panelOpen: true });
+    // The page's own answer is shown at once; the service's, of full detail, replaces it.
     const startM = Math.max(0, hit.distanceM - PICK_START_M);
     const origin: Vec3 = [
       ray.origin[0] + ray.direction[0] * startM,
@@ -67,8 +68,8 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
     const answer = await stream.pick(origin, ray.direction).catch(() => "failed" as const);
     // Only the newest is shown, however they come.
     if (number !== pickNumber) return;
-    store.set({ picked: { place, segment, region, answer: answer ?? "none" } });
-    if (typeof answer === "object" && answer !== null) say(`Picked ${answer.label ?? `region ${answer.region}`}`);
+    store.set({ picked: { place: position, segment, region, answer: answer ?? "none" } });
+    if (typeof answer === "object" && answer !== null) announce(`Picked ${answer.label ?? `region ${answer.region}`}`);
   }
 
   function hitAt(x: number, y: number): { readonly ray: Ray; readonly hit: GroundHit } | null {
@@ -82,48 +83,49 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
    * there. A wall without a foothold can be looked at, not walked.
    */
   function targetOf(hit: GroundHit): Vec3 | null {
-    const place = standNear(hit) ?? (store.get().view === "walk" ? null : hit.position);
-    refuse(place === null ? "steep" : null);
-    return place;
+    const foothold = standNear(hit) ?? (store.get().view === "walk" ? null : hit.position);
+    refuse(foothold === null ? "steep" : null);
+    return foothold;
   }
 
   function aimAt(hit: GroundHit): boolean {
-    const place = targetOf(hit);
-    if (place === null) return false;
-    aim(place);
-    const besideM = distance(place, hit.position);
-    if (besideM > BESIDE_M) say(`Nobody could stand there. The target is ${formatMetres(besideM)} beside`);
+    const foothold = targetOf(hit);
+    if (foothold === null) return false;
+    aim(foothold);
+    const besideM = distance(foothold, hit.position);
+    if (besideM > BESIDE_M) announce(`Nobody could stand there. The target is ${formatMetres(besideM)} beside`);
     return true;
   }
 
   return {
     tap(x, y) {
+      // On the target's own mark, whatever the ray behind it meets: it is what the user sees under the finger.
       const { tool, aim: target, measured } = store.get();
       if (tool === "land" && target !== null && isOnTarget(x, y)) {
         land(target.place);
         return;
       }
-      const found = hitAt(x, y);
-      if (found === null) {
-        say("There is no ground");
+      const rayHit = hitAt(x, y);
+      if (rayHit === null) {
+        announce("There is no ground");
         return;
       }
       if (tool === "land") {
-        const place = target === null ? null : standNear(found.hit);
+        const foothold = target === null ? null : standNear(rayHit.hit);
         // A second click on a wall means the target that the first one has put beside it.
-        if (target !== null && place !== null && distance(place, target.place) <= SAME_M) land(target.place);
-        else aimAt(found.hit);
-      } else if (tool === "pick") void pick(found.ray, found.hit);
-      else store.set({ measured: [...measured, found.hit.position], tab: "inspect" });
+        if (target !== null && foothold !== null && distance(foothold, target.place) <= SAME_M) land(target.place);
+        else aimAt(rayHit.hit);
+      } else if (tool === "pick") void pick(rayHit.ray, rayHit.hit);
+      else store.set({ measured: [...measured, rayHit.hit.position], tab: "inspect" });
     },
     press(x, y) {
       if (store.get().tool !== "land") return false;
-      const found = hitAt(x, y);
-      return found !== null && aimAt(found.hit);
+      const rayHit = hitAt(x, y);
+      return rayHit !== null && aimAt(rayHit.hit);
     },
     pressMove(x, y) {
-      const found = hitAt(x, y);
-      if (found !== null) aimAt(found.hit);
+      const rayHit = hitAt(x, y);
+      if (rayHit !== null) aimAt(rayHit.hit);
     },
     pressEnd(cancelled) {
       const { aim: target } = store.get();

@@ -3,7 +3,7 @@
 import type { StreamEvent } from "../../core/types.ts";
 import type { HeadsetOptions, HeadsetSession, Tone } from "../../xr/types.ts";
 
-/** The entry. */
+/** Forwards to the headset's session while there is one, and does nothing otherwise. */
 export interface HeadsetEntry {
   readonly session: HeadsetSession | null;
   /** To be called straight from a click. */

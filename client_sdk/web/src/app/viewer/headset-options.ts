@@ -14,7 +14,7 @@ import type { PlaceLink } from "./place-link.ts";
 import type { ViewerStore } from "./state.ts";
 import type { World } from "./world.ts";
 
-/** What the page lends a headset. */
+/** Modules that the headset drives while it is worn; all stay the page's, and go on after the session. */
 export interface PageForHeadset {
   readonly store: ViewerStore;
   readonly world: World;
@@ -30,14 +30,17 @@ export interface PageForHeadset {
   readonly keptPlaces: () => readonly Bookmark[];
 }
 
-/** Make the headset's options from the page's modules. */
+/**
+ * Make the headset's options from the page's modules. While it is worn the page's camera and landing desk rest; what the session
+ * does is noted here, so that the page is where the user is when he takes it off.
+ */
 export function headsetOptions(page: PageForHeadset): HeadsetOptions {
   const { store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces } = page;
   const modes = modesOf(store.get().manifest).map(({ name, mode }) => ({ label: name, mode }));
   const pageBudgetMs = stage.uploadBudgetMs;
 
   /** The page's own record of a landing that the headset made. */
-  function noteLanding({ place, yawDeg }: Standpoint): void {
+  function noteLanding({ place: position, yawDeg }: Standpoint): void {
     const { status } = stage;
     const { plan } = status;
     const effectiveRadiusM = plan?.effectiveRadiusM ?? status.radiusM;
@@ -56,7 +59,7 @@ export function headsetOptions(page: PageForHeadset): HeadsetOptions {
         omittedBy: plan?.omittedBy ?? null,
       },
     });
-    camera.moveTo(place, { view: "walk", yawDeg, pitchDeg: -6, distanceM: null, focus: null }, false);
+    camera.moveTo(position, { view: "walk", yawDeg, pitchDeg: -6, distanceM: null, focus: null }, false);
     link.push(routeNow());
   }
 
@@ -71,8 +74,8 @@ export function headsetOptions(page: PageForHeadset): HeadsetOptions {
     start() {
       const { landed, view } = store.get();
       // From an orbit nobody is put in the air: he stands where he landed, or below where he looked.
-      const place = view === "walk" ? camera.focus : (landed?.place ?? camera.focus);
-      return { place, yawDeg: camera.yawDeg };
+      const position = view === "walk" ? camera.focus : (landed?.place ?? camera.focus);
+      return { place: position, yawDeg: camera.yawDeg };
     },
     landed: noteLanding,
     ended(last) {
@@ -98,9 +101,9 @@ export function headsetOptions(page: PageForHeadset): HeadsetOptions {
       modeIndex() {
         const { mode } = store.get();
         return modes.findIndex(
-          ({ mode: other }) =>
-            other.kind === mode.kind &&
-            (mode.kind !== "attribute" || (other.kind === "attribute" && other.name === mode.name)),
+          ({ mode: candidate }) =>
+            candidate.kind === mode.kind &&
+            (mode.kind !== "attribute" || (candidate.kind === "attribute" && candidate.name === mode.name)),
         );
       },
       setMode: (mode) => store.set({ mode }),

@@ -3,7 +3,7 @@
 import { h } from "../dom.ts";
 import { icon } from "../icons.ts";
 
-/** The dialog. */
+/** Modal list of keys and gestures. */
 export interface HelpDialog {
   readonly element: HTMLDialogElement;
   open(): void;
@@ -67,7 +67,7 @@ export function createHelpDialog(): HelpDialog {
           "section",
           {},
           h("h3", {}, title),
-          h("dl", {}, ...rows.flatMap(([what, how]) => [h("dt", {}, what), h("dd", {}, how)])),
+          h("dl", {}, ...rows.flatMap(([action, keys]) => [h("dt", {}, action), h("dd", {}, keys)])),
         ),
       ),
     ),

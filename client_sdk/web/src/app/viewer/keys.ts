@@ -70,20 +70,21 @@ function isForScene(target: EventTarget | null, canvas: HTMLElement): boolean {
 
 /** Listen. `changed` is called when a held key goes down or up. */
 export function listenToKeys(canvas: HTMLElement, act: (action: KeyAction) => void, changed: () => void): Keys {
-  const held = new Set<string>();
+  const pressedCodes = new Set<string>();
   const abort = new AbortController();
   const options = { signal: abort.signal };
-  const on = (code: string, otherCode = "") => (held.has(code) || held.has(otherCode) ? 1 : 0);
+  const on = (code: string, otherCode = "") => (pressedCodes.has(code) || pressedCodes.has(otherCode) ? 1 : 0);
 
   document.addEventListener(
     "keydown",
     (event) => {
+      // Whoever types into a field, or means a shortcut of the browser, does not move the camera.
       if (!isForScene(event.target, canvas) || event.ctrlKey || event.metaKey || event.altKey) return;
       // By what is printed on the key: where "?" is differs from keyboard to keyboard.
       const action = event.key === "?" ? "help" : ACTIONS[event.code];
       if (HELD.has(event.code)) {
         if (!event.code.startsWith("Shift")) event.preventDefault();
-        held.add(event.code);
+        pressedCodes.add(event.code);
         changed();
       } else if (action !== undefined && !event.repeat) {
         event.preventDefault();
@@ -95,12 +96,12 @@ export function listenToKeys(canvas: HTMLElement, act: (action: KeyAction) => vo
   document.addEventListener(
     "keyup",
     (event) => {
-      if (held.delete(event.code)) changed();
+      if (pressedCodes.delete(event.code)) changed();
     },
     options,
   );
   // A key that goes up in another window is never told.
-  window.addEventListener("blur", () => held.clear(), options);
+  window.addEventListener("blur", () => pressedCodes.clear(), options);
 
   return {
     input(arrowsTurn) {
@@ -115,7 +116,7 @@ export function listenToKeys(canvas: HTMLElement, act: (action: KeyAction) => vo
     },
     zoom: () => on("Equal", "NumpadAdd") - on("Minus", "NumpadSubtract"),
     get isHolding() {
-      return held.size > 0;
+      return pressedCodes.size > 0;
     },
     dispose() {
       abort.abort();

@@ -5,36 +5,36 @@ import { h } from "../dom.ts";
 
 /** Something that stands at a place. */
 export interface Label {
-  readonly place: Vec3;
+  readonly position: Vec3;
   readonly kind: "aim" | "pick" | "measure" | "length";
   /** Empty for a pin. */
   readonly text: string;
 }
 
-/** The labels. */
+/** Texts at points of the scene, moved with the camera. */
 export interface Labels {
   readonly element: HTMLElement;
   set(labels: readonly Label[]): void;
   /** After the camera moved: put each where its place is now. */
-  update(pixelOf: (place: Vec3) => { readonly x: number; readonly y: number } | null): void;
+  update(pixelOf: (position: Vec3) => { readonly x: number; readonly y: number } | null): void;
 }
 
 /** Make the layer. What it shows also stands in the panel: it is hidden from assistive technology. */
 export function createLabels(): Labels {
   const element = h("div", { class: "labels", "aria-hidden": "true" });
-  let shown: { readonly label: Label; readonly element: HTMLElement }[] = [];
+  let entries: { readonly label: Label; readonly element: HTMLElement }[] = [];
   return {
     element,
     set(labels) {
-      shown = labels.map((label) => ({
+      entries = labels.map((label) => ({
         label,
         element: h("span", { class: "label", "data-kind": label.kind }, label.text),
       }));
-      element.replaceChildren(...shown.map((entry) => entry.element));
+      element.replaceChildren(...entries.map((entry) => entry.element));
     },
     update(pixelOf) {
-      for (const { label, element: span } of shown) {
-        const pixel = pixelOf(label.place);
+      for (const { label, element: span } of entries) {
+        const pixel = pixelOf(label.position);
         span.hidden = pixel === null;
         if (pixel !== null) span.style.transform = `translate(${pixel.x.toFixed(1)}px, ${pixel.y.toFixed(1)}px)`;
       }

@@ -20,9 +20,9 @@ export interface LandingDeskOptions {
   readonly shown: (landed: Landed, order: LandingOrder, isCompletion: boolean) => void;
 }
 
-/** A landing that was asked for. */
+/** A landing to ask for, and what becomes of camera and history when it is shown. */
 export interface LandingOrder {
-  readonly place: Vec3;
+  readonly position: Vec3;
   readonly radiusM: number;
   /** How to look when there; null keeps the look. */
   readonly look: Look | null;
@@ -30,9 +30,9 @@ export interface LandingOrder {
   readonly isEntry: boolean;
 }
 
-/** The desk. */
+/** Follows the newest landing from the order to its swap; older orders are forgotten. */
 export interface LandingDesk {
-  aim(place: Vec3, radiusM: number): void;
+  aim(position: Vec3, radiusM: number): void;
   cancelAim(): void;
   /** Returns the landing's number. */
   land(order: LandingOrder, options?: LandOptions): number;
@@ -60,7 +60,7 @@ export function waitingOf(radiusM: number, inHeadset: boolean): Required<LandOpt
   };
 }
 
-/** Make it. */
+/** A desk without an order. `update` is to be called in every frame, before the scene is drawn. */
 export function createLandingDesk({ store, stage, unseen, arrived, shown }: LandingDeskOptions): LandingDesk {
   let order: LandingOrder | null = null;
   let hasArrived = false;
@@ -68,26 +68,29 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
   /** Bytes that the newest aim brought, of those that it needs. */
   let aimBytes = { done: 0, total: 0 };
 
+  /** In a frame in which the user may not see it: set, camera and state change together. */
   function swapNow(): void {
     swapPending = false;
-    const before = stage.status;
+    // Read before the swap: afterwards the status is that of what is shown.
+    const statusBefore = stage.status;
     const report = stage.swap();
     if (report === null || order === null) return;
     const isCompletion = hasArrived;
+    // Moved with the first swap alone: at the completion of a degraded one he may have gone on.
     if (!hasArrived) arrived(order);
     hasArrived = true;
-    const { plan } = before;
+    const { plan } = statusBefore;
     const landed: Landed = {
-      place: before.position,
-      radiusM: before.radiusM,
-      effectiveRadiusM: plan?.effectiveRadiusM ?? before.radiusM,
-      segments: plan === null ? report.shown.length : plan.load.length + plan.keep.length - before.missing.length,
+      place: statusBefore.position,
+      radiusM: statusBefore.radiusM,
+      effectiveRadiusM: plan?.effectiveRadiusM ?? statusBefore.radiusM,
+      segments: plan === null ? report.shown.length : plan.load.length + plan.keep.length - statusBefore.missing.length,
       triangles: plan?.totalTriangles ?? 0,
-      bytes: before.payloadBytes,
-      readyMs: before.readyMs,
-      shownMs: before.presentableMs,
+      bytes: statusBefore.payloadBytes,
+      readyMs: statusBefore.readyMs,
+      shownMs: statusBefore.presentableMs,
       degraded: report.degraded,
-      missing: before.missing.length,
+      missing: statusBefore.missing.length,
       omittedBy: plan?.omittedBy ?? null,
     };
     store.set({ landed, landing: stage.status });
@@ -95,10 +98,10 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
   }
 
   return {
-    aim(place, radiusM) {
+    aim(position, radiusM) {
       aimBytes = { done: 0, total: 0 };
-      store.set({ aim: { place, radiusM, fraction: null, bytes: 0 } });
-      stage.aim(place, radiusM);
+      store.set({ aim: { place: position, radiusM, fraction: null, bytes: 0 } });
+      stage.aim(position, radiusM);
     },
     cancelAim() {
       store.set({ aim: null });
@@ -107,7 +110,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
       order = next;
       hasArrived = false;
       store.set({ aim: null });
-      const landing = stage.land(next.place, next.radiusM, { ...waitingOf(next.radiusM, false), ...options });
+      const landing = stage.land(next.position, next.radiusM, { ...waitingOf(next.radiusM, false), ...options });
       store.set({ landing: stage.status });
       return landing;
     },
@@ -131,6 +134,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
       if (!isSame(status, store.get().landing)) store.set({ landing: status });
       const { phase } = status;
       if ((phase === "presentable" || phase === "degraded-presentable") && !swapPending) {
+        // Once: `unseen` may take frames to get dark.
         swapPending = true;
         unseen(swapNow);
       }

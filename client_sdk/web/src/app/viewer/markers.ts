@@ -11,7 +11,7 @@ import { LineMaterial } from "three/addons/lines/LineMaterial.js";
 import type { Vec3 } from "../../core/types.ts";
 import { arcPoints, type Drape, drapeCircle, type Heights, levelCircle } from "../arc.ts";
 
-/** The markers. */
+/** Lines over the ground. Owns their geometries and materials; `dispose` frees them. */
 export interface Markers {
   readonly object: Group;
   /** Null takes the aim away. The arc starts at `start`, a little below it. */
@@ -19,7 +19,7 @@ export interface Markers {
   /** Part of the ring that is filled. */
   setFraction(fraction: number | null): void;
   /** Edge of the landing's detail; null takes it away. */
-  setEdge(place: Vec3 | null, radiusM: number): void;
+  setEdge(centre: Vec3 | null, radiusM: number): void;
   /** Once per frame: rings are laid on the ground a few points at a time. True while there is more to lay. */
   step(groundY: Heights): boolean;
   setPath(points: readonly Vec3[]): void;
@@ -79,30 +79,31 @@ export function createMarkers(): Markers {
         nextAim = null;
         return;
       }
-      const { place, radiusM } = aim;
-      const drape = drapeCircle(place, radiusM, CIRCLE_POINTS, liftOf(radiusM));
+      const { place: centre, radiusM } = aim;
+      const drape = drapeCircle(centre, radiusM, CIRCLE_POINTS, liftOf(radiusM));
       // A ring that is half laid is laid first: under a moving finger there would never be one.
       if (aimDrape === null) aimDrape = drape;
       else nextAim = drape;
-      const distanceM = Math.hypot(place[0] - eye[0], place[1] - eye[1], place[2] - eye[2]);
+      const distanceM = Math.hypot(centre[0] - eye[0], centre[1] - eye[1], centre[2] - eye[2]);
       // About as large on the screen from anywhere.
-      aimDot.set(levelCircle(place, Math.max(0.25, distanceM * 0.012), 32, MIN_LIFT_M));
-      arc.set(arcPoints(start, place, ARC_POINTS));
+      aimDot.set(levelCircle(centre, Math.max(0.25, distanceM * 0.012), 32, MIN_LIFT_M));
+      arc.set(arcPoints(start, centre, ARC_POINTS));
     },
     setFraction(fraction) {
-      aimFill.setPart(fraction ?? 0);
+      aimFill.setShare(fraction ?? 0);
     },
-    setEdge(place, radiusM) {
+    setEdge(centre, radiusM) {
       edgeCasing.set(null);
       edge.set(null);
-      edgeDrape = place === null ? null : drapeCircle(place, radiusM, CIRCLE_POINTS, liftOf(radiusM));
+      edgeDrape = centre === null ? null : drapeCircle(centre, radiusM, CIRCLE_POINTS, liftOf(radiusM));
     },
     step(groundY) {
-      if (aimDrape !== null && laid(aimDrape, groundY)) {
+      // The aim first, which the user is looking at; and one of the two in a frame: what a frame may spend is spent on one.
+      if (aimDrape !== null && isLaid(aimDrape, groundY)) {
         for (const line of rings) line.set(aimDrape.points);
         aimDrape = nextAim;
         nextAim = null;
-      } else if (aimDrape === null && edgeDrape !== null && laid(edgeDrape, groundY)) {
+      } else if (aimDrape === null && edgeDrape !== null && isLaid(edgeDrape, groundY)) {
         // An edge beyond the ground is none: detail then ends where the survey does.
         const points = edgeDrape.onGround >= MIN_EDGE_PART ? edgeDrape.points : null;
         edgeCasing.set(points);
@@ -129,7 +130,7 @@ export function createMarkers(): Markers {
 }
 
 /** Lay as much as a frame has time for; true when all is laid. */
-function laid(drape: Drape, groundY: Heights): boolean {
+function isLaid(drape: Drape, groundY: Heights): boolean {
   const endMs = performance.now() + DRAPE_MS;
   while (!drape.step(groundY, POINTS_AT_ONCE)) {
     if (performance.now() > endMs) return false;
@@ -145,7 +146,7 @@ interface MarkerLine {
   readonly object: Group;
   set(points: Float32Array | null): void;
   /** Draw the first part of it, 0 to 1. */
-  setPart(part: number): void;
+  setShare(share: number): void;
   resize(width: number, height: number): void;
   dispose(): void;
 }
@@ -166,7 +167,7 @@ function markerLine(colour: number, width: number, opacity: number): MarkerLine 
   const object = new Group();
   object.visible = false;
   let segments = 0;
-  let part = 1;
+  let share = 1;
   // There from the start, unseen, so that the renderer can make its program before anything is shown.
   let geometry = new LineGeometry();
   geometry.setPositions([0, 0, 0, 0, 0, 1]);
@@ -178,8 +179,8 @@ function markerLine(colour: number, width: number, opacity: number): MarkerLine 
     return line;
   });
 
-  const showPart = () => {
-    geometry.instanceCount = Math.round(segments * part);
+  const applyShare = () => {
+    geometry.instanceCount = Math.round(segments * share);
   };
 
   return {
@@ -193,11 +194,11 @@ function markerLine(colour: number, width: number, opacity: number): MarkerLine 
       geometry.setPositions(points);
       segments = points.length / 3 - 1;
       for (const line of lines) line.geometry = geometry;
-      showPart();
+      applyShare();
     },
-    setPart(next) {
-      part = Math.min(1, Math.max(0, next));
-      showPart();
+    setShare(next) {
+      share = Math.min(1, Math.max(0, next));
+      applyShare();
     },
     resize(x, y) {
       for (const material of materials) material.resolution.set(x, y);

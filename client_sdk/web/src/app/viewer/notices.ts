@@ -5,7 +5,7 @@ import { fill, h, setText } from "../dom.ts";
 import { type Notice, REMEDY_NAMES, type Remedy } from "../failures.ts";
 import { icon } from "../icons.ts";
 
-/** The messages. */
+/** Messages over the picture by key. */
 export interface Notices {
   readonly element: HTMLElement;
   /** Show one, in place of any of the same key. */
@@ -16,31 +16,31 @@ export interface Notices {
   dispose(): void;
 }
 
-/** Make the place for them. */
+/** An empty list. `act` carries out the remedy of a pressed button. */
 export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: string) => void): Notices {
   const element = h("div", { id: "notices", class: "notices", role: "region", "aria-label": "Messages" });
-  const shown = new Map<string, { readonly notice: Notice; readonly box: HTMLElement; readonly text: HTMLElement }>();
+  const entries = new Map<string, { readonly notice: Notice; readonly box: HTMLElement; readonly text: HTMLElement }>();
   let timer: number | null = null;
 
   function tick(): void {
-    const counting = [...shown.values()].filter(({ notice }) => notice.untilMs !== undefined);
-    for (const { notice, text } of counting) setText(text, words(notice));
+    const counting = [...entries.values()].filter(({ notice }) => notice.untilMs !== undefined);
+    for (const { notice, text } of counting) setText(text, textOf(notice));
     timer = counting.length > 0 ? window.setTimeout(tick, 250) : null;
   }
 
   return {
     element,
     get current() {
-      return [...shown.values()].map(({ notice }) => notice);
+      return [...entries.values()].map(({ notice }) => notice);
     },
     show(notice) {
-      const before = shown.get(notice.key);
-      const text = before?.text ?? h("p", {});
-      const box = before?.box ?? h("section", { class: "notice", "data-notice": notice.key });
+      const previous = entries.get(notice.key);
+      const text = previous?.text ?? h("p", {});
+      const box = previous?.box ?? h("section", { class: "notice", "data-notice": notice.key });
       box.dataset.tone = notice.tone;
-      setText(text, words(notice));
+      setText(text, textOf(notice));
       // A button that has the focus must not vanish under it: only where the remedies differ are they made anew.
-      if (before === undefined || before.notice.title !== notice.title || !sameRemedies(before.notice, notice)) {
+      if (previous === undefined || previous.notice.title !== notice.title || !sameRemedies(previous.notice, notice)) {
         const buttons = notice.remedies.map((remedy) =>
           h(
             "button",
@@ -60,15 +60,15 @@ export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: s
           text,
           h("div", { class: "notice-actions" }, ...buttons),
         );
-        announcer.say(`${notice.title}. ${words(notice)}`, notice.tone === "failure");
+        announcer.announce(`${notice.title}. ${textOf(notice)}`, notice.tone === "failure");
       }
-      if (before === undefined) element.append(box);
-      shown.set(notice.key, { notice, box, text });
+      if (previous === undefined) element.append(box);
+      entries.set(notice.key, { notice, box, text });
       if (timer === null) tick();
     },
     clear(key) {
-      shown.get(key)?.box.remove();
-      shown.delete(key);
+      entries.get(key)?.box.remove();
+      entries.delete(key);
     },
     dispose() {
       if (timer !== null) window.clearTimeout(timer);
@@ -76,7 +76,7 @@ export function createNotices(announcer: Announcer, act: (remedy: Remedy, key: s
   };
 }
 
-function words(notice: Notice): string {
+function textOf(notice: Notice): string {
   if (notice.untilMs === undefined) return notice.text;
   const seconds = Math.max(0, Math.ceil((notice.untilMs - performance.now()) / 1000));
   return notice.text.replace("{seconds}", seconds === 0 ? "a moment" : `${seconds} s`);

@@ -2,7 +2,7 @@
 
 import { formatRoute, type Place, type Route } from "../route.ts";
 
-/** The address. */
+/** Keeps the browser's address at what is shown. */
 export interface PlaceLink {
   /** A landing was shown: a new entry, unless the address asked for it. */
   push(route: Route): void;
@@ -37,8 +37,8 @@ export function createPlaceLink(): PlaceLink {
       stop();
       timer = window.setTimeout(() => {
         timer = null;
-        const now = route();
-        if (now !== null) window.history.replaceState(null, "", formatRoute(now));
+        const newRoute = route();
+        if (newRoute !== null) window.history.replaceState(null, "", formatRoute(newRoute));
       }, FOLLOW_MS);
     },
     dispose() {
@@ -51,6 +51,6 @@ export function createPlaceLink(): PlaceLink {
 /** Without what the place alone decides: a focus at the landing itself is not written. */
 export function shortPlace(place: Place): Place {
   const { focus, at } = place;
-  const isThere = focus !== null && Math.hypot(focus[0] - at[0], focus[1] - at[1], focus[2] - at[2]) < 0.5;
-  return isThere ? { ...place, focus: null } : place;
+  const isAtFocus = focus !== null && Math.hypot(focus[0] - at[0], focus[1] - at[1], focus[2] - at[2]) < 0.5;
+  return isAtFocus ? { ...place, focus: null } : place;
 }

@@ -37,14 +37,17 @@ export interface Reactors {
 export function reactToState(reactors: Reactors): () => void {
   const { store, stage, camera, desk, markers, labels, notices, link, listeners, loop, theme, settledRoute } = reactors;
   return store.subscribe((state, before) => {
+    // Each module follows its own fields; one frame is asked for at the end, for all of them.
     if (state.mode !== before.mode) stage.setMode(state.mode, theme.theme);
     if (state.highlightedRegion !== before.highlightedRegion) stage.highlightRegion(state.highlightedRegion);
     if (state.aim?.place !== before.aim?.place) markers.setAim(state.aim, arcStart(camera.eye, state), camera.eye);
     if (state.aim?.fraction !== before.aim?.fraction) markers.setFraction(state.aim?.fraction ?? null);
+    // The service brings what the radius covers: an aim of another one would foresee the wrong segments.
     if (state.radiusM !== before.radiusM && state.aim !== null && state.aim.radiusM !== state.radiusM) {
       desk.aim(state.aim.place, state.radiusM);
     }
     if (state.measured !== before.measured) markers.setPath(state.measured);
+    // Another tool means another click: an aim that stayed would be landed on by mistake.
     if (state.tool !== before.tool && state.tool !== "land") desk.cancelAim();
     if (state.mode !== before.mode) link.follow(settledRoute);
     if (
@@ -74,13 +77,13 @@ function labelsOf({ aim, picked, measured }: ViewerState): readonly Label[] {
   const labels: Label[] = [];
   if (aim !== null) {
     const ready = aim.fraction === null ? "" : aim.fraction >= 1 ? " · ready" : ` · ${formatPercent(aim.fraction)}`;
-    labels.push({ place: aim.place, kind: "aim", text: `${formatRadius(aim.radiusM)}${ready}` });
+    labels.push({ position: aim.place, kind: "aim", text: `${formatRadius(aim.radiusM)}${ready}` });
   }
-  if (picked !== null) labels.push({ place: picked.place, kind: "pick", text: "" });
-  for (const place of measured) labels.push({ place, kind: "measure", text: "" });
+  if (picked !== null) labels.push({ position: picked.place, kind: "pick", text: "" });
+  for (const position of measured) labels.push({ position, kind: "measure", text: "" });
   for (const [index, leg] of (measurePath(measured)?.legs ?? []).entries()) {
     labels.push({
-      place: middle(measured[index]!, measured[index + 1]!),
+      position: middle(measured[index]!, measured[index + 1]!),
       kind: "length",
       text: formatMetres(leg.straightM),
     });

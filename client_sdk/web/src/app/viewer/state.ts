@@ -8,7 +8,7 @@ import type { Store } from "../store.ts";
 /** What a click on the ground does. */
 export type Tool = "land" | "pick" | "measure";
 
-/** The parts of the panel. */
+/** Tabs of the panel, by the names in their element ids. */
 export type PanelTab = "landing" | "look" | "inspect" | "places" | "figures";
 
 /** Where the user points and may land. */
@@ -20,7 +20,7 @@ export interface Aim {
   readonly bytes: number;
 }
 
-/** A point that was looked at. */
+/** The point that the pick tool was used on last. */
 export interface Picked {
   /** As the page itself met the ground. */
   readonly place: Vec3;
@@ -45,7 +45,7 @@ export interface Landed {
   readonly omittedBy: string | null;
 }
 
-/** The state. */
+/** What the user sees and has chosen, in one value; modules read it and subscribe, instead of asking each other. */
 export interface ViewerState {
   readonly manifest: SceneManifest;
   readonly link: LinkState | null;
@@ -76,5 +76,5 @@ export interface ViewerState {
   readonly strayChanges: number;
 }
 
-/** The viewer's store. */
+/** Holder of the state; `set` merges, and calls the subscribers at once. */
 export type ViewerStore = Store<ViewerState>;

@@ -14,8 +14,8 @@ import type { ViewerStore } from "./state.ts";
 import type { ViewerOptions } from "./viewer-options.ts";
 
 /** The first link that opens, or the last one that closed for good: decides which words are used. */
-interface Memory {
-  everOpen: boolean;
+interface LinkHistory {
+  wasOpen: boolean;
 }
 
 /** Whom an event of the stream reaches. */
@@ -31,37 +31,41 @@ export interface StreamListeners extends Pick<ViewerOptions, "stream" | "loadFil
   readonly shell: Shell;
 }
 
-/** Make the listener of a stream. */
-export function watchStream(hearers: StreamListeners): (event: StreamEvent) => void {
-  const memory: Memory = { everOpen: false };
+/**
+ * Listener for `Stream.onEvent`. The stage takes an event before anybody else: what the others read of it is then as new as
+ * the event.
+ */
+export function watchStream(modules: StreamListeners): (event: StreamEvent) => void {
+  const history: LinkHistory = { wasOpen: false };
   return (event) => {
-    const neededBefore = hearers.stage.neededVersion;
-    hearers.stage.handle(event);
-    const { neededVersion } = hearers.stage;
-    if (neededVersion !== null && neededVersion !== neededBefore) void takeVersion(hearers, neededVersion);
-    hearers.desk.handle(event);
-    hearers.headset.handle(event);
-    showEvent(hearers, memory, event);
-    hearers.listeners.emit("stream", event);
-    hearers.loop.request();
+    // Asked for once for each version that the session turns to, not for each event until its files are here.
+    const neededBefore = modules.stage.neededVersion;
+    modules.stage.handle(event);
+    const { neededVersion } = modules.stage;
+    if (neededVersion !== null && neededVersion !== neededBefore) void takeVersion(modules, neededVersion);
+    modules.desk.handle(event);
+    modules.headset.handle(event);
+    showEvent(modules, history, event);
+    modules.listeners.emit("stream", event);
+    modules.loop.request();
   };
 }
 
-function showEvent(hearers: StreamListeners, memory: Memory, event: StreamEvent): void {
-  const { store, notices, shell } = hearers;
+function showEvent(modules: StreamListeners, history: LinkHistory, event: StreamEvent): void {
+  const { store, notices, shell } = modules;
   switch (event.type) {
     case "link": {
-      const before = store.get().link;
+      const previousLink = store.get().link;
       store.set({ link: event.link });
-      const notice = linkNotice(event.link, memory.everOpen, performance.now());
+      const notice = linkNotice(event.link, history.wasOpen, performance.now());
       if (notice === null) notices.clear("link");
       else notices.show(notice);
       if (event.link.state === "open") {
-        if (memory.everOpen && before?.state !== "open") shell.announcer.say("Connected again");
-        memory.everOpen = true;
+        if (history.wasOpen && previousLink?.state !== "open") shell.announcer.announce("Connected again");
+        history.wasOpen = true;
       }
       if (event.link.state === "closed" && event.link.code === "unauthorised")
-        void renewToken(hearers, memory.everOpen);
+        void renewToken(modules, history.wasOpen);
       break;
     }
     case "opened":
@@ -101,16 +105,16 @@ function showEvent(hearers: StreamListeners, memory: Memory, event: StreamEvent)
 /** Ask for another token, and go on where the link broke. */
 export async function renewToken(
   { shell, stream }: Pick<StreamListeners, "shell" | "stream">,
-  everOpen: boolean,
+  wasOpen: boolean,
 ): Promise<void> {
-  const reason = everOpen ? "expired" : shell.token.token === undefined ? "missing" : "refused";
-  const given = await shell.token.ask(reason);
-  if (given !== null) stream.reconnect(given);
+  const reason = wasOpen ? "expired" : shell.token.token === undefined ? "missing" : "refused";
+  const newToken = await shell.token.ask(reason);
+  if (newToken !== null) stream.reconnect(newToken);
 }
 
 /** The session's scene is another version than the one that is shown (wire protocol, 5.4). */
-async function takeVersion(hearers: StreamListeners, version: string): Promise<void> {
-  const { headset, loadFiles, stage, comfort, reload, notices } = hearers;
+async function takeVersion(modules: StreamListeners, version: string): Promise<void> {
+  const { headset, loadFiles, stage, comfort, reload, notices } = modules;
   if (headset.session === null) {
     reload(version);
     return;

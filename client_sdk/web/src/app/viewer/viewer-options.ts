@@ -12,7 +12,7 @@ export interface ViewerOptions {
   readonly files: SceneFiles;
   readonly stream: Stream;
   readonly budgets: DeviceBudgets;
-  /** What the address says. */
+  /** Place, view and mode to open with, as read from the address. */
   readonly route: Route;
   /** Leave this viewer and load the scene anew, at the same place. */
   readonly reload: (version?: string) => void;

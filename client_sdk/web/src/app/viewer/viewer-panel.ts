@@ -14,14 +14,14 @@ import { formatRoute, type Route } from "../route.ts";
 import type { Shell } from "../shell.ts";
 import type { ViewerStore } from "./state.ts";
 
-/** What the panel needs of the viewer. */
+/** What the tabs show, and what their buttons do. */
 export interface ViewerPanelOptions {
   readonly store: ViewerStore;
   readonly stage: Stage;
   readonly files: SceneFiles;
   readonly shell: Shell;
   readonly frames: readonly number[];
-  copy(text: string, what: string): void;
+  copy(text: string, subject: string): void;
   landAim(): void;
   cancelAim(): void;
   aimAtCentre(): void;
@@ -32,7 +32,7 @@ export interface ViewerPanelOptions {
   diagnostics(): Promise<object>;
 }
 
-/** The panel. */
+/** The tabs beside the picture, and the words that its buttons answer with. */
 export interface ViewerPanel {
   readonly element: HTMLElement;
   /** Read the figures anew, where they are shown. */
@@ -48,7 +48,7 @@ export interface ViewerPanel {
 
 const FLASH_MS = 2500;
 
-/** Make the panel. */
+/** Build the tabs over the viewer's store; they follow it, but for the figures, which wait for `refresh`. */
 export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
   const { store, stage, files, shell } = options;
   const { manifest, regions } = files;
@@ -60,13 +60,13 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
       void options.diagnostics().then((report) => options.copy(JSON.stringify(report, null, 2), "Diagnostics"));
     },
   });
-  const places = createPlacesTab({
+  const placesTab = createPlacesTab({
     storage: shell.storage,
     scene: manifest.id,
     currentHash: () => (store.get().landed === null ? null : formatRoute(options.routeNow())),
     go: options.go,
-    say(text) {
-      shell.announcer.say(text);
+    announce(text) {
+      shell.announcer.announce(text);
       flash(text);
     },
   });
@@ -79,7 +79,7 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
     }),
     look: createLookTab(store, { regions, regionColour: (id) => stage.regionColour(id) }),
     inspect: createInspectTab(store, { regions, copy: options.copy, undoPoint: options.undoPoint }),
-    places: places.element,
+    places: placesTab.element,
     figures: figures.element,
   });
 
@@ -94,6 +94,7 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
     }, FLASH_MS);
   }
 
+  // A modal dialog, so that the selection for Ctrl+C is where the focus is.
   const text = h("textarea", { readonly: true, rows: 8, "aria-label": "Text to copy" });
   const copyDialog = h(
     "dialog",
@@ -119,9 +120,9 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
       if (panelOpen && tab === "figures") figures.refresh();
     },
     keep() {
-      places.keep();
+      placesTab.keep();
     },
-    keptPlaces: places.list,
+    keptPlaces: placesTab.list,
     flash,
     showText(value) {
       text.value = value;

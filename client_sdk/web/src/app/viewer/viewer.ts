@@ -56,7 +56,12 @@ const LINGER_MS = 250;
 /** The figures are read so often while they are shown. */
 const FIGURES_MS = 500;
 
-/** Make a viewer. Throws where the browser has no WebGL 2; the stream is the caller's to close then. */
+/**
+ * Make a viewer. Throws where the browser has no WebGL 2; the stream is the caller's to close then.
+ *
+ * Modules know each other through the options here alone, and the store holds what they share. Those that need one which is
+ * made later are given a function: it must not be called before this function has returned.
+ */
 export function createViewer(options: ViewerOptions): Viewer {
   const { shell, files, stream, loadFiles, reload } = options;
   const { manifest } = files;
@@ -99,7 +104,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   // --- Who does what ------------------------------------------------------------------------------------------------
 
   const comfort = watchComfort(stage, store, (report) => listeners.emit("swap", report));
-  const notices = createNotices(shell.announcer, (remedy, key) => actions.mend(remedy, key));
+  const notices = createNotices(shell.announcer, (remedy, key) => actions.applyRemedy(remedy, key));
   const headset = createHeadsetEntry(() => bars.showHeadset(true));
   const loop = createFrameLoop(world.renderer, times, frame);
   const link = createPlaceLink();
@@ -115,6 +120,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     order: (order, landOptions) => desk.land(order, landOptions),
     stand,
   });
+  // The desk swaps through `comfort.landings`: a swap that went past it would be counted as a stray change.
   const desk = createLandingDesk({
     store,
     stage: comfort.landings,
@@ -140,6 +146,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     loadFiles,
     reload,
   });
+  // Set in the task in which the stream was made, as `Stream.onEvent` asks: no event is lost.
   let lastEventMs = 0;
   stream.onEvent = (event) => {
     lastEventMs = performance.now();
@@ -152,11 +159,11 @@ export function createViewer(options: ViewerOptions): Viewer {
     cast,
     standNear: (hit) => standNear(hit, stage),
     pixelOf: camera.pixelOf,
-    aim: (place) => desk.aim(place, store.get().radiusM),
+    aim: (position) => desk.aim(position, store.get().radiusM),
     land: () => going.landAim(),
-    say: shell.announcer.say,
-    refuse(why) {
-      if (why === null) notices.clear("steep");
+    announce: shell.announcer.announce,
+    refuse(reason) {
+      if (reason === null) notices.clear("steep");
       else notices.show(steepNotice());
     },
   });
@@ -201,7 +208,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     files,
     shell,
     frames: times.recent,
-    copy: (text, what) => void actions.copy(text, what),
+    copy: (text, subject) => void actions.copy(text, subject),
     landAim: going.landAim,
     cancelAim: desk.cancelAim,
     aimAtCentre: () => actions.act("aim"),
@@ -326,10 +333,13 @@ export function createViewer(options: ViewerOptions): Viewer {
         isBusy = true;
         going.moved();
       }
+      // After the camera, before the stage: a swap is drawn in this very frame, from where the eye is now.
       if (desk.update()) isBusy = true;
       blink.update(timeMs);
     }
+    // In a headset too: uploads go on, within its smaller budget.
     stage.update();
+    // After everything that could change what is visible, or it would not see it.
     comfort.check();
     if (markers.step(highest)) isBusy = true;
     draw();
@@ -362,7 +372,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     stage.contextRestored();
     store.set({ contextLost: false });
     notices.clear("graphics");
-    shell.announcer.say("The picture is back");
+    shell.announcer.announce("The picture is back");
     loop.request();
   }
 
@@ -379,6 +389,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     },
     follow: (route) => going.follow(route, false),
     dispose() {
+      // Listeners first, then the stream, then what is drawn: nothing may reach a stage that is freed.
       window.terraport = undefined;
       abort.abort();
       headset.end();

@@ -2,7 +2,7 @@
 
 import { h } from "../dom.ts";
 
-/** The pad. */
+/** The touch pad, and where the thumb is on it; all 0 when no thumb is. */
 export interface WalkPad {
   readonly element: HTMLElement;
   /** Each from -1 to 1. */

@@ -3,7 +3,7 @@
 import { Group, PerspectiveCamera, Scene, WebGLRenderer } from "three";
 import { h } from "../dom.ts";
 
-/** The world. */
+/** Owns canvas, WebGL context and renderer; whoever adds objects to `scene` takes them out and frees them. */
 export interface World {
   readonly canvas: HTMLCanvasElement;
   readonly renderer: WebGLRenderer;
@@ -17,7 +17,7 @@ export interface World {
   dispose(): void;
 }
 
-/** What the world tells. */
+/** Called by the browser's events, outside the frame loop. */
 export interface WorldEvents {
   /** The canvas has another size, CSS pixels. Draw at once: an empty canvas would flash. */
   resized(width: number, height: number): void;
@@ -29,7 +29,11 @@ export interface WorldEvents {
 const MAX_PIXEL_RATIO = 2;
 const FOV_DEG = 55;
 
-/** Make it. Throws where the browser has no WebGL 2. */
+/**
+ * Make canvas, renderer and an empty scene. Throws where the browser has no WebGL 2.
+ *
+ * The scene graph is one level deep: the rig with the camera, and whatever the viewer adds, all in the scene's frame.
+ */
 export function createWorld(container: HTMLElement, name: string, events: WorldEvents): World {
   const canvas = h("canvas", {
     id: "view",
@@ -65,6 +69,7 @@ export function createWorld(container: HTMLElement, name: string, events: WorldE
   canvas.addEventListener("webglcontextrestored", () => events.contextRestored(), { signal: abort.signal });
 
   const observer = new ResizeObserver(() => {
+    // A headset has a size of its own, which three.js keeps while it presents.
     const { clientWidth: width, clientHeight: height } = container;
     if (width === 0 || height === 0 || renderer.xr.isPresenting) return;
     renderer.setPixelRatio(Math.min(window.devicePixelRatio, MAX_PIXEL_RATIO));

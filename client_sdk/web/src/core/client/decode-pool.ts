@@ -66,7 +66,7 @@ export class DecodePool {
 
   #proceed(): void {
     while (this.#waiting.length > 0 && this.#failures < MAX_FAILURES) {
-      const worker = this.#idle.pop() ?? this.#another();
+      const worker = this.#idle.pop() ?? this.#startWorker();
       if (worker === null) return;
       const job = this.#waiting.shift();
       if (job === undefined) return;
@@ -75,14 +75,16 @@ export class DecodePool {
         STUCK_MS,
       );
       this.#busy.set(worker, { worker, job, timer });
+      // A copy: what is transferred is gone here, and the cache keeps its payload.
       const payload = job.payload.slice();
-      const sent: DecodeJob = { segment: job.segment, payload };
-      worker.postMessage(sent, [payload.buffer]);
+      const message: DecodeJob = { segment: job.segment, payload };
+      worker.postMessage(message, [payload.buffer]);
     }
   }
 
   /** One more worker, if there may be one. */
-  #another(): Worker | null {
+  #startWorker(): Worker | null {
+    // Asked only where none is idle: the busy ones are all that there are.
     if (this.#busy.size >= this.#size) return null;
     const worker = this.#make();
     worker.onmessage = (event: MessageEvent<DecodeAnswer>) => this.#answered(worker, event.data);
@@ -100,6 +102,7 @@ export class DecodePool {
     clearTimeout(busy.timer);
     this.#busy.delete(worker);
     this.#idle.push(worker);
+    // Also by a payload that is damaged: the worker lives, and said so.
     this.#failures = 0;
     if (answer.type === "decoded") busy.job.resolve(answer.mesh);
     else busy.job.reject(receivedError(answer.error));

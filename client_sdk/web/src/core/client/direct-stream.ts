@@ -19,16 +19,16 @@ export interface DirectParts {
  *
  * @throws StreamError `invalid_url`, or without a WebSocket; RangeError on options that the protocol does not allow.
  */
-export function openDirectStream(options: StreamOptions, parts: DirectParts = {}): Stream {
-  const Socket = parts.WebSocket ?? globalThis.WebSocket;
+export function openDirectStream(options: StreamOptions, platform: DirectParts = {}): Stream {
+  const Socket = platform.WebSocket ?? globalThis.WebSocket;
   if (Socket === undefined) throw new StreamError("internal", "this platform has no WebSocket; pass one");
-  const tell = (events: readonly StreamEvent[]) => {
+  const emit = (events: readonly StreamEvent[]) => {
     for (const event of events) stream.onEvent(event);
   };
   const core = new StreamCore(options, {
     WebSocket: Socket,
     decode: (payload, segment) => decodeGlb(payload, segment, imageDecoder()),
-    tell,
+    emit,
   });
   const stream: Stream = {
     onEvent: () => {},
@@ -43,7 +43,7 @@ export function openDirectStream(options: StreamOptions, parts: DirectParts = {}
   core.start().catch((error: unknown) => {
     const message = `the decoders did not start: ${error instanceof Error ? error.message : String(error)}`;
     core.close();
-    tell([{ type: "link", link: { state: "closed", closeCode: 1006, code: "internal", message } }]);
+    emit([{ type: "link", link: { state: "closed", closeCode: 1006, code: "internal", message } }]);
   });
   return stream;
 }

@@ -34,7 +34,7 @@ const ABNORMAL = 1006;
 const NORMAL = 1000;
 
 /** What {@link Link} works with. */
-export interface LinkParts {
+export interface LinkOptions {
   readonly session: ClientSession;
   /** `ws(s)://.../stream`. */
   readonly url: string;
@@ -43,19 +43,19 @@ export interface LinkParts {
   /** Takes the session's events, in order. */
   readonly handle: (events: readonly SessionEvent[]) => void;
   /** Takes news of the connection itself. */
-  readonly told: (link: LinkState) => void;
+  readonly onLinkState: (link: LinkState) => void;
 }
 
 /** Keeps one session connected until {@link leave}. */
 export class Link {
-  readonly #parts: LinkParts;
+  readonly #options: LinkOptions;
   readonly #outgoing: Outgoing;
   #token: string | undefined;
   #socket: WebSocket | null = null;
   #attempt = 0;
   #offerHeld = true;
   #begun = false;
-  #left = false;
+  #hasLeft = false;
   /** The error that the server gave as reason for the close which follows. */
   #refusal: { readonly code: string; readonly message: string } | null = null;
   #firstWaitMs: number | null = null;
@@ -68,9 +68,9 @@ export class Link {
   #aimTimer: ReturnType<typeof setTimeout> | undefined;
   #watch: ReturnType<typeof setInterval> | undefined;
 
-  constructor(parts: LinkParts) {
-    this.#parts = parts;
-    this.#token = parts.token;
+  constructor(options: LinkOptions) {
+    this.#options = options;
+    this.#token = options.token;
     this.#outgoing = new Outgoing(
       (data) => this.#socket?.send(data),
       () => this.pump(),
@@ -79,15 +79,17 @@ export class Link {
 
   /** Connect for the first time. */
   start(): void {
-    if (this.#left || this.#begun) return;
+    if (this.#hasLeft || this.#begun) return;
     this.#begun = true;
     this.#connect();
   }
 
   /** Hand out events and send what the session has to say; to be called after every command. */
   pump(): void {
-    const { session } = this.#parts;
+    const { session } = this.#options;
+    // Events first: what their listeners ask for goes out with the rest.
     this.#report();
+    // Behind the server's message rate aims wait in the session, where a newer one replaces an older.
     if (!this.#outgoing.blocked) {
       if (session.hasAim) this.#aim();
       this.#outgoing.push(session.dataToSend());
@@ -99,7 +101,7 @@ export class Link {
 
   /** Connect now, unless there is a connection already; another token makes a new one in any case. */
   reconnect(token: string | undefined): void {
-    if (this.#left) return;
+    if (this.#hasLeft) return;
     const newer = token !== undefined && token !== this.#token;
     if (newer) this.#token = token;
     if (!this.#begun || (this.#socket !== null && !newer)) return;
@@ -111,10 +113,10 @@ export class Link {
 
   /** Say goodbye and do not connect again. */
   leave(): void {
-    if (this.#left) return;
-    this.#left = true;
-    this.#parts.session.bye();
-    if (!this.#outgoing.blocked) this.#outgoing.push(this.#parts.session.dataToSend());
+    if (this.#hasLeft) return;
+    this.#hasLeft = true;
+    this.#options.session.bye();
+    if (!this.#outgoing.blocked) this.#outgoing.push(this.#options.session.dataToSend());
     this.#drop(NORMAL);
   }
 
@@ -125,8 +127,8 @@ export class Link {
     this.#attempt += 1;
     this.#refusal = null;
     this.#welcomedMs = null;
-    this.#parts.told({ state: "connecting", attempt: this.#attempt });
-    const { session, url } = this.#parts;
+    this.#options.onLinkState({ state: "connecting", attempt: this.#attempt });
+    const { session, url } = this.#options;
     const protocols: string[] = [SUBPROTOCOL];
     if (this.#token !== undefined) protocols.push(tokenSubprotocol(this.#token));
     const socket = this.#opened(url, protocols);
@@ -151,12 +153,12 @@ export class Link {
   /** A socket on its way; null where the platform refuses the address, as `ws:` from a page that came by https. */
   #opened(url: string, protocols: string[]): WebSocket | null {
     try {
-      const socket = new this.#parts.WebSocket(url, protocols);
+      const socket = new this.#options.WebSocket(url, protocols);
       socket.binaryType = "arraybuffer";
       return socket;
     } catch (error) {
       const message = error instanceof Error ? error.message : String(error);
-      this.#parts.told({ state: "closed", closeCode: ABNORMAL, code: "invalid_url", message });
+      this.#options.onLinkState({ state: "closed", closeCode: ABNORMAL, code: "invalid_url", message });
       return null;
     }
   }
@@ -164,9 +166,10 @@ export class Link {
   #take(data: ArrayBuffer | string): void {
     this.#heardMs = performance.now();
     try {
-      this.#parts.session.receive(typeof data === "string" ? data : new Uint8Array(data));
+      this.#options.session.receive(typeof data === "string" ? data : new Uint8Array(data));
     } catch (error) {
       if (!(error instanceof ProtocolViolation)) throw error;
+      // What was right before it has happened.
       this.#report();
       this.#refusal = { code: "malformed", message: `the server broke the protocol: ${error.message}` };
       this.#cut(CLOSE_CODES.malformed, "malformed");
@@ -176,9 +179,9 @@ export class Link {
   }
 
   #report(): void {
-    const events = this.#parts.session.events();
+    const events = this.#options.session.events();
     for (const event of events) this.#note(event);
-    if (events.length > 0) this.#parts.handle(events);
+    if (events.length > 0) this.#options.handle(events);
   }
 
   /** Take what concerns the connection itself. */
@@ -187,7 +190,7 @@ export class Link {
       clearTimeout(this.#welcomeTimer);
       this.#welcomedMs = performance.now();
       this.#outgoing.allow(event.limits.max_messages_per_s);
-      this.#parts.told({ state: "open" });
+      this.#options.onLinkState({ state: "open" });
     } else if (event.type === "ready") {
       this.#attempt = 0;
     } else if (event.type === "refused" && event.fatal) {
@@ -202,7 +205,7 @@ export class Link {
     const pauseMs = this.#nextAimMs - performance.now();
     if (pauseMs <= 0) {
       this.#nextAimMs = performance.now() + AIM_PERIOD_MS;
-      this.#parts.session.flushAim();
+      this.#options.session.flushAim();
     } else {
       this.#aimTimer ??= setTimeout(() => {
         this.#aimTimer = undefined;
@@ -225,11 +228,12 @@ export class Link {
   }
 
   #lost(closeCode: number, reason: string): void {
-    if (this.#socket === null || this.#left) return;
+    if (this.#socket === null || this.#hasLeft) return;
     this.#drop(NORMAL);
+    // What the loss did to landings is told before the loss itself.
     this.#report();
     // Whoever was told may have left, or connected again.
-    if (this.#left || this.#socket !== null) return;
+    if (this.#hasLeft || this.#socket !== null) return;
     if (this.#retriesWithoutHeld()) {
       this.#connect();
       return;
@@ -239,13 +243,14 @@ export class Link {
     const code = this.#refusal?.code ?? codeOfClose(closeCode);
     const message = this.#refusal?.message ?? (reason || textOf(closeCode));
     if (afterClose(closeCode) !== "again") {
-      this.#parts.told({ state: "closed", closeCode, code, message });
+      this.#options.onLinkState({ state: "closed", closeCode, code, message });
       return;
     }
+    // What a draining server asked for holds once; else longer from attempt to attempt, scattered by chance.
     const retryInMs = this.#firstWaitMs ?? waitMs(Math.max(0, this.#attempt - 1), Math.random());
     this.#firstWaitMs = null;
     this.#retryTimer = setTimeout(() => this.#connect(), retryInMs);
-    this.#parts.told({ state: "waiting", attempt: this.#attempt + 1, retryInMs, closeCode, code, message });
+    this.#options.onLinkState({ state: "waiting", attempt: this.#attempt + 1, retryInMs, closeCode, code, message });
   }
 
   /** Offer nothing in hello from now on if the server found that too large; once. */
@@ -265,9 +270,10 @@ export class Link {
     this.#outgoing.clear();
     this.#owedSinceMs = null;
     if (socket === null) return;
+    // Handlers first: a socket that closes may still deliver what was under way, and nobody is there for it.
     socket.onopen = socket.onmessage = socket.onclose = socket.onerror = null;
     socket.close(closeCode);
-    this.#parts.session.connectionLost();
+    this.#options.session.connectionLost();
   }
 }
 

@@ -2,7 +2,7 @@
 
 import type { SceneFiles } from "../types.ts";
 import { receivedError, workerFailure } from "./worker-errors.ts";
-import type { SceneJob, SceneNews } from "./worker-messages.ts";
+import type { SceneJob, SceneMessage } from "./worker-messages.ts";
 
 /** How {@link loadSceneInWorker} goes about it. */
 export interface LoadSceneOptions {
@@ -31,17 +31,18 @@ export function loadSceneInWorker(sceneUrl: string, options: LoadSceneOptions = 
       name: "terraport scene",
     });
     const aborted = () => end(() => reject(signal?.reason));
-    const end = (tell: () => void) => {
+    // Ended in every case: a worker of its own keeps what it decoded until then.
+    const end = (settle: () => void) => {
       worker.terminate();
       signal?.removeEventListener("abort", aborted);
-      tell();
+      settle();
     };
     signal?.addEventListener("abort", aborted);
-    worker.onmessage = (event: MessageEvent<SceneNews>) => {
-      const news = event.data;
-      if (news.type === "progress") onProgress?.(news.doneBytes, news.totalBytes);
-      else if (news.type === "loaded") end(() => resolve(news.files));
-      else end(() => reject(receivedError(news.error)));
+    worker.onmessage = (event: MessageEvent<SceneMessage>) => {
+      const message = event.data;
+      if (message.type === "progress") onProgress?.(message.doneBytes, message.totalBytes);
+      else if (message.type === "loaded") end(() => resolve(message.files));
+      else end(() => reject(receivedError(message.error)));
     };
     worker.onerror = (event) => {
       event.preventDefault();

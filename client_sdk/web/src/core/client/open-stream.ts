@@ -14,7 +14,7 @@ import type {
 } from "../types.ts";
 import { sharedNowMs } from "./clock.ts";
 import { receivedError, workerFailure } from "./worker-errors.ts";
-import type { StreamAnswer, StreamCommand, StreamNews, StreamQuestion } from "./worker-messages.ts";
+import type { StreamAnswer, StreamCommand, StreamMessage, StreamQuestion } from "./worker-messages.ts";
 
 /** A worker that does not answer the goodbye is ended all the same. */
 const CLOSE_MS = 1000;
@@ -49,12 +49,12 @@ export function openStream(options: StreamOptions): Stream {
     reconnect: (token) => page.send({ type: "reconnect", token }),
     close: () => page.close(),
   };
-  page.tell = (event) => stream.onEvent(event);
+  page.emit = (event) => stream.onEvent(event);
   return stream;
 }
 
 class PageStream {
-  tell: (event: StreamEvent) => void = () => {};
+  emit: (event: StreamEvent) => void = () => {};
   readonly #worker: Worker;
   readonly #waiting = new Map<number, Waiting>();
   #landings = 0;
@@ -67,7 +67,7 @@ class PageStream {
       type: "module",
       name: "terraport stream",
     });
-    this.#worker.onmessage = (event: MessageEvent<StreamNews>) => this.#take(event.data);
+    this.#worker.onmessage = (event: MessageEvent<StreamMessage>) => this.#take(event.data);
     this.#worker.onerror = (event) => {
       event.preventDefault();
       this.#fail(workerFailure("the stream's worker", event));
@@ -88,6 +88,7 @@ class PageStream {
 
   land(position: Vec3, radiusM: number, options: LandOptions = {}): number {
     checkLand(position, radiusM, options);
+    // Counted alike on both sides, so that the page has the number at once; the worker compares.
     this.#landings += 1;
     const number = this.#landings;
     this.send({ type: "land", number, position, radiusM, options, askedMs: sharedNowMs() });
@@ -114,6 +115,7 @@ class PageStream {
 
   close(): void {
     if (this.#ended !== null) return;
+    // Before the end is noted: nothing is sent after it.
     this.send({ type: "close" });
     this.#end(new StreamError("closed", "the stream was closed here"));
     setTimeout(() => this.#worker.terminate(), CLOSE_MS);
@@ -134,13 +136,14 @@ class PageStream {
     });
   }
 
-  #take(news: StreamNews): void {
-    if (news.type === "closed") this.#worker.terminate();
+  #take(message: StreamMessage): void {
+    // Also after the end: it answers the goodbye.
+    if (message.type === "closed") this.#worker.terminate();
     if (this.#ended !== null) return;
-    if (news.type === "events") for (const event of news.events) this.tell(event);
-    else if (news.type === "answer") this.#answered(news.id)?.resolve(news.value);
-    else if (news.type === "failed") this.#answered(news.id)?.reject(receivedError(news.error));
-    else if (news.type === "crashed") this.#fail(new StreamError("worker_failed", news.error.message));
+    if (message.type === "events") for (const event of message.events) this.emit(event);
+    else if (message.type === "answer") this.#answered(message.id)?.resolve(message.value);
+    else if (message.type === "failed") this.#answered(message.id)?.reject(receivedError(message.error));
+    else if (message.type === "crashed") this.#fail(new StreamError("worker_failed", message.error.message));
   }
 
   #answered(id: number): Waiting | undefined {
@@ -153,7 +156,7 @@ class PageStream {
     if (this.#ended !== null) return;
     this.#worker.terminate();
     this.#end(error);
-    this.tell({ type: "link", link: { state: "closed", closeCode: 1006, code: error.code, message: error.message } });
+    this.emit({ type: "link", link: { state: "closed", closeCode: 1006, code: error.code, message: error.message } });
   }
 
   #end(error: StreamError): void {

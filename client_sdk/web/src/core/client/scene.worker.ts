@@ -4,13 +4,13 @@ import { loadScene } from "../scene/load.ts";
 import { imageDecoder } from "./image-decoder.ts";
 import { transferablesOfScene } from "./transferables.ts";
 import { sentError } from "./worker-errors.ts";
-import type { SceneJob, SceneNews } from "./worker-messages.ts";
+import type { SceneJob, SceneMessage } from "./worker-messages.ts";
 
 /** Between two reports: a bar moves smoothly enough. */
 const PROGRESS_MS = 50;
 
-function say(news: SceneNews, transfer: Transferable[] = []): void {
-  self.postMessage(news, { transfer });
+function post(message: SceneMessage, transfer: Transferable[] = []): void {
+  self.postMessage(message, { transfer });
 }
 
 self.onmessage = async (event: MessageEvent<SceneJob>) => {
@@ -24,11 +24,11 @@ self.onmessage = async (event: MessageEvent<SceneJob>) => {
       onProgress: (doneBytes, totalBytes) => {
         if (performance.now() < nextMs && doneBytes < totalBytes) return;
         nextMs = performance.now() + PROGRESS_MS;
-        say({ type: "progress", doneBytes, totalBytes });
+        post({ type: "progress", doneBytes, totalBytes });
       },
     });
-    say({ type: "loaded", files }, transferablesOfScene(files));
+    post({ type: "loaded", files }, transferablesOfScene(files));
   } catch (error) {
-    say({ type: "failed", error: sentError(error) });
+    post({ type: "failed", error: sentError(error) });
   }
 };

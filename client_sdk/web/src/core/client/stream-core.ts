@@ -31,12 +31,12 @@ const DEFAULT_CREDIT_BYTES = 16 * 1024 * 1024;
 const MAX_PICKS = 64;
 
 /** What {@link StreamCore} works with. */
-export interface StreamCoreParts {
+export interface StreamCorePlatform {
   readonly WebSocket: typeof WebSocket;
   /** Decode a payload; it must not change the bytes. */
   readonly decode: (payload: Uint8Array<ArrayBuffer>, segment: number) => Promise<MeshData>;
   /** Takes the events, in order. */
-  readonly tell: (events: readonly StreamEvent[]) => void;
+  readonly emit: (events: readonly StreamEvent[]) => void;
 }
 
 interface Answer {
@@ -46,7 +46,7 @@ interface Answer {
 
 /** One stream in this thread. */
 export class StreamCore {
-  readonly #parts: StreamCoreParts;
+  readonly #platform: StreamCorePlatform;
   readonly #session: ClientSession;
   readonly #link: Link;
   readonly #picks = new Map<number, Answer>();
@@ -57,8 +57,8 @@ export class StreamCore {
   #ended: StreamError | null = null;
 
   /** @throws RangeError or StreamError on options that cannot be. */
-  constructor(options: StreamOptions, parts: StreamCoreParts) {
-    this.#parts = parts;
+  constructor(options: StreamOptions, platform: StreamCorePlatform) {
+    this.#platform = platform;
     this.#session = new ClientSession(
       {
         client: options.client ?? CLIENT,
@@ -73,9 +73,9 @@ export class StreamCore {
       session: this.#session,
       url: streamUrl(options.sceneUrl),
       token: options.token,
-      WebSocket: parts.WebSocket,
+      WebSocket: platform.WebSocket,
       handle: (events) => this.#handle(events),
-      told: (link) => this.#onLink(link),
+      onLinkState: (link) => this.#onLink(link),
     });
   }
 
@@ -111,22 +111,23 @@ export class StreamCore {
 
   async mesh(segment: number): Promise<MeshData> {
     if (this.#closed) throw closedHere();
-    const entry = this.#session.held.peek(segment);
+    // Peeked at: what is drawn is pinned anyway, and decoding must not change what is evicted first.
+    const entry = this.#session.holdings.peek(segment);
     if (entry === undefined) throw new StreamError("not_held", `segment ${segment} is not held`);
     try {
-      return await this.#parts.decode(entry.payload, segment);
+      return await this.#platform.decode(entry.payload, segment);
     } catch (error) {
       throw asStreamError(error);
     }
   }
 
   stats(): StreamStats {
-    const { aims, held, payloadBytes, repeatedBytes } = this.#session;
+    const { aims, holdings, payloadBytes, repeatedBytes } = this.#session;
     return {
       payloadBytes,
       repeatedBytes,
-      heldSegments: held.count,
-      heldBytes: held.cacheBytes,
+      heldSegments: holdings.count,
+      heldBytes: holdings.cacheBytes,
       aimedLandings: aims.landings,
       aimHits: aims.hits,
       prefetchedBytes: aims.prefetchedBytes,
@@ -151,13 +152,14 @@ export class StreamCore {
 
   #onLink(link: LinkState): void {
     if (link.state === "closed") this.#end(new StreamError(link.code, link.message, link.closeCode));
-    this.#parts.tell([{ type: "link", link }]);
+    this.#platform.emit([{ type: "link", link }]);
   }
 
   /** Nobody answers any more: tell whoever waits. */
   #end(error: StreamError): void {
     this.#ended = error;
     for (const [request, { reject }] of this.#picks) {
+      // Else a reconnect would ask once more, for nobody.
       this.#session.dropPick(request);
       reject(error);
     }
@@ -165,15 +167,19 @@ export class StreamCore {
   }
 
   #handle(events: readonly SessionEvent[]): void {
-    const news: StreamEvent[] = [];
+    // In one batch: out of a worker each message is a task of the page's thread.
+    const streamEvents: StreamEvent[] = [];
     for (const event of events) {
-      const one = this.#translated(event);
-      if (one !== null) news.push(one);
+      const streamEvent = this.#translated(event);
+      if (streamEvent !== null) streamEvents.push(streamEvent);
     }
-    if (news.length > 0 && !this.#closed) this.#parts.tell(news);
+    if (streamEvents.length > 0 && !this.#closed) this.#platform.emit(streamEvents);
   }
 
-  /** What the page is told of an event; null for nothing. */
+  /**
+   * The page's event for a session's; null for none. Answers settle the promise of their question, and times are taken here:
+   * the session has no clock.
+   */
   #translated(event: SessionEvent): StreamEvent | null {
     switch (event.type) {
       case "opened": {

@@ -8,7 +8,7 @@ import { imageDecoder } from "./image-decoder.ts";
 import { StreamCore } from "./stream-core.ts";
 import { transferablesOfMesh } from "./transferables.ts";
 import { sentError } from "./worker-errors.ts";
-import type { StreamAnswer, StreamCommand, StreamNews, StreamQuestion } from "./worker-messages.ts";
+import type { StreamAnswer, StreamCommand, StreamMessage, StreamQuestion } from "./worker-messages.ts";
 
 /** How long the goodbye may take to leave. */
 const GOODBYE_MS = 200;
@@ -16,19 +16,19 @@ const GOODBYE_MS = 200;
 let core: StreamCore | null = null;
 let closePool = () => {};
 
-function say(news: StreamNews, transfer: Transferable[] = []): void {
-  self.postMessage(news, { transfer });
+function post(message: StreamMessage, transfer: Transferable[] = []): void {
+  self.postMessage(message, { transfer });
 }
 
 function crash(error: unknown): void {
-  say({ type: "crashed", error: sentError(error) });
+  post({ type: "crashed", error: sentError(error) });
 }
 
 function open(command: StreamCommand & { type: "open" }): void {
   core = new StreamCore(command.options, {
     WebSocket,
     decode: decoder(command.decoders),
-    tell: (events) => say({ type: "events", events }),
+    emit: (events) => post({ type: "events", events }),
   });
   core.start().catch(crash);
 }
@@ -53,19 +53,20 @@ async function answer(stream: StreamCore, question: StreamQuestion): Promise<voi
   const { id } = question;
   try {
     if (question.type === "mesh") {
+      // Handed over, not copied: the cache keeps payloads, never meshes.
       const mesh = await stream.mesh(question.segment);
-      say({ type: "answer", id, value: mesh }, transferablesOfMesh(mesh));
+      post({ type: "answer", id, value: mesh }, transferablesOfMesh(mesh));
       return;
     }
     const value: StreamAnswer =
       question.type === "pick" ? await stream.pick(question.origin, question.direction) : stream.stats();
-    say({ type: "answer", id, value });
+    post({ type: "answer", id, value });
   } catch (error) {
-    say({ type: "failed", id, error: sentError(error) });
+    post({ type: "failed", id, error: sentError(error) });
   }
 }
 
-function carryOut(command: StreamCommand): void {
+function execute(command: StreamCommand): void {
   if (command.type === "open") {
     open(command);
     return;
@@ -73,19 +74,21 @@ function carryOut(command: StreamCommand): void {
   if (core === null) throw new Error(`got ${command.type} first, expected open`);
   if (command.type === "land") {
     const number = core.land(command.position, command.radiusM, command.options, command.askedMs);
+    // The page has told its number to whoever asked; another one here would answer the wrong landing.
     if (number !== command.number) throw new Error(`landing ${command.number} of the page is ${number} here`);
   } else if (command.type === "aim") core.aim(command.position, command.radiusM);
   else if (command.type === "reconnect") core.reconnect(command.token);
   else if (command.type === "close") {
     core.close();
     closePool();
-    setTimeout(() => say({ type: "closed" }), GOODBYE_MS);
+    // The page ends this worker when it hears of it, and `bye` with it if that has not left.
+    setTimeout(() => post({ type: "closed" }), GOODBYE_MS);
   } else void answer(core, command);
 }
 
 self.onmessage = (event: MessageEvent<StreamCommand>) => {
   try {
-    carryOut(event.data);
+    execute(event.data);
   } catch (error) {
     crash(error);
   }

@@ -17,8 +17,8 @@ export function sentError(error: unknown): SentError {
 }
 
 /** The error that such a value stands for. */
-export function receivedError(sent: SentError): StreamError {
-  return new StreamError(sent.code, sent.message, sent.status);
+export function receivedError(error: SentError): StreamError {
+  return new StreamError(error.code, error.message, error.status);
 }
 
 /** Any failure as a {@link StreamError}. */
@@ -30,7 +30,10 @@ export function asStreamError(error: unknown): StreamError {
 }
 
 /** What an `error` or `messageerror` event of a worker tells. */
-export function workerFailure(what: string, event: Event): StreamError {
-  const said = "message" in event && typeof event.message === "string" ? event.message : "";
-  return new StreamError("worker_failed", `${what} failed: ${said || "its script did not load, or it was ended"}`);
+export function workerFailure(workerName: string, event: Event): StreamError {
+  const reason = "message" in event && typeof event.message === "string" ? event.message : "";
+  return new StreamError(
+    "worker_failed",
+    `${workerName} failed: ${reason || "its script did not load, or it was ended"}`,
+  );
 }

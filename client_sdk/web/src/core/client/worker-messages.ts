@@ -35,7 +35,7 @@ export type StreamQuestion =
   | { readonly type: "stats"; readonly id: number };
 
 /** Stream worker to page. */
-export type StreamNews =
+export type StreamMessage =
   | { readonly type: "events"; readonly events: readonly StreamEvent[] }
   | { readonly type: "answer"; readonly id: number; readonly value: StreamAnswer }
   | { readonly type: "failed"; readonly id: number; readonly error: SentError }
@@ -65,7 +65,7 @@ export interface SceneJob {
 }
 
 /** Scene worker to page. */
-export type SceneNews =
+export type SceneMessage =
   | { readonly type: "progress"; readonly doneBytes: number; readonly totalBytes: number }
   | { readonly type: "loaded"; readonly files: SceneFiles }
   | { readonly type: "failed"; readonly error: SentError };

@@ -30,7 +30,7 @@ const INDEX_CODEC = 0xe1;
 const MAX_IMAGE_BYTES = 2 ** 26;
 
 /** What an accessor must be. */
-export interface Wanted {
+export interface ExpectedAccessor {
   /** For error texts; also says which filters are allowed. */
   readonly label: string;
   readonly components: readonly number[];
@@ -61,15 +61,15 @@ export class AccessorReader {
   }
 
   /** Rows of a vertex attribute; `stride` is what they are brought to where they are stored wider. */
-  vertices(number: unknown, wanted: Wanted, strideOf: (component: number) => number): Rows {
-    const { accessor, view, component, count } = this.#find(number, wanted);
-    const width = WIDTHS[wanted.type] * ITEM_BYTES.get(component)!;
+  vertices(number: unknown, expected: ExpectedAccessor, strideOf: (component: number) => number): Rows {
+    const { accessor, view, component, count } = this.#find(number, expected);
+    const width = WIDTHS[expected.type] * ITEM_BYTES.get(component)!;
     const stored =
-      view.byteStride === undefined ? width : expectWhole(view.byteStride, `byteStride of ${wanted.label}`, width);
+      view.byteStride === undefined ? width : expectWhole(view.byteStride, `byteStride of ${expected.label}`, width);
     if (stored > 16 || stored % 4 !== 0) {
-      throw new PayloadError(`byteStride of ${wanted.label} is ${stored}, expected 4, 8, 12 or 16`);
+      throw new PayloadError(`byteStride of ${expected.label} is ${stored}, expected 4, 8, 12 or 16`);
     }
-    const bytes = this.#rows(view, count, stored, "ATTRIBUTES", wanted.label);
+    const bytes = this.#rows(view, count, stored, "ATTRIBUTES", expected.label);
     const stride = strideOf(component);
     const normalised = accessor.normalized === true;
     return { count, component, stride, bytes: narrowed(bytes, count, stored, stride), normalised };
@@ -78,8 +78,8 @@ export class AccessorReader {
   /** Vertex numbers, three a face. */
   indices(number: unknown): Uint16Array<ArrayBuffer> | Uint32Array<ArrayBuffer> {
     const label = "indices";
-    const wanted = { label, components: [UNSIGNED_SHORT, UNSIGNED_INT], type: "SCALAR" } as const;
-    const { view, component, count } = this.#find(number, wanted);
+    const expected = { label, components: [UNSIGNED_SHORT, UNSIGNED_INT], type: "SCALAR" } as const;
+    const { view, component, count } = this.#find(number, expected);
     if (count % 3 !== 0) throw new PayloadError(`${count} indices, expected a multiple of 3`);
     const { buffer } = this.#rows(view, count, ITEM_BYTES.get(component)!, "TRIANGLES", label);
     return component === UNSIGNED_SHORT ? new Uint16Array(buffer) : new Uint32Array(buffer);
@@ -99,13 +99,16 @@ export class AccessorReader {
     return this.#slice(view, length, label);
   }
 
-  #find(number: unknown, wanted: Wanted): { accessor: JsonObject; view: JsonObject; component: number; count: number } {
-    const { label, components, type } = wanted;
+  #find(
+    number: unknown,
+    expected: ExpectedAccessor,
+  ): { accessor: JsonObject; view: JsonObject; component: number; count: number } {
+    const { label, components, type } = expected;
     const accessor = pick(this.#accessors, number, `accessor of ${label}`);
-    const component = components.find((one) => one === accessor.componentType);
+    const component = components.find((candidate) => candidate === accessor.componentType);
     if (component === undefined || accessor.type !== type) {
-      const found = `${shortly(accessor.componentType)} ${shortly(accessor.type)}`;
-      throw new PayloadError(`${label} is ${found}, expected ${type} of ${components.join(" or ")}`);
+      const actual = `${shortly(accessor.componentType)} ${shortly(accessor.type)}`;
+      throw new PayloadError(`${label} is ${actual}, expected ${type} of ${components.join(" or ")}`);
     }
     if ((accessor.byteOffset ?? 0) !== 0 || accessor.sparse !== undefined) {
       throw new PayloadError(`${label} has an offset inside its bufferView or is sparse, expected neither`);
@@ -143,9 +146,9 @@ export class AccessorReader {
     }
     const vertex = mode === "ATTRIBUTES";
     const length = expectWhole(packed.byteLength, `compressed bytes of ${label}`, 1);
-    const least = vertex ? Math.floor((count * stride) / VERTEX_EXPANSION) : count / 3;
-    if (length < least) {
-      const text = `${length} compressed bytes for ${count} rows of ${label}, expected at least ${least}`;
+    const minBytes = vertex ? Math.floor((count * stride) / VERTEX_EXPANSION) : count / 3;
+    if (length < minBytes) {
+      const text = `${length} compressed bytes for ${count} rows of ${label}, expected at least ${minBytes}`;
       throw new PayloadError(text, this.#glb.binaryOffset);
     }
     const filter = filterOf(packed, label, stride);
@@ -162,12 +165,12 @@ export class AccessorReader {
     }
   }
 
-  #slice(where: JsonObject, length: number, label: string): Uint8Array<ArrayBuffer> {
+  #slice(range: JsonObject, length: number, label: string): Uint8Array<ArrayBuffer> {
     const { binary, binaryOffset } = this.#glb;
-    if (where.buffer !== 0) {
-      throw new PayloadError(`${label} is in buffer ${shortly(where.buffer)}, expected 0 (the BIN chunk)`);
+    if (range.buffer !== 0) {
+      throw new PayloadError(`${label} is in buffer ${shortly(range.buffer)}, expected 0 (the BIN chunk)`);
     }
-    const offset = expectWhole(where.byteOffset ?? 0, `byteOffset of ${label}`, 0);
+    const offset = expectWhole(range.byteOffset ?? 0, `byteOffset of ${label}`, 0);
     if (offset > binary.length || length > binary.length - offset) {
       const text = `${label} lies at ${offset} with ${length} bytes, expected within ${binary.length}`;
       throw new PayloadError(text, binaryOffset);

@@ -50,8 +50,8 @@ export function decompress(
 }
 
 async function prepare(): Promise<void> {
-  const [made] = await Promise.all([createXXHash3(), MeshoptDecoder.ready]);
-  hasher = made;
+  const [xxh3Hasher] = await Promise.all([createXXHash3(), MeshoptDecoder.ready]);
+  hasher = xxh3Hasher;
 }
 
 function notReady(): TypeError {

@@ -7,8 +7,8 @@ export class PayloadError extends Error {
   readonly offset: number | undefined;
 
   /** `what` says what was received and what was expected. */
-  constructor(what: string, offset?: number) {
-    super(offset === undefined ? what : `${what} (payload offset ${offset})`);
+  constructor(reason: string, offset?: number) {
+    super(offset === undefined ? reason : `${reason} (payload offset ${offset})`);
     this.offset = offset;
   }
 }

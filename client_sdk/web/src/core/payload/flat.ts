@@ -27,7 +27,7 @@ export interface FlatField {
   readonly values: FlatValues;
 }
 
-/** A flat file. */
+/** A flat file: its arrays are views of the bytes that were read. */
 export interface FlatFile {
   /** Number of segments, base faces or vertices. */
   readonly rows: number;
@@ -60,8 +60,8 @@ export function decodeFlat(file: Uint8Array<ArrayBuffer>, magic: string): FlatFi
   const size = bytes.length;
   if (size < HEADER_BYTES) throw new PayloadError(`${size} bytes, expected at least ${HEADER_BYTES} for the header`, 0);
   const view = new DataView(bytes.buffer, bytes.byteOffset, size);
-  const found = String.fromCharCode(...bytes.subarray(0, 8));
-  if (found !== magic) throw new PayloadError(`magic ${JSON.stringify(found)}, expected ${magic}`, 0);
+  const actualMagic = String.fromCharCode(...bytes.subarray(0, 8));
+  if (actualMagic !== magic) throw new PayloadError(`magic ${JSON.stringify(actualMagic)}, expected ${magic}`, 0);
   const major = view.getUint16(16, true);
   if (major !== MAJOR) throw new PayloadError(`format version ${major}, expected ${MAJOR}`, 16);
   const stated = view.getBigUint64(24, true);

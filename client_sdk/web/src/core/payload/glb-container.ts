@@ -15,7 +15,7 @@ const BIN_CHUNK = 0x004e4942;
 
 /** The two chunks of a GLB. */
 export interface Glb {
-  /** Nothing inside it is checked yet. */
+  /** Parsed JSON, of whatever shape the file gave it: each reader checks the members that it takes. */
   readonly gltf: JsonObject;
   /** A view of the payload. */
   readonly binary: Uint8Array<ArrayBuffer>;
@@ -60,12 +60,13 @@ function chunkAt(
   kind: number,
   name: string,
 ): Uint8Array<ArrayBuffer> {
-  const left = bytes.length - at - CHUNK_BYTES;
-  if (left < 0) throw new PayloadError(`${left + CHUNK_BYTES} bytes left, expected a ${name} chunk`, at);
-  const found = view.getUint32(at + 4, true);
-  if (found !== kind) throw new PayloadError(`chunk type 0x${found.toString(16)}, expected ${name}`, at + 4);
+  const remainingBytes = bytes.length - at - CHUNK_BYTES;
+  if (remainingBytes < 0)
+    throw new PayloadError(`${remainingBytes + CHUNK_BYTES} bytes left, expected a ${name} chunk`, at);
+  const actualKind = view.getUint32(at + 4, true);
+  if (actualKind !== kind) throw new PayloadError(`chunk type 0x${actualKind.toString(16)}, expected ${name}`, at + 4);
   const length = view.getUint32(at, true);
-  if (length > left) throw new PayloadError(`chunk of ${length} bytes, ${left} left`, at);
+  if (length > remainingBytes) throw new PayloadError(`chunk of ${length} bytes, ${remainingBytes} left`, at);
   return bytes.subarray(at + CHUNK_BYTES, at + CHUNK_BYTES + length);
 }
 

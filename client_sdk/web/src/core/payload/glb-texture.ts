@@ -21,7 +21,7 @@ export const IMAGE_EXTENSIONS = [
 const LEAST_SCALE = 2 ** -16;
 
 /** What a material says of its texture. */
-export interface TexturePlace {
+export interface TextureReference {
   /** bufferView of the image. */
   readonly view: unknown;
   readonly mediaType: string;
@@ -34,18 +34,18 @@ export interface TexturePlace {
  *
  * @throws PayloadError If the chain is broken, or outside the profile.
  */
-export function findTexture(gltf: JsonObject, primitive: JsonObject): TexturePlace | null {
+export function findTexture(gltf: JsonObject, primitive: JsonObject): TextureReference | null {
   if (primitive.material === undefined) return null;
   const material = pick(expectList(gltf.materials, "materials"), primitive.material, "material");
   const surface = optionalObject(material.pbrMetallicRoughness, "pbrMetallicRoughness");
   if (surface.baseColorTexture === undefined) return null;
-  const place = expectObject(surface.baseColorTexture, "baseColorTexture");
-  if ((place.texCoord ?? 0) !== 0) throw new PayloadError("baseColorTexture has another set, expected set 0");
-  return { ...findImage(gltf, place), uvScale: findScale(place) };
+  const textureInfo = expectObject(surface.baseColorTexture, "baseColorTexture");
+  if ((textureInfo.texCoord ?? 0) !== 0) throw new PayloadError("baseColorTexture has another set, expected set 0");
+  return { ...findImage(gltf, textureInfo), uvScale: findScale(textureInfo) };
 }
 
-function findImage(gltf: JsonObject, place: JsonObject): Pick<TexturePlace, "view" | "mediaType"> {
-  const texture = pick(expectList(gltf.textures, "textures"), place.index, "texture");
+function findImage(gltf: JsonObject, textureInfo: JsonObject): Pick<TextureReference, "view" | "mediaType"> {
+  const texture = pick(expectList(gltf.textures, "textures"), textureInfo.index, "texture");
   const extensions = optionalObject(texture.extensions, "extensions of texture");
   let source = texture.source;
   let allowed: readonly string[] = ["image/jpeg", "image/png"];
@@ -62,8 +62,8 @@ function findImage(gltf: JsonObject, place: JsonObject): Pick<TexturePlace, "vie
   return { view: image.bufferView, mediaType };
 }
 
-function findScale(place: JsonObject): readonly [number, number] | null {
-  const extensions = optionalObject(place.extensions, "extensions of baseColorTexture");
+function findScale(textureInfo: JsonObject): readonly [number, number] | null {
+  const extensions = optionalObject(textureInfo.extensions, "extensions of baseColorTexture");
   if (Object.keys(extensions).length === 0) return null;
   const transform = expectObject(extensions[UV_TRANSFORM], UV_TRANSFORM);
   const scale = expectList(transform.scale, `scale of ${UV_TRANSFORM}`);

@@ -4,7 +4,7 @@ import type { AttributeCodes, Bounds, MeshData, MeshImage } from "../types.ts";
 import { AccessorReader, BYTE, FLOAT, UNSIGNED_SHORT } from "./accessors.ts";
 import { PayloadError } from "./errors.ts";
 import { splitGlb } from "./glb-container.ts";
-import type { TexturePlace } from "./glb-texture.ts";
+import type { TextureReference } from "./glb-texture.ts";
 import { findTexture, IMAGE_EXTENSIONS, UV_TRANSFORM } from "./glb-texture.ts";
 import type { ImageHeader } from "./image-header.ts";
 import { readImageHeader } from "./image-header.ts";
@@ -62,9 +62,14 @@ interface ImageFile {
   readonly bytes: Uint8Array<ArrayBuffer>;
 }
 
+/**
+ * Read and check everything but the pixels. Nothing of the file is trusted: each accessor is checked against the buffer and the
+ * vertex count before an array is made of it, so that what is returned can be drawn without another look.
+ */
 function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshData; image: ImageFile | null } {
   const glb = splitGlb(bytes);
   const { gltf } = glb;
+  // (1) One mesh with one primitive of triangles, and no extension that would change its meaning.
   for (const name of expectList(gltf.extensionsRequired ?? [], "extensionsRequired")) {
     if (!KNOWN.has(name)) throw new PayloadError(`required extension ${shortly(name)}, expected one that we know`);
   }
@@ -74,10 +79,14 @@ function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshD
     throw new PayloadError(`primitive mode ${shortly(primitive.mode)}, expected 4 (triangles)`);
   }
   const names = expectObject(primitive.attributes, "attributes");
+  // (2) Positions, and the node that brings codes to metres: together exact in float32.
   const reader = new AccessorReader(glb);
-  const place = placeOf(onlyOne(gltf, "nodes"));
+  const transform = nodeTransformOf(onlyOne(gltf, "nodes"));
   const positions = readPositions(reader, names.POSITION);
-  if (positions instanceof Float32Array && (place.stepM !== 1 || place.translation.some((side) => side !== 0))) {
+  if (
+    positions instanceof Float32Array &&
+    (transform.stepM !== 1 || transform.translation.some((side) => side !== 0))
+  ) {
     throw new PayloadError("float positions with a node transform, expected none");
   }
   const vertexCount = positions instanceof Float32Array ? positions.length / 3 : positions.length / 4;
@@ -85,12 +94,13 @@ function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshD
   /** Rows of 16-bit codes, one for each vertex. */
   const codes = (name: string, type: "SCALAR" | "VEC2" | "VEC4") => {
     const stride = type === "VEC4" ? 8 : 4;
-    const wanted = { label: name, components: [UNSIGNED_SHORT], type };
-    const rows = reader.vertices(names[name], wanted, () => stride);
+    const expected = { label: name, components: [UNSIGNED_SHORT], type };
+    const rows = reader.vertices(names[name], expected, () => stride);
     expectRows(name, rows.count, vertexCount);
     return { values: new Uint16Array(rows.bytes.buffer), normalised: rows.normalised };
   };
 
+  // (3) Faces and attributes, as many rows as there are positions.
   const indices = reader.indices(primitive.indices);
   checkIndices(indices, vertexCount);
   const normalRows = reader.vertices(names.NORMAL, { label: "NORMAL", components: [BYTE], type: "VEC3" }, () => 4);
@@ -107,11 +117,12 @@ function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshD
     ({ gltfName, ...scale }): AttributeCodes => ({ ...scale, codes: codes(gltfName, "SCALAR").values }),
   );
   const image = texture === null ? null : readImage(reader, texture, segment);
+  // (4) The box is of the decoded positions, not the accessor's min and max: culling must not believe the file.
   const result: MeshData = {
     segment,
     vertexCount,
     faceCount: indices.length / 3,
-    ...place,
+    ...transform,
     positions,
     normals,
     colours,
@@ -121,20 +132,20 @@ function readGlb(bytes: Uint8Array<ArrayBuffer>, segment: number): { mesh: MeshD
     attributes,
     indices,
     image: null,
-    bounds: placed(boundsOf(positions), place),
+    bounds: transformedBounds(boundsOf(positions), transform),
   };
   return { mesh: result, image };
 }
 
 function readPositions(reader: AccessorReader, number: unknown): Uint16Array<ArrayBuffer> | Float32Array<ArrayBuffer> {
-  const wanted = { label: "POSITION", components: [UNSIGNED_SHORT, FLOAT], type: "VEC3" } as const;
-  const rows = reader.vertices(number, wanted, (component) => (component === FLOAT ? 12 : 8));
+  const expected = { label: "POSITION", components: [UNSIGNED_SHORT, FLOAT], type: "VEC3" } as const;
+  const rows = reader.vertices(number, expected, (component) => (component === FLOAT ? 12 : 8));
   return rows.component === FLOAT ? new Float32Array(rows.bytes.buffer) : new Uint16Array(rows.bytes.buffer);
 }
 
 type Place = Pick<MeshData, "translation" | "stepM">;
 
-function placeOf(node: JsonObject): Place {
+function nodeTransformOf(node: JsonObject): Place {
   if (node.matrix !== undefined || node.rotation !== undefined) {
     throw new PayloadError("node has a matrix or rotation, expected translation and scale alone");
   }
@@ -148,7 +159,7 @@ function placeOf(node: JsonObject): Place {
 }
 
 /** The box in metres; codes are placed as the GPU places them. */
-function placed(codes: Bounds, { translation, stepM }: Place): Bounds {
+function transformedBounds(codes: Bounds, { translation, stepM }: Place): Bounds {
   const side = (axis: 0 | 1 | 2, code: number): number => {
     const value = Math.fround(translation[axis] + stepM * code);
     if (Number.isFinite(value)) return value;
@@ -170,8 +181,8 @@ function expectRows(label: string, count: number, vertexCount: number): void {
 }
 
 function attributeTable(mesh: JsonObject): { name: string; gltfName: string; offset: number; step: number }[] {
-  const ours = optionalObject(optionalObject(mesh.extras, "extras").terraport, "extras.terraport");
-  return expectList(ours.attributes ?? [], "extras.terraport.attributes").map((entry) => {
+  const terraportExtras = optionalObject(optionalObject(mesh.extras, "extras").terraport, "extras.terraport");
+  return expectList(terraportExtras.attributes ?? [], "extras.terraport.attributes").map((entry) => {
     const row = expectObject(entry, "attribute");
     const { name, gltf_name: gltfName } = row;
     if (typeof name !== "string" || typeof gltfName !== "string" || !gltfName.startsWith("_")) {
@@ -190,7 +201,7 @@ function attributeTable(mesh: JsonObject): { name: string; gltfName: string; off
 }
 
 function uvScaleOf(
-  texture: TexturePlace,
+  texture: TextureReference,
   uvs: { values: Uint16Array; normalised: boolean },
 ): readonly [number, number] {
   if ((texture.uvScale === null) !== uvs.normalised) {
@@ -205,17 +216,17 @@ function uvScaleOf(
   return scale;
 }
 
-function readImage(reader: AccessorReader, texture: TexturePlace, segment: number): ImageFile {
+function readImage(reader: AccessorReader, texture: TextureReference, segment: number): ImageFile {
   const bytes = reader.image(texture.view);
   const header = readImageHeader(bytes);
   const { mediaType, width, height } = header;
   if (mediaType !== texture.mediaType) {
     throw new PayloadError(`image is ${mediaType}, expected ${texture.mediaType} by mimeType`);
   }
-  const most = segment < 0 ? MAX_BASE_SIDE : MAX_SEGMENT_SIDE;
+  const maxSide = segment < 0 ? MAX_BASE_SIDE : MAX_SEGMENT_SIDE;
   for (const side of [width, height]) {
-    if (side < 1 || side > most || (side & (side - 1)) !== 0) {
-      throw new PayloadError(`image of ${width} x ${height} pixels, expected powers of two, at most ${most}`);
+    if (side < 1 || side > maxSide || (side & (side - 1)) !== 0) {
+      throw new PayloadError(`image of ${width} x ${height} pixels, expected powers of two, at most ${maxSide}`);
     }
   }
   return { header, bytes };

@@ -6,7 +6,7 @@ import { PayloadError } from "./errors.ts";
 export type JsonObject = Readonly<Record<string, unknown>>;
 
 /** Far above any segment: a bound for arithmetic. 134 M rows of 16 bytes. */
-const MOST = 2 ** 31;
+const MAX_WHOLE = 2 ** 31;
 
 /** The value, if it is an object. */
 export function expectObject(value: unknown, label: string): JsonObject {
@@ -41,9 +41,9 @@ export function pick(values: readonly unknown[], number: unknown, label: string)
 }
 
 /** A whole number of at least `least`. */
-export function expectWhole(value: unknown, label: string, least: number): number {
-  if (typeof value === "number" && Number.isInteger(value) && value >= least && value <= MOST) return value;
-  throw new PayloadError(`${label} is ${shortly(value)}, expected a whole number from ${least} to ${MOST}`);
+export function expectWhole(value: unknown, label: string, minimum: number): number {
+  if (typeof value === "number" && Number.isInteger(value) && value >= minimum && value <= MAX_WHOLE) return value;
+  throw new PayloadError(`${label} is ${shortly(value)}, expected a whole number from ${minimum} to ${MAX_WHOLE}`);
 }
 
 /** A finite number. */

@@ -47,10 +47,10 @@ export function boundsOf(positions: Uint16Array | Float32Array): Bounds {
 
 /** The largest of every `width`-th entry, from `first` on. */
 export function largest(values: Uint16Array, first: number, width: number): number {
-  let most = 0;
+  let maximum = 0;
   for (let at = first; at < values.length; at += width) {
     const value = values[at]!;
-    if (value > most) most = value;
+    if (value > maximum) maximum = value;
   }
-  return most;
+  return maximum;
 }

@@ -12,8 +12,8 @@ export interface HttpOptions {
 /** How much may come, and who is told of it. */
 export interface Download {
   /** More than this is refused; where it is exact, less is as well. */
-  readonly mostBytes: number;
-  /** `mostBytes` is what must come. */
+  readonly maxBytes: number;
+  /** `maxBytes` is what must come. */
   readonly isExact: boolean;
   readonly onBytes?: (bytes: number) => void;
 }
@@ -36,7 +36,7 @@ const MAX_JSON_BYTES = 16 * 2 ** 20;
  * @throws StreamError As {@link fetchBytes}.
  */
 export async function fetchJson(url: string, options: HttpOptions): Promise<Readonly<Record<string, unknown>>> {
-  const bytes = await fetchBytes(url, options, { mostBytes: MAX_JSON_BYTES, isExact: false });
+  const bytes = await fetchBytes(url, options, { maxBytes: MAX_JSON_BYTES, isExact: false });
   const value = parseJson(bytes, url);
   if (typeof value === "object" && value !== null && !Array.isArray(value)) return value as Record<string, unknown>;
   throw new StreamError("damaged", `${url} is no JSON object; is this a terraport server?`, 200);
@@ -84,25 +84,35 @@ export async function fetchBytes(
 }
 
 async function readBody(url: string, response: Response, download: Download): Promise<Uint8Array<ArrayBuffer>> {
-  const { mostBytes, isExact, onBytes } = download;
-  let bytes = new Uint8Array(isExact ? mostBytes : Math.min(mostBytes, 65_536));
+  const { maxBytes, isExact, onBytes } = download;
+  let bytes = new Uint8Array(isExact ? maxBytes : Math.min(maxBytes, 65_536));
   let size = 0;
-  for await (const part of partsOf(response)) {
-    if (part.length > mostBytes - size) {
-      throw new StreamError("damaged", `${url} has more than ${mostBytes} bytes, expected ${said(download)}`, 200);
+  for await (const chunk of chunksOf(response)) {
+    // Stopped at the bound, not read to the end and then refused.
+    if (chunk.length > maxBytes - size) {
+      throw new StreamError(
+        "damaged",
+        `${url} has more than ${maxBytes} bytes, expected ${expectedText(download)}`,
+        200,
+      );
     }
-    if (size + part.length > bytes.length) bytes = enlarged(bytes, Math.min(mostBytes, 2 * (size + part.length)));
-    bytes.set(part, size);
-    size += part.length;
-    onBytes?.(part.length);
+    // Where no length was promised, memory grows with what has come, not with the bound.
+    if (size + chunk.length > bytes.length) bytes = enlarged(bytes, Math.min(maxBytes, 2 * (size + chunk.length)));
+    bytes.set(chunk, size);
+    size += chunk.length;
+    onBytes?.(chunk.length);
   }
-  if (isExact && size !== mostBytes) {
-    throw new StreamError("damaged", `${url} has ${size} bytes, expected ${said(download)}; load it again`, 200);
+  if (isExact && size !== maxBytes) {
+    throw new StreamError(
+      "damaged",
+      `${url} has ${size} bytes, expected ${expectedText(download)}; load it again`,
+      200,
+    );
   }
   return bytes.subarray(0, size);
 }
 
-async function* partsOf(response: Response): AsyncGenerator<Uint8Array> {
+async function* chunksOf(response: Response): AsyncGenerator<Uint8Array> {
   if (response.body === null) return;
   // Not the body's own iterator: Safari has none.
   const reader = response.body.getReader();
@@ -124,8 +134,8 @@ function enlarged(bytes: Uint8Array, size: number): Uint8Array<ArrayBuffer> {
   return larger;
 }
 
-function said({ mostBytes, isExact }: Download): string {
-  return isExact ? `${mostBytes} by the manifest` : `at most ${mostBytes}`;
+function expectedText({ maxBytes, isExact }: Download): string {
+  return isExact ? `${maxBytes} by the manifest` : `at most ${maxBytes}`;
 }
 
 async function refusal(url: string, response: Response): Promise<StreamError> {
@@ -146,7 +156,7 @@ const ADVICE: ReadonlyMap<string, string> = new Map([
 /** Code and text of our server's JSON error body, where it is one. */
 async function statedError(url: string, response: Response): Promise<{ code?: string; message?: string }> {
   try {
-    const body = await readBody(url, response, { mostBytes: MAX_ERROR_BYTES, isExact: false });
+    const body = await readBody(url, response, { maxBytes: MAX_ERROR_BYTES, isExact: false });
     const { error } = JSON.parse(new TextDecoder().decode(body)) as { error?: { code?: unknown; message?: unknown } };
     return {
       ...(typeof error?.code === "string" && { code: error.code }),

@@ -57,10 +57,10 @@ async function resolveScene(sceneUrl: string, options: HttpOptions): Promise<str
   const { server, scene } = parseSceneUrl(sceneUrl);
   if (scene !== null) return sceneUrlOf(server, scene);
   const { scenes } = await listScenes(server, options);
-  const [only] = scenes;
-  if (only !== undefined && scenes.length === 1) return sceneUrlOf(server, only.id);
-  const named = scenes.map((one) => one.id).join(", ") || "none";
-  const text = `${server} serves ${scenes.length} scenes (${named}), expected one: name it as .../scenes/ID`;
+  const [onlyScene] = scenes;
+  if (onlyScene !== undefined && scenes.length === 1) return sceneUrlOf(server, onlyScene.id);
+  const ids = scenes.map((scene) => scene.id).join(", ") || "none";
+  const text = `${server} serves ${scenes.length} scenes (${ids}), expected one: name it as .../scenes/ID`;
   throw new StreamError("several_scenes", text);
 }
 
@@ -69,6 +69,10 @@ async function fetchManifest(url: string, options: LoadOptions): Promise<Checked
   return checkManifest(json, parseSceneUrl(url).scene ?? "");
 }
 
+/**
+ * All files of the manifest's version, or none. Each is asked for by `?v=` and compared with the manifest's hash: what a proxy
+ * or a publication in between has mixed is refused here (wire protocol, 2.5, rule 2).
+ */
 async function loadVersion(url: string, checked: CheckedManifest, options: LoadOptions): Promise<SceneFiles> {
   const { manifest, files } = checked;
   // One that fails must not leave the others loading.
@@ -78,14 +82,14 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
   let doneBytes = 0;
 
   const load = async (key: LoadedFile): Promise<Uint8Array<ArrayBuffer>> => {
-    const { bytes: mostBytes, xxh3: expected } = files[key];
+    const { bytes: maxBytes, xxh3: expected } = files[key];
     const onBytes = (bytes: number) => {
       doneBytes += bytes;
       options.onProgress?.(doneBytes, totalBytes);
     };
     const address = versioned(`${url}/${key}`, manifest.version);
     const request = { token: options.token, signal };
-    const bytes = await fetchBytes(address, request, { mostBytes, isExact: true, onBytes });
+    const bytes = await fetchBytes(address, request, { maxBytes, isExact: true, onBytes });
     if (xxh3(bytes) !== expected) {
       throw new StreamError("damaged", `${address} has another hash than the manifest says; load it again`, 200);
     }
@@ -100,6 +104,7 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
       load("regions.json"),
       fetchLabels(`${url}/labels.json`, { token: options.token, signal }),
     ]);
+    // Right bytes may still hold a wrong file: base, cover and segment ids must belong together.
     const base = await decodeGlb(glb, -1, options.decodeImage);
     if (base.faceCount !== checked.baseFaces) {
       throw new PayloadError(`base of ${base.faceCount} faces, expected ${checked.baseFaces} by the manifest`);

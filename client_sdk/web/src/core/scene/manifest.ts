@@ -23,7 +23,7 @@ export interface CheckedManifest {
 }
 
 /** Section 12. */
-const MOST_BYTES: Readonly<Record<LoadedFile, number>> = {
+const MAX_FILE_BYTES: Readonly<Record<LoadedFile, number>> = {
   "base.glb": 2 ** 30,
   "base.cover": 2 ** 30,
   "regions.json": 2 ** 28,
@@ -120,7 +120,8 @@ function readAttribute(value: unknown): AttributeInfo {
 function readFile(files: JsonObject, key: LoadedFile): FileFacts {
   const file = expectObject(files[key], key);
   const bytes = expectWhole(file.bytes, `bytes of ${key}`, 1);
-  if (bytes > MOST_BYTES[key]) throw new PayloadError(`${key} of ${bytes} bytes, expected at most ${MOST_BYTES[key]}`);
+  if (bytes > MAX_FILE_BYTES[key])
+    throw new PayloadError(`${key} of ${bytes} bytes, expected at most ${MAX_FILE_BYTES[key]}`);
   return { bytes, xxh3: BigInt(`0x${expectDigest(file.xxh3, HASH, `xxh3 of ${key}`)}`) };
 }
 
@@ -128,7 +129,8 @@ function readFile(files: JsonObject, key: LoadedFile): FileFacts {
 function texturesOf(value: unknown): SceneManifest["texturesOf"] {
   if (value === undefined || value === null) return null;
   const textures = expectObject(value, "textures");
-  if (!expectList(textures.media_types, "textures.media_types").some((one) => OPENABLE.has(one))) return null;
+  if (!expectList(textures.media_types, "textures.media_types").some((mediaType) => OPENABLE.has(mediaType)))
+    return null;
   return textures.source === "vertex" ? "points" : "photos";
 }
 

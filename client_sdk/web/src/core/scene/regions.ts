@@ -26,18 +26,18 @@ export function readRegions(json: unknown, labels: Labels): RegionFacts[] {
 
 /** Read labels.json. A file that is damaged gives no label at all: a name must never take the ground away. */
 export function readLabels(json: unknown): Labels {
-  const none: Labels = new Map();
-  if (typeof json !== "object" || json === null) return none;
+  const noLabels: Labels = new Map();
+  if (typeof json !== "object" || json === null) return noLabels;
   const { format, format_version: version, labels: rows } = json as JsonObject;
-  if (format !== "terraport-labels" || typeof version !== "string" || version.split(".")[0] !== "1") return none;
-  if (!Array.isArray(rows)) return none;
+  if (format !== "terraport-labels" || typeof version !== "string" || version.split(".")[0] !== "1") return noLabels;
+  if (!Array.isArray(rows)) return noLabels;
   const labels = new Map<number, string>();
-  let before = -1;
+  let previousId = -1;
   for (const row of rows as readonly unknown[]) {
     const { stable_id: stableId, label } = (row ?? {}) as JsonObject;
-    if (!isWhole(stableId) || stableId <= before || !isLabel(label)) return none;
+    if (!isWhole(stableId) || stableId <= previousId || !isLabel(label)) return noLabels;
     labels.set(stableId, label);
-    before = stableId;
+    previousId = stableId;
   }
   return labels;
 }
@@ -50,12 +50,12 @@ function isLabel(value: unknown): value is string {
 
 function readRegion(region: JsonObject, id: number, labels: Labels): RegionFacts {
   const stableId = isWhole(region.stable_id) ? region.stable_id : null;
-  const ours = stableId === null ? undefined : labels.get(stableId);
+  const labelled = stableId === null ? undefined : labels.get(stableId);
   const slope = region.slope_deg;
   return {
     id,
     stableId,
-    label: ours ?? (typeof region.label === "string" && region.label !== "" ? region.label : null),
+    label: labelled ?? (typeof region.label === "string" && region.label !== "" ? region.label : null),
     areaM2: numberOrNull(region.area_m2),
     meanColour: tripleOrNull(region.mean_colour),
     slopeDeg: typeof slope === "object" && slope !== null ? numberOrNull((slope as JsonObject).mean) : null,

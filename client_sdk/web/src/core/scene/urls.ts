@@ -27,22 +27,22 @@ const SCENES = "/scenes";
  * @throws StreamError `invalid_url` if it is neither, or has credentials, a query or a fragment.
  */
 export function parseSceneUrl(url: string): SceneUrl {
-  const parts = parsed(url);
-  const scheme = parts === null ? undefined : HTTP_OF.get(parts.protocol);
-  if (parts === null || scheme === undefined || parts.hostname === "") {
+  const address = parsed(url);
+  const scheme = address === null ? undefined : HTTP_OF.get(address.protocol);
+  if (address === null || scheme === undefined || address.hostname === "") {
     throw invalid(`URL ${JSON.stringify(url)}, expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)`);
   }
-  if (parts.username !== "" || parts.password !== "" || parts.search !== "" || parts.hash !== "") {
-    throw invalid(`URL of ${parts.hostname} has credentials, a query or a fragment, expected none of them`);
+  if (address.username !== "" || address.password !== "" || address.search !== "" || address.hash !== "") {
+    throw invalid(`URL of ${address.hostname} has credentials, a query or a fragment, expected none of them`);
   }
-  const origin = `${scheme}//${parts.host}`;
-  const found = parts.pathname.indexOf(SCENES);
-  const prefix = found < 0 ? parts.pathname : parts.pathname.slice(0, found);
-  const rest = found < 0 ? "" : parts.pathname.slice(found + SCENES.length);
-  const scene = rest.replace(/^\/+|\/+$/g, "").replace(/\/stream$/, "");
+  const origin = `${scheme}//${address.host}`;
+  const scenesAt = address.pathname.indexOf(SCENES);
+  const prefix = scenesAt < 0 ? address.pathname : address.pathname.slice(0, scenesAt);
+  const scenePath = scenesAt < 0 ? "" : address.pathname.slice(scenesAt + SCENES.length);
+  const scene = scenePath.replace(/^\/+|\/+$/g, "").replace(/\/stream$/, "");
   if (scene === "") return { server: origin + prefix.replace(/\/+$/, ""), scene: null };
-  if (scene.includes("/") || !rest.startsWith("/")) {
-    throw invalid(`URL path ${JSON.stringify(parts.pathname)}, expected [/prefix]/scenes/ID`);
+  if (scene.includes("/") || !scenePath.startsWith("/")) {
+    throw invalid(`URL path ${JSON.stringify(address.pathname)}, expected [/prefix]/scenes/ID`);
   }
   return { server: origin + prefix, scene: decoded(scene) };
 }

@@ -14,25 +14,25 @@ interface Aim {
 
 /** Where the user points. Older aims are forgotten; so are all once the user lands. */
 export class AimState {
-  #noted: Aim | null = null;
+  #unsent: Aim | null = null;
   #sent: Aim | null = null;
   #generation = -1;
 
   /** Whether an aim is to be sent. */
   get waits(): boolean {
-    return this.#noted !== null;
+    return this.#unsent !== null;
   }
 
   /** Note the newest one, in place of any that waits. */
   note(position: Vec3, radiusM: number): void {
-    this.#noted = { position, radiusM };
+    this.#unsent = { position, radiusM };
   }
 
   /** The message to send now, under a generation of this connection; null where none waits. */
   take(generation: number): AimMessage | null {
-    const aim = this.#noted;
+    const aim = this.#unsent;
     if (aim === null) return null;
-    this.#noted = null;
+    this.#unsent = null;
     this.#sent = aim;
     this.#generation = generation;
     return { type: "aim", generation, position: aim.position, radius_m: aim.radiusM };
@@ -40,7 +40,7 @@ export class AimState {
 
   /** Forget it: the user has landed. */
   clear(): void {
-    this.#noted = null;
+    this.#unsent = null;
     this.#sent = null;
   }
 
@@ -52,10 +52,10 @@ export class AimState {
   /**
    * Send it anew on the next connection, unless all of it had come (7, rule 4).
    *
-   * @param done - generation of the newest aim of which everything has come.
+   * @param completedGeneration - generation of the newest aim of which everything has come.
    */
-  connectionLost(done: number): void {
-    if (this.#noted === null && this.#generation !== done) this.#noted = this.#sent;
+  connectionLost(completedGeneration: number): void {
+    if (this.#unsent === null && this.#generation !== completedGeneration) this.#unsent = this.#sent;
     this.#generation = -1;
   }
 }

@@ -10,7 +10,7 @@
 import type { PayloadFrame } from "../wire/frames.ts";
 import { ProtocolViolation } from "./violation.ts";
 
-interface Part {
+interface PartialPayload {
   readonly chunks: Uint8Array<ArrayBuffer>[];
   received: number;
 }
@@ -22,16 +22,16 @@ interface Part {
  * forgets the rest.
  */
 export class Assembler {
-  readonly #parts = new Map<number, Part>();
+  readonly #partials = new Map<number, PartialPayload>();
 
   /** Segments that are partly here. */
   get size(): number {
-    return this.#parts.size;
+    return this.#partials.size;
   }
 
   /** Bytes of one segment that are here already. */
   received(segment: number): number {
-    return this.#parts.get(segment)?.received ?? 0;
+    return this.#partials.get(segment)?.received ?? 0;
   }
 
   /**
@@ -45,29 +45,29 @@ export class Assembler {
     if (frame.total !== length) {
       throw new ProtocolViolation(`segment ${segment} announces ${frame.total} bytes, expected ${length} by the plan`);
     }
-    const part = this.#parts.get(segment) ?? { chunks: [], received: 0 };
-    if (frame.offset !== part.received) {
-      throw new ProtocolViolation(`segment ${segment} continues at byte ${frame.offset}, expected ${part.received}`);
+    const partial = this.#partials.get(segment) ?? { chunks: [], received: 0 };
+    if (frame.offset !== partial.received) {
+      throw new ProtocolViolation(`segment ${segment} continues at byte ${frame.offset}, expected ${partial.received}`);
     }
-    if (frame.last && part.received === 0) return chunk;
-    part.chunks.push(chunk);
-    part.received += chunk.byteLength;
-    this.#parts.set(segment, part);
+    if (frame.last && partial.received === 0) return chunk;
+    partial.chunks.push(chunk);
+    partial.received += chunk.byteLength;
+    this.#partials.set(segment, partial);
     if (!frame.last) return null;
-    this.#parts.delete(segment);
-    return joined(part.chunks, part.received);
+    this.#partials.delete(segment);
+    return joined(partial.chunks, partial.received);
   }
 
   /** Forget every part of a segment that is not among these. */
   keepOnly(segments: { has(segment: number): boolean }): void {
-    for (const segment of [...this.#parts.keys()]) {
-      if (!segments.has(segment)) this.#parts.delete(segment);
+    for (const segment of [...this.#partials.keys()]) {
+      if (!segments.has(segment)) this.#partials.delete(segment);
     }
   }
 
   /** Forget everything: the connection is gone. */
   clear(): void {
-    this.#parts.clear();
+    this.#partials.clear();
   }
 }
 

@@ -17,7 +17,7 @@ import type { CachedSegment, SegmentCache } from "./cache.ts";
 export class Holdings {
   readonly #cache: SegmentCache;
   /** Dropped here, and the server not told yet. */
-  readonly #gone = new Map<number, SegmentFacts>();
+  readonly #unreportedDrops = new Map<number, SegmentFacts>();
 
   constructor(cache: SegmentCache) {
     this.#cache = cache;
@@ -47,11 +47,11 @@ export class Holdings {
 
   /** Facts of what is held, or was until the server is told. */
   factsOf(segment: number): SegmentFacts | undefined {
-    return this.#cache.peek(segment)?.facts ?? this.#gone.get(segment);
+    return this.#cache.peek(segment)?.facts ?? this.#unreportedDrops.get(segment);
   }
 
   put(entry: CachedSegment): void {
-    this.#gone.delete(entry.facts.segment);
+    this.#unreportedDrops.delete(entry.facts.segment);
     this.#cache.put(entry);
   }
 
@@ -63,7 +63,7 @@ export class Holdings {
   /** Evict down to the bound; returns the ids that went. */
   trim(): number[] {
     return this.#cache.trim().map((facts) => {
-      this.#gone.set(facts.segment, facts);
+      this.#unreportedDrops.set(facts.segment, facts);
       return facts.segment;
     });
   }
@@ -72,7 +72,7 @@ export class Holdings {
   forget(segments: Iterable<number>): void {
     for (const segment of segments) {
       this.#cache.discard(segment);
-      this.#gone.delete(segment);
+      this.#unreportedDrops.delete(segment);
     }
   }
 
@@ -82,8 +82,8 @@ export class Holdings {
    * @param spared - ids of a plan that is not ready: these must not be evicted now and are told later.
    */
   evictions(spared: ReadonlySet<number>): ClientMessage[] {
-    const ids = [...this.#gone.keys()].filter((segment) => !spared.has(segment)).sort((a, b) => a - b);
-    for (const segment of ids) this.#gone.delete(segment);
+    const ids = [...this.#unreportedDrops.keys()].filter((segment) => !spared.has(segment)).sort((a, b) => a - b);
+    for (const segment of ids) this.#unreportedDrops.delete(segment);
     const messages: ClientMessage[] = [];
     for (let start = 0; start < ids.length; start += LIMITS.MAX_HELD_SEGMENTS) {
       messages.push({ type: "evict", segments: ids.slice(start, start + LIMITS.MAX_HELD_SEGMENTS) });
@@ -97,7 +97,7 @@ export class Holdings {
    * What does not fit into `hello` goes into the `held` messages after the welcome.
    */
   offer(): HeldRow[] {
-    this.#gone.clear();
+    this.#unreportedDrops.clear();
     const rows: HeldRow[] = [];
     for (const segment of this.#cache.ids().reverse()) {
       const facts = this.#cache.peek(segment)?.facts;

@@ -24,8 +24,8 @@ export class LandingState {
    */
   readonly crossed = new Map<number, SegmentFacts>();
   /** Ids of load and keep. */
-  wanted: ReadonlySet<number> = new Set();
-  /** Wanted ids whose payload is not here yet. */
+  plannedIds: ReadonlySet<number> = new Set();
+  /** Planned ids whose payload is not here yet. */
   waiting = new Set<number>();
   /** Ids of the latest `ready.missing`. */
   missing: ReadonlySet<number> = new Set();
@@ -37,7 +37,7 @@ export class LandingState {
   /** Chunk bytes that came for it, in all its generations. */
   payloadBytes = 0;
   /** Whether it became ready for the client. */
-  done = false;
+  isDone = false;
 
   constructor(number: number, position: Vec3, radiusM: number, options: LandOptions) {
     this.number = number;
@@ -54,7 +54,7 @@ export class LandingState {
   /** Take the plan of a generation, in place of any before. */
   begin(plan: PlanMessage): void {
     this.facts = new Map(plan.load.map((facts) => [facts.segment, facts]));
-    this.wanted = new Set([...this.facts.keys(), ...plan.keep]);
+    this.plannedIds = new Set([...this.facts.keys(), ...plan.keep]);
     this.waiting = new Set(this.facts.keys());
     this.missing = new Set();
     this.inner = null;
@@ -76,9 +76,9 @@ export class LandingState {
     return true;
   }
 
-  /** What it shows once complete: all that is wanted and whole, ascending. */
+  /** What it shows once complete: all that is planned and whole, ascending. */
   get shown(): readonly number[] {
-    return [...this.wanted].filter((segment) => !this.waiting.has(segment)).sort((a, b) => a - b);
+    return [...this.plannedIds].filter((segment) => !this.waiting.has(segment)).sort((a, b) => a - b);
   }
 }
 
@@ -90,9 +90,9 @@ export interface PrefetchState {
   readonly bytes: number;
 }
 
-/** Begin one. */
+/** State of a prefetch from its announcement: everything in it is still to come. */
 export function prefetchState(prefetch: PrefetchMessage): PrefetchState {
-  const facts = new Map(prefetch.segments.map((one) => [one.segment, one]));
+  const facts = new Map(prefetch.segments.map((row) => [row.segment, row]));
   return { generation: prefetch.generation, facts, waiting: new Set(facts.keys()), bytes: prefetch.bytes };
 }
 

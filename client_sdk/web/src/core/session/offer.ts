@@ -16,7 +16,7 @@ const AROUND_BYTES = 64;
 
 /** One offer: as much as `hello` takes, and the rest after the welcome. */
 export class HeldOffer {
-  #rest: readonly HeldRow[] = [];
+  #remaining: readonly HeldRow[] = [];
 
   /**
    * What goes into `hello`.
@@ -27,22 +27,22 @@ export class HeldOffer {
    */
   first(rows: readonly HeldRow[], inHello: boolean): readonly HeldRow[] {
     const count = inHello ? LIMITS.MAX_HELD_SEGMENTS : 0;
-    this.#rest = rows.slice(count);
+    this.#remaining = rows.slice(count);
     return rows.slice(0, count);
   }
 
   /** The messages, once, that go after the welcome, and the rows that such a server cannot be told of. */
-  rest(welcome: WelcomeMessage): { messages: HeldMessage[]; untold: readonly HeldRow[] } {
-    const rows = this.#rest;
-    this.#rest = [];
+  remaining(welcome: WelcomeMessage): { messages: HeldMessage[]; unsendable: readonly HeldRow[] } {
+    const rows = this.#remaining;
+    this.#remaining = [];
     const { limits } = welcome;
     const fits = Math.floor((limits.max_message_bytes - AROUND_BYTES) / ROW_BYTES);
-    const most = Math.min(fits, limits.max_held_segments);
-    if (most < 1) return { messages: [], untold: rows };
+    const maxRows = Math.min(fits, limits.max_held_segments);
+    if (maxRows < 1) return { messages: [], unsendable: rows };
     const messages: HeldMessage[] = [];
-    for (let at = 0; at < rows.length; at += most) {
-      messages.push({ type: "held", segments: rows.slice(at, at + most) });
+    for (let at = 0; at < rows.length; at += maxRows) {
+      messages.push({ type: "held", segments: rows.slice(at, at + maxRows) });
     }
-    return { messages, untold: [] };
+    return { messages, unsendable: [] };
   }
 }

@@ -23,7 +23,7 @@ export interface SessionOptions {
 }
 
 /** The message that opens a connection. */
-export function helloMessage(options: SessionOptions, held: readonly HeldRow[]): HelloMessage {
+export function helloMessage(options: SessionOptions, heldRows: readonly HeldRow[]): HelloMessage {
   const { budgets } = options;
   return {
     type: "hello",
@@ -37,7 +37,7 @@ export function helloMessage(options: SessionOptions, held: readonly HeldRow[]):
     },
     credit_bytes: options.creditBytes,
     release_factor: options.releaseFactor,
-    held,
+    held: heldRows,
     timings: true,
   };
 }

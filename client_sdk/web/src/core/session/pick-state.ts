@@ -11,7 +11,7 @@ import type { SessionEvent } from "./events.ts";
 /** Asked again on the next connection until they are answered, refused or dropped. */
 export class PickState {
   readonly #report: (event: SessionEvent) => void;
-  readonly #asked = new Map<number, PickMessage>();
+  readonly #unanswered = new Map<number, PickMessage>();
 
   constructor(report: (event: SessionEvent) => void) {
     this.#report = report;
@@ -19,35 +19,35 @@ export class PickState {
 
   /** How many wait. */
   get count(): number {
-    return this.#asked.size;
+    return this.#unanswered.size;
   }
 
   /** The message that asks what lies along a ray. */
   ask(request: number, origin: Vec3, direction: Vec3 | undefined): PickMessage {
     const pick: PickMessage = { type: "pick", request, origin, direction };
-    this.#asked.set(request, pick);
+    this.#unanswered.set(request, pick);
     return pick;
   }
 
   /** Those to ask again. */
   waiting(): PickMessage[] {
-    return [...this.#asked.values()];
+    return [...this.#unanswered.values()];
   }
 
   /** Forget one: its answer is skipped. */
   drop(request: number): void {
-    this.#asked.delete(request);
+    this.#unanswered.delete(request);
   }
 
   answered(picked: PickedMessage): void {
-    if (!this.#asked.delete(picked.request)) return;
+    if (!this.#unanswered.delete(picked.request)) return;
     const hit = picked.hit === undefined ? null : hitOf(picked.hit);
     this.#report({ type: "pick-answered", request: picked.request, hit });
   }
 
   /** Take an error; whether it was one of a pick's. */
   refused(error: ErrorMessage): boolean {
-    if (error.request === undefined || !this.#asked.delete(error.request)) return false;
+    if (error.request === undefined || !this.#unanswered.delete(error.request)) return false;
     this.#report({ type: "pick-refused", request: error.request, code: error.code, message: error.message });
     return true;
   }

@@ -34,7 +34,7 @@ export class ClientSession {
   readonly options: SessionOptions;
   /** Scene version of the newest connection. */
   version: string | null = null;
-  readonly held: Holdings;
+  readonly holdings: Holdings;
   #events: SessionEvent[] = [];
   #outbox: ClientMessage[] = [];
   readonly #transfers: Transfers;
@@ -64,10 +64,10 @@ export class ClientSession {
     }
     check(helloMessage(options, []));
     this.options = options;
-    this.held = new Holdings(new SegmentCache(cacheBytes));
+    this.holdings = new Holdings(new SegmentCache(cacheBytes));
     const report = (event: SessionEvent) => void this.#events.push(event);
-    const say = (message: ClientMessage) => void this.#outbox.push(message);
-    this.#transfers = new Transfers({ held: this.held, xxh3, say, report });
+    const send = (message: ClientMessage) => void this.#outbox.push(message);
+    this.#transfers = new Transfers({ holdings: this.holdings, xxh3, send, report });
     this.#picks = new PickState(report);
   }
 
@@ -117,8 +117,8 @@ export class ClientSession {
   }
 
   /** Segments that are partly here. */
-  get openParts(): number {
-    return this.#transfers.openParts;
+  get partialCount(): number {
+    return this.#transfers.partialCount;
   }
 
   // ---- output
@@ -149,7 +149,7 @@ export class ClientSession {
   connected(offerHeld = true): void {
     this.#open = false;
     this.#greeting = true;
-    this.#outbox = [helloMessage(this.options, this.#offer.first(this.held.offer(), offerHeld))];
+    this.#outbox = [helloMessage(this.options, this.#offer.first(this.holdings.offer(), offerHeld))];
   }
 
   /**
@@ -163,6 +163,7 @@ export class ClientSession {
     this.#greeting = false;
     this.#outbox = [];
     this.#unsent = null;
+    // Credit belongs to the connection (8).
     this.#takenBytes = 0;
     this.#aim.connectionLost(this.#transfers.aimDone);
     this.#queue(this.#transfers.connectionLost());
@@ -246,7 +247,7 @@ export class ClientSession {
     this.#picks.drop(request);
   }
 
-  /** End the session politely. */
+  /** Say `bye`, where there is a connection: the server then closes at once (5.6). */
   bye(): void {
     if (this.#open) this.#outbox.push({ type: "bye" });
   }
@@ -286,14 +287,18 @@ export class ClientSession {
     const { scene, limits, session } = welcome;
     const changed = this.version !== null && this.version !== scene.version;
     this.version = scene.version;
+    // Visible ids meant segments of the version before (5.4).
     if (changed) this.#transfers.hideAll();
+    // Granted in halves: the server never runs dry while a grant is on its way (8).
     this.#creditStep = Math.max(1, Math.floor(Math.min(this.options.creditBytes, limits.max_credit_bytes) / 2));
     this.#events.push({ type: "opened", scene, limits, session, heldCount: welcome.held_count, changed });
+    // In this order (5.3): what is held is offered whole before the landing, whose plan counts on it; what a connection left
+    // unanswered is asked again.
     this.#onDropped(welcome.dropped);
-    const { messages, untold } = this.#offer.rest(welcome);
+    const { messages, unsendable } = this.#offer.remaining(welcome);
     this.#outbox.push(...messages);
     // A server that takes no table cannot be told: what it does not know of is not held (10.2).
-    this.#onDropped(untold.map((row) => row.segment));
+    this.#onDropped(unsendable.map((row) => row.segment));
     this.#outbox.push(...this.#picks.waiting());
     if (this.#queued !== null) {
       const landing = this.#queued;
@@ -305,13 +310,13 @@ export class ClientSession {
   /** Free what the server does not count as held. */
   #onDropped(segments: readonly number[]): void {
     if (segments.length === 0) return;
-    this.held.forget(segments);
+    this.holdings.forget(segments);
     this.#events.push({ type: "dropped", segments });
   }
 
   #onError(error: ErrorMessage): void {
-    const ofPick = this.#picks.refused(error);
-    if (ofPick && !error.fatal) return;
+    const isOfPick = this.#picks.refused(error);
+    if (isOfPick && !error.fatal) return;
     this.#aim.refused(error.generation);
     const { code, message, fatal } = error;
     const refused = fatal ? null : this.#transfers.refused(error.generation);
@@ -343,14 +348,14 @@ export class ClientSession {
   #withdrawUnsent(newer: LandingState): void {
     const unsent = this.#unsent;
     if (unsent === null) return;
-    this.#outbox = this.#outbox.filter((one) => one.type !== "land");
+    this.#outbox = this.#outbox.filter((message) => message.type !== "land");
     this.#transfers.withdraw(unsent);
     this.#events.push({ type: "superseded", landing: unsent.number, by: newer.number });
   }
 
   #sendEvictions(): void {
     // What may not be told now (6.7, rule 2) is told before the next land or aim.
-    if (!this.#transfers.awaitsPlan) this.#outbox.push(...this.held.evictions(this.#transfers.openPlan));
+    if (!this.#transfers.awaitsPlan) this.#outbox.push(...this.holdings.evictions(this.#transfers.openPlan));
   }
 
   #grant(takenBytes: number): void {

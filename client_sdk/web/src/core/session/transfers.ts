@@ -27,13 +27,13 @@ import { ProtocolViolation } from "./violation.ts";
 const NOTHING: ReadonlySet<number> = new Set();
 
 /** What {@link Transfers} works with. */
-export interface TransferParts {
+export interface TransferOptions {
   /** What is held; kept up to date here. */
-  readonly held: Holdings;
+  readonly holdings: Holdings;
   /** XXH3-64 of a payload. */
   readonly xxh3: (bytes: Uint8Array) => bigint;
   /** Takes the messages to send, in order. */
-  readonly say: (message: ClientMessage) => void;
+  readonly send: (message: ClientMessage) => void;
   /** Takes the events, in order. */
   readonly report: (event: SessionEvent) => void;
 }
@@ -50,10 +50,10 @@ export class Transfers {
   readonly aims = new AimCounts();
   /** Generation of the newest aim of which everything has come. */
   aimDone = -1;
-  readonly #parts: TransferParts;
+  readonly #options: TransferOptions;
   readonly #assembler = new Assembler();
   /** Sent, and without a plan yet, oldest first. */
-  #asked: LandingState[] = [];
+  #unplanned: LandingState[] = [];
   #current: LandingState | null = null;
   #prefetch: PrefetchState | null = null;
   /** Shown perhaps, since a deadline passed: the newest declared inner set. */
@@ -62,47 +62,47 @@ export class Transfers {
   #nearby: readonly number[] = [];
   #retried = new Set<number>();
 
-  constructor(parts: TransferParts) {
-    this.#parts = parts;
+  constructor(options: TransferOptions) {
+    this.#options = options;
   }
 
   /** The newest landing that is not ready. */
   get unfinished(): LandingState | null {
-    const newest = this.#asked.at(-1);
+    const newest = this.#unplanned.at(-1);
     if (newest !== undefined) return newest;
-    return this.#current !== null && !this.#current.done ? this.#current : null;
+    return this.#current !== null && !this.#current.isDone ? this.#current : null;
   }
 
   /** Whether a `land` has no plan yet: then nothing may be evicted (6.7, rule 2). */
   get awaitsPlan(): boolean {
-    return this.#asked.length > 0;
+    return this.#unplanned.length > 0;
   }
 
   /** Ids of the plan that is not ready: these must not be evicted (6.7, rule 2). */
   get openPlan(): ReadonlySet<number> {
-    return this.#current !== null && !this.#current.done ? this.#current.wanted : NOTHING;
+    return this.#current !== null && !this.#current.isDone ? this.#current.plannedIds : NOTHING;
   }
 
   /** Segments that are partly here. */
-  get openParts(): number {
+  get partialCount(): number {
     return this.#assembler.size;
   }
 
   /** Note that a landing was sent. */
   ask(landing: LandingState): void {
-    this.#asked.push(landing);
+    this.#unplanned.push(landing);
   }
 
   /** Forget a landing that was never sent. */
   withdraw(landing: LandingState): void {
-    this.#asked = this.#asked.filter((asked) => asked !== landing);
+    this.#unplanned = this.#unplanned.filter((queued) => queued !== landing);
   }
 
   /** Forget a landing that the server refused; an older one goes on (6.5, rule 5). */
   refused(generation: number | undefined): LandingState | null {
-    const at = this.#asked.findIndex((landing) => landing.generation === generation);
+    const at = this.#unplanned.findIndex((landing) => landing.generation === generation);
     if (at < 0) return null;
-    const [landing] = this.#asked.splice(at, 1);
+    const [landing] = this.#unplanned.splice(at, 1);
     this.#pinAndTrim();
     return landing ?? null;
   }
@@ -114,11 +114,12 @@ export class Transfers {
     this.aimDone = -1;
     const current = this.#current;
     this.#current = null;
-    const waiting = current === null || current.done ? this.#asked : [current, ...this.#asked];
-    this.#asked = [];
+    // Only the newest is asked again: the others are superseded by it, as on one connection.
+    const waiting = current === null || current.isDone ? this.#unplanned : [current, ...this.#unplanned];
+    this.#unplanned = [];
     const newest = waiting.at(-1) ?? null;
     for (const landing of waiting.slice(0, -1)) {
-      if (newest !== null) this.#parts.report({ type: "superseded", landing: landing.number, by: newest.number });
+      if (newest !== null) this.#options.report({ type: "superseded", landing: landing.number, by: newest.number });
     }
     this.#pin();
     return newest;
@@ -136,31 +137,32 @@ export class Transfers {
 
   /** Take the plan of the oldest landing that has none. */
   onPlan(plan: PlanMessage): void {
-    const landing = this.#asked[0];
+    const landing = this.#unplanned[0];
     if (landing === undefined || landing.generation !== plan.generation) {
       const expected = landing === undefined ? "none" : landing.generation;
       throw new ProtocolViolation(`got a plan of generation ${plan.generation}, expected ${expected}`);
     }
-    this.#asked.shift();
+    this.#unplanned.shift();
     this.#endCurrent(landing.number);
     this.#current = landing;
     this.#prefetch = null;
     this.#nearby = plan.nearby;
     this.#retried.clear();
     landing.begin(plan);
+    // Parts of what the new load has go on where they stopped; all others are forgotten, on both sides (6.5, rule 3).
     this.#assembler.keepOnly(landing.facts);
     this.aims.planned(plan.keep, plan.load.length > 0);
-    const gone: number[] = [];
+    const lost: number[] = [];
     for (const segment of plan.keep) {
-      if (this.#parts.held.recall(segment) !== undefined) continue;
+      if (this.#options.holdings.recall(segment) !== undefined) continue;
       const crossed = landing.crossed.get(segment);
-      if (crossed === undefined) gone.push(segment);
+      if (crossed === undefined) lost.push(segment);
       // Rejected already, and on its way again in this generation (6.4, rule 7).
       else landing.expectAgain(crossed);
     }
     this.#pinAndTrim();
-    this.#parts.report({ type: "planned", landing: landing.number, plan });
-    for (const segment of gone) this.#askAgain(landing, segment);
+    this.#options.report({ type: "planned", landing: landing.number, plan });
+    for (const segment of lost) this.#askAgain(landing, segment);
   }
 
   /** Take one of the (one or more) `ready` of the present landing (6.4). */
@@ -179,7 +181,8 @@ export class Transfers {
   /** Pass on the declared inner set, as soon as all of it is here. */
   onDegraded(degraded: DegradedMessage): void {
     const landing = this.#current;
-    if (landing === null || landing.done || landing.generation !== degraded.generation) return;
+    if (landing === null || landing.isDone || landing.generation !== degraded.generation) return;
+    // Perhaps before all of it is here: it is passed on once it is whole.
     landing.inner = [...degraded.segments].sort((a, b) => a - b);
     this.#degradeIfWhole(landing);
   }
@@ -189,7 +192,7 @@ export class Transfers {
     if (this.#prefetch?.generation === message.generation) {
       this.#prefetch = null;
     } else if (this.#current?.generation === message.generation) {
-      this.#endCurrent(this.#asked[0]?.number ?? this.#current.number);
+      this.#endCurrent(this.#unplanned[0]?.number ?? this.#current.number);
       this.#current = null;
     }
   }
@@ -201,7 +204,7 @@ export class Transfers {
     this.#retried.clear();
     this.#assembler.keepOnly(this.#prefetch.facts);
     const { generation, segments, bytes } = message;
-    this.#parts.report({ type: "prefetching", aim: generation, segments: segments.length, bytes });
+    this.#options.report({ type: "prefetching", aim: generation, segments: segments.length, bytes });
     this.#endPrefetchIfDone(this.#prefetch);
   }
 
@@ -210,23 +213,25 @@ export class Transfers {
     const { segment, generation, chunk } = frame;
     const landing = this.#current?.generation === generation ? this.#current : null;
     const prefetch = this.#prefetch?.generation === generation ? this.#prefetch : null;
+    // Of a known generation, and of a segment that it loads; counted before the hash is known, as the wire was used.
     const facts = this.#expected(frame, landing, prefetch);
     if (landing !== null) landing.payloadBytes += chunk.byteLength;
     this.payloadBytes += chunk.byteLength;
-    if (this.#parts.held.has(segment)) this.repeatedBytes += chunk.byteLength;
+    if (this.#options.holdings.has(segment)) this.repeatedBytes += chunk.byteLength;
     const payload = this.#assembler.take(frame, facts.length);
     if (payload === null) return;
-    const actual = this.#parts.xxh3(payload);
+    // Whole: held only with the right hash, else asked for once more.
+    const actual = this.#options.xxh3(payload);
     if (actual !== facts.xxh3) {
       const number = landing?.number ?? null;
-      this.#parts.report({ type: "rejected", landing: number, segment, actual, expected: facts.xxh3 });
+      this.#options.report({ type: "rejected", landing: number, segment, actual, expected: facts.xxh3 });
       this.#reject(generation, facts, "hash_mismatch");
       if (landing === null && prefetch !== null) this.#giveUpSecondTime(prefetch, segment);
       return;
     }
     const entry = { facts, payload };
-    this.#parts.held.put(entry);
-    this.#parts.report({ type: "arrived", landing: landing?.number ?? null, entry });
+    this.#options.holdings.put(entry);
+    this.#options.report({ type: "arrived", landing: landing?.number ?? null, entry });
     if (!this.awaitsPlan) this.#trim();
     if (landing !== null) {
       landing.waiting.delete(segment);
@@ -252,22 +257,22 @@ export class Transfers {
 
   /** Ask for a segment of `keep` that is not here after all (6.4, rule 4). */
   #askAgain(landing: LandingState, segment: number): void {
-    const facts = this.#parts.held.factsOf(segment);
+    const facts = this.#options.holdings.factsOf(segment);
     if (facts === undefined) {
       throw new ProtocolViolation(`plan ${landing.generation} keeps segment ${segment}, which was never held`);
     }
     landing.expectAgain(facts);
     const { number } = landing;
-    this.#parts.report({ type: "rejected", landing: number, segment, actual: null, expected: facts.xxh3 });
+    this.#options.report({ type: "rejected", landing: number, segment, actual: null, expected: facts.xxh3 });
     this.#reject(landing.generation, facts, "lost");
   }
 
   /** Tell that a segment is not held; for a landing under way that crosses on the wire. */
   #reject(generation: number, facts: SegmentFacts, reason: string): void {
     const { segment } = facts;
-    this.#parts.held.forget([segment]);
-    for (const asked of this.#asked) asked.crossed.set(segment, facts);
-    this.#parts.say({ type: "reject", generation, segment, reason });
+    this.#options.holdings.forget([segment]);
+    for (const landing of this.#unplanned) landing.crossed.set(segment, facts);
+    this.#options.send({ type: "reject", generation, segment, reason });
   }
 
   /** Stop waiting for it: a prefetch is sent once more, then no more (6.4, rule 4). */
@@ -281,26 +286,27 @@ export class Transfers {
 
   #endCurrent(by: number): void {
     const landing = this.#current;
-    if (landing !== null && !landing.done) {
-      this.#parts.report({ type: "superseded", landing: landing.number, by });
+    if (landing !== null && !landing.isDone) {
+      this.#options.report({ type: "superseded", landing: landing.number, by });
     }
   }
 
   #degradeIfWhole(landing: LandingState): void {
     const inner = landing.inner;
-    if (inner?.some((segment) => landing.waiting.has(segment) || !landing.wanted.has(segment)) !== false) return;
+    if (inner?.some((segment) => landing.waiting.has(segment) || !landing.plannedIds.has(segment)) !== false) return;
     landing.inner = null;
     this.#inner = inner;
-    this.#parts.report({ type: "degraded", landing: landing.number, segments: inner });
+    this.#options.report({ type: "degraded", landing: landing.number, segments: inner });
   }
 
   #finishIfComplete(): void {
     const landing = this.#current;
-    if (landing === null || landing.done || !landing.complete) return;
-    landing.done = true;
+    if (landing === null || landing.isDone || !landing.complete) return;
+    landing.isDone = true;
+    // From here on pinned as visible, and no longer as planned.
     this.visible = landing.shown;
     this.#inner = [];
-    this.#parts.report({
+    this.#options.report({
       type: "ready",
       landing: landing.number,
       visible: this.visible,
@@ -315,11 +321,11 @@ export class Transfers {
     if (prefetch.waiting.size > 0) return;
     this.aimDone = prefetch.generation;
     const { generation, facts, bytes } = prefetch;
-    this.#parts.report({ type: "prefetched", aim: generation, segments: facts.size, bytes });
+    this.#options.report({ type: "prefetched", aim: generation, segments: facts.size, bytes });
   }
 
   #pin(): void {
-    this.#parts.held.pin([...this.visible, ...this.#inner, ...this.openPlan, ...this.#nearby]);
+    this.#options.holdings.pin([...this.visible, ...this.#inner, ...this.openPlan, ...this.#nearby]);
   }
 
   #pinAndTrim(): void {
@@ -328,7 +334,7 @@ export class Transfers {
   }
 
   #trim(): void {
-    const segments = this.#parts.held.trim();
-    if (segments.length > 0) this.#parts.report({ type: "dropped", segments });
+    const segments = this.#options.holdings.trim();
+    if (segments.length > 0) this.#options.report({ type: "dropped", segments });
   }
 }

@@ -23,12 +23,12 @@ export interface UnknownMessage {
 /** Everything that one side sends. */
 export type MessageOf<D extends Direction> = D extends "client_to_server" ? ClientMessage : ServerMessage;
 
-const MOST_BYTES: Readonly<Record<Direction, number>> = {
+const MAX_MESSAGE_BYTES: Readonly<Record<Direction, number>> = {
   client_to_server: LIMITS.MAX_CLIENT_MESSAGE_BYTES,
   server_to_client: LIMITS.MAX_SERVER_MESSAGE_BYTES,
 };
 /** The values of a server's message are bounded by its bytes. */
-const MOST_VALUES: Readonly<Record<Direction, number>> = {
+const MAX_MESSAGE_VALUES: Readonly<Record<Direction, number>> = {
   client_to_server: LIMITS.MAX_CLIENT_VALUES,
   server_to_client: Number.POSITIVE_INFINITY,
 };
@@ -69,12 +69,12 @@ export function decodeMessage<D extends Direction>(
   direction: D,
   maxBytes: number = Number.POSITIVE_INFINITY,
 ): MessageOf<D> | UnknownMessage {
-  const limit = Math.min(maxBytes, MOST_BYTES[direction]);
+  const limit = Math.min(maxBytes, MAX_MESSAGE_BYTES[direction]);
   if (typeof data === "string") throw malformed("got a text message, expected a binary one");
   if (data.length > limit) {
     throw new DecodeError("too_large", `got a message of ${data.length} bytes, expected at most ${limit}`);
   }
-  const plain = readMsgpack(data, MOST_VALUES[direction]);
+  const plain = readMsgpack(data, MAX_MESSAGE_VALUES[direction]);
   if (!(plain instanceof Map)) throw malformed(`got ${show(plain)}, expected a map with a type`);
   const type = plain.get("type");
   if (typeof type !== "string") throw malformed(`got type ${show(type)}, expected text`);

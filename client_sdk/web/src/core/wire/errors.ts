@@ -31,15 +31,15 @@ export class DecodeError extends Error {
   readonly request: number | undefined;
 
   /** `text` says what was received and what was expected. */
-  constructor(code: DecodeError["code"], text: string, more: { offset?: number; refused?: RefusedField } = {}) {
-    super(more.offset === undefined ? text : `${text} (at byte ${more.offset})`);
+  constructor(code: DecodeError["code"], text: string, details: { offset?: number; refused?: RefusedField } = {}) {
+    super(details.offset === undefined ? text : `${text} (at byte ${details.offset})`);
     this.code = code;
-    this.offset = more.offset;
-    this.messageType = more.refused?.messageType;
-    this.field = more.refused?.field;
-    this.generation = more.refused?.generation;
-    this.request = more.refused?.request;
-    this.fatal = more.refused === undefined || !NOT_FATAL.has(more.refused.messageType);
+    this.offset = details.offset;
+    this.messageType = details.refused?.messageType;
+    this.field = details.refused?.field;
+    this.generation = details.refused?.generation;
+    this.request = details.refused?.request;
+    this.fatal = details.refused === undefined || !NOT_FATAL.has(details.refused.messageType);
   }
 }
 

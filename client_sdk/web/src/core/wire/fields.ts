@@ -102,7 +102,7 @@ function checkKind(kind: Kind, value: unknown): unknown {
       if (!Array.isArray(value) || value.length !== 2) {
         throw new Refused(`got ${show(value)}, expected a version [major, minor]`);
       }
-      return value.map((part) => checkKind(VERSION_PART, part));
+      return value.map((number) => checkKind(VERSION_PART, number));
     case "versions":
       return expectList(value, kind.most).map((item) => checkKind({ name: "version" }, item));
     case "numbers":
@@ -174,9 +174,9 @@ function checkPosition(kind: Kind & { name: "position" }, value: unknown): reado
   return numbers;
 }
 
-function checkNumbers(most: number, value: unknown): Readonly<Record<string, number>> {
+function checkNumbers(maxCount: number, value: unknown): Readonly<Record<string, number>> {
   const pairs = Object.entries(expectValues(value));
-  if (pairs.length > most) throw new Refused(`got ${pairs.length} numbers, expected at most ${most}`);
+  if (pairs.length > maxCount) throw new Refused(`got ${pairs.length} numbers, expected at most ${maxCount}`);
   return Object.fromEntries(
     pairs.map(([name, item]) => {
       checkKind(ATTRIBUTE_NAME, name);
@@ -199,9 +199,9 @@ function codePoints(text: string): number {
   return count;
 }
 
-function expectList(value: unknown, most: number): readonly unknown[] {
-  if (Array.isArray(value) && value.length <= most) return value;
-  throw new Refused(`got ${show(value)}, expected a list of at most ${most}`);
+function expectList(value: unknown, maxCount: number): readonly unknown[] {
+  if (Array.isArray(value) && value.length <= maxCount) return value;
+  throw new Refused(`got ${show(value)}, expected a list of at most ${maxCount}`);
 }
 
 function expectValues(value: unknown): Values {

@@ -40,8 +40,8 @@ class Reader {
   }
 
   expectEnd(): void {
-    const left = this.#data.length - this.#at;
-    if (left > 0) throw malformed(`got ${left} bytes after the message, expected none`, this.#at);
+    const remainingBytes = this.#data.length - this.#at;
+    if (remainingBytes > 0) throw malformed(`got ${remainingBytes} bytes after the message, expected none`, this.#at);
   }
 
   /** `depth` counts the maps and arrays around the value. */
@@ -55,6 +55,8 @@ class Reader {
     if (token <= 0x8f) return this.#map(token & 0x0f, depth, start);
     if (token <= 0x9f) return this.#array(token & 0x0f, depth, start);
     if (token <= 0xbf) return this.#text(token & 0x1f);
+    // The tokens of the msgpack specification, but for extensions, which no message uses. Containers are bounded in items
+    // and depth before any of them is read (`expectContainer`): a stated length reserves nothing.
     switch (token) {
       case 0xc0:
         return null;

@@ -49,7 +49,7 @@ export function checkRows(kind: PackedKind, rows: PackedRows): PackedRows {
   return rows;
 }
 
-/** The rows as bytes. */
+/** Rows of a packed table as their little-endian bytes, without a length before them. */
 export function writeRows(rows: PackedRows, kind: PackedKind): Uint8Array {
   const data = new Uint8Array(rows.length * ROW_BYTES[kind.name]);
   const view = new DataView(data.buffer);

@@ -10,12 +10,12 @@ export class Refused extends Error {
   }
 }
 
-/** Run a step whose refusals lie below `place`. */
-export function below<T>(place: string, step: () => T): T {
+/** Run a step whose refusals lie below `path`. */
+export function below<T>(path: string, step: () => T): T {
   try {
     return step();
   } catch (error) {
     if (!(error instanceof Refused)) throw error;
-    throw new Refused(error.message, error.path === "" ? place : `${place}.${error.path}`);
+    throw new Refused(error.message, error.path === "" ? path : `${path}.${error.path}`);
   }
 }

@@ -35,11 +35,11 @@ const RULES: Readonly<Record<MessageWithRule, (values: never) => void>> = {
   plan(plan: PlanMessage) {
     expectSum("load_bytes", plan.load_bytes, sum(plan.load, "length"));
     expectSum("load_triangles", plan.load_triangles, sum(plan.load, "faces"));
-    for (const [total, part] of [
+    for (const [total, addend] of [
       ["total_bytes", "load_bytes"],
       ["total_triangles", "load_triangles"],
     ] as const) {
-      if (plan[total] < plan[part]) throw new Refused(`got ${plan[total]}, expected at least ${part}`, total);
+      if (plan[total] < plan[addend]) throw new Refused(`got ${plan[total]}, expected at least ${addend}`, total);
     }
     if ((plan.omitted_by === undefined) !== (plan.omitted_segments === 0)) {
       throw new Refused("got one of omitted_by and omitted_segments, expected both", "omitted_by");
@@ -59,10 +59,10 @@ function checkInnerRadius({ inner_radius_m, radius_m }: LandMessage | GatherMess
 
 function checkOverlap({ load, keep, nearby }: PlanMessage): void {
   const loaded = new Set(load.map((row) => row.segment));
-  const kept = new Set(keep);
+  const keepIds = new Set(keep);
   const text = (other: string) => `got an id of ${other}, expected load, keep and nearby to be disjoint`;
-  if (load.some((row) => kept.has(row.segment))) throw new Refused(text("keep"), "load");
-  if (nearby.some((segment) => kept.has(segment))) throw new Refused(text("keep"), "nearby");
+  if (load.some((row) => keepIds.has(row.segment))) throw new Refused(text("keep"), "load");
+  if (nearby.some((segment) => keepIds.has(segment))) throw new Refused(text("keep"), "nearby");
   if (nearby.some((segment) => loaded.has(segment))) throw new Refused(text("load"), "nearby");
 }
 
@@ -70,6 +70,6 @@ function sum(rows: PlanMessage["load"], name: "length" | "faces"): number {
   return rows.reduce((total, row) => total + row[name], 0);
 }
 
-function expectSum(field: string, got: number, expected: number): void {
-  if (got !== expected) throw new Refused(`got ${got}, expected the sum over the segments, ${expected}`, field);
+function expectSum(field: string, actual: number, expected: number): void {
+  if (actual !== expected) throw new Refused(`got ${actual}, expected the sum over the segments, ${expected}`, field);
 }

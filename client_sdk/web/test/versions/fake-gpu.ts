@@ -1,0 +1,87 @@
+/** A graphics device that keeps what is written to it: what is drawn can be read back without one. */
+
+import { type GLBufferAttribute, type Group, Mesh, type WebGLRenderer } from "three";
+
+/** A buffer with its bytes. */
+interface FakeBuffer {
+  bytes: Uint8Array;
+}
+
+/** As much of a WebGL 2 context as meshes without images need. */
+export class FakeContext {
+  readonly ARRAY_BUFFER = 0x8892;
+  readonly ELEMENT_ARRAY_BUFFER = 0x8893;
+  readonly COPY_WRITE_BUFFER = 0x8f37;
+  readonly VERTEX_ARRAY_BINDING = 0x85b5;
+  readonly STATIC_DRAW = 0x88e4;
+  readonly #bound = new Map<number, FakeBuffer | null>();
+
+  getParameter(): null {
+    return null;
+  }
+
+  bindVertexArray(): void {
+    // There is only one.
+  }
+
+  createBuffer(): FakeBuffer {
+    return { bytes: new Uint8Array(0) };
+  }
+
+  bindBuffer(target: number, buffer: FakeBuffer | null): void {
+    this.#bound.set(target, buffer);
+  }
+
+  bufferData(target: number, bytes: number): void {
+    this.#bound.get(target)!.bytes = new Uint8Array(bytes);
+  }
+
+  bufferSubData(target: number, offset: number, bytes: Uint8Array): void {
+    this.#bound.get(target)!.bytes.set(bytes, offset);
+  }
+
+  deleteBuffer(buffer: FakeBuffer): void {
+    // A mesh that is drawn after its memory was given back is noticed.
+    buffer.bytes = new Uint8Array(0);
+  }
+}
+
+/** A renderer over a {@link FakeContext}, which must stand as the global `WebGL2RenderingContext`. */
+export function fakeRenderer(): WebGLRenderer {
+  const context = new FakeContext();
+  const renderer = { getContext: () => context, xr: { isPresenting: false }, compileAsync: async () => undefined };
+  return renderer as unknown as WebGLRenderer;
+}
+
+/** One mesh as the next frame draws it. */
+export interface DrawnMesh {
+  readonly name: string;
+  /** Names of its vertex attributes, sorted, joined by spaces. */
+  readonly attributes: string;
+  /** Codes of its positions, as they are on the device. */
+  readonly positions: Uint16Array;
+  /** Faces by number whose three indices differ. */
+  readonly faces: readonly number[];
+}
+
+/** What a stage draws in the next frame: what is switched on, and has faces to draw. */
+export function drawnMeshes(object: Group): DrawnMesh[] {
+  const meshes = object.children.filter((child) => child instanceof Mesh && child.visible);
+  return meshes.flatMap((child) => {
+    const { name, geometry } = child as Mesh;
+    // A segment that is made ready is drawn without a face.
+    if (geometry.drawRange.count === 0) return [];
+    const index = valuesOf(geometry.index as unknown as GLBufferAttribute);
+    const faces: number[] = [];
+    for (let face = 0; face < index.length / 3; face += 1) {
+      if (new Set(index.subarray(face * 3, face * 3 + 3)).size === 3) faces.push(face);
+    }
+    const positions = Uint16Array.from(valuesOf(geometry.getAttribute("code") as unknown as GLBufferAttribute));
+    return [{ name, attributes: Object.keys(geometry.attributes).sort().join(" "), positions, faces }];
+  });
+}
+
+function valuesOf({ buffer, elementSize }: GLBufferAttribute): Uint16Array | Uint32Array {
+  const { bytes } = buffer as unknown as FakeBuffer;
+  return elementSize === 2 ? new Uint16Array(bytes.buffer) : new Uint32Array(bytes.buffer);
+}

@@ -1,0 +1,67 @@
+/** One scene in several versions, and a service that serves them over a fake `fetch`. */
+
+import { readFileSync } from "node:fs";
+import { xxh3 } from "../../src/core/payload/engines.ts";
+import { decodeFlat } from "../../src/core/payload/flat.ts";
+
+const CORPUS = new URL("../../../../tests/conformance/scene/", import.meta.url);
+/** The files that belong to one version, as clients name them. */
+export const VERSIONED_FILES = ["base.glb", "base.cover", "regions.json"] as const;
+
+export const SCENE_URL = "http://server.test/scenes/quarry";
+
+/** The files of one version by the name that a client asks for. */
+type Files = ReadonlyMap<string, Uint8Array<ArrayBuffer>>;
+
+/** A version's text: 32 digits. */
+export function versionText(version: number): string {
+  return version.toString(16).padStart(32, "0");
+}
+
+/**
+ * Version of the scene: the corpus scene of odd and even versions differs, and in each version other segments lie over a base
+ * face. Needs `prepareDecoders`.
+ */
+export function filesOfVersion(version: number): Files {
+  const folder = new URL(version % 2 === 1 ? "tiny/" : "tiny-textured/", CORPUS);
+  const manifest = JSON.parse(readFileSync(new URL("scene.json", folder), "utf-8")) as {
+    version: string;
+    counts: { segments: number };
+    files: Record<string, { path: string; xxh3: string }>;
+  };
+  const files = new Map<string, Uint8Array<ArrayBuffer>>();
+  manifest.version = versionText(version);
+  for (const name of VERSIONED_FILES) {
+    const row = manifest.files[name]!;
+    let bytes = Uint8Array.from(readFileSync(new URL(row.path, folder)));
+    if (name === "base.cover") bytes = withShiftedIds(bytes, version, manifest.counts.segments);
+    row.xxh3 = xxh3(bytes).toString(16).padStart(16, "0");
+    files.set(name, bytes);
+  }
+  return files.set("scene.json", new TextEncoder().encode(JSON.stringify(manifest)));
+}
+
+function withShiftedIds(cover: Uint8Array<ArrayBuffer>, shift: number, segmentCount: number): Uint8Array<ArrayBuffer> {
+  const { fields } = decodeFlat(cover, "TPCOVER1");
+  const offsets = fields.get("offsets")!.values as Uint32Array;
+  const segments = fields.get("segments")!.values as Uint32Array; // a view of `cover`
+  segments.set(segments.map((segment) => (segment + shift) % segmentCount));
+  for (let face = 0; face + 1 < offsets.length; face += 1) segments.subarray(offsets[face], offsets[face + 1]).sort();
+  new DataView(cover.buffer).setBigUint64(8, xxh3(cover.subarray(16)), true);
+  return cover;
+}
+
+/** Which version a file is answered of; null answers 404. `requested` is null for a request without `?v=`. */
+export type Answering = (file: string, requested: string | null) => number | null;
+
+/** A `fetch` of the scene's files. */
+export function fetchOf(versions: ReadonlyMap<number, Files>, answering: Answering): typeof fetch {
+  return async (input) => {
+    const url = new URL(String(input));
+    const file = url.href.startsWith(`${SCENE_URL}/`) ? url.pathname.slice(url.pathname.lastIndexOf("/") + 1) : "";
+    const name = file === "" ? "scene.json" : file;
+    const version = answering(name, url.searchParams.get("v"));
+    const bytes = version === null ? undefined : versions.get(version)?.get(name);
+    return bytes === undefined ? new Response("{}", { status: 404 }) : new Response(bytes);
+  };
+}
