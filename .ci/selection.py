@@ -50,12 +50,13 @@ RULES: Final[dict[str, tuple[str, ...]]] = {
 """What no test imports: a file or folder, and the tests of it, nearest first."""
 
 LATER: Final[dict[str, int]] = {
-    "tests/socket": 2, "tests/faults": 4, "tests/browser": 5, "tests/engines": 5,
+    "tests/socket": 2, "tests/pipeline": 3, "tests/faults": 4, "tests/browser": 5, "tests/engines": 5,
     "tests/end_to_end": 6,
 }  # fmt: skip
-"""Steps by which tests of a folder count as farther off: they start services, browsers, compilers.
+"""Steps by which tests of a folder count as farther off, unless they are the change's own.
 
-So a codec's own tests come before a landing in a browser, and that before the time is over.
+They start services, compile kernels, open browsers: so a codec's own tests come before a landing in
+a browser, and that before the time is over.
 """
 
 
@@ -160,8 +161,8 @@ class Tree:
             own = stems.get(PurePosixPath(test).stem.removeprefix("test_"))
             if test in steps:
                 later = next((n for folder, n in LATER.items() if _lies_in(test, folder)), 0)
-                near = 0 if own else max(steps[test], 1) if test not in changed else 0
-                selected.append(Selected(test, near + later, own or through[test]))
+                near = 0 if own or test in changed else max(steps[test], 1) + later
+                selected.append(Selected(test, near, own or through[test]))
         return Selection(tuple(sorted(selected, key=lambda one: (one.steps, one.path))))
 
     def _by_rule(self, path: str) -> Iterator[tuple[int, str]]:
