@@ -26,10 +26,10 @@ import numpy as np
 from parts.damaged_sets import DAMAGES, write_set
 
 from terraport_payload import SegmentMesh, decode_glb
-from terraport_pipeline.build import BuildOptions, build
+from terraport_pipeline.build.flow import BuildOptions, build
+from terraport_pipeline.build.photo_input import Texturing
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.errors import PhotoError
-from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.stages import texture
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, seen_by

@@ -33,17 +33,17 @@ import numpy as np
 from PIL import Image
 
 from terraport_payload.types import Bool, Float64, UInt8
-from terraport_pipeline.build import BuildOptions, build
+from terraport_pipeline.build.flow import BuildOptions, build
+from terraport_pipeline.build.photo_input import Texturing
 from terraport_pipeline.engines.cameras import PhotoCamera
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.texturing import Texturing as Drawn
-from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.report_textures import find_vertex_colours, open_scene_photos
-from terraport_pipeline.scene_model import load_scene_model
+from terraport_pipeline.published.scene_model import load_scene_model
+from terraport_pipeline.report.textures import find_vertex_colours, open_scene_photos
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, seen_by
 from terraport_pipeline.synth.options import QuarryOptions

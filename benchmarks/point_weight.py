@@ -22,9 +22,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.engines import poisson
-from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.deviation import distances_to_mesh
-from terraport_pipeline.geometry.vertex_normals import face_normals
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
+from terraport_pipeline.geometry.mesh.vertex_normals import face_normals
 from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.synth.options import QuarryOptions

@@ -29,9 +29,9 @@ import psutil
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.engines import poisson
-from terraport_pipeline.geometry.closest_point import TriangleTree
-from terraport_pipeline.geometry.trim import compact, support_mask
-from terraport_pipeline.geometry.uniform_samples import sample_mesh
+from terraport_pipeline.geometry.mesh.closest_point import TriangleTree
+from terraport_pipeline.geometry.mesh.trim import compact, support_mask
+from terraport_pipeline.geometry.mesh.uniform_samples import sample_mesh
 from terraport_pipeline.model import to_scene
 from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Context

@@ -33,13 +33,17 @@ import numpy as np
 
 from terraport_payload.types import AnyInt, Float32, Float64, Int32
 from terraport_pipeline.engines.shape_diameter import shape_diameter
-from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.border_weights import EdgeWeights
-from terraport_pipeline.geometry.graph_segmenter import SHAPE_GRAPH, graph_of_mesh, merge_graph
-from terraport_pipeline.geometry.partition_scores import rand_error
-from terraport_pipeline.geometry.segmenter import SegmenterMesh
-from terraport_pipeline.geometry.shape_index import shape_index
-from terraport_pipeline.geometry.triangle_pool import TrianglePoolOptions, triangle_pools
+from terraport_pipeline.geometry.graph.border_weights import EdgeWeights
+from terraport_pipeline.geometry.graph.graph_segmenter import (
+    SHAPE_GRAPH,
+    graph_of_mesh,
+    merge_graph,
+)
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.regions.partition_scores import rand_error
+from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
+from terraport_pipeline.geometry.regions.shape_index import shape_index
+from terraport_pipeline.geometry.regions.triangle_pool import TrianglePoolOptions, triangle_pools
 
 ARCHIVE = Path(__file__).resolve().parents[2] / "shared/data/psb/psb_odd_models.tar.xz"
 CLASSES = (

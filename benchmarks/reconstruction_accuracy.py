@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from terraport_pipeline.engines import poisson
-from terraport_pipeline.geometry.deviation import distances_to_mesh
+from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.option import parse_count
 from terraport_pipeline.stages import clean, reconstruct
 from terraport_pipeline.stages.contract import Context

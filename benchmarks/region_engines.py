@@ -27,19 +27,23 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.types import AnyInt
-from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.colour import face_lab
-from terraport_pipeline.geometry.felzenszwalb import FelzenszwalbSegmenter
-from terraport_pipeline.geometry.graph_segmenter import COLOUR_GRAPH, SHAPE_GRAPH, GraphSegmenter
-from terraport_pipeline.geometry.grid_segmenter import GridSegmenter
-from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
-from terraport_pipeline.geometry.partition_scores import (
+from terraport_pipeline.geometry.graph.felzenszwalb import FelzenszwalbSegmenter
+from terraport_pipeline.geometry.graph.graph_segmenter import (
+    COLOUR_GRAPH,
+    SHAPE_GRAPH,
+    GraphSegmenter,
+)
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.regions.colour import face_lab
+from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter
+from terraport_pipeline.geometry.regions.mean_colour import MeanColourSegmenter
+from terraport_pipeline.geometry.regions.partition_scores import (
     boundary_score,
     consistency_errors,
     rand_error,
 )
-from terraport_pipeline.geometry.segmenter import SegmenterMesh
-from terraport_pipeline.geometry.triangle_pool import TrianglePoolOptions, triangle_pools
+from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
+from terraport_pipeline.geometry.regions.triangle_pool import TrianglePoolOptions, triangle_pools
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 from terraport_pipeline.synth.truth_regions import true_regions

@@ -24,10 +24,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.region_facts import region_facts
-from terraport_pipeline.geometry.region_match import match_regions, region_overlaps
-from terraport_pipeline.geometry.surface_samples import surface_samples
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.surface_samples import surface_samples
+from terraport_pipeline.geometry.regions.region_facts import region_facts
+from terraport_pipeline.geometry.regions.region_match import match_regions, region_overlaps
 
 SEED = 11
 SPACING_M = 0.2

@@ -37,14 +37,13 @@ import numba
 import numpy as np
 
 from terraport_payload.types import AnyArray, Int32
-from terraport_pipeline.geometry.adjacency import components, face_pairs
-from terraport_pipeline.geometry.cover import build_cover
-from terraport_pipeline.geometry.kmeans_1d import kmeans_1d
-from terraport_pipeline.geometry.region_facts import region_facts
-from terraport_pipeline.geometry.segment_shapes import segment_shapes
-from terraport_pipeline.geometry.segmenter import SegmenterMesh, segmenter_by_name
-from terraport_pipeline.geometry.segments import SegmentOptions, build_segments
-from terraport_pipeline.geometry.triangle_pool import (
+from terraport_pipeline.geometry.cover.cover import build_cover
+from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
+from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
+from terraport_pipeline.geometry.regions.kmeans_1d import kmeans_1d
+from terraport_pipeline.geometry.regions.region_facts import region_facts
+from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh, segmenter_by_name
+from terraport_pipeline.geometry.regions.triangle_pool import (
     FINE_POOLS,
     REGION_POOLS,
     chain_count,
@@ -52,7 +51,8 @@ from terraport_pipeline.geometry.triangle_pool import (
     triangle_pools,
     triangle_pools_many,
 )
-from terraport_pipeline.geometry.vertex_normals import vertex_normals
+from terraport_pipeline.geometry.segments.segment_shapes import segment_shapes
+from terraport_pipeline.geometry.segments.segments import SegmentOptions, build_segments
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import pack
 from terraport_pipeline.stages.contract import Context, Facts

@@ -1,8 +1,8 @@
 """Segments: what a landing fetches in vain, and how well segments keep to true borders.
 
 The same quarry is cut into streamable segments in several ways: from the pools and regions of every
-engine (``geometry/segments.py`` merges and splits them within the bounds), from a plain grid with
-and without those bounds, and as the thesis has it (every fine pool a segment).
+engine (``geometry/segments/segments.py`` merges and splits them within the bounds), from a plain
+grid with and without those bounds, and as the thesis has it (every fine pool a segment).
 
 Landings: random places on the surface, a radius; fetched is every segment whose box comes within
 the radius, wanted are the faces whose middle lies within it. *Over-fetch* is fetched faces that are
@@ -26,15 +26,19 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from terraport_payload.types import Float64, Int64
-from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.face_measures import automatic_extent, face_centres
-from terraport_pipeline.geometry.felzenszwalb import FelzenszwalbSegmenter
-from terraport_pipeline.geometry.graph_segmenter import COLOUR_GRAPH, GraphSegmenter
-from terraport_pipeline.geometry.grid_segmenter import GridSegmenter, grid_cells
-from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
-from terraport_pipeline.geometry.partition_scores import boundary_score
-from terraport_pipeline.geometry.segmenter import Segmentation, SegmenterMesh, TriangleSegmenter
-from terraport_pipeline.geometry.segments import SegmentOptions, Segments, build_segments
+from terraport_pipeline.geometry.graph.felzenszwalb import FelzenszwalbSegmenter
+from terraport_pipeline.geometry.graph.graph_segmenter import COLOUR_GRAPH, GraphSegmenter
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.face_measures import automatic_extent, face_centres
+from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter, grid_cells
+from terraport_pipeline.geometry.regions.mean_colour import MeanColourSegmenter
+from terraport_pipeline.geometry.regions.partition_scores import boundary_score
+from terraport_pipeline.geometry.regions.segmenter import (
+    Segmentation,
+    SegmenterMesh,
+    TriangleSegmenter,
+)
+from terraport_pipeline.geometry.segments.segments import SegmentOptions, Segments, build_segments
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 from terraport_pipeline.synth.truth_regions import true_regions

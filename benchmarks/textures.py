@@ -48,13 +48,13 @@ from parts.texture_scores import (
 from PIL import Image
 
 from terraport_payload.types import Float64
-from terraport_pipeline.build import BuildOptions, build
+from terraport_pipeline.build.flow import BuildOptions, build
 from terraport_pipeline.engines.camera_files import read_cameras
 from terraport_pipeline.engines.photos import OpenPhotos, open_photos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.texturing import ImageCache, Texturing
-from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.geometry.photo_samples import neutral_gains
+from terraport_pipeline.geometry.photos.lens import View
+from terraport_pipeline.geometry.photos.photo_samples import neutral_gains
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import choose_views as choosing

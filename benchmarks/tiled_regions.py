@@ -22,13 +22,13 @@ from pathlib import Path
 import numpy as np
 
 from terraport_payload.types import AnyArray, Float32, Int32, Int64, UInt8
-from terraport_pipeline.geometry import tiled_means
-from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.face_measures import longest_edge
-from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
-from terraport_pipeline.geometry.mean_scale import ColourTotals
-from terraport_pipeline.geometry.segmenter import SegmenterMesh
-from terraport_pipeline.geometry.tile_seams import match_seams, open_edges
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.face_measures import longest_edge
+from terraport_pipeline.geometry.regions.mean_colour import MeanColourSegmenter
+from terraport_pipeline.geometry.regions.mean_scale import ColourTotals
+from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
+from terraport_pipeline.geometry.tiles import tiled_means
+from terraport_pipeline.geometry.tiles.tile_seams import match_seams, open_edges
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 

@@ -9,7 +9,7 @@ from coloured_ground import cut_mesh
 
 from terraport_payload.types import Bool, Float64, Int64
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.tiles import Border, vertex_box
+from terraport_pipeline.stages.tiles.detail_tiles import Border, vertex_box
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.geometry.lens import Lens, View
-from terraport_pipeline.geometry.vertex_normals import vertex_normals
+from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
+from terraport_pipeline.geometry.photos.lens import Lens, View
 from terraport_pipeline.model import Mesh
 
 SIDE_M = 40.0

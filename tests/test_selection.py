@@ -108,7 +108,7 @@ def test_here_a_change_reaches_its_own_test_first_and_leaves_most_out(
     ):
         assert needed in paths
     assert "tests/wire/test_codec.py" not in paths
-    assert "tests/pipeline/geometry/test_similarity.py" not in paths
+    assert "tests/pipeline/geometry/regions/test_similarity.py" not in paths
 
 
 def test_the_merge_base_is_compared_with_unless_another_commit_is_given(

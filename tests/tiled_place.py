@@ -11,9 +11,9 @@ from photo_scene import PhotoScene, photo_scene
 
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.stages import tiled_views
 from terraport_pipeline.stages.contract import Context
-from terraport_pipeline.stages.tiled_views import TextureScale
+from terraport_pipeline.stages.tiles import tiled_views
+from terraport_pipeline.stages.tiles.tiled_views import TextureScale
 from terraport_pipeline.stages.view_gains import view_gains
 
 

@@ -12,7 +12,7 @@ from terraport_pipeline.engines.cameras import PhotoCamera
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import Hits, RayScene
 from terraport_pipeline.engines.texturing import Texturing, textured_colours
-from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.synth.camera_eye import NOTHING, TRUCK, CameraEye
 
 __all__ = ["ColouredMesh", "Score", "ghost_share", "score_surface", "score_views"]

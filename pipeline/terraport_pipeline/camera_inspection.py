@@ -13,8 +13,8 @@ from terraport_payload.types import Float64, UInt8
 from terraport_pipeline.engines.camera_files import read_cameras, read_raw_cameras
 from terraport_pipeline.engines.photos import OpenPhotos, open_photos, sizes_below
 from terraport_pipeline.errors import PhotoError
-from terraport_pipeline.geometry.lens import Lens, valid_radius
-from terraport_pipeline.geometry.view_cover import cover_points
+from terraport_pipeline.geometry.photos.lens import Lens, valid_radius
+from terraport_pipeline.geometry.photos.view_cover import cover_points
 from terraport_pipeline.model import to_scene
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages.read import read_survey

@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from terraport_pipeline.build import BuildOptions, build
-from terraport_pipeline.build_report import BuildReport
+from terraport_pipeline.build.flow import BuildOptions, build
+from terraport_pipeline.build.photo_input import Texturing
+from terraport_pipeline.build.report import BuildReport
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.input_cloud import find_input_cloud
-from terraport_pipeline.photo_input import Texturing
 from terraport_pipeline.progress import NullProgress, Progress
-from terraport_pipeline.report import ReportOptions, ReportResult, write_report
-from terraport_pipeline.report_pictures import PictureOptions
-from terraport_pipeline.report_textures import open_scene_photos
+from terraport_pipeline.report.input_cloud import find_input_cloud
+from terraport_pipeline.report.pictures import PictureOptions
+from terraport_pipeline.report.report import ReportOptions, ReportResult, write_report
+from terraport_pipeline.report.textures import open_scene_photos
 from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, seen_by
 from terraport_pipeline.synth.options import QuarryOptions

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from terraport_payload.types import Int64
 from terraport_pipeline.region_table import region_rows
-from terraport_pipeline.scene_colour import SceneColour
+from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
 
 __all__ = ["inspect_scene"]

@@ -8,8 +8,8 @@ from typing import Final
 
 from eventually import eventually
 
-from terraport_pipeline.build import BuildOptions, build
-from terraport_pipeline.photo_input import Texturing
+from terraport_pipeline.build.flow import BuildOptions, build
+from terraport_pipeline.build.photo_input import Texturing
 from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, seen_by

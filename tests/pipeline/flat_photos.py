@@ -8,7 +8,7 @@ import numpy as np
 import PIL.Image
 
 from terraport_pipeline.engines.camera_files.write_colmap import write_colmap
-from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.geometry.photos.lens import Lens, View
 
 ORIGIN = np.array([500_000.0, 5_200_000.0, 100.0])
 SIDE_M = 24.0

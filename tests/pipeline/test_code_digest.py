@@ -11,7 +11,7 @@ def test_a_stage_depends_on_what_it_imports_and_on_the_child_it_starts() -> None
         "terraport_pipeline.stages.reconstruct",
         "terraport_pipeline.engines.poisson",
         "terraport_pipeline.engines.poisson_child",
-        "terraport_pipeline.geometry.trim",
+        "terraport_pipeline.geometry.mesh.trim",
         "terraport_payload.order",
     ):
         assert name in behind
@@ -20,9 +20,9 @@ def test_a_stage_depends_on_what_it_imports_and_on_the_child_it_starts() -> None
 def test_a_stage_does_not_depend_on_later_ones() -> None:
     """A better cover must not cost another reconstruction."""
     behind = modules_behind(STAGES + "reconstruct")
-    assert "terraport_pipeline.geometry.cover" not in behind
+    assert "terraport_pipeline.geometry.cover.cover" not in behind
     assert "terraport_pipeline.stages.pack" not in behind
-    assert "terraport_pipeline.geometry.cover" in modules_behind(STAGES + "segment")
+    assert "terraport_pipeline.geometry.cover.cover" in modules_behind(STAGES + "segment")
     assert "terraport_payload.glb_encode" in modules_behind(STAGES + "pack")
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from terraport_pipeline.geometry.edges import EdgeRule
-from terraport_pipeline.geometry.tile_weld import weld_tiles
-from terraport_pipeline.stages import solve_tile
-from terraport_pipeline.stages.join_tiles import Join, Look, Settled, forgive, settle
-from terraport_pipeline.stages.joined_tile import finish, look, weak_places
-from terraport_pipeline.stages.solve_tile import TileTask
+from terraport_pipeline.geometry.clouds.edges import EdgeRule
+from terraport_pipeline.geometry.tiles.tile_weld import weld_tiles
+from terraport_pipeline.stages.tiles import solve_tile
+from terraport_pipeline.stages.tiles.join_tiles import Join, Look, Settled, forgive, settle
+from terraport_pipeline.stages.tiles.joined_tile import finish, look, weak_places
+from terraport_pipeline.stages.tiles.solve_tile import TileTask
 
 CORE = 8
 CELL_M = 0.5

@@ -23,7 +23,7 @@ from terraport_pipeline.demo import FLIGHT, SCENE_ID, DemoScene, prepare_demo
 from terraport_pipeline.errors import PipelineError, StageFailedError
 from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.report_facts import format_bytes
+from terraport_pipeline.report.facts import format_bytes
 from terraport_server.errors import ServerError
 from terraport_server.listeners import Listeners
 from terraport_server.serving import BackgroundServer

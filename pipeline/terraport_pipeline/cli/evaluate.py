@@ -21,7 +21,7 @@ from terraport_pipeline.evaluation.reconstruction import (
     evaluate,
     to_json,
 )
-from terraport_pipeline.report_facts import format_bytes
+from terraport_pipeline.report.facts import format_bytes
 
 __all__ = ["reconstruction", "register"]
 

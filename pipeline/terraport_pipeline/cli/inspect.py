@@ -21,8 +21,8 @@ from terraport_pipeline.errors import OptionError
 from terraport_pipeline.inspection import inspect_scene
 from terraport_pipeline.option import parse_offset
 from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.report_facts import format_bytes
-from terraport_pipeline.scene_colour import SceneColour
+from terraport_pipeline.report.facts import format_bytes
+from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_store import SceneNotFoundError
 
 __all__ = ["inspect", "register"]

@@ -10,12 +10,12 @@ import typer
 from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.input_cloud import find_input_cloud
 from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.report import ReportOptions, write_report
-from terraport_pipeline.report_facts import format_bytes
-from terraport_pipeline.report_pictures import PictureOptions
-from terraport_pipeline.report_textures import open_scene_photos
+from terraport_pipeline.report.facts import format_bytes
+from terraport_pipeline.report.input_cloud import find_input_cloud
+from terraport_pipeline.report.pictures import PictureOptions
+from terraport_pipeline.report.report import ReportOptions, write_report
+from terraport_pipeline.report.textures import open_scene_photos
 
 __all__ = ["register", "report"]
 

@@ -15,10 +15,10 @@ from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.engines.gltf_validator import PACKAGE
-from terraport_pipeline.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.validation import ValidationOptions, ValidationResult, validate
-from terraport_pipeline.worst_place import describe, to_survey
+from terraport_pipeline.validate.handoff_report import HandOffOptions, HandOffReport
+from terraport_pipeline.validate.validation import ValidationOptions, ValidationResult, validate
+from terraport_pipeline.validate.worst_place import describe, to_survey
 from terraport_store import is_url
 
 __all__ = ["register", "validate_command"]

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_payload.types import AnyFloat, Float32, Float64
-from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.photos.lens import View
 
 __all__ = ["Camera", "PhotoCamera", "eye_level", "oblique", "top_down"]
 

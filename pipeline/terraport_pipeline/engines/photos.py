@@ -22,7 +22,7 @@ from terraport_pipeline.engines.photo_store import (
     photo_size,
 )
 from terraport_pipeline.errors import PhotoError
-from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.geometry.photos.lens import Lens, View
 
 __all__ = [
     "OpenPhotos",

@@ -28,7 +28,7 @@ import numpy as np
 
 from terraport_payload.types import Bool, Float32, Float64, Int32
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.geometry.shape_index import cone_directions
+from terraport_pipeline.geometry.regions.shape_index import cone_directions
 
 __all__ = ["shape_diameter"]
 

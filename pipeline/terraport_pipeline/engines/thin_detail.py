@@ -18,9 +18,9 @@ import numpy as np
 
 from terraport_payload.types import Float32, Int32
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.geometry.face_blocks import block_meshes, face_blocks, weld
-from terraport_pipeline.geometry.skirt import add_skirt, drop_skirt
-from terraport_pipeline.geometry.trim import compact
+from terraport_pipeline.geometry.cover.skirt import add_skirt, drop_skirt
+from terraport_pipeline.geometry.mesh.face_blocks import block_meshes, face_blocks, weld
+from terraport_pipeline.geometry.mesh.trim import compact
 
 __all__ = ["thin_block", "thin_detail"]
 
@@ -49,8 +49,8 @@ def thin_detail(
 
     (1) Blocks of the ground are reduced side by side, each in a process of its own, their borders
     held; (2) the blocks are joined again, bit for bit; (3) the whole is reduced to what is wanted,
-    with a skirt on its border (:mod:`~terraport_pipeline.geometry.skirt`), in a child too, so that
-    the caller's other threads go on.
+    with a skirt on its border (:mod:`~terraport_pipeline.geometry.cover.skirt`), in a child too, so
+    that the caller's other threads go on.
 
     Parameters
     ----------

@@ -10,7 +10,7 @@ from terraport_pipeline.evaluation.depth_sweep import DepthRow, DepthScene
 from terraport_pipeline.evaluation.line_chart import Line, line_chart
 from terraport_pipeline.evaluation.reconstruction import Evaluation
 from terraport_pipeline.evaluation.verdicts import RULES, THESIS_COLOUR, THESIS_SHAPE
-from terraport_pipeline.html_page import page_templates, replace_page
+from terraport_pipeline.report.html_page import page_templates, replace_page
 
 __all__ = ["page_of", "write_page"]
 

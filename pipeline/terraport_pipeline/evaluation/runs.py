@@ -21,7 +21,7 @@ from terraport_pipeline.engines.reconstructors import (
     Surface,
 )
 from terraport_pipeline.engines.reconstructors.child import main as child_main
-from terraport_pipeline.geometry.carry import carry_values
+from terraport_pipeline.geometry.clouds.carry import carry_values
 
 __all__ = ["TIME_LIMIT_S", "Run", "run"]
 

@@ -11,9 +11,9 @@ from scipy.spatial import cKDTree
 from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.reconstructors.contract import Surface
 from terraport_pipeline.evaluation.subjects import Subject
-from terraport_pipeline.geometry.closest_point import TriangleTree
-from terraport_pipeline.geometry.mesh_edges import edge_facts, open_loops
-from terraport_pipeline.geometry.uniform_samples import sample_mesh
+from terraport_pipeline.geometry.mesh.closest_point import TriangleTree
+from terraport_pipeline.geometry.mesh.mesh_edges import edge_facts, open_loops
+from terraport_pipeline.geometry.mesh.uniform_samples import sample_mesh
 
 __all__ = ["LOST_SPACINGS", "Distances", "Scores", "score"]
 

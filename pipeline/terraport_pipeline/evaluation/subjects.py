@@ -12,10 +12,10 @@ import trimesh
 from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.reconstructors import Samples
 from terraport_pipeline.errors import OptionError, SurveyError
-from terraport_pipeline.geometry.mesh_edges import edge_facts
-from terraport_pipeline.geometry.normals import estimate_normals
-from terraport_pipeline.geometry.spacing import estimate_spacing, nearest_neighbours
-from terraport_pipeline.geometry.uniform_samples import sample_mesh
+from terraport_pipeline.geometry.clouds.normals import estimate_normals
+from terraport_pipeline.geometry.clouds.spacing import estimate_spacing, nearest_neighbours
+from terraport_pipeline.geometry.mesh.mesh_edges import edge_facts
+from terraport_pipeline.geometry.mesh.uniform_samples import sample_mesh
 from terraport_pipeline.model import to_scene
 from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Context

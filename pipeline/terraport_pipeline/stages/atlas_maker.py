@@ -11,18 +11,18 @@ import numpy as np
 
 from terraport_payload.types import AnyInt, Bool, Float64, Int32, UInt8, UInt16
 from terraport_pipeline.engines.images import ImageFormat, encode_image
-from terraport_pipeline.geometry.atlas_pack import Atlas, pack_charts
-from terraport_pipeline.geometry.bake import (
+from terraport_pipeline.geometry.photos.lens import PACKED, View
+from terraport_pipeline.geometry.photos.photo_samples import SRGB_OFFSET, neutral_gains
+from terraport_pipeline.geometry.photos.view_choice import ViewChoice
+from terraport_pipeline.geometry.textures.atlas_pack import Atlas, pack_charts
+from terraport_pipeline.geometry.textures.bake import (
     FaceColours,
     bake_photo_faces,
     bake_plain_faces,
 )
-from terraport_pipeline.geometry.chart_room import charts_with_room, flat_colours
-from terraport_pipeline.geometry.charts import Charts
-from terraport_pipeline.geometry.gutters import fill_cells
-from terraport_pipeline.geometry.lens import PACKED, View
-from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, neutral_gains
-from terraport_pipeline.geometry.view_choice import ViewChoice
+from terraport_pipeline.geometry.textures.chart_room import charts_with_room, flat_colours
+from terraport_pipeline.geometry.textures.charts import Charts
+from terraport_pipeline.geometry.textures.gutters import fill_cells
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.choose_views import Photos
 

@@ -20,18 +20,18 @@ import numpy.typing as npt
 
 from terraport_payload.types import Bool, Float32, Float64, Int32, UInt8
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.chunks import in_chunks
-from terraport_pipeline.geometry.face_cells import CellGrid, face_cells
-from terraport_pipeline.geometry.lens import PACKED, View
-from terraport_pipeline.geometry.mesh_blocks import MeshBlocks, mesh_blocks
-from terraport_pipeline.geometry.occlusion import Occluder, visible_faces
-from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, sample_faces, sharpness_map
-from terraport_pipeline.geometry.seam_blend import blend_seams, no_blend, seam_steps
-from terraport_pipeline.geometry.seam_levels import level_field, node_levels
-from terraport_pipeline.geometry.seams import find_seams, label_nodes
-from terraport_pipeline.geometry.small_charts import FACES_PER_CHART, join_small_charts
-from terraport_pipeline.geometry.view_candidates import (
+from terraport_pipeline.geometry.cover.face_cells import CellGrid, face_cells
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.chunks import in_chunks
+from terraport_pipeline.geometry.mesh.mesh_blocks import MeshBlocks, mesh_blocks
+from terraport_pipeline.geometry.photos.lens import PACKED, View
+from terraport_pipeline.geometry.photos.occlusion import Occluder, visible_faces
+from terraport_pipeline.geometry.photos.photo_samples import (
+    SRGB_OFFSET,
+    sample_faces,
+    sharpness_map,
+)
+from terraport_pipeline.geometry.photos.view_candidates import (
     Candidates,
     insert,
     median_area,
@@ -41,14 +41,18 @@ from terraport_pipeline.geometry.view_candidates import (
     sorted_by_view,
     visible_blocks,
 )
-from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.geometry.view_labels import (
+from terraport_pipeline.geometry.photos.view_choice import ViewChoice
+from terraport_pipeline.geometry.photos.view_labels import (
     chosen_views,
     face_neighbours,
     label_faces,
     view_costs,
 )
-from terraport_pipeline.geometry.view_outliers import drop_outliers
+from terraport_pipeline.geometry.photos.view_outliers import drop_outliers
+from terraport_pipeline.geometry.textures.seam_blend import blend_seams, no_blend, seam_steps
+from terraport_pipeline.geometry.textures.seam_levels import level_field, node_levels
+from terraport_pipeline.geometry.textures.seams import find_seams, label_nodes
+from terraport_pipeline.geometry.textures.small_charts import FACES_PER_CHART, join_small_charts
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = [
@@ -91,8 +95,8 @@ class Options:
     max_angle_degrees: float = 80.0
     """Faces seen at flatter angles than this from their normal are not coloured by that photo."""
     smoothness: float = 4.0
-    """What a seam costs beside quality; see :mod:`terraport_pipeline.geometry.view_labels`. Higher
-    makes larger charts of less sharp photos."""
+    """What a seam costs beside quality; see :mod:`terraport_pipeline.geometry.photos.view_labels`.
+    Higher makes larger charts of less sharp photos."""
     reject_outliers: bool = True
     """Whether photos that show something else than the others are dropped, face by face."""
     level_seams: bool = True
@@ -153,7 +157,7 @@ def choose_views(
         The mesh itself and whatever else is in the way.
     gains : ndarray of shape (len(views) + 1, GAIN_COLUMNS), float32
         From :func:`terraport_pipeline.stages.view_gains.view_gains`, or
-        :func:`terraport_pipeline.geometry.photo_samples.neutral_gains`.
+        :func:`terraport_pipeline.geometry.photos.photo_samples.neutral_gains`.
     options : Options, optional
     threads : int
         The result does not depend on it.

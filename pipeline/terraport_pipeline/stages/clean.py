@@ -15,9 +15,9 @@ import numpy.typing as npt
 
 from terraport_payload.types import Float32, Float64, Int64, UInt8
 from terraport_pipeline.errors import OptionError, SurveyError
-from terraport_pipeline.geometry.normals import estimate_normals, orient_normals
-from terraport_pipeline.geometry.outliers import duplicate_mask, outlier_mask
-from terraport_pipeline.geometry.spacing import (
+from terraport_pipeline.geometry.clouds.normals import estimate_normals, orient_normals
+from terraport_pipeline.geometry.clouds.outliers import duplicate_mask, outlier_mask
+from terraport_pipeline.geometry.clouds.spacing import (
     Neighbours,
     estimate_spacing,
     nearest_neighbours,

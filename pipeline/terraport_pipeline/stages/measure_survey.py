@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import Float32, Float64
-from terraport_pipeline.engines.npy_columns import NpyReader
-from terraport_pipeline.geometry.outliers import mean_distances, usual_distance
-from terraport_pipeline.geometry.spacing import areal_from_radius, nearest_neighbours
+from terraport_pipeline.engines.readers.npy_columns import NpyReader
+from terraport_pipeline.geometry.clouds.outliers import mean_distances, usual_distance
+from terraport_pipeline.geometry.clouds.spacing import areal_from_radius, nearest_neighbours
 from terraport_pipeline.model import Cloud, to_crs
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 

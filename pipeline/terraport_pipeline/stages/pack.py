@@ -28,13 +28,13 @@ from terraport_payload import (
 )
 from terraport_payload.types import Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.geometry.segment_shapes import QUANTILES
-from terraport_pipeline.geometry.uv import split_wedges
+from terraport_pipeline.geometry.mesh.uv import split_wedges
+from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.ordered import in_order
-from terraport_pipeline.region_ids import NewSurface, number_regions
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.reconstruct import Reconstructed
+from terraport_pipeline.stages.region_ids import NewSurface, number_regions
 from terraport_pipeline.stages.segment import Segmented
 from terraport_pipeline.stages.texture_set import Textured, TextureSet, texture_info
 from terraport_store.manifest import AttributeInfo, BuildInfo, CrsInfo, HandOff, Manifest

@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import AnyArray, Float64, Int64
-from terraport_pipeline.engines.npy_columns import NpyReader, NpyWriter
-from terraport_pipeline.geometry.tile_plan import Lattice, TilePlan
+from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter
+from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan
 from terraport_pipeline.stages.contract import Context, Facts, Json
-from terraport_pipeline.stages.solve_tile import sample_type
+from terraport_pipeline.stages.tiles.solve_tile import sample_type
 
 __all__ = ["BLOCK_CELLS", "NAME", "count_blocks", "run", "samples_name"]
 

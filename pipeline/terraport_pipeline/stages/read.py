@@ -13,13 +13,13 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.engines.raw_survey import Advance, RawSurvey, check_precision
-from terraport_pipeline.engines.read_e57 import read_e57
-from terraport_pipeline.engines.read_las import read_las
-from terraport_pipeline.engines.read_pcd import read_pcd
-from terraport_pipeline.engines.read_ply import read_ply
-from terraport_pipeline.engines.read_xyz import read_xyz
-from terraport_pipeline.engines.survey_crs import to_metres
+from terraport_pipeline.engines.readers.raw_survey import Advance, RawSurvey, check_precision
+from terraport_pipeline.engines.readers.read_e57 import read_e57
+from terraport_pipeline.engines.readers.read_las import read_las
+from terraport_pipeline.engines.readers.read_pcd import read_pcd
+from terraport_pipeline.engines.readers.read_ply import read_ply
+from terraport_pipeline.engines.readers.read_xyz import read_xyz
+from terraport_pipeline.engines.readers.survey_crs import to_metres
 from terraport_pipeline.errors import OptionError, ReadError
 from terraport_pipeline.model import Survey
 from terraport_pipeline.progress import NullProgress, Progress

@@ -17,15 +17,15 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_payload.types import AnyArray, Bool, Float64
-from terraport_pipeline.engines.npy_columns import NpyReader, NpyWriter
-from terraport_pipeline.engines.raw_survey import (
+from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter
+from terraport_pipeline.engines.readers.raw_survey import (
     StreamChunk,
     apply_depth,
     choose_depth,
     tell_precision,
 )
-from terraport_pipeline.engines.survey_crs import metre_factors
-from terraport_pipeline.engines.survey_stream import SurveyStream, open_stream
+from terraport_pipeline.engines.readers.survey_crs import metre_factors
+from terraport_pipeline.engines.readers.survey_stream import SurveyStream, open_stream
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.read import MAX_SPAN_M, find_format

@@ -21,12 +21,12 @@ from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.thin_detail import thin_detail
 from terraport_pipeline.errors import ResourceError
-from terraport_pipeline.geometry.base_patch import append_surface, base_patch
-from terraport_pipeline.geometry.carry import carry_values
-from terraport_pipeline.geometry.chunks import side_by_side
-from terraport_pipeline.geometry.deviation import distances_to_mesh
-from terraport_pipeline.geometry.trim import close_small_gaps, compact, near_mask
-from terraport_pipeline.geometry.vertex_normals import vertex_normals
+from terraport_pipeline.geometry.clouds.carry import carry_values
+from terraport_pipeline.geometry.cover.base_patch import append_surface, base_patch
+from terraport_pipeline.geometry.mesh.chunks import side_by_side
+from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
+from terraport_pipeline.geometry.mesh.trim import close_small_gaps, compact, near_mask
+from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.option import COUNT, Option, check_options
 from terraport_pipeline.progress import ESTIMATE_UNIT

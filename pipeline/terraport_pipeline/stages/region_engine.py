@@ -11,17 +11,21 @@ import numpy as np
 from terraport_payload.types import Float64, Int32
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.geometry.felzenszwalb import FelzenszwalbSegmenter
-from terraport_pipeline.geometry.graph_segmenter import (
+from terraport_pipeline.geometry.graph.felzenszwalb import FelzenszwalbSegmenter
+from terraport_pipeline.geometry.graph.graph_segmenter import (
     COLOUR_GRAPH,
     OPEN_SHAPE_GRAPH,
     GraphSegmenter,
 )
-from terraport_pipeline.geometry.grid_segmenter import GridSegmenter
-from terraport_pipeline.geometry.mean_colour import MeanColourSegmenter
-from terraport_pipeline.geometry.segmenter import Segmenter, SegmenterMesh, TriangleSegmenter
-from terraport_pipeline.geometry.shape_index import shape_index
-from terraport_pipeline.geometry.triangle_pool import FINE_POOLS, REGION_POOLS
+from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter
+from terraport_pipeline.geometry.regions.mean_colour import MeanColourSegmenter
+from terraport_pipeline.geometry.regions.segmenter import (
+    Segmenter,
+    SegmenterMesh,
+    TriangleSegmenter,
+)
+from terraport_pipeline.geometry.regions.shape_index import shape_index
+from terraport_pipeline.geometry.regions.triangle_pool import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.option import COMMON, Option, check_options, option_fields
 

@@ -12,13 +12,13 @@ import numpy as np
 
 from terraport_payload.types import Bool, Float32, Int32, UInt32
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.chunks import side_by_side
-from terraport_pipeline.geometry.cover import BaseCover, build_cover
-from terraport_pipeline.geometry.region_facts import region_facts
-from terraport_pipeline.geometry.segment_shapes import segment_shapes
-from terraport_pipeline.geometry.segmenter import Segmentation
-from terraport_pipeline.geometry.segments import SegmentOptions, Segments, build_segments
+from terraport_pipeline.geometry.cover.cover import BaseCover, build_cover
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.chunks import side_by_side
+from terraport_pipeline.geometry.regions.region_facts import region_facts
+from terraport_pipeline.geometry.regions.segmenter import Segmentation
+from terraport_pipeline.geometry.segments.segment_shapes import segment_shapes
+from terraport_pipeline.geometry.segments.segments import SegmentOptions, Segments, build_segments
 from terraport_pipeline.option import Option
 from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
 from terraport_pipeline.stages.reconstruct import Reconstructed

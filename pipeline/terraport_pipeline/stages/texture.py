@@ -20,9 +20,9 @@ from terraport_pipeline.engines.images import ImageFormat
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.geometry.atlas_pack import SMALLEST_CELL
-from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.geometry.view_choice import ViewChoice
+from terraport_pipeline.geometry.photos.lens import View
+from terraport_pipeline.geometry.photos.view_choice import ViewChoice
+from terraport_pipeline.geometry.textures.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.ordered import in_order

@@ -14,16 +14,16 @@ from scipy.spatial import cKDTree
 
 from terraport_payload.types import Float32, Int32
 from terraport_pipeline.errors import SurveyError
-from terraport_pipeline.geometry.border import BorderFacts, measure_border
-from terraport_pipeline.geometry.chunks import side_by_side
-from terraport_pipeline.geometry.edges import EdgeRule, trim_edges
-from terraport_pipeline.geometry.footprint import Footprint, footprint_of
-from terraport_pipeline.geometry.support import (
+from terraport_pipeline.geometry.clouds.border import BorderFacts, measure_border
+from terraport_pipeline.geometry.clouds.edges import EdgeRule, trim_edges
+from terraport_pipeline.geometry.clouds.footprint import Footprint, footprint_of
+from terraport_pipeline.geometry.clouds.support import (
     support_histogram,
     support_ratio,
     support_threshold,
 )
-from terraport_pipeline.geometry.trim import compact, island_mask
+from terraport_pipeline.geometry.mesh.chunks import side_by_side
+from terraport_pipeline.geometry.mesh.trim import compact, island_mask
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Json
 

@@ -13,13 +13,13 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.types import Float32
-from terraport_pipeline.geometry.chunks import in_chunks
-from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.geometry.mesh_blocks import MeshBlocks, mesh_blocks
-from terraport_pipeline.geometry.occlusion import Occluder
-from terraport_pipeline.geometry.photo_gains import MAX_VIEWS, Sightings, solve_gains
-from terraport_pipeline.geometry.photo_samples import neutral_gains
-from terraport_pipeline.geometry.view_candidates import SLOTS, face_radii
+from terraport_pipeline.geometry.mesh.chunks import in_chunks
+from terraport_pipeline.geometry.mesh.mesh_blocks import MeshBlocks, mesh_blocks
+from terraport_pipeline.geometry.photos.lens import View
+from terraport_pipeline.geometry.photos.occlusion import Occluder
+from terraport_pipeline.geometry.photos.photo_gains import MAX_VIEWS, Sightings, solve_gains
+from terraport_pipeline.geometry.photos.photo_samples import neutral_gains
+from terraport_pipeline.geometry.photos.view_candidates import SLOTS, face_radii
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.stages.choose_views import Options, Photos, collect
@@ -36,7 +36,7 @@ class Gains:
     """Exposure of every photo, and what was found on the way."""
 
     gains: Float32
-    """(views + 1, GAIN_COLUMNS); see :mod:`terraport_pipeline.geometry.photo_samples`."""
+    """(views + 1, GAIN_COLUMNS); see :mod:`terraport_pipeline.geometry.photos.photo_samples`."""
     facts: dict[str, Any] = field(default_factory=dict)
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.engines.rays import Hits, RayScene
-from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.geometry.photos.lens import Lens, View
 from terraport_pipeline.synth._photo_kernels import FIELDS, fields_at
 from terraport_pipeline.synth.appearance import SUN, Sunlight, lit_colours
 from terraport_pipeline.synth.blobs import ROCK, TREE

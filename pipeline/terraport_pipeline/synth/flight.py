@@ -5,7 +5,7 @@ allows. The outer orbit stands over the site's edge and looks across the pit; th
 over the pit and looks at the wall in front of it, below roofs that no nadir photo sees.
 
 Frame: scene metres about the quarry's origin (x east, y up, z south), as
-:class:`~terraport_pipeline.geometry.lens.View` wants it. PURE.
+:class:`~terraport_pipeline.geometry.photos.lens.View` wants it. PURE.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 
 from terraport_payload.types import Float64
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.geometry.photos.lens import Lens, View
 from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.terrain import HALF_X, HALF_Y

@@ -25,7 +25,7 @@ from PIL import Image
 from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.engines.camera_files.write_colmap import write_colmap
 from terraport_pipeline.errors import OptionError, ResourceError
-from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.synth._photo_kernels import develop_rows
 from terraport_pipeline.synth.camera_eye import TRUCK, TRUCK_SHADOW, CameraEye, Seen

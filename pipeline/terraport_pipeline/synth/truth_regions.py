@@ -22,9 +22,9 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from terraport_payload.types import Float64, Int32
-from terraport_pipeline.geometry.adjacency import components
-from terraport_pipeline.geometry.colour import srgb_to_lab
-from terraport_pipeline.geometry.pool_refine import join_nearest, number_by_first
+from terraport_pipeline.geometry.mesh.adjacency import components
+from terraport_pipeline.geometry.regions.colour import srgb_to_lab
+from terraport_pipeline.geometry.regions.pool_refine import join_nearest, number_by_first
 from terraport_pipeline.synth.appearance import material_colours
 from terraport_pipeline.synth.truth_mesh import TruthMesh
 
@@ -64,7 +64,7 @@ def true_regions(
     ----------
     mesh : TruthMesh
     pairs, edges : ndarray of shape (P, 2), int32
-        Result of :func:`~terraport_pipeline.geometry.adjacency.face_pairs`.
+        Result of :func:`~terraport_pipeline.geometry.mesh.adjacency.face_pairs`.
     kind : {"visible", "material"}
         What can be told apart.
     least_share : float

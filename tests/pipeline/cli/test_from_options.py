@@ -8,7 +8,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from terraport_pipeline.build import BuildOptions
+from terraport_pipeline.build.flow import BuildOptions
 from terraport_pipeline.cli.build import register
 from terraport_pipeline.cli.from_options import command_of, options_of
 from terraport_pipeline.errors import OptionError

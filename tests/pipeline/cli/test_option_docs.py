@@ -11,7 +11,7 @@ import pytest
 import typer
 
 from terraport.cli.lazy import VERBS
-from terraport_pipeline.build import BuildOptions
+from terraport_pipeline.build.flow import BuildOptions
 from terraport_pipeline.cli.from_options import options_of
 
 ROOT = Path(__file__).parents[3]

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 
 from terraport_pipeline.engines.decimate import decimate
-from terraport_pipeline.geometry.deviation import distances_to_mesh
-from terraport_pipeline.geometry.vertex_normals import face_normals
+from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
+from terraport_pipeline.geometry.mesh.vertex_normals import face_normals
 
 
 def hills(side: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terraport_pipeline.engines.npy_columns import NpyReader, NpyWriter
+from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter
 
 
 @pytest.mark.parametrize("dtype", ["<f8", "<u2", ">i4", "u1"])

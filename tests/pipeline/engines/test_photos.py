@@ -13,7 +13,7 @@ from terraport_pipeline.engines import photo_store, photos
 from terraport_pipeline.engines.photo_store import PhotoStore, photo_size
 from terraport_pipeline.engines.photos import find_photos, open_photos
 from terraport_pipeline.errors import PhotoError
-from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.geometry.photos.lens import Lens, View
 
 LENS = Lens(64, 48, 50.0, 50.0, 32.0, 24.0)
 

@@ -8,8 +8,8 @@ import laspy
 import numpy as np
 import pytest
 
-from terraport_pipeline.engines import read_las, read_xyz
-from terraport_pipeline.engines.survey_stream import open_stream, survey_size
+from terraport_pipeline.engines.readers import read_las, read_xyz
+from terraport_pipeline.engines.readers.survey_stream import open_stream, survey_size
 from terraport_pipeline.errors import ReadError
 
 COUNT = 500

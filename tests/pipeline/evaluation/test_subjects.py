@@ -7,7 +7,7 @@ import pytest
 
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.evaluation.subjects import body, quarry, stanford
-from terraport_pipeline.geometry.closest_point import TriangleTree
+from terraport_pipeline.geometry.mesh.closest_point import TriangleTree
 
 
 def test_a_body_is_sampled_as_a_scanner_would() -> None:

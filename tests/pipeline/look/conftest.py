@@ -11,7 +11,7 @@ import pytest
 
 from terraport_payload import AttributeScale, Cover, SegmentMesh, encode_glb
 from terraport_payload.types import Float32, Float64, Int32, UInt8
-from terraport_pipeline.mixed_model import HandOffModel
+from terraport_pipeline.published.mixed_model import HandOffModel
 from terraport_store import (
     AttributeInfo,
     BuildInfo,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.engines.cameras import Camera, PhotoCamera, eye_level, oblique, top_down
-from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.geometry.photos.lens import Lens, View
 
 BOX = np.array([[0, 0, 0], [200, 30, 100]], dtype=np.float64)
 WIDTH, HEIGHT = 64, 36

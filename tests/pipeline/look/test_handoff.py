@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.handoff import check_hand_off
-from terraport_pipeline.handoff_report import HandOffOptions
+from terraport_pipeline.validate.handoff import check_hand_off
+from terraport_pipeline.validate.handoff_report import HandOffOptions
 
 FEW = HandOffOptions(rays=40_000, subsets=20, seed=7)
 

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terraport_pipeline.geometry.handoff_rays import (
+from terraport_pipeline.geometry.cover.handoff_rays import (
     RayKind,
     aim_rays,
     cumulative_face_area,

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terraport_pipeline.histogram import histogram
+from terraport_pipeline.report.histogram import histogram
 
 
 @given(st.lists(st.integers(0, 10**9), min_size=1, max_size=60))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from jinja2 import UndefinedError
 
-from terraport_pipeline.html_page import page_templates, replace_page
+from terraport_pipeline.report.html_page import page_templates, replace_page
 
 
 def drawn(text: str, **values: object) -> str:

@@ -8,7 +8,7 @@ import shutil
 import numpy as np
 import pytest
 
-from terraport_pipeline.input_cloud import find_input_cloud
+from terraport_pipeline.report.input_cloud import find_input_cloud
 from terraport_store import Scene
 
 COUNT = 123_456
@@ -36,7 +36,7 @@ def test_points_are_found_beside_the_scene(scene_dir) -> None:
 
 
 def test_large_clouds_are_thinned(scene_dir, monkeypatch) -> None:
-    monkeypatch.setattr("terraport_pipeline.input_cloud.MAX_POINTS", 40_000)
+    monkeypatch.setattr("terraport_pipeline.report.input_cloud.MAX_POINTS", 40_000)
     with Scene.open(scene_dir) as scene:
         cloud = find_input_cloud(scene)
     assert cloud is not None

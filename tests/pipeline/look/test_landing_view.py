@@ -10,13 +10,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from terraport_pipeline.engines.cameras import Camera, eye_level, top_down
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.landing_view import (
+from terraport_pipeline.published.landing_view import (
     choose_landing,
     mixed_mesh,
     view_from_above,
     view_from_eye,
 )
-from terraport_pipeline.scene_model import SceneModel, load_scene_model
+from terraport_pipeline.published.scene_model import SceneModel, load_scene_model
 from terraport_store import Scene
 
 

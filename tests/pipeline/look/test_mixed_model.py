@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.geometry.handoff_rays import (
+from terraport_pipeline.geometry.cover.handoff_rays import (
     aim_rays,
     hidden_base_faces,
     random_places,
     random_subsets,
 )
-from terraport_pipeline.mixed_model import (
+from terraport_pipeline.published.mixed_model import (
     BuiltModel,
     MixedModel,
     Places,

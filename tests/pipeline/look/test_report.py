@@ -14,8 +14,8 @@ import pytest
 from PIL import Image
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.report import ReportOptions, write_report
-from terraport_pipeline.report_pictures import InputCloud, PictureOptions
+from terraport_pipeline.report.pictures import InputCloud, PictureOptions
+from terraport_pipeline.report.report import ReportOptions, write_report
 from terraport_store import SceneNotFoundError
 
 SMALL = ReportOptions(PictureOptions(160, 90, 1), rays=2_000, subsets=4)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from store.tiny_scene import write_tiny_scene
 
-from terraport_pipeline.report_facts import collect_facts
+from terraport_pipeline.report.facts import collect_facts
 from terraport_store import Scene, SceneWriter, change_labels
 
 

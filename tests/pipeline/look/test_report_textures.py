@@ -12,9 +12,10 @@ from terraport_pipeline.engines.cameras import PhotoCamera
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.geometry.lens import Lens, View
-from terraport_pipeline.report_pictures import PictureOptions
-from terraport_pipeline.report_textures import (
+from terraport_pipeline.geometry.photos.lens import Lens, View
+from terraport_pipeline.published.scene_model import load_scene_model
+from terraport_pipeline.report.pictures import PictureOptions
+from terraport_pipeline.report.textures import (
     VertexColours,
     chosen_views,
     close_up,
@@ -22,7 +23,6 @@ from terraport_pipeline.report_textures import (
     photo_pictures,
     texture_rows,
 )
-from terraport_pipeline.scene_model import load_scene_model
 from terraport_store import Scene, TextureInfo
 
 LENS = Lens(width=800, height=600, fx=600.0, fy=600.0, cx=400.0, cy=300.0, radial=(-0.05,))

@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from terraport.cli import app
 from terraport_pipeline.inspection import inspect_scene
-from terraport_pipeline.report_facts import collect_facts
-from terraport_pipeline.scene_colour import SceneColour
+from terraport_pipeline.report.facts import collect_facts
+from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_store import Manifest, Scene
 
 

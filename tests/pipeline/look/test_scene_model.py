@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from terraport_pipeline.scene_model import load_scene_model
+from terraport_pipeline.published.scene_model import load_scene_model
 from terraport_store import DamagedSceneError, Scene
 
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from terraport_pipeline import scene_windows
-from terraport_pipeline.handoff import check_hand_off_in_windows
-from terraport_pipeline.handoff_report import HandOffOptions
-from terraport_pipeline.scene_model import load_scene_model
-from terraport_pipeline.scene_windows import prove_in_windows, segments_around, windows_of
+from terraport_pipeline.published.scene_model import load_scene_model
+from terraport_pipeline.validate import scene_windows
+from terraport_pipeline.validate.handoff import check_hand_off_in_windows
+from terraport_pipeline.validate.handoff_report import HandOffOptions
+from terraport_pipeline.validate.scene_windows import prove_in_windows, segments_around, windows_of
 from terraport_store import Scene
 
 FEW = HandOffOptions(rays=12_000, subsets=24, seed=3)

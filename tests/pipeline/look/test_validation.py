@@ -10,8 +10,8 @@ import pytest
 
 from terraport_pipeline.engines import gltf_validator
 from terraport_pipeline.engines.gltf_validator import GltfCheck, GltfMessage
-from terraport_pipeline.handoff_report import HandOffOptions
-from terraport_pipeline.validation import ValidationOptions, validate
+from terraport_pipeline.validate.handoff_report import HandOffOptions
+from terraport_pipeline.validate.validation import ValidationOptions, validate
 from terraport_store import SceneNotFoundError
 
 QUICK = ValidationOptions(HandOffOptions(4_000, 10))

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from terraport_pipeline.handoff import check_hand_off
-from terraport_pipeline.handoff_report import HandOffOptions, WorstRay
-from terraport_pipeline.scene_model import load_scene_model
-from terraport_pipeline.worst_place import (
+from terraport_pipeline.published.scene_model import load_scene_model
+from terraport_pipeline.validate.handoff import check_hand_off
+from terraport_pipeline.validate.handoff_report import HandOffOptions, WorstRay
+from terraport_pipeline.validate.worst_place import (
     NOTHING,
     compare_at,
     describe,
@@ -95,7 +95,7 @@ def test_survey_coordinates_turn_the_frame_back() -> None:
 
 def test_a_png_can_be_written_and_read(scene_path, tmp_path) -> None:
     from terraport_pipeline.errors import OptionError
-    from terraport_pipeline.validation import ValidationOptions, validate
+    from terraport_pipeline.validate.validation import ValidationOptions, validate
 
     path = tmp_path / "worst.png"
     rays = HandOffOptions(2_000, 4)

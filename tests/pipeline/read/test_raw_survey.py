@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terraport_pipeline.engines.raw_survey import find_colours, thinning_rows, to_eight_bits
+from terraport_pipeline.engines.readers.raw_survey import find_colours, thinning_rows, to_eight_bits
 
 
 @given(st.integers(1, 5000), st.integers(1, 5000))

@@ -6,7 +6,7 @@ import numpy as np
 import pye57
 import pytest
 
-from terraport_pipeline.engines.read_e57 import read_e57
+from terraport_pipeline.engines.readers.read_e57 import read_e57
 from terraport_pipeline.errors import ReadError
 
 OFFSET = np.array([641_000.0, 8_594_000.0, 1_200.0])

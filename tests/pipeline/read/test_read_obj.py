@@ -10,7 +10,7 @@ from payload.images import pillow
 from store.tiny_scene import lattice_mesh, textured
 
 from terraport.obj import write_obj
-from terraport_pipeline.engines.read_obj import read_obj
+from terraport_pipeline.engines.readers.read_obj import read_obj
 from terraport_pipeline.errors import ReadError
 
 SEAM = """mtllib a.mtl

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pypcd4 import Encoding, PointCloud
 
-from terraport_pipeline.engines.read_pcd import read_pcd
+from terraport_pipeline.engines.readers.read_pcd import read_pcd
 from terraport_pipeline.errors import ReadError
 
 ENCODINGS = [Encoding.ASCII, Encoding.BINARY, Encoding.BINARY_COMPRESSED]

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terraport_pipeline.engines.read_ply import read_ply
+from terraport_pipeline.engines.readers.read_ply import read_ply
 from terraport_pipeline.errors import ReadError
 
 TYPES = [

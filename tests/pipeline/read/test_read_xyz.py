@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terraport_pipeline.engines.read_xyz import read_xyz
+from terraport_pipeline.engines.readers.read_xyz import read_xyz
 from terraport_pipeline.errors import ReadError
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pyproj import CRS, Transformer
 
-from terraport_pipeline.engines.survey_crs import to_metres
+from terraport_pipeline.engines.readers.survey_crs import to_metres
 from terraport_pipeline.errors import ReadError
 
 UTM = np.array([[641_200.0, 8_594_700.0, 1_287.0], [641_300.0, 8_594_800.0, 1_250.0]])

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.engines.text_columns import name_bare_columns, name_header_columns
+from terraport_pipeline.engines.readers.text_columns import name_bare_columns, name_header_columns
 
 XYZ = [[1.5, 2.5, 3.5], [1.6, 2.6, 3.6], [1.7, 2.7, 3.7]]
 RGB = [[200, 100, 50], [201, 101, 51], [202, 0, 255]]

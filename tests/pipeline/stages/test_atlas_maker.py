@@ -7,8 +7,8 @@ import pytest
 from photo_scene import PhotoScene, photo_scene
 
 from terraport_pipeline.engines.images import decode_image
-from terraport_pipeline.geometry.photo_samples import neutral_gains
-from terraport_pipeline.geometry.view_choice import ViewChoice
+from terraport_pipeline.geometry.photos.photo_samples import neutral_gains
+from terraport_pipeline.geometry.photos.view_choice import ViewChoice
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.atlas_maker import AtlasMaker, BakedAtlas
 

@@ -9,9 +9,9 @@ from photo_scene import BLOCK, CRATE_M, EXPOSURES, PhotoScene, crate_place, pain
 
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.geometry.adjacency import components, face_pairs
-from terraport_pipeline.geometry.photo_samples import SRGB_OFFSET, neutral_gains
-from terraport_pipeline.geometry.view_choice import ViewChoice
+from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
+from terraport_pipeline.geometry.photos.photo_samples import SRGB_OFFSET, neutral_gains
+from terraport_pipeline.geometry.photos.view_choice import ViewChoice
 from terraport_pipeline.stages.choose_views import Options, choose_views
 from terraport_pipeline.stages.view_gains import view_gains
 

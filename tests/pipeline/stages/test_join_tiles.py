@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from pipeline.two_tiles import CORE, joined, piece
 
-from terraport_pipeline.geometry.edges import EdgeRule
-from terraport_pipeline.geometry.footprint import Footprint
-from terraport_pipeline.stages.join_tiles import (
+from terraport_pipeline.geometry.clouds.edges import EdgeRule
+from terraport_pipeline.geometry.clouds.footprint import Footprint
+from terraport_pipeline.stages.tiles.join_tiles import (
     Look,
     Weak,
     cut_ids,

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pipeline.two_tiles import CORE, RULE, join_of, joined, piece, task
 
-from terraport_pipeline.stages.joined_tile import finish, weak_places
+from terraport_pipeline.stages.tiles.joined_tile import finish, weak_places
 
 
 def border(arrays: dict[str, np.ndarray]) -> dict[int, int]:

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.outliers import mean_distances, usual_distance
-from terraport_pipeline.geometry.spacing import estimate_spacing, nearest_neighbours
+from terraport_pipeline.geometry.clouds.outliers import mean_distances, usual_distance
+from terraport_pipeline.geometry.clouds.spacing import estimate_spacing, nearest_neighbours
 from terraport_pipeline.model import Cloud, to_scene
 from terraport_pipeline.stages import measure_survey
 from terraport_pipeline.stages.contract import Context

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from terraport_pipeline.geometry.tile_plan import Lattice, plan_tiles, tile_shape
+from terraport_pipeline.geometry.tiles.tile_plan import Lattice, plan_tiles, tile_shape
 from terraport_pipeline.model import to_scene
 from terraport_pipeline.stages import partition
 from terraport_pipeline.stages.contract import Context

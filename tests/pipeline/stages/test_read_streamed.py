@@ -12,7 +12,7 @@ import pytest
 from pypcd4 import Encoding, PointCloud
 from pyproj import CRS
 
-from terraport_pipeline.engines import read_e57, read_las, read_pcd, read_ply, read_xyz
+from terraport_pipeline.engines.readers import read_e57, read_las, read_pcd, read_ply, read_xyz
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.stages import read_streamed, survey_store
 from terraport_pipeline.stages.contract import Context

@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.errors import OptionError, ResourceError
-from terraport_pipeline.geometry.deviation import distances_to_mesh
-from terraport_pipeline.geometry.uncovered import uncovered_faces
-from terraport_pipeline.geometry.vertex_normals import face_normals
+from terraport_pipeline.geometry.cover.uncovered import uncovered_faces
+from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
+from terraport_pipeline.geometry.mesh.vertex_normals import face_normals
 from terraport_pipeline.model import Survey
 from terraport_pipeline.stages import clean, reconstruct
 from terraport_pipeline.stages.contract import Context

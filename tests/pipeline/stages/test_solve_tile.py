@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from pipeline.two_tiles import ANCHOR_M, CELL_M, CORE, piece, task
 
-from terraport_pipeline.geometry.support import BINS
-from terraport_pipeline.stages import solve_tile
+from terraport_pipeline.geometry.clouds.support import BINS
 from terraport_pipeline.stages.contract import Context
-from terraport_pipeline.stages.solve_tile import TileTask, border_of, run, sample_type
+from terraport_pipeline.stages.tiles import solve_tile
+from terraport_pipeline.stages.tiles.solve_tile import TileTask, border_of, run, sample_type
 
 WIDE = 88
 """Cells of the core in the tests that solve: a cube of 2^7 with room for the margin."""

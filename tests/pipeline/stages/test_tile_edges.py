@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.geometry.footprint import Occupancy
-from terraport_pipeline.geometry.support import BINS
-from terraport_pipeline.stages.tile_edges import edge_rules
+from terraport_pipeline.geometry.clouds.footprint import Occupancy
+from terraport_pipeline.geometry.clouds.support import BINS
+from terraport_pipeline.stages.tiles.tile_edges import edge_rules
 
 
 def test_where_the_surface_ends_is_read_from_all_tiles() -> None:

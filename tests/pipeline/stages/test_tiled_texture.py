@@ -10,13 +10,13 @@ from memory_tiles import MemoryTiles
 from tiled_place import chosen, context, gains, opened, place, scale, tiles
 
 from terraport_pipeline.engines.photos import OpenPhotos
-from terraport_pipeline.geometry.adjacency import face_pairs
-from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.geometry.photo_samples import neutral_gains
-from terraport_pipeline.geometry.view_choice import ViewChoice
-from terraport_pipeline.stages import tiled_texture, tiled_views
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.photos.lens import View
+from terraport_pipeline.geometry.photos.photo_samples import neutral_gains
+from terraport_pipeline.geometry.photos.view_choice import ViewChoice
 from terraport_pipeline.stages.texture import Options
 from terraport_pipeline.stages.texture_sums import TextureTally
+from terraport_pipeline.stages.tiles import tiled_texture, tiled_views
 
 
 @cache

@@ -7,9 +7,9 @@ import pytest
 from memory_tiles import MemoryTiles
 from tiled_place import chosen, context, gains, opened, place, scale, tiles
 
-from terraport_pipeline.geometry.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.stages import tiled_views
+from terraport_pipeline.stages.tiles import tiled_views
 
 
 def views_of(along: int) -> np.ndarray:

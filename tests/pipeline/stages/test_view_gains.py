@@ -7,7 +7,7 @@ import pytest
 from photo_scene import EXPOSURES, photo_scene
 
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.geometry.photo_samples import neutral_gains
+from terraport_pipeline.geometry.photos.photo_samples import neutral_gains
 from terraport_pipeline.stages.view_gains import find_gains, view_gains
 
 

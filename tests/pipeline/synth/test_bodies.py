@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.mesh_edges import edge_facts
+from terraport_pipeline.geometry.mesh.mesh_edges import edge_facts
 from terraport_pipeline.synth.bodies import BODIES
 
 VOLUME = {

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from terraport_pipeline.engines.rays import Hits
-from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.synth import Material
 from terraport_pipeline.synth.camera_eye import NOTHING, TRUCK, TRUCK_SHADOW, CameraEye
 from terraport_pipeline.synth.flight import FlightOptions, plan_flight

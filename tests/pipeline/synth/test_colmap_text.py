@@ -4,7 +4,7 @@ import numpy as np
 
 from terraport_pipeline.engines.camera_files import read_cameras
 from terraport_pipeline.engines.camera_files.write_colmap import write_colmap
-from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.geometry.photos.lens import Lens, View
 from terraport_pipeline.synth.colmap_text import offset_text, points_text
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.adjacency import components, face_pairs
+from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import TruthMesh, truth_mesh

@@ -25,7 +25,7 @@ from terraport_pipeline.engines.camera_files.pix4d import MAGIC as PIX4D_MAGIC
 from terraport_pipeline.engines.camera_files.pix4d import read_pix4d, read_pix4d_external
 from terraport_pipeline.engines.camera_files.raw_cameras import PhotoSize, RawCameras
 from terraport_pipeline.errors import PhotoError, ReadError
-from terraport_pipeline.geometry.lens import View
+from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.model import Crs
 
 __all__ = ["CameraSet", "has_cameras", "read_cameras", "read_raw_cameras"]

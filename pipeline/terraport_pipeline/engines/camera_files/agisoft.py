@@ -34,7 +34,7 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     make_lens,
 )
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.geometry.lens import Lens
+from terraport_pipeline.geometry.photos.lens import Lens
 
 __all__ = ["read_agisoft"]
 

@@ -33,7 +33,7 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     text_lines,
 )
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.geometry.lens import Lens
+from terraport_pipeline.geometry.photos.lens import Lens
 
 __all__ = ["MODELS", "read_colmap", "stated_offset"]
 

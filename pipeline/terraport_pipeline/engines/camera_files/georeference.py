@@ -23,8 +23,8 @@ from pyproj.exceptions import CRSError, ProjError
 from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.raw_cameras import Frame, RawCameras
 from terraport_pipeline.errors import PhotoError
-from terraport_pipeline.geometry.lens import View
-from terraport_pipeline.geometry.view_cover import cover_points
+from terraport_pipeline.geometry.photos.lens import View
+from terraport_pipeline.geometry.photos.view_cover import cover_points
 from terraport_pipeline.model import Crs, to_crs
 
 __all__ = ["CRS_TO_SCENE", "LEAST_SEEN", "Placed", "place_cameras"]

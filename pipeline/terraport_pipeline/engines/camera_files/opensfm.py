@@ -37,7 +37,7 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     rotation_vector_to_matrix,
 )
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.geometry.lens import Lens
+from terraport_pipeline.geometry.photos.lens import Lens
 
 __all__ = ["MODELS", "read_opensfm", "read_shots"]
 

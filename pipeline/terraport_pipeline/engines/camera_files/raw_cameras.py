@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from terraport_payload.types import Float64
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.geometry.lens import Lens
+from terraport_pipeline.geometry.photos.lens import Lens
 
 __all__ = [
     "AGAIN",

@@ -14,7 +14,7 @@ import numpy as np
 from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.colmap import MODELS
 from terraport_pipeline.engines.camera_files.georeference import CRS_TO_SCENE
-from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.geometry.photos.lens import Lens, View
 from terraport_pipeline.model import to_crs
 
 __all__ = ["matrix_to_quaternion", "write_colmap"]

@@ -13,7 +13,7 @@ from terraport_pipeline.engines.reconstructors.contract import (
     Work,
     always_there,
 )
-from terraport_pipeline.geometry.ball_pivoting import pivot_balls
+from terraport_pipeline.geometry.reconstructors.ball_pivoting import pivot_balls
 
 __all__ = ["BALL_PIVOTING"]
 

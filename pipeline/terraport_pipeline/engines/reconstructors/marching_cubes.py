@@ -11,7 +11,7 @@ from terraport_pipeline.engines.reconstructors.contract import (
     Work,
     always_there,
 )
-from terraport_pipeline.geometry.signed_distance import march_samples
+from terraport_pipeline.geometry.reconstructors.signed_distance import march_samples
 
 __all__ = ["MARCHING_CUBES"]
 

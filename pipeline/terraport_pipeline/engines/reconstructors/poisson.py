@@ -15,7 +15,7 @@ from terraport_pipeline.engines.reconstructors.contract import (
     Work,
     always_there,
 )
-from terraport_pipeline.geometry.trim import compact, island_mask, support_mask
+from terraport_pipeline.geometry.mesh.trim import compact, island_mask, support_mask
 
 __all__ = ["POISSON"]
 

@@ -15,7 +15,7 @@ from terraport_pipeline.engines.reconstructors.contract import (
     always_there,
 )
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.geometry.voronoi_crust import crust
+from terraport_pipeline.geometry.reconstructors.voronoi_crust import crust
 
 __all__ = ["VORONOI_FILTERING"]
 

@@ -10,7 +10,7 @@ import struct
 
 import numpy as np
 
-from terraport_pipeline.geometry.lens import Lens, View
+from terraport_pipeline.geometry.photos.lens import Lens, View
 from terraport_pipeline.model import Crs
 
 ORIGIN = np.array([576_700.0, 5_188_150.0, 160.0])

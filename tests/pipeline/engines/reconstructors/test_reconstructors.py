@@ -7,7 +7,7 @@ import pytest
 
 from terraport_pipeline.engines.reconstructors import RECONSTRUCTORS, Samples, Work
 from terraport_pipeline.evaluation.subjects import Subject, body
-from terraport_pipeline.geometry.closest_point import TriangleTree
+from terraport_pipeline.geometry.mesh.closest_point import TriangleTree
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,412 @@
+"""The work directory of a build: results of stages, each whole or absent.
+
+::
+
+    WORK/
+        <stage>/stage.json      key, options, facts, times, digests; written last
+        <stage>/<array>.npy
+        .<stage>.<random>.tmp/  being written, or left by a build that was killed
+        .scratch.<random>.tmp/  files of an engine
+
+A result is written beside, synced, and renamed into place. It is taken up again when its key (the
+stage's name, its code, its options, the digests of its inputs) is unchanged and its
+files have the size that was written.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+import numpy.typing as npt
+import xxhash
+
+from terraport_payload.types import AnyArray
+from terraport_pipeline.engines.readers.npy_columns import NpyReader
+from terraport_pipeline.errors import ResourceError, WorkDirectoryError
+from terraport_pipeline.measure import StepCost
+from terraport_pipeline.stages.contract import Facts, Json, Stored
+
+__all__ = ["Cost", "StageRecord", "WorkDirectory", "file_digest", "stage_key"]
+
+_MARK: Final = ".terraport-work"
+"""Says that a directory is ours, so that nothing else's files are ever deleted."""
+
+_RECORD: Final = "stage.json"
+
+_BLOCK_BYTES: Final = 1 << 24
+"""Read at once where a file is digested."""
+
+_DISK_FULL: Final = frozenset({28, 27, 122})
+"""errno ENOSPC, EFBIG, EDQUOT."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cost:
+    """What a stage took; differs from run to run."""
+
+    seconds: float
+    peak_bytes: int
+    """Resident memory of this process and its children, at most."""
+    steps: tuple[StepCost, ...] = ()
+    """In their order; empty where nobody noted them."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageRecord:
+    """Key, digest, facts and cost of a kept result: the content of ``stage.json``."""
+
+    name: str
+    key: str
+    digest: str
+    """Hash of the result: arrays and values, not costs."""
+    facts: Facts
+    cost: Cost
+    values: Mapping[str, Json]
+    files: Mapping[str, int]
+    """Size of every file, bytes, by name."""
+
+
+class WorkDirectory:
+    """Results of a build's stages on disk.
+
+    Parameters
+    ----------
+    path : Path
+        Created if it is not there.
+
+    Raises
+    ------
+    WorkDirectoryError
+        The path is a file, or a directory with something else in it.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        if path.exists() and not path.is_dir():
+            raise WorkDirectoryError(f"{path} is not a directory; give --work another path")
+        if path.is_dir() and not (path / _MARK).exists() and any(path.iterdir()):
+            raise WorkDirectoryError(
+                f"{path} holds files that no build wrote; give --work an empty or a new directory"
+            )
+        with disk_full_named(path):
+            path.mkdir(exist_ok=True)
+            (path / _MARK).touch()
+        for left in path.glob(".*.tmp"):  # of a build that was killed; the lock says it is gone
+            shutil.rmtree(left, ignore_errors=True)
+
+    def find(self, name: str, key: str) -> StageRecord | None:
+        """Look for a result.
+
+        Parameters
+        ----------
+        name : str
+            Of the stage.
+        key : str
+            From :func:`stage_key`.
+
+        Returns
+        -------
+        StageRecord or None
+            None when there is none, its key is another, or a file is missing or cut short.
+        """
+        folder = self.path / name
+        try:
+            record = _parse(json.loads((folder / _RECORD).read_bytes()))
+            whole = all((folder / f).stat().st_size == size for f, size in record.files.items())
+        except (OSError, ValueError, KeyError, TypeError):
+            return None
+        return record if whole and record.key == key else None
+
+    def load(self, record: StageRecord) -> Stored:
+        """Read a result's arrays.
+
+        Raises
+        ------
+        WorkDirectoryError
+            A file cannot be read.
+        """
+        folder = self.path / record.name
+        arrays = {}
+        for file in record.files:
+            try:
+                arrays[Path(file).stem] = np.load(folder / file, allow_pickle=False)
+            except (OSError, ValueError, EOFError) as error:
+                raise WorkDirectoryError(
+                    f"{folder / file} cannot be read ({error}); build again with --no-resume"
+                ) from None
+        return Stored(arrays, record.values)
+
+    def mapped(self, record: StageRecord) -> Stored:
+        """Open a result without reading its arrays: they are read where they are looked at."""
+        folder = self.path / record.name
+        arrays = {Path(file).stem: _map(folder / file) for file in record.files}
+        return Stored(arrays, record.values)
+
+    def looked_up(self, record: StageRecord) -> Stored:
+        """Open a result as :meth:`mapped`, each array only while it is in use.
+
+        For results of all tiles together: every open map holds a file descriptor, of which a
+        process may have 1,024.
+        """
+        folder = self.path / record.name
+        return Stored(_LookedUp({Path(f).stem: folder / f for f in record.files}), record.values)
+
+    def array(self, record: StageRecord, name: str) -> AnyArray:
+        """Load one array of a kept result into memory."""
+        array: AnyArray = np.load(self.path / record.name / f"{name}.npy", allow_pickle=False)
+        return array
+
+    def save(self, name: str, key: str, stored: Stored, facts: Facts, cost: Cost) -> StageRecord:
+        """Write a result and put it in place of an older one.
+
+        Raises
+        ------
+        ResourceError
+            The disk is full; the older result stands.
+        """
+        values = json.loads(json.dumps(dict(stored.values), allow_nan=False))
+        plain_facts = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        digests = {f"{n}.npy": _array_digest(array) for n, array in stored.arrays.items()}
+        whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
+        with self.beside(name) as folder:
+            files = {}
+            for array_name, array in stored.arrays.items():
+                path = folder / f"{array_name}.npy"
+                with path.open("wb") as file:
+                    _write_npy(file, np.ascontiguousarray(array))
+                    _sync(file.fileno())
+                files[path.name] = path.stat().st_size
+            return _write_record(folder, name, key, whole, plain_facts, cost, values, files)
+
+    def seal(
+        self,
+        folder: Path,
+        name: str,
+        key: str,
+        values: Mapping[str, Json],
+        facts: Facts,
+        cost: Cost,
+    ) -> StageRecord:
+        """Make the ``.npy`` files in a folder a result; for arrays too large to be in memory.
+
+        Parameters
+        ----------
+        folder : Path
+            From :meth:`beside`, with every array written.
+        name, key, values, facts, cost
+            As in :meth:`save`; the digest is the one that :meth:`save` computes.
+        """
+        values = json.loads(json.dumps(dict(values), allow_nan=False))
+        plain_facts = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        digests, files = {}, {}
+        for path in sorted(folder.glob("*.npy")):
+            digests[path.name] = _npy_digest(path)
+            with path.open("rb+") as file:
+                _sync(file.fileno())
+            files[path.name] = path.stat().st_size
+        whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
+        return _write_record(folder, name, key, whole, plain_facts, cost, values, files)
+
+    def forget(self, name: str) -> None:
+        """Delete a result; nothing happens when there is none."""
+        shutil.rmtree(self.path / name, ignore_errors=True)
+
+    def names(self, prefix: str) -> list[str]:
+        """Names of the results that begin with a prefix, sorted."""
+        return sorted(path.parent.name for path in self.path.glob(f"{prefix}*/{_RECORD}"))
+
+    @contextlib.contextmanager
+    def scratch(self) -> Iterator[Path]:
+        """Make an empty folder that is deleted at the end, whatever happens."""
+        with disk_full_named(self.path):
+            folder = Path(tempfile.mkdtemp(prefix=".scratch.", suffix=".tmp", dir=self.path))
+        try:
+            with disk_full_named(self.path):
+                yield folder
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+
+    @contextlib.contextmanager
+    def beside(self, name: str) -> Iterator[Path]:
+        """Make a folder that takes the stage's place when the block ends well."""
+        with disk_full_named(self.path):
+            beside = Path(tempfile.mkdtemp(prefix=f".{name}.", suffix=".tmp", dir=self.path))
+            try:
+                yield beside
+                _sync_folder(beside)
+                final = self.path / name
+                if final.exists():
+                    # Not atomic with the next line, and need not be: killed in between, the
+                    # stage is simply done again.
+                    final.rename(beside.with_name(f".{beside.name[1:]}.old.tmp"))
+                beside.rename(final)
+                _sync_folder(self.path)
+            finally:
+                shutil.rmtree(beside, ignore_errors=True)
+                shutil.rmtree(beside.with_name(f".{beside.name[1:]}.old.tmp"), ignore_errors=True)
+
+
+def stage_key(name: str, code: str, options: Mapping[str, Json], inputs: Mapping[str, str]) -> str:
+    """Compute what identifies a stage's result.
+
+    Parameters
+    ----------
+    name : str
+        Of the stage.
+    code : str
+        Digest of the code that makes the result.
+    options : mapping
+        Plain values; all that change the result, none that do not.
+    inputs : mapping of str to str
+        Digests by name.
+
+    Returns
+    -------
+    str
+        32 hexadecimal digits.
+
+    Examples
+    --------
+    >>> stage_key("clean", "c", {"a": 1}, {}) == stage_key("clean", "c", {"a": 2}, {})
+    False
+    """
+    return xxhash.xxh3_128_hexdigest(_canonical([name, code, dict(options), dict(inputs)]))
+
+
+class _LookedUp(Mapping[str, AnyArray]):
+    """Arrays that are mapped anew each time they are asked for."""
+
+    def __init__(self, paths: Mapping[str, Path]) -> None:
+        self._paths = paths
+
+    def __getitem__(self, name: str) -> AnyArray:
+        return _map(self._paths[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+
+def _map(path: Path) -> AnyArray:
+    try:
+        array: AnyArray = np.load(path, mmap_mode="r", allow_pickle=False)
+    except ValueError:  # an empty array cannot be mapped
+        array = np.load(path, allow_pickle=False)
+    return array
+
+
+def file_digest(path: Path) -> str:
+    """Compute the XXH3-64 of a file's bytes, 16 hexadecimal digits."""
+    digest = xxhash.xxh3_64()
+    with path.open("rb") as file:
+        while block := file.read(1 << 22):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+@contextlib.contextmanager
+def disk_full_named(path: Path) -> Iterator[None]:
+    """Turn "no space left" into an error that says where and what to do."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _DISK_FULL:
+            raise
+        raise ResourceError(
+            f"no space left for {path}; free some, or give --work a directory on another disk"
+        ) from error
+
+
+def _write_record(
+    folder: Path,
+    name: str,
+    key: str,
+    digest: str,
+    plain_facts: Json,
+    cost: Cost,
+    values: Json,
+    files: Mapping[str, int],
+) -> StageRecord:
+    document = {
+        "name": name,
+        "key": key,
+        "digest": digest,
+        "facts": plain_facts,
+        "cost": asdict(cost),
+        "values": values,
+        "files": dict(files),
+    }
+    with (folder / _RECORD).open("w", encoding="utf-8") as text:
+        json.dump(document, text, indent=1)
+        text.flush()
+        _sync(text.fileno())
+    return _parse(document)
+
+
+def _parse(document: Any) -> StageRecord:
+    facts, cost = document["facts"], document["cost"]
+    return StageRecord(
+        name=document["name"],
+        key=document["key"],
+        digest=document["digest"],
+        facts=Facts(facts["counts"], tuple(facts["warnings"])),
+        cost=Cost(
+            float(cost["seconds"]),
+            int(cost["peak_bytes"]),
+            tuple(StepCost(**step) for step in cost.get("steps", ())),
+        ),
+        values=document["values"],
+        files=document["files"],
+    )
+
+
+def _canonical(document: Json) -> bytes:
+    return json.dumps(document, sort_keys=True, separators=(",", ":")).encode("utf-8")
+
+
+def _array_digest(array: npt.NDArray[np.generic]) -> str:
+    whole = np.ascontiguousarray(array)
+    digest = xxhash.xxh3_128(f"{whole.dtype.str}{whole.shape}".encode())
+    digest.update(whole.reshape(-1).view(np.uint8).data)
+    return digest.hexdigest()
+
+
+def _npy_digest(path: Path) -> str:
+    """Compute what :func:`_array_digest` gives for the array in a file, by blocks."""
+    reader = NpyReader(path)
+    digest = xxhash.xxh3_128(f"{reader.dtype.str}{reader.shape}".encode())
+    row_bytes = max(1, reader.dtype.itemsize * int(np.prod(reader.shape[1:])))
+    for _, rows in reader.blocks(max(1, _BLOCK_BYTES // row_bytes)):
+        digest.update(rows.reshape(-1).view(np.uint8).data)
+    return digest.hexdigest()
+
+
+def _write_npy(file: BinaryIO, array: npt.NDArray[np.generic]) -> None:
+    """Write as `np.save` does, but by `write`: `tofile` tells a full disk without its errno."""
+    header = np.lib.format.header_data_from_array_1_0(array)
+    np.lib.format.write_array_header_1_0(file, header)
+    file.write(array.reshape(-1).view(np.uint8).data)
+    file.flush()
+
+
+def _sync(descriptor: int) -> None:
+    os.fsync(descriptor)
+
+
+def _sync_folder(folder: Path) -> None:
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

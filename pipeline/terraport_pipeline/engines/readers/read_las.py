@@ -1,0 +1,390 @@
+"""LAS, LAZ and COPC by laspy with lazrs.
+
+COPC is LAZ with an index: its full resolution is read in file order. Every dimension is kept as an
+attribute under its LAS name, except X, Y, Z and colour, and except standard fields that hold their
+"not set" value in every point (0; 1 for the return numbers).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import struct
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import laspy
+import lazrs
+import numpy as np
+from pyproj.exceptions import CRSError
+
+from terraport_payload.types import AnyArray
+from terraport_pipeline.engines.readers.raw_survey import (
+    Advance,
+    RawSurvey,
+    StreamChunk,
+    thinning_rows,
+    to_eight_bits,
+)
+from terraport_pipeline.errors import ReadError
+
+__all__ = ["UNSET", "LasStream", "open_las", "read_las"]
+
+_CHUNK_POINTS: Final = 500_000
+"""Points decoded at once: about 60 MB."""
+
+_COLOURS: Final = ("red", "green", "blue")
+
+UNSET: Final = {"return_number": (0, 1), "number_of_returns": (0, 1)}
+"""Values of a standard field that say nothing when every point has them; 0 for the others."""
+
+_HEADER_BYTES: Final = 375
+_RECORD_BYTES: Final = 54
+_EXTENDED_RECORD_BYTES: Final = 60
+"""Sizes of LAS 1.4: public header block, and the heads of variable length records."""
+
+_MAX_POINTS_PER_BYTE: Final = 2000
+
+_DAMAGED: Final = (
+    laspy.LaspyException,
+    lazrs.LazrsError,
+    ArithmeticError,
+    EOFError,
+    MemoryError,
+    OSError,
+    ValueError,
+)
+"""What laspy and lazrs raise on damaged files (found by flipping bytes)."""
+
+_PANIC_MODULE: Final = "pyo3_runtime"
+"""Home of the exception that a failed check inside lazrs raises; it has no importable name and is
+no :class:`Exception`."""
+
+
+def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
+    """Read a LAS, LAZ or COPC file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Starts with ``LASF``.
+    advance : callable
+        Told of progress.
+    max_points : int, optional
+        Thin to this many points while reading.
+
+    Returns
+    -------
+    RawSurvey
+        Coordinates with scale and offset applied in float64.
+
+    Raises
+    ------
+    ReadError
+        When header or points are damaged or cut off; names the point where reading ended.
+    """
+    points = np.zeros((0, 3))
+    columns: dict[str, AnyArray] = {}
+    done = 0
+    with open_las(path, max_points=max_points) as stream:
+        for chunk in stream.chunks():
+            target = slice(done, done + chunk.kept)
+            if not done:
+                points = np.empty((stream.kept, 3))
+                columns = {
+                    name: np.empty((stream.kept, *values.shape[1:]), dtype=values.dtype)
+                    for name, values in chunk.columns.items()
+                }
+            points[target] = chunk.points
+            for name, values in chunk.columns.items():
+                columns[name][target] = values
+            done = target.stop
+            advance(chunk.read, stream.count)
+    colours, notes = _take_colours(columns)
+    attributes = _keep_attributes(columns, set(stream.standard))
+    return RawSurvey(points, colours, attributes, stream.crs, (*stream.warnings, *notes))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LasStream:
+    """An open LAS, LAZ or COPC file that yields its points chunk by chunk."""
+
+    count: int
+    """Points in the file."""
+    kept: int
+    """Points that all parts together hold: fewer where the file is thinned."""
+    crs: Any | None
+    warnings: tuple[str, ...]
+    standard: frozenset[str]
+    """Dimensions that the standard names; they are left out where they hold nothing."""
+    chunks: Callable[[], Iterator[StreamChunk]]
+    """Makes the iterator; once."""
+    sides: tuple[float, float, float]
+    """Of the box that the header states, in the file's unit; may be nonsense."""
+
+
+@contextlib.contextmanager
+def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream]:
+    """Open a file for reading in parts of half a million points.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Starts with ``LASF``.
+    max_points : int, optional
+        Thin to this many points.
+
+    Raises
+    ------
+    ReadError
+        As :func:`read_las`; what is damaged in the points is found while the parts are read.
+    """
+    # (1) The header; what laspy cannot read is damage, and so said.
+    _check_records(path)
+    try:
+        reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs)
+    except BaseException as error:
+        if not _means_damage(error):
+            raise
+        raise ReadError(
+            path,
+            f"the LAS header or the compressed table cannot be read ({_brief(error)})",
+            "the file is cut off or damaged: copy or export it again",
+        ) from error
+    # (2) Header and size agree; several threads only where the compressed table is whole.
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(reader)
+        header = reader.header
+        count = int(header.point_count)
+        if count == 0:
+            raise ReadError(path, "the header says 0 points", "export the survey again")
+        _check_size(path, header)
+        if header.are_points_compressed and _has_whole_table(path, header):
+            reader = stack.enter_context(
+                laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel)
+            )
+        # (3) Frame, thinning and columns.
+        crs, warnings = _find_crs(header)
+        rows = thinning_rows(count, max_points)
+        names = [n for n in header.point_format.dimension_names if n not in ("X", "Y", "Z")]
+        if not all(names) or len(set(names)) < len(names):
+            raise ReadError(
+                path,
+                f"the point's fields are {', '.join(map(repr, names))}: one has no name or occurs "
+                "twice",
+                "the header is damaged: copy or export the file again",
+            )
+
+        # (4) Chunks in file order; thinned rows count from the start of the file.
+        def chunks() -> Iterator[StreamChunk]:
+            for first, chunk in _iterate(reader, path, count):
+                wanted: Any = slice(None)
+                if rows is not None:
+                    low, high = np.searchsorted(rows, (first, first + len(chunk)))
+                    wanted = rows[low:high] - first
+                ticks = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
+                with np.errstate(over="ignore", invalid="ignore"):  # a damaged scale; dropped later
+                    points = ticks * header.scales + header.offsets
+                columns = {name: np.asarray(chunk[name])[wanted] for name in names}
+                yield StreamChunk(points, columns, len(chunk))
+
+        sides = header.maxs - header.mins
+        yield LasStream(
+            count,
+            count if rows is None else len(rows),
+            crs,
+            warnings,
+            frozenset(header.point_format.standard_dimension_names),
+            chunks,
+            (float(sides[0]), float(sides[1]), float(sides[2])),
+        )
+
+
+def _check_records(path: Path) -> None:
+    """Refuse more variable length records than fit: laspy would read on past the end for hours."""
+    size = path.stat().st_size
+    with path.open("rb") as file:
+        head = file.read(_HEADER_BYTES).ljust(_HEADER_BYTES, b"\0")
+    header_size, points_start, records = struct.unpack_from("<HII", head, 94)
+    room = min(points_start, size) - header_size
+    extended_start, extended = struct.unpack_from("<QI", head, 235)
+    if head[25] < 4:  # minor version: extended records came with LAS 1.4
+        extended = 0
+    if records * _RECORD_BYTES > max(room, 0) or (
+        extended * _EXTENDED_RECORD_BYTES > max(size - extended_start, 0)
+    ):
+        raise ReadError(
+            path,
+            f"the header says {records:,} records and {extended:,} extended ones, more than fit "
+            f"into {size:,} bytes",
+            "the file is cut off or damaged: copy or export it again",
+        )
+
+
+def _check_size(path: Path, header: Any) -> None:
+    """Refuse an uncompressed file that is shorter than its header says, before any allocation."""
+    size = path.stat().st_size
+    start, length = int(header.offset_to_point_data), int(header.point_format.size)
+    if header.are_points_compressed:
+        _check_compressed(path, start, size, int(header.point_count))
+        return
+    whole = max(size - start, 0) // length
+    if whole < header.point_count:
+        raise ReadError(
+            path,
+            f"the file ends after {whole:,} of {header.point_count:,} points",
+            "it is cut off: copy or export it again",
+            f"byte {size:,}",
+        )
+
+
+def _check_compressed(path: Path, start: int, size: int, count: int) -> None:
+    """Refuse a LAZ whose chunk table lies beyond its end, and one of absurdly many points.
+
+    The points begin with the offset of the chunk table that follows them, or -1 when the writer
+    could not go back (then it is in the last eight bytes, and the decoder finds out).
+    """
+    with path.open("rb") as file:
+        file.seek(start)
+        (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\xff"))
+    if start + 8 > size:
+        raise ReadError(
+            path,
+            f"the points should begin at byte {start:,}, but the file ends",
+            "it is cut off: copy or export it again",
+            f"byte {size:,}",
+        )
+    if table + 8 > size:
+        points = max(size - start - 8, 0)
+        share = points / max(table - start - 8, 1)
+        raise ReadError(
+            path,
+            f"the compressed points reach to byte {table:,}, but the file ends; about "
+            f"{share:.0%} of {count:,} points are there",
+            "it is cut off: copy or export it again",
+            f"byte {size:,}",
+        )
+    if table > start:
+        _check_chunk_table(path, table, count)
+    # Identical points cost LAZ about 1/100 byte; a header that claims far more is damaged.
+    if count > _MAX_POINTS_PER_BYTE * size:
+        raise ReadError(
+            path,
+            f"the header says {count:,} points in {size:,} bytes",
+            "the header is damaged: export the survey again",
+        )
+
+
+def _check_chunk_table(path: Path, table: int, count: int) -> None:
+    """Refuse a table of more chunks than points: lazrs would end the process over its memory."""
+    with path.open("rb") as file:
+        file.seek(table)
+        version, chunks = struct.unpack("<II", file.read(8))
+    if version != 0 or chunks > count:
+        raise ReadError(
+            path,
+            f"the table of compressed chunks is damaged (version {version}, {chunks:,} chunks for "
+            f"{count:,} points)",
+            "copy or export the file again",
+            f"byte {table:,}",
+        )
+
+
+def _has_whole_table(path: Path, header: Any) -> bool:
+    """Whether the table of chunks accounts for every point and byte, so that threads may use it.
+
+    The decoder in threads trusts the table; the one that reads on in the file does not need it.
+    """
+    try:
+        with path.open("rb") as file:
+            file.seek(int(header.offset_to_point_data))
+            (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\xff"))
+            file.seek(int(header.offset_to_point_data))
+            records = header.vlrs.get("LasZipVlr")
+            chunks = lazrs.read_chunk_table(file, lazrs.LazVlr(records[0].record_data))
+    except BaseException as error:
+        if not _means_damage(error) and not isinstance(error, (IndexError, TypeError)):
+            raise
+        return False
+    # Where chunks have one size, the last is told as full and need not be.
+    most = sum(chunk[0] for chunk in chunks)
+    end = int(header.offset_to_point_data) + 8 + sum(chunk[1] for chunk in chunks)
+    return bool(chunks and most - chunks[-1][0] < header.point_count <= most and end == table)
+
+
+def _iterate(reader: Any, path: Path, count: int) -> Iterator[tuple[int, Any]]:
+    """Yield (first point, chunk); turn whatever the decoder raises into a ReadError."""
+    first = 0
+    chunks = reader.chunk_iterator(_CHUNK_POINTS)
+    while first < count:
+        try:
+            chunk = next(chunks, None)
+        except BaseException as error:
+            if not _means_damage(error):
+                raise
+            last = min(first + _CHUNK_POINTS, count)
+            raise ReadError(
+                path,
+                f"the point data is cut off or damaged between points {first:,} and {last:,} of "
+                f"{count:,} ({_brief(error)})",
+                "copy or export the file again",
+                f"point {first:,}",
+            ) from error
+        if chunk is None or len(chunk) == 0:
+            raise ReadError(
+                path,
+                f"the file ends after {first:,} of {count:,} points",
+                "it is cut off: copy or export it again",
+                f"point {first:,}",
+            )
+        yield first, chunk
+        first += len(chunk)
+
+
+def _find_crs(header: Any) -> tuple[Any | None, tuple[str, ...]]:
+    try:
+        return header.parse_crs(), ()
+    except (CRSError, ValueError, KeyError, laspy.LaspyException) as error:
+        warning = (
+            f"The file's coordinate reference system cannot be understood ({_brief(error)}); the "
+            "survey is treated as one without."
+        )
+        return None, (warning,)
+
+
+def _take_colours(columns: dict[str, AnyArray]) -> tuple[Any, tuple[str, ...]]:
+    if not all(name in columns for name in _COLOURS):
+        return None, ()
+    wide = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
+    colours, warnings = to_eight_bits(wide, where="red, green, blue")
+    if colours is not None and int(wide.max()) <= np.iinfo(np.uint8).max:
+        warnings = (
+            *warnings,
+            "The colours use only 8 of the 16 bits that LAS gives them; they are taken as 0..255.",
+        )
+    return colours, warnings
+
+
+def _keep_attributes(columns: dict[str, AnyArray], standard: set[str]) -> dict[str, AnyArray]:
+    """Leave out unset standard fields; give each part of a vector field its own name."""
+    kept: dict[str, AnyArray] = {}
+    for name, values in columns.items():
+        unset = name in standard and values.ndim == 1 and values[0] in UNSET.get(name, (0,))
+        if unset and (values == values[0]).all():
+            continue
+        if values.ndim == 1:
+            kept[name] = values
+        else:
+            for component in range(values.shape[1]):
+                kept[f"{name}_{component}"] = np.ascontiguousarray(values[:, component])
+    return kept
+
+
+def _means_damage(error: BaseException) -> bool:
+    return isinstance(error, _DAMAGED) or type(error).__module__ == _PANIC_MODULE
+
+
+def _brief(error: BaseException) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text[:160]

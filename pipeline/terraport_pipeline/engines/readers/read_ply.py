@@ -1,0 +1,353 @@
+"""PLY (ASCII, binary little and big endian) by a structured NumPy type; no other code needed.
+
+Format: Greg Turk, "The PLY Polygon File Format", 1994. Every scalar property of the ``vertex``
+element is kept; other elements (faces) are counted and left alone. plyfile would do it too, but is
+GPL-3.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO, Final
+
+import numpy as np
+
+from terraport_payload.types import AnyArray, Float64, Int64
+from terraport_pipeline.engines.readers.raw_survey import (
+    Advance,
+    RawSurvey,
+    StreamChunk,
+    find_colours,
+    thinning_rows,
+    to_eight_bits,
+)
+from terraport_pipeline.errors import ReadError
+
+__all__ = ["PlyStream", "read_ply", "stream_ply"]
+
+_MAX_HEADER_BYTES: Final = 1 << 16
+"""A header of 64 KiB has a thousand properties; more is no PLY."""
+
+_CHUNK_POINTS: Final = 1_000_000
+
+_ASCII_CHUNK: Final = 200_000
+
+_TYPES: Final = {
+    "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
+    "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
+    "int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4",
+    "float": "f4", "float32": "f4", "double": "f8", "float64": "f8",
+}  # fmt: skip
+
+_PROPERTY: Final = {"property": _TYPES}
+"""The only further key word of a header; looking it up refuses every other one."""
+
+_ENDIAN: Final = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
+
+_AGAIN: Final = "export the survey again"
+
+
+@dataclass(slots=True)
+class _Element:
+    name: str
+    count: int
+    properties: list[tuple[str, str]] = field(default_factory=list)
+    """(name, NumPy type code) of scalar properties, in order."""
+    lists: list[str] = field(default_factory=list)
+    """Names of list properties."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Header:
+    format: str
+    elements: list[_Element]
+    length: int
+    """Bytes up to and including the line ``end_header``."""
+
+
+def read_ply(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
+    """Read the vertices of a PLY file.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Starts with ``ply``.
+    advance : callable
+        Told of progress.
+    max_points : int, optional
+        Thin to this many points.
+
+    Returns
+    -------
+    RawSurvey
+        Property names keep their spelling; ``x``, ``y``, ``z`` and the colours are found in any
+        case.
+
+    Raises
+    ------
+    ReadError
+        When the header is not PLY, x, y or z is missing, a list property is in the way, or the
+        vertices are cut off; names the byte, line or vertex.
+    """
+    with path.open("rb") as file:
+        header = _read_header(path, file)
+    vertex, before, others = _find_vertex(path, header)
+    _check_names(path, vertex)
+    rows = thinning_rows(vertex.count, max_points)
+    kept = vertex.count if rows is None else len(rows)
+    tables = _ascii_tables if header.format == "ascii" else _binary_tables
+    whole: AnyArray | None = None
+    done = 0
+    for table, read in tables(path, header, vertex, before, rows):
+        if whole is None:
+            whole = np.empty(kept, dtype=table.dtype)
+        whole[done : done + len(table)] = table
+        done += len(table)
+        advance(read, vertex.count)
+    assert whole is not None  # there is at least one vertex
+    return _assemble(whole, _ignored(others))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlyStream:
+    """An open file; its vertices come in parts."""
+
+    count: int
+    warnings: tuple[str, ...]
+    colours: tuple[str, ...]
+    """Names of red, green, blue, or none."""
+    chunks: Callable[[], Iterator[StreamChunk]]
+    """Makes the iterator; once."""
+
+
+def stream_ply(path: Path, *, max_points: int | None = None) -> PlyStream:
+    """Check a file as :func:`read_ply` does, and read its vertices in parts of a million."""
+    with path.open("rb") as file:
+        header = _read_header(path, file)
+    vertex, before, others = _find_vertex(path, header)
+    _check_names(path, vertex)
+    rows = thinning_rows(vertex.count, max_points)
+    tables = _ascii_tables if header.format == "ascii" else _binary_tables
+    names = [name for name, _ in vertex.properties]
+    lower = {name.lower(): name for name in reversed(names)}
+    axes = [lower[axis] for axis in "xyz"]
+
+    def chunks() -> Iterator[StreamChunk]:
+        for table, read in tables(path, header, vertex, before, rows):
+            points = np.stack([table[axis].astype(np.float64) for axis in axes], axis=1)
+            columns = {
+                name: np.ascontiguousarray(table[name]) for name in names if name not in axes
+            }
+            yield StreamChunk(points, columns, read)
+
+    return PlyStream(vertex.count, _ignored(others), find_colours(names) or (), chunks)
+
+
+def _ignored(others: list[_Element]) -> tuple[str, ...]:
+    if not others:
+        return ()
+    counts = " and ".join(f"{element.count:,} {element.name}" for element in others)
+    return (f"Only the vertices are read; the file's {counts} elements are ignored.",)
+
+
+def _read_header(path: Path, file: BinaryIO) -> _Header:
+    head = file.read(_MAX_HEADER_BYTES)
+    end = head.find(b"end_header")
+    line_end = head.find(b"\n", end)
+    if not head.startswith(b"ply") or end < 0 or line_end < 0:
+        raise ReadError(
+            path,
+            f"no PLY header ends within the first {len(head):,} bytes",
+            f"the file is cut off or no PLY: {_AGAIN}",
+        )
+    file_format = ""
+    elements: list[_Element] = []
+    for number, raw in enumerate(head[:end].decode("latin-1").splitlines(), start=1):
+        words = raw.split()
+        if not words or words[0] in ("ply", "comment", "obj_info"):
+            continue
+        try:
+            if words[0] == "format":
+                file_format = words[1]
+            elif words[0] == "element":
+                elements.append(_Element(words[1], int(words[2])))
+            elif words[1] == "list":
+                elements[-1].lists.append(words[4])
+            else:
+                elements[-1].properties.append((words[2], _PROPERTY[words[0]][words[1]]))
+        except (IndexError, KeyError, ValueError) as error:
+            raise ReadError(
+                path, f"{raw.strip()!r} is no PLY header line", _AGAIN, f"line {number}"
+            ) from error
+    if file_format not in _ENDIAN:
+        raise ReadError(
+            path, f"format is {file_format!r}, expected one of {', '.join(_ENDIAN)}", _AGAIN
+        )
+    return _Header(file_format, elements, line_end + 1)
+
+
+def _find_vertex(path: Path, header: _Header) -> tuple[_Element, list[_Element], list[_Element]]:
+    names = [element.name for element in header.elements]
+    if "vertex" not in names:
+        raise ReadError(
+            path,
+            f"there is no vertex element, only {', '.join(names) or 'nothing'}",
+            "export points",
+        )
+    at = names.index("vertex")
+    vertex, before = header.elements[at], header.elements[:at]
+    if vertex.count <= 0:
+        raise ReadError(path, f"the header says {vertex.count:,} vertices", _AGAIN)
+    for element in [vertex, *before]:
+        if element.lists and (header.format != "ascii" or element is vertex):
+            raise ReadError(
+                path,
+                f"element {element.name} has the list property {element.lists[0]}, whose rows have "
+                "no fixed size",
+                "export the points with scalar properties, vertices first",
+            )
+    others = [e for e in header.elements if e is not vertex and e.count > 0]
+    return vertex, before, others
+
+
+def _check_names(path: Path, vertex: _Element) -> None:
+    names = [name for name, _ in vertex.properties]
+    missing = [axis for axis in "xyz" if axis not in {name.lower() for name in names}]
+    if missing:
+        raise ReadError(
+            path,
+            f"the vertices have no {', '.join(missing)}; their properties are {', '.join(names)}",
+            "export the survey with coordinates named x, y, z",
+        )
+    if len(set(names)) < len(names):
+        raise ReadError(path, "two vertex properties have the same name", _AGAIN)
+
+
+def _row_type(element: _Element, file_format: str) -> np.dtype[Any]:
+    endian = _ENDIAN[file_format]
+    return np.dtype([(name, endian + code) for name, code in element.properties])
+
+
+def _binary_tables(
+    path: Path,
+    header: _Header,
+    vertex: _Element,
+    before: list[_Element],
+    rows: Int64 | None,
+) -> Iterator[tuple[AnyArray, int]]:
+    """Yield (vertices that are kept, vertices read)."""
+    dtype = _row_type(vertex, header.format)
+    start = header.length
+    for element in before:
+        start += element.count * _row_type(element, header.format).itemsize
+    size = path.stat().st_size
+    whole = max(size - start, 0) // dtype.itemsize
+    if whole < vertex.count:
+        raise ReadError(
+            path,
+            f"the file ends after {whole:,} of {vertex.count:,} vertices",
+            "it is cut off: copy or export it again",
+            f"byte {size:,}",
+        )
+    for first in range(0, vertex.count, _CHUNK_POINTS):
+        want = min(_CHUNK_POINTS, vertex.count - first)
+        # Not mapped: mapped pages count as this process's memory until something else needs it.
+        table = np.fromfile(path, dtype=dtype, count=want, offset=start + first * dtype.itemsize)
+        if rows is not None:
+            low, high = np.searchsorted(rows, (first, first + want))
+            table = table[rows[low:high] - first]
+        yield table.astype(dtype.newbyteorder("="), copy=False), want
+
+
+def _ascii_tables(
+    path: Path,
+    header: _Header,
+    vertex: _Element,
+    before: list[_Element],
+    rows: Int64 | None,
+) -> Iterator[tuple[AnyArray, int]]:
+    """Yield (vertices that are kept, vertices read)."""
+    # (1) Refuse a header that promises more than the file can hold, before memory is taken for
+    # it.
+    dtype = _row_type(vertex, "ascii")
+    columns = len(vertex.properties)
+    size = path.stat().st_size
+    if vertex.count * 2 * columns > size + 1:  # a digit and a blank for each value
+        raise ReadError(
+            path,
+            f"the header says {vertex.count:,} vertices of {columns} values, the file has only "
+            f"{size:,} bytes",
+            "it is cut off: copy or export it again",
+        )
+    # (2) Skip what stands before the vertices, then read them chunk by chunk.
+    with path.open("rb") as file:
+        file.seek(header.length)
+        for _ in range(sum(element.count for element in before)):
+            file.readline()
+        for first in range(0, vertex.count, _ASCII_CHUNK):
+            want = min(_ASCII_CHUNK, vertex.count - first)
+            values = _parse_lines(path, list(itertools.islice(file, want)), first, columns)
+            if len(values) < want:
+                raise ReadError(
+                    path,
+                    f"the file ends after {first + len(values):,} of {vertex.count:,} vertices",
+                    "it is cut off: copy or export it again",
+                    f"vertex {first + len(values):,}",
+                )
+            if rows is not None:
+                low, high = np.searchsorted(rows, (first, first + want))
+                values = values[rows[low:high] - first]
+            table = np.zeros(len(values), dtype=dtype)
+            for column, (name, _) in enumerate(vertex.properties):
+                table[name] = values[:, column]
+            yield table, want
+
+
+def _parse_lines(path: Path, lines: list[bytes], first: int, columns: int) -> Float64:
+    """Parse vertex lines; float64 holds every integer that PLY knows exactly."""
+    tokens = b" ".join(lines).split()
+    try:
+        return np.array(tokens, dtype="S").astype(np.float64).reshape(len(lines), columns)
+    except ValueError as error:
+        raise _bad_line(path, lines, first, columns, error) from error
+
+
+def _bad_line(
+    path: Path, lines: list[bytes], first: int, columns: int, cause: ValueError
+) -> Exception:
+    """Find the line that is no row of numbers."""
+    for number, line in enumerate(lines):
+        words = line.split()
+        try:
+            np.array(words, dtype="S").astype(np.float64)
+            fine = len(words) == columns
+        except ValueError:
+            fine = False
+        if not fine:
+            text = line.decode("latin-1").strip()[:80]
+            return ReadError(
+                path,
+                f"{text!r} is no row of {columns} numbers",
+                "the file is cut off or damaged: copy or export it again",
+                f"vertex {first + number:,}",
+            )
+    return cause
+
+
+def _assemble(table: AnyArray, warnings: tuple[str, ...]) -> RawSurvey:
+    names = list(table.dtype.names or ())
+    lower = {name.lower(): name for name in reversed(names)}
+    axes = [lower[axis] for axis in "xyz"]
+    points = np.stack([table[axis].astype(np.float64) for axis in axes], axis=1)
+    triple = find_colours(names)
+    colours = None
+    if triple is not None:
+        where = ", ".join(triple)
+        colours, notes = to_eight_bits(np.stack([table[n] for n in triple], axis=1), where=where)
+        warnings += notes
+    used = {*axes, *(triple or ())}
+    attributes = {name: np.ascontiguousarray(table[name]) for name in names if name not in used}
+    return RawSurvey(points, colours, attributes, None, warnings)

@@ -1,0 +1,395 @@
+"""XYZ, CSV, TXT, ASC and PTS by pyarrow's CSV reader.
+
+Delimiter (comma, semicolon, tab or blanks), decimal comma (with semicolons, tabs or blanks) and a
+header are detected from the start of the file. Lines that begin with ``#`` or ``//`` are comments;
+one directly above the first row that names as many columns as the row has is the header
+(CloudCompare writes it so). A first line with a single whole number is a point count (PTS).
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+from terraport_payload.types import AnyArray
+from terraport_pipeline.engines.readers.clean_text import CleanText
+from terraport_pipeline.engines.readers.raw_survey import (
+    Advance,
+    RawSurvey,
+    StreamChunk,
+    thinning_rows,
+    to_eight_bits,
+)
+from terraport_pipeline.engines.readers.text_columns import (
+    DEGREES,
+    name_bare_columns,
+    name_header_columns,
+)
+from terraport_pipeline.errors import ReadError
+
+__all__ = ["XyzStream", "read_xyz", "stream_xyz"]
+
+_SAMPLE_BYTES: Final = 1 << 16
+_SAMPLE_ROWS: Final = 200
+
+_BLOCK_BYTES: Final = 1 << 22
+"""Text that is normalised and parsed at once."""
+
+_COLOURS: Final = ("red", "green", "blue")
+_AXES: Final = ("x", "y", "z")
+
+_NULLS: Final = ["", "nan", "NaN", "NAN", "null", "NULL", "-", "*", "inf", "-inf"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    delimiter: str
+    """One character; a blank stands for any run of blanks and tabs."""
+    decimal: str
+    skip_lines: int
+    """Lines before the first row, comments not counted."""
+    names: list[str]
+    bare: bool
+    """The file has no header."""
+
+
+def read_xyz(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
+    """Read a text file with one point per line.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        Its suffix matters in one case: ``.pts`` has intensity before colour.
+    advance : callable
+        Told of progress, in bytes read and bytes of the file.
+    max_points : int, optional
+        Thin to this many points (after reading).
+
+    Raises
+    ------
+    ReadError
+        When the text is no table of numbers, x, y or z is missing, columns are degrees, or a line
+        is damaged; names the line where it can.
+    """
+    layout = _find_layout(path)
+    table = _parse(path, layout, advance)
+    if table.num_rows == 0:
+        raise ReadError(path, "there is not one row of numbers", "export the survey again")
+    rows = thinning_rows(table.num_rows, max_points)
+    columns: dict[str, AnyArray] = {}
+    text: list[str] = []
+    for name in layout.names:
+        column = table[name]
+        if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
+            values = column.to_numpy()
+            columns[name] = values if rows is None else values[rows]
+        elif pa.types.is_null(column.type):
+            continue  # an empty column, such as a delimiter at the end of every line makes
+        else:
+            text.append(name)
+    return _assemble(columns, layout, text)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class XyzStream:
+    """An open text of points that yields them chunk by chunk."""
+
+    size: int
+    """Bytes of the file."""
+    warnings: tuple[str, ...]
+    colours: tuple[str, ...]
+    chunks: Callable[[], Iterator[StreamChunk]]
+    """Makes the iterator; once."""
+
+
+def stream_xyz(path: Path, *, max_points: int | None = None) -> XyzStream:
+    """Read a text in parts; a first pass finds the columns' types and counts the rows.
+
+    Raises
+    ------
+    ReadError
+        As :func:`read_xyz`.
+    """
+    layout = _find_layout(path)
+    types, count = _find_types(path, layout)
+    if count == 0:
+        raise ReadError(path, "there is not one row of numbers", "export the survey again")
+    rows = thinning_rows(count, max_points)
+    names = [n for n in layout.names if types[n] in (pa.int64(), pa.float64())]
+    text = [n for n in layout.names if types[n] == pa.string()]
+    warnings = []
+    if text:
+        warnings.append(_left_out(text))
+    if layout.bare:
+        warnings.append(_bare(layout))
+    has_colour = all(name in names for name in _COLOURS)
+
+    def chunks() -> Iterator[StreamChunk]:
+        first = 0
+        for batch, read in _batches(path, layout, types):
+            wanted: Any = slice(None)
+            if rows is not None:
+                low, high = np.searchsorted(rows, (first, first + batch.num_rows))
+                wanted = rows[low:high] - first
+            columns = {
+                name: batch.column(name).to_numpy(zero_copy_only=False)[wanted] for name in names
+            }
+            points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
+            yield StreamChunk(points, columns, read)
+            first += batch.num_rows
+
+    return XyzStream(path.stat().st_size, tuple(warnings), _COLOURS if has_colour else (), chunks)
+
+
+def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], int]:
+    """Find the narrowest type that every row of each column has, and count the rows."""
+    types = {axis: pa.float64() for axis in "xyz"}
+    while True:
+        seen: dict[str, pa.DataType] = {}
+        nulls: set[str] = set()
+        count = 0
+        try:
+            for batch, _ in _batches(path, layout, types):
+                seen = {name: batch.schema.field(name).type for name in layout.names}
+                nulls |= {n for n in layout.names if batch.column(n).null_count}
+                count += batch.num_rows
+        except pa.ArrowInvalid as error:
+            # A later row does not fit what the first block looked like: wider, and again.
+            match = re.search(r"column #(\d+)", str(error))
+            name = layout.names[int(match[1])] if match else ""
+            if not match or "conversion error" not in str(error) or name in _AXES:
+                raise _no_table(path, layout, error) from error
+            former = types.get(name)
+            types[name] = pa.string() if former == pa.float64() else pa.float64()
+            continue
+        for name, kind in seen.items():
+            whole = pa.types.is_integer(kind)
+            if whole or pa.types.is_floating(kind):
+                # A gap in whole numbers makes them floats, as in a whole table.
+                types[name] = pa.int64() if whole and name not in nulls else pa.float64()
+            else:
+                types[name] = pa.null() if pa.types.is_null(kind) else pa.string()
+        return types, count
+
+
+def _batches(
+    path: Path, layout: _Layout, types: dict[str, pa.DataType]
+) -> Iterator[tuple[Any, int]]:
+    """Yield (record batch, bytes of the file read since the last one)."""
+    read = 0
+
+    def count(size: int, _total: int) -> None:
+        nonlocal read
+        read += size
+
+    with path.open("rb") as file:
+        source = CleanText(
+            file,
+            blanks=layout.delimiter == " ",
+            skip_lines=layout.skip_lines,
+            size=path.stat().st_size,
+            advance=count,
+        )
+        try:
+            reader = csv.open_csv(pa.PythonFile(source, mode="r"), *_csv_options(layout, types))
+        except pa.ArrowInvalid as error:
+            if "Empty CSV" in str(error):
+                return
+            raise
+        for batch in reader:
+            yield batch, read
+            read = 0
+
+
+def _csv_options(layout: _Layout, types: dict[str, pa.DataType]) -> tuple[Any, Any, Any]:
+    return (
+        # One thread: only then does pyarrow know the line of an error.
+        csv.ReadOptions(use_threads=False, block_size=_BLOCK_BYTES, column_names=layout.names),
+        csv.ParseOptions(delimiter=layout.delimiter),
+        csv.ConvertOptions(
+            column_types=types,
+            null_values=_NULLS,
+            decimal_point=layout.decimal,
+            strings_can_be_null=True,
+        ),
+    )
+
+
+def _no_table(path: Path, layout: _Layout, error: pa.ArrowInvalid) -> ReadError:
+    reason = " ".join(str(error).split())[:200]
+    row = re.search(r"Row #(\d+)", reason)
+    location = None
+    if row is not None:
+        location = f"line {int(row[1]) + layout.skip_lines:,} (comments not counted)"
+    return ReadError(
+        path,
+        f"the text is no table of {len(layout.names)} columns ({reason})",
+        "repair the line or export the survey again",
+        location,
+    )
+
+
+def _left_out(text: list[str]) -> str:
+    return f"The columns {', '.join(text)} hold text and were left out."
+
+
+def _bare(layout: _Layout) -> str:
+    return f"The file has no header; its columns were taken as {', '.join(layout.names)}."
+
+
+def _find_layout(path: Path) -> _Layout:
+    # (1) The first lines, as text.
+    with path.open("rb") as file:
+        head = file.read(_SAMPLE_BYTES)
+    if b"\x00" in head:
+        raise ReadError(
+            path,
+            "this is no text: it has zero bytes",
+            "check the file's kind; terraport reads LAS, LAZ, PLY, PCD, E57 and text",
+            f"byte {head.index(0):,}",
+        )
+    lines = head.decode("utf-8-sig", errors="replace").splitlines()
+    if len(head) == _SAMPLE_BYTES:
+        lines = lines[:-1]  # the last one may be cut
+    # (2) Rows, and the comment above them, which may name the columns.
+    above = ""
+    rows: list[str] = []
+    for line in lines:
+        bare = line.strip()
+        if not bare:
+            continue
+        if bare.startswith(("#", "//")):
+            above = above if rows else bare
+            continue
+        rows.append(bare)
+        if len(rows) > _SAMPLE_ROWS:
+            break
+    # (3) PTS: the first row may be the number of points.
+    skip = 0
+    if len(rows) > 1 and re.fullmatch(r"[0-9]+", rows[0]):
+        skip, rows = 1, rows[1:]
+    if not rows:
+        raise ReadError(path, "there is not one row of numbers", "export the survey again")
+    # (4) Delimiter by majority of the rows; a decimal comma only where it does not separate.
+    delimiter, _ = Counter(map(_find_delimiter, rows)).most_common(1)[0]
+    cells = [_split(row, delimiter) for row in rows]
+    comma = delimiter != "," and any(re.search(r"\d,\d", cell) for cell in cells[-1])
+    decimal = "," if comma else "."
+    # (5) A header, in the first row or in the comment.
+    header: list[str] | None = None
+    if not all(_is_number(cell, decimal) for cell in cells[0]):
+        header, skip, cells = cells[0], skip + 1, cells[1:]
+    elif above:
+        named = _split(above.lstrip("#/ \t"), delimiter)
+        header = named if len(named) == len(cells[0]) and not _is_number(named[0], ".") else None
+    if not cells or not any(_is_number(cell, decimal) for cell in cells[0]):
+        raise ReadError(
+            path,
+            f"{rows[0][:60]!r} is not followed by rows of numbers",
+            "expected one point per line: x y z, then colours or other values",
+        )
+    # (6) Names of the columns: the header's, or by what the numbers look like.
+    if header is not None:
+        _refuse_degrees(path, header)
+        names = name_header_columns(header)
+        missing = [axis for axis in "xyz" if axis not in names]
+        if missing:
+            raise ReadError(
+                path,
+                f"there is no column {', '.join(missing)}; the columns are {', '.join(names)}",
+                "name the coordinates x, y, z (or easting, northing, height)",
+            )
+        return _Layout(delimiter, decimal, skip, names, bare=False)
+    return _Layout(delimiter, decimal, skip, _name_bare(path, cells, decimal), bare=True)
+
+
+def _name_bare(path: Path, cells: list[list[str]], decimal: str) -> list[str]:
+    width = len(cells[0])
+    if width < 3:
+        raise ReadError(
+            path,
+            f"the rows have {width} columns, expected x, y, z at least",
+            "export the survey with three coordinates",
+        )
+    numbers = [
+        [float(cell.replace(decimal, ".")) if _is_number(cell, decimal) else np.nan for cell in row]
+        for row in cells
+        if len(row) == width
+    ]
+    pts = path.suffix.lower() == ".pts"
+    return name_bare_columns(np.array(numbers, dtype=np.float64), intensity_first=pts)
+
+
+def _refuse_degrees(path: Path, header: list[str]) -> None:
+    labels = [name.strip().strip('"').lower() for name in header]
+    angles = [name for name in labels if name in DEGREES]
+    if angles and not {"x", "y"} <= set(name_header_columns(header)):
+        raise ReadError(
+            path,
+            f"the columns {', '.join(angles)} are degrees, expected metres",
+            "project the survey first, for example to its UTM zone",
+            "line 1",
+        )
+
+
+def _find_delimiter(row: str) -> str:
+    for delimiter in (";", "\t"):
+        if row.count(delimiter) >= 2:
+            return " " if delimiter == "\t" and "," not in row else delimiter
+    # A comma between every two values, or a decimal comma within blanks?
+    if row.count(",") >= 2 and not re.search(r"\d[ \t]+-?\d", row):
+        return ","
+    return " "
+
+
+def _split(row: str, delimiter: str) -> list[str]:
+    return row.split() if delimiter == " " else [cell.strip() for cell in row.split(delimiter)]
+
+
+def _is_number(cell: str, decimal: str) -> bool:
+    if cell in _NULLS:
+        return True
+    try:
+        float(cell.replace(decimal, "."))
+    except ValueError:
+        return False
+    return True
+
+
+def _parse(path: Path, layout: _Layout, advance: Advance) -> pa.Table:
+    types = {axis: pa.float64() for axis in "xyz"}
+    with path.open("rb") as file:
+        source = CleanText(
+            file,
+            blanks=layout.delimiter == " ",
+            skip_lines=layout.skip_lines,
+            size=path.stat().st_size,
+            advance=advance,
+        )
+        try:
+            return csv.read_csv(pa.PythonFile(source, mode="r"), *_csv_options(layout, types))
+        except pa.ArrowInvalid as error:
+            raise _no_table(path, layout, error) from error
+
+
+def _assemble(columns: dict[str, AnyArray], layout: _Layout, text: list[str]) -> RawSurvey:
+    points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
+    warnings: list[str] = []
+    if text:
+        warnings.append(_left_out(text))
+    colours = None
+    if all(name in columns for name in _COLOURS):
+        channels = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
+        colours, notes = to_eight_bits(channels, where="red, green, blue")
+        warnings += notes
+    if layout.bare:
+        warnings.append(_bare(layout))
+    return RawSurvey(points, colours, columns, None, tuple(warnings))

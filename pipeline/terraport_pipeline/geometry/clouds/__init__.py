@@ -1,0 +1,1 @@
+"""Clouds of points: spacing, outliers, normals, and where what they support ends."""

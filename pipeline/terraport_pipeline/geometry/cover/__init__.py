@@ -1,0 +1,1 @@
+"""The hand-off: which detail lies over which base face, and what the base gets where it lacks."""

@@ -1,0 +1,1 @@
+"""The graph engine: one merge tree over faces."""

@@ -1,0 +1,212 @@
+"""The graph engine behind the segmenter's interface: regions and fine pools from one merge tree.
+
+Regions are the automatic cut: unions are kept while they cost less than ``-threshold``. Costs are
+scale-free (times the root of the whole area), so one threshold serves a part of a millimetre and a
+quarry of kilometres. A compact piece with the share q of the whole area, all of whose border weighs
+w per length, gives about ``-3.5 * w / sqrt(q)``: the threshold says how weak the border of a piece
+of that size must be for it to stand alone. Fine pools are the largest unions of at most
+``fine_faces`` faces inside the regions.
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from terraport_payload.types import Float32, Int32
+from terraport_pipeline.geometry.graph.border_weights import EdgeWeights
+from terraport_pipeline.geometry.graph.face_graph import (
+    FaceGraph,
+    face_graph,
+    smooth_colours,
+    sum_areas,
+)
+from terraport_pipeline.geometry.graph.graph_merge import MergedGraph, join_small, merge_faces
+from terraport_pipeline.geometry.regions.pool_refine import join_nearest, number_by_first
+from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
+from terraport_pipeline.geometry.regions.triangle_pool import face_similarity
+
+__all__ = [
+    "COLOUR_GRAPH",
+    "OPEN_SHAPE_GRAPH",
+    "SHAPE_GRAPH",
+    "GraphOptions",
+    "GraphSegmenter",
+    "automatic_seeds",
+    "graph_of_mesh",
+    "merge_graph",
+    "seed_levels",
+]
+
+
+_SEED_FACES: Final = 32
+"""Seeds of meshes up to 147,000 faces have at most this many: the mean colour of 32 faces has a
+fifth of one vertex's noise."""
+_SEED_GROWTH: Final = 8
+"""Levels of seeds: each at most this many times the one before, so that borders are weighed anew
+before pieces have grown over them."""
+_COLOUR_SEEDS: Final = 2000
+"""With colour there are at least about this many seeds, so that no region is one seed."""
+_MOST_COLOUR_SEEDS: Final = 4600
+"""Of large meshes, about: finer faces must not make finer seeds. Colours blend over metres on real
+ground, and between seeds much smaller than that no border stands out (Red Rocks at 6.8 M faces fell
+into 3 regions with seeds of 32 faces, into 5 that mean something with these)."""
+_SHAPE_SEEDS: Final = 100_000
+"""By shape alone seeds only save time, and blur folds (1 - RI .141 without, .153 with 4 faces on 28
+of Princeton's models, exponent 10): none below this many faces."""
+_MOST_ROUNDS: Final = 64
+"""Beyond this colours blur farther than any piece worth telling apart is wide."""
+
+
+@dataclass(frozen=True, slots=True)
+class GraphOptions:
+    """Parameters of the graph engine; the defaults are for coloured ground."""
+
+    threshold: float = 0.5
+    """Regions merge while that lowers the normalised cut by more than this; scale-free. Larger
+    gives more, smaller regions. > 0."""
+    small_share: float = 0.003
+    """Regions below this share of the whole area join a neighbour; 0 keeps them. 0..1."""
+    smooth_rounds: int = 8
+    """Times that every face's colour is averaged with its neighbours' first: against the noise of
+    single points. 0..64."""
+    fine_faces: int = 1000
+    """Most faces of a fine pool. >= 1."""
+    seed_faces: int | None = None
+    """Most faces of a seed; None chooses by the mesh, 1 leaves seeds out. >= 1."""
+    weights: EdgeWeights = field(default_factory=EdgeWeights)
+    """How borders are weighed."""
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range before any work."""
+        if not 0.0 < self.threshold < np.inf:
+            msg = f"threshold is {self.threshold}, expected a finite number above 0"
+            raise ValueError(msg)
+        if not 0.0 <= self.small_share < 1.0:
+            msg = f"small_share is {self.small_share}, expected 0 to below 1"
+            raise ValueError(msg)
+        if not 0 <= self.smooth_rounds <= _MOST_ROUNDS:
+            msg = f"smooth_rounds is {self.smooth_rounds}, expected 0..{_MOST_ROUNDS}"
+            raise ValueError(msg)
+        for name in ("fine_faces", "seed_faces"):
+            value = getattr(self, name)
+            if value is not None and value < 1:
+                msg = f"{name} is {value}, expected 1 or more"
+                raise ValueError(msg)
+
+
+COLOUR_GRAPH: Final = GraphOptions()
+"""For coloured ground, or a scalar that stands for the colour."""
+SHAPE_GRAPH: Final = GraphOptions(
+    threshold=5.0, small_share=0.0, weights=EdgeWeights(colour_scale=0.0, concavity=20.0)
+)
+"""For shape alone (CAD parts, scans without colour): concavity decides. Chosen on Princeton's
+models, ``benchmarks/princeton.py``."""
+OPEN_SHAPE_GRAPH: Final = replace(SHAPE_GRAPH, threshold=2.5, small_share=0.003)
+"""For the shape of open ground. Halving a flat square lowers the cut by 4, halving a ball by 7.1: a
+threshold for closed bodies would part every field."""
+
+
+@dataclass(frozen=True, slots=True)
+class GraphSegmenter:
+    """Greedy normalised-cut merging over shape and colour."""
+
+    options: GraphOptions | None = None
+    """None: ``COLOUR_GRAPH`` where the mesh has colours or a scalar, else ``SHAPE_GRAPH``."""
+
+    @property
+    def name(self) -> str:
+        """Name of the engine in options and manifests: ``"graph"``."""
+        return "graph"
+
+    def segment(self, mesh: SegmenterMesh) -> Segmentation:
+        """Cut the mesh into regions and fine pools; see :class:`~.segmenter.Segmenter`."""
+        options = self.options
+        if options is None:
+            shape_alone = mesh.colours is None and mesh.scalar is None
+            options = SHAPE_GRAPH if shape_alone else COLOUR_GRAPH
+        graph = graph_of_mesh(mesh, options)
+        merged = merge_graph(graph, options)
+        tree = merged.tree
+        cut, cut_count = tree.cut_by_cost(-options.threshold)
+        regions, count = join_small(graph, options.weights, cut, cut_count, options.small_share)
+        regions, count, islands = _join_islands(mesh, graph, regions, count, options.small_share)
+        fine, _ = tree.cut_by_size(options.fine_faces, -options.threshold)
+        return Segmentation(
+            regions=regions,
+            region_count=count,
+            fine=fine,
+            similarity=_similarity(mesh),
+            facts={
+                "region_pools": cut_count,
+                "region_islands": islands,
+                "seeds": merged.seed_count,
+                "colour_scale": merged.colour_scale,
+            },
+        )
+
+
+def graph_of_mesh(mesh: SegmenterMesh, options: GraphOptions) -> FaceGraph:
+    """Graph of a mesh's faces, colours smoothed as the options say."""
+    graph = face_graph(
+        mesh.vertices, mesh.faces,
+        colours=None if mesh.scalar is not None else mesh.colours,
+        scalar=mesh.scalar, pairs=mesh.edge_pairs()[0],
+    )  # fmt: skip
+    if options.weights.colour_scale <= 0.0:
+        return graph
+    return smooth_colours(graph, options.smooth_rounds)
+
+
+def merge_graph(graph: FaceGraph, options: GraphOptions) -> MergedGraph:
+    """Build the whole merge tree, from which any granularity is read."""
+    seed_faces = options.seed_faces
+    if seed_faces is None:
+        by_colour = graph.facts.lab is not None and options.weights.colour_scale > 0.0
+        seed_faces = automatic_seeds(len(graph.area), by_colour=by_colour)
+    return merge_faces(graph, options.weights, seed_levels(seed_faces))
+
+
+def seed_levels(most_faces: int) -> tuple[int, ...]:
+    """Sizes of seeds on the way to the largest, 32 and eight times more each; none for 1."""
+    levels = []
+    size = _SEED_FACES
+    while size < most_faces:
+        levels.append(size)
+        size *= _SEED_GROWTH
+    return (*levels, most_faces) if most_faces > 1 else ()
+
+
+def automatic_seeds(n_faces: int, *, by_colour: bool) -> int:
+    """Most faces of a seed where the options leave it open."""
+    if by_colour:
+        few = min(_SEED_FACES, n_faces // _COLOUR_SEEDS)
+        return max(1, few, n_faces // _MOST_COLOUR_SEEDS)
+    return max(1, min(_SEED_FACES, n_faces // _SHAPE_SEEDS))
+
+
+def _join_islands(
+    mesh: SegmenterMesh, graph: FaceGraph, regions: Int32, count: int, small_share: float
+) -> tuple[Int32, int, int]:
+    """Give small regions, which touch nothing by now, the region of the nearest face."""
+    area = sum_areas(graph.area, regions, count)
+    small = area < small_share * float(area.sum())
+    islands = int(np.count_nonzero(small))
+    if islands == 0 or islands == count:
+        return regions, count, islands
+    labels, left = number_by_first(join_nearest(mesh.vertices, mesh.faces, regions, small))
+    return labels, left, islands
+
+
+def _similarity(mesh: SegmenterMesh) -> Float32:
+    """Index by which pools become segments: the Triangle Pool Algorithm's s."""
+    colours, scalar = mesh.colours, mesh.scalar
+    if scalar is not None:
+        colours = None
+    elif colours is None:
+        scalar = np.zeros(len(mesh.faces))
+    return face_similarity(mesh.vertices, mesh.faces, colours=colours, scalar=scalar)

@@ -1,0 +1,1 @@
+"""Triangle meshes: neighbours, measures, blocks, cuts, samples."""

@@ -1,0 +1,1 @@
+"""Photos: lenses, what each shows, and which colours which face."""

@@ -1,0 +1,1 @@
+"""Kernels of the compared ways to reconstruct a surface."""

@@ -1,0 +1,1 @@
+"""Ways to cut a surface into regions, and facts about these."""

@@ -1,0 +1,1 @@
+"""Streamable segments: regions merged and split within bounds."""

@@ -1,0 +1,1 @@
+"""Atlases: charts, their packing, baking, gutters and seams."""

@@ -1,0 +1,1 @@
+"""Tiles of one surface: plan, bands, seams, welding, sums."""

@@ -1,0 +1,369 @@
+"""Join the surfaces of neighbouring tiles along their common walls.
+
+Both tiles' solvers refined the same lattice, so in the wall both surfaces end in polylines whose
+vertices lie on lattice lines. Where both saw the same samples, they cut the same lines, a hundredth
+of a cell apart; such vertices are made one. Where they did not, the two polylines part for a cell
+or two and meet again: the sliver between them, which lies in the wall, is filled with triangles.
+
+1. Vertices of both sides are matched per lattice edge, each other's nearest; then what is left, in
+the plane, at most a quarter of a cell apart. (Matched per lattice line, crossings on both sides of
+a lattice corner were exchanged: four faces at one edge.)
+2. Matches become classes in order of distance; a class never holds two vertices of one tile. On
+the line where four cores meet a class has up to four members.
+3. Edges that run along the wall in opposite directions on both sides cancel. The rest, reversed, is
+the boundary of what is missing; its closed loops are filled by the triangulation of least area
+(G. Barequet and M. Sharir, "Filling gaps in the boundary of a polyhedron", CAGD 12, 1995).
+
+PURE: no I/O, no clock.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+from scipy.spatial import cKDTree
+
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
+from terraport_pipeline.geometry.mesh.loop_fill import directed_loops, fill_loop
+
+__all__ = ["Seams", "TileBorder", "weld_tiles"]
+
+
+EDGE_REACH_CELLS: Final = 1.0
+"""The same crossing lies on the same edge of a cell."""
+
+PLANE_REACH_CELLS: Final = 0.25
+"""Vertices that took different edges at one lattice corner."""
+
+_MAX_LOOP: Final = 200
+"""Vertices of a loop that is filled; the triangulation takes their cube."""
+
+_MAX_CAP_CELLS: Final = 8.0
+"""A loop of one side alone (a bubble that the other side lacks) is capped up to this wide."""
+
+_FAR: Final = 1e7
+"""Parts lattice lines in a search by distance: more than any cell index."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TileBorder:
+    """Vertices and edges of a tile that lie in the walls of its core."""
+
+    rows: Int32
+    """(B,) vertices of the tile that lie in a wall of its core, ascending."""
+    cells: Float64
+    """(B, 3) their positions in lattice cells, exact in the wall's axis."""
+    ratio: Float32
+    """(B,) support ratio."""
+    edges: Int32
+    """(E, 2) open edges that run along a wall, as their faces go round; places in `rows`."""
+    walls: UInt8
+    """(E,) wall of each edge: 2 * axis, and 1 more for the high one."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seams:
+    """How the tiles are joined. Shared vertices have ids 0 to G-1."""
+
+    cells: Float64
+    """(G, 3) position of every shared vertex."""
+    ratio: Float32
+    """(G,) support ratio: the least of its members'."""
+    owner_tile: Int32
+    """(G,) tile that gives colour and attributes: the first."""
+    owner_row: Int32
+    """(G,) vertex in that tile."""
+    tile_rows: tuple[Int32, ...]
+    """Per tile: its vertices that are shared, ascending."""
+    tile_ids: tuple[Int64, ...]
+    """Per tile: the ids of these, and then of vertices it gets for its fillers."""
+    fillers: tuple[Int64, ...]
+    """Per tile: (K, 3) ids of the triangles it gets."""
+    gaps: Float64
+    """(M,) distance in cells of every pair of vertices that was joined, before."""
+    unmatched: int
+    """Vertices in walls between tiles that found no counterpart."""
+    open_edges: int
+    """Edges along walls between tiles that neither cancel nor bound a filled loop: rims of the
+    surface, mostly."""
+
+
+def weld_tiles(borders: Sequence[TileBorder], neighbours: Sequence[tuple[int, int, int]]) -> Seams:
+    """Join tiles.
+
+    Parameters
+    ----------
+    borders : sequence of TileBorder
+        Of all tiles.
+    neighbours : sequence of (tile, tile, axis)
+        The second lies beyond the high wall of the first; ``TilePlan.neighbours``.
+
+    Returns
+    -------
+    Seams
+        Depends on the tiles alone, not on the order of `neighbours`.
+    """
+    neighbours = sorted(neighbours)
+    starts = np.cumsum([0, *(len(border.rows) for border in borders)])
+    count = int(starts[-1])
+    tile_of = np.repeat(np.arange(len(borders)), np.diff(starts))
+    cells = np.concatenate([np.zeros((0, 3)), *(border.cells for border in borders)])
+    walls = [_wall_pair(borders, starts, *pair) for pair in neighbours]
+    # (1) match
+    matches = [_match(cells, wall) for wall in walls]
+    pairs = np.concatenate([np.zeros((0, 2), np.int64), *(pair for pair, _ in matches)])
+    gaps = np.concatenate([np.zeros(0), *(gap for _, gap in matches)])
+    unmatched = sum(
+        len(w.low) + len(w.high) - 2 * len(p) for w, (p, _) in zip(walls, matches, strict=True)
+    )
+    # (2) classes
+    order = np.lexsort((pairs[:, 1], pairs[:, 0], np.round(gaps, 9)))
+    root = _classes(pairs[order], tile_of, count)
+    # (3) what is missing
+    loops: list[tuple[int, Int64]] = []
+    open_edges = 0
+    for wall, keep in zip(walls, _uncancelled(walls, root), strict=True):
+        closed, left = _missing_loops(root[wall.edges[keep]], wall.side[keep], cells)
+        loops += [(wall.tile, loop) for loop in closed]
+        open_edges += left
+    return _assemble(borders, starts, tile_of, cells, root, loops, gaps, unmatched, open_edges)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Wall:
+    """A wall between two tiles; vertices by their number over all tiles."""
+
+    tile: int
+    axis: int
+    low: Int64
+    """Vertices of the tile below it, ascending."""
+    high: Int64
+    edges: Int64
+    """(E, 2) of both sides."""
+    side: UInt8
+    """(E,) 0 below, 1 above."""
+
+
+def _wall_pair(
+    borders: Sequence[TileBorder], starts: Int64, low: int, high: int, axis: int
+) -> _Wall:
+    sides_edges = []
+    for tile, code in ((low, 2 * axis + 1), (high, 2 * axis)):
+        border = borders[tile]
+        sides_edges.append(border.edges[border.walls == code].astype(np.int64) + starts[tile])
+    side = np.repeat([0, 1], [len(edges) for edges in sides_edges]).astype(np.uint8)
+    return _Wall(
+        low,
+        axis,
+        np.unique(sides_edges[0]),
+        np.unique(sides_edges[1]),
+        np.concatenate(sides_edges),
+        side,
+    )
+
+
+def _match(cells: Float64, wall: _Wall) -> tuple[Int64, Float64]:
+    """Pairs of vertices (below, above) that are the same, and their distances."""
+    plane = [axis for axis in range(3) if axis != wall.axis]
+    low, high = cells[wall.low][:, plane], cells[wall.high][:, plane]
+    pairs = _mutual(_on_edges(low), _on_edges(high), EDGE_REACH_CELLS)
+    rest_low = np.setdiff1d(np.arange(len(low)), pairs[:, 0])
+    rest_high = np.setdiff1d(np.arange(len(high)), pairs[:, 1])
+    more = _mutual(low[rest_low], high[rest_high], PLANE_REACH_CELLS)
+    pairs = np.concatenate([pairs, np.stack([rest_low[more[:, 0]], rest_high[more[:, 1]]], axis=1)])
+    gaps = np.linalg.norm(low[pairs[:, 0]] - high[pairs[:, 1]], axis=1)
+    return np.stack([wall.low[pairs[:, 0]], wall.high[pairs[:, 1]]], axis=1), gaps
+
+
+def _on_edges(points: Float64) -> Float64:
+    """Spread places (N, 2) so that only those on one edge of a lattice cell are near each other."""
+    off = np.abs(points - np.round(points))
+    axis = off.argmin(axis=1)
+    rows = np.arange(len(points))
+    line = np.round(points[rows, axis])
+    along = points[rows, 1 - axis]
+    apart = 4.0 * EDGE_REACH_CELLS
+    return np.stack([axis * _FAR, line * apart, np.floor(along) * apart, along], axis=1)
+
+
+def _mutual(low: Float64, high: Float64, reach: float) -> Int64:
+    """Pairs that are each other's nearest within reach: (M, 2), by the first."""
+    if not len(low) or not len(high):
+        return np.zeros((0, 2), np.int64)
+    gap, there = cKDTree(high).query(low, distance_upper_bound=reach)
+    _, back = cKDTree(low).query(high, distance_upper_bound=reach)
+    near = np.flatnonzero(np.isfinite(gap))
+    near = near[back[there[near]] == near]
+    return np.stack([near, there[near]], axis=1).astype(np.int64)
+
+
+@numba.njit(cache=True)
+def _classes(pairs: Int64, tile_of: Int64, count: int) -> Int64:  # pragma: no cover - compiled
+    """Union of pairs in their order, refused where a class would hold two vertices of a tile.
+
+    Returns the smallest member of every vertex's class.
+    """
+    # Invariant: a class is a linked list that starts at its lowest vertex, `root` of all of it, and
+    # holds no two vertices of one tile: as many as tiles meet there, so walking it is cheap.
+    root = np.arange(count)
+    following = np.full(count, -1)
+    for at in range(len(pairs)):
+        a, b = root[pairs[at, 0]], root[pairs[at, 1]]
+        if a == b:
+            continue
+        clash = False
+        i = a
+        while i >= 0 and not clash:
+            j = b
+            while j >= 0:
+                if tile_of[i] == tile_of[j]:
+                    clash = True
+                    break
+                j = following[j]
+            i = following[i]
+        if clash:
+            continue
+        if b < a:
+            a, b = b, a
+        last = a
+        while following[last] >= 0:
+            last = following[last]
+        following[last] = b
+        i = b
+        while i >= 0:
+            root[i] = a
+            i = following[i]
+    return root
+
+
+def _uncancelled(walls: Sequence[_Wall], root: Int64) -> list[Bool]:
+    """Mark each wall's edges that run once more one way than the other, over all tiles.
+
+    Over all, because along the line where four cores meet the two faces of an edge may belong to
+    tiles that share no wall.
+    """
+    if not walls:
+        return []
+    own = np.unique(np.concatenate([wall.edges for wall in walls]), axis=0)  # in two walls: once
+    joined = root[own]
+    _, which = np.unique(np.sort(joined, axis=1), axis=0, return_inverse=True)
+    sign = np.where(joined[:, 0] < joined[:, 1], 1, -1)
+    balance = np.bincount(which.ravel(), sign, minlength=1)[which.ravel()]
+    base = int(own.max(initial=0)) + 1
+    left = np.sort((own[:, 0] * base + own[:, 1])[balance != 0])
+    marks = []
+    for wall in walls:
+        key = wall.edges[:, 0] * base + wall.edges[:, 1]
+        marks.append(np.isin(key, left))
+    return marks
+
+
+def _missing_loops(edges: Int64, side: UInt8, cells: Float64) -> tuple[list[Int64], int]:
+    """Find closed loops that bound what is missing between both sides; count edges in none.
+
+    Parameters
+    ----------
+    edges : ndarray of shape (E, 2), int64
+        Of both sides, joined vertices by one number.
+    """
+    proper = edges[:, 0] != edges[:, 1]
+    edges, side = edges[proper], side[proper]
+    # Cancel: an edge of one side with its opposite on the other, one for one.
+    ordered = np.sort(edges, axis=1)
+    forward = (edges[:, 0] == ordered[:, 0]).astype(np.int64)
+    unique, which = np.unique(ordered, axis=0, return_inverse=True)
+    balance = np.bincount(which.ravel(), 2 * forward - 1, minlength=len(unique)).astype(np.int64)
+    left = np.flatnonzero(balance)
+    if not len(left):
+        return [], 0
+    # Reversed: the fillers' own direction.
+    turned = np.where((balance[left] > 0)[:, None], unique[left][:, ::-1], unique[left])
+    repeated = np.repeat(turned, np.abs(balance[left]), axis=0)
+    side_of_edge = {
+        tuple(sorted(edge)): int(s) for edge, s in zip(edges.tolist(), side.tolist(), strict=True)
+    }
+    loops, open_edges = directed_loops(repeated)
+    kept = []
+    for loop in loops:
+        around = zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)
+        sides = {side_of_edge[(min(u, v), max(u, v))] for u, v in around}
+        wide = float(np.ptp(cells[loop], axis=0).max())
+        if len(loop) > _MAX_LOOP or (len(sides) == 1 and wide > _MAX_CAP_CELLS):
+            open_edges += len(loop)
+        else:
+            kept.append(loop)
+    return kept, open_edges
+
+
+def _assemble(
+    borders: Sequence[TileBorder],
+    starts: Int64,
+    tile_of: Int64,
+    cells: Float64,
+    root: Int64,
+    loops: Sequence[tuple[int, Int64]],
+    gaps: Float64,
+    unmatched: int,
+    open_edges: int,
+) -> Seams:
+    """Give shared vertices their ids and hand everything to the tiles."""
+    # (1) Which classes are shared: those of several vertices, and those on a loop to be filled.
+    # Invariant: `root` is the lowest vertex of each class, so ids ascend with the vertices.
+    count = len(root)
+    members = np.bincount(root, minlength=count)
+    used = members > 1
+    for _, loop in loops:
+        used[loop] = True
+    shared = np.flatnonzero(used[root])  # vertices whose class is shared
+    heads = np.flatnonzero(used & (root == np.arange(count)))
+    ids = np.full(count, -1, dtype=np.int64)
+    ids[heads] = np.arange(len(heads))
+    of_vertex = ids[root]
+    # (2) Position of each shared vertex: the mean over its class.
+    size = members[heads].astype(np.float64)
+    middle = np.stack(
+        [
+            np.bincount(of_vertex[shared], cells[shared, axis], minlength=len(heads)) / size
+            for axis in range(3)
+        ],
+        axis=1,
+    )
+    # The mean of equal numbers need not be that number: what is exact stays exact.
+    exact = np.round(middle)
+    middle = np.where(np.abs(middle - exact) < 1e-9, exact, middle)
+    # (3) Its confidence: the lowest of its class.
+    ratio = np.full(len(heads), np.inf, dtype=np.float32)
+    all_ratio = np.concatenate([np.zeros(0, np.float32), *(border.ratio for border in borders)])
+    np.minimum.at(ratio, of_vertex[shared], all_ratio[shared])
+    rows = np.concatenate([np.zeros(0, np.int32), *(border.rows for border in borders)])
+    # (4) Faces that fill loops, given to the tile of each loop.
+    triangles: list[list[Int64]] = [[] for _ in borders]
+    for tile, loop in loops:
+        faces = fill_loop(middle[ids[loop]])
+        triangles[tile].append(ids[loop][faces])
+    # (5) What every tile needs: its rows, their ids, and ids that only its fillers use.
+    tile_rows, tile_ids, fillers = [], [], []
+    for tile in range(len(borders)):
+        own = np.arange(starts[tile], starts[tile + 1])
+        own = own[of_vertex[own] >= 0]
+        mine = np.concatenate([np.zeros((0, 3), np.int64), *triangles[tile]])
+        guests = np.setdiff1d(mine, of_vertex[own])
+        tile_rows.append(rows[own])
+        tile_ids.append(np.concatenate([of_vertex[own], guests]))
+        fillers.append(mine)
+    return Seams(
+        middle,
+        ratio,
+        tile_of[heads].astype(np.int32),
+        rows[heads],
+        tuple(tile_rows),
+        tuple(tile_ids),
+        tuple(fillers),
+        gaps,
+        unmatched,
+        open_edges,
+    )

@@ -1,0 +1,1 @@
+"""A published scene read back as meshes and textures, as a client gets it."""

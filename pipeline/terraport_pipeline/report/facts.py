@@ -1,0 +1,349 @@
+"""What a report says in words and numbers, taken from a scene's manifest, index and records."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from terraport_pipeline.engines.palettes import distinct_colours
+from terraport_pipeline.region_table import region_rows
+from terraport_pipeline.report.histogram import Histogram, histogram
+from terraport_pipeline.report.scene_colour import SceneColour
+from terraport_store import DamagedSceneError, RegionNames, Scene, read_labels
+
+__all__ = ["ReportFacts", "collect_facts", "format_bytes", "read_build_record"]
+
+MAX_REGIONS: Final = 20
+"""Largest regions that the table lists."""
+
+MAX_RECORD_BYTES: Final = 4 << 20
+"""Largest build.json that is read."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReportFacts:
+    """Everything the page says beside the pictures."""
+
+    name: str
+    extent: str
+    """CRS and size, one line."""
+    cards: tuple[dict[str, str], ...]
+    warnings: tuple[str, ...]
+    has_input: bool
+    segment_faces: Histogram
+    segment_bytes: Histogram
+    regions: tuple[dict[str, Any], ...]
+    region_columns: tuple[str, ...]
+    regions_note: str
+    files: tuple[dict[str, Any], ...]
+    attributes: tuple[dict[str, str], ...]
+    stages: tuple[dict[str, Any], ...]
+    stages_note: str
+    details: tuple[dict[str, str], ...]
+    options: str
+    terraport: str
+
+
+def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
+    """Read what a report says.
+
+    Parameters
+    ----------
+    scene : Scene
+        Open.
+    has_input : bool
+        Whether there is a picture of the input.
+
+    Returns
+    -------
+    ReportFacts
+    """
+    # (1) Distributions, regions, stages: what index and records say.
+    manifest, index = scene.manifest, scene.index
+    faces, lengths = histogram(index.face_count), histogram(index.length)
+    assert faces is not None  # a scene has at least one segment
+    assert lengths is not None
+    columns, regions, note = _regions(scene)
+    record = read_build_record(scene.path)
+    stages, stages_note = _stages(record)
+    # (2) Size and frame: what the manifest says. Values stay plain, words and units are theirs.
+    total = sum(info.bytes for info in manifest.files.values())
+    size = np.array(manifest.bounds.max) - np.array(manifest.bounds.min)
+    crs = manifest.crs.name if manifest.crs else "no coordinate reference system stated"
+    return ReportFacts(
+        name=manifest.name,
+        extent=f"{crs} · {size[0]:,.0f} m east-west, {size[2]:,.0f} m north-south, "
+        f"{size[1]:,.1f} m high",
+        cards=_cards(scene, total),
+        warnings=manifest.build.warnings,
+        has_input=has_input,
+        segment_faces=faces,
+        segment_bytes=lengths,
+        regions=regions,
+        region_columns=columns,
+        regions_note=note,
+        files=tuple(
+            {"name": key, "bytes": info.bytes, "share": info.bytes / max(1, total)}
+            for key, info in sorted(manifest.files.items(), key=lambda item: -item[1].bytes)
+        ),
+        attributes=tuple(
+            {
+                "name": one.name,
+                "min": "" if one.min is None else f"{one.min:.6g}",
+                "max": "" if one.max is None else f"{one.max:.6g}",
+                "step": f"{one.step:.3g}",
+            }
+            for one in manifest.attributes
+        ),
+        stages=stages,
+        stages_note=stages_note,
+        details=_details(scene, record),
+        options=json.dumps(manifest.build.options, indent=1) if manifest.build.options else "",
+        terraport=manifest.build.terraport,
+    )
+
+
+def read_build_record(scene_path: Path) -> dict[str, Any]:
+    """Read what the build said of itself.
+
+    Parameters
+    ----------
+    scene_path : Path
+        The scene directory.
+
+    Returns
+    -------
+    dict
+        Contents of build.json; empty when it is not there or not a JSON object: a report does not
+        fail for want of timings.
+    """
+    try:
+        with (scene_path / "build.json").open("rb") as file:
+            data = file.read(MAX_RECORD_BYTES + 1)
+        record = json.loads(data) if len(data) <= MAX_RECORD_BYTES else {}
+    except (OSError, ValueError, RecursionError):
+        return {}
+    return record if isinstance(record, dict) else {}
+
+
+def format_bytes(count: float) -> str:
+    """Write a size for people.
+
+    Examples
+    --------
+    >>> format_bytes(999), format_bytes(1_234_567)
+    ('999 B', '1.23 MB')
+    """
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000 or unit == "GB":
+            return f"{count:.0f} B" if unit == "B" else f"{count:.3g} {unit}"
+        count /= 1000
+    raise AssertionError  # pragma: no cover - the last unit always returns
+
+
+def _cards(scene: Scene, total_bytes: int) -> tuple[dict[str, str], ...]:
+    manifest = scene.manifest
+    counts = manifest.counts
+    payload = manifest.encodings["glb"].payload_bytes
+    return (
+        {"label": "points", "value": f"{counts.points:,}", "note": "used of the survey"},
+        {
+            "label": "detail",
+            "value": f"{counts.detail_faces:,}",
+            "note": f"triangles, {counts.detail_vertices:,} vertices",
+        },
+        {
+            "label": "base",
+            "value": f"{counts.base_faces:,}",
+            "note": f"triangles, {format_bytes(manifest.files['base.glb'].bytes)}",
+        },
+        {
+            "label": "segments",
+            "value": f"{counts.segments:,}",
+            "note": f"{format_bytes(payload / max(1, counts.segments))} on average",
+        },
+        {"label": "regions", "value": f"{counts.regions:,}", "note": ""},
+        {
+            "label": "scene",
+            "value": format_bytes(total_bytes),
+            "note": f"{payload / max(1, counts.detail_faces):.2f} bytes per triangle",
+        },
+    )
+
+
+def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...], str]:
+    """Table of the largest regions: columns, rows, and a note."""
+    # (1) Names and labels; damaged labels cost the labels, not the table.
+    try:
+        names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
+    except DamagedSceneError as error:
+        return (), (), str(error)
+    problem = ""
+    try:
+        names = names.with_labels(read_labels(scene.path))
+    except DamagedSceneError as error:
+        problem = f" Labels are left out: {error}."
+    # (2) One row per region, largest first.
+    rows = region_rows(names, scene.regions, scene.manifest.origin)
+    colours = distinct_colours(len(rows))
+    columns: tuple[str, ...] = (
+        "label",
+        "area m²",
+        "triangles",
+        "mean colour",
+        "slope",
+        "roughness m",
+        "height m",
+    )
+    table: list[dict[str, Any]] = [
+        {
+            "name": f"{row['region'] if row['stable_id'] is None else row['stable_id']}",
+            "colour": _css(colours[row["region"]]),
+            "cells": _region_cells(row),
+        }
+        for row in rows[:MAX_REGIONS]
+    ]
+    # (3) Only columns that say something.
+    # A column that nobody filled is not shown.
+    filled = [
+        any(row["cells"][index]["text"] or row["cells"][index]["swatch"] for row in table)
+        for index in range(len(columns))
+    ]
+    for row in table:
+        row["cells"] = [cell for cell, full in zip(row["cells"], filled, strict=True) if full]
+    columns = tuple(column for column, full in zip(columns, filled, strict=True) if full)
+    scale = _number(scene.regions.get("roughness_scale_m"), np.nan)
+    note = (
+        f"The {len(table)} largest of {len(rows)} regions, largest first; the colour is that of "
+        "the picture"
+        + (", the number the stable id" if names.stable_ids is not None else "")
+        + "."
+        + ("" if np.isnan(scale) else f" Roughness is measured in cubes of {scale:g} m.")
+        + problem
+    )
+    return columns, tuple(table), note
+
+
+def _region_cells(row: Mapping[str, Any]) -> list[dict[str, str]]:
+    low, high = row["lowest_m"], row["highest_m"]
+    texts = (
+        row["label"],
+        _formatted(row["area_m2"], "{:,.0f}"),
+        _formatted(row["faces"], "{:,.0f}"),
+        "",
+        _formatted(row["slope_deg"], "{:.0f}°"),
+        _formatted(row["roughness_m"], "{:.3f}"),
+        "" if low is None or high is None else f"{low:,.1f} to {high:,.1f}",
+    )
+    cells = [{"text": text, "swatch": ""} for text in texts]
+    cells[3]["swatch"] = row["mean_colour"] or ""
+    return cells
+
+
+def _formatted(value: float | None, form: str) -> str:
+    return "" if value is None else form.format(value)
+
+
+def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]:
+    listed = [row for row in record.get("stages", []) if isinstance(row, Mapping)]
+    seconds = [_number(row.get("seconds"), 0.0) for row in listed]
+    whole = sum(seconds)
+    rows = []
+    for row, spent in zip(listed, seconds, strict=True):
+        memory = _number(row.get("peak_bytes"), 0.0)
+        counts = row.get("counts")
+        result = (
+            # Most zeros are exceptions that did not occur.
+            ", ".join(_fact(key, value) for key, value in counts.items() if value)
+            if isinstance(counts, Mapping)
+            else ""
+        )
+        skipped = bool(row.get("taken_up"))
+        rows.append(
+            {
+                "name": str(row.get("name", "?")),
+                "seconds": "taken up" if skipped else f"{spent:,.1f}",
+                "share": 0.0 if skipped or not whole else spent / whole,
+                "memory": format_bytes(memory) if memory else "",
+                "result": result,
+            }
+        )
+    total = _number(record.get("seconds"), whole)
+    return tuple(rows), f"{total:,.1f} seconds in all." if rows else ""
+
+
+def _details(scene: Scene, record: Mapping[str, Any]) -> tuple[dict[str, str], ...]:
+    manifest = scene.manifest
+    source, limits = manifest.build.input, manifest.limits
+    origin = ", ".join(f"{value:,.3f}" for value in manifest.origin)
+    rows = [
+        ("version", manifest.version),
+        ("input", f"{source.name}, {format_bytes(source.bytes)}" if source else "not stated"),
+        ("colour", str(SceneColour.of(manifest))),
+        ("coordinate reference system", _crs(scene)),
+        ("origin (east, north, height)", f"{origin} m"),
+        *_reconstruction(record),
+        ("grid step", f"{manifest.step_m * 1000:.4g} mm"),
+        (
+            "base to detail",
+            f"{manifest.hand_off.deviation_m:.3g} m apart (99.9th percentile)",
+        ),
+        (
+            "cover",
+            f"segments within {manifest.hand_off.tolerance_m:.3g} m lie over a base face",
+        ),
+        ("largest segment", f"{limits.max_segment_faces:,} triangles"),
+        ("largest payload", format_bytes(limits.max_segment_bytes)),
+        ("widest segment", f"{limits.max_extent_m:.1f} m"),
+        ("format", f"{manifest.format} {manifest.format_version}"),
+    ]
+    return tuple({"label": label, "value": value} for label, value in rows)
+
+
+def _reconstruction(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """How fine the surface was solved beside how dense the survey is, where the build says so."""
+    counts: dict[str, Any] = {}
+    for row in record.get("stages", []):
+        if isinstance(row, Mapping) and isinstance(row.get("counts"), Mapping):
+            counts.update(row["counts"])
+    cell_m, spacing_m = (_number(counts.get(name), 0.0) for name in ("cell_m", "spacing_m"))
+    depth = _number(counts.get("detail_depth"), 0.0)
+    if not cell_m or not spacing_m:
+        return []
+    of = f" (octree depth {depth:.0f})" if depth else ""
+    return [("reconstruction", f"cells of {cell_m:.3g} m{of}; a sample every {spacing_m:.3g} m")]
+
+
+def _crs(scene: Scene) -> str:
+    crs = scene.manifest.crs
+    if crs is None:
+        return "not stated by the survey"
+    return f"{crs.name} (EPSG:{crs.epsg})" if crs.epsg else crs.name
+
+
+def _css(colour: Any) -> str:
+    red, green, blue = (max(0, min(255, round(float(value)))) for value in colour)
+    return f"#{red:02x}{green:02x}{blue:02x}"
+
+
+def _number(value: object, default: float) -> float:
+    return (
+        float(value) if isinstance(value, int | float) and not isinstance(value, bool) else default
+    )
+
+
+def _fact(name: str, value: object) -> str:
+    """Write one count of a stage, its unit taken from its name."""
+    words, text = name.replace("_", " "), "yes" if value is True else str(value)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        text = f"{value:,}" if isinstance(value, int) else f"{value:,.4g}"
+        if name.endswith("_m"):
+            return f"{words[:-2]} {text} m"
+        if name.endswith("_bytes"):
+            return f"{words[:-6]} {format_bytes(value)}"
+    return f"{words} {text}"

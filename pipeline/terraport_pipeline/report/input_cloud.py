@@ -1,0 +1,93 @@
+"""The points of the input for the report's picture, from the build's work directory.
+
+A scene does not hold the survey's points. The build's clean stage leaves them, already in the scene
+frame, as plain NumPy files (of a build by tiles, a thinned copy); where they are still there and
+belong to the published scene they are taken from there. Nothing is written, and nothing is
+unpickled.
+"""
+
+from __future__ import annotations
+
+import json
+from itertools import islice
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from terraport_pipeline.report.pictures import InputCloud
+from terraport_store import Scene
+
+__all__ = ["find_input_cloud"]
+
+MAX_POINTS: Final = 2_000_000
+"""Points taken; of a larger cloud every n-th."""
+
+MAX_RECORD_BYTES: Final = 4 << 20
+"""Largest stage.json that is read."""
+
+MAX_TILES: Final = 100_000
+"""Tiles whose records are read."""
+
+
+def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | None:
+    """Look for the points that a scene was built from.
+
+    Parameters
+    ----------
+    scene : Scene
+        Open.
+    work : Path, optional
+        The build's work directory; ``.<scene>.work`` beside the scene by default.
+
+    Returns
+    -------
+    InputCloud or None
+        None when they are not there, are damaged, or belong to another build (another origin or
+        number of points): a report goes without.
+    """
+    scene_path = scene.path.absolute()
+    folder = (work or scene_path.parent / f".{scene_path.name}.work") / "clean"
+    try:
+        with (folder / "stage.json").open("rb") as file:
+            record = json.loads(file.read(MAX_RECORD_BYTES))
+        spacing_m = float(record["values"]["spacing_m"])
+        arrays = {
+            name: np.load(folder / f"{name}.npy", mmap_mode="r", allow_pickle=False)
+            for name in ("points", "colours", "origin")
+        }
+    except (OSError, ValueError, KeyError, TypeError, EOFError):
+        return None
+    points, colours = arrays["points"], arrays["colours"]
+    kept = total = len(points)
+    if kept != scene.manifest.counts.points:
+        total = _points_of_tiles(folder.parent)
+    fits = (
+        points.shape == colours.shape == (kept, 3)
+        and total == scene.manifest.counts.points
+        and np.array_equal(arrays["origin"], scene.manifest.origin)
+        and np.isfinite(spacing_m)
+        and spacing_m > 0
+    )
+    if not fits:
+        return None
+    step = max(1, -(-kept // MAX_POINTS))
+    # Copied: the picture outlives the mapping. Fewer points stand further apart.
+    return InputCloud(
+        np.array(points[::step], dtype=np.float32),
+        np.array(colours[::step], dtype=np.uint8),
+        spacing_m * step**0.5,
+        total,
+    )
+
+
+def _points_of_tiles(work: Path) -> int:
+    """Add up the points of a build by tiles, whose clean stage holds a thinned copy; 0 for none."""
+    total = 0
+    try:
+        for record in islice(work.glob("solve-*/stage.json"), MAX_TILES):
+            with record.open("rb") as file:
+                total += int(json.loads(file.read(MAX_RECORD_BYTES))["values"]["core"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return 0
+    return total

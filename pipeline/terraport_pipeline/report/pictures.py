@@ -1,0 +1,398 @@
+"""The pictures of a report, each with the words that belong to it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from terraport_payload.types import Bool, Float32, UInt8
+from terraport_pipeline.engines.cameras import Camera, oblique
+from terraport_pipeline.engines.palettes import (
+    RAMP_STOPS,
+    distinct_colours,
+    ramp_colours,
+    value_range,
+)
+from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh, render_points
+from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.engines.texturing import Texturing
+from terraport_pipeline.published.landing_view import (
+    Landing,
+    choose_landing,
+    mixed_mesh,
+    view_from_above,
+    view_from_eye,
+)
+from terraport_pipeline.published.scene_model import SceneModel
+from terraport_pipeline.validate.handoff_report import WorstRay
+from terraport_pipeline.validate.worst_place import compare_at, describe, to_survey
+
+__all__ = ["InputCloud", "Legend", "Picture", "PictureOptions", "PictureTaker"]
+
+PHOTO_RELIEF: Final = 0.55
+"""Photographed colours hold the light of the day already."""
+
+FLAT_RELIEF: Final = 0.8
+"""Flat colours need the light to show the shape, but must stay apart in the shade."""
+
+FRAMING_POINTS: Final = 20_000
+"""Vertices looked at to frame the overview."""
+
+MAX_ATTRIBUTES: Final = 4
+"""Attributes drawn; further ones, and constant ones, are named in a table only."""
+
+MAX_POINTS: Final = 3_000_000
+"""Points of the input drawn; a larger cloud is thinned evenly."""
+
+
+@dataclass(frozen=True, slots=True)
+class Legend:
+    """Ends, unit and colours of a ramp, for the words under a picture."""
+
+    low: float
+    high: float
+    label: str
+    stops: tuple[str, ...] = RAMP_STOPS
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """One picture as JPEG, with title, alternative text, caption and legend."""
+
+    key: str
+    title: str
+    alt: str
+    """What it shows, for those who do not see it."""
+    caption: str
+    jpeg: bytes = field(repr=False)
+    width: int
+    height: int
+    legend: Legend | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PictureOptions:
+    """Pixels, rays per pixel and JPEG quality of the pictures."""
+
+    width: int = 1280
+    height: int = 720
+    supersample: int = 2
+    quality: int = 84
+    """Quality of the JPEG files, 1..95."""
+
+
+@dataclass(frozen=True, slots=True)
+class InputCloud:
+    """Points of the survey, as far as the build kept them."""
+
+    points: Float32
+    """(N, 3) metres, scene frame."""
+    colours: UInt8
+    """(N, 3) sRGB."""
+    spacing_m: float
+    total: int
+    """Points of the survey, of which these may be a part."""
+
+
+class PictureTaker:
+    """Takes the pictures of one scene; ray scenes are built once and kept.
+
+    Parameters
+    ----------
+    model : SceneModel
+        The scene.
+    options : PictureOptions, optional
+        Size and fineness.
+    """
+
+    def __init__(self, model: SceneModel, options: PictureOptions | None = None) -> None:
+        self._model = model
+        self._options = options or PictureOptions()
+        self.detail_rays = RayScene(model.detail.vertices, model.detail.faces)
+        self.base_rays = RayScene(model.base.vertices, model.base.faces)
+        self._aspect = self._options.width / self._options.height
+        vertices = model.detail.vertices
+        thin = vertices[:: max(1, len(vertices) // FRAMING_POINTS)]
+        self._camera = oblique(thin, aspect=self._aspect)
+        self.landing: Landing = choose_landing(model, self.detail_rays)
+
+    def overview(self, cloud: InputCloud | None = None) -> Iterator[Picture]:
+        """Take the pictures of the whole scene, one after the other.
+
+        Parameters
+        ----------
+        cloud : InputCloud, optional
+            Drawn first where there is one.
+
+        Yields
+        ------
+        Picture
+            Input, detail, base, regions, segments, attributes; all from one camera.
+        """
+        counts, detail = self._model.manifest.counts, self._model.detail
+        textures = self._model.textures
+        if cloud is not None:
+            yield self._input(cloud)
+        yield self._detail_picture(
+            "detail",
+            "Full detail",
+            "The full detail of the scene, seen obliquely from above",
+            f"{counts.detail_faces:,} triangles in {counts.segments:,} segments; a client shows "
+            f"those around its landing.{self._thinned()}",
+            colours=detail.colours,
+            texturing=None if textures is None else textures.detail,
+            relief=PHOTO_RELIEF,
+        )
+        yield self._base()
+        yield from self._labels()
+        varied = [name for name, values in detail.attributes.items() if _varies(values)]
+        for name in varied[:MAX_ATTRIBUTES]:
+            yield self._attribute(name)
+
+    def hand_off(self) -> Iterator[Picture]:
+        """Take the pictures of a landing: from above, and from eye height.
+
+        Yields
+        ------
+        Picture
+            The base is tinted blue where it is shown, but for one picture as a client shows it.
+        """
+        landing, total = self.landing, self._model.manifest.counts.segments
+        loaded = int(landing.loaded.sum())
+        yield self._mixed(
+            "hand-off-above",
+            "Hand-off from above",
+            "The mixed model from above: full detail around the landing, the base tinted blue "
+            "around it",
+            f"A landing with a radius of {landing.radius_m:.0f} m: {loaded:,} of {total:,} "
+            "segments loaded; the base, tinted blue, is shown wherever not all segments over it "
+            "are.",
+            view_from_above(landing, self._aspect),
+            landing.loaded,
+            tint=0.45,
+        )
+        eye = view_from_eye(landing, self.detail_rays)
+        yield self._mixed(
+            "hand-off-eye-tinted",
+            "Hand-off at eye height, base tinted",
+            "The view of a visitor at the landing, the base tinted blue in the distance",
+            "The same landing from eye height: where the blue begins, the base takes over.",
+            eye,
+            landing.loaded,
+            tint=0.45,
+        )
+        yield self._mixed(
+            "hand-off-eye",
+            "Hand-off at eye height, as seen",
+            "The view of a visitor at the landing, as a client shows it",
+            "The same view as a client shows it.",
+            eye,
+            landing.loaded,
+            tint=0.0,
+        )
+
+    def worst_place(self, worst: WorstRay) -> Picture:
+        """Take the picture of the place where the proof of the hand-off fared worst.
+
+        Parameters
+        ----------
+        worst : WorstRay
+            From the proof.
+
+        Returns
+        -------
+        Picture
+            Along the ray, from nearby: :func:`~terraport_pipeline.validate.worst_place.compare_at`.
+        """
+        image = compare_at(
+            self._model,
+            worst,
+            supersample=self._options.supersample,
+            detail_rays=self.detail_rays,
+            base_rays=self.base_rays,
+        )
+        scene, survey = (
+            ", ".join(f"{value:,.2f}" for value in position)
+            for position in (worst.target, to_survey(self._model.manifest.origin, worst.target))
+        )
+        return self._picture(
+            "worst",
+            "Worst place of the hand-off",
+            "The place where the proof fared worst, ringed, three times side by side: the full "
+            "detail, the mixed model, and how far the one lies behind the other",
+            f"Where the proof fared worst ({describe(worst)}), ringed: at {scene} m in the scene, "
+            f"{survey} in the survey's coordinates; seen along that ray ({worst.kind}), "
+            f"{len(worst.loaded):,} segments loaded. Left the full detail, in the middle the mixed "
+            "model with the base blue, right the distance between them: grey within the "
+            "tolerance, blue nearer, orange further, magenta nothing there.",
+            image,
+        )
+
+    def _input(self, cloud: InputCloud) -> Picture:
+        step = max(1, -(-len(cloud.points) // MAX_POINTS))
+        options = self._options
+        # One pixel per pixel: a splat has no edge worth smoothing.
+        image = render_points(
+            cloud.points[::step],
+            cloud.colours[::step],
+            self._camera,
+            (options.width, options.height),
+            spacing_m=cloud.spacing_m * step**0.5,
+        )
+        shown = len(cloud.points[::step])
+        share = "" if shown == cloud.total else f", of which {shown:,} are drawn"
+        return self._picture(
+            "input",
+            "Input",
+            "The survey's point cloud, seen obliquely from above",
+            f"{cloud.total:,} points{share}.",
+            image,
+        )
+
+    def _base(self) -> Picture:
+        base, counts = self._model.base, self._model.manifest.counts
+        options, textures = self._options, self._model.textures
+        image = render_mesh(
+            base.vertices,
+            base.faces,
+            self._camera,
+            (options.width, options.height),
+            colours=base.colours,
+            texturing=None if textures is None else textures.base,
+            relief=PHOTO_RELIEF,
+            supersample=options.supersample,
+            scene=self.base_rays,
+        )
+        share = counts.base_faces / max(1, counts.detail_faces)
+        return self._picture(
+            "base",
+            "Base mesh",
+            "The base mesh of the scene, seen obliquely from above",
+            f"{counts.base_faces:,} triangles ({share:.1%} of the detail), always there.",
+            image,
+        )
+
+    def _thinned(self) -> str:
+        """Say how much of a scene larger than memory the overview is drawn with."""
+        drawn, total = len(self._model.detail.faces), self._model.manifest.counts.detail_faces
+        return "" if drawn >= total else f" Drawn here, and below, with {drawn:,} triangles."
+
+    def _likeness(self) -> str:
+        """Name what the build cut the surface by, where it says so."""
+        options = self._model.manifest.build.options.get("segment")
+        by = options.get("segment_by") if isinstance(options, dict) else None
+        return by if isinstance(by, str) else "material"
+
+    def _labels(self) -> Iterator[Picture]:
+        model, counts = self._model, self._model.manifest.counts
+        region = model.region_of_face
+        if (region >= 0).any():
+            yield self._detail_picture(
+                "regions",
+                "Regions",
+                "The detail with each region in a colour of its own",
+                f"{counts.regions:,} regions: pieces of like {self._likeness()}; a pick names one.",
+                face_colours=distinct_colours(int(region.max()) + 1)[np.maximum(region, 0)],
+                relief=FLAT_RELIEF,
+            )
+        yield self._detail_picture(
+            "segments",
+            "Segments",
+            "The detail with each segment in a colour of its own",
+            f"{counts.segments:,} segments: the pieces that are streamed.",
+            face_colours=distinct_colours(counts.segments)[model.segment_of_face],
+            relief=FLAT_RELIEF,
+        )
+
+    def _attribute(self, name: str) -> Picture:
+        values = self._model.detail.attributes[name]
+        low, high = value_range(values)
+        missing = float(np.isnan(values).mean())
+        gap = f" {missing:.1%} of the vertices have no value (grey)." if missing else ""
+        return self._detail_picture(
+            f"attribute-{name}",
+            f"Attribute {name}",
+            f"The detail coloured by {name}, from dark violet (low) to yellow (high)",
+            f"{name} from {low:.4g} to {high:.4g} (1st and 99th percentile).{gap}",
+            colours=ramp_colours(values, low, high),
+            relief=FLAT_RELIEF,
+            legend=Legend(low, high, name),
+        )
+
+    def _detail_picture(
+        self,
+        key: str,
+        title: str,
+        alt: str,
+        caption: str,
+        *,
+        relief: float,
+        colours: UInt8 | None = None,
+        texturing: Texturing | None = None,
+        face_colours: UInt8 | None = None,
+        legend: Legend | None = None,
+    ) -> Picture:
+        detail, options = self._model.detail, self._options
+        image = render_mesh(
+            detail.vertices,
+            detail.faces,
+            self._camera,
+            (options.width, options.height),
+            colours=colours,
+            texturing=texturing,
+            face_colours=face_colours,
+            normals=detail.normals,
+            relief=relief,
+            supersample=options.supersample,
+            scene=self.detail_rays,
+        )
+        return self._picture(key, title, alt, caption, image, legend)
+
+    def _mixed(
+        self,
+        key: str,
+        title: str,
+        alt: str,
+        caption: str,
+        camera: Camera,
+        loaded: Bool,
+        *,
+        tint: float,
+    ) -> Picture:
+        mesh, options = mixed_mesh(self._model, loaded, camera, tint=tint), self._options
+        image = render_mesh(
+            mesh.vertices,
+            mesh.faces,
+            camera,
+            (options.width, options.height),
+            colours=mesh.colours,
+            texturing=mesh.texturing,
+            tint=mesh.tint,
+            normals=mesh.normals,
+            relief=PHOTO_RELIEF,
+            # The two levels shade each other at the rim, which no client does.
+            shadows=False,
+            supersample=options.supersample,
+        )
+        return self._picture(key, title, alt, caption, image)
+
+    def _picture(
+        self,
+        key: str,
+        title: str,
+        alt: str,
+        caption: str,
+        image: UInt8,
+        legend: Legend | None = None,
+    ) -> Picture:
+        data = encode_jpeg(image, self._options.quality)
+        height, width = image.shape[:2]
+        return Picture(key, title, alt, caption, data, width, height, legend)
+
+
+def _varies(values: Float32) -> bool:
+    low, high = value_range(values)
+    return high > low

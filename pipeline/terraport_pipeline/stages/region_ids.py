@@ -1,0 +1,316 @@
+"""Stable ids of a new version's regions, carried over from the version published before.
+
+The thin shell around :mod:`~terraport_pipeline.geometry.regions.region_match`: it reads the
+published scene, brings both surfaces into one frame and writes the numbers into the region facts.
+Rules in ``spec/scene-format.md``, section "regions.json".
+
+The version before is all that a build takes from the place it publishes to; in a new place it takes
+nothing, and numbers are 0, 1, 2, ...
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import numpy as np
+
+from terraport_payload import PayloadError, SegmentMesh, decode_glb
+from terraport_payload.types import Float32, Float64, Int32, UInt32
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.mesh.surface_samples import SurfaceSamples, surface_samples
+from terraport_pipeline.geometry.regions.region_match import (
+    carry_ids,
+    match_regions,
+    region_overlaps,
+)
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.progress import Progress
+from terraport_store import (
+    CorruptPayloadError,
+    CrsInfo,
+    DamagedSceneError,
+    RegionNames,
+    Scene,
+    SceneNotFoundError,
+    read_labels,
+)
+from terraport_store.labels import MAX_STABLE_ID
+
+__all__ = ["NewSurface", "NumberedRegions", "Surface", "number_regions"]
+
+_SAMPLES: Final = 500_000
+"""Faces of one surface that are looked at; all of them where it has no more. Two trees of so many
+points take three seconds and 60 MB."""
+
+_LEAST_SAMPLES: Final = (32, 64)
+"""Fewest samples of a region in a segment, however small: the second, or less down to the first
+where there are so many such pieces that they would take more than _SAMPLES. The border of a region
+is known to about a quarter of the distance of its samples: with 8 of them, two thirds in common
+look like 0.39, and a third of 65,000 regions lost their number (``benchmarks/regions.py``)."""
+
+_LISTED_LABELS: Final = 10
+"""Labels that a warning spells out."""
+
+
+class Surface(Protocol):
+    """What is about to be published, read piece by piece."""
+
+    @property
+    def face_count(self) -> int:
+        """Number of faces of the detail."""
+        ...
+
+    @property
+    def origin(self) -> Float64:
+        """Easting, northing and height of the scene's origin, (3,) metres."""
+        ...
+
+    @property
+    def crs(self) -> CrsInfo | None:
+        """Coordinate reference system of the survey; None where it states none."""
+        ...
+
+    def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
+        """Give every segment's vertices, faces (F, 3) and their regions (F,), always in one order.
+
+        Vertices may be those of more than the segment.
+        """
+        ...
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NewSurface:
+    """The new version's detail, held in memory as a whole."""
+
+    detail: Mesh
+    segments: Int32
+    """(F,) segment of every face."""
+    regions: Int32
+    """(F,) region of every face, 0 to R - 1."""
+    origin: Float64
+    """(3,) E0, N0, H0."""
+    crs: CrsInfo | None
+
+    @property
+    def face_count(self) -> int:
+        """Number of faces of the detail."""
+        return len(self.segments)
+
+    def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
+        """Give every segment's vertices, faces and regions, in order of the segments."""
+        order = np.argsort(self.segments, kind="stable")
+        count = int(self.segments.max()) + 1
+        starts = np.searchsorted(self.segments[order], np.arange(count + 1))
+        for begin, end in itertools.pairwise(starts):
+            chosen = order[begin:end]
+            yield self.detail.vertices, self.detail.faces[chosen], self.regions[chosen]
+
+
+@dataclass(frozen=True, slots=True)
+class NumberedRegions:
+    """Region facts with stable ids, and how they came about."""
+
+    document: dict[str, Any]
+    """Contents of regions.json."""
+    counts: dict[str, int]
+    """``regions_kept``, ``regions_new``, ``regions_retired``."""
+    warnings: tuple[str, ...] = ()
+
+
+@dataclass(slots=True)
+class _Before:
+    """Ids, samples and labels of the version before, as far as they could be read."""
+
+    first_free: int = 0
+    ids: UInt32 = field(default_factory=lambda: np.zeros(0, np.uint32))
+    samples: SurfaceSamples = field(default_factory=lambda: SurfaceSamples.joined([]))
+    labels: Mapping[int, str] = field(default_factory=dict)
+    at_least: int = _LEAST_SAMPLES[1]
+    """Samples of a region in a segment, on both surfaces."""
+    warnings: list[str] = field(default_factory=list)
+
+
+def number_regions(
+    scene: Path, facts: Mapping[str, Any], surface: Surface, progress: Progress
+) -> NumberedRegions:
+    """Give every region its stable id.
+
+    Parameters
+    ----------
+    scene : Path
+        Scene directory, published before or not; locked by the caller.
+    facts : mapping
+        Contents of regions.json without stable ids; not modified.
+    surface : Surface
+    progress : Progress
+        Advances by segments of the version before.
+
+    Returns
+    -------
+    NumberedRegions
+        Of the same inputs and the same version before, always the same. Labels count for the
+        warnings alone, and for the lowest number where the version before cannot be read.
+
+    Raises
+    ------
+    OptionError
+        All 2^32 numbers are used.
+    DamagedSceneError
+        Neither the scene before nor its labels can be read.
+    """
+    # (1) Match the regions to those of the version before, by the surface they share.
+    before = _before(scene, surface, progress)
+    rows = facts["regions"]
+    new = (
+        SurfaceSamples.joined(_new_samples(surface, before.at_least))
+        if len(before.ids)
+        else before.samples
+    )
+    matched = match_regions(region_overlaps(new, before.samples))
+    ids, first_free = carry_ids(len(rows), matched, before.ids, before.first_free)
+    if first_free > MAX_STABLE_ID + 1:
+        raise OptionError(
+            f"stable ids up to {first_free - 1}; expected at most {MAX_STABLE_ID}: build the scene "
+            "in a new place"
+        )
+    # (2) The document: stable ids beside the numbers of this version. Invariant: an id is never
+    # given to another region, not even after its own has gone.
+    document = {
+        "next_stable_id": first_free,
+        **{key: value for key, value in facts.items() if key != "regions"},
+        "regions": [
+            {"id": row["id"], "stable_id": number, **row}
+            for row, number in zip(rows, ids.tolist(), strict=True)
+        ],
+    }
+    # (3) What was carried over, and labels that lost their region.
+    kept = len(matched[0])
+    counts = {
+        "regions_kept": kept,
+        "regions_new": len(rows) - kept,
+        "regions_retired": len(before.ids) - kept,
+    }
+    gone = set(before.ids.tolist()) - set(ids.tolist())
+    lost = [f"{label!r} ({n})" for n, label in before.labels.items() if n in gone]
+    if lost:
+        more = len(lost) - _LISTED_LABELS
+        listed = ", ".join(lost[:_LISTED_LABELS]) + (f" and {more} more" if more > 0 else "")
+        before.warnings.append(
+            f"{len(lost)} labels have no region any more: {listed}; give them again with "
+            "terraport label"
+        )
+    return NumberedRegions(document, counts, tuple(before.warnings))
+
+
+def _before(scene: Path, surface: Surface, progress: Progress) -> _Before:
+    """Read ids, samples and labels of the published version, as far as they can be read."""
+    before = _Before()
+    try:
+        with Scene.open(scene) as opened:
+            names = RegionNames.of(opened.regions, file=opened.manifest.files["regions.json"].path)
+            if names.stable_ids is not None:
+                before.first_free, before.ids = names.next_stable_id, names.stable_ids
+                if _same_crs(opened.manifest.crs, surface.crs):
+                    pieces = int(opened.index.region_count.sum(dtype=np.int64))
+                    fewest, most = _LEAST_SAMPLES
+                    before.at_least = min(most, max(fewest, _SAMPLES // max(1, pieces)))
+                    before.samples = _old_samples(opened, before, surface, progress)
+                else:
+                    before.warnings.append(
+                        "the scene published before is in another coordinate reference system: all "
+                        "regions get new stable ids"
+                    )
+    except SceneNotFoundError:
+        return before
+    except DamagedSceneError as error:
+        labels = read_labels(scene)
+        before.first_free = max(labels, default=-1) + 1
+        before.warnings.append(
+            f"the scene published before cannot be read ({error}): all regions get new stable ids"
+        )
+        return before
+    try:
+        before.labels = read_labels(scene)
+    except DamagedSceneError as error:
+        before.warnings.append(f"labels cannot be read ({error}); restore or delete labels.json")
+    return before
+
+
+def _old_samples(
+    scene: Scene, before: _Before, surface: Surface, progress: Progress
+) -> SurfaceSamples:
+    """Sample a published scene's detail, in the new surface's frame."""
+    shift = _shift(np.array(scene.manifest.origin), surface.origin)
+    per_sample = _faces_per_sample(int(scene.index.face_count.sum(dtype=np.int64)))
+    progress.start("pack: regions before", float(len(scene.index)), "segments")
+    samples_of_segments, unread = [], 0
+    for segment in range(len(scene.index)):
+        try:
+            mesh = decode_glb(scene.payload(segment))
+        except (CorruptPayloadError, PayloadError):
+            unread += 1  # its ground counts as new; the rest is still matched
+        else:
+            samples = surface_samples(
+                mesh.positions,
+                mesh.faces,
+                _labels(mesh, int(scene.index.region[segment])),
+                faces_per_sample=per_sample,
+                at_least=before.at_least,
+            )
+            has_region = samples.labels < len(
+                before.ids
+            )  # regions.json may lack what a payload names
+            samples_of_segments.append(
+                SurfaceSamples(
+                    samples.points[has_region] + shift,
+                    samples.labels[has_region],
+                    samples.areas[has_region],
+                )
+            )
+        progress.advance(1)
+    if unread:
+        before.warnings.append(
+            f"{unread} of {len(scene.index)} segments of the scene published before cannot be "
+            "read: regions there may get new stable ids"
+        )
+    progress.done({"samples": sum(len(samples.labels) for samples in samples_of_segments)})
+    return SurfaceSamples.joined(samples_of_segments)
+
+
+def _labels(mesh: SegmentMesh, region: int) -> Int32:
+    """Region of every face; vertices on region borders are split, so any corner tells."""
+    if mesh.region_ids is None:
+        return np.full(len(mesh.faces), region, np.int32)
+    return mesh.region_ids[mesh.faces[:, 0]].astype(np.int32)
+
+
+def _new_samples(surface: Surface, at_least: int) -> Iterator[SurfaceSamples]:
+    """Sample the new detail, segment by segment as a published scene is sampled."""
+    per_sample = _faces_per_sample(surface.face_count)
+    for vertices, faces, regions in surface.pieces():
+        yield surface_samples(
+            vertices, faces, regions, faces_per_sample=per_sample, at_least=at_least
+        )
+
+
+def _faces_per_sample(faces: int) -> int:
+    return max(1, -(-faces // _SAMPLES))
+
+
+def _shift(old: Float64, new: Float64) -> Float64:
+    """Compute what takes a place from the frame about `old` to that about `new`."""
+    east, north, height = old - new
+    # x east, y up, z south
+    return np.array([east, height, -north])
+
+
+def _same_crs(old: CrsInfo | None, new: CrsInfo | None) -> bool:
+    if old is None or new is None:
+        return old is new
+    if old.epsg is not None and new.epsg is not None:
+        return old.epsg == new.epsg
+    return (old.name, old.wkt) == (new.name, new.wkt)

@@ -1,0 +1,57 @@
+"""Where the surface of a survey in tiles ends: one rule for the detail, one for the base.
+
+Read from sums over all tiles, so that every tile is cut alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from terraport_payload.types import AnyArray
+from terraport_pipeline.geometry.clouds.edges import EdgeRule
+from terraport_pipeline.geometry.clouds.footprint import Occupancy, make_footprint
+from terraport_pipeline.geometry.clouds.support import support_threshold
+from terraport_pipeline.stages.trim_detail import BASE_GAP_SPACINGS, HEM_SPACINGS
+
+__all__ = ["edge_rules"]
+
+
+def edge_rules(
+    tiles: Sequence[Mapping[str, AnyArray]],
+    raster: Occupancy,
+    *,
+    largest: float,
+    spacing_m: float,
+) -> tuple[EdgeRule, EdgeRule]:
+    """Read from all tiles where the surface ends, and where the one that the base is made from.
+
+    Parameters
+    ----------
+    tiles : sequence of mapping
+        Gives ``histogram``, ``raster-cells`` and ``raster-spacing`` of every tile.
+    raster : Occupancy
+        Empty; filled here.
+    largest, spacing_m : float
+        As in :class:`~terraport_pipeline.geometry.clouds.edges.EdgeRule`.
+    """
+    for arrays in tiles:
+        cells = arrays["raster-cells"]
+        np.maximum.at(raster.spacing_m.reshape(-1), cells, arrays["raster-spacing"])
+    histogram = np.sum([arrays["histogram"] for arrays in tiles], axis=0)
+    threshold = support_threshold(histogram, largest=largest)
+    outline = wide = None
+    if raster.spacing_m.any():
+        outline = make_footprint(raster)
+        # One radius for all; see trim_detail.py.
+        even_m = np.where(raster.spacing_m > 0, np.float32(spacing_m), np.float32(0.0))
+        wide = make_footprint(replace(raster, spacing_m=even_m), closing_spacings=BASE_GAP_SPACINGS)
+    rule = EdgeRule(threshold, largest, spacing_m, outline)
+    return rule, replace(
+        rule,
+        largest=max(largest, BASE_GAP_SPACINGS),
+        footprint=wide,
+        outward_m=HEM_SPACINGS * spacing_m,
+    )

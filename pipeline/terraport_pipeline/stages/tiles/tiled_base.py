@@ -1,0 +1,208 @@
+"""The base of a detail in tiles: every tile thinned by itself, then all of them together.
+
+As the whole build's base, with a tile in place of a block: what tiles share is held while they are
+thinned apart, so the pieces still fit each other bit for bit. It starts from the wider surface that
+the join cuts beside the detail: with a hem, and without the smaller gaps (``trim_detail.py``). A
+base by Poisson is solved on the thinned survey and cut to that surface. Memory: one tile, then
+about 500 bytes per face of four times the base; for a base by Poisson what its forecast says.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import reduce
+from typing import Final
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from terraport_payload.order import order_for_cache
+from terraport_payload.types import Float32, Int32
+from terraport_pipeline.engines import poisson
+from terraport_pipeline.engines.decimate import decimate
+from terraport_pipeline.engines.thin_detail import thin_block, thin_detail
+from terraport_pipeline.geometry.clouds.carry import carry_values
+from terraport_pipeline.geometry.cover.base_patch import append_surface, base_patch
+from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
+from terraport_pipeline.geometry.mesh.face_blocks import weld
+from terraport_pipeline.geometry.mesh.trim import compact, island_mask
+from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.stages.clean import Cleaned
+from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
+from terraport_pipeline.stages.reconstruct import BASE_DEPTH, Options, trim_base
+from terraport_pipeline.stages.tiles.detail_tiles import StoredTiles
+from terraport_pipeline.stages.trim_detail import HEM_SPACINGS
+
+__all__ = ["NAME", "TiledBase", "restore", "run", "store"]
+
+NAME: Final = "tiled_base"
+
+_FIRST_SHARE: Final = 4
+"""Faces left after tiles were thinned apart, as multiple of what is wanted; see `thin_detail`."""
+
+_DEVIATION_SAMPLES: Final = 100_000
+
+_PERCENTILES: Final = (50.0, 95.0, 99.0, 99.9)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TiledBase:
+    """The base and how far the detail lies from it."""
+
+    base: Mesh
+    deviation_m: tuple[float, ...]
+    facts: Facts
+
+
+def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context) -> TiledBase:
+    """Make the base.
+
+    Parameters
+    ----------
+    cleaned : Cleaned
+        The thinned survey; gives the base its colours and attributes.
+    tiles : StoredTiles
+    options : Options
+    context : Context
+
+    Raises
+    ------
+    ResourceError, EngineError
+        As :func:`terraport_pipeline.engines.poisson.reconstruct`, with a base by Poisson.
+    """
+    # (1) Tiles thinned each by itself and joined, then thinned as a whole or solved again.
+    vertices, joined = _thinned_tiles(tiles, options, context)
+    counts: dict[str, Json] = {"base_from": options.base_from, "base_faces_before": len(joined)}
+    context.progress.start("base: whole", None, "faces")
+    if options.base_from == "poisson":
+        thin, triangles, counts["base_depth"] = _solved(cleaned, vertices, options, context)
+    else:
+        thin, triangles = thin_detail(
+            vertices, joined, max_faces=options.base_faces, threads=context.threads
+        )
+    # (2) Patches where the thinned surface lost what a tile still has.
+    patches = [
+        base_patch(
+            (thin, triangles),
+            (tile.vertices, tile.faces),
+            tiles.base_part(tiles.base_names.index(tiles.names[i])),
+            margin_m=HEM_SPACINGS * cleaned.cloud.spacing_m,
+            threads=context.threads,
+        )
+        for i in range(tiles.count)
+        if len((tile := tiles.load(i)).faces)
+    ]
+    counts["base_faces_patched"] = sum(len(faces) for _, faces in patches)
+    thin, triangles = reduce(append_surface, patches, (thin, triangles))
+    # Vertex cache order now: the cover names base faces by number.
+    triangles = triangles[order_for_cache(triangles.astype(np.uint32))]
+    # (3) Values of the cloud's nearest samples.
+    cloud = cleaned.cloud
+    tree = cKDTree(cloud.points, balanced_tree=False)
+    colours, attributes = carry_values(
+        tree,
+        cloud.colours,
+        cloud.attributes,
+        thin,
+        codes=cleaned.codes,
+        workers=context.threads,
+    )
+    base = Mesh(thin, triangles, vertex_normals(thin, triangles), colours, attributes)
+    context.progress.done({"base faces": len(triangles)})
+    # (4) How far the detail is from it, by samples of every tile.
+    step = max(1, sum(tiles.vertex_count(i) for i in range(tiles.count)) // _DEVIATION_SAMPLES)
+    picked = np.concatenate([tiles.load(i).vertices[::step].copy() for i in range(tiles.count)])
+    context.progress.start("base: deviation", float(len(picked)), "samples")
+    distances_m = distances_to_mesh(picked, thin, triangles, workers=context.threads)
+    percentiles_m = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
+    context.progress.done({"p99_m": percentiles_m[2]})
+    warnings: list[str] = []
+    if len(triangles) > 1.1 * options.base_faces:
+        warnings.append(
+            f"the base keeps {len(triangles)} faces, {options.base_faces} were asked: its border "
+            "alone needs more; raise --base-faces"
+        )
+    counts["base_faces"] = len(triangles)
+    for percentile, value in zip(_PERCENTILES, percentiles_m, strict=True):
+        counts[f"deviation_p{percentile:g}_m"] = value
+    return TiledBase(base, percentiles_m, Facts(counts, tuple(warnings)))
+
+
+def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tuple[Float32, Int32]:
+    """Thin every tile to its share of four times the base, and join them bit for bit."""
+    total = sum(tiles.base_faces)
+    wanted = _FIRST_SHARE * options.base_faces
+    share = wanted / total if total > 2 * wanted else 1.0
+    context.progress.start("base: tiles", float(len(tiles.base_names)), "tiles")
+    pieces = []
+    for i in range(len(tiles.base_names)):
+        if tiles.base_faces[i]:
+            vertices, faces = tiles.base_part(i)
+            if share < 1.0:
+                kept = max(1, round(len(faces) * share))
+                vertices, faces = thin_block(
+                    vertices, faces, max_faces=kept, threads=context.threads
+                )
+            pieces.append((vertices, faces))
+        context.progress.advance(1.0)
+    first = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
+    numbered = [piece[1] + np.int32(base) for piece, base in zip(pieces, first, strict=False)]
+    vertices, joined = weld(np.concatenate([v for v, _ in pieces]), np.concatenate(numbered))
+    del pieces, numbered
+    # Loose pieces that the detail dropped; half as strict, for thinning leaves each another share.
+    least = max(1, int(0.5 * share * options.island_faces))
+    keep, _ = island_mask(joined, len(vertices), min_faces=least)
+    context.progress.done({"faces": int(keep.sum())})
+    return compact(vertices, joined, keep)
+
+
+def _solved(
+    cleaned: Cleaned, near: Float32, options: Options, context: Context
+) -> tuple[Float32, Int32, int]:
+    """Solve the base on the thinned survey and cut it to what lies near the detail."""
+    cloud = cleaned.cloud
+    extent_m = float(np.ptp(cloud.points, axis=0).max())
+    depth = poisson.depth_for(options.base_depth or BASE_DEPTH, extent_m, cloud.spacing_m)
+    (surface,) = poisson.reconstruct(
+        cloud.points,
+        cloud.normals,
+        [depth],
+        context.scratch,
+        side_by_side=False,
+        max_memory_bytes=context.max_memory_bytes,
+        point_weight=options.point_weight,
+    )
+    cell_m = poisson.SCALE * extent_m / 2**depth
+    base = trim_base(*surface, near, cell_m, threads=context.threads)
+    return *decimate(*base, max_faces=options.base_faces), depth
+
+
+def store(result: TiledBase) -> Stored:
+    """Turn the result into arrays and values."""
+    mesh = result.base
+    arrays = {
+        f"base-{field}": getattr(mesh, field)
+        for field in ("vertices", "faces", "normals", "colours")
+    }
+    for i, values in enumerate(mesh.attributes.values()):
+        arrays[f"base-attribute-{i}"] = values
+    return Stored(
+        arrays, {"attributes": list(mesh.attributes), "deviation_m": list(result.deviation_m)}
+    )
+
+
+def restore(stored: Stored, facts: Facts) -> TiledBase:
+    """Turn arrays and values back into the result."""
+    arrays, values = stored.arrays, stored.values
+    base = Mesh(
+        np.asarray(arrays["base-vertices"], np.float32),
+        np.asarray(arrays["base-faces"], np.int32),
+        np.asarray(arrays["base-normals"], np.float32),
+        np.asarray(arrays["base-colours"], np.uint8),
+        {
+            name: np.asarray(arrays[f"base-attribute-{i}"], np.float32)
+            for i, name in enumerate(values["attributes"])
+        },
+    )
+    return TiledBase(base, tuple(values["deviation_m"]), facts)

@@ -1,0 +1,227 @@
+"""The last step of segmenting by tiles: one numbering, one cover, one set of facts.
+
+Holds no faces: a few hundred bytes per segment, 8 per entry of the cover, and the sums of regions.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32, UInt32
+from terraport_pipeline.geometry.mesh.curve import morton_codes
+from terraport_pipeline.geometry.regions.region_facts import add_borders
+from terraport_pipeline.geometry.regions.region_totals import (
+    RegionTotals,
+    add_totals,
+    spread_totals,
+    totals_document,
+)
+from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
+from terraport_pipeline.geometry.tiles.tiled_cover import unite_covers
+from terraport_pipeline.geometry.tiles.tiled_means import JoinedRegions
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.stages.contract import Facts, Json, Stored
+from terraport_pipeline.stages.segment import Options
+from terraport_pipeline.stages.tiles.tiled_segment import TiledScene, totals_of
+
+__all__ = ["NAME", "TiledSegmented", "join", "restore", "store"]
+
+NAME: Final = "segment"
+
+
+@dataclass(frozen=True, slots=True)
+class TiledSegmented:
+    """What a build by tiles knows of its segments; labels of faces stay with the tiles."""
+
+    tile: Int32
+    """(S,) tile of every segment; segments are numbered along one Morton curve."""
+    within: Int32
+    """(S,) its number within the tile."""
+    main_region: Int32
+    """(S,) region with most faces in the segment."""
+    region_counts: Int32
+    """(S,) regions in the segment."""
+    bounds: Float32
+    """(S, 6) each segment's box: minimum x, y, z, maximum x, y, z; metres, scene frame."""
+    base_kept: Bool
+    """(B,) base faces with detail over them; the others are not published."""
+    cover_offsets: UInt32
+    """(K + 1,) CSR rows, one per base face that is kept."""
+    cover_segments: UInt32
+    region_facts: dict[str, Json]
+    """Contents of regions.json."""
+    tolerance_m: float
+    max_extent_m: float
+    facts: Facts
+
+
+def join(
+    tiles: Iterator[Stored],
+    scene: TiledScene,
+    joined: JoinedRegions,
+    seam_regions: Int32,
+    base: Mesh,
+    options: Options,
+    tolerance_m: float,
+) -> TiledSegmented:
+    """Give segments their numbers, unite covers and add up facts.
+
+    Parameters
+    ----------
+    tiles : iterator of Stored
+        From :func:`~.tiled_segment.cut`, in order of the tiles; looked at one at a time.
+    scene : TiledScene
+    joined : JoinedRegions
+    seam_regions : ndarray of shape (N, 2), int32
+        Regions on both sides of every seam.
+    base : Mesh
+    options : Options
+    tolerance_m : float
+        Of the cover.
+
+    Returns
+    -------
+    TiledSegmented
+    """
+    tables: list[dict[str, Any]] = []
+    covers: list[tuple[Int32, Int32]] = []
+    totals: RegionTotals | None = None
+    exceptions: Counter[str] = Counter()
+    far = baseless = 0
+    for stored in tiles:
+        arrays = stored.arrays
+        names = ("face_counts", "bounds", "main_region", "region_counts", "ragged")
+        tables.append({name: np.asarray(arrays[name]) for name in names})
+        covers.append((np.asarray(arrays["cover_face"]), np.asarray(arrays["cover_segment"])))
+        present = np.asarray(arrays["present"], np.int32)
+        of_tile = spread_totals(totals_of(arrays), present, joined.count)
+        totals = of_tile if totals is None else add_totals(totals, of_tile)
+        exceptions.update(stored.values["exceptions"])
+        far += int(stored.values["far_faces"])
+        baseless += int(stored.values["baseless_faces"])
+    assert totals is not None
+    # (1) one curve over all segments
+    counts = [len(table["face_counts"]) for table in tables]
+    tile = np.repeat(np.arange(len(tables), dtype=np.int32), counts)
+    within = np.concatenate([np.arange(n, dtype=np.int32) for n in counts])
+    every = {name: np.concatenate([table[name] for table in tables]) for name in tables[0]}
+    bounds = every["bounds"]
+    order = np.argsort(
+        morton_codes((bounds[:, :3] + bounds[:, 3:]) * np.float32(0.5)), kind="stable"
+    )
+    number = np.empty(len(order), np.int32)
+    number[order] = np.arange(len(order), dtype=np.int32)
+    starts = np.concatenate([[0], np.cumsum(counts)])
+    # (2) one cover
+    offsets, segments = unite_covers(
+        [(face, number[segment + at]) for (face, segment), at in zip(covers, starts, strict=False)],
+        len(base.faces),
+    )
+    base_kept = np.diff(offsets.astype(np.int64)) > 0
+    # (3) one set of facts
+    crossing = seam_regions[:, 0] != seam_regions[:, 1]
+    touching, border_m = add_borders(
+        np.concatenate([totals.touching, seam_regions[crossing]]),
+        np.concatenate([totals.border_m, scene.seams.length_m[crossing]]),
+    )
+    totals = replace(totals, touching=touching, border_m=border_m)
+    facts = totals_document(totals, list(scene.attributes), scene.roughness_scale_m)
+    ordered = {name: values[order] for name, values in every.items()}
+    max_extent_m = scene.max_extent_m(options)
+    sides = ordered["bounds"][:, 3:].astype(np.float64) - ordered["bounds"][:, :3]
+    quantiles = {
+        "segment_faces": _quantiles(ordered["face_counts"], 0),
+        "segment_extent_m": _quantiles(sides.max(axis=1), 3),
+        "segment_raggedness": _quantiles(ordered["ragged"], 2),
+    }
+    outcome: dict[str, Json] = {
+        "regions": joined.count,
+        "pools": joined.fine_count,
+        "segments": len(order),
+        "tiles": len(tables),
+        "seam_edges": len(seam_regions),
+        "seam_edges_between_regions": int(np.count_nonzero(crossing)),
+        "largest_segment_faces": int(ordered["face_counts"].max()),
+        "smallest_segment_faces": int(ordered["face_counts"].min()),
+        "max_extent_m": max_extent_m,
+        "tolerance_m": tolerance_m,
+        "cover_entries": len(segments),
+        "base_faces": int(base_kept.sum()),
+        "base_faces_beyond": int((~base_kept).sum()),
+        "detail_faces_far_from_base": far,
+        "detail_faces_without_base": baseless,
+        **quantiles,
+        "engine": options.engine,
+        "segment_by": options.segment_by,
+        "region_limit": scene.scale(options).limit,
+        "region_pools": joined.pools,
+        "region_islands": joined.islands,
+        **{f"segments_{name}": n for name, n in exceptions.items()},
+    }
+    return TiledSegmented(
+        tile[order],
+        within[order],
+        ordered["main_region"],
+        ordered["region_counts"],
+        ordered["bounds"],
+        base_kept,
+        offsets[np.append(True, base_kept)],
+        segments,
+        facts,
+        tolerance_m,
+        max_extent_m,
+        Facts(outcome, tuple(_warnings(scene, joined, baseless))),
+    )
+
+
+def store(result: TiledSegmented) -> Stored:
+    """Turn the result into arrays and values."""
+    arrays = {name: getattr(result, name) for name in _ARRAYS}
+    return Stored(
+        arrays,
+        {
+            "region_facts": result.region_facts,
+            "tolerance_m": result.tolerance_m,
+            "max_extent_m": result.max_extent_m,
+        },
+    )
+
+
+def restore(stored: Stored, facts: Facts) -> TiledSegmented:
+    """Turn arrays and values back into the result."""
+    arrays: dict[str, Any] = {name: np.asarray(stored.arrays[name]) for name in _ARRAYS}
+    return TiledSegmented(**arrays, **dict(stored.values), facts=facts)
+
+
+_ARRAYS: Final = (
+    "tile",
+    "within",
+    "main_region",
+    "region_counts",
+    "bounds",
+    "base_kept",
+    "cover_offsets",
+    "cover_segments",
+)
+
+
+def _warnings(scene: TiledScene, joined: JoinedRegions, baseless: int) -> Iterator[str]:
+    if joined.count == 1 and scene.totals.spread(np.ones(3)) == 0.0:
+        yield (
+            "the surface has one colour and is therefore one region; telling regions apart by how "
+            "the surface folds is for builds that are not tiled: thin the survey with --max-points"
+        )
+    if baseless:
+        yield (
+            f"{baseless} detail faces have no base below or above them: there is nothing to see "
+            "there until they are loaded"
+        )
+
+
+def _quantiles(values: AnyArray | Float64, digits: int) -> list[float]:
+    return [round(float(value), digits) for value in np.quantile(values, QUANTILES)]

@@ -1,0 +1,384 @@
+"""The proof of the hand-off: rays against full detail, base and mixed models of random subsets.
+
+A mixed model is the detail of the loaded segments plus every base face that the cover rule does not
+hide. It is never built: a ray is cast at the full detail (and the full base), and cast again from
+behind each face that is not shown. That finds a surface that is shown, though in rare cases not the
+first one, so a ray that passes would pass all the more exactly. Rays that fail are judged again
+against a mixed model that *is* built, so nothing is called a hole for a rounding of the re-cast.
+
+The definition of a hole and its reasons: ``docs/topics/hand-off.md``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int64
+from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.cover.handoff_rays import (
+    RayKind,
+    Rays,
+    aim_rays,
+    cumulative_face_area,
+    hidden_base_faces,
+    random_places,
+    random_subsets,
+    rim_base_faces,
+    strict_misses,
+)
+from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.published.mixed_model import (
+    BuiltModel,
+    HandOffModel,
+    MixedModel,
+    ShownFaces,
+)
+from terraport_pipeline.validate.handoff_judge import MEASURE_REACH, Judge, Meetings
+from terraport_pipeline.validate.handoff_report import (
+    HandOffOptions,
+    HandOffReport,
+    KindReport,
+    WorstRay,
+)
+
+__all__ = ["check_hand_off", "check_hand_off_in_windows"]
+
+MAX_EXACT_SUBSETS: Final = 16
+"""Mixed models that are really built; failing rays of further subsets count as holes unverified."""
+
+_LEAST_SUBSETS: Final = 6
+"""Of a window: none, all, and one of each random sort but one."""
+
+
+def check_hand_off(
+    model: HandOffModel,
+    options: HandOffOptions | None = None,
+    *,
+    progress: Progress | None = None,
+    detail_rays: RayScene | None = None,
+    base_rays: RayScene | None = None,
+) -> HandOffReport:
+    """Look for holes in mixed models of random subsets.
+
+    Parameters
+    ----------
+    model : HandOffModel
+        At least one segment and one detail face.
+    options : HandOffOptions, optional
+        The defaults: 10^6 rays over 100 subsets.
+    progress : Progress, optional
+        Advances by rays.
+    detail_rays, base_rays : RayScene, optional
+        The two meshes, where they are built already.
+
+    Returns
+    -------
+    HandOffReport
+        The same for the same model, options and machine type.
+
+    Raises
+    ------
+    OptionError
+        When the model has no segments or faces to look at.
+    """
+    chosen = options or HandOffOptions()
+    watcher = progress or NullProgress()
+    tally = _Tally()
+    watcher.start("hand-off: rays", chosen.rays, "rays")
+    _look_at(model, chosen, tally, watcher, detail_rays, base_rays)
+    report = tally.report(model.tolerance_m, chosen.seed)
+    watcher.done({"holes": report.holes, "p99.9 m": report.distance_m["p99.9"]})
+    return report
+
+
+def check_hand_off_in_windows(
+    windows: Sequence[Int64],
+    open_window: Callable[[Int64], HandOffModel],
+    faces: Sequence[int],
+    options: HandOffOptions | None = None,
+    *,
+    progress: Progress | None = None,
+) -> HandOffReport:
+    """Look for holes window by window, in a scene too large to be held.
+
+    Parameters
+    ----------
+    windows : sequence of ndarray of int64
+        Segments of every window: :func:`~.scene_windows.scene_windows`.
+    open_window : callable
+        Gives the model of some segments, which are numbered 0.. in it.
+    faces : sequence of int
+        Faces of every window: rays and subsets are shared out by them.
+    options, progress
+        As for :func:`check_hand_off`; every window gets at least a few subsets.
+
+    Returns
+    -------
+    HandOffReport
+        Of all windows together; segments are named by the scene's numbers.
+    """
+    chosen = options or HandOffOptions()
+    watcher = progress or NullProgress()
+    tally = _Tally()
+    share = np.array(faces, np.float64) / max(1, sum(faces))
+    tolerance_m = 0.0
+    for number, segments in enumerate(windows):
+        subsets = max(_LEAST_SUBSETS, round(chosen.subsets * float(share[number])))
+        rays = max(subsets, round(chosen.rays * float(share[number])))
+        model = open_window(segments)
+        tolerance_m = model.tolerance_m
+        watcher.start(f"hand-off: rays, window {number + 1} of {len(windows)}", float(rays), "rays")
+        window_options = HandOffOptions(rays, min(subsets, rays), chosen.seed + number)
+        tally.segments = segments
+        _look_at(model, window_options, tally, watcher)
+        del model
+        watcher.done({"holes": int(tally.counts[:, 3].sum())})
+    return tally.report(tolerance_m, chosen.seed, len(windows))
+
+
+def _look_at(
+    model: HandOffModel,
+    options: HandOffOptions,
+    tally: _Tally,
+    watcher: Progress,
+    detail_rays: RayScene | None = None,
+    base_rays: RayScene | None = None,
+) -> None:
+    if model.segment_count < 1 or len(model.detail_faces) < 1:
+        raise OptionError(
+            f"received {model.segment_count} segments with {len(model.detail_faces)} faces; "
+            "expected at least one of each to prove a hand-off"
+        )
+    prover = _Prover(model, options, tally, detail_rays, base_rays)
+    for index in range(options.subsets):
+        watcher.advance(prover.look(index))
+    tally.subsets += options.subsets
+
+
+@dataclass(slots=True)
+class _Tally:
+    """What is found, added up over subsets and windows."""
+
+    counts: Int64 = field(default_factory=lambda: np.zeros((len(RayKind), 4), dtype=np.int64))
+    subsets: int = 0
+    holes_hidden: int = 0
+    holes_uncovered: int = 0
+    unverified: int = 0
+    base_misses: int = 0
+    smoothed: int = 0
+    under_base: int = 0
+    overlaps: int = 0
+    distances: list[Float32] = field(default_factory=list)
+    down: list[Float32] = field(default_factory=list)
+    worst: WorstRay | None = None
+    worst_score: float = -1.0
+    segments: Int64 | None = None
+    """The scene's numbers of the model's segments; None: the same."""
+
+    def named(self, segments: AnyInt) -> AnyInt:
+        """Give segments of the model the scene's numbers."""
+        return segments if self.segments is None else self.segments[segments]
+
+    def report(self, tolerance_m: float, seed: int, windows: int = 1) -> HandOffReport:
+        """Turn the counts and distances of all rays into a report."""
+        kinds = tuple(
+            KindReport(kind.name.lower(), *(int(n) for n in self.counts[kind])) for kind in RayKind
+        )
+        return HandOffReport(
+            rays=sum(kind.rays for kind in kinds),
+            subsets=self.subsets,
+            seed=seed,
+            tolerance_m=tolerance_m,
+            hits=sum(kind.hits for kind in kinds),
+            strict_misses=sum(kind.strict_misses for kind in kinds),
+            base_misses=self.base_misses,
+            under_base=self.under_base,
+            smoothed=self.smoothed,
+            holes_hidden=self.holes_hidden,
+            holes_uncovered=self.holes_uncovered,
+            unverified=self.unverified,
+            distance_m=_percentiles(self.distances),
+            down_distance_m=_percentiles(self.down),
+            overlap=self.overlaps / max(1, sum(kind.hits for kind in kinds)),
+            kinds=kinds,
+            worst=self.worst,
+            windows=windows,
+        )
+
+
+class _Prover:
+    """Goes through the subsets and adds up what it finds."""
+
+    def __init__(
+        self,
+        model: HandOffModel,
+        options: HandOffOptions,
+        tally: _Tally,
+        detail_rays: RayScene | None,
+        base_rays: RayScene | None,
+    ) -> None:
+        self._model = model
+        self._options = options
+        self._tally = tally
+        self._detail = detail_rays or RayScene(model.detail_vertices, model.detail_faces)
+        self._base = base_rays or RayScene(model.base_vertices, model.base_faces)
+        self._rng = np.random.default_rng(options.seed)
+        self._judge = Judge(model, self._detail, self._base)
+        self._subsets = random_subsets(_segment_centres(model), options.subsets, self._rng)
+        self._area = cumulative_face_area(model.detail_vertices, model.detail_faces)
+        self._top_m = float(model.detail_vertices[:, 1].max())
+        self._built = 0
+
+    def look(self, index: int) -> int:
+        """Cast one subset's rays; returns how many."""
+        model, tolerance = self._model, self._model.tolerance_m
+        loaded = self._subsets[index]
+        hidden = hidden_base_faces(model.cover_offsets, model.cover_segments, loaded)
+        rays = self._choose_rays(index, loaded)
+        met = self._judge.meetings(rays)
+        detail = ShownFaces(self._detail, loaded[model.segment_of_face])
+        base = ShownFaces(self._base, ~hidden)
+        detail_t = detail.closest(rays.origins, rays.directions, met.detail)
+        base_t = base.closest(rays.origins, rays.directions, met.base_first)
+        mixed_t, mixed = np.minimum(detail_t, base_t), MixedModel(detail, base)
+        first_t = met.detail[0]
+        hit = np.isfinite(first_t)
+        missed = strict_misses(first_t, met.base[0], mixed_t, tolerance)
+        rows = np.flatnonzero(hit)
+        hits = self._judge.hit_places(met, rows)
+        distance = hits.distance(mixed, mixed_t[rows], MEASURE_REACH * tolerance)
+        suspects, smoothed = self._judge.holes(met, mixed, mixed_t, rows[distance > tolerance])
+        self._tally.smoothed += len(smoothed)
+        if len(suspects):
+            suspects = self._verify(met, suspects, loaded, hidden)
+        holes = np.zeros(len(hit), dtype=np.bool_)
+        holes[suspects] = True
+        bare = int(self._judge.without_base(met, suspects).sum())
+        self._tally.holes_uncovered += bare
+        self._tally.holes_hidden += len(suspects) - bare
+        self._count(rays, hit, missed, holes)
+        strict = np.flatnonzero(missed)
+        self._tally.base_misses += int((~np.isfinite(met.base_first[0][strict])).sum())
+        self._tally.under_base += int(self._judge.under_base(met, mixed, strict).sum())
+        whole = loaded[model.segment_of_face[met.detail[1][rows]]]
+        self._tally.overlaps += int((whole & (base_t[rows] < first_t[rows])).sum())
+        self._tally.distances.append(distance)
+        down = rays.kind[rows] == RayKind.DOWN
+        self._tally.down.append(np.abs(mixed_t[rows] - first_t[rows])[down])
+        lost = missed & np.isfinite(met.base_first[0])
+        self._keep_worst(rays, first_t, rows, distance, (holes, lost), loaded)
+        return len(rays.kind)
+
+    def _choose_rays(self, index: int, loaded: Bool) -> Rays:
+        """Half of the rays at places anywhere, half at the rim of what is loaded."""
+        model, options = self._model, self._options
+        count = options.rays // options.subsets + (index < options.rays % options.subsets)
+        rim = rim_base_faces(model.cover_offsets, model.cover_segments, loaded)
+        at_rim = count // 2 if len(rim) else 0
+        targets = [
+            random_places(
+                model.detail_vertices,
+                model.detail_faces,
+                count - at_rim,
+                self._rng,
+                cumulative_area=self._area,
+            )
+        ]
+        if at_rim:
+            targets.append(
+                random_places(model.base_vertices, model.base_faces[rim], at_rim, self._rng)
+            )
+        return aim_rays(np.concatenate(targets), self._top_m, self._rng, ground_m=self._ground_m)
+
+    def _ground_m(self, points: Float64) -> Float64:
+        """Height of the full detail at some places, seen from above; NaN where there is none."""
+        starts = points.copy()
+        starts[:, 1] = self._top_m + 1.0
+        down = np.broadcast_to(np.array([0.0, -1.0, 0.0]), starts.shape)
+        t = self._detail.closest_hit(starts, down)[0].astype(np.float64)
+        return np.where(np.isfinite(t), self._top_m + 1.0 - t, np.nan)
+
+    def _verify(self, met: Meetings, suspects: AnyInt, loaded: Bool, hidden: Bool) -> AnyInt:
+        """Judge suspects again against the mixed model itself; returns those that stay holes."""
+        if self._built >= MAX_EXACT_SUBSETS:
+            self._tally.unverified += len(suspects)
+            return suspects
+        self._built += 1
+        built = BuiltModel(self._model, loaded, hidden)
+        t = np.full(len(met.rays.kind), np.inf, dtype=np.float32)
+        t[suspects] = built.closest(met.rays.origins[suspects], met.rays.directions[suspects])
+        return self._judge.holes(met, built, t, suspects)[0]
+
+    def _count(self, rays: Rays, hit: Bool, missed: Bool, holes: Bool) -> None:
+        for kind in RayKind:
+            of_kind = rays.kind == kind
+            self._tally.counts[kind] += [
+                int(of_kind.sum()),
+                int((of_kind & hit).sum()),
+                int((of_kind & missed).sum()),
+                int((of_kind & holes).sum()),
+            ]
+
+    def _keep_worst(
+        self,
+        rays: Rays,
+        detail_t: Float32,
+        rows: AnyInt,
+        distance: Float32,
+        marks: tuple[Bool, Bool],
+        loaded: Bool,
+    ) -> None:
+        """Keep the ray that fared worst: holes first, then what hid base to no avail, then far."""
+        if len(rows) == 0:
+            return
+        # Further than the reach lie outlines and what the base smooths away: not the hand-off's.
+        reach = MEASURE_REACH * self._model.tolerance_m
+        rank = np.where(distance <= reach, distance / reach, -1.0) + sum(
+            weight * mark[rows] for weight, mark in zip((4, 2), marks, strict=True)
+        )
+        at = int(np.argmax(rank))
+        row, score = int(rows[at]), float(rank[at])
+        if score <= self._tally.worst_score:
+            return
+        self._tally.worst_score = score
+        is_hole, length = bool(marks[0][row]), float(distance[at])
+        origin, heading = rays.origins[row], rays.directions[row]
+        self._tally.worst = WorstRay(
+            origin=_triple(origin),
+            direction=_triple(heading),
+            target=_triple(origin + heading * detail_t[row]),
+            distance_m=length,
+            hole=is_hole,
+            verdict="hole" if is_hole else "excused" if marks[1][row] else "distance",
+            kind=RayKind(int(rays.kind[row])).name.lower(),
+            loaded=tuple(self._tally.named(np.flatnonzero(loaded)).tolist()),
+        )
+
+
+def _segment_centres(model: HandOffModel) -> Float64:
+    """Mean face centre of each segment, (S, 3); the origin for a segment without faces."""
+    centre = model.detail_vertices[model.detail_faces].mean(axis=1, dtype=np.float64)
+    count = np.bincount(model.segment_of_face, minlength=model.segment_count)
+    sums = [
+        np.bincount(model.segment_of_face, weights=centre[:, axis], minlength=model.segment_count)
+        for axis in range(3)
+    ]
+    return np.stack(sums, axis=1) / np.maximum(count, 1)[:, None]
+
+
+def _percentiles(chunks: list[Float32]) -> dict[str, float]:
+    values = np.concatenate(chunks) if chunks else np.empty(0, np.float32)
+    if len(values) == 0:
+        return {"p50": 0.0, "p99": 0.0, "p99.9": 0.0, "max": 0.0}
+    # "lower" never averages a finite distance with an infinite one.
+    p50, p99, p999 = np.percentile(values, [50, 99, 99.9], method="lower")
+    return {"p50": float(p50), "p99": float(p99), "p99.9": float(p999), "max": float(values.max())}
+
+
+def _triple(vector: AnyFloat) -> tuple[float, float, float]:
+    return float(vector[0]), float(vector[1]), float(vector[2])

@@ -1,0 +1,47 @@
+"""The cover by tiles against the cover of the whole."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+from coloured_ground import cut_mesh, ground
+
+from terraport_pipeline.geometry.cover.cover import build_cover
+from terraport_pipeline.geometry.tiles.tiled_cover import tile_cover, unite_covers
+
+
+def test_every_base_face_lists_what_the_whole_lists() -> None:
+    base, detail = ground(10, low=-2.0, high=62.0), ground(48)
+    parts = cut_mesh(detail, 3)
+    segment = np.empty(len(detail.faces), np.int64)
+    made, first = [], 0
+    for part, rows in parts:
+        own = (np.arange(len(rows)) * 3 // len(rows)).astype(np.int32)
+        segment[rows] = own + first
+        cover = tile_cover(
+            base.vertices, base.faces, part.vertices, part.faces, own, tolerance_m=0.5
+        )
+        assert cover.baseless_faces == 0
+        made.append((cover.base_face, cover.segment + np.int32(first)))
+        first += 3
+    offsets, segments = unite_covers(made, len(base.faces))
+    whole = build_cover(
+        base.vertices, base.faces, detail.vertices, detail.faces, segment,
+        tolerance_m=0.5, hide_partly_covered=True,
+    )  # fmt: skip
+    assert len(offsets) == len(base.faces) + 1
+    lists = [set(segments[a:b].tolist()) for a, b in pairwise(offsets)]
+    wanted = [set(whole.segments[a:b].tolist()) for a, b in pairwise(whole.offsets)]
+    # Grids lie elsewhere, so lists at the rim of a segment may differ by a cell's breadth; what
+    # lies over the base face's own inside is in both.
+    differing = sum(a != b for a, b in zip(lists, wanted, strict=True))
+    assert differing < 0.15 * len(lists)
+    assert sum(len(a - b) + len(b - a) for a, b in zip(lists, wanted, strict=True)) <= 2 * differing
+    assert all((np.diff(segments[a:b].astype(int)) > 0).all() for a, b in pairwise(offsets))
+
+
+def test_no_tile_gives_empty_lists() -> None:
+    offsets, segments = unite_covers([], 4)
+    assert offsets.tolist() == [0, 0, 0, 0, 0]
+    assert len(segments) == 0

@@ -1,0 +1,153 @@
+"""Stable ids over rebuilds: the shell around the matching, on a published scene of four segments.
+
+The tiny scene has three regions: 0 the corner at the origin, 2 the opposite corner, 1 the two
+segments between.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from store.tiny_scene import CELLS, lattice_mesh, write_tiny_scene
+
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.progress import NullProgress
+from terraport_pipeline.stages.region_ids import NewSurface, NumberedRegions, number_regions
+from terraport_store import CrsInfo, DamagedSceneError, change_labels
+
+ORIGIN = np.array([500000.0, 8000000.0, 100.0])
+FACTS = {"roughness_scale_m": 1.0, "regions": [{"id": n, "area_m2": 1.0} for n in range(3)]}
+
+
+def surface(*, seed: int = 0, names: tuple[int, ...] = (0, 1, 2), moved_m: float = 0.0):
+    """The same patch as a build has it before it is packed; ``names`` renames the regions."""
+    tiles = [lattice_mesh(i, j, seed=seed) for i in (0, CELLS) for j in (0, CELLS)]
+    starts = np.cumsum([0, *(len(tile.positions) for tile in tiles)])
+    faces = [tile.faces + start for tile, start in zip(tiles, starts, strict=False)]
+    vertices = np.concatenate([tile.positions for tile in tiles])
+    mesh = Mesh(
+        vertices=vertices + np.float32(moved_m) * np.float32([0, 0, 1]),
+        faces=np.concatenate(faces).astype(np.int32),
+        normals=np.tile(np.float32([0, 1, 0]), (len(vertices), 1)),
+        colours=np.zeros((len(vertices), 3), np.uint8),
+        attributes={},
+    )
+    segments = np.repeat(np.arange(4), [len(tile.faces) for tile in tiles])
+    regions = np.array(names)[np.array([0, 1, 1, 2])[segments]]
+    return NewSurface(mesh, segments.astype(np.int32), regions.astype(np.int32), ORIGIN, None)
+
+
+def numbered(scene: Path, new: NewSurface, facts=FACTS) -> NumberedRegions:
+    return number_regions(scene, facts, new, NullProgress())
+
+
+def ids(result: NumberedRegions) -> list[int]:
+    return [row["stable_id"] for row in result.document["regions"]]
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    return write_tiny_scene(tmp_path / "s", stable_ids=(4, 2, 9)).path
+
+
+def test_a_new_place_counts_from_0(tmp_path: Path) -> None:
+    result = numbered(tmp_path / "nowhere", surface())
+    assert ids(result) == [0, 1, 2]
+    assert result.document["next_stable_id"] == 3
+    assert list(result.document["regions"][1]) == ["id", "stable_id", "area_m2"]
+    assert result.document["roughness_scale_m"] == 1.0
+    assert result.counts == {"regions_kept": 0, "regions_new": 3, "regions_retired": 0}
+    assert "stable_id" not in FACTS["regions"][0]
+
+
+def test_the_same_surface_keeps_every_number(scene: Path) -> None:
+    result = numbered(scene, surface())
+    assert (ids(result), result.document["next_stable_id"]) == ([4, 2, 9], 10)
+    assert result.counts == {"regions_kept": 3, "regions_new": 0, "regions_retired": 0}
+    assert result.warnings == ()
+    assert numbered(scene, surface()) == result
+
+
+def test_numbers_follow_the_ground_and_not_the_order(scene: Path) -> None:
+    """Other heights, regions listed in another order."""
+    assert ids(numbered(scene, surface(seed=1, names=(2, 0, 1)))) == [2, 9, 4]
+
+
+def test_another_origin_is_another_name_for_the_same_place(scene: Path) -> None:
+    """The survey begins elsewhere, so the frame does; 2 m south of an origin 2 m farther north."""
+    new = surface(names=(2, 0, 1), moved_m=2.0)
+    near, far = (ORIGIN + np.array([0.0, north, 0.0]) for north in (2.0, 1000.0))
+    assert ids(numbered(scene, replace(new, origin=near))) == [2, 9, 4]
+    assert ids(numbered(scene, replace(new, origin=far))) == [10, 11, 12]
+
+
+def test_new_ground_gets_new_numbers_and_lost_labels_are_told(scene: Path) -> None:
+    """Only the middle is still there, as region 0; beside it something new."""
+    change_labels(scene, {4: "pile", 2: "haul road"})
+    whole = surface()
+    middle = (whole.regions == 1) | (whole.regions == 2)
+    new = replace(
+        whole,
+        detail=replace(whole.detail, faces=whole.detail.faces[middle]),
+        segments=np.where(whole.segments[middle] == 3, 1, 0).astype(np.int32),
+        regions=(whole.regions[middle] - 1).astype(np.int32),
+    )
+    facts = {**FACTS, "regions": FACTS["regions"][:2]}
+    result = numbered(scene, new, facts)
+    assert (ids(result), result.document["next_stable_id"]) == ([2, 9], 10)
+    assert result.counts == {"regions_kept": 2, "regions_new": 0, "regions_retired": 1}
+    assert result.warnings == (
+        "1 labels have no region any more: 'pile' (4); give them again with terraport label",
+    )
+
+
+def test_another_crs_is_another_place(scene: Path) -> None:
+    crs = CrsInfo(name="UTM 35S", epsg=32735)
+    result = numbered(scene, replace(surface(), crs=crs))
+    assert ids(result) == [10, 11, 12]
+    assert "another coordinate reference system" in result.warnings[0]
+
+
+def test_a_scene_of_format_1_0_has_no_numbers_to_carry(tmp_path: Path) -> None:
+    old = write_tiny_scene(tmp_path / "old").path
+    assert ids(numbered(old, surface())) == [0, 1, 2]
+
+
+def test_a_damaged_segment_costs_its_own_ground_only(scene: Path) -> None:
+    """Segment 0 is all of region 0; the others are found again."""
+    pack = next(scene.glob("v-*/segments.pack"))
+    data = bytearray(pack.read_bytes())
+    data[300] ^= 1
+    pack.write_bytes(data)
+    result = numbered(scene, surface())
+    assert ids(result) == [10, 2, 9]
+    assert "1 of 4 segments of the scene published before cannot be read" in result.warnings[0]
+
+
+def test_behind_a_damaged_scene_numbers_stay_clear_of_labels(scene: Path) -> None:
+    change_labels(scene, {9: "pile"})
+    (scene / "scene.json").write_text("{}")
+    result = numbered(scene, surface())
+    assert (ids(result), result.document["next_stable_id"]) == ([10, 11, 12], 13)
+    assert "cannot be read" in result.warnings[0]
+    (scene / "labels.json").write_text("{}")
+    with pytest.raises(DamagedSceneError, match=r"labels\.json"):
+        numbered(scene, surface())
+
+
+def test_damaged_labels_change_no_number(scene: Path) -> None:
+    (scene / "labels.json").write_text("{}")
+    result = numbered(scene, surface())
+    assert ids(result) == [4, 2, 9]
+    assert "labels cannot be read" in result.warnings[0]
+
+
+def test_all_numbers_used(scene: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("terraport_pipeline.stages.region_ids.MAX_STABLE_ID", 9)
+    assert ids(numbered(scene, surface())) == [4, 2, 9]
+    with pytest.raises(OptionError, match="stable ids up to 12; expected at most 9"):
+        numbered(scene, replace(surface(), crs=CrsInfo(name="x")))
