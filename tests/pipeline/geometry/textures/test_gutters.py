@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import numpy as np
-from pipeline.geometry.test_bake import colours, empty
+from pipeline.geometry.textures.test_bake import colours, empty
 
 from terraport_pipeline.geometry.photos.photo_samples import neutral_gains
 from terraport_pipeline.geometry.textures.atlas_pack import ALIGN, pack_charts
