@@ -1,8 +1,8 @@
 #include "TerraportSession.h"
 
+#include "GameFramework/Actor.h"
 #include "TerraportAxes.h"
 #include "TerraportLog.h"
-#include "TerraportScene.h"
 #include "TerraportText.h"
 
 #include <algorithm>
@@ -11,9 +11,9 @@
 
 namespace
 {
-FVector PointOf(const FTransform& Frame, const terraport::Vec3& Place)
+FVector PointOf(const FTransform& Frame, const terraport::Vec3& ScenePoint)
 {
-	const double Scene[3] = {Place.x, Place.y, Place.z};
+	const double Scene[3] = {ScenePoint.x, ScenePoint.y, ScenePoint.z};
 	double Out[3];
 	TerraportAxes::PointToUnreal(Scene, Out);
 	return Frame.TransformPosition(FVector(Out[0], Out[1], Out[2]));
@@ -28,18 +28,18 @@ FVector DirectionOf(const FTransform& Frame, const terraport::Vec3& Direction)
 }
 } // namespace
 
-void FTerraportSession::TellSwaps()
+void FTerraportSession::ReportSwaps()
 {
-	std::vector<terraport::SceneSwap> Now;
-	Now.swap(Swaps);
-	for (const terraport::SceneSwap& Change : Now)
+	std::vector<terraport::SceneSwap> Batch;
+	Batch.swap(Swaps);
+	for (const terraport::SceneSwap& Change : Batch)
 	{
 		FTerraportSwap Swap;
 		Swap.Landing = Change.landing;
 		Swap.bDegraded = Change.degraded;
 		Swap.Shown = int32(Change.shown.size());
 		Swap.Hidden = int32(Change.hidden.size());
-		Owner.OnShown.Broadcast(Swap);
+		Host->OnShown(Swap);
 		if (bEnded)
 		{
 			return;
@@ -47,28 +47,28 @@ void FTerraportSession::TellSwaps()
 	}
 }
 
-void FTerraportSession::TellPresentable()
+void FTerraportSession::ReportPresentable()
 {
-	if (!Stage || Owner.bAutoShow || !Stage->isPresentable())
+	if (!Stage || Host->IsAutoShow() || !Stage->isPresentable())
 	{
 		return;
 	}
 	const terraport::LandingStatus Status = Stage->status();
 	const bool bInFull = Status.phase == terraport::LandingPhase::Presentable;
-	if (Status.landing != ToldPresentable || (bInFull && !bToldPresentableInFull))
+	if (Status.landing != ReportedPresentable || (bInFull && !bReportedPresentableInFull))
 	{
-		ToldPresentable = Status.landing;
-		bToldPresentableInFull = bInFull;
-		Owner.OnPresentable.Broadcast(Status.landing);
+		ReportedPresentable = Status.landing;
+		bReportedPresentableInFull = bInFull;
+		Host->OnPresentable(Status.landing);
 	}
 }
 
-void FTerraportSession::Tell(const terraport::StreamEvent& Event)
+void FTerraportSession::Report(const terraport::StreamEvent& Event)
 {
 	switch (Event.kind)
 	{
 	case terraport::EventKind::Link:
-		TellLink(Event.link);
+		ReportLink(Event.link);
 		break;
 	case terraport::EventKind::Planned:
 	{
@@ -81,7 +81,7 @@ void FTerraportSession::Tell(const terraport::StreamEvent& Event)
 		Plan.LoadBytes = int64(Event.plan.loadBytes);
 		Plan.Triangles = int64(Event.plan.totalTriangles);
 		Plan.OmittedSegments = int32(Event.plan.omittedSegments);
-		Owner.OnPlan.Broadcast(Plan);
+		Host->OnPlan(Plan);
 		break;
 	}
 	case terraport::EventKind::Ready:
@@ -92,17 +92,17 @@ void FTerraportSession::Tell(const terraport::StreamEvent& Event)
 		Ready.Missing = int32(Event.missing.size());
 		Ready.ElapsedMs = Event.elapsedMs;
 		Ready.PayloadBytes = int64(Event.payloadBytes);
-		Owner.OnReady.Broadcast(Ready);
+		Host->OnReady(Ready);
 		break;
 	}
 	case terraport::EventKind::Degraded:
-		Owner.OnDegraded.Broadcast(Event.landing);
+		Host->OnDegraded(Event.landing);
 		break;
 	case terraport::EventKind::Refused:
 		// What ends a connection is told by the link that follows, which also says whether it is for good.
 		if (!Event.fatal)
 		{
-			TellFailure(Event.code, Event.message, Event.landing, false);
+			ReportFailure(Event.code, Event.message, Event.landing, false);
 		}
 		break;
 	case terraport::EventKind::Picked:
@@ -124,11 +124,11 @@ void FTerraportSession::Tell(const terraport::StreamEvent& Event)
 				Pick.Attributes.Add(TerraportText::FromUtf8(Entry.first), Entry.second);
 			}
 		}
-		Owner.OnPicked.Broadcast(Pick);
+		Host->OnPicked(Pick);
 		break;
 	}
 	case terraport::EventKind::PickRefused:
-		TellFailure(Event.code, Event.message, 0, false);
+		ReportFailure(Event.code, Event.message, 0, false);
 		break;
 	case terraport::EventKind::Notice:
 		UE_LOG(LogTerraport, Log, TEXT("the server says: %s"), *TerraportText::FromUtf8(Event.noticeKind));
@@ -138,37 +138,37 @@ void FTerraportSession::Tell(const terraport::StreamEvent& Event)
 	}
 }
 
-void FTerraportSession::TellLink(const terraport::LinkState& Link)
+void FTerraportSession::ReportLink(const terraport::LinkState& Link)
 {
-	FTerraportLink News;
+	FTerraportLink Event;
 	switch (Link.phase)
 	{
 	case terraport::LinkPhase::Connecting:
-		News.State = ETerraportLink::Connecting;
+		Event.State = ETerraportLink::Connecting;
 		break;
 	case terraport::LinkPhase::Open:
-		News.State = ETerraportLink::Open;
+		Event.State = ETerraportLink::Open;
 		break;
 	case terraport::LinkPhase::Waiting:
-		News.State = ETerraportLink::Waiting;
+		Event.State = ETerraportLink::Waiting;
 		break;
 	case terraport::LinkPhase::Closed:
-		News.State = ETerraportLink::Closed;
+		Event.State = ETerraportLink::Closed;
 		break;
 	}
-	News.Attempt = int32(Link.attempt);
-	News.RetryInS = Link.retryInMs / 1000.0;
-	News.CloseCode = Link.closeCode;
-	News.Code = TerraportText::FromUtf8(Link.code);
-	News.Message = TerraportText::FromUtf8(Link.message);
-	Owner.OnLink.Broadcast(News);
+	Event.Attempt = int32(Link.attempt);
+	Event.RetryInS = Link.retryInMs / 1000.0;
+	Event.CloseCode = Link.closeCode;
+	Event.Code = TerraportText::FromUtf8(Link.code);
+	Event.Message = TerraportText::FromUtf8(Link.message);
+	Host->OnLink(Event);
 	if (!bEnded && Link.phase == terraport::LinkPhase::Closed && Link.code != "closed")
 	{
-		TellFailure(Link.code, Link.message, 0, true);
+		ReportFailure(Link.code, Link.message, 0, true);
 	}
 }
 
-void FTerraportSession::TellFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal)
+void FTerraportSession::ReportFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal)
 {
 	FTerraportFailure Failure;
 	Failure.Code = TerraportText::FromUtf8(Code);
@@ -176,5 +176,5 @@ void FTerraportSession::TellFailure(const std::string& Code, const std::string& 
 	Failure.Landing = std::max<int64>(Landing, 0);
 	Failure.bFatal = bFatal;
 	UE_LOG(LogTerraport, Warning, TEXT("%s: %s"), *Failure.Code, *Failure.Message);
-	Owner.OnFailed.Broadcast(Failure);
+	Host->OnFailed(Failure);
 }
