@@ -66,11 +66,11 @@ TEST_CASE("boxes change nothing of what rays meet")
 		Faces.emplace_back(Corners, Order);
 	}
 	std::mt19937 Random(7);
-	std::uniform_real_distribution<float> Place(-200.0f, 2600.0f), Slope(-1.0f, 1.0f);
+	std::uniform_real_distribution<float> Coordinate(-200.0f, 2600.0f), Slope(-1.0f, 1.0f);
 	int Met = 0;
 	for (int Ray = 0; Ray < 400; ++Ray)
 	{
-		const FVector3f From(Place(Random), Place(Random), 400.0f * Slope(Random));
+		const FVector3f From(Coordinate(Random), Coordinate(Random), 400.0f * Slope(Random));
 		const FVector3f Along = FVector3f(Slope(Random), Slope(Random), 0.3f * Slope(Random)).GetSafeNormal();
 		FTerraportGroundPoint Best, Point;
 		bool bAny = false;

@@ -61,10 +61,10 @@ struct FHttpStand
 	FHttpStand()
 	{
 		FHttpModule::Get().StubMake = [this]() -> TSharedRef<IHttpRequest, ESPMode::ThreadSafe> {
-			const TSharedRef<FFakeRequest> Made = MakeShared<FFakeRequest>();
-			Made->bStarts = bStarts;
-			All.push_back(Made);
-			return Made;
+			const TSharedRef<FFakeRequest> Request = MakeShared<FFakeRequest>();
+			Request->bStarts = bStarts;
+			All.push_back(Request);
+			return Request;
 		};
 	}
 	FFakeRequest& Newest() { return *All.back(); }
@@ -139,7 +139,7 @@ TEST_CASE("what was given up is heard of no more, and nothing is left of it")
 		terraport::HttpAnswer Answer;
 		CHECK_FALSE(Http.poll(Request, Answer));
 		Http.get("http://host/b", "", 10);
-		Left = Stand.All.back().Held;
+		Left = Stand.All.back().StubObject;
 	}
 	CHECK(Stand.Newest().bCancelled);
 	Stand.All.clear();

@@ -79,7 +79,7 @@ private:
 		UTexture2D* Texture = nullptr;
 		FTerraportGroundMesh Ground;
 		/** Frame in which it was made: its resources reach the render thread before the next one is drawn. */
-		uint64 MadeIn = 0;
+		uint64 CreatedInFrame = 0;
 		bool bShown = false;
 	};
 

@@ -17,15 +17,15 @@ constexpr uint64 MaxTextBytes = 8u * 1024 * 1024;
 struct FTerraportWebSocket::FState
 {
 	terraport::MessageAssembler Assembler;
-	terraport::TransportState Now = terraport::TransportState::Connecting;
+	terraport::TransportState Connection = terraport::TransportState::Connecting;
 	int CloseCode = 0;
 	std::string CloseReason;
 
 	void Fail(int Code, const std::string& Reason)
 	{
-		if (Now != terraport::TransportState::Closed)
+		if (Connection != terraport::TransportState::Closed)
 		{
-			Now = terraport::TransportState::Closed;
+			Connection = terraport::TransportState::Closed;
 			CloseCode = Code;
 			CloseReason = Reason;
 		}
@@ -33,7 +33,7 @@ struct FTerraportWebSocket::FState
 
 	void Take(const void* Data, SIZE_T Size, bool bIsText, bool bIsLast)
 	{
-		if (Now != terraport::TransportState::Open)
+		if (Connection != terraport::TransportState::Open)
 		{
 			return;
 		}
@@ -74,9 +74,9 @@ void FTerraportWebSocket::open(
 
 	const TSharedRef<FState> Shared = State;
 	Socket->OnConnected().AddLambda([Shared]() {
-		if (Shared->Now == terraport::TransportState::Connecting)
+		if (Shared->Connection == terraport::TransportState::Connecting)
 		{
-			Shared->Now = terraport::TransportState::Open;
+			Shared->Connection = terraport::TransportState::Open;
 		}
 	});
 	Socket->OnConnectionError().AddLambda(
@@ -106,12 +106,12 @@ void FTerraportWebSocket::open(
 
 terraport::TransportState FTerraportWebSocket::state() const
 {
-	return State->Now;
+	return State->Connection;
 }
 
 std::string FTerraportWebSocket::subprotocol() const
 {
-	return State->Now == terraport::TransportState::Open ? Offered : std::string();
+	return State->Connection == terraport::TransportState::Open ? Offered : std::string();
 }
 
 bool FTerraportWebSocket::tryReceive(terraport::TransportMessage& Message)
@@ -121,7 +121,7 @@ bool FTerraportWebSocket::tryReceive(terraport::TransportMessage& Message)
 
 bool FTerraportWebSocket::trySend(terraport::ByteSpan Bytes)
 {
-	if (State->Now != terraport::TransportState::Open || !Socket.IsValid())
+	if (State->Connection != terraport::TransportState::Open || !Socket.IsValid())
 	{
 		return false;
 	}

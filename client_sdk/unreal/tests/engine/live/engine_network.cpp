@@ -174,15 +174,15 @@ std::shared_ptr<FResponse> Fetch(const std::string& Url, const std::string& Head
 	const std::size_t Colon = Url.find(':', Host);
 	const std::string Name = Url.substr(Host, std::min(Colon, Path) - Host);
 	const std::string Port = Colon < Path ? Url.substr(Colon + 1, Path - Colon - 1) : "80";
-	addrinfo Hints{}, *Found = nullptr;
+	addrinfo Hints{}, *Addresses = nullptr;
 	Hints.ai_socktype = SOCK_STREAM;
-	if (getaddrinfo(Name.c_str(), Port.c_str(), &Hints, &Found) != 0)
+	if (getaddrinfo(Name.c_str(), Port.c_str(), &Hints, &Addresses) != 0)
 	{
 		return nullptr;
 	}
-	const int Handle = socket(Found->ai_family, Found->ai_socktype, Found->ai_protocol);
-	const bool bConnected = connect(Handle, Found->ai_addr, Found->ai_addrlen) == 0;
-	freeaddrinfo(Found);
+	const int Handle = socket(Addresses->ai_family, Addresses->ai_socktype, Addresses->ai_protocol);
+	const bool bConnected = connect(Handle, Addresses->ai_addr, Addresses->ai_addrlen) == 0;
+	freeaddrinfo(Addresses);
 	std::string Answer;
 	const std::string Request = "GET " + (Path < Url.size() ? Url.substr(Path) : "/") + " HTTP/1.1\r\nHost: " + Name +
 		"\r\nConnection: close\r\n" + Headers + "\r\n";
@@ -248,7 +248,7 @@ public:
 	}
 	virtual void CancelRequest() override
 	{
-		bTold = true;
+		bReported = true;
 		Complete.ExecuteIfBound(FHttpRequestPtr(), FHttpResponsePtr(), false);
 	}
 	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override { return Complete; }
@@ -258,13 +258,13 @@ public:
 		std::shared_ptr<FResponse> Response;
 		{
 			const std::lock_guard<std::mutex> Lock(Shared->Mutex);
-			if (bTold || !Shared->bIsOver)
+			if (bReported || !Shared->bIsOver)
 			{
 				return;
 			}
 			Response = Shared->Response;
 		}
-		bTold = true;
+		bReported = true;
 		if (Response)
 		{
 			Progress.ExecuteIfBound(FHttpRequestPtr(), 0, uint64(Response->Content.Num()));
@@ -275,7 +275,7 @@ public:
 private:
 	std::string Url, Headers;
 	std::shared_ptr<FShared> Shared = std::make_shared<FShared>();
-	bool bTold = false;
+	bool bReported = false;
 	FHttpRequestCompleteDelegate Complete;
 	FHttpRequestProgressDelegate64 Progress;
 };
@@ -289,9 +289,9 @@ public:
 	virtual TSharedRef<IWebSocket> CreateWebSocket(
 		const FString& Url, const TArray<FString>& Protocols, const TMap<FString, FString>& Headers) override
 	{
-		const TSharedRef<FSocket> Made = MakeShared<FSocket>(Url, Protocols, Headers);
-		Sockets.push_back(Made.Held);
-		return Made;
+		const TSharedRef<FSocket> Socket = MakeShared<FSocket>(Url, Protocols, Headers);
+		Sockets.push_back(Socket.StubObject);
+		return Socket;
 	}
 };
 
@@ -300,14 +300,14 @@ void PumpAll(std::vector<std::weak_ptr<T>>& All)
 {
 	// What is told may make new ones.
 	const std::vector<std::weak_ptr<T>> Now = All;
-	for (const std::weak_ptr<T>& One : Now)
+	for (const std::weak_ptr<T>& Item : Now)
 	{
-		if (const std::shared_ptr<T> Held = One.lock())
+		if (const std::shared_ptr<T> Alive = Item.lock())
 		{
-			Held->Pump();
+			Alive->Pump();
 		}
 	}
-	All.erase(std::remove_if(All.begin(), All.end(), [](const std::weak_ptr<T>& One) { return One.expired(); }), All.end());
+	All.erase(std::remove_if(All.begin(), All.end(), [](const std::weak_ptr<T>& Item) { return Item.expired(); }), All.end());
 }
 } // namespace
 
@@ -322,9 +322,9 @@ void Install()
 		}
 	};
 	FHttpModule::Get().StubMake = []() -> TSharedRef<IHttpRequest, ESPMode::ThreadSafe> {
-		const TSharedRef<FRequest> Made = MakeShared<FRequest>();
-		Requests.push_back(Made.Held);
-		return Made;
+		const TSharedRef<FRequest> Request = MakeShared<FRequest>();
+		Requests.push_back(Request.StubObject);
+		return Request;
 	};
 }
 

@@ -40,11 +40,11 @@ void StartEngine(bool bIsLate)
 	StubModuleTerraport().StartupModule();
 }
 
-void Expect(bool bHolds, const char* What)
+void Expect(bool bHolds, const char* Rule)
 {
 	if (!bHolds)
 	{
-		std::printf("not as it must be: %s\n", What);
+		std::printf("not as it must be: %s\n", Rule);
 		++Faults;
 	}
 }
