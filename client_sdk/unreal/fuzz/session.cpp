@@ -40,9 +40,9 @@ class Input {
 
   ByteSpan bytes(std::size_t most) {
     const std::size_t size = std::min<std::size_t>(most, static_cast<std::size_t>(end_ - at_));
-    const ByteSpan taken{at_, size};
+    const ByteSpan slice{at_, size};
     at_ += size;
-    return taken;
+    return slice;
   }
 
  private:
@@ -61,7 +61,7 @@ class Life {
     }
     session_.connectionLost();
     look();
-    expect(session_.transfers().openParts() == 0);
+    expect(session_.transfers().partialSegments() == 0);
   }
 
  private:
@@ -133,24 +133,24 @@ class Life {
   /// What holds whatever the server says.
   void look() {
     for (const SessionEvent& event : session_.takeEvents()) {
-      if (event.news != SessionNews::Told) continue;
-      const StreamEvent& told = event.told;
-      if (told.kind == EventKind::Arrived) here_.insert(told.facts.segment);
-      if (told.kind == EventKind::Dropped) {
-        for (const std::uint32_t segment : told.segments) here_.erase(segment);
+      if (event.news != SessionNews::Stream) continue;
+      const StreamEvent& streamEvent = event.stream;
+      if (streamEvent.kind == EventKind::Arrived) here_.insert(streamEvent.facts.segment);
+      if (streamEvent.kind == EventKind::Dropped) {
+        for (const std::uint32_t segment : streamEvent.segments) here_.erase(segment);
       }
-      if (told.kind == EventKind::Ready) {
-        expect(std::is_sorted(told.segments.begin(), told.segments.end()));
-        expect(ended_.insert(told.landing).second);
+      if (streamEvent.kind == EventKind::Ready) {
+        expect(std::is_sorted(streamEvent.segments.begin(), streamEvent.segments.end()));
+        expect(ended_.insert(streamEvent.landing).second);
       }
-      if (told.kind == EventKind::Superseded) expect(ended_.insert(told.landing).second);
+      if (streamEvent.kind == EventKind::Superseded) expect(ended_.insert(streamEvent.landing).second);
     }
     // What was told as here and not as gone is here, and nothing else.
-    expect(here_.size() == session_.held().count());
-    for (const std::uint32_t segment : here_) expect(session_.held().has(segment));
+    expect(here_.size() == session_.holdings().count());
+    for (const std::uint32_t segment : here_) expect(session_.holdings().has(segment));
     // Pins may exceed the cache: what is shown, an inner set and a plan; what an aim brings while a plan is owed comes beside.
-    expect(session_.held().bytes() <= kCacheBytes + 4 * kMaxBytes * (1 + aims_));
-    expect(session_.transfers().openParts() <= 16384);
+    expect(session_.holdings().bytes() <= kCacheBytes + 4 * kMaxBytes * (1 + aims_));
+    expect(session_.transfers().partialSegments() <= 16384);
   }
 
   void readMessages() {

@@ -24,8 +24,8 @@ std::string base64(const std::vector<std::uint8_t>& bytes) {
   for (std::size_t at = 0; at < bytes.size(); at += 3) {
     const std::size_t count = std::min<std::size_t>(3, bytes.size() - at);
     std::uint32_t word = 0;
-    for (std::size_t part = 0; part < 3; ++part) {
-      word = word << 8 | (part < count ? bytes[at + part] : 0U);
+    for (std::size_t byte = 0; byte < 3; ++byte) {
+      word = word << 8 | (byte < count ? bytes[at + byte] : 0U);
     }
     for (std::size_t digit = 0; digit < 4; ++digit) {
       text += digit <= count ? kDigits[word >> (18 - 6 * digit) & 63U] : '=';

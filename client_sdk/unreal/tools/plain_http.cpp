@@ -14,19 +14,19 @@ namespace {
 int connectTo(const std::string& host, const std::string& port) {
   addrinfo hints = {};
   hints.ai_socktype = SOCK_STREAM;
-  addrinfo* found = nullptr;
-  if (getaddrinfo(host.c_str(), port.c_str(), &hints, &found) != 0) {
+  addrinfo* addresses = nullptr;
+  if (getaddrinfo(host.c_str(), port.c_str(), &hints, &addresses) != 0) {
     return -1;
   }
   int connected = -1;
-  for (const addrinfo* one = found; one != nullptr && connected < 0; one = one->ai_next) {
-    connected = socket(one->ai_family, one->ai_socktype, one->ai_protocol);
-    if (connected >= 0 && connect(connected, one->ai_addr, one->ai_addrlen) != 0) {
+  for (const addrinfo* address = addresses; address != nullptr && connected < 0; address = address->ai_next) {
+    connected = socket(address->ai_family, address->ai_socktype, address->ai_protocol);
+    if (connected >= 0 && connect(connected, address->ai_addr, address->ai_addrlen) != 0) {
       close(connected);
       connected = -1;
     }
   }
-  freeaddrinfo(found);
+  freeaddrinfo(addresses);
   return connected;
 }
 
@@ -49,15 +49,15 @@ HttpAnswer fetch(const std::string& url, const std::string& token, std::size_t m
     return answer;
   }
   const std::size_t slash = url.find('/', scheme.size());
-  const std::string place = url.substr(scheme.size(), slash == std::string::npos ? slash : slash - scheme.size());
-  const std::size_t colon = place.rfind(':');
-  const std::string host = place.substr(0, colon);
-  const int connection = connectTo(host, colon == std::string::npos ? "80" : place.substr(colon + 1));
+  const std::string authority = url.substr(scheme.size(), slash == std::string::npos ? slash : slash - scheme.size());
+  const std::size_t colon = authority.rfind(':');
+  const std::string host = authority.substr(0, colon);
+  const int connection = connectTo(host, colon == std::string::npos ? "80" : authority.substr(colon + 1));
   if (connection < 0) {
-    answer.reason = "no connection to " + place;
+    answer.reason = "no connection to " + authority;
     return answer;
   }
-  std::string request = "GET " + (slash == std::string::npos ? "/" : url.substr(slash)) + " HTTP/1.1\r\nHost: " + place;
+  std::string request = "GET " + (slash == std::string::npos ? "/" : url.substr(slash)) + " HTTP/1.1\r\nHost: " + authority;
   request += "\r\nConnection: close\r\nAccept-Encoding: identity\r\n";
   if (!token.empty()) {
     request += "Authorization: Bearer " + token + "\r\n";
@@ -93,12 +93,12 @@ std::uint64_t PlainHttp::get(const std::string& url, const std::string& bearerTo
 }
 
 bool PlainHttp::poll(std::uint64_t request, HttpAnswer& answer) {
-  const auto found = answers_.find(request);
-  if (found == answers_.end()) {
+  const auto entry = answers_.find(request);
+  if (entry == answers_.end()) {
     return false;
   }
-  answer = std::move(found->second);
-  answers_.erase(found);
+  answer = std::move(entry->second);
+  answers_.erase(entry);
   return true;
 }
 

@@ -16,15 +16,15 @@ std::uint32_t turned(std::uint32_t word, int by) {
 template <std::size_t Count>
 std::array<std::uint32_t, Count> rootsOfPrimes(double (*root)(double)) {
   std::array<std::uint32_t, Count> words{};
-  std::size_t found = 0;
-  for (int number = 2; found < Count; ++number) {
+  std::size_t count = 0;
+  for (int number = 2; count < Count; ++number) {
     bool isPrime = true;
     for (int factor = 2; factor * factor <= number; ++factor) {
       isPrime = isPrime && number % factor != 0;
     }
     if (isPrime) {
       const double value = root(number);
-      words[found++] = static_cast<std::uint32_t>((value - std::floor(value)) * 4294967296.0);
+      words[count++] = static_cast<std::uint32_t>((value - std::floor(value)) * 4294967296.0);
     }
   }
   return words;
@@ -50,10 +50,10 @@ std::string sha256(const std::uint8_t* data, std::size_t size) {
       words[at] = std::uint32_t{bytes[0]} << 24 | std::uint32_t{bytes[1]} << 16 | std::uint32_t{bytes[2]} << 8 | bytes[3];
     }
     for (std::size_t at = 16; at < 64; ++at) {
-      const std::uint32_t one = words[at - 15];
-      const std::uint32_t two = words[at - 2];
-      words[at] = words[at - 16] + (turned(one, 7) ^ turned(one, 18) ^ one >> 3) + words[at - 7] +
-          (turned(two, 17) ^ turned(two, 19) ^ two >> 10);
+      const std::uint32_t word15 = words[at - 15];
+      const std::uint32_t word2 = words[at - 2];
+      words[at] = words[at - 16] + (turned(word15, 7) ^ turned(word15, 18) ^ word15 >> 3) + words[at - 7] +
+          (turned(word2, 17) ^ turned(word2, 19) ^ word2 >> 10);
     }
     auto [a, b, c, d, e, f, g, h] = state;
     for (std::size_t at = 0; at < 64; ++at) {

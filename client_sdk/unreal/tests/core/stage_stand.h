@@ -119,10 +119,10 @@ class NotingRenderer final : public terraport::SceneRenderer {
       CHECK(shown.insert(segment).second);
     }
     for (const terraport::FaceRange& block : change.baseBlocks) {
-      const auto found = prepared.find(block.first);
-      REQUIRE(found != prepared.end());
-      REQUIRE(found->second.size() == block.count);
-      std::copy(found->second.begin(), found->second.end(), drawn.begin() + block.first);
+      const auto faces = prepared.find(block.first);
+      REQUIRE(faces != prepared.end());
+      REQUIRE(faces->second.size() == block.count);
+      std::copy(faces->second.begin(), faces->second.end(), drawn.begin() + block.first);
     }
     CHECK(std::equal(drawn.begin(), drawn.end(), change.baseHidden.faces));
   }
@@ -149,7 +149,7 @@ class NotingRenderer final : public terraport::SceneRenderer {
 };
 
 /// Files whose base has `faces` faces, each under a few of `segments` neighbouring segments, or none.
-inline terraport::SharedSceneFiles madeFiles(std::uint64_t seed, std::uint32_t faces, std::uint32_t segments) {
+inline terraport::SharedSceneFiles randomFiles(std::uint64_t seed, std::uint32_t faces, std::uint32_t segments) {
   Chance chance(seed);
   auto files = std::make_shared<terraport::SceneFiles>();
   files->manifest.baseFaces = faces;
@@ -184,7 +184,7 @@ inline std::vector<std::uint8_t> hiddenBy(const terraport::Cover& cover, const S
 class Stand {
  public:
   explicit Stand(const terraport::StageOptions& options = {}, std::uint32_t faces = 900, std::uint32_t segments = 40)
-      : renderer(clock), files(madeFiles(7, faces, segments)) {
+      : renderer(clock), files(randomFiles(7, faces, segments)) {
     stage = std::make_unique<terraport::SceneStage>(stream, files, renderer, decodes, options);
   }
 

@@ -227,7 +227,7 @@ TEST_SUITE("stage") {
     stand.frames(3);
     CHECK(stand.renderer.shown == SegmentSet{1, 2, 3});
     CHECK(stand.renderer.uploaded == SegmentSet{1, 2, 3});
-    stand.stage->replaceFiles(madeFiles(99, 500, 20));
+    stand.stage->replaceFiles(randomFiles(99, 500, 20));
     CHECK(stand.renderer.bases == 2);
     CHECK(stand.renderer.shown.empty());
     stand.compare();
@@ -343,7 +343,7 @@ TEST_SUITE("stage") {
               stand.versionChanged();
               stand.update();
               stand.stream.held.clear();
-              stand.stage->replaceFiles(madeFiles(seed * 1000 + static_cast<std::uint64_t>(step), 900, 40));
+              stand.stage->replaceFiles(randomFiles(seed * 1000 + static_cast<std::uint64_t>(step), 900, 40));
               hasPlan = false;
               landing = kNoLanding;
             }

@@ -17,9 +17,9 @@ TEST_CASE("stream thread: lands, picks and lets go, without a pump of ours") {
   StreamOptions options;
   options.sceneUrl = "http://example.org/scenes/toy";
   options.cacheBytes = 0;
-  auto made = StreamThread::make(options, std::make_shared<FakeTransports>(network));
-  REQUIRE(made.isOk());
-  const std::unique_ptr<StreamThread> stream = made.take();
+  auto opened = StreamThread::make(options, std::make_shared<FakeTransports>(network));
+  REQUIRE(opened.isOk());
+  const std::unique_ptr<StreamThread> stream = opened.take();
   CHECK(stream->land({0, 0, 0}, -1, {}) == kNoLanding);
   const std::int64_t first = stream->land({0, 0, 0}, 2, {});
   CHECK(first == 1);

@@ -47,7 +47,7 @@ class BaseBlocks {
   SegmentList toAdd_;
   SegmentList toRemove_;
   std::vector<std::uint32_t> changed_;
-  std::uint64_t wantedRevision_ = 0;
+  std::uint64_t targetRevision_ = 0;
   std::uint64_t preparedRevision_ = 0;
 };
 

@@ -33,9 +33,9 @@ bool JsonDocument::hasKeyTwice(std::uint32_t map) const {
     at = nodes_[at + 1].after;
   }
   if (count <= kFewKeys) {
-    for (std::uint32_t one = 1; one < count; ++one) {
-      for (std::uint32_t other = 0; other < one; ++other) {
-        if (keys_[one] == keys_[other]) return true;
+    for (std::uint32_t key = 1; key < count; ++key) {
+      for (std::uint32_t earlier = 0; earlier < key; ++earlier) {
+        if (keys_[key] == keys_[earlier]) return true;
       }
     }
     return false;

@@ -99,8 +99,8 @@ inline Status expectTriple(JsonValue value, std::string_view label, double out[3
     return Status::damaged(std::string(label) + " has " + std::to_string(value.size()) + " numbers, expected 3");
   }
   int at = 0;
-  for (const JsonValue part : value.items()) {
-    TERRAPORT_RETURN_IF_ERROR(expectNumber(part, label, out[at]));
+  for (const JsonValue component : value.items()) {
+    TERRAPORT_RETURN_IF_ERROR(expectNumber(component, label, out[at]));
     ++at;
   }
   return {};

@@ -43,21 +43,21 @@ class Natural {
 
   void shiftLeft(long bits) {
     if (size_ == 0 || bits <= 0) return;
-    const auto whole = static_cast<std::size_t>(bits / 32);
-    const auto part = static_cast<unsigned>(bits % 32);
-    if (part != 0) {
+    const auto wordShift = static_cast<std::size_t>(bits / 32);
+    const auto bitShift = static_cast<unsigned>(bits % 32);
+    if (bitShift != 0) {
       std::uint32_t carry = 0;
       for (std::size_t at = 0; at < size_; ++at) {
-        const std::uint32_t shifted = (words_[at] << part) | carry;
-        carry = words_[at] >> (32 - part);
+        const std::uint32_t shifted = (words_[at] << bitShift) | carry;
+        carry = words_[at] >> (32 - bitShift);
         words_[at] = shifted;
       }
       if (carry != 0) push(carry);
     }
-    if (whole > kWords - size_) return;  // beyond the bound: it does not come up
-    std::memmove(words_ + whole, words_, size_ * sizeof words_[0]);
-    std::memset(words_, 0, whole * sizeof words_[0]);
-    size_ += whole;
+    if (wordShift > kWords - size_) return;  // beyond the bound: it does not come up
+    std::memmove(words_ + wordShift, words_, size_ * sizeof words_[0]);
+    std::memset(words_, 0, wordShift * sizeof words_[0]);
+    size_ += wordShift;
   }
 
   /// Below 0, 0, or above it, as this is below, equal to, above the other.
@@ -138,9 +138,9 @@ Decimal split(std::string_view text) {
     ++at;
     const bool isDown = at < text.size() && text[at] == '-';
     if (at < text.size() && (text[at] == '-' || text[at] == '+')) ++at;
-    long given = 0;
-    for (; at < text.size(); ++at) given = std::min(10 * given + (text[at] - '0'), 100 * kFarExponent);
-    decimal.exponent += isDown ? -given : given;
+    long exponent = 0;
+    for (; at < text.size(); ++at) exponent = std::min(10 * exponent + (text[at] - '0'), 100 * kFarExponent);
+    decimal.exponent += isDown ? -exponent : exponent;
   }
   while (!decimal.digits.empty() && decimal.digits.back() == '0') {
     decimal.digits.pop_back();

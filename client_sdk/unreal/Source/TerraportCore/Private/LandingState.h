@@ -30,7 +30,7 @@ struct LandingState {
   /// them, and the server sends them again (6.4, rule 7).
   std::map<std::uint32_t, SegmentFacts> crossed;
   /// Ids of load and keep.
-  std::set<std::uint32_t> wanted;
+  std::set<std::uint32_t> planned;
   /// Wanted ids whose payload is not here yet.
   std::set<std::uint32_t> waiting;
   /// Ids of the latest `ready.missing`.

@@ -94,8 +94,8 @@ bool meshoptDecodeTriangles(ByteSpan packed, std::size_t count, std::uint32_t* i
       std::uint32_t c = 0;
       if (rest < 13) {
         const bool isNew = rest == 0;
-        const std::uint32_t known = recent.vertex(rest);
-        c = isNew ? next : known;
+        const std::uint32_t cached = recent.vertex(rest);
+        c = isNew ? next : cached;
         next += isNew ? 1 : 0;
         recent.pushVertexIf(c, isNew);
       } else {

@@ -131,19 +131,19 @@ void sumRows(const std::uint8_t* differences, std::size_t rows, std::size_t stri
   std::size_t row = 0;
 #if TERRAPORT_SSE2
   __m128i sums = _mm_set1_epi32(static_cast<int>(sum));
-  const __m128i ones = _mm_set1_epi8(1);
+  const __m128i lowBit = _mm_set1_epi8(1);
   const __m128i sevenBits = _mm_set1_epi8(127);
   for (; row + kGroupRows <= rows; row += kGroupRows) {
-    __m128i parts[4];
+    __m128i deltas[4];
     for (int channel = 0; channel < 4; ++channel) {
       const __m128i codes = _mm_loadu_si128(reinterpret_cast<const __m128i*>(channels[channel] + row));
-      const __m128i signs = _mm_sub_epi8(_mm_setzero_si128(), _mm_and_si128(codes, ones));
-      parts[channel] = _mm_xor_si128(_mm_and_si128(_mm_srli_epi16(codes, 1), sevenBits), signs);
+      const __m128i signs = _mm_sub_epi8(_mm_setzero_si128(), _mm_and_si128(codes, lowBit));
+      deltas[channel] = _mm_xor_si128(_mm_and_si128(_mm_srli_epi16(codes, 1), sevenBits), signs);
     }
-    const __m128i lowAb = _mm_unpacklo_epi8(parts[0], parts[1]);
-    const __m128i highAb = _mm_unpackhi_epi8(parts[0], parts[1]);
-    const __m128i lowCd = _mm_unpacklo_epi8(parts[2], parts[3]);
-    const __m128i highCd = _mm_unpackhi_epi8(parts[2], parts[3]);
+    const __m128i lowAb = _mm_unpacklo_epi8(deltas[0], deltas[1]);
+    const __m128i highAb = _mm_unpackhi_epi8(deltas[0], deltas[1]);
+    const __m128i lowCd = _mm_unpacklo_epi8(deltas[2], deltas[3]);
+    const __m128i highCd = _mm_unpackhi_epi8(deltas[2], deltas[3]);
     const __m128i fours[4] = {_mm_unpacklo_epi16(lowAb, lowCd), _mm_unpackhi_epi16(lowAb, lowCd),
         _mm_unpacklo_epi16(highAb, highCd), _mm_unpackhi_epi16(highAb, highCd)};
     for (int quarter = 0; quarter < 4; ++quarter) {

@@ -103,7 +103,7 @@ void SceneStage::Impl::update(const std::function<double()>& clockMs, double bud
   if (!isOldVersion_ && base_.preparedRevision() == residency_.comingRevision()) {
     residency_.basePrepared(base_.preparedRevision());
   }
-  if (presentable() != PresentablePart::Nothing) {
+  if (presentable() != PresentableExtent::Nothing) {
     residency_.settle(clockMs());
     if (autoShow_) {
       show();
@@ -113,7 +113,7 @@ void SceneStage::Impl::update(const std::function<double()>& clockMs, double bud
 
 bool SceneStage::Impl::show() {
   ResidencySwap change;
-  if (presentable() == PresentablePart::Nothing || !residency_.swap(change)) {
+  if (presentable() == PresentableExtent::Nothing || !residency_.swap(change)) {
     return false;
   }
   SceneSwap swap;
@@ -270,23 +270,23 @@ void SceneStage::Impl::freeSome() {
 }
 
 void SceneStage::Impl::letGo(std::uint32_t segment) {
-  const auto place = std::find(freeing_.begin(), freeing_.end(), segment);
-  if (place == freeing_.end()) {
+  const auto queued = std::find(freeing_.begin(), freeing_.end(), segment);
+  if (queued == freeing_.end()) {
     return;
   }
-  freeing_.erase(place);
+  freeing_.erase(queued);
   warming_.erase(std::remove(warming_.begin(), warming_.end(), segment), warming_.end());
-  const auto found = pieces_.find(segment);
-  if (found == pieces_.end()) {
+  const auto piece = pieces_.find(segment);
+  if (piece == pieces_.end()) {
     return;
   }
-  if (found->second.isBegun) {
+  if (piece->second.isBegun) {
     renderer_.free(segment);
   }
-  if (found->second.mesh) {
-    decoders_.release(std::move(found->second.mesh));
+  if (piece->second.mesh) {
+    decoders_.release(std::move(piece->second.mesh));
   }
-  pieces_.erase(found);
+  pieces_.erase(piece);
 }
 
 void SceneStage::Impl::prepareBase() {

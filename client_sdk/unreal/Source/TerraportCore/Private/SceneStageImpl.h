@@ -27,8 +27,8 @@ class SceneStage::Impl {
   VisibleDigest visibleDigest() const;
   StageStats stats() const;
 
-  PresentablePart presentable() const {
-    return isOldVersion_ || !isBaseReady_ ? PresentablePart::Nothing : residency_.presentable();
+  PresentableExtent presentable() const {
+    return isOldVersion_ || !isBaseReady_ ? PresentableExtent::Nothing : residency_.presentable();
   }
 
   LandingStream& stream_;

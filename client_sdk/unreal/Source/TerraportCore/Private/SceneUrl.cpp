@@ -123,9 +123,9 @@ Result<SceneUrl> parseSceneUrl(const std::string& url) {
     return invalid("URL " + url + ", expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)");
   }
   const std::string origin = (isSecure ? "https://" : "http://") + lower(authority);
-  const std::size_t found = path.find(kScenes);
-  std::string_view prefix = path.substr(0, found);
-  const std::string_view behind = found == std::string_view::npos ? "" : path.substr(found + kScenes.size());
+  const std::size_t scenesAt = path.find(kScenes);
+  std::string_view prefix = path.substr(0, scenesAt);
+  const std::string_view behind = scenesAt == std::string_view::npos ? "" : path.substr(scenesAt + kScenes.size());
   std::string_view scene = withoutSlashes(behind);
   if (scene.size() > kStream.size() && scene.substr(scene.size() - kStream.size()) == kStream) {
     scene.remove_suffix(kStream.size());
@@ -155,9 +155,9 @@ Result<std::string> sceneUrlOf(const std::string& serverUrl, const std::string& 
 Result<std::string> streamUrl(const std::string& sceneUrl) {
   const Result<SceneUrl> parsed = parseSceneUrl(sceneUrl);
   if (!parsed.isOk()) return parsed.status();
-  const SceneUrl& parts = parsed.value();
-  if (parts.scene.empty()) return invalid(parts.server + " names no scene, expected .../scenes/ID");
-  return "ws" + parts.server.substr(4) + std::string(kScenes) + "/" + encoded(parts.scene) + std::string(kStream);
+  const SceneUrl& components = parsed.value();
+  if (components.scene.empty()) return invalid(components.server + " names no scene, expected .../scenes/ID");
+  return "ws" + components.server.substr(4) + std::string(kScenes) + "/" + encoded(components.scene) + std::string(kStream);
 }
 
 }  // namespace terraport

@@ -19,7 +19,7 @@ namespace terraport {
 class Assembler {
  public:
   /// Segments that are partly here.
-  std::size_t size() const { return parts_.size(); }
+  std::size_t size() const { return partials_.size(); }
 
   /// Take one chunk; `payload` is set when this was its last one. `length`: the payload's length by the load table.
   /// Error code: `malformed`, on a gap, an overlap, or a total that is not the plan's.
@@ -29,10 +29,11 @@ class Assembler {
   void keepOnly(const std::map<std::uint32_t, SegmentFacts>& segments);
 
   /// Forget everything: the connection is gone.
-  void clear() { parts_.clear(); }
+  void clear() { partials_.clear(); }
 
  private:
-  std::map<std::uint32_t, std::vector<std::uint8_t>> parts_;
+  /// Bytes received so far, by segment.
+  std::map<std::uint32_t, std::vector<std::uint8_t>> partials_;
 };
 
 }  // namespace terraport

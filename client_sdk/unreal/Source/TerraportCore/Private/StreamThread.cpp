@@ -55,7 +55,7 @@ double nowMs() {
 }  // namespace
 
 struct StreamThread::Impl {
-  explicit Impl(std::unique_ptr<SceneStream> made) : stream(std::move(made)) {}
+  explicit Impl(std::unique_ptr<SceneStream> sceneStream) : stream(std::move(sceneStream)) {}
 
   ~Impl() { stop(); }
 
@@ -89,7 +89,7 @@ struct StreamThread::Impl {
 
   /// On the thread.
   void run() {
-    std::deque<Command> todo;
+    std::deque<Command> batch;
     double busyMs = nowMs();
     bool wasBusy = false;
     for (;;) {
@@ -101,15 +101,15 @@ struct StreamThread::Impl {
               lock, std::chrono::duration<double, std::milli>(pauseMs), [this] { return isStopping || !commands.empty(); });
         }
         if (isStopping) break;
-        todo.swap(commands);
+        batch.swap(commands);
       }
       // The time first: a landing counts from it.
       stream->pump(nowMs());
-      for (const Command& command : todo) std::visit([this](const auto& one) { obey(one); }, command);
-      if (!todo.empty()) stream->pump(nowMs());
+      for (const Command& command : batch) std::visit([this](const auto& typedCommand) { obey(typedCommand); }, command);
+      if (!batch.empty()) stream->pump(nowMs());
       wasBusy = passOn();
-      if (wasBusy || !todo.empty()) busyMs = nowMs();
-      todo.clear();
+      if (wasBusy || !batch.empty()) busyMs = nowMs();
+      batch.clear();
     }
     // On this thread, where its transports live.
     stream->close();
@@ -122,16 +122,16 @@ struct StreamThread::Impl {
   void obey(const ReconnectCommand& reconnect) { stream->reconnect(reconnect.token); }
 
   void obey(const PickCommand& pick) {
-    const Result<std::uint64_t> asked = stream->pick(pick.origin, pick.direction);
-    if (asked.isOk()) {
-      ours[asked.value()] = pick.request;
+    const Result<std::uint64_t> request = stream->pick(pick.origin, pick.direction);
+    if (request.isOk()) {
+      requestOf[request.value()] = pick.request;
       return;
     }
     StreamEvent event;
     event.kind = EventKind::PickRefused;
     event.request = pick.request;
-    event.code = asked.status().code();
-    event.message = asked.status().message();
+    event.code = request.status().code();
+    event.message = request.status().message();
     answers.push_back(std::move(event));
   }
 
@@ -154,30 +154,30 @@ struct StreamThread::Impl {
     }
     if (fresh.empty()) return false;
     const std::lock_guard<std::mutex> lock(mutex);
-    for (StreamEvent& one : fresh) {
-      if (one.kind == EventKind::Arrived) {
-        payloads[one.facts.segment] = stream->payload(one.facts.segment);
-      } else if (one.kind == EventKind::Dropped) {
-        for (const std::uint32_t segment : one.segments) payloads.erase(segment);
-      } else if (one.kind == EventKind::Picked || one.kind == EventKind::PickRefused) {
+    for (StreamEvent& delivery : fresh) {
+      if (delivery.kind == EventKind::Arrived) {
+        payloads[delivery.facts.segment] = stream->payload(delivery.facts.segment);
+      } else if (delivery.kind == EventKind::Dropped) {
+        for (const std::uint32_t segment : delivery.segments) payloads.erase(segment);
+      } else if (delivery.kind == EventKind::Picked || delivery.kind == EventKind::PickRefused) {
         openPicks -= openPicks > 0 ? 1 : 0;
       }
-      events.push_back(std::move(one));
+      events.push_back(std::move(delivery));
     }
     return true;
   }
 
   void renumber(StreamEvent& event) {
-    const auto found = ours.find(event.request);
-    if (found == ours.end()) return;
-    event.request = found->second;
-    ours.erase(found);
+    const auto entry = requestOf.find(event.request);
+    if (entry == requestOf.end()) return;
+    event.request = entry->second;
+    requestOf.erase(entry);
   }
 
   // Of the thread alone.
   std::unique_ptr<SceneStream> stream;
   /// Our number of a pick by the stream's.
-  std::map<std::uint64_t, std::uint64_t> ours;
+  std::map<std::uint64_t, std::uint64_t> requestOf;
   std::vector<StreamEvent> answers;
 
   // Of the owner alone.
@@ -248,8 +248,8 @@ bool StreamThread::tryNextEvent(StreamEvent& event) {
 
 SharedPayload StreamThread::payload(std::uint32_t segment) const {
   const std::lock_guard<std::mutex> lock(impl_->mutex);
-  const auto found = impl_->payloads.find(segment);
-  return found == impl_->payloads.end() ? nullptr : found->second;
+  const auto entry = impl_->payloads.find(segment);
+  return entry == impl_->payloads.end() ? nullptr : entry->second;
 }
 
 StreamStats StreamThread::stats() const {

@@ -50,7 +50,7 @@ class TERRAPORTCORE_API MessageAssembler {
 
  private:
   Limits limits_;
-  TransportMessage part_;
+  TransportMessage assembling_;
   bool inMessage_ = false;
   std::deque<TransportMessage> whole_;
   std::size_t waitingBytes_ = 0;
