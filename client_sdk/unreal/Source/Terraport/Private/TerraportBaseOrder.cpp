@@ -12,7 +12,9 @@ struct Centre
 	float At[3];
 };
 
-/// Sort `Order[Begin, End)` into leaves. The cut falls on a multiple of the leaf's size, so that leaves stay whole.
+/// Sort `Order[Begin, End)` into leaves of `BlockFaces` faces that lie close together; the last leaf may have fewer.
+///
+/// Invariant: the ranges in `Open` are disjoint, and each begins a whole number of leaves behind `Begin`.
 void Split(std::vector<std::uint32_t>& Order, const std::vector<Centre>& Centres, std::size_t Begin, std::size_t End,
 	std::uint32_t BlockFaces)
 {
@@ -27,11 +29,13 @@ void Split(std::vector<std::uint32_t>& Order, const std::vector<Centre>& Centres
 		const Range Current = Open.back();
 		Open.pop_back();
 		const std::size_t Count = Current.End - Current.Begin;
+		// 1. A leaf keeps the order of the file within itself.
 		if (Count <= BlockFaces)
 		{
 			std::sort(Order.begin() + std::ptrdiff_t(Current.Begin), Order.begin() + std::ptrdiff_t(Current.End));
 			continue;
 		}
+		// 2. The longest side of the box around the centres.
 		float Least[3] = {
 			Centres[Order[Current.Begin]].At[0], Centres[Order[Current.Begin]].At[1], Centres[Order[Current.Begin]].At[2]};
 		float Most[3] = {Least[0], Least[1], Least[2]};
@@ -52,6 +56,7 @@ void Split(std::vector<std::uint32_t>& Order, const std::vector<Centre>& Centres
 				Longest = Axis;
 			}
 		}
+		// 3. Cut across it near the middle, on a multiple of the leaf's size, so that leaves stay whole.
 		const std::size_t Blocks = (Count + BlockFaces - 1) / BlockFaces;
 		const std::size_t Cut = Current.Begin + Blocks / 2 * BlockFaces;
 		// Ties go by the face's number: no two faces are equal, so the outcome is one.

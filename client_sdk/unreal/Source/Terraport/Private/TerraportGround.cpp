@@ -58,10 +58,12 @@ void FTerraportGroundMesh::VisitHits(const FVector3f& Origin, const FVector3f& D
 	const float From[3] = {Origin.X, Origin.Y, Origin.Z};
 	const float Along[3] = {Direction.X, Direction.Y, Direction.Z};
 	const int32 Faces = Indices.Num() / 3;
+	// 1. The box around everything: most meshes of a scene end here.
 	if (Faces == 0 || !EntersBox(Whole, From, Along, MaxAt))
 	{
 		return;
 	}
+	// 2. The boxes of BoxFaces consecutive faces each.
 	for (std::size_t Box = 0; Box < Boxes.size(); ++Box)
 	{
 		if (!EntersBox(Boxes[Box], From, Along, MaxAt))
@@ -71,7 +73,7 @@ void FTerraportGroundMesh::VisitHits(const FVector3f& Origin, const FVector3f& D
 		const int32 First = int32(Box) * BoxFaces;
 		for (int32 Face = First; Face < std::min(First + BoxFaces, Faces); ++Face)
 		{
-			// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997; both sides of the face count.
+			// 3. Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997; both sides of the face count.
 			const FVector3f& A = Positions[int32(Indices[3 * Face])];
 			const FVector3f& B = Positions[int32(Indices[3 * Face + 1])];
 			const FVector3f& C = Positions[int32(Indices[3 * Face + 2])];
@@ -91,6 +93,7 @@ void FTerraportGroundMesh::VisitHits(const FVector3f& Origin, const FVector3f& D
 			{
 				continue;
 			}
+			// 4. The normal of the drawn side, whichever side the ray came from.
 			FTerraportGroundPoint Point;
 			Point.At = At;
 			const float CornerA[3] = {A.X, A.Y, A.Z}, CornerB[3] = {B.X, B.Y, B.Z}, CornerC[3] = {C.X, C.Y, C.Z};

@@ -47,8 +47,8 @@ struct FTerraportHttp::FExchange
 		Answer.status = int(Response->GetResponseCode());
 		const TArray<uint8>& Content = Response->GetContent();
 		Answer.isTooLarge = Answer.isTooLarge || std::size_t(Content.Num()) > MaxBytes;
-		const std::size_t Kept = std::min(std::size_t(Content.Num()), MaxBytes);
-		Answer.body.assign(Content.GetData(), Content.GetData() + Kept);
+		const std::size_t BodyBytes = std::min(std::size_t(Content.Num()), MaxBytes);
+		Answer.body.assign(Content.GetData(), Content.GetData() + BodyBytes);
 		Received = Answer.body.size();
 	}
 };

@@ -26,14 +26,14 @@ void CutPart(const FTerraportMeshPart& Whole, uint32 First, uint32 Count, FTerra
 class FTerraportSegmentData final : public terraport::EngineData
 {
 public:
-	/** For the renderer to take. */
+	/** Made on the worker; null once the renderer has made a component of it. */
 	TUniquePtr<FTerraportPreparedMesh> Prepared;
 	FTerraportGroundMesh Ground;
 	/** Empty where the payload has no image, or one that the engine cannot read. */
 	FTerraportPixels Pixels;
 	int32 Vertices = 0;
 	int32 Indices = 0;
-	/** Used again and again. */
+	/** Kept between payloads for its memory; nobody reads it after Build. */
 	FTerraportMeshPart Part;
 
 	/** Fill all of it from a mesh that was decoded just now. */

@@ -179,12 +179,12 @@ bool FTerraportRenderer::CastGround(
 	const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const
 {
 	bool bHit = false;
-	VisitShown([&](int32 Of, const FTerraportGroundMesh& Ground) {
+	VisitShown([&](int32 Source, const FTerraportGroundMesh& Ground) {
 		FTerraportGroundPoint Hit;
 		if (Ground.Cast(Origin, Direction, bHit ? Point.At : MaxAt, Hit) && (!bHit || Hit.At < Point.At))
 		{
 			Point = Hit;
-			Segment = Of;
+			Segment = Source;
 			bHit = true;
 		}
 	});

@@ -200,7 +200,7 @@ void ATerraportScene::Open()
 		UE_LOG(LogTerraport, Warning, TEXT("%s has a scale other than 1: radii and heights will be wrong"), *GetName());
 	}
 	Session = MakeShared<FTerraportSession>(
-		*this, std::make_unique<FSceneHost>(*this), SettingsOf(*this), Kept, Backend.ToSharedRef());
+		*this, std::make_unique<FSceneHost>(*this), SettingsOf(*this), ReferencedObjects, Backend.ToSharedRef());
 	if (bLandAtOpen)
 	{
 		bLandAtOpen = false;
@@ -319,13 +319,13 @@ FTerraportStatus ATerraportScene::GetStatus() const
 	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
 	if (Stage != nullptr)
 	{
-		const terraport::LandingStatus Of = Stage->status();
-		Status.Phase = PhaseOf(Of.phase);
-		Status.Landing = std::max<int64>(Of.landing, 0);
-		Status.Fraction = Of.fraction;
-		Status.ReadyMs = Of.readyMs;
-		Status.PresentableMs = Of.presentableMs;
-		Status.Refusal = TerraportText::FromUtf8(Of.refusal);
+		const terraport::LandingStatus CoreStatus = Stage->status();
+		Status.Phase = PhaseOf(CoreStatus.phase);
+		Status.Landing = std::max<int64>(CoreStatus.landing, 0);
+		Status.Fraction = CoreStatus.fraction;
+		Status.ReadyMs = CoreStatus.readyMs;
+		Status.PresentableMs = CoreStatus.presentableMs;
+		Status.Refusal = TerraportText::FromUtf8(CoreStatus.refusal);
 	}
 	return Status;
 }

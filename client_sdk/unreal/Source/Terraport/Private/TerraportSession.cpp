@@ -39,9 +39,9 @@ bool IsFinal(const std::string& Code)
 } // namespace
 
 FTerraportSession::FTerraportSession(AActor& InOwner, std::unique_ptr<ITerraportSessionHost> InHost,
-	const FTerraportSessionSettings& Settings, TSet<TObjectPtr<UObject>>& Kept,
+	const FTerraportSessionSettings& Settings, TSet<TObjectPtr<UObject>>& ReferencedObjects,
 	TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
-	: Owner(InOwner), Host(std::move(InHost)), Keeper(Kept), Backend(InBackend), Token(Settings.Token),
+	: Owner(InOwner), Host(std::move(InHost)), Keeper(ReferencedObjects), Backend(InBackend), Token(Settings.Token),
 	  Budgets(Settings.Budgets),
 	  Colours(Settings.Materials.Colour != nullptr ? Settings.VertexColours : ETerraportVertexColours::Linear)
 {
@@ -202,17 +202,17 @@ FTerraportStats FTerraportSession::TakeStats()
 	FTerraportStats Stats;
 	if (Stream)
 	{
-		const terraport::StreamStats Of = Stream->stats();
-		Stats.PayloadBytes = int64(Of.payloadBytes);
-		Stats.HeldBytes = int64(Of.heldBytes);
+		const terraport::StreamStats StreamStats = Stream->stats();
+		Stats.PayloadBytes = int64(StreamStats.payloadBytes);
+		Stats.HeldBytes = int64(StreamStats.heldBytes);
 	}
 	if (Stage)
 	{
-		const terraport::StageStats Of = Stage->stats();
-		Stats.Segments = int32(Of.segments);
-		Stats.VisibleSegments = int32(Of.visibleSegments);
-		Stats.VisibleTriangles = int64(Of.visibleTriangles);
-		Stats.GpuBytes = int64(Of.gpuBytes);
+		const terraport::StageStats StageStats = Stage->stats();
+		Stats.Segments = int32(StageStats.segments);
+		Stats.VisibleSegments = int32(StageStats.visibleSegments);
+		Stats.VisibleTriangles = int64(StageStats.visibleTriangles);
+		Stats.GpuBytes = int64(StageStats.gpuBytes);
 	}
 	Stats.MaxFrameMs = MaxFrameMs;
 	MaxFrameMs = 0.0;

@@ -34,22 +34,22 @@ struct FTerraportSessionSettings
 /**
  * Everything of a scene between Open and Close: files, stream, stage, renderer. Game thread.
  *
- * Listeners of the actor's events may call anything of it, Close and Open included: nothing is told from within a call of the
- * core, and after each telling it is asked whether this session still counts.
+ * Listeners of the actor's events may call anything of it, Close and Open included: Host is never called from within a call of
+ * the core, and after each call of it `bEnded` says whether this session still counts.
  */
 class FTerraportSession final
 {
 public:
-	/** Components are made in `Owner`. `Kept` is followed by the garbage collector, and both outlive this. */
+	/** Components are made in `Owner`. `ReferencedObjects` is followed by the garbage collector, and both outlive this. */
 	FTerraportSession(AActor& Owner, std::unique_ptr<ITerraportSessionHost> Host, const FTerraportSessionSettings& Settings,
-		TSet<TObjectPtr<UObject>>& Kept, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
+		TSet<TObjectPtr<UObject>>& ReferencedObjects, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
 	~FTerraportSession();
 	FTerraportSession(const FTerraportSession&) = delete;
 	FTerraportSession& operator=(const FTerraportSession&) = delete;
 
-	/** Once a frame. */
+	/** Once a frame: load, receive, draw and report, within the frame's budget. May end this session, by a listener. */
 	void Tick();
-	/** Free everything now. Nothing is told afterwards. */
+	/** Free everything now. Host is not called any more. */
 	void End();
 
 	int64 Land(const terraport::Vec3& Position, double RadiusM, const terraport::LandOptions& Options);

@@ -7,7 +7,8 @@
 
 #include <algorithm>
 
-// What a session tells: the core's news in the words of Blueprint, world space and centimetres.
+// What a session reports: the core's events in the types of Blueprint, world space and centimetres. After each call of Host the
+// session may have ended: a listener has closed the scene.
 
 namespace
 {
@@ -25,6 +26,52 @@ FVector DirectionOf(const FTransform& Frame, const terraport::Vec3& Direction)
 	double Out[3];
 	TerraportAxes::DirectionToUnreal(Scene, Out);
 	return Frame.TransformVectorNoScale(FVector(Out[0], Out[1], Out[2]));
+}
+FTerraportPlan PlanOf(const terraport::StreamEvent& Event)
+{
+	FTerraportPlan Plan;
+	Plan.Landing = Event.landing;
+	Plan.RadiusM = Event.plan.radiusM;
+	Plan.EffectiveRadiusM = Event.plan.effectiveRadiusM;
+	Plan.LoadSegments = int32(Event.plan.load.size());
+	Plan.KeptSegments = int32(Event.plan.keep.size());
+	Plan.LoadBytes = int64(Event.plan.loadBytes);
+	Plan.Triangles = int64(Event.plan.totalTriangles);
+	Plan.OmittedSegments = int32(Event.plan.omittedSegments);
+	return Plan;
+}
+
+FTerraportReady ReadyOf(const terraport::StreamEvent& Event)
+{
+	FTerraportReady Ready;
+	Ready.Landing = Event.landing;
+	Ready.Segments = int32(Event.segments.size());
+	Ready.Missing = int32(Event.missing.size());
+	Ready.ElapsedMs = Event.elapsedMs;
+	Ready.PayloadBytes = int64(Event.payloadBytes);
+	return Ready;
+}
+
+/** `Frame`: the actor's, from the scene to the world. */
+FTerraportPick PickOf(const terraport::StreamEvent& Event, const FTransform& Frame)
+{
+	FTerraportPick Pick;
+	Pick.Request = int64(Event.request);
+	Pick.bHit = Event.hit.has_value();
+	if (Event.hit)
+	{
+		Pick.Location = PointOf(Frame, Event.hit->position);
+		Pick.Normal = DirectionOf(Frame, Event.hit->normal);
+		Pick.Segment = int32(Event.hit->segment);
+		Pick.Region = int32(Event.hit->region);
+		Pick.Label = Event.hit->label ? TerraportText::FromUtf8(*Event.hit->label) : FString();
+		Pick.HeightM = Event.hit->heightM;
+		for (const auto& Entry : Event.hit->attributes)
+		{
+			Pick.Attributes.Add(TerraportText::FromUtf8(Entry.first), Entry.second);
+		}
+	}
+	return Pick;
 }
 } // namespace
 
@@ -71,30 +118,11 @@ void FTerraportSession::Report(const terraport::StreamEvent& Event)
 		ReportLink(Event.link);
 		break;
 	case terraport::EventKind::Planned:
-	{
-		FTerraportPlan Plan;
-		Plan.Landing = Event.landing;
-		Plan.RadiusM = Event.plan.radiusM;
-		Plan.EffectiveRadiusM = Event.plan.effectiveRadiusM;
-		Plan.LoadSegments = int32(Event.plan.load.size());
-		Plan.KeptSegments = int32(Event.plan.keep.size());
-		Plan.LoadBytes = int64(Event.plan.loadBytes);
-		Plan.Triangles = int64(Event.plan.totalTriangles);
-		Plan.OmittedSegments = int32(Event.plan.omittedSegments);
-		Host->OnPlan(Plan);
+		Host->OnPlan(PlanOf(Event));
 		break;
-	}
 	case terraport::EventKind::Ready:
-	{
-		FTerraportReady Ready;
-		Ready.Landing = Event.landing;
-		Ready.Segments = int32(Event.segments.size());
-		Ready.Missing = int32(Event.missing.size());
-		Ready.ElapsedMs = Event.elapsedMs;
-		Ready.PayloadBytes = int64(Event.payloadBytes);
-		Host->OnReady(Ready);
+		Host->OnReady(ReadyOf(Event));
 		break;
-	}
 	case terraport::EventKind::Degraded:
 		Host->OnDegraded(Event.landing);
 		break;
@@ -106,27 +134,8 @@ void FTerraportSession::Report(const terraport::StreamEvent& Event)
 		}
 		break;
 	case terraport::EventKind::Picked:
-	{
-		FTerraportPick Pick;
-		Pick.Request = int64(Event.request);
-		Pick.bHit = Event.hit.has_value();
-		if (Event.hit)
-		{
-			const FTransform Frame = Owner.GetActorTransform();
-			Pick.Location = PointOf(Frame, Event.hit->position);
-			Pick.Normal = DirectionOf(Frame, Event.hit->normal);
-			Pick.Segment = int32(Event.hit->segment);
-			Pick.Region = int32(Event.hit->region);
-			Pick.Label = Event.hit->label ? TerraportText::FromUtf8(*Event.hit->label) : FString();
-			Pick.HeightM = Event.hit->heightM;
-			for (const auto& Entry : Event.hit->attributes)
-			{
-				Pick.Attributes.Add(TerraportText::FromUtf8(Entry.first), Entry.second);
-			}
-		}
-		Host->OnPicked(Pick);
+		Host->OnPicked(PickOf(Event, Owner.GetActorTransform()));
 		break;
-	}
 	case terraport::EventKind::PickRefused:
 		ReportFailure(Event.code, Event.message, 0, false);
 		break;

@@ -90,24 +90,8 @@ void UTerraportUserComponent::TickComponent(float DeltaTime, ELevelTick TickType
 		}
 		break;
 	case EPhase::Waiting:
-	{
-		ATerraportScene* ActiveScene = FindScene();
-		const FTerraportStatus Status = ActiveScene != nullptr ? ActiveScene->GetStatus() : FTerraportStatus();
-		const bool bIsOurs = Status.Landing == Landing;
-		if (ActiveScene == nullptr || (bIsOurs && Status.Phase == ETerraportLandingPhase::Refused))
-		{
-			GiveUp(Status);
-		}
-		else if (bIsOurs && (ActiveScene->Show() || Status.Phase == ETerraportLandingPhase::Shown))
-		{
-			Arrive();
-		}
-		else if (PhaseS >= double(MaxDarkS))
-		{
-			Arrive();
-		}
+		TickWaiting();
 		break;
-	}
 	case EPhase::Lightening:
 		if (PhaseS >= double(FadeS))
 		{
@@ -116,6 +100,26 @@ void UTerraportUserComponent::TickComponent(float DeltaTime, ELevelTick TickType
 		break;
 	case EPhase::Idle:
 		break;
+	}
+}
+
+void UTerraportUserComponent::TickWaiting()
+{
+	ATerraportScene* ActiveScene = FindScene();
+	const FTerraportStatus Status = ActiveScene != nullptr ? ActiveScene->GetStatus() : FTerraportStatus();
+	// Another component, or the game, may have landed since: that landing is not waited for.
+	const bool bIsOurs = Status.Landing == Landing;
+	if (ActiveScene == nullptr || (bIsOurs && Status.Phase == ETerraportLandingPhase::Refused))
+	{
+		GiveUp(Status);
+	}
+	else if (bIsOurs && (ActiveScene->Show() || Status.Phase == ETerraportLandingPhase::Shown))
+	{
+		Arrive();
+	}
+	else if (PhaseS >= double(MaxDarkS))
+	{
+		Arrive();
 	}
 }
 

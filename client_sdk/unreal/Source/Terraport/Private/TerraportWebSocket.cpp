@@ -56,6 +56,7 @@ FTerraportWebSocket::~FTerraportWebSocket()
 void FTerraportWebSocket::open(
 	const std::string& Url, const std::vector<std::string>& Subprotocols, const std::string& BearerToken)
 {
+	// 1. One subprotocol: the module does not tell which of several the server chose.
 	if (Subprotocols.empty())
 	{
 		State->Fail(Abnormal, "no subprotocol was offered");
@@ -64,6 +65,7 @@ void FTerraportWebSocket::open(
 	Offered = Subprotocols.front();
 	TArray<FString> Protocols;
 	Protocols.Add(TerraportText::FromUtf8(Offered));
+	// 2. The socket; its module runs a thread of its own.
 	TMap<FString, FString> Headers;
 	if (!BearerToken.empty())
 	{
@@ -72,6 +74,7 @@ void FTerraportWebSocket::open(
 	FWebSocketsModule& Module = FModuleManager::LoadModuleChecked<FWebSocketsModule>(TEXT("WebSockets"));
 	Socket = Module.CreateWebSocket(TerraportText::FromUtf8(Url), Protocols, Headers);
 
+	// 3. Callbacks, on the game thread. They hold the state and not this: nothing promises when the module lets go of them.
 	const TSharedRef<FState> Shared = State;
 	Socket->OnConnected().AddLambda([Shared]() {
 		if (Shared->Connection == terraport::TransportState::Connecting)
@@ -101,6 +104,7 @@ void FTerraportWebSocket::open(
 		Shared->Take(Text.data(), Text.size(), true, true);
 	});
 #endif
+	// 4. Last, since it may report at once.
 	Socket->Connect();
 }
 

@@ -234,7 +234,7 @@ private:
 
 	/** What plain C++ points to, for the garbage collector. */
 	UPROPERTY(Transient)
-	TSet<TObjectPtr<UObject>> Kept;
+	TSet<TObjectPtr<UObject>> ReferencedObjects;
 
 	/** Shared with Tick alone, so that a listener may close the scene that tells it something. */
 	TSharedPtr<FTerraportSession> Session;

@@ -59,11 +59,11 @@ public:
 	UPROPERTY(BlueprintAssignable, Category = "Terraport|Teleport")
 	FTerraportFadeEvent OnDarken;
 
-	/** Begin to lighten. */
+	/** Begin to lighten: the user was moved, or the landing was refused. For a fade of your own. */
 	UPROPERTY(BlueprintAssignable, Category = "Terraport|Teleport")
 	FTerraportFadeEvent OnLighten;
 
-	/** The user stands there. */
+	/** The user was moved. Location: where the feet are, world space, centimetres. */
 	UPROPERTY(BlueprintAssignable, Category = "Terraport|Teleport")
 	FTerraportTeleportedEvent OnTeleported;
 
@@ -87,7 +87,7 @@ public:
 	UFUNCTION(BlueprintPure, Category = "Terraport|Teleport")
 	bool IsTeleporting() const;
 
-	/** The scene in use. */
+	/** Scene, or where that is empty or destroyed the first one of the level, from then on Scene. Null without one. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	ATerraportScene* FindScene();
 
@@ -99,12 +99,14 @@ private:
 	{
 		Idle,
 		Darkening,
-		/** Dark, and waiting for the landing. */
+		/** Dark, until the landing can be shown, is refused, or MaxDarkS have passed. */
 		Waiting,
 		Lightening,
 	};
 
 	void Enter(EPhase NewPhase);
+	/** Ends the dark when the landing is shown or refused, or after MaxDarkS. */
+	void TickWaiting();
 	void Arrive();
 	void GiveUp(const FTerraportStatus& Status);
 	void Fade(float From, float To, bool bHold);

@@ -114,19 +114,19 @@ public:
 			(void)Transport->state();
 			Thread.bInRound = false;
 		}
-		terraport::TransportMessage Whole;
-		while (Transport && Transport->tryReceive(Whole))
+		terraport::TransportMessage Received;
+		while (Transport && Transport->tryReceive(Received))
 		{
 			Open();
-			if (Whole.isText)
+			if (Received.isText)
 			{
-				Message.Broadcast(FString(UTF8_TO_TCHAR(std::string(Whole.bytes.begin(), Whole.bytes.end()).c_str())));
+				Message.Broadcast(FString(UTF8_TO_TCHAR(std::string(Received.bytes.begin(), Received.bytes.end()).c_str())));
 				continue;
 			}
-			for (std::size_t At = 0; At == 0 || At < Whole.bytes.size(); At += PieceBytes)
+			for (std::size_t At = 0; At == 0 || At < Received.bytes.size(); At += PieceBytes)
 			{
-				const std::size_t Size = std::min(PieceBytes, Whole.bytes.size() - At);
-				Binary.Broadcast(Whole.bytes.data() + At, Size, At + Size == Whole.bytes.size());
+				const std::size_t Size = std::min(PieceBytes, Received.bytes.size() - At);
+				Binary.Broadcast(Received.bytes.data() + At, Size, At + Size == Received.bytes.size());
 			}
 		}
 		if (Transport && Transport->state() == terraport::TransportState::Open)
@@ -170,10 +170,12 @@ public:
 /// GET over one connection, which the server closes; blocks. Null where no answer came.
 std::shared_ptr<FResponse> Fetch(const std::string& Url, const std::string& Headers)
 {
+	// 1. The parts of the URL.
 	const std::size_t Host = Url.find("://") + 3, Path = std::min(Url.find('/', Host), Url.size());
 	const std::size_t Colon = Url.find(':', Host);
 	const std::string Name = Url.substr(Host, std::min(Colon, Path) - Host);
 	const std::string Port = Colon < Path ? Url.substr(Colon + 1, Path - Colon - 1) : "80";
+	// 2. Connect, send, read to the end.
 	addrinfo Hints{}, *Addresses = nullptr;
 	Hints.ai_socktype = SOCK_STREAM;
 	if (getaddrinfo(Name.c_str(), Port.c_str(), &Hints, &Addresses) != 0)
@@ -188,13 +190,14 @@ std::shared_ptr<FResponse> Fetch(const std::string& Url, const std::string& Head
 		"\r\nConnection: close\r\n" + Headers + "\r\n";
 	if (bConnected && send(Handle, Request.data(), Request.size(), MSG_NOSIGNAL) == ssize_t(Request.size()))
 	{
-		char Piece[65536];
-		for (ssize_t Count = 0; (Count = recv(Handle, Piece, sizeof(Piece), 0)) > 0;)
+		char Buffer[65536];
+		for (ssize_t Count = 0; (Count = recv(Handle, Buffer, sizeof(Buffer), 0)) > 0;)
 		{
-			Answer.append(Piece, std::size_t(Count));
+			Answer.append(Buffer, std::size_t(Count));
 		}
 	}
 	close(Handle);
+	// 3. Status and body, which may come in chunks.
 	const std::size_t End = Answer.find("\r\n\r\n");
 	if (End == std::string::npos || Answer.compare(0, 5, "HTTP/") != 0)
 	{
@@ -205,16 +208,16 @@ std::shared_ptr<FResponse> Fetch(const std::string& Url, const std::string& Head
 	std::string Body = Answer.substr(End + 4);
 	if (Answer.substr(0, End).find("chunked") != std::string::npos)
 	{
-		std::string Whole;
+		std::string Joined;
 		for (std::size_t At = 0; At < Body.size();)
 		{
 			char* After = nullptr;
 			const std::size_t Size = std::strtoul(Body.c_str() + At, &After, 16);
 			At = std::size_t(After - Body.c_str()) + 2;
-			Whole += Body.substr(At, Size);
+			Joined += Body.substr(At, Size);
 			At = Size == 0 ? Body.size() : At + Size + 2;
 		}
-		Body = Whole;
+		Body = Joined;
 	}
 	Response->Content.SetNumUninitialized(int32(Body.size()));
 	std::copy(Body.begin(), Body.end(), Response->Content.begin());
