@@ -55,6 +55,8 @@ bool split(const std::string& url, Address& into) {
   return !into.host.empty() && into.port > 0 && into.port < 65536;
 }
 
+/// One connection with an event loop of its own, which has no thread: it runs within the calls of this class, and libwebsockets
+/// calls back within them.
 class LwsTransport final : public Transport {
  public:
   explicit LwsTransport(const LwsOptions& options) : options_(options) {}
@@ -110,6 +112,7 @@ class LwsTransport final : public Transport {
 
   bool trySend(ByteSpan bytes) override {
     if (state_ != TransportState::Open || isClosing_ || sendingBytes_ > kMaxSending) return false;
+    // libwebsockets writes the frame's header into the LWS_PRE bytes before the payload.
     Outgoing outgoing;
     outgoing.bytes.resize(LWS_PRE + bytes.size);
     if (bytes.size > 0) std::memcpy(outgoing.bytes.data() + LWS_PRE, bytes.data, bytes.size);
@@ -132,6 +135,7 @@ class LwsTransport final : public Transport {
     for (int round = 0; round < kClosingRounds && state_ == TransportState::Open; ++round) lws_service(context_, -1);
   }
 
+  /// Non-zero ends the connection.
   int on(lws* wsi, lws_callback_reasons reason, void* in, std::size_t length) {
     switch (reason) {
       case LWS_CALLBACK_CLIENT_APPEND_HANDSHAKE_HEADER:
@@ -196,6 +200,7 @@ class LwsTransport final : public Transport {
       return -1;
     }
     if (!assembler_.hasRoom()) {
+      // Unread, TCP holds the server back.
       isThrottled_ = true;
       lws_rx_flow_control(wsi, 0);
     }

@@ -44,8 +44,8 @@ std::string apart(const std::string& name, bool exists, const Values& actual, co
   }
   for (std::size_t at = 0; at < numbers.size(); ++at) {
     const auto value = static_cast<double>(actual[at]);
-    const bool same = std::isnan(numbers[at]) ? std::isnan(value) : std::abs(value - numbers[at]) <= tolerance;
-    if (!same) {
+    const bool isEqual = std::isnan(numbers[at]) ? std::isnan(value) : std::abs(value - numbers[at]) <= tolerance;
+    if (!isEqual) {
       return name + "[" + std::to_string(at) + "] is " + std::to_string(value) + ", expected " + std::to_string(numbers[at]);
     }
   }

@@ -41,7 +41,9 @@ bool sendAll(int connection, const std::string& text) {
   return true;
 }
 
+/// One GET over a connection of its own; blocks until the server closes it.
 HttpAnswer fetch(const std::string& url, const std::string& token, std::size_t maxBytes) {
+  // 1. Connect.
   HttpAnswer answer;
   const std::string scheme = "http://";
   if (url.compare(0, scheme.size(), scheme) != 0) {
@@ -57,30 +59,32 @@ HttpAnswer fetch(const std::string& url, const std::string& token, std::size_t m
     answer.reason = "no connection to " + authority;
     return answer;
   }
+  // 2. Send, and read up to the bound: `maxBytes` of body and 64 KiB of headers.
   std::string request = "GET " + (slash == std::string::npos ? "/" : url.substr(slash)) + " HTTP/1.1\r\nHost: " + authority;
   request += "\r\nConnection: close\r\nAccept-Encoding: identity\r\n";
   if (!token.empty()) {
     request += "Authorization: Bearer " + token + "\r\n";
   }
-  std::string whole;
+  std::string response;
   if (sendAll(connection, request + "\r\n")) {
-    char piece[65536];
-    for (ssize_t size = 0; (size = recv(connection, piece, sizeof piece, 0)) > 0;) {
-      whole.append(piece, static_cast<std::size_t>(size));
-      if (whole.size() > maxBytes + 65536) {
+    char buffer[65536];
+    for (ssize_t size = 0; (size = recv(connection, buffer, sizeof buffer, 0)) > 0;) {
+      response.append(buffer, static_cast<std::size_t>(size));
+      if (response.size() > maxBytes + 65536) {
         answer.isTooLarge = true;
         break;
       }
     }
   }
   close(connection);
-  const std::size_t end = whole.find("\r\n\r\n");
-  if (end == std::string::npos || whole.compare(0, 9, "HTTP/1.1 ") != 0) {
+  // 3. Status and body.
+  const std::size_t end = response.find("\r\n\r\n");
+  if (end == std::string::npos || response.compare(0, 9, "HTTP/1.1 ") != 0) {
     answer.reason = "no answer";
     return answer;
   }
-  answer.status = std::atoi(whole.c_str() + 9);
-  answer.body.assign(whole.begin() + static_cast<std::ptrdiff_t>(end + 4), whole.end());
+  answer.status = std::atoi(response.c_str() + 9);
+  answer.body.assign(response.begin() + static_cast<std::ptrdiff_t>(end + 4), response.end());
   answer.isTooLarge = answer.isTooLarge || answer.body.size() > maxBytes;
   return answer;
 }

@@ -33,6 +33,7 @@ std::array<std::uint32_t, Count> rootsOfPrimes(double (*root)(double)) {
 }  // namespace
 
 std::string sha256(const std::uint8_t* data, std::size_t size) {
+  // 1. Padding to whole blocks of 64 bytes, the length in bits last (section 5.1.1).
   static const auto constants = rootsOfPrimes<64>(std::cbrt);
   auto state = rootsOfPrimes<8>(std::sqrt);
   std::vector<std::uint8_t> padded(data, data + size);
@@ -43,6 +44,7 @@ std::string sha256(const std::uint8_t* data, std::size_t size) {
   for (int shift = 56; shift >= 0; shift -= 8) {
     padded.push_back(static_cast<std::uint8_t>(std::uint64_t{size} * 8 >> shift));
   }
+  // 2. Block by block: its schedule of 64 words, and 64 rounds over the state (section 6.2.2).
   for (std::size_t block = 0; block < padded.size(); block += 64) {
     std::uint32_t words[64];
     for (std::size_t at = 0; at < 16; ++at) {
@@ -67,6 +69,7 @@ std::string sha256(const std::uint8_t* data, std::size_t size) {
       state[at] += sums[at];
     }
   }
+  // 3. The state as text.
   std::string text;
   for (const std::uint32_t word : state) {
     char digits[9];

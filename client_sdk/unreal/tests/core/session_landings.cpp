@@ -242,16 +242,16 @@ TEST_CASE("session: a newer landing somewhere else makes the parts of the older 
 TEST_CASE("session: a newer landing that is refused leaves the older one going (6.5, rule 5)") {
   Pair pair(kToy);
   pair.connect();
-  const std::int64_t good = pair.client.land(kMiddle, 4, {});
+  const std::int64_t accepted = pair.client.land(kMiddle, 4, {});
   for (int step = 0; step < 3; ++step) pair.step();
-  const std::int64_t bad = pair.client.land(kMiddle, 501, {});
+  const std::int64_t tooLarge = pair.client.land(kMiddle, 501, {});
   pair.settle();
   const auto refused = pair.of(EventKind::Refused);
   REQUIRE(refused.size() == 1);
-  CHECK(refused[0].landing == bad);
+  CHECK(refused[0].landing == tooLarge);
   CHECK(refused[0].code == "radius_too_large");
   CHECK(!refused[0].fatal);
-  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{good});
+  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{accepted});
   CHECK(pair.of(EventKind::Superseded).empty());
 }
 

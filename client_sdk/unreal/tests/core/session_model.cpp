@@ -163,7 +163,9 @@ void ModelServer::on(const PickMessage& pick) {
   say(std::move(picked));
 }
 
+/// By sections 6.2 to 6.6 of the wire protocol, as plainly as can be: a client is judged by it.
 void ModelServer::on(const LandMessage& land) {
+  // 1. A landing that is refused changes nothing.
   expectNewer(land.generation);
   if (land.radiusM > 500) {
     ErrorMessage error;
@@ -173,10 +175,12 @@ void ModelServer::on(const LandMessage& land) {
     say(std::move(error));
     return;
   }
+  // 2. It supersedes everything before it.
   supersedeAim(land.generation);
   supersede(prefetch_, land.generation);
   supersede(landing_, land.generation);
   isDeadlinePassed = false;
+  // 3. The wanted segments, nearest first and within the budgets; those beyond the radius are kept nearby.
   const std::vector<std::uint32_t> order = ordered(land.position, land.radiusM);
   PlanMessage plan;
   std::vector<std::uint32_t> wanted = within(order, plan.omittedBy);
@@ -190,6 +194,7 @@ void ModelServer::on(const LandMessage& land) {
     wanted.resize(near);
   }
   if (wanted.size() == near) plan.omittedBy.reset();
+  // 4. What of them is to be loaded, what is held already, and what the deadline's inner set is.
   prefetch_ = nullptr;
   landing_ = begin(land.generation, wanted);
   landing_->isLanding = true;
@@ -199,6 +204,7 @@ void ModelServer::on(const LandMessage& land) {
     }
     if (held.count(segment) != 0) plan.keep.push_back(segment);
   }
+  // 5. The plan.
   std::sort(plan.keep.begin(), plan.keep.end());
   plan.generation = land.generation;
   plan.position = land.position;

@@ -69,6 +69,7 @@ TEST_CASE("cache: does over any history what a list does slowly") {
       return sum;
     };
     for (int step = 0; step < 60; ++step) {
+      // 1. The same action on both.
       const int action = random.below(5);
       const auto id = static_cast<std::uint32_t>(random.below(7));
       const auto entry =
@@ -100,6 +101,7 @@ TEST_CASE("cache: does over any history what a list does slowly") {
         }
         CHECK(trimmed(cache) == evicted);
       }
+      // 2. The same ids in the same order of age, and as many bytes.
       std::vector<std::uint32_t> ids;
       for (const auto& cached : model) ids.push_back(cached.first);
       CHECK(idsOf(cache) == ids);

@@ -12,7 +12,9 @@ namespace {
 
 constexpr int kSeeds = 150;
 
+/// One random history between a client and the model server, ended by a landing that is let finish.
 void runHistory(int seed, bool spoils) {
+  // 1. Both sides, with drawn options and a drawn delay between them.
   CAPTURE(seed);
   CAPTURE(spoils);
   Seeded random(static_cast<std::uint32_t>(seed));
@@ -34,6 +36,7 @@ void runHistory(int seed, bool spoils) {
     if (spoilsNext) flip(data);
     spoilsNext = false;
   };
+  // 2. Landings, aims, cuts, flipped bits, and steps of the network, in any order.
   for (int step = random.below(25); step > 0; --step) {
     switch (random.below(6)) {
       case 0:
@@ -54,6 +57,7 @@ void runHistory(int seed, bool spoils) {
         for (int count = random.below(60); count > 0; --count) pair.step();
     }
   }
+  // 3. The last landing alone decides what is visible, and nothing is left under way.
   spoilsNext = false;
   pair.client.land(kMiddle, 3.3, {});
   pair.settle();
@@ -68,11 +72,12 @@ void runHistory(int seed, bool spoils) {
   CHECK(pair.client.transfers().partialSegments() == 0);
   CHECK(pair.client.transfers().repeatedBytes() == 0);
   if (!spoils) CHECK(pair.rejected().empty());
+  // 4. Memory keeps to its bound, but for what is pinned.
   std::vector<std::uint32_t> pinned = visible;
   pinned.insert(pinned.end(), plan.nearby.begin(), plan.nearby.end());
   CHECK(pair.client.holdings().bytes() <= std::max(options.cacheBytes, kToy.bytesOf(pinned)));
   for (const std::uint32_t segment : visible) CHECK(pair.holds(segment));
-  // What was reported as arrived and not as dropped is held, and nothing else.
+  // 5. What was reported as arrived and not as dropped is held, and nothing else.
   std::set<std::uint32_t> arrived;
   std::set<std::int64_t> ends;
   for (const SessionEvent& event : pair.events) {
@@ -88,7 +93,7 @@ void runHistory(int seed, bool spoils) {
   }
   CHECK(arrived.size() == pair.client.holdings().count());
   for (const std::uint32_t segment : arrived) CHECK(pair.client.holdings().has(segment));
-  // What the server believes held is here, once the next landing has told the evictions.
+  // 6. What the server believes held is here, once the next landing has sent the evictions.
   pair.client.land(kMiddle, 3.3, {});
   pair.settle();
   for (const auto& believed : pair.server->held) CHECK(pair.client.holdings().has(believed.first));

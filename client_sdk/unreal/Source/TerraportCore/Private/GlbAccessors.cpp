@@ -175,13 +175,13 @@ Status GltfReader::readFilter(JsonValue packed, GltfRows& rows) const {
 }
 
 Status GltfReader::slice(
-    JsonValue where, std::uint64_t length, std::string_view label, ByteSpan& bytes, std::size_t& offset) const {
-  const JsonValue buffer = where.member("buffer");
+    JsonValue range, std::uint64_t length, std::string_view label, ByteSpan& bytes, std::size_t& offset) const {
+  const JsonValue buffer = range.member("buffer");
   if (buffer.integer().value_or(-1) != 0) {
     return Status::damaged(text(label) + " is in buffer " + shortly(buffer) + ", expected 0 (the BIN chunk)");
   }
   std::uint64_t first = 0;
-  TERRAPORT_RETURN_IF_ERROR(expectWholeOr(where.member("byteOffset"), "byteOffset", 0, 0, first));
+  TERRAPORT_RETURN_IF_ERROR(expectWholeOr(range.member("byteOffset"), "byteOffset", 0, 0, first));
   if (first > chunks_.binary.size || length > chunks_.binary.size - first) {
     return Status::damaged(text(label) + " lies at " + std::to_string(first) + " with " + std::to_string(length) +
             " bytes, expected within " + std::to_string(chunks_.binary.size),

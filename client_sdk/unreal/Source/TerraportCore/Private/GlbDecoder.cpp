@@ -172,7 +172,7 @@ class GlbReading {
     return {};
   }
 
-  /// Look at a vertex attribute that has one row for each vertex.
+  /// Check a vertex attribute that must have one row for each vertex.
   Status findColumn(const GltfExpectation& expected, GltfRows& rows) {
     TERRAPORT_RETURN_IF_ERROR(reader_.findVertices(names_.member(expected.label), expected, rows));
     if (rows.count != mesh_.vertexCount) {
@@ -254,9 +254,9 @@ class GlbReading {
   Status readAttributes(JsonValue mesh) {
     const JsonValue extras = mesh.member("extras");
     TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(extras, "extras"));
-    const JsonValue ours = extras.member("terraport");
-    TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(ours, "extras.terraport"));
-    const JsonValue list = ours.member("attributes");
+    const JsonValue terraportExtras = extras.member("terraport");
+    TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(terraportExtras, "extras.terraport"));
+    const JsonValue list = terraportExtras.member("attributes");
     TERRAPORT_RETURN_IF_ERROR(expectListOrAbsent(list, "extras.terraport.attributes"));
     if (list.size() > kMaxPayloadAttributes) {
       return Status::damaged(

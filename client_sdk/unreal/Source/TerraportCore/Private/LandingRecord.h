@@ -13,7 +13,7 @@ namespace terraport {
 
 using SegmentList = std::vector<std::uint32_t>;
 
-/// What was shown of a landing.
+/// How much of a landing is shown: nothing yet, its declared inner part, or all of it.
 enum class ShownExtent : std::uint8_t { Nothing, Degraded, Full };
 
 /// One landing, from `land` until a newer one. No clock, no I/O.
@@ -28,7 +28,7 @@ class LandingRecord {
   SegmentList missing;
   bool isRefused = false;
   std::string refusal;
-  /// Negative while it is not so.
+  /// Milliseconds since the landing was asked for; negative before.
   double readyMs = -1.0;
   double presentableMs = -1.0;
   std::uint64_t payloadBytes = 0;

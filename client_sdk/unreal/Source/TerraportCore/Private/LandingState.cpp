@@ -44,9 +44,9 @@ bool LandingState::isComplete() const {
 }
 
 std::vector<std::uint32_t> LandingState::shown() const {
-  std::vector<std::uint32_t> whole;
-  std::set_difference(planned.begin(), planned.end(), waiting.begin(), waiting.end(), std::back_inserter(whole));
-  return whole;
+  std::vector<std::uint32_t> received;
+  std::set_difference(planned.begin(), planned.end(), waiting.begin(), waiting.end(), std::back_inserter(received));
+  return received;
 }
 
 PrefetchState prefetchState(const PrefetchMessage& prefetch) {

@@ -30,7 +30,7 @@ class Link {
     std::function<double()> chance;
     /// Takes the session's events, one by one in order.
     std::function<void(SessionEvent&)> onEvent;
-    /// Takes news of the connection itself.
+    /// Takes every change of the connection itself.
     std::function<void(const LinkState&)> onState;
     /// Whether whoever takes the events wants more now; else nothing is received.
     std::function<bool()> wantsMore;

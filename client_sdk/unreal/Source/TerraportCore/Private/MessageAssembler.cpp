@@ -12,7 +12,7 @@ constexpr std::size_t kMostSpareBytes = 256 * 1024;
 
 }  // namespace
 
-Status MessageAssembler::take(ByteSpan piece, bool isText, bool isLast) {
+Status MessageAssembler::take(ByteSpan fragment, bool isText, bool isLast) {
   if (!inMessage_) {
     inMessage_ = true;
     assembling_.isText = isText;
@@ -25,10 +25,10 @@ Status MessageAssembler::take(ByteSpan piece, bool isText, bool isLast) {
   } else if (assembling_.isText != isText) {
     return Status::failed("malformed", "got a message that is text and binary");
   }
-  if (piece.size > limits_.maxMessageBytes - assembling_.bytes.size()) {
+  if (fragment.size > limits_.maxMessageBytes - assembling_.bytes.size()) {
     return Status::failed("too_large", "got a message of more than " + std::to_string(limits_.maxMessageBytes) + " bytes");
   }
-  assembling_.bytes.insert(assembling_.bytes.end(), piece.data, piece.data + piece.size);
+  assembling_.bytes.insert(assembling_.bytes.end(), fragment.data, fragment.data + fragment.size);
   if (!isLast) return Status::ok();
   inMessage_ = false;
   if (!whole_.empty() && waitingBytes_ + assembling_.bytes.size() > limits_.maxWaitingBytes) {
@@ -42,8 +42,9 @@ Status MessageAssembler::take(ByteSpan piece, bool isText, bool isLast) {
 bool MessageAssembler::tryNext(TransportMessage& message) {
   if (whole_.empty()) return false;
   std::swap(message, whole_.front());
-  std::vector<std::uint8_t>& old = whole_.front().bytes;
-  if (old.capacity() > 0 && old.capacity() <= kMostSpareBytes && spare_.size() < kMostSpare) spare_.push_back(std::move(old));
+  std::vector<std::uint8_t>& buffer = whole_.front().bytes;
+  if (buffer.capacity() > 0 && buffer.capacity() <= kMostSpareBytes && spare_.size() < kMostSpare)
+    spare_.push_back(std::move(buffer));
   whole_.pop_front();
   waitingBytes_ -= message.bytes.size();
   return true;

@@ -134,7 +134,7 @@ void Residency::clearVisible() {
 }
 
 void Residency::takeDecodes(std::vector<ResidencyRequest>& requests) {
-  const auto ask = [&](std::uint32_t segment) {
+  const auto requestDecode = [&](std::uint32_t segment) {
     if (shelf_.tryDecode(segment)) {
       requests.push_back({segment, epoch_});
     }
@@ -144,13 +144,13 @@ void Residency::takeDecodes(std::vector<ResidencyRequest>& requests) {
       if (!shelf_.hasRoom()) {
         return;
       }
-      ask(segment);
+      requestDecode(segment);
     }
   }
   // What finds no spare room waits for the next swap.
   std::size_t requested = 0;
   for (; requested < prefetched_.size() && shelf_.hasRoom() && shelf_.hasSpareRoom(); ++requested) {
-    ask(prefetched_[requested]);
+    requestDecode(prefetched_[requested]);
   }
   prefetched_.erase(prefetched_.begin(), prefetched_.begin() + static_cast<std::ptrdiff_t>(requested));
 }
@@ -251,17 +251,17 @@ SegmentList Residency::missing() const {
   if (!newest_) {
     return {};
   }
-  SegmentList all = newest_->missing;
+  SegmentList segments = newest_->missing;
   const SegmentList* declared = newest_->target();
   declared = declared != nullptr ? declared : newest_->expected();
   if (declared != nullptr) {
     for (const std::uint32_t segment : *declared) {
       if (shelf_.stepOf(segment) == ShelfStep::Failed) {
-        all.push_back(segment);
+        segments.push_back(segment);
       }
     }
   }
-  return sorted(std::move(all));
+  return sorted(std::move(segments));
 }
 
 LandingRecord* Residency::landingOf(std::int64_t landing) {

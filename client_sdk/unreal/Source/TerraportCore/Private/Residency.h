@@ -31,7 +31,7 @@ struct ResidencyRequest {
   std::uint32_t epoch = 0;
 };
 
-/// What a swap would show of the newest landing.
+/// How much of the newest landing a swap would show.
 enum class PresentableExtent : std::uint8_t { Nothing, Degraded, Full };
 
 /// The segments of one stage. No I/O, no clock: whoever owns it decodes, uploads, frees, and says so. A call is a step, in

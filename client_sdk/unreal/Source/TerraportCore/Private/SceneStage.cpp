@@ -57,14 +57,14 @@ VisibleDigest SceneStage::Impl::visibleDigest() const {
 
 StageStats SceneStage::Impl::stats() const {
   StageStats stats;
-  for (const auto& [segment, piece] : pieces_) {
-    if (!piece.isBegun) {
+  for (const auto& [segment, staged] : staged_) {
+    if (!staged.isBegun) {
       continue;
     }
     ++stats.segments;
-    stats.gpuBytes += piece.gpuBytes;
+    stats.gpuBytes += staged.gpuBytes;
     if (residency_.isVisible(segment)) {
-      stats.visibleTriangles += piece.faces;
+      stats.visibleTriangles += staged.faces;
     }
   }
   stats.visibleSegments = residency_.visible().size();

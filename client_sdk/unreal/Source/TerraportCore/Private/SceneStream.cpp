@@ -39,8 +39,8 @@ class Chance {
  public:
   Chance() {
     // Not every platform has a good random_device; the clock differs too.
-    const auto now = std::chrono::high_resolution_clock::now().time_since_epoch().count();
-    std::seed_seq seed{static_cast<std::uint32_t>(now), static_cast<std::uint32_t>(now >> 32), std::random_device{}()};
+    const auto ticks = std::chrono::high_resolution_clock::now().time_since_epoch().count();
+    std::seed_seq seed{static_cast<std::uint32_t>(ticks), static_cast<std::uint32_t>(ticks >> 32), std::random_device{}()};
     engine_.seed(seed);
   }
 
@@ -60,26 +60,26 @@ struct SceneStream::Impl {
             [this](SessionEvent& event) { handle(event); }, [this](const LinkState& state) { onLink(state); },
             [this] { return events.size() < kMaxWaitingEvents; }}) {}
 
-  void tell(StreamEvent event) { events.push_back(std::move(event)); }
+  void emit(StreamEvent event) { events.push_back(std::move(event)); }
 
   void onLink(const LinkState& state) {
     StreamEvent event;
     event.kind = EventKind::Link;
     event.link = state;
-    tell(std::move(event));
+    emit(std::move(event));
     if (state.phase == LinkPhase::Closed) end(Status::failed(state.code, state.message));
   }
 
   /// Nobody answers any more: tell whoever waits.
-  void end(const Status& why) {
-    ended = why;
+  void end(const Status& status) {
+    ended = status;
     for (const std::uint32_t request : session.dropPicks()) {
       StreamEvent event;
       event.kind = EventKind::PickRefused;
       event.request = request;
-      event.code = why.code();
-      event.message = why.message();
-      tell(std::move(event));
+      event.code = status.code();
+      event.message = status.message();
+      emit(std::move(event));
     }
   }
 
@@ -95,15 +95,15 @@ struct SceneStream::Impl {
         requestedAtMs.erase(requested);
       }
     }
-    if (!isClosed) tell(std::move(streamEvent));
+    if (!isClosed) emit(std::move(streamEvent));
   }
 
-  void refuse(const Status& why) {
+  void refuse(const Status& status) {
     StreamEvent event;
     event.kind = EventKind::Refused;
-    event.code = why.code();
-    event.message = why.message();
-    tell(std::move(event));
+    event.code = status.code();
+    event.message = status.message();
+    emit(std::move(event));
   }
 
   std::shared_ptr<TransportFactory> transports;

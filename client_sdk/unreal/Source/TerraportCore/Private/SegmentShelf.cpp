@@ -65,10 +65,10 @@ void SegmentShelf::setStep(std::uint32_t segment, Entry& entry, ShelfStep step) 
 bool SegmentShelf::hold(std::uint32_t segment, std::int64_t aimedDuring) {
   Entry* const entry = find(segment);
   if (entry == nullptr) {
-    Entry fresh;
-    fresh.aimedDuring = aimedDuring;
-    fresh.usedAt = ++tick_;
-    entries_.emplace(segment, fresh);
+    Entry added;
+    added.aimedDuring = aimedDuring;
+    added.usedAt = ++tick_;
+    entries_.emplace(segment, added);
     ++revision_;
     return false;
   }

@@ -259,7 +259,7 @@ void ClientSession::sendLanding(const Transfers::Landing& landing) {
   sendEvictions();
   generation_ += 1;
   landing->generation = generation_;
-  transfers_.ask(landing);
+  transfers_.landSent(landing);
   outbox_.emplace_back(landing->message(generation_));
   unsent_ = landing;
 }

@@ -16,7 +16,7 @@ enum class SessionNews : std::uint8_t {
   Rejected,
 };
 
-/// One piece of news.
+/// One event, in the order in which it happened.
 struct SessionEvent {
   SessionNews news = SessionNews::Stream;
   StreamEvent stream;

@@ -51,8 +51,8 @@ class Holdings {
 
  private:
   SegmentCache cache_;
-  /// Dropped here, and the server not told yet.
-  std::map<std::uint32_t, SegmentFacts> gone_;
+  /// Evicted here, and not named in an `evict` yet. Facts too: a plan that crossed may still keep one of them.
+  std::map<std::uint32_t, SegmentFacts> unreported_;
 };
 
 }  // namespace terraport

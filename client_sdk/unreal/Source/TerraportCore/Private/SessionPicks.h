@@ -22,7 +22,7 @@ class PickState {
   /// The message that asks what lies along a ray.
   PickMessage ask(std::uint32_t request, const Vec3& origin, const std::optional<Vec3>& direction);
 
-  /// Those to ask again.
+  /// The messages of all that wait, for a new connection.
   std::vector<PickMessage> waiting() const;
 
   /// Numbers of all that wait; they are forgotten, so that their answers are skipped.

@@ -72,7 +72,7 @@ struct StreamThread::Impl {
     if (thread.joinable()) thread.join();
   }
 
-  void say(Command command) {
+  void enqueue(Command command) {
     {
       const std::lock_guard<std::mutex> lock(mutex);
       if (isStopping) return;
@@ -138,23 +138,23 @@ struct StreamThread::Impl {
   /// Hand events, payloads and counts to the owner; whether there was any event.
   bool passOn() {
     const StreamStats counted = stream->stats();
-    std::size_t room = 0;
+    std::size_t capacity = 0;
     {
       const std::lock_guard<std::mutex> lock(mutex);
       stats = counted;
-      room = events.size() < kMaxKeptEvents ? kMaxKeptEvents - events.size() : 0;
+      capacity = events.size() < kMaxKeptEvents ? kMaxKeptEvents - events.size() : 0;
     }
-    std::vector<StreamEvent> fresh = std::move(answers);
+    std::vector<StreamEvent> deliveries = std::move(answers);
     answers.clear();
     StreamEvent event;
-    while (fresh.size() < room && stream->tryNextEvent(event)) {
+    while (deliveries.size() < capacity && stream->tryNextEvent(event)) {
       if (event.kind == EventKind::Picked || event.kind == EventKind::PickRefused) renumber(event);
-      fresh.push_back(std::move(event));
+      deliveries.push_back(std::move(event));
       event = StreamEvent();
     }
-    if (fresh.empty()) return false;
+    if (deliveries.empty()) return false;
     const std::lock_guard<std::mutex> lock(mutex);
-    for (StreamEvent& delivery : fresh) {
+    for (StreamEvent& delivery : deliveries) {
       if (delivery.kind == EventKind::Arrived) {
         payloads[delivery.facts.segment] = stream->payload(delivery.facts.segment);
       } else if (delivery.kind == EventKind::Dropped) {
@@ -185,7 +185,8 @@ struct StreamThread::Impl {
   std::uint64_t requests = 0;
   std::thread thread;
 
-  // Of both.
+  // Of both, by the mutex alone. Under it the stream is asked for a payload at most, and never pumped: the owner must not wait
+  // for the network.
   std::mutex mutex;
   std::condition_variable wake;
   std::deque<Command> commands;
@@ -212,7 +213,7 @@ StreamThread::~StreamThread() = default;
 std::int64_t StreamThread::land(const Vec3& position, double radiusM, const LandOptions& options) {
   const Status status = checkLand(position, radiusM, options);
   // A number that cannot be goes on too: the refusal then comes in its place among the events.
-  impl_->say(LandCommand{position, radiusM, options});
+  impl_->enqueue(LandCommand{position, radiusM, options});
   if (!status.isOk()) return kNoLanding;
   // As the session counts: landings that it takes, in the order in which they are asked for.
   impl_->landings += 1;
@@ -220,7 +221,7 @@ std::int64_t StreamThread::land(const Vec3& position, double radiusM, const Land
 }
 
 void StreamThread::aim(const Vec3& position, double radiusM) {
-  impl_->say(AimCommand{position, radiusM});
+  impl_->enqueue(AimCommand{position, radiusM});
 }
 
 Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional<Vec3>& direction) {
@@ -234,7 +235,7 @@ Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional
     impl_->openPicks += 1;
   }
   impl_->requests += 1;
-  impl_->say(PickCommand{origin, direction, impl_->requests});
+  impl_->enqueue(PickCommand{origin, direction, impl_->requests});
   return impl_->requests;
 }
 
@@ -258,7 +259,7 @@ StreamStats StreamThread::stats() const {
 }
 
 void StreamThread::reconnect(const std::string& token) {
-  impl_->say(ReconnectCommand{token});
+  impl_->enqueue(ReconnectCommand{token});
 }
 
 void StreamThread::close() {

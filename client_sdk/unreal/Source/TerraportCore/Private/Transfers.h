@@ -56,7 +56,7 @@ class Transfers {
   std::set<std::uint32_t> openPlan() const;
 
   /// Note that a landing was sent.
-  void ask(Landing landing) { unplanned_.push_back(std::move(landing)); }
+  void landSent(Landing landing) { unplanned_.push_back(std::move(landing)); }
 
   /// Note that an aim was sent: it may be answered once.
   void aimSent(std::uint32_t generation) { newestAim_ = generation; }

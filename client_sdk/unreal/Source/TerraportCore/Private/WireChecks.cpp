@@ -79,15 +79,15 @@ bool checkInnerRadius(const std::optional<double>& innerRadiusM, double radiusM,
   return refuse(refusal, "got " + std::to_string(*innerRadiusM) + ", expected at most radius_m", "inner_radius_m");
 }
 
-bool checkSum(const char* field, std::uint64_t got, std::uint64_t expected, Refusal& refusal) {
-  if (got == expected) return true;
+bool checkSum(const char* field, std::uint64_t actual, std::uint64_t expected, Refusal& refusal) {
+  if (actual == expected) return true;
   return refuse(
-      refusal, "got " + std::to_string(got) + ", expected the sum over the segments, " + std::to_string(expected), field);
+      refusal, "got " + std::to_string(actual) + ", expected the sum over the segments, " + std::to_string(expected), field);
 }
 
-bool checkAtLeast(const char* field, std::uint64_t got, std::uint64_t least, Refusal& refusal) {
-  if (got >= least) return true;
-  return refuse(refusal, "got " + std::to_string(got) + ", expected at least " + std::to_string(least), field);
+bool checkAtLeast(const char* field, std::uint64_t actual, std::uint64_t least, Refusal& refusal) {
+  if (actual >= least) return true;
+  return refuse(refusal, "got " + std::to_string(actual) + ", expected at least " + std::to_string(least), field);
 }
 
 std::uint64_t bytesOf(const std::vector<SegmentFacts>& rows) {

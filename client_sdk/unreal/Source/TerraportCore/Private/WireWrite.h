@@ -63,7 +63,7 @@ struct CountPass {
 /// Writes each field that is there.
 struct WritePass {
   MsgpackWriter& writer;
-  /// Where the writer writes, for rows.
+  /// The writer's own output: rows are appended to it directly.
   std::string& bytes;
 
   template <typename Value, typename Kind>

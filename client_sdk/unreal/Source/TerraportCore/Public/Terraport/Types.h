@@ -12,13 +12,13 @@
 
 namespace terraport {
 
-/// Bytes that belong to somebody else.
+/// A view: whoever made it keeps the bytes alive while it is used.
 struct ByteSpan {
   const std::uint8_t* data = nullptr;
   std::size_t size = 0;
 };
 
-/// The bytes of a payload.
+/// A view of all bytes; `bytes` must outlive it unchanged.
 inline ByteSpan viewOf(const std::vector<std::uint8_t>& bytes) {
   return {bytes.data(), bytes.size()};
 }
