@@ -148,7 +148,7 @@ class Life {
       }
       if (streamEvent.kind == EventKind::Superseded) expect(ended_.insert(streamEvent.landing).second);
     }
-    // What was told as here and not as gone is here, and nothing else.
+    // What was reported as arrived and not as dropped is held, and nothing else.
     expect(arrived_.size() == session_.holdings().count());
     for (const std::uint32_t segment : arrived_) expect(session_.holdings().has(segment));
     // Pins may exceed the cache: what is shown, an inner set and a plan; what an aim brings while a plan is owed comes beside.

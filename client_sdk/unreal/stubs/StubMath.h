@@ -109,7 +109,7 @@ struct FRotator
 	FRotator(double InPitch, double InYaw, double InRoll) : Pitch(InPitch), Yaw(InYaw), Roll(InRoll) {}
 };
 
-/// A place and a yaw: what the tests turn and move actors by.
+/// A location and a yaw: what the tests turn and move actors by.
 struct FTransform
 {
 	FVector StubLocation;

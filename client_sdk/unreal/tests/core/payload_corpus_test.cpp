@@ -31,7 +31,7 @@ Status decode(const std::filesystem::path& path, SegmentMesh& mesh) {
   // Exactly as large as the payload, so that a sanitizer sees a byte too many.
   std::vector<std::uint8_t> exact(bytes.begin(), bytes.end());
   exact.shrink_to_fit();
-  // The base alone may have a larger image, and is told from the name.
+  // The base alone may have a larger image, and is recognised by its name.
   const std::int64_t segment = path.filename() == "good-base.glb" ? -1 : 7;
   GlbDecoder decoder;
   return decoder.decode(viewOf(exact), segment, mesh);

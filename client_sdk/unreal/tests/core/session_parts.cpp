@@ -1,4 +1,4 @@
-// The small pure parts: cache, assembly, waits, pace, close codes.
+// The small pure units: cache, assembly, waits, pace, close codes.
 #include "Backoff.h"
 #include "Cache.h"
 #include "LinkPacer.h"

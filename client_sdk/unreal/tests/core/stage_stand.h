@@ -1,4 +1,4 @@
-// A stage with everything around it: a stream that is told what to tell, a renderer that notes what would be drawn, a clock
+// A stage with everything around it: a stream whose events the test makes, a renderer that notes what would be drawn, a clock
 // that runs with the work.
 #pragma once
 

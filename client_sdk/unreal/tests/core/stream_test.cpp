@@ -1,4 +1,4 @@
-// The stream over transports in memory: connecting, aims, waits, and what is told.
+// The stream over transports in memory: connecting, aims, waits, and its events.
 #include "Terraport/SceneStream.h"
 #include "Terraport/StreamThread.h"
 #include "Terraport/Xxh3.h"

@@ -17,7 +17,7 @@ struct FTerraportHttp::FExchange
 	bool bIsOver = false;
 	terraport::HttpAnswer Answer;
 
-	/** More than was allowed: the rest is not waited for. The module then tells of a failure, which says less than this. */
+	/** More than was allowed: the rest is not waited for. The module then reports a failure, which says less than this. */
 	void Refuse()
 	{
 		Answer.isTooLarge = true;

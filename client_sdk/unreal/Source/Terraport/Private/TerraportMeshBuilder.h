@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <vector>
 
-/** Decoded payloads to parts in Unreal's axes. For worker threads: touches no UObject. */
+/** Decoded payloads to mesh parts in Unreal's axes. For worker threads: touches no UObject. */
 namespace TerraportMeshBuilder
 {
 /** All of a mesh. What `Part` held before is replaced, its memory used again. */

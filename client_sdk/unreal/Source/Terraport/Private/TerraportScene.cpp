@@ -15,7 +15,7 @@
 
 namespace
 {
-/** A place of the world in the scene's frame, metres. */
+/** A world location in the scene's frame, metres. */
 terraport::Vec3 ScenePointOf(const AActor& Actor, const FVector& WorldLocation)
 {
 	const FVector Local = Actor.GetActorTransform().InverseTransformPosition(WorldLocation);
@@ -172,7 +172,7 @@ void ATerraportScene::BeginDestroy()
 void ATerraportScene::Tick(float DeltaSeconds)
 {
 	Super::Tick(DeltaSeconds);
-	// A listener may close the scene that tells it something.
+	// Keeps the session alive: a listener may close the scene from within an event.
 	const TSharedPtr<FTerraportSession> Current = Session;
 	if (Current.IsValid())
 	{

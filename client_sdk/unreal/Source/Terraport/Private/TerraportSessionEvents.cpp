@@ -127,7 +127,7 @@ void FTerraportSession::Report(const terraport::StreamEvent& Event)
 		Host->OnDegraded(Event.landing);
 		break;
 	case terraport::EventKind::Refused:
-		// What ends a connection is told by the link that follows, which also says whether it is for good.
+		// What ends a connection is reported by the link event that follows, which also says whether it is for good.
 		if (!Event.fatal)
 		{
 			ReportFailure(Event.code, Event.message, Event.landing, false);

@@ -79,8 +79,8 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Aim(const FVector& WorldLocation);
 
-	/** Teleport: feet on the ground at this place, the head above it, looking the same way, turned by YawDegrees. One that is
-	 * under way is replaced. False without an open scene. */
+	/** Teleport: feet on the ground at this location, the head above it, looking the same way, turned by YawDegrees. One that
+	 * is under way is replaced. False without an open scene. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport|Teleport")
 	bool TeleportTo(const FVector& WorldLocation, float YawDegrees = 0.0f);
 

@@ -86,7 +86,7 @@ class Residency {
   void takeDecodes(std::vector<ResidencyRequest>& requests);
   /// A mesh came that will take `bytes` at the renderer. False where nobody wants it any more: throw it away.
   bool decoded(std::uint32_t segment, std::uint32_t epoch, std::size_t bytes);
-  /// It could not be decoded: its base faces stay, and it is told as missing.
+  /// It could not be decoded: its base faces stay, and it is reported as missing.
   void decodeFailed(std::uint32_t segment, std::uint32_t epoch);
   /// The most urgent mesh that waits for its upload, or is in the middle of it, but for those of `skipped`.
   std::optional<std::uint32_t> nextUpload(const SegmentList& skipped) const;
@@ -106,7 +106,7 @@ class Residency {
 
   /// Share of the newest landing that came and was uploaded, 0 to 1.
   double fraction() const;
-  /// What the newest landing's full set lacks: told by the stream, or not decodable. Ascending.
+  /// What the newest landing's full set lacks: reported missing by the stream, or not decodable. Ascending.
   SegmentList missing() const;
 
  private:
@@ -118,7 +118,7 @@ class Residency {
   SegmentShelf shelf_;
   SegmentList visible_;
   std::unordered_set<std::uint32_t> visibleIds_;
-  /// In the plan's order, nearest first; the places by id.
+  /// What the newest landing is to show, in the plan's order, nearest first; and the rank of each id in it.
   SegmentList required_;
   std::unordered_map<std::uint32_t, std::size_t> requiredRanks_;
   /// What the newest plan keeps ready beside what is shown.

@@ -1,4 +1,4 @@
-// The stage's public surface, and what it tells of itself.
+// The stage's public surface, its status and its counters.
 #include "Terraport/SceneStage.h"
 
 #include <cstdio>

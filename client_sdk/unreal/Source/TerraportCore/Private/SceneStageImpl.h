@@ -46,7 +46,7 @@ class SceneStage::Impl {
     SharedPayload payload;
     std::size_t gpuBytes = 0;
     std::uint32_t faces = 0;
-    /// Whether the renderer has heard of it.
+    /// Whether `upload` was called for it: then the renderer must be asked to free it.
     bool isBegun = false;
   };
 

@@ -95,7 +95,7 @@ class SegmentShelf {
   void freeLeftBehind(std::int64_t landing, const std::unordered_set<std::uint32_t>& hidden);
   /// Whether an aim brought it since this landing was asked for.
   bool isAimedSince(std::uint32_t segment, std::int64_t landing) const;
-  /// Ids whose memory at the renderer, or waiting mesh, is to be freed; each is told once.
+  /// Ids whose memory at the renderer, or waiting mesh, is to be freed; each is returned once.
   std::vector<std::uint32_t> takeFreed();
   /// Count what is spare anew, and free of it what was used longest ago until the rest fits.
   void trim();

@@ -203,7 +203,7 @@ Status ClientSession::onWelcome(const WelcomeMessage& welcome) {
   onDropped(welcome.dropped);
   std::vector<std::uint32_t> untold;
   for (HeldMessage& table : offer_.rest(welcome, untold)) outbox_.emplace_back(std::move(table));
-  // A server that takes no table cannot be told: what it does not know of is not held (10.2).
+  // A server that takes no table cannot learn of these: what it does not know of is not held (10.2).
   onDropped(untold);
   for (const PickMessage& pick : picks_.waiting()) outbox_.emplace_back(pick);
   if (queued_ != nullptr) sendLanding(std::exchange(queued_, nullptr));
@@ -276,7 +276,7 @@ void ClientSession::withdrawUnsent(std::int64_t by) {
 }
 
 void ClientSession::sendEvictions() {
-  // What may not be told now (6.7, rule 2) is told before the next land or aim.
+  // What may not be evicted now (6.7, rule 2) is named before the next land or aim.
   if (transfers_.awaitsPlan()) return;
   for (ClientMessage& evict : holdings_.evictions(transfers_.openPlan())) outbox_.push_back(std::move(evict));
 }

@@ -144,7 +144,7 @@ class ClientSession {
   /// The landing that waits for the next welcome.
   Transfers::Landing queued_;
   std::uint64_t creditStep_ = 1;
-  /// Received since the last `credit`.
+  /// Chunk bytes received since the last `credit`.
   std::uint64_t ungrantedBytes_ = 0;
 };
 

@@ -26,7 +26,7 @@ Status Assembler::take(const PayloadFrame& frame, std::uint32_t length, SharedPa
   std::vector<std::uint8_t>& buffer = partials_[frame.segment];
   buffer.insert(buffer.end(), begin, end);
   if (!frame.isLast) return Status::ok();
-  // A copy of the exact size: a part has grown beyond it, and payloads are kept for long.
+  // A copy of the exact size: the buffer has grown beyond it, and payloads are kept for long.
   payload = std::make_shared<const std::vector<std::uint8_t>>(buffer.begin(), buffer.end());
   partials_.erase(frame.segment);
   return Status::ok();

@@ -267,7 +267,7 @@ void Transfers::reportRejected(std::int64_t landing, const SegmentFacts& facts) 
 /// Tell that a segment is not held; for a landing under way that crosses on the wire.
 void Transfers::reject(std::uint32_t generation, const SegmentFacts& facts, const char* reason) {
   if (holdings_.has(facts.segment)) {
-    // Right bytes were here already, and the server sent others over them: whoever was told of them is told again.
+    // Right bytes were here already, and the server sent others over them: whoever took them must forget them first.
     SessionEvent event = eventOf(EventKind::Dropped, kNoLanding);
     event.stream.segments = {facts.segment};
     events_.push_back(std::move(event));

@@ -67,7 +67,7 @@ class Transfers {
   /// Forget a landing that the server refused; an older one goes on (6.5, rule 5). Null where it was none.
   Landing refused(const std::optional<std::uint32_t>& generation);
 
-  /// Forget parts (10.2); returns the newest landing that is not ready, to ask again.
+  /// Forget partial payloads (10.2); returns the newest landing that is not ready, to ask again.
   Landing connectionLost();
 
   /// Show nothing: the served version is another one, so the ids mean other segments (5.4).

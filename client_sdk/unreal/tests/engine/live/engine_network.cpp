@@ -301,7 +301,7 @@ public:
 template <typename T>
 void PumpAll(std::vector<std::weak_ptr<T>>& All)
 {
-	// What is told may make new ones.
+	// A callback may make new ones.
 	const std::vector<std::weak_ptr<T>> Now = All;
 	for (const std::weak_ptr<T>& Item : Now)
 	{

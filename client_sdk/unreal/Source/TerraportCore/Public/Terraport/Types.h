@@ -185,7 +185,7 @@ enum class EventKind : std::uint8_t {
   PickRefused,
 };
 
-/// What a stream tells. Which fields count is said at the kind. Landing numbers stay the same over reconnects.
+/// An event of a stream. Which fields count is said at the kind. Landing numbers stay the same over reconnects.
 struct StreamEvent {
   EventKind kind = EventKind::Link;
   std::int64_t landing = kNoLanding;
