@@ -14,24 +14,24 @@
 namespace {
 
 void compareVertices(const std::vector<std::uint8_t>& stream, std::size_t count, std::size_t stride, bool isOurs,
-    const std::vector<std::uint8_t>& ours) {
+    const std::vector<std::uint8_t>& decoded) {
 #if defined(TERRAPORT_FUZZ_AGAINST_MESHOPTIMIZER)
   std::vector<std::uint8_t> theirs(count * stride);
   const int code = meshopt_decodeVertexBuffer(theirs.data(), count, stride, stream.data(), stream.size());
   terraport_fuzz::require((code == 0) == isOurs && (!isOurs || theirs == ours));
 #else
-  (void)stream, (void)count, (void)stride, (void)isOurs, (void)ours;
+  (void)stream, (void)count, (void)stride, (void)isOurs, (void)decoded;
 #endif
 }
 
 void compareTriangles(
-    const std::vector<std::uint8_t>& stream, std::size_t count, bool isOurs, const std::vector<std::uint32_t>& ours) {
+    const std::vector<std::uint8_t>& stream, std::size_t count, bool isOurs, const std::vector<std::uint32_t>& decoded) {
 #if defined(TERRAPORT_FUZZ_AGAINST_MESHOPTIMIZER)
   std::vector<std::uint32_t> theirs(count);
   const int code = meshopt_decodeIndexBuffer(theirs.data(), count, 4, stream.data(), stream.size());
   terraport_fuzz::require((code == 0) == isOurs && (!isOurs || theirs == ours));
 #else
-  (void)stream, (void)count, (void)isOurs, (void)ours;
+  (void)stream, (void)count, (void)isOurs, (void)decoded;
 #endif
 }
 

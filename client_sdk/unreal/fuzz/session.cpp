@@ -40,9 +40,9 @@ class Input {
 
   ByteSpan bytes(std::size_t most) {
     const std::size_t size = std::min<std::size_t>(most, static_cast<std::size_t>(end_ - at_));
-    const ByteSpan taken{at_, size};
+    const ByteSpan slice{at_, size};
     at_ += size;
-    return taken;
+    return slice;
   }
 
  private:
@@ -61,7 +61,7 @@ class Life {
     }
     session_.connectionLost();
     look();
-    expect(session_.transfers().openParts() == 0);
+    expect(session_.transfers().partialSegments() == 0);
   }
 
  private:
@@ -75,8 +75,10 @@ class Life {
     return options;
   }
 
+  /// One step of either side. Frames are drawn most often: they have the most to go wrong.
   void act() {
     switch (input_.below(20)) {
+      // 1. The application and the connection.
       case 0:
         session_.connected(input_.below(2) != 0);
         break;
@@ -97,6 +99,7 @@ class Life {
       case 6:
         readMessages();
         break;
+      // 2. The server, right or wrong.
       case 7:
         say(welcome());
         break;
@@ -133,24 +136,24 @@ class Life {
   /// What holds whatever the server says.
   void look() {
     for (const SessionEvent& event : session_.takeEvents()) {
-      if (event.news != SessionNews::Told) continue;
-      const StreamEvent& told = event.told;
-      if (told.kind == EventKind::Arrived) here_.insert(told.facts.segment);
-      if (told.kind == EventKind::Dropped) {
-        for (const std::uint32_t segment : told.segments) here_.erase(segment);
+      if (event.news != SessionNews::Stream) continue;
+      const StreamEvent& streamEvent = event.stream;
+      if (streamEvent.kind == EventKind::Arrived) arrived_.insert(streamEvent.facts.segment);
+      if (streamEvent.kind == EventKind::Dropped) {
+        for (const std::uint32_t segment : streamEvent.segments) arrived_.erase(segment);
       }
-      if (told.kind == EventKind::Ready) {
-        expect(std::is_sorted(told.segments.begin(), told.segments.end()));
-        expect(ended_.insert(told.landing).second);
+      if (streamEvent.kind == EventKind::Ready) {
+        expect(std::is_sorted(streamEvent.segments.begin(), streamEvent.segments.end()));
+        expect(ended_.insert(streamEvent.landing).second);
       }
-      if (told.kind == EventKind::Superseded) expect(ended_.insert(told.landing).second);
+      if (streamEvent.kind == EventKind::Superseded) expect(ended_.insert(streamEvent.landing).second);
     }
-    // What was told as here and not as gone is here, and nothing else.
-    expect(here_.size() == session_.held().count());
-    for (const std::uint32_t segment : here_) expect(session_.held().has(segment));
+    // What was reported as arrived and not as dropped is held, and nothing else.
+    expect(arrived_.size() == session_.holdings().count());
+    for (const std::uint32_t segment : arrived_) expect(session_.holdings().has(segment));
     // Pins may exceed the cache: what is shown, an inner set and a plan; what an aim brings while a plan is owed comes beside.
-    expect(session_.held().bytes() <= kCacheBytes + 4 * kMaxBytes * (1 + aims_));
-    expect(session_.transfers().openParts() <= 16384);
+    expect(session_.holdings().bytes() <= kCacheBytes + 4 * kMaxBytes * (1 + aims_));
+    expect(session_.transfers().partialSegments() <= 16384);
   }
 
   void readMessages() {
@@ -191,20 +194,20 @@ class Life {
   }
 
   std::vector<SegmentFacts> rows() {
-    std::vector<SegmentFacts> some;
-    std::set<std::uint32_t> seen;
+    std::vector<SegmentFacts> rowsOfMessage;
+    std::set<std::uint32_t> ids;
     for (std::uint32_t count = input_.below(6); count > 0; --count) {
       const SegmentFacts row = facts();
-      if (seen.insert(row.segment).second) some.push_back(row);
+      if (ids.insert(row.segment).second) rowsOfMessage.push_back(row);
     }
-    last_ = some;
-    return some;
+    last_ = rowsOfMessage;
+    return rowsOfMessage;
   }
 
   std::vector<std::uint32_t> ids() {
-    std::set<std::uint32_t> some;
-    for (std::uint32_t count = input_.below(4); count > 0; --count) some.insert(input_.below(10));
-    return {some.begin(), some.end()};
+    std::set<std::uint32_t> ids;
+    for (std::uint32_t count = input_.below(4); count > 0; --count) ids.insert(input_.below(10));
+    return {ids.begin(), ids.end()};
   }
 
   ServerMessage welcome() {
@@ -239,7 +242,7 @@ class Life {
     for (const std::uint32_t segment : ids()) {
       const bool isLoaded = std::any_of(
           message.load.begin(), message.load.end(), [segment](const SegmentFacts& row) { return row.segment == segment; });
-      if (!isLoaded && (here_.count(segment) != 0 || input_.below(8) == 0)) message.keep.push_back(segment);
+      if (!isLoaded && (arrived_.count(segment) != 0 || input_.below(8) == 0)) message.keep.push_back(segment);
     }
     message.totalBytes = message.loadBytes;
     message.totalTriangles = message.loadTriangles;
@@ -322,7 +325,7 @@ class Life {
 
   Input& input_;
   ClientSession session_;
-  std::set<std::uint32_t> here_;
+  std::set<std::uint32_t> arrived_;
   std::set<std::int64_t> ended_;
   std::vector<SegmentFacts> last_;
   std::uint32_t newest_ = 0;

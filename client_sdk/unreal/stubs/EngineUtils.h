@@ -6,10 +6,10 @@ template <typename T>
 class TActorIterator
 {
 public:
-	explicit TActorIterator(const UWorld* World) : Found(static_cast<T*>(World->StubActor)) {}
-	explicit operator bool() const { return Found != nullptr; }
-	T* operator*() const { return Found; }
+	explicit TActorIterator(const UWorld* World) : StubFirst(static_cast<T*>(World->StubActor)) {}
+	explicit operator bool() const { return StubFirst != nullptr; }
+	T* operator*() const { return StubFirst; }
 
 private:
-	T* Found = nullptr;
+	T* StubFirst = nullptr;
 };

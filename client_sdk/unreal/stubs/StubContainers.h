@@ -58,8 +58,8 @@ public:
 	Value& Add(const Key& At, const Value& Item) { return Items[At] = Item; }
 	const Value* Find(const Key& At) const
 	{
-		const auto Found = Items.find(At);
-		return Found == Items.end() ? nullptr : &Found->second;
+		const auto Entry = Items.find(At);
+		return Entry == Items.end() ? nullptr : &Entry->second;
 	}
 	int32 Num() const { return int32(Items.size()); }
 
@@ -86,15 +86,15 @@ public:
 	TOptional() = default;
 	TOptional& operator=(const T& Item)
 	{
-		Held = Item;
+		StubValue = Item;
 		return *this;
 	}
-	bool IsSet() const { return Held.has_value(); }
-	T* operator->() { return &*Held; }
-	void Reset() { Held.reset(); }
+	bool IsSet() const { return StubValue.has_value(); }
+	T* operator->() { return &*StubValue; }
+	void Reset() { StubValue.reset(); }
 
 private:
-	std::optional<T> Held;
+	std::optional<T> StubValue;
 };
 
 template <typename T>
@@ -102,16 +102,16 @@ class TUniquePtr
 {
 public:
 	TUniquePtr() = default;
-	TUniquePtr(std::unique_ptr<T> Item) : Held(std::move(Item)) {}
+	TUniquePtr(std::unique_ptr<T> Item) : StubObject(std::move(Item)) {}
 	template <typename Other>
-	TUniquePtr(TUniquePtr<Other>&& Item) : Held(std::move(Item.Held))
+	TUniquePtr(TUniquePtr<Other>&& Item) : StubObject(std::move(Item.StubObject))
 	{
 	}
-	bool IsValid() const { return Held != nullptr; }
-	void Reset() { Held.reset(); }
-	T& operator*() const { return *Held; }
-	T* operator->() const { return Held.get(); }
-	std::unique_ptr<T> Held;
+	bool IsValid() const { return StubObject != nullptr; }
+	void Reset() { StubObject.reset(); }
+	T& operator*() const { return *StubObject; }
+	T* operator->() const { return StubObject.get(); }
+	std::unique_ptr<T> StubObject;
 };
 template <typename T, typename... Args>
 TUniquePtr<T> MakeUnique(Args&&... Of)
@@ -127,22 +127,22 @@ class TSharedPtr
 {
 public:
 	TSharedPtr() = default;
-	explicit TSharedPtr(std::shared_ptr<T> Item) : Held(std::move(Item)) {}
+	explicit TSharedPtr(std::shared_ptr<T> Item) : StubObject(std::move(Item)) {}
 	template <typename Other>
-	TSharedPtr(const TSharedPtr<Other, Mode>& Item) : Held(Item.Held)
+	TSharedPtr(const TSharedPtr<Other, Mode>& Item) : StubObject(Item.StubObject)
 	{
 	}
 	template <typename Other>
-	TSharedPtr(const TSharedRef<Other, Mode>& Item) : Held(Item.Held)
+	TSharedPtr(const TSharedRef<Other, Mode>& Item) : StubObject(Item.StubObject)
 	{
 	}
-	bool IsValid() const { return Held != nullptr; }
-	void Reset() { Held.reset(); }
-	T* Get() const { return Held.get(); }
-	T* operator->() const { return Held.get(); }
-	T& operator*() const { return *Held; }
-	TSharedRef<T, Mode> ToSharedRef() const { return TSharedRef<T, Mode>(Held); }
-	std::shared_ptr<T> Held;
+	bool IsValid() const { return StubObject != nullptr; }
+	void Reset() { StubObject.reset(); }
+	T* Get() const { return StubObject.get(); }
+	T* operator->() const { return StubObject.get(); }
+	T& operator*() const { return *StubObject; }
+	TSharedRef<T, Mode> ToSharedRef() const { return TSharedRef<T, Mode>(StubObject); }
+	std::shared_ptr<T> StubObject;
 };
 
 /// Never null.
@@ -150,14 +150,14 @@ template <typename T, ESPMode Mode>
 class TSharedRef
 {
 public:
-	explicit TSharedRef(std::shared_ptr<T> Item) : Held(std::move(Item)) {}
+	explicit TSharedRef(std::shared_ptr<T> Item) : StubObject(std::move(Item)) {}
 	template <typename Other>
-	TSharedRef(const TSharedRef<Other, Mode>& Item) : Held(Item.Held)
+	TSharedRef(const TSharedRef<Other, Mode>& Item) : StubObject(Item.StubObject)
 	{
 	}
-	T* operator->() const { return Held.get(); }
-	T& operator*() const { return *Held; }
-	std::shared_ptr<T> Held;
+	T* operator->() const { return StubObject.get(); }
+	T& operator*() const { return *StubObject; }
+	std::shared_ptr<T> StubObject;
 };
 
 template <typename T, ESPMode Mode = ESPMode::ThreadSafe, typename... Args>

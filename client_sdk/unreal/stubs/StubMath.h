@@ -109,18 +109,18 @@ struct FRotator
 	FRotator(double InPitch, double InYaw, double InRoll) : Pitch(InPitch), Yaw(InYaw), Roll(InRoll) {}
 };
 
-/// A place and a yaw: what the tests turn and move actors by.
+/// A location and a yaw: what the tests turn and move actors by.
 struct FTransform
 {
-	FVector Place;
+	FVector StubLocation;
 	double YawDegrees = 0;
 	FVector Turned(const FVector& V, double Degrees) const
 	{
 		const double Angle = Degrees * 3.14159265358979323846 / 180.0;
 		return FVector(V.X * std::cos(Angle) - V.Y * std::sin(Angle), V.X * std::sin(Angle) + V.Y * std::cos(Angle), V.Z);
 	}
-	FVector TransformPosition(const FVector& V) const { return Turned(V, YawDegrees) + Place; }
-	FVector InverseTransformPosition(const FVector& V) const { return Turned(V - Place, -YawDegrees); }
+	FVector TransformPosition(const FVector& V) const { return Turned(V, YawDegrees) + StubLocation; }
+	FVector InverseTransformPosition(const FVector& V) const { return Turned(V - StubLocation, -YawDegrees); }
 	FVector TransformVectorNoScale(const FVector& V) const { return Turned(V, YawDegrees); }
 	FVector InverseTransformVectorNoScale(const FVector& V) const { return Turned(V, -YawDegrees); }
 };

@@ -35,11 +35,11 @@ struct FTexturePlatformData
 
 inline UTexture2D* UTexture2D::CreateTransient(int32 Width, int32 Height, EPixelFormat, const FName)
 {
-	UTexture2D* Made = new UTexture2D();
-	Made->StubData = std::make_shared<FTexturePlatformData>();
+	UTexture2D* Texture = new UTexture2D();
+	Texture->StubData = std::make_shared<FTexturePlatformData>();
 	FTexture2DMipMap* Mip = new FTexture2DMipMap();
 	Mip->SizeX = uint16(Width);
 	Mip->SizeY = uint16(Height);
-	Made->StubData->Mips.Add(Mip);
-	return Made;
+	Texture->StubData->Mips.Add(Mip);
+	return Texture;
 }

@@ -24,8 +24,8 @@ std::string base64(const std::vector<std::uint8_t>& bytes) {
   for (std::size_t at = 0; at < bytes.size(); at += 3) {
     const std::size_t count = std::min<std::size_t>(3, bytes.size() - at);
     std::uint32_t word = 0;
-    for (std::size_t part = 0; part < 3; ++part) {
-      word = word << 8 | (part < count ? bytes[at + part] : 0U);
+    for (std::size_t byte = 0; byte < 3; ++byte) {
+      word = word << 8 | (byte < count ? bytes[at + byte] : 0U);
     }
     for (std::size_t digit = 0; digit < 4; ++digit) {
       text += digit <= count ? kDigits[word >> (18 - 6 * digit) & 63U] : '=';
@@ -36,6 +36,7 @@ std::string base64(const std::vector<std::uint8_t>& bytes) {
 
 void describe(terraport::tools::JsonText& json, const terraport::SegmentMesh& mesh, const terraport::SharedPayload& payload) {
   using namespace terraport;
+  // 1. Geometry through TerraportAxes.h, as the mesh builder calls it.
   const tools::MeshArrays plain(mesh, viewOf(*payload));
   const std::size_t count = mesh.vertexCount;
   std::vector<float> positions(3 * count);
@@ -51,6 +52,7 @@ void describe(terraport::tools::JsonText& json, const terraport::SegmentMesh& me
   TerraportAxes::NormalsToUnreal(mesh.normalCodes.data(), count, normals.data());
   std::vector<std::uint32_t> indices(3 * std::size_t{mesh.faceCount});
   TerraportAxes::IndicesToUnreal(mesh.indices.data(), indices.size(), indices.data());
+  // 2. All of it as JSON.
   json.open('{').key("positions").numbers(positions).key("normals").numbers(normals).key("indices").integers(indices);
   json.key("uvs");
   if (mesh.hasUvs) {

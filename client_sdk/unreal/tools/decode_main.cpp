@@ -88,6 +88,7 @@ int main(int count, char** arguments) {
     std::fprintf(stderr, "usage: terraport-decode FILE [--seconds S]\n");
     return 2;
   }
+  // 1. Payloads, and rounds until no buffer grows any more.
   const double seconds = count == 4 ? std::atof(arguments[3]) : 2.0;
   const std::vector<DecodeJob> jobs = readJobs(arguments[1]);
   SegmentMesh mesh;
@@ -105,6 +106,7 @@ int main(int count, char** arguments) {
       faces += mesh.faceCount;
     }
   }
+  // 2. Rounds against the clock; allocations are counted from here.
   using Clock = std::chrono::steady_clock;
   const std::uint64_t allocationsBefore = allocations;
   const std::uint64_t bytesBefore = allocatedBytes;
@@ -119,6 +121,7 @@ int main(int count, char** arguments) {
     ++rounds;
     elapsed = std::chrono::duration<double>(Clock::now() - start).count();
   } while (elapsed < seconds);
+  // 3. The result.
   const std::uint64_t allocated = allocations - allocationsBefore;
   const std::uint64_t allocatedInAll = allocatedBytes - bytesBefore;
   const double decoded = static_cast<double>(rounds) * static_cast<double>(jobs.size());

@@ -105,12 +105,14 @@ const char* nameOf(EventKind kind) {
 }  // namespace
 
 void describeEvent(JsonText& json, const StreamEvent& event) {
+  // 1. What every event has.
   json.open('{').key("type").text(nameOf(event.kind)).key("landing");
   if (event.landing == kNoLanding) {
     json.null();
   } else {
     json.integer(event.landing);
   }
+  // 2. What each kind adds (Types.h).
   switch (event.kind) {
     case EventKind::Link:
       describeLink(json, event.link);

@@ -15,9 +15,9 @@ std::vector<std::uint8_t> readFile(const std::string& path) {
     std::exit(2);
   }
   std::vector<std::uint8_t> bytes;
-  std::uint8_t piece[65536];
-  for (std::size_t size = 0; (size = std::fread(piece, 1, sizeof piece, file)) > 0;) {
-    bytes.insert(bytes.end(), piece, piece + size);
+  std::uint8_t buffer[65536];
+  for (std::size_t size = 0; (size = std::fread(buffer, 1, sizeof buffer, file)) > 0;) {
+    bytes.insert(bytes.end(), buffer, buffer + size);
   }
   std::fclose(file);
   return bytes;

@@ -55,14 +55,14 @@ class Visit {
   bool open() {
     std::shared_ptr<TransportFactory> transports = makeLwsTransports();
     if (request_.isThreaded) {
-      auto made = StreamThread::make(request_.stream, transports);
-      return made.isOk() ? (stream_ = made.take(), true) : refuse(made.status());
+      auto opened = StreamThread::make(request_.stream, transports);
+      return opened.isOk() ? (stream_ = opened.take(), true) : refuse(opened.status());
     }
-    auto made = SceneStream::make(request_.stream, transports);
-    if (!made.isOk()) {
-      return refuse(made.status());
+    auto opened = SceneStream::make(request_.stream, transports);
+    if (!opened.isOk()) {
+      return refuse(opened.status());
     }
-    std::unique_ptr<SceneStream> own = made.take();
+    std::unique_ptr<SceneStream> own = opened.take();
     pumped_ = own.get();
     stream_ = std::move(own);
     return true;
@@ -77,29 +77,30 @@ class Visit {
 
   void take(const Step& step) {
     const auto& numbers = step.numbers;
-    const auto place = [&numbers](std::size_t at) { return Vec3{numbers[at], numbers[at + 1], numbers[at + 2]}; };
+    const auto position = [&numbers](std::size_t at) { return Vec3{numbers[at], numbers[at + 1], numbers[at + 2]}; };
     if (step.kind == "land" || step.kind == "start") {
       LandOptions options;
       if (numbers.size() >= 6) {
         options.innerRadiusM = numbers[4];
         options.deadlineMs = static_cast<std::uint32_t>(numbers[5]);
       }
-      landing_ = staged_ ? staged_->land(place(0), numbers[3], options, nowMs()) : stream_->land(place(0), numbers[3], options);
+      landing_ =
+          staged_ ? staged_->land(position(0), numbers[3], options, nowMs()) : stream_->land(position(0), numbers[3], options);
       const bool isStart = step.kind == "start";
       until(step, [this, isStart] { return isStart ? planned_ == landing_ : isShown(); });
     } else if (step.kind == "wait") {
       until(step, [this] { return isShown(); });
     } else if (step.kind == "aim") {
       const int before = prefetched_;
-      stream_->aim(place(0), numbers[3]);
+      stream_->aim(position(0), numbers[3]);
       until(step, [this, before] { return prefetched_ > before; });
     } else if (step.kind == "pick") {
       const int before = picked_;
       std::optional<Vec3> direction;
       if (numbers.size() >= 6) {
-        direction = place(3);
+        direction = position(3);
       }
-      auto request = stream_->pick(place(0), direction);
+      auto request = stream_->pick(position(0), direction);
       if (!request.isOk()) {
         failure_ = step.text + ": " + request.status().code();
         return;

@@ -55,6 +55,8 @@ bool split(const std::string& url, Address& into) {
   return !into.host.empty() && into.port > 0 && into.port < 65536;
 }
 
+/// One connection with an event loop of its own, which has no thread: it runs within the calls of this class, and libwebsockets
+/// calls back within them.
 class LwsTransport final : public Transport {
  public:
   explicit LwsTransport(const LwsOptions& options) : options_(options) {}
@@ -101,8 +103,8 @@ class LwsTransport final : public Transport {
   bool tryReceive(TransportMessage& message) override {
     if (assembler_.waitingBytes() == 0) service();
     if (!assembler_.tryNext(message)) return false;
-    if (isHeldBack_ && assembler_.hasRoom() && wsi_ != nullptr) {
-      isHeldBack_ = false;
+    if (isThrottled_ && assembler_.hasRoom() && wsi_ != nullptr) {
+      isThrottled_ = false;
       lws_rx_flow_control(wsi_, 1);
     }
     return true;
@@ -110,11 +112,12 @@ class LwsTransport final : public Transport {
 
   bool trySend(ByteSpan bytes) override {
     if (state_ != TransportState::Open || isClosing_ || sendingBytes_ > kMaxSending) return false;
-    Outgoing one;
-    one.bytes.resize(LWS_PRE + bytes.size);
-    if (bytes.size > 0) std::memcpy(one.bytes.data() + LWS_PRE, bytes.data, bytes.size);
+    // libwebsockets writes the frame's header into the LWS_PRE bytes before the payload.
+    Outgoing outgoing;
+    outgoing.bytes.resize(LWS_PRE + bytes.size);
+    if (bytes.size > 0) std::memcpy(outgoing.bytes.data() + LWS_PRE, bytes.data, bytes.size);
     sendingBytes_ += bytes.size;
-    sending_.push_back(std::move(one));
+    sending_.push_back(std::move(outgoing));
     lws_callback_on_writable(wsi_);
     service();
     return true;
@@ -132,6 +135,7 @@ class LwsTransport final : public Transport {
     for (int round = 0; round < kClosingRounds && state_ == TransportState::Open; ++round) lws_service(context_, -1);
   }
 
+  /// Non-zero ends the connection.
   int on(lws* wsi, lws_callback_reasons reason, void* in, std::size_t length) {
     switch (reason) {
       case LWS_CALLBACK_CLIENT_APPEND_HANDSHAKE_HEADER:
@@ -196,7 +200,8 @@ class LwsTransport final : public Transport {
       return -1;
     }
     if (!assembler_.hasRoom()) {
-      isHeldBack_ = true;
+      // Unread, TCP holds the server back.
+      isThrottled_ = true;
       lws_rx_flow_control(wsi, 0);
     }
     return 0;
@@ -209,9 +214,9 @@ class LwsTransport final : public Transport {
           wsi, static_cast<lws_close_status>(ownCode_), reinterpret_cast<unsigned char*>(ownReason_.data()), ownReason_.size());
       return -1;
     }
-    Outgoing& one = sending_.front();
-    const std::size_t size = one.bytes.size() - LWS_PRE;
-    const int written = lws_write(wsi, one.bytes.data() + LWS_PRE, size, LWS_WRITE_BINARY);
+    Outgoing& outgoing = sending_.front();
+    const std::size_t size = outgoing.bytes.size() - LWS_PRE;
+    const int written = lws_write(wsi, outgoing.bytes.data() + LWS_PRE, size, LWS_WRITE_BINARY);
     if (written < static_cast<int>(size)) return -1;
     sendingBytes_ -= size;
     sending_.pop_front();
@@ -234,7 +239,7 @@ class LwsTransport final : public Transport {
   std::string chosen_;
   TransportState state_ = TransportState::Connecting;
   MessageAssembler assembler_;
-  bool isHeldBack_ = false;
+  bool isThrottled_ = false;
   std::deque<Outgoing> sending_;
   std::size_t sendingBytes_ = 0;
   bool isClosing_ = false;

@@ -11,7 +11,7 @@ namespace terraport::tools {
 namespace {
 
 /// "No value" has many bit patterns; the canonical one is 0x7FC00000.
-std::vector<float> withOneNan(std::vector<float> values) {
+std::vector<float> withCanonicalNan(std::vector<float> values) {
   for (float& value : values) {
     if (std::isnan(value)) {
       const std::uint32_t bits = 0x7FC00000U;
@@ -56,7 +56,7 @@ MeshArrays::MeshArrays(const SegmentMesh& mesh, ByteSpan payload) : vertexCount(
   for (std::size_t column = 0; column < mesh.attributeCount; ++column) {
     std::vector<float> values(count);
     mesh.writeAttribute(column, values.data());
-    attributes.emplace_back(mesh.attributes[column].name, withOneNan(std::move(values)));
+    attributes.emplace_back(mesh.attributes[column].name, withCanonicalNan(std::move(values)));
   }
 }
 

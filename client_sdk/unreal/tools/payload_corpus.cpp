@@ -33,61 +33,61 @@ void flatten(const JsonValue& value, std::vector<double>& into) {
 
 /// Compare with nested lists of numbers, null standing for NaN; empty where they are the same.
 template <typename Values>
-std::string apart(const std::string& name, bool exists, const Values& found, const JsonValue& expected, double tolerance) {
+std::string apart(const std::string& name, bool exists, const Values& actual, const JsonValue& expected, double tolerance) {
   if (!exists || expected.isNothing()) {
     return !exists && expected.isNothing() ? "" : name + " there or not";
   }
-  std::vector<double> wanted;
-  flatten(expected, wanted);
-  if (wanted.size() != found.size()) {
-    return name + ": " + std::to_string(found.size()) + " numbers, expected " + std::to_string(wanted.size());
+  std::vector<double> numbers;
+  flatten(expected, numbers);
+  if (numbers.size() != actual.size()) {
+    return name + ": " + std::to_string(actual.size()) + " numbers, expected " + std::to_string(numbers.size());
   }
-  for (std::size_t at = 0; at < wanted.size(); ++at) {
-    const auto value = static_cast<double>(found[at]);
-    const bool same = std::isnan(wanted[at]) ? std::isnan(value) : std::abs(value - wanted[at]) <= tolerance;
-    if (!same) {
-      return name + "[" + std::to_string(at) + "] is " + std::to_string(value) + ", expected " + std::to_string(wanted[at]);
+  for (std::size_t at = 0; at < numbers.size(); ++at) {
+    const auto value = static_cast<double>(actual[at]);
+    const bool isEqual = std::isnan(numbers[at]) ? std::isnan(value) : std::abs(value - numbers[at]) <= tolerance;
+    if (!isEqual) {
+      return name + "[" + std::to_string(at) + "] is " + std::to_string(value) + ", expected " + std::to_string(numbers[at]);
     }
   }
   return "";
 }
 
-std::string textureDifference(const MeshArrays& found, const JsonValue& expected) {
-  if (expected.isNothing() != found.image.empty()) {
+std::string textureDifference(const MeshArrays& actual, const JsonValue& expected) {
+  if (expected.isNothing() != actual.image.empty()) {
     return "an image there or not";
   }
   if (expected.isNothing()) {
     return "";
   }
-  if (found.mediaType != expected.member("media_type").text().value_or("")) {
-    return "media type " + found.mediaType;
+  if (actual.mediaType != expected.member("media_type").text().value_or("")) {
+    return "media type " + actual.mediaType;
   }
-  if (found.width != expected.member("width").integer() || found.height != expected.member("height").integer()) {
-    return "an image of " + std::to_string(found.width) + " x " + std::to_string(found.height);
+  if (actual.width != expected.member("width").integer() || actual.height != expected.member("height").integer()) {
+    return "an image of " + std::to_string(actual.width) + " x " + std::to_string(actual.height);
   }
-  const std::string digest = sha256(found.image.data(), found.image.size());
+  const std::string digest = sha256(actual.image.data(), actual.image.size());
   return digest == expected.member("sha256").text().value_or("") ? "" : "an image with the digest " + digest;
 }
 
-std::string difference(const MeshArrays& found, const JsonValue& expected) {
-  std::vector<std::string> told = {
-      apart("positions", true, found.positions, expected.member("positions"), 0.0),
-      apart("faces", true, found.indices, expected.member("faces"), 0.0),
-      apart("normals", true, found.normals, expected.member("normals"), kRounded),
-      apart("colours", found.hasColours, found.colours, expected.member("colours"), 0.0),
-      apart("region_ids", found.hasRegionIds, found.regionIds, expected.member("region_ids"), 0.0),
-      apart("uvs", found.hasUvs, found.uvs, expected.member("uvs"), kRounded),
-      textureDifference(found, expected.member("texture")),
+std::string difference(const MeshArrays& actual, const JsonValue& expected) {
+  std::vector<std::string> differences = {
+      apart("positions", true, actual.positions, expected.member("positions"), 0.0),
+      apart("faces", true, actual.indices, expected.member("faces"), 0.0),
+      apart("normals", true, actual.normals, expected.member("normals"), kRounded),
+      apart("colours", actual.hasColours, actual.colours, expected.member("colours"), 0.0),
+      apart("region_ids", actual.hasRegionIds, actual.regionIds, expected.member("region_ids"), 0.0),
+      apart("uvs", actual.hasUvs, actual.uvs, expected.member("uvs"), kRounded),
+      textureDifference(actual, expected.member("texture")),
   };
-  if (expected.member("attributes").size() != found.attributes.size()) {
-    told.push_back(std::to_string(found.attributes.size()) + " attributes");
+  if (expected.member("attributes").size() != actual.attributes.size()) {
+    differences.push_back(std::to_string(actual.attributes.size()) + " attributes");
   }
-  for (const auto& [name, values] : found.attributes) {
-    told.push_back(apart("attribute " + name, true, values, expected.member("attributes").member(name), 0.0));
+  for (const auto& [name, values] : actual.attributes) {
+    differences.push_back(apart("attribute " + name, true, values, expected.member("attributes").member(name), 0.0));
   }
-  for (const std::string& one : told) {
-    if (!one.empty()) {
-      return one;
+  for (const std::string& text : differences) {
+    if (!text.empty()) {
+      return text;
     }
   }
   return "";

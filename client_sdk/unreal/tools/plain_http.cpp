@@ -14,19 +14,19 @@ namespace {
 int connectTo(const std::string& host, const std::string& port) {
   addrinfo hints = {};
   hints.ai_socktype = SOCK_STREAM;
-  addrinfo* found = nullptr;
-  if (getaddrinfo(host.c_str(), port.c_str(), &hints, &found) != 0) {
+  addrinfo* addresses = nullptr;
+  if (getaddrinfo(host.c_str(), port.c_str(), &hints, &addresses) != 0) {
     return -1;
   }
   int connected = -1;
-  for (const addrinfo* one = found; one != nullptr && connected < 0; one = one->ai_next) {
-    connected = socket(one->ai_family, one->ai_socktype, one->ai_protocol);
-    if (connected >= 0 && connect(connected, one->ai_addr, one->ai_addrlen) != 0) {
+  for (const addrinfo* address = addresses; address != nullptr && connected < 0; address = address->ai_next) {
+    connected = socket(address->ai_family, address->ai_socktype, address->ai_protocol);
+    if (connected >= 0 && connect(connected, address->ai_addr, address->ai_addrlen) != 0) {
       close(connected);
       connected = -1;
     }
   }
-  freeaddrinfo(found);
+  freeaddrinfo(addresses);
   return connected;
 }
 
@@ -41,7 +41,9 @@ bool sendAll(int connection, const std::string& text) {
   return true;
 }
 
+/// One GET over a connection of its own; blocks until the server closes it.
 HttpAnswer fetch(const std::string& url, const std::string& token, std::size_t maxBytes) {
+  // 1. Connect.
   HttpAnswer answer;
   const std::string scheme = "http://";
   if (url.compare(0, scheme.size(), scheme) != 0) {
@@ -49,38 +51,40 @@ HttpAnswer fetch(const std::string& url, const std::string& token, std::size_t m
     return answer;
   }
   const std::size_t slash = url.find('/', scheme.size());
-  const std::string place = url.substr(scheme.size(), slash == std::string::npos ? slash : slash - scheme.size());
-  const std::size_t colon = place.rfind(':');
-  const std::string host = place.substr(0, colon);
-  const int connection = connectTo(host, colon == std::string::npos ? "80" : place.substr(colon + 1));
+  const std::string authority = url.substr(scheme.size(), slash == std::string::npos ? slash : slash - scheme.size());
+  const std::size_t colon = authority.rfind(':');
+  const std::string host = authority.substr(0, colon);
+  const int connection = connectTo(host, colon == std::string::npos ? "80" : authority.substr(colon + 1));
   if (connection < 0) {
-    answer.reason = "no connection to " + place;
+    answer.reason = "no connection to " + authority;
     return answer;
   }
-  std::string request = "GET " + (slash == std::string::npos ? "/" : url.substr(slash)) + " HTTP/1.1\r\nHost: " + place;
+  // 2. Send, and read up to the bound: `maxBytes` of body and 64 KiB of headers.
+  std::string request = "GET " + (slash == std::string::npos ? "/" : url.substr(slash)) + " HTTP/1.1\r\nHost: " + authority;
   request += "\r\nConnection: close\r\nAccept-Encoding: identity\r\n";
   if (!token.empty()) {
     request += "Authorization: Bearer " + token + "\r\n";
   }
-  std::string whole;
+  std::string response;
   if (sendAll(connection, request + "\r\n")) {
-    char piece[65536];
-    for (ssize_t size = 0; (size = recv(connection, piece, sizeof piece, 0)) > 0;) {
-      whole.append(piece, static_cast<std::size_t>(size));
-      if (whole.size() > maxBytes + 65536) {
+    char buffer[65536];
+    for (ssize_t size = 0; (size = recv(connection, buffer, sizeof buffer, 0)) > 0;) {
+      response.append(buffer, static_cast<std::size_t>(size));
+      if (response.size() > maxBytes + 65536) {
         answer.isTooLarge = true;
         break;
       }
     }
   }
   close(connection);
-  const std::size_t end = whole.find("\r\n\r\n");
-  if (end == std::string::npos || whole.compare(0, 9, "HTTP/1.1 ") != 0) {
+  // 3. Status and body.
+  const std::size_t end = response.find("\r\n\r\n");
+  if (end == std::string::npos || response.compare(0, 9, "HTTP/1.1 ") != 0) {
     answer.reason = "no answer";
     return answer;
   }
-  answer.status = std::atoi(whole.c_str() + 9);
-  answer.body.assign(whole.begin() + static_cast<std::ptrdiff_t>(end + 4), whole.end());
+  answer.status = std::atoi(response.c_str() + 9);
+  answer.body.assign(response.begin() + static_cast<std::ptrdiff_t>(end + 4), response.end());
   answer.isTooLarge = answer.isTooLarge || answer.body.size() > maxBytes;
   return answer;
 }
@@ -93,12 +97,12 @@ std::uint64_t PlainHttp::get(const std::string& url, const std::string& bearerTo
 }
 
 bool PlainHttp::poll(std::uint64_t request, HttpAnswer& answer) {
-  const auto found = answers_.find(request);
-  if (found == answers_.end()) {
+  const auto entry = answers_.find(request);
+  if (entry == answers_.end()) {
     return false;
   }
-  answer = std::move(found->second);
-  answers_.erase(found);
+  answer = std::move(entry->second);
+  answers_.erase(entry);
   return true;
 }
 

@@ -46,8 +46,8 @@ inline bool isAsStated(const JsonValue& value, const JsonValue& stated) {
   const JsonValue::Range items = value.items();
   auto match = stated.items().begin();
   for (auto item = items.begin(); item != items.end(); ++item) {
-    const JsonValue wanted = value.isMap() ? stated.member(item.key()) : *match;
-    if (!wanted.exists() || !isAsStated(*item, wanted)) return false;
+    const JsonValue counterpart = value.isMap() ? stated.member(item.key()) : *match;
+    if (!counterpart.exists() || !isAsStated(*item, counterpart)) return false;
     ++match;
   }
   return value.text() == stated.text() && value.boolean() == stated.boolean();

@@ -21,12 +21,12 @@ UploadState RecordingRenderer::upload(std::uint32_t segment, const SegmentMesh& 
 }
 
 bool RecordingRenderer::isDrawable(std::uint32_t segment) {
-  const auto found = uploaded_.find(segment);
-  if (found == uploaded_.end()) {
+  const auto entry = uploaded_.find(segment);
+  if (entry == uploaded_.end()) {
     fault("segment " + std::to_string(segment) + " is asked about and was not uploaded");
     return false;
   }
-  return ++found->second > 1;
+  return ++entry->second > 1;
 }
 
 void RecordingRenderer::free(std::uint32_t segment) {
@@ -52,8 +52,8 @@ void RecordingRenderer::prepareBase(const FaceRange& block, const HiddenFaces& n
 void RecordingRenderer::swap(const SceneSwap& change) {
   ++swaps_;
   for (const std::uint32_t segment : change.shown) {
-    const auto found = uploaded_.find(segment);
-    if (found == uploaded_.end() || found->second < 2) {
+    const auto entry = uploaded_.find(segment);
+    if (entry == uploaded_.end() || entry->second < 2) {
       fault("segment " + std::to_string(segment) + " is shown and cannot be drawn");
     }
     if (!shown_.insert(segment).second) {
@@ -66,12 +66,12 @@ void RecordingRenderer::swap(const SceneSwap& change) {
     }
   }
   for (const FaceRange& block : change.baseBlocks) {
-    const auto found = prepared_.find(block.first);
-    if (found == prepared_.end() || found->second.size() != block.count) {
+    const auto entry = prepared_.find(block.first);
+    if (entry == prepared_.end() || entry->second.size() != block.count) {
       fault("block " + std::to_string(block.first) + " of the base was not prepared");
       continue;
     }
-    std::copy(found->second.begin(), found->second.end(), drawn_.begin() + block.first);
+    std::copy(entry->second.begin(), entry->second.end(), drawn_.begin() + block.first);
   }
   if (!std::equal(drawn_.begin(), drawn_.end(), change.baseHidden.faces)) {
     fault("the prepared blocks of the base are not what the swap says");

@@ -30,7 +30,7 @@ class RecordingRenderer final : public SceneRenderer {
   int swaps() const { return swaps_; }
 
  private:
-  void fault(const std::string& what) { faults_.push_back(what); }
+  void fault(const std::string& text) { faults_.push_back(text); }
 
   /// Uploaded segments, and how often each was asked whether it can be drawn.
   std::map<std::uint32_t, int> uploaded_;

@@ -33,9 +33,9 @@ std::string errorDifference(const DecodeError& error, const JsonValue& expected)
   if (error.field != textOf(expected.member("field"))) {
     return "field " + error.field + ", expected " + textOf(expected.member("field"));
   }
-  const auto differs = [&expected](const char* name, const auto& found) {
-    const auto wanted = expected.member(name).integer();
-    return found.has_value() != wanted.has_value() || (wanted && static_cast<std::int64_t>(*found) != *wanted);
+  const auto differs = [&expected](const char* name, const auto& actual) {
+    const auto stated = expected.member(name).integer();
+    return actual.has_value() != stated.has_value() || (stated && static_cast<std::int64_t>(*actual) != *stated);
   };
   return differs("generation", error.generation) ? "generation" : differs("request", error.request) ? "request" : "";
 }
@@ -83,8 +83,8 @@ std::string frameDifference(ByteSpan data, const JsonValue& facts) {
   }
   const JsonValue expected = facts.member("frame");
   if (frame.unknownKind || expected.member("unknown_kind").exists()) {
-    const auto wanted = expected.member("unknown_kind").integer();
-    return frame.unknownKind && wanted == *frame.unknownKind ? "" : "of an unknown kind or not";
+    const auto kind = expected.member("unknown_kind").integer();
+    return frame.unknownKind && kind == *frame.unknownKind ? "" : "of an unknown kind or not";
   }
   std::string hex;
   for (std::size_t at = 0; at < frame.chunk.size; ++at) {

@@ -23,9 +23,9 @@ public:
 	FDynamicMesh3& operator=(FDynamicMesh3&&) = default;
 	void EnableAttributes();
 	FDynamicMeshAttributeSet* Attributes() { return StubAttributes.get(); }
-	int AppendVertex(const FVector3d& Place)
+	int AppendVertex(const FVector3d& Position)
 	{
-		StubVertices.push_back(Place);
+		StubVertices.push_back(Position);
 		return int(StubVertices.size()) - 1;
 	}
 	/// The triangle's number; negative where the mesh does not take it.

@@ -22,9 +22,9 @@ public:
 	template <typename T>
 	T* CreateDefaultSubobject(FName)
 	{
-		T* Made = new T();
-		Made->StubOwner = this;
-		return Made;
+		T* Component = new T();
+		Component->StubOwner = this;
+		return Component;
 	}
 	bool SetRootComponent(USceneComponent* Component)
 	{
@@ -33,15 +33,15 @@ public:
 	}
 	USceneComponent* GetRootComponent() const { return StubRoot; }
 	const FTransform& GetActorTransform() const { return StubTransform; }
-	FVector GetActorLocation() const { return StubTransform.Place; }
+	FVector GetActorLocation() const { return StubTransform.StubLocation; }
 	FVector GetActorScale3D() const { return FVector(1.0, 1.0, 1.0); }
 	bool SetActorLocation(const FVector& Location, bool = false, FHitResult* = nullptr, ETeleportType = ETeleportType::None)
 	{
-		StubTransform.Place = Location;
+		StubTransform.StubLocation = Location;
 		return true;
 	}
 	void AddActorWorldRotation(FRotator Turn) { StubTransform.YawDegrees += Turn.Yaw; }
-	void AddActorWorldOffset(FVector Offset) { StubTransform.Place += Offset; }
+	void AddActorWorldOffset(FVector Offset) { StubTransform.StubLocation += Offset; }
 	/// Of the pawn that this is, or that it was made by.
 	AController* GetInstigatorController() const { return StubController; }
 	AController* StubController = nullptr;

@@ -9,9 +9,9 @@ class UMaterialInstanceDynamic : public UMaterialInterface
 public:
 	static UMaterialInstanceDynamic* Create(UMaterialInterface* Parent, UObject*)
 	{
-		UMaterialInstanceDynamic* Made = new UMaterialInstanceDynamic();
-		Made->StubParent = Parent;
-		return Made;
+		UMaterialInstanceDynamic* Instance = new UMaterialInstanceDynamic();
+		Instance->StubParent = Parent;
+		return Instance;
 	}
 	void SetScalarParameterValue(FName, float Value) { StubScalar = Value; }
 	void SetTextureParameterValue(FName, UTexture* Value) { StubTexture = Value; }

@@ -32,12 +32,12 @@ private:
 	template <typename T>
 	static bool Find(const std::map<std::u16string, T>& All, const TCHAR* Section, const TCHAR* Key, T& Value)
 	{
-		const auto Found = All.find(StubName(Section, Key));
-		if (Found == All.end())
+		const auto Entry = All.find(StubName(Section, Key));
+		if (Entry == All.end())
 		{
 			return false;
 		}
-		Value = Found->second;
+		Value = Entry->second;
 		return true;
 	}
 };

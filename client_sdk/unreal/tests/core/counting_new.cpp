@@ -8,13 +8,13 @@ namespace {
 
 thread_local std::size_t allocations = 0;
 
-void* taken(std::size_t size) {
+void* allocate(std::size_t size) {
   ++allocations;
   return std::malloc(size > 0 ? size : 1);
 }
 
-void* takenOrEnd(std::size_t size) {
-  void* const memory = taken(size);
+void* allocateOrAbort(std::size_t size) {
+  void* const memory = allocate(size);
   if (memory == nullptr) {
     std::abort();
   }
@@ -32,16 +32,16 @@ std::size_t allocationCount() {
 }  // namespace terraport_tests
 
 void* operator new(std::size_t size) {
-  return takenOrEnd(size);
+  return allocateOrAbort(size);
 }
 void* operator new[](std::size_t size) {
-  return takenOrEnd(size);
+  return allocateOrAbort(size);
 }
 void* operator new(std::size_t size, const std::nothrow_t&) noexcept {
-  return taken(size);
+  return allocate(size);
 }
 void* operator new[](std::size_t size, const std::nothrow_t&) noexcept {
-  return taken(size);
+  return allocate(size);
 }
 void operator delete(void* memory) noexcept {
   std::free(memory);

@@ -12,7 +12,7 @@ TEST_SUITE("cover counters") {
     for (std::uint64_t seed = 0; seed < 20; ++seed) {
       CAPTURE(seed);
       Chance chance(seed);
-      const SharedSceneFiles files = madeFiles(seed, 1500, 60);
+      const SharedSceneFiles files = randomFiles(seed, 1500, 60);
       CoverCounters counters;
       REQUIRE(counters.begin(files->cover).isOk());
       SegmentSet shown;

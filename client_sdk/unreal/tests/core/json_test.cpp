@@ -153,7 +153,7 @@ TEST_CASE("json: any number is read back to the last bit from seventeen digits")
   Seeded random(7);
   for (int count = 0; count < 20000; ++count) {
     std::uint64_t bits = 0;
-    for (int part = 0; part < 4; ++part) bits = (bits << 16) | static_cast<std::uint64_t>(random.below(65536));
+    for (int quarter = 0; quarter < 4; ++quarter) bits = (bits << 16) | static_cast<std::uint64_t>(random.below(65536));
     double value = 0;
     std::memcpy(&value, &bits, sizeof value);
     if (!std::isfinite(value)) continue;

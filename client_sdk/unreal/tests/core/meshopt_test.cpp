@@ -14,7 +14,7 @@ using namespace terraport_tests;
 namespace {
 
 /// A stream of one block with rows of 4 bytes whose first channel has the given group, and the others none.
-std::vector<std::uint8_t> oneChannel(std::uint8_t header, const std::vector<std::uint8_t>& group) {
+std::vector<std::uint8_t> streamOfChannel(std::uint8_t header, const std::vector<std::uint8_t>& group) {
   // Behind the group: headers of three channels of zeros, and the tail.
   std::vector<std::uint8_t> stream(2 + group.size() + 3 + 32, 0);
   stream[0] = kMeshoptVertexCodec;
@@ -28,7 +28,7 @@ std::vector<std::uint8_t> oneChannel(std::uint8_t header, const std::vector<std:
 TEST_SUITE("meshopt") {
   TEST_CASE("the specification's example of 4-bit differences") {
     const std::vector<std::uint8_t> group = {0x17, 0x5f, 0xf0, 0xbc, 0x77, 0xa9, 0x21, 0x00, 0x34, 0xb5};
-    const std::vector<std::uint8_t> stream = oneChannel(2, group);
+    const std::vector<std::uint8_t> stream = streamOfChannel(2, group);
     std::vector<std::uint8_t> rows(64);
     REQUIRE(meshoptDecodeVertices(viewOf(stream), 16, 4, rows.data()));
     const int differences[] = {-1, -4, -3, 26, -91, 0, -6, 6, -4, -4, 5, -5, 1, -1, 0, 0};
@@ -42,7 +42,7 @@ TEST_SUITE("meshopt") {
 
   TEST_CASE("2-bit differences with bytes of their own") {
     // 1, 2, own, 0; then zeros; the own one is 200.
-    const std::vector<std::uint8_t> stream = oneChannel(1, {0x6c, 0, 0, 0, 200});
+    const std::vector<std::uint8_t> stream = streamOfChannel(1, {0x6c, 0, 0, 0, 200});
     std::vector<std::uint8_t> rows(64);
     REQUIRE(meshoptDecodeVertices(viewOf(stream), 16, 4, rows.data()));
     CHECK(rows[0] == 255);
@@ -53,7 +53,7 @@ TEST_SUITE("meshopt") {
 
   TEST_CASE("streams that are too short or too long are refused, and nothing beyond them is read") {
     const std::vector<std::uint8_t> group = {0x17, 0x5f, 0xf0, 0xbc, 0x77, 0xa9, 0x21, 0x00, 0x34, 0xb5};
-    const std::vector<std::uint8_t> whole = oneChannel(2, group);
+    const std::vector<std::uint8_t> whole = streamOfChannel(2, group);
     std::vector<std::uint8_t> rows(65 * 4);
     for (std::size_t size = 0; size < whole.size(); ++size) {
       std::vector<std::uint8_t> cut(whole.begin(), whole.begin() + static_cast<std::ptrdiff_t>(size));
@@ -92,15 +92,15 @@ TEST_SUITE("meshopt") {
 
   TEST_CASE("the octahedral filter gives the specification's formula for every code") {
     for (int bits = 4; bits <= 8; ++bits) {
-      const int one = (1 << (bits - 1)) - 1;
+      const int unit = (1 << (bits - 1)) - 1;
       int wrong = 0;
-      for (int x = -one; x <= one; ++x) {
-        for (int y = -one; y <= one; ++y) {
+      for (int x = -unit; x <= unit; ++x) {
+        for (int y = -unit; y <= unit; ++y) {
           std::uint8_t row[4] = {
-              static_cast<std::uint8_t>(x), static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(one), 77};
+              static_cast<std::uint8_t>(x), static_cast<std::uint8_t>(y), static_cast<std::uint8_t>(unit), 77};
           meshoptUnfilterOctahedral(row, 1);
           double vector[3] = {static_cast<double>(x), static_cast<double>(y), 0.0};
-          vector[2] = one - std::fabs(vector[0]) - std::fabs(vector[1]);
+          vector[2] = unit - std::fabs(vector[0]) - std::fabs(vector[1]);
           const double fold = std::fmin(vector[2], 0.0);
           vector[0] += x >= 0 ? fold : -fold;
           vector[1] += y >= 0 ? fold : -fold;

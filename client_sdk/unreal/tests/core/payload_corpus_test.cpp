@@ -31,7 +31,7 @@ Status decode(const std::filesystem::path& path, SegmentMesh& mesh) {
   // Exactly as large as the payload, so that a sanitizer sees a byte too many.
   std::vector<std::uint8_t> exact(bytes.begin(), bytes.end());
   exact.shrink_to_fit();
-  // The base alone may have a larger image, and is told from the name.
+  // The base alone may have a larger image, and is recognised by its name.
   const std::int64_t segment = path.filename() == "good-base.glb" ? -1 : 7;
   GlbDecoder decoder;
   return decoder.decode(viewOf(exact), segment, mesh);
@@ -39,14 +39,14 @@ Status decode(const std::filesystem::path& path, SegmentMesh& mesh) {
 
 /// Compare rows of numbers with lists of lists (or a flat list), null for NaN.
 template <typename T>
-void compareRows(JsonValue expected, const std::vector<T>& found, std::size_t width, std::size_t stride, double within) {
+void compareRows(JsonValue expected, const std::vector<T>& rows, std::size_t width, std::size_t stride, double within) {
   REQUIRE(expected.isList());
-  REQUIRE(found.size() == expected.size() * stride);
+  REQUIRE(rows.size() == expected.size() * stride);
   std::size_t row = 0;
   for (const JsonValue item : expected.items()) {
     std::size_t column = 0;
     const auto compare = [&](JsonValue value) {
-      const double got = static_cast<double>(found[row * stride + column]);
+      const double got = static_cast<double>(rows[row * stride + column]);
       CAPTURE(row);
       if (value.isNothing()) {
         CHECK(std::isnan(got));
@@ -68,21 +68,21 @@ void compareRows(JsonValue expected, const std::vector<T>& found, std::size_t wi
 }
 
 void compareMesh(JsonValue expected, const SegmentMesh& mesh) {
-  const MeshArrays found = arraysOf(mesh);
-  compareRows(expected.member("positions"), found.positions, 3, 3, 0.0);
-  compareRows(expected.member("faces"), found.indices, 3, 3, 0.0);
-  compareRows(expected.member("normals"), found.normals, 3, 3, 1e-6);
+  const MeshArrays arrays = arraysOf(mesh);
+  compareRows(expected.member("positions"), arrays.positions, 3, 3, 0.0);
+  compareRows(expected.member("faces"), arrays.indices, 3, 3, 0.0);
+  compareRows(expected.member("normals"), arrays.normals, 3, 3, 1e-6);
   CHECK((mesh.colourForm != ColourForm::None) == !expected.member("colours").isNothing());
   if (!expected.member("colours").isNothing()) {
-    compareRows(expected.member("colours"), found.colours, 3, 4, 0.0);
+    compareRows(expected.member("colours"), arrays.colours, 3, 4, 0.0);
   }
   CHECK(mesh.hasRegionIds == !expected.member("region_ids").isNothing());
   if (mesh.hasRegionIds) {
-    compareRows(expected.member("region_ids"), found.regionIds, 1, 1, 0.0);
+    compareRows(expected.member("region_ids"), arrays.regionIds, 1, 1, 0.0);
   }
   CHECK(mesh.hasUvs == !expected.member("uvs").isNothing());
   if (mesh.hasUvs) {
-    compareRows(expected.member("uvs"), found.uvs, 2, 2, 1e-6);
+    compareRows(expected.member("uvs"), arrays.uvs, 2, 2, 1e-6);
     const JsonValue texture = expected.member("texture");
     CHECK(texture.member("media_type").text().value_or("") == mediaTypeOf(mesh.image.type));
     CHECK(texture.member("width").integer().value_or(-1) == mesh.image.width);
@@ -92,8 +92,8 @@ void compareMesh(JsonValue expected, const SegmentMesh& mesh) {
   CHECK(attributes.size() == mesh.attributeCount);
   const JsonValue::Range members = attributes.items();
   for (JsonValue::Iterator at = members.begin(); at != members.end(); ++at) {
-    const auto column = found.attributes.find(std::string(at.key()));
-    REQUIRE(column != found.attributes.end());
+    const auto column = arrays.attributes.find(std::string(at.key()));
+    REQUIRE(column != arrays.attributes.end());
     compareRows(*at, column->second, 1, 1, 1e-6);
   }
 }

@@ -13,24 +13,24 @@ TEST_CASE("residency remembers the newest 4096 of what aims brought, while there
   limits.spareBytes = kBytes;
   Residency residency(limits);
   SegmentFacts facts;
-  std::vector<ResidencyRequest> asked;
+  std::vector<ResidencyRequest> requests;
 
   residency.arrived(facts, kNoLanding);
-  residency.takeDecodes(asked);
-  REQUIRE(asked.size() == 1);
-  REQUIRE(residency.decoded(0, asked[0].epoch, kBytes));
+  residency.takeDecodes(requests);
+  REQUIRE(requests.size() == 1);
+  REQUIRE(residency.decoded(0, requests[0].epoch, kBytes));
   for (facts.segment = 1; facts.segment <= 4096 + 2; ++facts.segment) {
     residency.arrived(facts, kNoLanding);
   }
-  asked.clear();
-  residency.takeDecodes(asked);
-  CHECK(asked.empty());
+  requests.clear();
+  residency.takeDecodes(requests);
+  CHECK(requests.empty());
 
   PlanFacts plan;
   plan.keep = {0};  // Spare no longer.
   residency.land(1, Vec3{0.0, 0.0, 0.0}, 60.0, 0.0);
   residency.planned(plan, 1);
-  residency.takeDecodes(asked);
-  REQUIRE(!asked.empty());
-  CHECK(asked.front().segment == 3);
+  residency.takeDecodes(requests);
+  REQUIRE(!requests.empty());
+  CHECK(requests.front().segment == 3);
 }

@@ -17,7 +17,7 @@ namespace {
 class FakeHttp final : public Http {
  public:
   std::uint64_t get(const std::string& url, const std::string& bearerToken, std::size_t maxBytes) override {
-    asked.push_back(url);
+    urls.push_back(url);
     tokens.push_back(bearerToken);
     Waiting waiting;
     waiting.answer = answerTo(url);
@@ -27,13 +27,13 @@ class FakeHttp final : public Http {
   }
 
   bool poll(std::uint64_t request, HttpAnswer& answer) override {
-    const auto found = waiting_.find(request);
-    REQUIRE(found != waiting_.end());
-    if (--found->second.polls > 0) {
+    const auto pending = waiting_.find(request);
+    REQUIRE(pending != waiting_.end());
+    if (--pending->second.polls > 0) {
       return false;
     }
-    answer = std::move(found->second.answer);
-    waiting_.erase(found);
+    answer = std::move(pending->second.answer);
+    waiting_.erase(pending);
     return true;
   }
 
@@ -47,7 +47,7 @@ class FakeHttp final : public Http {
 
   std::map<std::string, std::vector<std::uint8_t>> bodies;
   std::map<std::string, int> refused;
-  std::vector<std::string> asked;
+  std::vector<std::string> urls;
   std::vector<std::string> tokens;
   std::function<void(const std::string&)> onAsk;
 
@@ -69,10 +69,10 @@ class FakeHttp final : public Http {
       answer.reason = "connection refused";
       return answer;
     }
-    const auto found = bodies.find(bare);
-    answer.status = found == bodies.end() ? 404 : 200;
-    if (found != bodies.end()) {
-      answer.body = found->second;
+    const auto body = bodies.find(bare);
+    answer.status = body == bodies.end() ? 404 : 200;
+    if (body != bodies.end()) {
+      answer.body = body->second;
     } else {
       const std::string error = R"({"error":{"code":"unknown_scene","message":"no such scene here"}})";
       answer.body.assign(error.begin(), error.end());
@@ -116,10 +116,10 @@ Status readManifestText(const std::string& text) {
   return readManifest({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "tiny", checked);
 }
 
-std::string replaced(std::string text, const std::string& what, const std::string& by) {
-  const std::size_t at = text.find(what);
+std::string replaced(std::string text, const std::string& pattern, const std::string& replacement) {
+  const std::size_t at = text.find(pattern);
   REQUIRE(at != std::string::npos);
-  return text.replace(at, what.size(), by);
+  return text.replace(at, pattern.size(), replacement);
 }
 
 }  // namespace
@@ -239,7 +239,7 @@ TEST_SUITE("scene loader") {
     addScene(http, "tiny", "one");
     std::vector<std::function<void()>> work;
     SceneLoadOptions options;
-    options.runElsewhere = [&](std::function<void()> one) { work.push_back(std::move(one)); };
+    options.runElsewhere = [&](std::function<void()> task) { work.push_back(std::move(task)); };
     auto loader = std::make_unique<SceneLoader>(http, "http://host:8000/scenes/one", options);
     CHECK(pumped(*loader) == LoadState::Loading);
     REQUIRE(work.size() == 1);

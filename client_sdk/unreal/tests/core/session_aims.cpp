@@ -62,7 +62,7 @@ TEST_CASE("session: an aim that comes wrong twice is given up") {
   pair.settle();
   CHECK(pair.rejected() == Ids{0, 0});
   CHECK(pair.of(EventKind::Prefetched).size() == 1);
-  CHECK(!pair.client.held().has(0));
+  CHECK(!pair.client.holdings().has(0));
 }
 
 TEST_CASE("session: an aim that a cut ended is sent anew, and nothing comes twice (7, rule 4)") {
@@ -109,8 +109,8 @@ TEST_CASE("session: an aim after an unfinished landing comes behind it again") {
   pair.connect().settle(true);
   std::vector<EventKind> kinds;
   for (const SessionEvent& event : pair.events) {
-    const bool isEnd = event.told.kind == EventKind::Ready || event.told.kind == EventKind::Prefetched;
-    if (event.news == SessionNews::Told && isEnd) kinds.push_back(event.told.kind);
+    const bool isEnd = event.stream.kind == EventKind::Ready || event.stream.kind == EventKind::Prefetched;
+    if (event.news == SessionNews::Stream && isEnd) kinds.push_back(event.stream.kind);
   }
   CHECK(kinds == std::vector<EventKind>{EventKind::Ready, EventKind::Prefetched});
   CHECK(isOnce(pair.received));

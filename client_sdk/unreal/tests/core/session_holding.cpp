@@ -16,7 +16,7 @@ PairOptions withCache(std::uint64_t cacheBytes) {
   return options;
 }
 
-std::vector<ClientMessage> said(ClientSession& client) {
+std::vector<ClientMessage> sentMessages(ClientSession& client) {
   std::vector<ClientMessage> messages;
   MessageReader reader;
   for (const EncodedMessage& data : client.takeMessages()) {
@@ -43,11 +43,11 @@ TEST_CASE("session: evictions are told before the next landing, and as events at
   std::sort(dropped.begin(), dropped.end());
   CHECK(dropped == kToy.within({10, 0, 10}, 2));
   Ids beyond;
-  for (const auto& held : pair.server->held) {
-    if (!pair.client.held().has(held.first)) beyond.push_back(held.first);
+  for (const auto& row : pair.server->held) {
+    if (!pair.client.holdings().has(row.first)) beyond.push_back(row.first);
   }
   pair.client.land({0, 0, 0}, 2, {});
-  const auto messages = said(pair.client);
+  const auto messages = sentMessages(pair.client);
   REQUIRE(messages.size() == 2);
   REQUIRE(std::holds_alternative<EvictMessage>(messages[0]));
   CHECK(std::get<EvictMessage>(messages[0]).segments == beyond);
@@ -66,7 +66,7 @@ TEST_CASE("session: evictions never come between a landing and its plan (6.7, ru
   pair.client.land({10, 0, 10}, 2, {});
   const auto data = pair.client.takeMessages();
   CHECK(data.size() == 1);
-  for (const EncodedMessage& one : data) pair.server->receive(one);
+  for (const EncodedMessage& message : data) pair.server->receive(message);
   CHECK(pair.server->heardTypes().back() == "land");
   pair.settle();
   CHECK(pair.client.transfers().visible() == kToy.within({10, 0, 10}, 2));
@@ -120,9 +120,9 @@ TEST_CASE("session: evictions spare what a degraded landing shows until it is re
   while (pair.of(EventKind::Planned).size() < 2) REQUIRE(pair.step());
   const Ids inner = kToy.within({0, 0, 0}, 1);
   REQUIRE(!inner.empty());
-  for (const std::uint32_t segment : inner) CHECK(pair.client.held().has(segment));
+  for (const std::uint32_t segment : inner) CHECK(pair.client.holdings().has(segment));
   pair.settle();
-  for (const std::uint32_t segment : inner) CHECK(!pair.client.held().has(segment));
+  for (const std::uint32_t segment : inner) CHECK(!pair.client.holdings().has(segment));
 }
 
 TEST_CASE("session: a flipped byte is rejected, and the segment sent again") {
@@ -150,7 +150,7 @@ TEST_CASE("session: a byte flipped twice leaves the segment missing; the next la
   CHECK(pair.rejected() == Ids{14, 14});
   REQUIRE(pair.of(EventKind::Ready).size() == 1);
   CHECK(pair.of(EventKind::Ready)[0].missing == Ids{14});
-  CHECK(!pair.client.held().has(14));
+  CHECK(!pair.client.holdings().has(14));
   pair.spoil = nullptr;
   pair.client.land(kMiddle, 4, {});
   pair.settle();
@@ -184,7 +184,7 @@ TEST_CASE("session: an offer names what is held in hello, newest first, or nothi
   const std::uint32_t newest = pair.received.back();
   pair.disconnect();
   pair.client.connected();
-  auto messages = said(pair.client);
+  auto messages = sentMessages(pair.client);
   REQUIRE(messages.size() == 1);
   const HelloMessage hello = std::get<HelloMessage>(messages[0]);
   CHECK(hello.encoding == "glb");
@@ -194,7 +194,7 @@ TEST_CASE("session: an offer names what is held in hello, newest first, or nothi
   CHECK(hello.held->size() == kToy.within(kMiddle, 4).size());
   for (const HeldRow& row : *hello.held) CHECK(row.xxh3 == kToy.facts[row.segment].xxh3);
   pair.client.connected(false);
-  messages = said(pair.client);
+  messages = sentMessages(pair.client);
   CHECK(std::get<HelloMessage>(messages[0]).held->empty());
 }
 
@@ -230,7 +230,7 @@ TEST_CASE("session: an offer is not made to a server that takes no table; what i
   pair.connect().settle();
   CHECK(pair.server->heardTypes() == std::vector<std::string>{"hello"});
   CHECK(pair.of(EventKind::Dropped).back().segments.size() == kToy.within(kMiddle, 4).size());
-  CHECK(pair.client.held().count() == 0);
+  CHECK(pair.client.holdings().count() == 0);
   pair.client.land(kMiddle, 4, {});
   pair.settle();
   CHECK(pair.client.transfers().visible() == kToy.within(kMiddle, 4));

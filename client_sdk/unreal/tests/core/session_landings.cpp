@@ -186,9 +186,9 @@ TEST_CASE("session: a landing is not declared degraded with a segment that came 
   std::set<std::uint32_t> before;
   bool isDegraded = false;
   for (const SessionEvent& event : pair.events) {
-    if (event.news != SessionNews::Told || isDegraded) continue;
-    isDegraded = event.told.kind == EventKind::Degraded;
-    if (event.told.kind == EventKind::Arrived) before.insert(event.told.facts.segment);
+    if (event.news != SessionNews::Stream || isDegraded) continue;
+    isDegraded = event.stream.kind == EventKind::Degraded;
+    if (event.stream.kind == EventKind::Arrived) before.insert(event.stream.facts.segment);
   }
   CHECK(isDegraded);
   for (const std::uint32_t segment : inner) CHECK(before.count(segment) == 1);
@@ -233,25 +233,25 @@ TEST_CASE("session: a newer landing somewhere else makes the parts of the older 
   pair.connect();
   pair.client.land({0, 0, 0}, 1, {});
   while (pair.server->chunkBytes < 300) REQUIRE(pair.step());
-  CHECK(pair.client.transfers().openParts() == 1);
+  CHECK(pair.client.transfers().partialSegments() == 1);
   pair.client.land({10, 0, 10}, 0.5, {});
   while (pair.of(EventKind::Planned).size() < 2) REQUIRE(pair.step());
-  CHECK(pair.client.transfers().openParts() == 0);
+  CHECK(pair.client.transfers().partialSegments() == 0);
 }
 
 TEST_CASE("session: a newer landing that is refused leaves the older one going (6.5, rule 5)") {
   Pair pair(kToy);
   pair.connect();
-  const std::int64_t good = pair.client.land(kMiddle, 4, {});
+  const std::int64_t accepted = pair.client.land(kMiddle, 4, {});
   for (int step = 0; step < 3; ++step) pair.step();
-  const std::int64_t bad = pair.client.land(kMiddle, 501, {});
+  const std::int64_t tooLarge = pair.client.land(kMiddle, 501, {});
   pair.settle();
   const auto refused = pair.of(EventKind::Refused);
   REQUIRE(refused.size() == 1);
-  CHECK(refused[0].landing == bad);
+  CHECK(refused[0].landing == tooLarge);
   CHECK(refused[0].code == "radius_too_large");
   CHECK(!refused[0].fatal);
-  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{good});
+  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{accepted});
   CHECK(pair.of(EventKind::Superseded).empty());
 }
 
@@ -269,9 +269,9 @@ TEST_CASE("session: a landing takes the place of one that never left: one `land`
   pair.connect().settle();
   for (int count = 0; count < 100; ++count) pair.client.land(kMiddle, 1 + count / 50.0, {});
   pair.client.pick({0, 0, 0}, {});
-  const auto said = pair.client.takeMessages();
-  CHECK(said.size() == 2);
-  for (const EncodedMessage& message : said) pair.server->receive(message);
+  const auto messages = pair.client.takeMessages();
+  CHECK(messages.size() == 2);
+  for (const EncodedMessage& message : messages) pair.server->receive(message);
   pair.settle();
   CHECK(pair.of(EventKind::Superseded).size() == 99);
   CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{100});
@@ -287,7 +287,7 @@ TEST_CASE("session: a landing that a cut ended is resumed, and no segment comes 
     for (int step = 0; step < steps; ++step) pair.step();
     pair.disconnect();
     CHECK((pair.client.unfinished() == number || pair.of(EventKind::Ready).size() == 1));
-    CHECK(pair.client.transfers().openParts() == 0);
+    CHECK(pair.client.transfers().partialSegments() == 0);
     pair.connect().settle();
     const Ids want = kToy.within(kMiddle, 4);
     const auto ready = pair.of(EventKind::Ready);

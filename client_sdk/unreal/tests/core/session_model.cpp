@@ -24,18 +24,18 @@ void ModelServer::receive(const EncodedMessage& data) {
   heard.push_back(message);
   const bool isHello = std::holds_alternative<HelloMessage>(message);
   REQUIRE(isOpen_ != isHello);
-  std::visit([this](const auto& one) { on(one); }, message);
+  std::visit([this](const auto& typedMessage) { on(typedMessage); }, message);
 }
 
 std::optional<EncodedMessage> ModelServer::next() {
-  if (auto message = told()) return message;
+  if (auto message = nextMessage()) return message;
   for (const std::shared_ptr<Sending>& sending : {landing_, prefetch_}) {
     if (sending == nullptr || sending->isReadySent) continue;
     degrade(*sending);
-    if (auto message = told()) return message;
+    if (auto message = nextMessage()) return message;
     if (auto frame = chunk(*sending)) return frame;
     settle(sending);
-    if (auto message = told()) return message;
+    if (auto message = nextMessage()) return message;
     // An aim never disturbs a landing (7, rule 2).
     if (!sending->isReadySent) return std::nullopt;
   }
@@ -55,7 +55,7 @@ EncodedMessage ModelServer::encoded(const ServerMessage& message) const {
   return data;
 }
 
-std::optional<EncodedMessage> ModelServer::told() {
+std::optional<EncodedMessage> ModelServer::nextMessage() {
   if (out_.empty()) return std::nullopt;
   EncodedMessage data = encoded(out_.front());
   out_.pop_front();
@@ -136,12 +136,12 @@ void ModelServer::on(const RejectMessage& reject) {
   }
   sending->isReadySent = false;
   sending->queue.push_back(reject.segment);
-  const auto rank = [this, &sending](std::uint32_t one) {
-    if (parts_.count(one) != 0) return std::ptrdiff_t{-1};
-    return std::find(sending->order.begin(), sending->order.end(), one) - sending->order.begin();
+  const auto rank = [this, &sending](std::uint32_t segment) {
+    if (sentBytes_.count(segment) != 0) return std::ptrdiff_t{-1};
+    return std::find(sending->order.begin(), sending->order.end(), segment) - sending->order.begin();
   };
-  std::stable_sort(sending->queue.begin(), sending->queue.end(),
-      [&rank](std::uint32_t one, std::uint32_t other) { return rank(one) < rank(other); });
+  std::stable_sort(
+      sending->queue.begin(), sending->queue.end(), [&rank](std::uint32_t a, std::uint32_t b) { return rank(a) < rank(b); });
 }
 
 void ModelServer::on(const PickMessage& pick) {
@@ -163,7 +163,9 @@ void ModelServer::on(const PickMessage& pick) {
   say(std::move(picked));
 }
 
+/// By sections 6.2 to 6.6 of the wire protocol, as plainly as can be: a client is judged by it.
 void ModelServer::on(const LandMessage& land) {
+  // 1. A landing that is refused changes nothing.
   expectNewer(land.generation);
   if (land.radiusM > 500) {
     ErrorMessage error;
@@ -173,10 +175,12 @@ void ModelServer::on(const LandMessage& land) {
     say(std::move(error));
     return;
   }
+  // 2. It supersedes everything before it.
   supersedeAim(land.generation);
   supersede(prefetch_, land.generation);
   supersede(landing_, land.generation);
   isDeadlinePassed = false;
+  // 3. The wanted segments, nearest first and within the budgets; those beyond the radius are kept nearby.
   const std::vector<std::uint32_t> order = ordered(land.position, land.radiusM);
   PlanMessage plan;
   std::vector<std::uint32_t> wanted = within(order, plan.omittedBy);
@@ -190,6 +194,7 @@ void ModelServer::on(const LandMessage& land) {
     wanted.resize(near);
   }
   if (wanted.size() == near) plan.omittedBy.reset();
+  // 4. What of them is to be loaded, what is held already, and what the deadline's inner set is.
   prefetch_ = nullptr;
   landing_ = begin(land.generation, wanted);
   landing_->isLanding = true;
@@ -199,6 +204,7 @@ void ModelServer::on(const LandMessage& land) {
     }
     if (held.count(segment) != 0) plan.keep.push_back(segment);
   }
+  // 5. The plan.
   std::sort(plan.keep.begin(), plan.keep.end());
   plan.generation = land.generation;
   plan.position = land.position;
@@ -246,8 +252,8 @@ std::shared_ptr<ModelServer::Sending> ModelServer::begin(std::uint32_t generatio
     if (held.count(segment) == 0) sending->queue.push_back(segment);
   }
   sending->load = std::set<std::uint32_t>(sending->queue.begin(), sending->queue.end());
-  for (auto part = parts_.begin(); part != parts_.end();) {
-    part = sending->load.count(part->first) != 0 ? std::next(part) : parts_.erase(part);
+  for (auto partial = sentBytes_.begin(); partial != sentBytes_.end();) {
+    partial = sending->load.count(partial->first) != 0 ? std::next(partial) : sentBytes_.erase(partial);
   }
   return sending;
 }
@@ -278,8 +284,7 @@ std::vector<std::uint32_t> ModelServer::ordered(const Vec3& centre, double radiu
     const double reach = held.count(row.segment) != 0 ? radiusM * releaseFactor_ : radiusM;
     if (far(row.segment) <= reach) order.push_back(row.segment);
   }
-  std::stable_sort(
-      order.begin(), order.end(), [&far](std::uint32_t one, std::uint32_t other) { return far(one) < far(other); });
+  std::stable_sort(order.begin(), order.end(), [&far](std::uint32_t a, std::uint32_t b) { return far(a) < far(b); });
   return order;
 }
 
@@ -318,15 +323,15 @@ std::optional<EncodedMessage> ModelServer::chunk(Sending& sending) {
   if (sending.queue.empty() || credit < 1) return std::nullopt;
   const std::uint32_t segment = sending.queue.front();
   const std::vector<std::uint8_t>& payload = scene_.payloads[segment];
-  const std::size_t offset = parts_.count(segment) != 0 ? parts_[segment] : 0;
+  const std::size_t offset = sentBytes_.count(segment) != 0 ? sentBytes_[segment] : 0;
   const auto random = static_cast<std::uint64_t>(1 + static_cast<int>(options_.random() * options_.maxChunk));
   const auto length = static_cast<std::size_t>(std::min<std::uint64_t>({random, credit, payload.size() - offset}));
   credit -= length;
   chunkBytes += length;
   sending.payloadBytes += length;
-  parts_[segment] = offset + length;
+  sentBytes_[segment] = offset + length;
   if (offset + length == payload.size()) {
-    parts_.erase(segment);
+    sentBytes_.erase(segment);
     sending.queue.erase(sending.queue.begin());
     sending.delivered += 1;
     held[segment] = scene_.facts[segment].xxh3;
@@ -345,7 +350,8 @@ std::optional<EncodedMessage> ModelServer::chunk(Sending& sending) {
 /// Say `degraded` where the deadline has passed and the inner set is whole.
 void ModelServer::degrade(Sending& sending) {
   const bool isWhole = !sending.inner.empty() &&
-      std::all_of(sending.inner.begin(), sending.inner.end(), [this](std::uint32_t one) { return held.count(one) != 0; });
+      std::all_of(
+          sending.inner.begin(), sending.inner.end(), [this](std::uint32_t segment) { return held.count(segment) != 0; });
   if (!isDeadlinePassed || sending.isDegradedSent || !isWhole) return;
   sending.isDegradedSent = true;
   DegradedMessage message;

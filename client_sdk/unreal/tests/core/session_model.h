@@ -83,7 +83,7 @@ class ModelServer {
   void on(const ArrivedMessage&) {}
 
   EncodedMessage encoded(const ServerMessage& message) const;
-  std::optional<EncodedMessage> told();
+  std::optional<EncodedMessage> nextMessage();
   std::vector<std::uint32_t> accepted(const std::vector<HeldRow>& rows);
   void startAim();
   std::shared_ptr<Sending> begin(std::uint32_t generation, std::vector<std::uint32_t> order);
@@ -109,7 +109,7 @@ class ModelServer {
   std::shared_ptr<Sending> landing_;
   std::shared_ptr<Sending> prefetch_;
   std::optional<AimMessage> waitingAim_;
-  std::map<std::uint32_t, std::size_t> parts_;
+  std::map<std::uint32_t, std::size_t> sentBytes_;
 };
 
 }  // namespace terraport::testing

@@ -112,18 +112,18 @@ class Pair {
   }
 
   std::vector<StreamEvent> of(EventKind kind) const {
-    std::vector<StreamEvent> found;
+    std::vector<StreamEvent> matches;
     for (const SessionEvent& event : events) {
-      if (event.news == SessionNews::Told && event.told.kind == kind) found.push_back(event.told);
+      if (event.news == SessionNews::Stream && event.stream.kind == kind) matches.push_back(event.stream);
     }
-    return found;
+    return matches;
   }
 
   /// Ids of the segments that were rejected, in order.
   std::vector<std::uint32_t> rejected() const {
     std::vector<std::uint32_t> ids;
     for (const SessionEvent& event : events) {
-      if (event.news == SessionNews::Rejected) ids.push_back(event.told.facts.segment);
+      if (event.news == SessionNews::Rejected) ids.push_back(event.stream.facts.segment);
     }
     return ids;
   }
@@ -135,15 +135,15 @@ class Pair {
   }
 
   bool holds(std::uint32_t segment) const {
-    const CachedSegment* const entry = client.held().peek(segment);
+    const CachedSegment* const entry = client.holdings().peek(segment);
     return entry != nullptr && *entry->payload == scene->payloads[segment];
   }
 
  private:
   void collect() {
     for (SessionEvent& event : client.takeEvents()) {
-      if (event.news == SessionNews::Told && event.told.kind == EventKind::Arrived) {
-        received.push_back(event.told.facts.segment);
+      if (event.news == SessionNews::Stream && event.stream.kind == EventKind::Arrived) {
+        received.push_back(event.stream.facts.segment);
       }
       events.push_back(std::move(event));
     }

@@ -1,4 +1,4 @@
-// The small pure parts: cache, assembly, waits, pace, close codes.
+// The small pure units: cache, assembly, waits, pace, close codes.
 #include "Backoff.h"
 #include "Cache.h"
 #include "LinkPacer.h"
@@ -65,42 +65,45 @@ TEST_CASE("cache: does over any history what a list does slowly") {
     std::set<std::uint32_t> pinned;
     const auto bytes = [&model] {
       std::uint64_t sum = 0;
-      for (const auto& one : model) sum += one.second;
+      for (const auto& entry : model) sum += entry.second;
       return sum;
     };
     for (int step = 0; step < 60; ++step) {
-      const int what = random.below(5);
+      // 1. The same action on both.
+      const int action = random.below(5);
       const auto id = static_cast<std::uint32_t>(random.below(7));
-      const auto found = std::find_if(model.begin(), model.end(), [id](const auto& one) { return one.first == id; });
-      const bool isFound = found != model.end();
-      if (what == 0) {
+      const auto entry =
+          std::find_if(model.begin(), model.end(), [id](const auto& candidate) { return candidate.first == id; });
+      const bool isCached = entry != model.end();
+      if (action == 0) {
         const auto size = static_cast<std::uint64_t>(1 + random.below(50));
         cache.put(entryOf(id, size));
-        if (isFound) model.erase(found);
+        if (isCached) model.erase(entry);
         model.emplace_back(id, size);
-      } else if (what == 1) {
-        CHECK((cache.get(id) != nullptr) == isFound);
-        if (isFound) std::rotate(found, found + 1, model.end());
-      } else if (what == 2) {
-        CHECK(cache.discard(id) == isFound);
-        if (isFound) model.erase(found);
-      } else if (what == 3) {
+      } else if (action == 1) {
+        CHECK((cache.get(id) != nullptr) == isCached);
+        if (isCached) std::rotate(entry, entry + 1, model.end());
+      } else if (action == 2) {
+        CHECK(cache.discard(id) == isCached);
+        if (isCached) model.erase(entry);
+      } else if (action == 3) {
         pinned = {id, (id + 1) % 7};
         cache.pin(pinned);
       } else {
-        std::vector<std::uint32_t> gone;
-        for (auto one = model.begin(); one != model.end() && bytes() > maxBytes;) {
-          if (pinned.count(one->first) != 0) {
-            ++one;
+        std::vector<std::uint32_t> evicted;
+        for (auto oldest = model.begin(); oldest != model.end() && bytes() > maxBytes;) {
+          if (pinned.count(oldest->first) != 0) {
+            ++oldest;
           } else {
-            gone.push_back(one->first);
-            one = model.erase(one);
+            evicted.push_back(oldest->first);
+            oldest = model.erase(oldest);
           }
         }
-        CHECK(trimmed(cache) == gone);
+        CHECK(trimmed(cache) == evicted);
       }
+      // 2. The same ids in the same order of age, and as many bytes.
       std::vector<std::uint32_t> ids;
-      for (const auto& one : model) ids.push_back(one.first);
+      for (const auto& cached : model) ids.push_back(cached.first);
       CHECK(idsOf(cache) == ids);
       CHECK(cache.bytes() == bytes());
     }

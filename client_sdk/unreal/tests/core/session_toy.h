@@ -28,7 +28,7 @@ class Seeded {
   int below(int most) { return static_cast<int>((*this)() * most); }
 
   template <typename T>
-  T one(std::initializer_list<T> values) {
+  T oneOf(std::initializer_list<T> values) {
     return *(values.begin() + below(static_cast<int>(values.size())));
   }
 

@@ -1,4 +1,4 @@
-// A stage with everything around it: a stream that is told what to tell, a renderer that notes what would be drawn, a clock
+// A stage with everything around it: a stream whose events the test makes, a renderer that notes what would be drawn, a clock
 // that runs with the work.
 #pragma once
 
@@ -29,11 +29,11 @@ class FakeStream final : public terraport::LandingStream {
  public:
   FakeStream() {
     const auto path = conformance() / "scene" / "payload" / "good-full.glb";
-    good = std::make_shared<const std::vector<std::uint8_t>>(readFile(path));
-    std::vector<std::uint8_t> broken = *good;
+    validPayload = std::make_shared<const std::vector<std::uint8_t>>(readFile(path));
+    std::vector<std::uint8_t> broken = *validPayload;
     broken[broken.size() / 2] ^= 0xff;
     broken[8] ^= 1;
-    bad = std::make_shared<const std::vector<std::uint8_t>>(broken);
+    damagedPayload = std::make_shared<const std::vector<std::uint8_t>>(broken);
   }
 
   std::int64_t land(const terraport::Vec3&, double, const terraport::LandOptions&) override { return ++landing; }
@@ -42,11 +42,11 @@ class FakeStream final : public terraport::LandingStream {
     if (held.count(segment) == 0) {
       return nullptr;
     }
-    return damaged.count(segment) != 0 ? bad : good;
+    return damaged.count(segment) != 0 ? damagedPayload : validPayload;
   }
 
-  terraport::SharedPayload good;
-  terraport::SharedPayload bad;
+  terraport::SharedPayload validPayload;
+  terraport::SharedPayload damagedPayload;
   SegmentSet held;
   SegmentSet damaged;
   std::int64_t landing = 0;
@@ -62,10 +62,10 @@ class NotingRenderer final : public terraport::SceneRenderer {
     CHECK(uploaded.count(segment) == 0);
     clock_.spend(uploadMs);
     ++uploads;
-    if (slices > 1 && ++begun[segment] < slices) {
+    if (slices > 1 && ++slicesBySegment[segment] < slices) {
       return terraport::UploadState::More;
     }
-    begun.erase(segment);
+    slicesBySegment.erase(segment);
     if (refused.count(segment) != 0) {
       return terraport::UploadState::Failed;
     }
@@ -81,10 +81,10 @@ class NotingRenderer final : public terraport::SceneRenderer {
 
   void free(std::uint32_t segment) override {
     CHECK(shown.count(segment) == 0);
-    CHECK(uploaded.count(segment) + begun.count(segment) + refused.count(segment) > 0);
+    CHECK(uploaded.count(segment) + slicesBySegment.count(segment) + refused.count(segment) > 0);
     uploaded.erase(segment);
     drawable.erase(segment);
-    begun.erase(segment);
+    slicesBySegment.erase(segment);
     ++frees;
   }
 
@@ -93,7 +93,7 @@ class NotingRenderer final : public terraport::SceneRenderer {
   void beginBase(const terraport::SceneFiles& files) override {
     uploaded.clear();
     drawable.clear();
-    begun.clear();
+    slicesBySegment.clear();
     shown.clear();
     drawn.assign(files.base.faceCount, 0);
     prepared.clear();
@@ -119,10 +119,10 @@ class NotingRenderer final : public terraport::SceneRenderer {
       CHECK(shown.insert(segment).second);
     }
     for (const terraport::FaceRange& block : change.baseBlocks) {
-      const auto found = prepared.find(block.first);
-      REQUIRE(found != prepared.end());
-      REQUIRE(found->second.size() == block.count);
-      std::copy(found->second.begin(), found->second.end(), drawn.begin() + block.first);
+      const auto faces = prepared.find(block.first);
+      REQUIRE(faces != prepared.end());
+      REQUIRE(faces->second.size() == block.count);
+      std::copy(faces->second.begin(), faces->second.end(), drawn.begin() + block.first);
     }
     CHECK(std::equal(drawn.begin(), drawn.end(), change.baseHidden.faces));
   }
@@ -139,7 +139,7 @@ class NotingRenderer final : public terraport::SceneRenderer {
   SegmentSet drawable;
   SegmentSet shown;
   SegmentSet refused;
-  std::map<std::uint32_t, int> begun;
+  std::map<std::uint32_t, int> slicesBySegment;
   /// One byte per face of what is drawn, as the prepared blocks had it.
   std::vector<std::uint8_t> drawn;
   std::map<std::uint32_t, std::vector<std::uint8_t>> prepared;
@@ -149,7 +149,7 @@ class NotingRenderer final : public terraport::SceneRenderer {
 };
 
 /// Files whose base has `faces` faces, each under a few of `segments` neighbouring segments, or none.
-inline terraport::SharedSceneFiles madeFiles(std::uint64_t seed, std::uint32_t faces, std::uint32_t segments) {
+inline terraport::SharedSceneFiles randomFiles(std::uint64_t seed, std::uint32_t faces, std::uint32_t segments) {
   Chance chance(seed);
   auto files = std::make_shared<terraport::SceneFiles>();
   files->manifest.baseFaces = faces;
@@ -184,7 +184,7 @@ inline std::vector<std::uint8_t> hiddenBy(const terraport::Cover& cover, const S
 class Stand {
  public:
   explicit Stand(const terraport::StageOptions& options = {}, std::uint32_t faces = 900, std::uint32_t segments = 40)
-      : renderer(clock), files(madeFiles(7, faces, segments)) {
+      : renderer(clock), files(randomFiles(7, faces, segments)) {
     stage = std::make_unique<terraport::SceneStage>(stream, files, renderer, decodes, options);
   }
 

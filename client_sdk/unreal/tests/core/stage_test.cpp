@@ -117,15 +117,15 @@ TEST_SUITE("stage") {
   TEST_CASE("a newer landing wins, and what was on its way for the older is let go") {
     Stand stand;
     StageOptions options;
-    const std::int64_t old = stand.land();
-    stand.planned(old, {1, 2, 3});
-    stand.arrived(old, 1);
-    const std::int64_t fresh = stand.land();
-    stand.planned(fresh, {20, 21});
-    stand.arrived(fresh, 20);
-    stand.arrived(fresh, 21);
-    stand.ready(old, {1, 2, 3});
-    stand.ready(fresh, {20, 21});
+    const std::int64_t older = stand.land();
+    stand.planned(older, {1, 2, 3});
+    stand.arrived(older, 1);
+    const std::int64_t newer = stand.land();
+    stand.planned(newer, {20, 21});
+    stand.arrived(newer, 20);
+    stand.arrived(newer, 21);
+    stand.ready(older, {1, 2, 3});
+    stand.ready(newer, {20, 21});
     stand.frames(5);
     CHECK(stand.renderer.shown == SegmentSet{20, 21});
     CHECK(stand.renderer.swaps == 1);
@@ -196,7 +196,7 @@ TEST_SUITE("stage") {
     stand.renderer.slices = 3;
     stand.whole({1, 2});
     stand.update();
-    CHECK(stand.renderer.begun.size() == 2);
+    CHECK(stand.renderer.slicesBySegment.size() == 2);
     stand.frames(4);
     CHECK(stand.renderer.shown == SegmentSet{1, 2});
     CHECK(stand.renderer.uploads == 6);
@@ -227,7 +227,7 @@ TEST_SUITE("stage") {
     stand.frames(3);
     CHECK(stand.renderer.shown == SegmentSet{1, 2, 3});
     CHECK(stand.renderer.uploaded == SegmentSet{1, 2, 3});
-    stand.stage->replaceFiles(madeFiles(99, 500, 20));
+    stand.stage->replaceFiles(randomFiles(99, 500, 20));
     CHECK(stand.renderer.bases == 2);
     CHECK(stand.renderer.shown.empty());
     stand.compare();
@@ -249,6 +249,7 @@ TEST_SUITE("stage") {
   TEST_CASE("whatever happens, what is drawn is a declared set, and the base is hidden by the rule") {
     for (std::uint64_t seed = 0; seed < 60; ++seed) {
       CAPTURE(seed);
+      // 1. A stage with drawn limits.
       Chance chance(seed);
       StageOptions options;
       options.maxInFlight = 1 + chance.below(6);
@@ -258,11 +259,12 @@ TEST_SUITE("stage") {
       Stand stand(options);
       stand.renderer.uploadMs = 0.2;
       stand.renderer.slices = 1 + static_cast<int>(chance.below(3));
+      // What the stream would know: its newest landing, that landing's plan, and every set that was ever declared.
       std::int64_t landing = kNoLanding;
       SegmentSet load;
       SegmentSet keep;
       std::vector<SegmentSet> declared = {{}};
-      const auto some = [&](double share) {
+      const auto randomSubset = [&](double share) {
         SegmentSet out;
         for (std::uint32_t segment = 0; segment < 40; ++segment) {
           if (chance.share() < share) {
@@ -273,6 +275,7 @@ TEST_SUITE("stage") {
       };
       bool hasPlan = false;
       for (int step = 0; step < 250; ++step) {
+        // 2. Something that a stream may report next.
         switch (chance.below(12)) {
           case 0:
             if (chance.share() < 0.5) {
@@ -284,7 +287,7 @@ TEST_SUITE("stage") {
             if (landing != kNoLanding && !hasPlan) {
               load.clear();
               keep.clear();
-              for (const std::uint32_t segment : some(0.4)) {
+              for (const std::uint32_t segment : randomSubset(0.4)) {
                 (stand.stream.held.count(segment) != 0 ? keep : load).insert(segment);
               }
               stand.planned(landing, load, keep);
@@ -343,7 +346,7 @@ TEST_SUITE("stage") {
               stand.versionChanged();
               stand.update();
               stand.stream.held.clear();
-              stand.stage->replaceFiles(madeFiles(seed * 1000 + static_cast<std::uint64_t>(step), 900, 40));
+              stand.stage->replaceFiles(randomFiles(seed * 1000 + static_cast<std::uint64_t>(step), 900, 40));
               hasPlan = false;
               landing = kNoLanding;
             }
@@ -351,6 +354,7 @@ TEST_SUITE("stage") {
           default:
             break;
         }
+        // 3. One frame, after which the stand compares what is drawn with the stage and with the rule.
         stand.update(0.5);
         CHECK(stand.stage->stats().spareGpuBytes <= options.spareGpuBytes);
         const SegmentSet shown = stand.renderer.shown;

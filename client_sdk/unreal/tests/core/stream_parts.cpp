@@ -75,7 +75,7 @@ TEST_CASE("transport: messages beyond the bounds are refused") {
 }
 
 TEST_CASE("urls: every form that a user may paste") {
-  const std::vector<std::vector<std::string>> known{{"http://h/scenes/a", "http://h", "a", "ws://h/scenes/a/stream"},
+  const std::vector<std::vector<std::string>> cases{{"http://h/scenes/a", "http://h", "a", "ws://h/scenes/a/stream"},
       {"https://h:8443/scenes/a/", "https://h:8443", "a", "wss://h:8443/scenes/a/stream"},
       {"ws://h/p/q/scenes/a/stream", "http://h/p/q", "a", "ws://h/p/q/scenes/a/stream"},
       {"WSS://H.Example/scenes/%C3%A9t%C3%A9", "https://h.example", "\xC3\xA9t\xC3\xA9",
@@ -84,16 +84,16 @@ TEST_CASE("urls: every form that a user may paste") {
       {"http://[::1]:8000/scenes/a%20b", "http://[::1]:8000", "a b", "ws://[::1]:8000/scenes/a%20b/stream"},
       {"http://h/scenes/stream", "http://h", "stream", "ws://h/scenes/stream/stream"}, {"http://h", "http://h", "", ""},
       {"http://h/prefix/", "http://h/prefix", "", ""}, {"http://h/scenes/", "http://h", "", ""}};
-  for (const auto& one : known) {
-    CAPTURE(one[0]);
-    const Result<SceneUrl> parsed = parseSceneUrl(one[0]);
-    REQUIRE(parsed.isOk() == !one[1].empty());
-    if (one[1].empty()) continue;
-    CHECK(parsed.value().server == one[1]);
-    CHECK(parsed.value().scene == one[2]);
-    const Result<std::string> stream = streamUrl(one[0]);
-    CHECK(stream.isOk() == !one[3].empty());
-    if (stream.isOk()) CHECK(stream.value() == one[3]);
+  for (const auto& row : cases) {
+    CAPTURE(row[0]);
+    const Result<SceneUrl> parsed = parseSceneUrl(row[0]);
+    REQUIRE(parsed.isOk() == !row[1].empty());
+    if (row[1].empty()) continue;
+    CHECK(parsed.value().server == row[1]);
+    CHECK(parsed.value().scene == row[2]);
+    const Result<std::string> stream = streamUrl(row[0]);
+    CHECK(stream.isOk() == !row[3].empty());
+    if (stream.isOk()) CHECK(stream.value() == row[3]);
   }
   CHECK(sceneUrlOf("wss://h/p/scenes/old", "a b/c").value() == "https://h/p/scenes/a%20b%2Fc");
 }

@@ -1,4 +1,4 @@
-// The stream over transports in memory: connecting, aims, waits, and what is told.
+// The stream over transports in memory: connecting, aims, waits, and its events.
 #include "Terraport/SceneStream.h"
 #include "Terraport/StreamThread.h"
 #include "Terraport/Xxh3.h"
@@ -23,9 +23,9 @@ struct Setting {
   explicit Setting(StreamOptions options = {}, ModelOptions model = {}) {
     network = std::make_shared<FakeNetwork>(kStreamToy, model);
     options.sceneUrl = "http://example.org/scenes/toy";
-    auto made = SceneStream::make(options, std::make_shared<FakeTransports>(network), [] { return 0.0; });
-    REQUIRE(made.isOk());
-    stream = made.take();
+    auto opened = SceneStream::make(options, std::make_shared<FakeTransports>(network), [] { return 0.0; });
+    REQUIRE(opened.isOk());
+    stream = opened.take();
   }
 
   /// Pump until `forMs` have passed.
@@ -41,11 +41,11 @@ struct Setting {
   }
 
   std::vector<StreamEvent> of(EventKind kind) const {
-    std::vector<StreamEvent> found;
+    std::vector<StreamEvent> matches;
     for (const StreamEvent& event : events) {
-      if (event.kind == kind) found.push_back(event);
+      if (event.kind == kind) matches.push_back(event);
     }
-    return found;
+    return matches;
   }
 
   LinkState link() const { return of(EventKind::Link).back().link; }

@@ -95,10 +95,10 @@ const Case kCases[] = {
 
 TEST_SUITE("xxh3") {
   TEST_CASE("every branch of the algorithm gives the reference's number") {
-    for (const Case& one : kCases) {
-      CAPTURE(one.size);
-      const std::vector<std::uint8_t> bytes = pattern(one.size);
-      CHECK(xxh3Hash64({bytes.data(), bytes.size()}) == one.hash);
+    for (const Case& row : kCases) {
+      CAPTURE(row.size);
+      const std::vector<std::uint8_t> bytes = pattern(row.size);
+      CHECK(xxh3Hash64({bytes.data(), bytes.size()}) == row.hash);
     }
   }
 

@@ -38,10 +38,10 @@ TEST_CASE("east, up and south become X, Z and Y, in centimetres")
 
 TEST_CASE("points may be changed in place")
 {
-	double Place[3] = {1.0, 2.0, 3.0};
-	TerraportAxes::PointToUnreal(Place, Place);
-	CHECK(Place[1] == 300.0);
-	CHECK(Place[2] == 200.0);
+	double Point[3] = {1.0, 2.0, 3.0};
+	TerraportAxes::PointToUnreal(Point, Point);
+	CHECK(Point[1] == 300.0);
+	CHECK(Point[2] == 200.0);
 }
 
 TEST_CASE("a face keeps its front: outwards in the scene is the renderer's front, with the corners in the same order")
@@ -65,16 +65,16 @@ TEST_CASE("a face keeps its front: outwards in the scene is the renderer's front
 TEST_CASE("a border vertex of two segments is the same to the bit, whatever their translations")
 {
 	const float Step = 1.0f / 128.0f;
-	const float One[3] = {1203.5f, -17.25f, -3999.0078125f};
-	const float Other[3] = {One[0] - 411 * Step, One[1] + 90 * Step, One[2] - 65000 * Step};
+	const float OffsetA[3] = {1203.5f, -17.25f, -3999.0078125f};
+	const float OffsetB[3] = {OffsetA[0] - 411 * Step, OffsetA[1] + 90 * Step, OffsetA[2] - 65000 * Step};
 	for (std::uint16_t Code = 500; Code < 600; ++Code)
 	{
-		const std::uint16_t InOne[4] = {Code, 200, 77, 0};
-		const std::uint16_t InOther[4] = {std::uint16_t(Code + 411), std::uint16_t(200 - 90), std::uint16_t(77 + 65000), 0};
-		float PlaceInOne[3], PlaceInOther[3];
-		TerraportAxes::PositionsToUnreal(InOne, 1, One, Step, PlaceInOne);
-		TerraportAxes::PositionsToUnreal(InOther, 1, Other, Step, PlaceInOther);
-		CHECK(std::memcmp(PlaceInOne, PlaceInOther, sizeof(PlaceInOne)) == 0);
+		const std::uint16_t CodesA[4] = {Code, 200, 77, 0};
+		const std::uint16_t CodesB[4] = {std::uint16_t(Code + 411), std::uint16_t(200 - 90), std::uint16_t(77 + 65000), 0};
+		float PositionA[3], PositionB[3];
+		TerraportAxes::PositionsToUnreal(CodesA, 1, OffsetA, Step, PositionA);
+		TerraportAxes::PositionsToUnreal(CodesB, 1, OffsetB, Step, PositionB);
+		CHECK(std::memcmp(PositionA, PositionB, sizeof(PositionA)) == 0);
 	}
 }
 

@@ -52,7 +52,7 @@ TEST_CASE("boxes change nothing of what rays meet")
 	TArray<FVector3f> Positions;
 	TArray<uint32> Indices;
 	const FTerraportGroundMesh Ground = MakeHills(24, Positions, Indices);
-	// Each face alone, in a mesh of its own: no box to be wrong about but its own.
+	// 1. The reference: each face alone, in a mesh of its own, with no box to be wrong about but its own.
 	std::vector<FTerraportGroundMesh> Faces;
 	for (int32 First = 0; First < Indices.Num(); First += 3)
 	{
@@ -65,12 +65,13 @@ TEST_CASE("boxes change nothing of what rays meet")
 		}
 		Faces.emplace_back(Corners, Order);
 	}
+	// 2. Rays from above, below and the side: the nearest hit of all faces is the mesh's, to the bit.
 	std::mt19937 Random(7);
-	std::uniform_real_distribution<float> Place(-200.0f, 2600.0f), Slope(-1.0f, 1.0f);
-	int Met = 0;
+	std::uniform_real_distribution<float> Coordinate(-200.0f, 2600.0f), Slope(-1.0f, 1.0f);
+	int HitCount = 0;
 	for (int Ray = 0; Ray < 400; ++Ray)
 	{
-		const FVector3f From(Place(Random), Place(Random), 400.0f * Slope(Random));
+		const FVector3f From(Coordinate(Random), Coordinate(Random), 400.0f * Slope(Random));
 		const FVector3f Along = FVector3f(Slope(Random), Slope(Random), 0.3f * Slope(Random)).GetSafeNormal();
 		FTerraportGroundPoint Best, Point;
 		bool bAny = false;
@@ -87,10 +88,10 @@ TEST_CASE("boxes change nothing of what rays meet")
 		if (bMet && bAny)
 		{
 			CHECK(Point.At == Best.At);
-			++Met;
+			++HitCount;
 		}
 	}
-	CHECK(Met > 50);
+	CHECK(HitCount > 50);
 }
 
 TEST_CASE("an empty mesh is met by nothing")

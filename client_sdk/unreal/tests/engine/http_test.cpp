@@ -61,10 +61,10 @@ struct FHttpStand
 	FHttpStand()
 	{
 		FHttpModule::Get().StubMake = [this]() -> TSharedRef<IHttpRequest, ESPMode::ThreadSafe> {
-			const TSharedRef<FFakeRequest> Made = MakeShared<FFakeRequest>();
-			Made->bStarts = bStarts;
-			All.push_back(Made);
-			return Made;
+			const TSharedRef<FFakeRequest> Request = MakeShared<FFakeRequest>();
+			Request->bStarts = bStarts;
+			All.push_back(Request);
+			return Request;
 		};
 	}
 	FFakeRequest& Newest() { return *All.back(); }
@@ -130,7 +130,7 @@ TEST_CASE("without a connection there is a reason and no status")
 TEST_CASE("what was given up is heard of no more, and nothing is left of it")
 {
 	FHttpStand Stand;
-	std::weak_ptr<FFakeRequest> Left;
+	std::weak_ptr<FFakeRequest> CancelledRequest;
 	{
 		FTerraportHttp Http;
 		const std::uint64_t Request = Http.get("http://host/a", "", 10);
@@ -139,9 +139,9 @@ TEST_CASE("what was given up is heard of no more, and nothing is left of it")
 		terraport::HttpAnswer Answer;
 		CHECK_FALSE(Http.poll(Request, Answer));
 		Http.get("http://host/b", "", 10);
-		Left = Stand.All.back().Held;
+		CancelledRequest = Stand.All.back().StubObject;
 	}
 	CHECK(Stand.Newest().bCancelled);
 	Stand.All.clear();
-	CHECK(Left.expired());
+	CHECK(CancelledRequest.expired());
 }

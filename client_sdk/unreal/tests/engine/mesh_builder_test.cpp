@@ -59,8 +59,8 @@ TEST_CASE("the procedural backend makes one hidden section, and shows it by its 
 	FTerraportProceduralBackend Backend;
 	const TUniquePtr<FTerraportPreparedMesh> Prepared = Backend.Prepare(Part);
 	AActor Actor;
-	UPrimitiveComponent* Made = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
-	UProceduralMeshComponent* Component = static_cast<UProceduralMeshComponent*>(Made);
+	UPrimitiveComponent* Created = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
+	UProceduralMeshComponent* Component = static_cast<UProceduralMeshComponent*>(Created);
 	REQUIRE(Component != nullptr);
 	CHECK(Component->bStubRegistered);
 	CHECK_FALSE(Component->StubSection.bSectionVisible);
@@ -76,10 +76,10 @@ TEST_CASE("the procedural backend makes one hidden section, and shows it by its 
 TEST_CASE("the dynamic backend keeps faces that three share an edge with")
 {
 	FTerraportMeshPart Part;
-	for (const FVector3f& Place :
+	for (const FVector3f& Position :
 		{FVector3f(0, 0, 0), FVector3f(0, 0, 1), FVector3f(1, 0, 0), FVector3f(0, 1, 0), FVector3f(-1, 0, 0)})
 	{
-		Part.Positions.Add(Place);
+		Part.Positions.Add(Position);
 		Part.Normals.Add(FVector3f(0, 0, 1));
 	}
 	// Three faces at the edge 0-1, and one without area.
@@ -90,8 +90,8 @@ TEST_CASE("the dynamic backend keeps faces that three share an edge with")
 	FTerraportDynamicBackend Backend;
 	const TUniquePtr<FTerraportPreparedMesh> Prepared = Backend.Prepare(Part);
 	AActor Actor;
-	UPrimitiveComponent* Made = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
-	UDynamicMeshComponent* Component = static_cast<UDynamicMeshComponent*>(Made);
+	UPrimitiveComponent* Created = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
+	UDynamicMeshComponent* Component = static_cast<UDynamicMeshComponent*>(Created);
 	REQUIRE(Component != nullptr);
 	CHECK(Component->StubMesh.StubTriangles.size() == 3);
 	CHECK(Component->StubMesh.StubVertices.size() == 8);

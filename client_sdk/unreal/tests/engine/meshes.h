@@ -9,6 +9,7 @@
 /// A level grid of `Side` x `Side` squares of a metre, faces up, vertices in rows; each vertex has its own grey.
 inline void MakeGrid(std::uint32_t Side, terraport::SegmentMesh& Mesh)
 {
+	// 1. Room for everything.
 	const std::uint32_t Row = Side + 1;
 	Mesh.clear();
 	Mesh.vertexCount = Row * Row;
@@ -22,6 +23,7 @@ inline void MakeGrid(std::uint32_t Side, terraport::SegmentMesh& Mesh)
 	{
 		return;
 	}
+	// 2. Vertices: two steps of half a metre apart, y up.
 	for (std::uint32_t Vertex = 0; Vertex < Mesh.vertexCount; ++Vertex)
 	{
 		const std::uint16_t Codes[4] = {std::uint16_t(2 * (Vertex % Row)), 0, std::uint16_t(2 * (Vertex / Row)), 0};
@@ -33,6 +35,7 @@ inline void MakeGrid(std::uint32_t Side, terraport::SegmentMesh& Mesh)
 			Mesh.coloursLinear16[4 * Vertex + At] = At == 3 ? 65535 : std::uint16_t(Vertex * 65535u / Mesh.vertexCount);
 		}
 	}
+	// 3. Two faces a square, counter-clockwise seen from above.
 	std::size_t Index = 0;
 	for (std::uint32_t Z = 0; Z < Side; ++Z)
 	{

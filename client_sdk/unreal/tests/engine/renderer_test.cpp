@@ -45,10 +45,10 @@ public:
 	virtual UPrimitiveComponent* Create(
 		AActor&, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material, const FTerraportMeshSettings&) override
 	{
-		Made.push_back(std::make_unique<FFakeComponent>());
-		Made.back()->Part = static_cast<FFakeMesh&>(Prepared).Part;
-		Made.back()->SetMaterial(0, Material);
-		return Made.back().get();
+		Components.push_back(std::make_unique<FFakeComponent>());
+		Components.back()->Part = static_cast<FFakeMesh&>(Prepared).Part;
+		Components.back()->SetMaterial(0, Material);
+		return Components.back().get();
 	}
 	virtual void SetShown(UPrimitiveComponent& Component, bool bShown) override
 	{
@@ -60,7 +60,7 @@ public:
 	std::multiset<std::pair<int, int>> Drawn() const
 	{
 		std::multiset<std::pair<int, int>> Faces;
-		for (const auto& Component : Made)
+		for (const auto& Component : Components)
 		{
 			for (int32 First = 0; Component->bShown && IsValid(Component.get()) && First < Component->Part.Indices.Num();
 				First += 3)
@@ -78,21 +78,21 @@ public:
 	int Alive() const
 	{
 		int Count = 0;
-		for (const auto& Component : Made)
+		for (const auto& Component : Components)
 		{
 			Count += IsValid(Component.get()) ? 1 : 0;
 		}
 		return Count;
 	}
-	std::vector<std::unique_ptr<FFakeComponent>> Made;
+	std::vector<std::unique_ptr<FFakeComponent>> Components;
 };
 
 class FKeeper final : public ITerraportKeeper
 {
 public:
-	virtual void Keep(UObject* Object) override { CHECK(Held.insert(Object).second); }
-	virtual void Release(UObject* Object) override { CHECK(Held.erase(Object) == 1); }
-	std::set<UObject*> Held;
+	virtual void Keep(UObject* Object) override { CHECK(Kept.insert(Object).second); }
+	virtual void Release(UObject* Object) override { CHECK(Kept.erase(Object) == 1); }
+	std::set<UObject*> Kept;
 };
 
 /// A scene of 12 x 12 squares whose base is drawn, and what a test does with it.
@@ -203,7 +203,7 @@ TEST_CASE("the base is drawn whole, each face once, and with its push")
 	CHECK(Stand.Renderer->isBaseReady());
 	CHECK(Stand.Backend->Drawn() == Stand.Expected({}));
 	const UMaterialInstanceDynamic* Instance =
-		static_cast<UMaterialInstanceDynamic*>(Stand.Backend->Made.front()->StubMaterial);
+		static_cast<UMaterialInstanceDynamic*>(Stand.Backend->Components.front()->StubMaterial);
 	REQUIRE(Instance != nullptr);
 	CHECK(Instance->StubScalar == 25.0f);
 }
@@ -218,20 +218,20 @@ TEST_CASE("preparing changes nothing of what is drawn; the swap changes all of i
 	CHECK(Stand.Backend->Drawn() == Stand.Expected({}));
 	terraport::SceneSwap Swap = Stand.SwapOf(Mask);
 	Swap.shown = {4};
-	const std::size_t MadeBefore = Stand.Backend->Made.size();
+	const std::size_t CountBefore = Stand.Backend->Components.size();
 	Stand.Renderer->swap(Swap);
-	CHECK(Stand.Backend->Made.size() == MadeBefore);
+	CHECK(Stand.Backend->Components.size() == CountBefore);
 	auto Expected = Stand.Expected(Mask);
 	FFakeBackend Segment;
-	Segment.Made.push_back(std::make_unique<FFakeComponent>());
+	Segment.Components.push_back(std::make_unique<FFakeComponent>());
 	TerraportMeshBuilder::BuildPart(
 		[] {
 			static terraport::SegmentMesh Mesh;
 			MakeGrid(2, Mesh);
 			return std::cref(Mesh);
 		}(),
-		ETerraportVertexColours::Srgb, Segment.Made.back()->Part);
-	Segment.Made.back()->bShown = true;
+		ETerraportVertexColours::Srgb, Segment.Components.back()->Part);
+	Segment.Components.back()->bShown = true;
 	for (const auto& Face : Segment.Drawn())
 	{
 		Expected.insert(Face);
@@ -305,7 +305,8 @@ TEST_CASE("a texture is made in a step of its own, and a payload that was not bu
 	Mesh.engineData = std::move(Data);
 	CHECK(Stand.Renderer->upload(1, Mesh, terraport::ByteSpan{}) == terraport::UploadState::More);
 	CHECK(Stand.Renderer->upload(1, Mesh, terraport::ByteSpan{}) == terraport::UploadState::Done);
-	const UMaterialInstanceDynamic* Instance = static_cast<UMaterialInstanceDynamic*>(Stand.Backend->Made.back()->StubMaterial);
+	const UMaterialInstanceDynamic* Instance =
+		static_cast<UMaterialInstanceDynamic*>(Stand.Backend->Components.back()->StubMaterial);
 	REQUIRE(Instance != nullptr);
 	REQUIRE(Instance->StubTexture != nullptr);
 	UTexture* const Texture = Instance->StubTexture;
@@ -315,18 +316,18 @@ TEST_CASE("a texture is made in a step of its own, and a payload that was not bu
 	Stand.Renderer->free(1);
 	Stand.RunFrames(2);
 	CHECK(Texture->bStubReleased);
-	CHECK(Stand.Keeper.Held.count(Texture) == 0);
+	CHECK(Stand.Keeper.Kept.count(Texture) == 0);
 }
 
 TEST_CASE("components that the collector has found are left to it")
 {
 	FStand Stand;
 	Stand.Upload(1);
-	FFakeComponent& Component = *Stand.Backend->Made.back();
+	FFakeComponent& Component = *Stand.Backend->Components.back();
 	Component.bStubUnreachable = true;
 	Stand.Renderer.reset();
 	CHECK_FALSE(Component.bStubDestroyed);
-	CHECK(Stand.Keeper.Held.empty());
+	CHECK(Stand.Keeper.Kept.empty());
 }
 
 TEST_CASE("everything that was kept from the collector is let go in the end")
@@ -340,9 +341,9 @@ TEST_CASE("everything that was kept from the collector is let go in the end")
 	Swap.shown = {1};
 	Stand.Renderer->swap(Swap);
 	Stand.BeginBase();
-	CHECK_FALSE(Stand.Keeper.Held.empty());
+	CHECK_FALSE(Stand.Keeper.Kept.empty());
 	Stand.Renderer.reset();
-	CHECK(Stand.Keeper.Held.empty());
+	CHECK(Stand.Keeper.Kept.empty());
 	CHECK(Stand.Backend->Alive() == 0);
 }
 

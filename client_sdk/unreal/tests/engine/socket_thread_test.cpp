@@ -99,9 +99,9 @@ TEST_CASE("where the module was loaded before, nothing is changed, and the log s
 	Engine.Load();
 	CHECK(Engine.Start() == 1);
 	CHECK(Engine.FrameTimeS() == 0.0333);
-	const std::u16string Said = StubWarnings.back();
-	CHECK(Said.find(u"DefaultEngine.ini") != std::u16string::npos);
-	CHECK(Said.find(u"[WebSockets.LibWebSockets] ThreadTargetFrameTimeInSeconds") != std::u16string::npos);
+	const std::u16string Warning = StubWarnings.back();
+	CHECK(Warning.find(u"DefaultEngine.ini") != std::u16string::npos);
+	CHECK(Warning.find(u"[WebSockets.LibWebSockets] ThreadTargetFrameTimeInSeconds") != std::u16string::npos);
 
 	FFreshEngine Unset;
 	Unset.Load();

@@ -12,7 +12,9 @@ struct Centre
 	float At[3];
 };
 
-/// Sort `Order[Begin, End)` into leaves. The cut falls on a multiple of the leaf's size, so that leaves stay whole.
+/// Sort `Order[Begin, End)` into leaves of `BlockFaces` faces that lie close together; the last leaf may have fewer.
+///
+/// Invariant: the ranges in `Open` are disjoint, and each begins a whole number of leaves behind `Begin`.
 void Split(std::vector<std::uint32_t>& Order, const std::vector<Centre>& Centres, std::size_t Begin, std::size_t End,
 	std::uint32_t BlockFaces)
 {
@@ -24,21 +26,24 @@ void Split(std::vector<std::uint32_t>& Order, const std::vector<Centre>& Centres
 	std::vector<Range> Open{{Begin, End}};
 	while (!Open.empty())
 	{
-		const Range Now = Open.back();
+		const Range Current = Open.back();
 		Open.pop_back();
-		const std::size_t Count = Now.End - Now.Begin;
+		const std::size_t Count = Current.End - Current.Begin;
+		// 1. A leaf keeps the order of the file within itself.
 		if (Count <= BlockFaces)
 		{
-			std::sort(Order.begin() + std::ptrdiff_t(Now.Begin), Order.begin() + std::ptrdiff_t(Now.End));
+			std::sort(Order.begin() + std::ptrdiff_t(Current.Begin), Order.begin() + std::ptrdiff_t(Current.End));
 			continue;
 		}
-		float Least[3] = {Centres[Order[Now.Begin]].At[0], Centres[Order[Now.Begin]].At[1], Centres[Order[Now.Begin]].At[2]};
+		// 2. The longest side of the box around the centres.
+		float Least[3] = {
+			Centres[Order[Current.Begin]].At[0], Centres[Order[Current.Begin]].At[1], Centres[Order[Current.Begin]].At[2]};
 		float Most[3] = {Least[0], Least[1], Least[2]};
-		for (std::size_t Place = Now.Begin; Place < Now.End; ++Place)
+		for (std::size_t Slot = Current.Begin; Slot < Current.End; ++Slot)
 		{
 			for (int Axis = 0; Axis < 3; ++Axis)
 			{
-				const float At = Centres[Order[Place]].At[Axis];
+				const float At = Centres[Order[Slot]].At[Axis];
 				Least[Axis] = std::min(Least[Axis], At);
 				Most[Axis] = std::max(Most[Axis], At);
 			}
@@ -51,16 +56,17 @@ void Split(std::vector<std::uint32_t>& Order, const std::vector<Centre>& Centres
 				Longest = Axis;
 			}
 		}
+		// 3. Cut across it near the middle, on a multiple of the leaf's size, so that leaves stay whole.
 		const std::size_t Blocks = (Count + BlockFaces - 1) / BlockFaces;
-		const std::size_t Cut = Now.Begin + Blocks / 2 * BlockFaces;
+		const std::size_t Cut = Current.Begin + Blocks / 2 * BlockFaces;
 		// Ties go by the face's number: no two faces are equal, so the outcome is one.
-		std::nth_element(Order.begin() + std::ptrdiff_t(Now.Begin), Order.begin() + std::ptrdiff_t(Cut),
-			Order.begin() + std::ptrdiff_t(Now.End), [&Centres, Longest](std::uint32_t A, std::uint32_t B) {
+		std::nth_element(Order.begin() + std::ptrdiff_t(Current.Begin), Order.begin() + std::ptrdiff_t(Cut),
+			Order.begin() + std::ptrdiff_t(Current.End), [&Centres, Longest](std::uint32_t A, std::uint32_t B) {
 				const float AtA = Centres[A].At[Longest], AtB = Centres[B].At[Longest];
 				return AtA != AtB ? AtA < AtB : A < B;
 			});
-		Open.push_back({Cut, Now.End});
-		Open.push_back({Now.Begin, Cut});
+		Open.push_back({Cut, Current.End});
+		Open.push_back({Current.Begin, Cut});
 	}
 }
 } // namespace
@@ -104,10 +110,10 @@ bool Reorder(terraport::SceneFiles& Files, std::uint32_t BlockFaces)
 	Cover.offsets.reserve(FaceCount + 1);
 	Cover.segments.reserve(Files.cover.segments.size());
 	Cover.offsets.push_back(0);
-	for (std::size_t Place = 0; Place < FaceCount; ++Place)
+	for (std::size_t Slot = 0; Slot < FaceCount; ++Slot)
 	{
-		const std::size_t Face = Order[Place];
-		std::copy_n(Base.indices.data() + 3 * Face, 3, Indices.data() + 3 * Place);
+		const std::size_t Face = Order[Slot];
+		std::copy_n(Base.indices.data() + 3 * Face, 3, Indices.data() + 3 * Slot);
 		Cover.segments.insert(Cover.segments.end(), Files.cover.segments.begin() + std::ptrdiff_t(Files.cover.offsets[Face]),
 			Files.cover.segments.begin() + std::ptrdiff_t(Files.cover.offsets[Face + 1]));
 		Cover.offsets.push_back(std::uint32_t(Cover.segments.size()));

@@ -25,8 +25,8 @@ struct FTerraportDecodes::FShared
 	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
 	const ETerraportVertexColours Colours;
 	const int32 MaxTasks;
+	/** For everything below: workers and the game thread read and write it. */
 	std::mutex Mutex;
-	/** All below by the mutex. */
 	std::deque<terraport::DecodeJob> Waiting;
 	std::deque<terraport::DecodedSegment> Done;
 	std::vector<std::unique_ptr<terraport::SegmentMesh>> Spare;
@@ -62,11 +62,17 @@ void FTerraportDecodes::push(terraport::DecodeJob Job)
 	UE::Tasks::Launch(TEXT("TerraportDecode"), [Kept = Shared]() { Work(Kept); }, UE::Tasks::ETaskPriority::BackgroundNormal);
 }
 
-/** One task: job after job while there are any. */
+/**
+ * One task: job after job while there are any. On a worker thread; `Shared` outlives the owner, which may be gone meanwhile.
+ *
+ * Invariant: as long as `Waiting` has a job, `Tasks` is above 0. A task gives up its place under the lock under which it saw
+ * that nothing waits, so `push` cannot count on one that has left.
+ */
 void FTerraportDecodes::Work(const TSharedRef<FShared, ESPMode::ThreadSafe>& Shared)
 {
 	for (;;)
 	{
+		// 1. The oldest job, and buffers of an earlier one.
 		terraport::DecodeJob Job;
 		terraport::DecodedSegment Answer;
 		{
@@ -84,6 +90,7 @@ void FTerraportDecodes::Work(const TSharedRef<FShared, ESPMode::ThreadSafe>& Sha
 				Shared->Spare.pop_back();
 			}
 		}
+		// 2. Decode, without the lock: milliseconds, in which the game thread asks and takes.
 		if (!Answer.mesh)
 		{
 			Answer.mesh = std::make_unique<terraport::SegmentMesh>();
@@ -101,6 +108,7 @@ void FTerraportDecodes::Work(const TSharedRef<FShared, ESPMode::ThreadSafe>& Sha
 			FTerraportSegmentData& Data = static_cast<FTerraportSegmentData&>(*Answer.mesh->engineData);
 			Data.Build(*Answer.mesh, terraport::viewOf(*Job.payload), *Shared->Backend, Shared->Colours);
 		}
+		// 3. Hand over; buffers of what failed are used again at once.
 		const std::lock_guard<std::mutex> Lock(Shared->Mutex);
 		if (!Answer.status.isOk())
 		{

@@ -3,7 +3,7 @@
 #include "TerraportMeshBackend.h"
 
 /**
- * UDynamicMeshComponent, one for each part: for projects that go on with Geometry Script. It has no flag like a section's:
+ * UDynamicMeshComponent, one for each mesh part: for projects that go on with Geometry Script. It has no flag like a section's:
  * showing one makes its render state, in the frame of the swap.
  */
 class FTerraportDynamicBackend final : public ITerraportMeshBackend

@@ -11,12 +11,13 @@
 namespace
 {
 /** What the worker makes, written before the loader is done and read after. */
-struct FTerraportMade
+struct FTerraportWorkerResult
 {
 	TSharedPtr<FTerraportBase, ESPMode::ThreadSafe> Base;
 };
 
-terraport::SceneLoadOptions OptionsOf(const FTerraportFilesRequest& Request, const std::shared_ptr<FTerraportMade>& Made)
+terraport::SceneLoadOptions OptionsOf(
+	const FTerraportFilesRequest& Request, const std::shared_ptr<FTerraportWorkerResult>& WorkerResult)
 {
 	terraport::SceneLoadOptions Options;
 	Options.token = Request.Token;
@@ -24,10 +25,11 @@ terraport::SceneLoadOptions OptionsOf(const FTerraportFilesRequest& Request, con
 	Options.runElsewhere = [](std::function<void()> Work) {
 		UE::Tasks::Launch(TEXT("TerraportFiles"), std::move(Work), UE::Tasks::ETaskPriority::BackgroundNormal);
 	};
-	Options.afterLoad = [Made, BlockFaces = Request.BlockFaces, Colours = Request.Colours](terraport::SceneFiles& Files) {
+	Options.afterLoad = [WorkerResult, BlockFaces = Request.BlockFaces, Colours = Request.Colours](
+							terraport::SceneFiles& Files) {
 		// Unsorted the base is drawn as well, only with more blocks to change; the loader has checked that the cover fits.
 		(void)TerraportBaseOrder::Reorder(Files, BlockFaces);
-		Made->Base = FTerraportBase::Build(Files, BlockFaces, Colours);
+		WorkerResult->Base = FTerraportBase::Build(Files, BlockFaces, Colours);
 	};
 	return Options;
 }
@@ -36,14 +38,14 @@ terraport::SceneLoadOptions OptionsOf(const FTerraportFilesRequest& Request, con
 struct FTerraportFiles::FImpl
 {
 	explicit FImpl(const FTerraportFilesRequest& Request)
-		: Made(std::make_shared<FTerraportMade>()), Loader(Http, Request.Url, OptionsOf(Request, Made))
+		: WorkerResult(std::make_shared<FTerraportWorkerResult>()), Loader(Http, Request.Url, OptionsOf(Request, WorkerResult))
 	{
 	}
 
 	FTerraportHttp Http;
-	std::shared_ptr<FTerraportMade> Made;
+	std::shared_ptr<FTerraportWorkerResult> WorkerResult;
 	terraport::SceneLoader Loader;
-	bool bTold = false;
+	bool bReported = false;
 };
 
 FTerraportFiles::FTerraportFiles(const FTerraportFilesRequest& Request) : Impl(std::make_unique<FImpl>(Request)) {}
@@ -52,17 +54,17 @@ FTerraportFiles::~FTerraportFiles() = default;
 
 bool FTerraportFiles::Poll(FTerraportFilesResult& Result)
 {
-	if (Impl->bTold || Impl->Loader.pump() == terraport::LoadState::Loading)
+	if (Impl->bReported || Impl->Loader.pump() == terraport::LoadState::Loading)
 	{
 		return false;
 	}
-	Impl->bTold = true;
+	Impl->bReported = true;
 	Result.Status = Impl->Loader.status();
 	Result.SceneUrl = Impl->Loader.sceneUrl();
 	if (Impl->Loader.state() == terraport::LoadState::Done)
 	{
 		Result.Files = Impl->Loader.files();
-		Result.Base = Impl->Made->Base;
+		Result.Base = Impl->WorkerResult->Base;
 	}
 	return true;
 }

@@ -10,7 +10,7 @@
 #include <memory>
 #include <string>
 
-/** What a scene is loaded by. */
+/** Which scene to load, and how its base is cut. A value: the worker that builds the base outlives who asked. */
 struct FTerraportFilesRequest
 {
 	/** A scene's, or a server's that has one scene alone. */
@@ -22,7 +22,7 @@ struct FTerraportFilesRequest
 	ETerraportVertexColours Colours = ETerraportVertexColours::Srgb;
 };
 
-/** What came of it. */
+/** Outcome of a load: files and base, or why there are none. */
 struct FTerraportFilesResult
 {
 	terraport::Status Status;

@@ -10,7 +10,7 @@ namespace
 constexpr int32 BoxFaces = 64;
 
 /** Whether a ray enters a box at all before MaxAt: the slabs of its three axes (Kay and Kajiya, 1986). */
-bool Meets(const FBox3f& Box, const float Origin[3], const float Direction[3], float MaxAt)
+bool EntersBox(const FBox3f& Box, const float Origin[3], const float Direction[3], float MaxAt)
 {
 	const float Least[3] = {Box.Min.X, Box.Min.Y, Box.Min.Z};
 	const float Most[3] = {Box.Max.X, Box.Max.Y, Box.Max.Z};
@@ -25,10 +25,10 @@ bool Meets(const FBox3f& Box, const float Origin[3], const float Direction[3], f
 			}
 			continue;
 		}
-		const float One = (Least[Axis] - Origin[Axis]) / Direction[Axis];
-		const float Other = (Most[Axis] - Origin[Axis]) / Direction[Axis];
-		Enter = std::max(Enter, std::min(One, Other));
-		Leave = std::min(Leave, std::max(One, Other));
+		const float ToLeast = (Least[Axis] - Origin[Axis]) / Direction[Axis];
+		const float ToMost = (Most[Axis] - Origin[Axis]) / Direction[Axis];
+		Enter = std::max(Enter, std::min(ToLeast, ToMost));
+		Leave = std::min(Leave, std::max(ToLeast, ToMost));
 	}
 	return Enter <= Leave;
 }
@@ -58,20 +58,22 @@ void FTerraportGroundMesh::VisitHits(const FVector3f& Origin, const FVector3f& D
 	const float From[3] = {Origin.X, Origin.Y, Origin.Z};
 	const float Along[3] = {Direction.X, Direction.Y, Direction.Z};
 	const int32 Faces = Indices.Num() / 3;
-	if (Faces == 0 || !Meets(Whole, From, Along, MaxAt))
+	// 1. The box around everything: most meshes of a scene end here.
+	if (Faces == 0 || !EntersBox(Whole, From, Along, MaxAt))
 	{
 		return;
 	}
+	// 2. The boxes of BoxFaces consecutive faces each.
 	for (std::size_t Box = 0; Box < Boxes.size(); ++Box)
 	{
-		if (!Meets(Boxes[Box], From, Along, MaxAt))
+		if (!EntersBox(Boxes[Box], From, Along, MaxAt))
 		{
 			continue;
 		}
 		const int32 First = int32(Box) * BoxFaces;
 		for (int32 Face = First; Face < std::min(First + BoxFaces, Faces); ++Face)
 		{
-			// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997; both sides of the face count.
+			// 3. Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997; both sides of the face count.
 			const FVector3f& A = Positions[int32(Indices[3 * Face])];
 			const FVector3f& B = Positions[int32(Indices[3 * Face + 1])];
 			const FVector3f& C = Positions[int32(Indices[3 * Face + 2])];
@@ -91,6 +93,7 @@ void FTerraportGroundMesh::VisitHits(const FVector3f& Origin, const FVector3f& D
 			{
 				continue;
 			}
+			// 4. The normal of the drawn side, whichever side the ray came from.
 			FTerraportGroundPoint Point;
 			Point.At = At;
 			const float CornerA[3] = {A.X, A.Y, A.Z}, CornerB[3] = {B.X, B.Y, B.Z}, CornerC[3] = {C.X, C.Y, C.Z};
@@ -107,15 +110,15 @@ void FTerraportGroundMesh::VisitHits(const FVector3f& Origin, const FVector3f& D
 bool FTerraportGroundMesh::Cast(
 	const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point) const
 {
-	bool bFound = false;
-	VisitHits(Origin, Direction, MaxAt, [&bFound, &Point](const FTerraportGroundPoint& Hit) {
-		if (!bFound || Hit.At < Point.At)
+	bool bHit = false;
+	VisitHits(Origin, Direction, MaxAt, [&bHit, &Point](const FTerraportGroundPoint& Hit) {
+		if (!bHit || Hit.At < Point.At)
 		{
 			Point = Hit;
-			bFound = true;
+			bHit = true;
 		}
 	});
-	return bFound;
+	return bHit;
 }
 
 void FTerraportGroundMesh::CastAll(

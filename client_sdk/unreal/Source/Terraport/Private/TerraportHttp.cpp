@@ -9,7 +9,7 @@
 #include <algorithm>
 #include <utility>
 
-struct FTerraportHttp::FOne
+struct FTerraportHttp::FExchange
 {
 	TSharedPtr<IHttpRequest, ESPMode::ThreadSafe> Request;
 	std::size_t MaxBytes = 0;
@@ -17,7 +17,7 @@ struct FTerraportHttp::FOne
 	bool bIsOver = false;
 	terraport::HttpAnswer Answer;
 
-	/** More than was allowed: the rest is not waited for. The module then tells of a failure, which says less than this. */
+	/** More than was allowed: the rest is not waited for. The module then reports a failure, which says less than this. */
 	void Refuse()
 	{
 		Answer.isTooLarge = true;
@@ -47,8 +47,8 @@ struct FTerraportHttp::FOne
 		Answer.status = int(Response->GetResponseCode());
 		const TArray<uint8>& Content = Response->GetContent();
 		Answer.isTooLarge = Answer.isTooLarge || std::size_t(Content.Num()) > MaxBytes;
-		const std::size_t Kept = std::min(std::size_t(Content.Num()), MaxBytes);
-		Answer.body.assign(Content.GetData(), Content.GetData() + Kept);
+		const std::size_t BodyBytes = std::min(std::size_t(Content.Num()), MaxBytes);
+		Answer.body.assign(Content.GetData(), Content.GetData() + BodyBytes);
 		Received = Answer.body.size();
 	}
 };
@@ -63,10 +63,10 @@ FTerraportHttp::~FTerraportHttp()
 
 std::uint64_t FTerraportHttp::get(const std::string& Url, const std::string& BearerToken, std::size_t MaxBytes)
 {
-	const TSharedRef<FOne> One = MakeShared<FOne>();
-	One->MaxBytes = MaxBytes;
+	const TSharedRef<FExchange> Exchange = MakeShared<FExchange>();
+	Exchange->MaxBytes = MaxBytes;
 	const TSharedRef<IHttpRequest, ESPMode::ThreadSafe> Request = FHttpModule::Get().CreateRequest();
-	One->Request = Request;
+	Exchange->Request = Request;
 	Request->SetURL(TerraportText::FromUtf8(Url));
 	Request->SetVerb(TEXT("GET"));
 	if (!BearerToken.empty())
@@ -74,58 +74,59 @@ std::uint64_t FTerraportHttp::get(const std::string& Url, const std::string& Bea
 		Request->SetHeader(TEXT("Authorization"), TEXT("Bearer ") + TerraportText::FromUtf8(BearerToken));
 	}
 	Request->OnProcessRequestComplete().BindLambda(
-		[One](FHttpRequestPtr, FHttpResponsePtr Response, bool bConnected) { One->Finish(Response, bConnected); });
+		[Exchange](FHttpRequestPtr, FHttpResponsePtr Response, bool bConnected) { Exchange->Finish(Response, bConnected); });
 #if UE_VERSION_OLDER_THAN(5, 4, 0)
 	Request->OnRequestProgress().BindLambda(
-		[One](FHttpRequestPtr, int32, int32 Received) { One->Note(std::uint64_t(std::max(Received, 0))); });
+		[Exchange](FHttpRequestPtr, int32, int32 Received) { Exchange->Note(std::uint64_t(std::max(Received, 0))); });
 #else
-	Request->OnRequestProgress64().BindLambda([One](FHttpRequestPtr, uint64, uint64 Received) { One->Note(Received); });
+	Request->OnRequestProgress64().BindLambda(
+		[Exchange](FHttpRequestPtr, uint64, uint64 Received) { Exchange->Note(Received); });
 #endif
 	++Last;
-	Requests[Last] = One;
+	Requests[Last] = Exchange;
 	if (!Request->ProcessRequest())
 	{
-		One->Finish(FHttpResponsePtr(), false);
+		Exchange->Finish(FHttpResponsePtr(), false);
 	}
 	return Last;
 }
 
 bool FTerraportHttp::poll(std::uint64_t Request, terraport::HttpAnswer& Answer)
 {
-	const auto Found = Requests.find(Request);
-	if (Found == Requests.end() || !Found->second->bIsOver)
+	const auto Entry = Requests.find(Request);
+	if (Entry == Requests.end() || !Entry->second->bIsOver)
 	{
 		return false;
 	}
-	Answer = std::move(Found->second->Answer);
+	Answer = std::move(Entry->second->Answer);
 	// It and its request hold one another.
-	Found->second->Request.Reset();
-	Requests.erase(Found);
+	Entry->second->Request.Reset();
+	Requests.erase(Entry);
 	return true;
 }
 
 std::uint64_t FTerraportHttp::receivedBytes(std::uint64_t Request) const
 {
-	const auto Found = Requests.find(Request);
-	return Found == Requests.end() ? 0 : Found->second->Received;
+	const auto Entry = Requests.find(Request);
+	return Entry == Requests.end() ? 0 : Entry->second->Received;
 }
 
 void FTerraportHttp::cancel(std::uint64_t Request)
 {
-	const auto Found = Requests.find(Request);
-	if (Found == Requests.end())
+	const auto Entry = Requests.find(Request);
+	if (Entry == Requests.end())
 	{
 		return;
 	}
-	const TSharedPtr<FOne> One = Found->second;
-	Requests.erase(Found);
-	if (One->Request.IsValid())
+	const TSharedPtr<FExchange> Exchange = Entry->second;
+	Requests.erase(Entry);
+	if (Exchange->Request.IsValid())
 	{
-		One->Request->OnProcessRequestComplete().Unbind();
-		if (!One->bIsOver)
+		Exchange->Request->OnProcessRequestComplete().Unbind();
+		if (!Exchange->bIsOver)
 		{
-			One->Request->CancelRequest();
+			Exchange->Request->CancelRequest();
 		}
-		One->Request.Reset();
+		Exchange->Request.Reset();
 	}
 }

@@ -28,7 +28,7 @@ public:
 	virtual void cancel(std::uint64_t Request) override;
 
 private:
-	struct FOne;
-	std::map<std::uint64_t, TSharedPtr<FOne>> Requests;
+	struct FExchange;
+	std::map<std::uint64_t, TSharedPtr<FExchange>> Requests;
 	std::uint64_t Last = 0;
 };

@@ -12,15 +12,15 @@ public:
 	virtual void Release(UObject* Object) = 0;
 };
 
-/** Keeps by a set that the garbage collector follows: a property of the scene actor, which outlives this. */
+/** Keeps objects by a set that the garbage collector follows: a property of the scene actor, which outlives this. */
 class FTerraportKeeper final : public ITerraportKeeper
 {
 public:
-	explicit FTerraportKeeper(TSet<TObjectPtr<UObject>>& InKept) : Kept(InKept) {}
+	explicit FTerraportKeeper(TSet<TObjectPtr<UObject>>& InReferencedObjects) : ReferencedObjects(InReferencedObjects) {}
 
-	virtual void Keep(UObject* Object) override { Kept.Add(Object); }
-	virtual void Release(UObject* Object) override { Kept.Remove(Object); }
+	virtual void Keep(UObject* Object) override { ReferencedObjects.Add(Object); }
+	virtual void Release(UObject* Object) override { ReferencedObjects.Remove(Object); }
 
 private:
-	TSet<TObjectPtr<UObject>>& Kept;
+	TSet<TObjectPtr<UObject>>& ReferencedObjects;
 };

@@ -78,14 +78,14 @@ void CutPart(const FTerraportMeshPart& Whole, uint32 First, uint32 Count, FTerra
 {
 	Part = FTerraportMeshPart();
 	// The vertices that are used, each once, in ascending order.
-	std::vector<uint32> Used(
+	std::vector<uint32> UsedVertices(
 		Whole.Indices.GetData() + 3 * std::size_t(First), Whole.Indices.GetData() + 3 * std::size_t(First + Count));
-	const std::vector<uint32> Corners = Used;
-	std::sort(Used.begin(), Used.end());
-	Used.erase(std::unique(Used.begin(), Used.end()), Used.end());
-	Part.Positions.Reserve(int32(Used.size()));
-	Part.Normals.Reserve(int32(Used.size()));
-	for (const uint32 Vertex : Used)
+	const std::vector<uint32> Corners = UsedVertices;
+	std::sort(UsedVertices.begin(), UsedVertices.end());
+	UsedVertices.erase(std::unique(UsedVertices.begin(), UsedVertices.end()), UsedVertices.end());
+	Part.Positions.Reserve(int32(UsedVertices.size()));
+	Part.Normals.Reserve(int32(UsedVertices.size()));
+	for (const uint32 Vertex : UsedVertices)
 	{
 		Part.Positions.Add(Whole.Positions[int32(Vertex)]);
 		Part.Normals.Add(Whole.Normals[int32(Vertex)]);
@@ -102,7 +102,7 @@ void CutPart(const FTerraportMeshPart& Whole, uint32 First, uint32 Count, FTerra
 	Part.Indices.Reserve(int32(Corners.size()));
 	for (const uint32 Vertex : Corners)
 	{
-		Part.Indices.Add(uint32(std::lower_bound(Used.begin(), Used.end(), Vertex) - Used.begin()));
+		Part.Indices.Add(uint32(std::lower_bound(UsedVertices.begin(), UsedVertices.end(), Vertex) - UsedVertices.begin()));
 	}
 }
 } // namespace TerraportMeshBuilder

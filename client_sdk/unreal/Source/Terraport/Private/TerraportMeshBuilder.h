@@ -12,7 +12,7 @@
 #include <cstdint>
 #include <vector>
 
-/** Decoded payloads to parts in Unreal's axes. For worker threads: touches no UObject. */
+/** Decoded payloads to mesh parts in Unreal's axes. For worker threads: touches no UObject. */
 namespace TerraportMeshBuilder
 {
 /** All of a mesh. What `Part` held before is replaced, its memory used again. */
@@ -26,14 +26,14 @@ void CutPart(const FTerraportMeshPart& Whole, uint32 First, uint32 Count, FTerra
 class FTerraportSegmentData final : public terraport::EngineData
 {
 public:
-	/** For the renderer to take. */
+	/** Made on the worker; null once the renderer has made a component of it. */
 	TUniquePtr<FTerraportPreparedMesh> Prepared;
 	FTerraportGroundMesh Ground;
 	/** Empty where the payload has no image, or one that the engine cannot read. */
 	FTerraportPixels Pixels;
 	int32 Vertices = 0;
 	int32 Indices = 0;
-	/** Used again and again. */
+	/** Kept between payloads for its memory; nobody reads it after Build. */
 	FTerraportMeshPart Part;
 
 	/** Fill all of it from a mesh that was decoded just now. */

@@ -3,7 +3,7 @@
 #include "TerraportMeshBackend.h"
 
 /**
- * UProceduralMeshComponent, one component with one section for each part. A section is shown and hidden by a flag of the
+ * UProceduralMeshComponent, one component with one section for each mesh part. A section is shown and hidden by a flag of the
  * existing scene proxy (SetMeshSectionVisible), where SetVisibility would make a new proxy, and so upload the mesh anew.
  */
 class FTerraportProceduralBackend final : public ITerraportMeshBackend

@@ -105,9 +105,9 @@ terraport::UploadState FTerraportRenderer::upload(
 	}
 	UMaterialInterface* Material =
 		Drawable.Texture != nullptr ? Textured(Materials.Texture, Drawable.Texture) : Materials.Colour;
-	const bool bMade = Make(Drawable, *Data->Prepared, Material);
+	const bool bCreated = Make(Drawable, *Data->Prepared, Material);
 	Data->Prepared.Reset();
-	if (!bMade)
+	if (!bCreated)
 	{
 		Destroy(Drawable);
 		Segments.erase(Segment);
@@ -119,17 +119,17 @@ terraport::UploadState FTerraportRenderer::upload(
 
 bool FTerraportRenderer::isDrawable(std::uint32_t Segment)
 {
-	const auto Found = Segments.find(Segment);
-	return Found != Segments.end() && Found->second.MadeIn < GFrameCounter;
+	const auto Entry = Segments.find(Segment);
+	return Entry != Segments.end() && Entry->second.CreatedInFrame < GFrameCounter;
 }
 
 void FTerraportRenderer::free(std::uint32_t Segment)
 {
-	const auto Found = Segments.find(Segment);
-	if (Found != Segments.end())
+	const auto Entry = Segments.find(Segment);
+	if (Entry != Segments.end())
 	{
-		Discard(Found->second);
-		Segments.erase(Found);
+		Discard(Entry->second);
+		Segments.erase(Entry);
 	}
 }
 
@@ -144,18 +144,18 @@ void FTerraportRenderer::swap(const terraport::SceneSwap& Change)
 {
 	for (const std::uint32_t Segment : Change.hidden)
 	{
-		const auto Found = Segments.find(Segment);
-		if (Found != Segments.end())
+		const auto Entry = Segments.find(Segment);
+		if (Entry != Segments.end())
 		{
-			Show(Found->second, false);
+			Show(Entry->second, false);
 		}
 	}
 	for (const std::uint32_t Segment : Change.shown)
 	{
-		const auto Found = Segments.find(Segment);
-		if (Found != Segments.end())
+		const auto Entry = Segments.find(Segment);
+		if (Entry != Segments.end())
 		{
-			Show(Found->second, true);
+			Show(Entry->second, true);
 		}
 	}
 	for (const terraport::FaceRange& Range : Change.baseBlocks)
@@ -178,17 +178,17 @@ void FTerraportRenderer::swap(const terraport::SceneSwap& Change)
 bool FTerraportRenderer::CastGround(
 	const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const
 {
-	bool bFound = false;
-	VisitShown([&](int32 Of, const FTerraportGroundMesh& Ground) {
+	bool bHit = false;
+	VisitShown([&](int32 Source, const FTerraportGroundMesh& Ground) {
 		FTerraportGroundPoint Hit;
-		if (Ground.Cast(Origin, Direction, bFound ? Point.At : MaxAt, Hit) && (!bFound || Hit.At < Point.At))
+		if (Ground.Cast(Origin, Direction, bHit ? Point.At : MaxAt, Hit) && (!bHit || Hit.At < Point.At))
 		{
 			Point = Hit;
-			Segment = Of;
-			bFound = true;
+			Segment = Source;
+			bHit = true;
 		}
 	});
-	return bFound;
+	return bHit;
 }
 
 bool FTerraportRenderer::GroundAt(const FVector3f& From, FTerraportGroundPoint& Point, int32& Segment, bool& bBelow) const
@@ -225,7 +225,7 @@ void FTerraportRenderer::VisitShown(Visit&& Take) const
 bool FTerraportRenderer::Make(FDrawable& Drawable, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material)
 {
 	Drawable.Component = Backend->Create(Owner, Prepared, Material, Settings);
-	Drawable.MadeIn = GFrameCounter;
+	Drawable.CreatedInFrame = GFrameCounter;
 	if (Drawable.Component == nullptr)
 	{
 		return false;

@@ -32,9 +32,9 @@ struct FTerraportMaterials
 };
 
 /**
- * Draws what the stage tells, by components of one actor. Game thread.
+ * Draws what the stage orders, by components of one actor. Game thread.
  *
- * Every component stands at the actor's own transform: places are in the vertices (TerraportAxes.h), so that neighbours meet
+ * Every component stands at the actor's own transform: positions are in the vertices (TerraportAxes.h), so that neighbours meet
  * without cracks. The base is drawn in blocks of its own order; a block whose hidden faces change gets a second component, made
  * and hidden before the swap, and the swap shows the one and hides the other.
  */
@@ -79,7 +79,7 @@ private:
 		UTexture2D* Texture = nullptr;
 		FTerraportGroundMesh Ground;
 		/** Frame in which it was made: its resources reach the render thread before the next one is drawn. */
-		uint64 MadeIn = 0;
+		uint64 CreatedInFrame = 0;
 		bool bShown = false;
 	};
 

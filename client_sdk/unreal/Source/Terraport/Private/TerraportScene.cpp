@@ -11,11 +11,12 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 
 namespace
 {
-/** A place of the world in the scene's frame, metres. */
-terraport::Vec3 PlaceOf(const AActor& Actor, const FVector& WorldLocation)
+/** A world location in the scene's frame, metres. */
+terraport::Vec3 ScenePointOf(const AActor& Actor, const FVector& WorldLocation)
 {
 	const FVector Local = Actor.GetActorTransform().InverseTransformPosition(WorldLocation);
 	const double Unreal[3] = {Local.X, Local.Y, Local.Z};
@@ -24,9 +25,9 @@ terraport::Vec3 PlaceOf(const AActor& Actor, const FVector& WorldLocation)
 	return terraport::Vec3{Scene[0], Scene[1], Scene[2]};
 }
 
-FVector WorldOf(const AActor& Actor, const terraport::Vec3& Place)
+FVector WorldOf(const AActor& Actor, const terraport::Vec3& ScenePoint)
 {
-	const double Scene[3] = {Place.x, Place.y, Place.z};
+	const double Scene[3] = {ScenePoint.x, ScenePoint.y, ScenePoint.z};
 	double Unreal[3];
 	TerraportAxes::PointToUnreal(Scene, Unreal);
 	return Actor.GetActorTransform().TransformPosition(FVector(Unreal[0], Unreal[1], Unreal[2]));
@@ -91,6 +92,48 @@ void TakePoint(const FTransform& Frame, const FVector3f& From, const FVector3f& 
 	Hit.DistanceCm = double(Point.At);
 	Hit.Segment = Segment;
 }
+/** Raises a session's events as the scene's. */
+class FSceneHost final : public ITerraportSessionHost
+{
+public:
+	explicit FSceneHost(ATerraportScene& InScene) : Scene(InScene) {}
+
+	virtual FString GetSceneUrl() const override { return Scene.SceneUrl; }
+	virtual double GetFrameBudgetMs() const override { return double(Scene.FrameBudgetMs); }
+	virtual bool IsAutoShow() const override { return Scene.bAutoShow; }
+
+	virtual void OnOpened() override { Scene.OnOpened.Broadcast(); }
+	virtual void OnLink(const FTerraportLink& Link) override { Scene.OnLink.Broadcast(Link); }
+	virtual void OnPlan(const FTerraportPlan& Plan) override { Scene.OnPlan.Broadcast(Plan); }
+	virtual void OnReady(const FTerraportReady& Ready) override { Scene.OnReady.Broadcast(Ready); }
+	virtual void OnDegraded(int64 Landing) override { Scene.OnDegraded.Broadcast(Landing); }
+	virtual void OnPresentable(int64 Landing) override { Scene.OnPresentable.Broadcast(Landing); }
+	virtual void OnShown(const FTerraportSwap& Swap) override { Scene.OnShown.Broadcast(Swap); }
+	virtual void OnFailed(const FTerraportFailure& Failure) override { Scene.OnFailed.Broadcast(Failure); }
+	virtual void OnPicked(const FTerraportPick& Pick) override { Scene.OnPicked.Broadcast(Pick); }
+
+private:
+	/** Owns the session, which owns this. */
+	ATerraportScene& Scene;
+};
+
+FTerraportSessionSettings SettingsOf(const ATerraportScene& Scene)
+{
+	FTerraportSessionSettings Settings;
+	Settings.Token = TerraportText::ToUtf8(Scene.Token);
+	Settings.Budgets = Scene.Device == ETerraportDevice::Custom ? Scene.CustomBudgets : FTerraportBudgets::For(Scene.Device);
+	Settings.DecodeTasks = Scene.DecodeTasks;
+	Settings.Mesh.bCollision = Scene.bCollision;
+	Settings.Mesh.bCastShadow = Scene.bCastShadows;
+	Settings.Materials.Colour = Scene.ColourMaterial;
+	Settings.Materials.Texture = Scene.TextureMaterial;
+	Settings.Materials.BaseColour = Scene.BaseColourMaterial;
+	Settings.Materials.BaseTexture = Scene.BaseTextureMaterial;
+	Settings.Materials.TextureParameter = Scene.TextureParameter;
+	Settings.Materials.PushParameter = Scene.PushParameter;
+	Settings.VertexColours = Scene.VertexColours;
+	return Settings;
+}
 } // namespace
 
 ATerraportScene::ATerraportScene()
@@ -129,11 +172,11 @@ void ATerraportScene::BeginDestroy()
 void ATerraportScene::Tick(float DeltaSeconds)
 {
 	Super::Tick(DeltaSeconds);
-	// A listener may close the scene that tells it something.
-	const TSharedPtr<FTerraportSession> Now = Session;
-	if (Now.IsValid())
+	// Keeps the session alive: a listener may close the scene from within an event.
+	const TSharedPtr<FTerraportSession> Current = Session;
+	if (Current.IsValid())
 	{
-		Now->Tick();
+		Current->Tick();
 	}
 }
 
@@ -156,11 +199,12 @@ void ATerraportScene::Open()
 	{
 		UE_LOG(LogTerraport, Warning, TEXT("%s has a scale other than 1: radii and heights will be wrong"), *GetName());
 	}
-	Session = MakeShared<FTerraportSession>(*this, Kept, Backend.ToSharedRef());
+	Session = MakeShared<FTerraportSession>(
+		*this, std::make_unique<FSceneHost>(*this), SettingsOf(*this), ReferencedObjects, Backend.ToSharedRef());
 	if (bLandAtOpen)
 	{
 		bLandAtOpen = false;
-		Session->Land(PlaceOf(*this, OpenLocation), OpenRadiusM, OptionsOf(OpenOptions));
+		Session->Land(ScenePointOf(*this, OpenLocation), OpenRadiusM, OptionsOf(OpenOptions));
 	}
 }
 
@@ -197,14 +241,14 @@ int64 ATerraportScene::Land(const FVector& WorldLocation, double RadiusM, const 
 		OpenOptions = Options;
 		return 0;
 	}
-	return Session->Land(PlaceOf(*this, WorldLocation), RadiusM, OptionsOf(Options));
+	return Session->Land(ScenePointOf(*this, WorldLocation), RadiusM, OptionsOf(Options));
 }
 
 void ATerraportScene::Aim(const FVector& WorldLocation, double RadiusM)
 {
 	if (Session.IsValid() && !WorldLocation.ContainsNaN() && RadiusM > 0.0 && std::isfinite(RadiusM))
 	{
-		Session->Aim(PlaceOf(*this, WorldLocation), RadiusM);
+		Session->Aim(ScenePointOf(*this, WorldLocation), RadiusM);
 	}
 }
 
@@ -214,13 +258,13 @@ int64 ATerraportScene::Pick(const FVector& WorldOrigin, const FVector& WorldDire
 	{
 		return -1;
 	}
-	return Session->Pick(PlaceOf(*this, WorldOrigin), DirectionOf(*this, WorldDirection));
+	return Session->Pick(ScenePointOf(*this, WorldOrigin), DirectionOf(*this, WorldDirection));
 }
 
 bool ATerraportScene::Show()
 {
-	const TSharedPtr<FTerraportSession> Now = Session;
-	return Now.IsValid() && Now->Show();
+	const TSharedPtr<FTerraportSession> Current = Session;
+	return Current.IsValid() && Current->Show();
 }
 
 bool ATerraportScene::CastGround(
@@ -275,13 +319,13 @@ FTerraportStatus ATerraportScene::GetStatus() const
 	const terraport::SceneStage* Stage = Session.IsValid() ? Session->GetStage() : nullptr;
 	if (Stage != nullptr)
 	{
-		const terraport::LandingStatus Of = Stage->status();
-		Status.Phase = PhaseOf(Of.phase);
-		Status.Landing = std::max<int64>(Of.landing, 0);
-		Status.Fraction = Of.fraction;
-		Status.ReadyMs = Of.readyMs;
-		Status.PresentableMs = Of.presentableMs;
-		Status.Refusal = TerraportText::FromUtf8(Of.refusal);
+		const terraport::LandingStatus CoreStatus = Stage->status();
+		Status.Phase = PhaseOf(CoreStatus.phase);
+		Status.Landing = std::max<int64>(CoreStatus.landing, 0);
+		Status.Fraction = CoreStatus.fraction;
+		Status.ReadyMs = CoreStatus.readyMs;
+		Status.PresentableMs = CoreStatus.presentableMs;
+		Status.Refusal = TerraportText::FromUtf8(CoreStatus.refusal);
 	}
 	return Status;
 }
@@ -316,7 +360,7 @@ bool ATerraportScene::WorldToSurvey(const FVector& WorldLocation, FVector& EastN
 	{
 		return false;
 	}
-	const terraport::Vec3 Survey = terraport::toSurvey(Stage->files().manifest, PlaceOf(*this, WorldLocation));
+	const terraport::Vec3 Survey = terraport::toSurvey(Stage->files().manifest, ScenePointOf(*this, WorldLocation));
 	EastNorthHeightM = FVector(Survey.x, Survey.y, Survey.z);
 	return true;
 }

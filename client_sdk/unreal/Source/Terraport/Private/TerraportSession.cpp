@@ -1,5 +1,6 @@
 #include "TerraportSession.h"
 
+#include "GameFramework/Actor.h"
 #include "HAL/PlatformTime.h"
 #include "Materials/Material.h"
 #include "Misc/EngineVersionComparison.h"
@@ -8,7 +9,6 @@
 #endif
 #include "Modules/ModuleManager.h"
 #include "TerraportLog.h"
-#include "TerraportScene.h"
 #include "TerraportText.h"
 #include "TerraportWebSocket.h"
 
@@ -38,25 +38,24 @@ bool IsFinal(const std::string& Code)
 }
 } // namespace
 
-FTerraportSession::FTerraportSession(
-	ATerraportScene& InOwner, TSet<TObjectPtr<UObject>>& Kept, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
-	: Owner(InOwner), Keeper(Kept), Backend(InBackend), Token(TerraportText::ToUtf8(InOwner.Token)),
-	  Budgets(InOwner.Device == ETerraportDevice::Custom ? InOwner.CustomBudgets : FTerraportBudgets::For(InOwner.Device))
+FTerraportSession::FTerraportSession(AActor& InOwner, std::unique_ptr<ITerraportSessionHost> InHost,
+	const FTerraportSessionSettings& Settings, TSet<TObjectPtr<UObject>>& ReferencedObjects,
+	TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
+	: Owner(InOwner), Host(std::move(InHost)), Keeper(ReferencedObjects), Backend(InBackend), Token(Settings.Token),
+	  Budgets(Settings.Budgets),
+	  Colours(Settings.Materials.Colour != nullptr ? Settings.VertexColours : ETerraportVertexColours::Linear)
 {
 	// Worker threads may only look it up.
 	FModuleManager::Get().LoadModule(TEXT("ImageWrapper"));
-	const FTerraportMaterials Materials = MaterialsOf();
+	const FTerraportMaterials Materials = MaterialsOf(Settings.Materials);
 	// The actor's properties may name others while this session draws with these.
 	for (UMaterialInterface* Material : {Materials.Colour, Materials.Texture, Materials.BaseColour, Materials.BaseTexture})
 	{
 		KeptMaterials.push_back(Material);
 		Keeper.Keep(Material);
 	}
-	FTerraportMeshSettings Settings;
-	Settings.bCollision = Owner.bCollision;
-	Settings.bCastShadow = Owner.bCastShadows;
-	Renderer = std::make_unique<FTerraportRenderer>(Owner, Keeper, Backend, Materials, Settings);
-	Decodes = std::make_unique<FTerraportDecodes>(Backend, Colours, std::max(Owner.DecodeTasks, 1));
+	Renderer = std::make_unique<FTerraportRenderer>(Owner, Keeper, Backend, Materials, Settings.Mesh);
+	Decodes = std::make_unique<FTerraportDecodes>(Backend, Colours, std::max(Settings.DecodeTasks, 1));
 	StartLoading();
 }
 
@@ -92,7 +91,7 @@ void FTerraportSession::End()
 void FTerraportSession::Tick()
 {
 	const double StartMs = NowMilliseconds();
-	const double EndMs = StartMs + double(Owner.FrameBudgetMs);
+	const double EndMs = StartMs + Host->GetFrameBudgetMs();
 	PollLoading(StartMs);
 	if (bEnded)
 	{
@@ -117,7 +116,7 @@ void FTerraportSession::Tick()
 				LoadAttempt = 0;
 				StartLoading();
 			}
-			Tell(Event);
+			Report(Event);
 		}
 	}
 	if (!bEnded)
@@ -130,37 +129,37 @@ void FTerraportSession::Draw(double StartMs, double EndMs)
 {
 	if (Stage)
 	{
-		Stage->setAutoShow(Owner.bAutoShow);
+		Stage->setAutoShow(Host->IsAutoShow());
 		Stage->update([]() { return NowMilliseconds(); }, std::max(EndMs - NowMilliseconds(), 0.0));
 	}
 	Renderer->Step(EndMs / 1000.0);
 	MaxFrameMs = std::max(MaxFrameMs, NowMilliseconds() - StartMs);
-	TellSwaps();
+	ReportSwaps();
 	if (!bEnded)
 	{
-		TellPresentable();
+		ReportPresentable();
 	}
 }
 
-int64 FTerraportSession::Land(const terraport::Vec3& Place, double RadiusM, const terraport::LandOptions& Options)
+int64 FTerraportSession::Land(const terraport::Vec3& Position, double RadiusM, const terraport::LandOptions& Options)
 {
 	if (!Stage)
 	{
 		FPending Newest;
-		Newest.Place = Place;
+		Newest.Position = Position;
 		Newest.RadiusM = RadiusM;
 		Newest.Options = Options;
 		Pending = Newest;
 		return 0;
 	}
-	return Stage->land(Place, RadiusM, Options, NowMilliseconds());
+	return Stage->land(Position, RadiusM, Options, NowMilliseconds());
 }
 
-void FTerraportSession::Aim(const terraport::Vec3& Place, double RadiusM)
+void FTerraportSession::Aim(const terraport::Vec3& Position, double RadiusM)
 {
 	if (Stage)
 	{
-		Stage->aim(Place, RadiusM);
+		Stage->aim(Position, RadiusM);
 	}
 }
 
@@ -177,7 +176,7 @@ int64 FTerraportSession::Pick(const terraport::Vec3& Origin, const terraport::Ve
 bool FTerraportSession::Show()
 {
 	const bool bShown = Stage && Stage->show();
-	TellSwaps();
+	ReportSwaps();
 	return bShown;
 }
 
@@ -203,17 +202,17 @@ FTerraportStats FTerraportSession::TakeStats()
 	FTerraportStats Stats;
 	if (Stream)
 	{
-		const terraport::StreamStats Of = Stream->stats();
-		Stats.PayloadBytes = int64(Of.payloadBytes);
-		Stats.HeldBytes = int64(Of.heldBytes);
+		const terraport::StreamStats StreamStats = Stream->stats();
+		Stats.PayloadBytes = int64(StreamStats.payloadBytes);
+		Stats.HeldBytes = int64(StreamStats.heldBytes);
 	}
 	if (Stage)
 	{
-		const terraport::StageStats Of = Stage->stats();
-		Stats.Segments = int32(Of.segments);
-		Stats.VisibleSegments = int32(Of.visibleSegments);
-		Stats.VisibleTriangles = int64(Of.visibleTriangles);
-		Stats.GpuBytes = int64(Of.gpuBytes);
+		const terraport::StageStats StageStats = Stage->stats();
+		Stats.Segments = int32(StageStats.segments);
+		Stats.VisibleSegments = int32(StageStats.visibleSegments);
+		Stats.VisibleTriangles = int64(StageStats.visibleTriangles);
+		Stats.GpuBytes = int64(StageStats.gpuBytes);
 	}
 	Stats.MaxFrameMs = MaxFrameMs;
 	MaxFrameMs = 0.0;
@@ -223,7 +222,7 @@ FTerraportStats FTerraportSession::TakeStats()
 void FTerraportSession::StartLoading()
 {
 	FTerraportFilesRequest Request;
-	Request.Url = TerraportText::ToUtf8(Owner.SceneUrl);
+	Request.Url = TerraportText::ToUtf8(Host->GetSceneUrl());
 	Request.Token = Token;
 	Request.Version = StreamVersion;
 	Request.BlockFaces = BaseBlockFaces;
@@ -269,7 +268,7 @@ void FTerraportSession::PollLoading(double NowMs)
 	{
 		RetryLater(NowMs);
 	}
-	TellFailure(Result.Status.code(), Result.Status.text(), 0, bFinal);
+	ReportFailure(Result.Status.code(), Result.Status.text(), 0, bFinal);
 }
 
 void FTerraportSession::RetryLater(double NowMs)
@@ -284,7 +283,7 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 	if (Stage)
 	{
 		Stage->replaceFiles(Result.Files);
-		Owner.OnOpened.Broadcast();
+		Host->OnOpened();
 		return;
 	}
 	if (!MakeStream(Result.SceneUrl))
@@ -294,27 +293,27 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 	terraport::StageOptions Options;
 	Options.spareGpuBytes = std::size_t(std::max(Budgets.SpareMeshMiB, 1)) * Mebibyte;
 	Options.baseBlockFaces = BaseBlockFaces;
-	Options.autoShow = Owner.bAutoShow;
+	Options.autoShow = Host->IsAutoShow();
 	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Renderer, *Decodes, Options);
 	Stage->onSwap([this](const terraport::SceneSwap& Change) { Swaps.push_back(Change); });
 	if (Pending.IsSet())
 	{
-		Stage->land(Pending->Place, Pending->RadiusM, Pending->Options, NowMs);
+		Stage->land(Pending->Position, Pending->RadiusM, Pending->Options, NowMs);
 		Pending.Reset();
 	}
-	Owner.OnOpened.Broadcast();
+	Host->OnOpened();
 }
 
 bool FTerraportSession::MakeStream(const std::string& SceneUrl)
 {
-	terraport::Result<std::unique_ptr<terraport::SceneStream>> Made =
+	terraport::Result<std::unique_ptr<terraport::SceneStream>> NewStream =
 		terraport::SceneStream::make(StreamOptionsOf(SceneUrl), std::make_shared<FTerraportWebSockets>());
-	if (!Made.isOk())
+	if (!NewStream.isOk())
 	{
-		TellFailure(Made.status().code(), Made.status().text(), 0, true);
+		ReportFailure(NewStream.status().code(), NewStream.status().text(), 0, true);
 		return false;
 	}
-	Stream = Made.take();
+	Stream = NewStream.take();
 	Stream->setMaxPumpBytes(MaxPumpBytes);
 	return true;
 }
@@ -332,9 +331,9 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& S
 	return Options;
 }
 
-FTerraportMaterials FTerraportSession::MaterialsOf()
+/** What draws, where a material is not chosen: the textured as the plain ones, the base's as the detail's. */
+FTerraportMaterials FTerraportSession::MaterialsOf(const FTerraportMaterials& Chosen) const
 {
-	FTerraportMaterials Materials;
 	UMaterialInterface* Fallback =
 		LoadObject<UMaterialInterface>(nullptr, TEXT("/Engine/EngineDebugMaterials/VertexColorMaterial.VertexColorMaterial"));
 	if (Fallback == nullptr)
@@ -342,15 +341,15 @@ FTerraportMaterials FTerraportSession::MaterialsOf()
 		// Debug materials may be missing from a packaged game.
 		Fallback = UMaterial::GetDefaultMaterial(MD_Surface);
 	}
-	Colours = Owner.ColourMaterial != nullptr ? Owner.VertexColours : ETerraportVertexColours::Linear;
-	const auto Or = [](UMaterialInterface* One, UMaterialInterface* Other) { return One != nullptr ? One : Other; };
-	Materials.Colour = Or(Owner.ColourMaterial, Fallback);
-	Materials.Texture = Or(Owner.TextureMaterial, Materials.Colour);
-	Materials.BaseColour = Or(Owner.BaseColourMaterial, Materials.Colour);
-	Materials.BaseTexture = Or(Owner.BaseTextureMaterial, Materials.Texture);
-	Materials.TextureParameter = Owner.TextureParameter;
-	Materials.PushParameter = Owner.PushParameter;
-	if (Owner.BaseColourMaterial == nullptr && Owner.BaseTextureMaterial == nullptr)
+	const auto Or = [](UMaterialInterface* Material, UMaterialInterface* Substitute) {
+		return Material != nullptr ? Material : Substitute;
+	};
+	FTerraportMaterials Materials = Chosen;
+	Materials.Colour = Or(Chosen.Colour, Fallback);
+	Materials.Texture = Or(Chosen.Texture, Materials.Colour);
+	Materials.BaseColour = Or(Chosen.BaseColour, Materials.Colour);
+	Materials.BaseTexture = Or(Chosen.BaseTexture, Materials.Texture);
+	if (Chosen.BaseColour == nullptr && Chosen.BaseTexture == nullptr)
 	{
 		UE_LOG(LogTerraport, Warning,
 			TEXT("%s has no base material: the base is not pushed back, and may poke through detail at the rim (see "

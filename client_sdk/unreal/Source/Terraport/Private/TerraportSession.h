@@ -8,6 +8,7 @@
 #include "TerraportFiles.h"
 #include "TerraportKeeper.h"
 #include "TerraportRenderer.h"
+#include "TerraportSessionHost.h"
 #include "TerraportSettings.h"
 #include "TerraportTypes.h"
 
@@ -15,31 +16,44 @@
 #include <string>
 #include <vector>
 
-class ATerraportScene;
+class AActor;
+
+/** The properties of a scene that count when it opens, as they were then. */
+struct FTerraportSessionSettings
+{
+	/** UTF-8; empty for none. */
+	std::string Token;
+	FTerraportBudgets Budgets;
+	/** Payloads decoded at a time; below 1 counts as 1. */
+	int32 DecodeTasks = 1;
+	FTerraportMeshSettings Mesh;
+	FTerraportMaterials Materials;
+	ETerraportVertexColours VertexColours = ETerraportVertexColours::Srgb;
+};
 
 /**
  * Everything of a scene between Open and Close: files, stream, stage, renderer. Game thread.
  *
- * Listeners of the actor's events may call anything of it, Close and Open included: nothing is told from within a call of the
- * core, and after each telling it is asked whether this session still counts.
+ * Listeners of the actor's events may call anything of it, Close and Open included: Host is never called from within a call of
+ * the core, and after each call of it `bEnded` says whether this session still counts.
  */
 class FTerraportSession final
 {
 public:
-	/** `Kept` is followed by the garbage collector, and both outlive this. */
-	FTerraportSession(ATerraportScene& Owner, TSet<TObjectPtr<UObject>>& Kept,
-		TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
+	/** Components are made in `Owner`. `ReferencedObjects` is followed by the garbage collector, and both outlive this. */
+	FTerraportSession(AActor& Owner, std::unique_ptr<ITerraportSessionHost> Host, const FTerraportSessionSettings& Settings,
+		TSet<TObjectPtr<UObject>>& ReferencedObjects, TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
 	~FTerraportSession();
 	FTerraportSession(const FTerraportSession&) = delete;
 	FTerraportSession& operator=(const FTerraportSession&) = delete;
 
-	/** Once a frame. */
+	/** Once a frame: load, receive, draw and report, within the frame's budget. May end this session, by a listener. */
 	void Tick();
-	/** Free everything now. Nothing is told afterwards. */
+	/** Free everything now. Host is not called any more. */
 	void End();
 
-	int64 Land(const terraport::Vec3& Place, double RadiusM, const terraport::LandOptions& Options);
-	void Aim(const terraport::Vec3& Place, double RadiusM);
+	int64 Land(const terraport::Vec3& Position, double RadiusM, const terraport::LandOptions& Options);
+	void Aim(const terraport::Vec3& Position, double RadiusM);
 	int64 Pick(const terraport::Vec3& Origin, const terraport::Vec3& Direction);
 	bool Show();
 	void Reconnect(const std::string& NewToken);
@@ -52,7 +66,7 @@ public:
 private:
 	struct FPending
 	{
-		terraport::Vec3 Place;
+		terraport::Vec3 Position;
 		double RadiusM = 0.0;
 		terraport::LandOptions Options;
 	};
@@ -63,22 +77,23 @@ private:
 	void TakeFiles(FTerraportFilesResult& Result, double NowMs);
 	bool MakeStream(const std::string& SceneUrl);
 	void Draw(double NowMs, double EndMs);
-	void TellSwaps();
-	void TellPresentable();
-	void Tell(const terraport::StreamEvent& Event);
-	void TellLink(const terraport::LinkState& Link);
-	void TellFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal);
+	void ReportSwaps();
+	void ReportPresentable();
+	void Report(const terraport::StreamEvent& Event);
+	void ReportLink(const terraport::LinkState& Link);
+	void ReportFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal);
 	terraport::StreamOptions StreamOptionsOf(const std::string& SceneUrl) const;
-	FTerraportMaterials MaterialsOf();
+	FTerraportMaterials MaterialsOf(const FTerraportMaterials& Chosen) const;
 
-	ATerraportScene& Owner;
+	AActor& Owner;
+	const std::unique_ptr<ITerraportSessionHost> Host;
 	FTerraportKeeper Keeper;
 	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
 	std::string Token;
 	/** Of the scene, as the connection has it; empty before there was one. */
 	std::string StreamVersion;
 	const FTerraportBudgets Budgets;
-	ETerraportVertexColours Colours = ETerraportVertexColours::Srgb;
+	const ETerraportVertexColours Colours;
 	bool bEnded = false;
 	std::unique_ptr<FTerraportFiles> Loading;
 	/** When to try again to load, milliseconds; 0 for not at all. */
@@ -93,7 +108,7 @@ private:
 	std::vector<UMaterialInterface*> KeptMaterials;
 	TOptional<FPending> Pending;
 	std::vector<terraport::SceneSwap> Swaps;
-	int64 ToldPresentable = -1;
-	bool bToldPresentableInFull = false;
+	int64 ReportedPresentable = -1;
+	bool bReportedPresentableInFull = false;
 	double MaxFrameMs = 0.0;
 };

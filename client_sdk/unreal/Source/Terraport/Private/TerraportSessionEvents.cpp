@@ -1,19 +1,20 @@
 #include "TerraportSession.h"
 
+#include "GameFramework/Actor.h"
 #include "TerraportAxes.h"
 #include "TerraportLog.h"
-#include "TerraportScene.h"
 #include "TerraportText.h"
 
 #include <algorithm>
 
-// What a session tells: the core's news in the words of Blueprint, world space and centimetres.
+// What a session reports: the core's events in the types of Blueprint, world space and centimetres. After each call of Host the
+// session may have ended: a listener has closed the scene.
 
 namespace
 {
-FVector PointOf(const FTransform& Frame, const terraport::Vec3& Place)
+FVector PointOf(const FTransform& Frame, const terraport::Vec3& ScenePoint)
 {
-	const double Scene[3] = {Place.x, Place.y, Place.z};
+	const double Scene[3] = {ScenePoint.x, ScenePoint.y, ScenePoint.z};
 	double Out[3];
 	TerraportAxes::PointToUnreal(Scene, Out);
 	return Frame.TransformPosition(FVector(Out[0], Out[1], Out[2]));
@@ -26,20 +27,66 @@ FVector DirectionOf(const FTransform& Frame, const terraport::Vec3& Direction)
 	TerraportAxes::DirectionToUnreal(Scene, Out);
 	return Frame.TransformVectorNoScale(FVector(Out[0], Out[1], Out[2]));
 }
+FTerraportPlan PlanOf(const terraport::StreamEvent& Event)
+{
+	FTerraportPlan Plan;
+	Plan.Landing = Event.landing;
+	Plan.RadiusM = Event.plan.radiusM;
+	Plan.EffectiveRadiusM = Event.plan.effectiveRadiusM;
+	Plan.LoadSegments = int32(Event.plan.load.size());
+	Plan.KeptSegments = int32(Event.plan.keep.size());
+	Plan.LoadBytes = int64(Event.plan.loadBytes);
+	Plan.Triangles = int64(Event.plan.totalTriangles);
+	Plan.OmittedSegments = int32(Event.plan.omittedSegments);
+	return Plan;
+}
+
+FTerraportReady ReadyOf(const terraport::StreamEvent& Event)
+{
+	FTerraportReady Ready;
+	Ready.Landing = Event.landing;
+	Ready.Segments = int32(Event.segments.size());
+	Ready.Missing = int32(Event.missing.size());
+	Ready.ElapsedMs = Event.elapsedMs;
+	Ready.PayloadBytes = int64(Event.payloadBytes);
+	return Ready;
+}
+
+/** `Frame`: the actor's, from the scene to the world. */
+FTerraportPick PickOf(const terraport::StreamEvent& Event, const FTransform& Frame)
+{
+	FTerraportPick Pick;
+	Pick.Request = int64(Event.request);
+	Pick.bHit = Event.hit.has_value();
+	if (Event.hit)
+	{
+		Pick.Location = PointOf(Frame, Event.hit->position);
+		Pick.Normal = DirectionOf(Frame, Event.hit->normal);
+		Pick.Segment = int32(Event.hit->segment);
+		Pick.Region = int32(Event.hit->region);
+		Pick.Label = Event.hit->label ? TerraportText::FromUtf8(*Event.hit->label) : FString();
+		Pick.HeightM = Event.hit->heightM;
+		for (const auto& Entry : Event.hit->attributes)
+		{
+			Pick.Attributes.Add(TerraportText::FromUtf8(Entry.first), Entry.second);
+		}
+	}
+	return Pick;
+}
 } // namespace
 
-void FTerraportSession::TellSwaps()
+void FTerraportSession::ReportSwaps()
 {
-	std::vector<terraport::SceneSwap> Now;
-	Now.swap(Swaps);
-	for (const terraport::SceneSwap& Change : Now)
+	std::vector<terraport::SceneSwap> Batch;
+	Batch.swap(Swaps);
+	for (const terraport::SceneSwap& Change : Batch)
 	{
 		FTerraportSwap Swap;
 		Swap.Landing = Change.landing;
 		Swap.bDegraded = Change.degraded;
 		Swap.Shown = int32(Change.shown.size());
 		Swap.Hidden = int32(Change.hidden.size());
-		Owner.OnShown.Broadcast(Swap);
+		Host->OnShown(Swap);
 		if (bEnded)
 		{
 			return;
@@ -47,88 +94,50 @@ void FTerraportSession::TellSwaps()
 	}
 }
 
-void FTerraportSession::TellPresentable()
+void FTerraportSession::ReportPresentable()
 {
-	if (!Stage || Owner.bAutoShow || !Stage->isPresentable())
+	if (!Stage || Host->IsAutoShow() || !Stage->isPresentable())
 	{
 		return;
 	}
 	const terraport::LandingStatus Status = Stage->status();
 	const bool bInFull = Status.phase == terraport::LandingPhase::Presentable;
-	if (Status.landing != ToldPresentable || (bInFull && !bToldPresentableInFull))
+	if (Status.landing != ReportedPresentable || (bInFull && !bReportedPresentableInFull))
 	{
-		ToldPresentable = Status.landing;
-		bToldPresentableInFull = bInFull;
-		Owner.OnPresentable.Broadcast(Status.landing);
+		ReportedPresentable = Status.landing;
+		bReportedPresentableInFull = bInFull;
+		Host->OnPresentable(Status.landing);
 	}
 }
 
-void FTerraportSession::Tell(const terraport::StreamEvent& Event)
+void FTerraportSession::Report(const terraport::StreamEvent& Event)
 {
 	switch (Event.kind)
 	{
 	case terraport::EventKind::Link:
-		TellLink(Event.link);
+		ReportLink(Event.link);
 		break;
 	case terraport::EventKind::Planned:
-	{
-		FTerraportPlan Plan;
-		Plan.Landing = Event.landing;
-		Plan.RadiusM = Event.plan.radiusM;
-		Plan.EffectiveRadiusM = Event.plan.effectiveRadiusM;
-		Plan.LoadSegments = int32(Event.plan.load.size());
-		Plan.KeptSegments = int32(Event.plan.keep.size());
-		Plan.LoadBytes = int64(Event.plan.loadBytes);
-		Plan.Triangles = int64(Event.plan.totalTriangles);
-		Plan.OmittedSegments = int32(Event.plan.omittedSegments);
-		Owner.OnPlan.Broadcast(Plan);
+		Host->OnPlan(PlanOf(Event));
 		break;
-	}
 	case terraport::EventKind::Ready:
-	{
-		FTerraportReady Ready;
-		Ready.Landing = Event.landing;
-		Ready.Segments = int32(Event.segments.size());
-		Ready.Missing = int32(Event.missing.size());
-		Ready.ElapsedMs = Event.elapsedMs;
-		Ready.PayloadBytes = int64(Event.payloadBytes);
-		Owner.OnReady.Broadcast(Ready);
+		Host->OnReady(ReadyOf(Event));
 		break;
-	}
 	case terraport::EventKind::Degraded:
-		Owner.OnDegraded.Broadcast(Event.landing);
+		Host->OnDegraded(Event.landing);
 		break;
 	case terraport::EventKind::Refused:
-		// What ends a connection is told by the link that follows, which also says whether it is for good.
+		// What ends a connection is reported by the link event that follows, which also says whether it is for good.
 		if (!Event.fatal)
 		{
-			TellFailure(Event.code, Event.message, Event.landing, false);
+			ReportFailure(Event.code, Event.message, Event.landing, false);
 		}
 		break;
 	case terraport::EventKind::Picked:
-	{
-		FTerraportPick Pick;
-		Pick.Request = int64(Event.request);
-		Pick.bHit = Event.hit.has_value();
-		if (Event.hit)
-		{
-			const FTransform Frame = Owner.GetActorTransform();
-			Pick.Location = PointOf(Frame, Event.hit->position);
-			Pick.Normal = DirectionOf(Frame, Event.hit->normal);
-			Pick.Segment = int32(Event.hit->segment);
-			Pick.Region = int32(Event.hit->region);
-			Pick.Label = Event.hit->label ? TerraportText::FromUtf8(*Event.hit->label) : FString();
-			Pick.HeightM = Event.hit->heightM;
-			for (const auto& Entry : Event.hit->attributes)
-			{
-				Pick.Attributes.Add(TerraportText::FromUtf8(Entry.first), Entry.second);
-			}
-		}
-		Owner.OnPicked.Broadcast(Pick);
+		Host->OnPicked(PickOf(Event, Owner.GetActorTransform()));
 		break;
-	}
 	case terraport::EventKind::PickRefused:
-		TellFailure(Event.code, Event.message, 0, false);
+		ReportFailure(Event.code, Event.message, 0, false);
 		break;
 	case terraport::EventKind::Notice:
 		UE_LOG(LogTerraport, Log, TEXT("the server says: %s"), *TerraportText::FromUtf8(Event.noticeKind));
@@ -138,37 +147,37 @@ void FTerraportSession::Tell(const terraport::StreamEvent& Event)
 	}
 }
 
-void FTerraportSession::TellLink(const terraport::LinkState& Link)
+void FTerraportSession::ReportLink(const terraport::LinkState& Link)
 {
-	FTerraportLink News;
+	FTerraportLink Event;
 	switch (Link.phase)
 	{
 	case terraport::LinkPhase::Connecting:
-		News.State = ETerraportLink::Connecting;
+		Event.State = ETerraportLink::Connecting;
 		break;
 	case terraport::LinkPhase::Open:
-		News.State = ETerraportLink::Open;
+		Event.State = ETerraportLink::Open;
 		break;
 	case terraport::LinkPhase::Waiting:
-		News.State = ETerraportLink::Waiting;
+		Event.State = ETerraportLink::Waiting;
 		break;
 	case terraport::LinkPhase::Closed:
-		News.State = ETerraportLink::Closed;
+		Event.State = ETerraportLink::Closed;
 		break;
 	}
-	News.Attempt = int32(Link.attempt);
-	News.RetryInS = Link.retryInMs / 1000.0;
-	News.CloseCode = Link.closeCode;
-	News.Code = TerraportText::FromUtf8(Link.code);
-	News.Message = TerraportText::FromUtf8(Link.message);
-	Owner.OnLink.Broadcast(News);
+	Event.Attempt = int32(Link.attempt);
+	Event.RetryInS = Link.retryInMs / 1000.0;
+	Event.CloseCode = Link.closeCode;
+	Event.Code = TerraportText::FromUtf8(Link.code);
+	Event.Message = TerraportText::FromUtf8(Link.message);
+	Host->OnLink(Event);
 	if (!bEnded && Link.phase == terraport::LinkPhase::Closed && Link.code != "closed")
 	{
-		TellFailure(Link.code, Link.message, 0, true);
+		ReportFailure(Link.code, Link.message, 0, true);
 	}
 }
 
-void FTerraportSession::TellFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal)
+void FTerraportSession::ReportFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal)
 {
 	FTerraportFailure Failure;
 	Failure.Code = TerraportText::FromUtf8(Code);
@@ -176,5 +185,5 @@ void FTerraportSession::TellFailure(const std::string& Code, const std::string& 
 	Failure.Landing = std::max<int64>(Landing, 0);
 	Failure.bFatal = bFatal;
 	UE_LOG(LogTerraport, Warning, TEXT("%s: %s"), *Failure.Code, *Failure.Message);
-	Owner.OnFailed.Broadcast(Failure);
+	Host->OnFailed(Failure);
 }

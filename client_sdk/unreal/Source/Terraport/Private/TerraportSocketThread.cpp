@@ -16,9 +16,9 @@ constexpr double SlowS = 0.005;
 constexpr const TCHAR* Section = TEXT("WebSockets.LibWebSockets");
 constexpr const TCHAR* FrameTimeKey = TEXT("ThreadTargetFrameTimeInSeconds");
 
-double Setting(const TCHAR* Key, double Otherwise)
+double Setting(const TCHAR* Key, double Default)
 {
-	double Value = Otherwise;
+	double Value = Default;
 	GConfig->GetDouble(Section, Key, Value, GEngineIni);
 	return Value;
 }

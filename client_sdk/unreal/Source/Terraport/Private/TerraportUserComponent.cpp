@@ -22,26 +22,26 @@ UTerraportUserComponent::UTerraportUserComponent()
 
 int64 UTerraportUserComponent::Land(const FVector& WorldLocation)
 {
-	ATerraportScene* Of = FindScene();
-	return Of != nullptr ? Of->Land(WorldLocation, RadiusM, Options) : -1;
+	ATerraportScene* ActiveScene = FindScene();
+	return ActiveScene != nullptr ? ActiveScene->Land(WorldLocation, RadiusM, Options) : -1;
 }
 
 void UTerraportUserComponent::Aim(const FVector& WorldLocation)
 {
-	if (ATerraportScene* Of = FindScene())
+	if (ATerraportScene* ActiveScene = FindScene())
 	{
-		Of->Aim(WorldLocation, RadiusM);
+		ActiveScene->Aim(WorldLocation, RadiusM);
 	}
 }
 
 bool UTerraportUserComponent::TeleportTo(const FVector& WorldLocation, float YawDegrees)
 {
-	ATerraportScene* Of = FindScene();
-	if (Of == nullptr || !Of->IsOpen() || WorldLocation.ContainsNaN())
+	ATerraportScene* ActiveScene = FindScene();
+	if (ActiveScene == nullptr || !ActiveScene->IsOpen() || WorldLocation.ContainsNaN())
 	{
 		return false;
 	}
-	const int64 NewLanding = Of->Land(WorldLocation, RadiusM, Options);
+	const int64 NewLanding = ActiveScene->Land(WorldLocation, RadiusM, Options);
 	if (NewLanding < 0)
 	{
 		return false;
@@ -51,10 +51,10 @@ bool UTerraportUserComponent::TeleportTo(const FVector& WorldLocation, float Yaw
 	TargetYaw = YawDegrees;
 	if (Phase == EPhase::Idle || Phase == EPhase::Lightening)
 	{
-		bSceneAutoShow = Of->bAutoShow;
+		bSceneAutoShow = ActiveScene->bAutoShow;
 	}
 	// The swap is to fall into the dark.
-	Of->bAutoShow = false;
+	ActiveScene->bAutoShow = false;
 	if (Phase == EPhase::Idle || Phase == EPhase::Lightening)
 	{
 		Enter(EPhase::Darkening);
@@ -90,24 +90,8 @@ void UTerraportUserComponent::TickComponent(float DeltaTime, ELevelTick TickType
 		}
 		break;
 	case EPhase::Waiting:
-	{
-		ATerraportScene* Of = FindScene();
-		const FTerraportStatus Status = Of != nullptr ? Of->GetStatus() : FTerraportStatus();
-		const bool bIsOurs = Status.Landing == Landing;
-		if (Of == nullptr || (bIsOurs && Status.Phase == ETerraportLandingPhase::Refused))
-		{
-			GiveUp(Status);
-		}
-		else if (bIsOurs && (Of->Show() || Status.Phase == ETerraportLandingPhase::Shown))
-		{
-			Arrive();
-		}
-		else if (PhaseS >= double(MaxDarkS))
-		{
-			Arrive();
-		}
+		TickWaiting();
 		break;
-	}
 	case EPhase::Lightening:
 		if (PhaseS >= double(FadeS))
 		{
@@ -116,6 +100,26 @@ void UTerraportUserComponent::TickComponent(float DeltaTime, ELevelTick TickType
 		break;
 	case EPhase::Idle:
 		break;
+	}
+}
+
+void UTerraportUserComponent::TickWaiting()
+{
+	ATerraportScene* ActiveScene = FindScene();
+	const FTerraportStatus Status = ActiveScene != nullptr ? ActiveScene->GetStatus() : FTerraportStatus();
+	// Another component, or the game, may have landed since: that landing is not waited for.
+	const bool bIsOurs = Status.Landing == Landing;
+	if (ActiveScene == nullptr || (bIsOurs && Status.Phase == ETerraportLandingPhase::Refused))
+	{
+		GiveUp(Status);
+	}
+	else if (bIsOurs && (ActiveScene->Show() || Status.Phase == ETerraportLandingPhase::Shown))
+	{
+		Arrive();
+	}
+	else if (PhaseS >= double(MaxDarkS))
+	{
+		Arrive();
 	}
 }
 
@@ -158,11 +162,11 @@ void UTerraportUserComponent::Arrive()
 {
 	FTerraportGroundHit Ground;
 	const FVector From = Target + FVector(0.0, 0.0, SearchAboveCm);
-	const FVector Place = Scene->GroundAt(From, Ground) ? Ground.Location : Target;
-	MoveOwner(Place);
+	const FVector Location = Scene->GroundAt(From, Ground) ? Ground.Location : Target;
+	MoveOwner(Location);
 	// Without detail the user stands on the base, and the scene shows what comes by its own setting, which Enter restores.
 	Enter(EPhase::Lightening);
-	OnTeleported.Broadcast(Place);
+	OnTeleported.Broadcast(Location);
 }
 
 void UTerraportUserComponent::GiveUp(const FTerraportStatus& Status)

@@ -17,15 +17,15 @@ constexpr uint64 MaxTextBytes = 8u * 1024 * 1024;
 struct FTerraportWebSocket::FState
 {
 	terraport::MessageAssembler Assembler;
-	terraport::TransportState Now = terraport::TransportState::Connecting;
+	terraport::TransportState Connection = terraport::TransportState::Connecting;
 	int CloseCode = 0;
 	std::string CloseReason;
 
 	void Fail(int Code, const std::string& Reason)
 	{
-		if (Now != terraport::TransportState::Closed)
+		if (Connection != terraport::TransportState::Closed)
 		{
-			Now = terraport::TransportState::Closed;
+			Connection = terraport::TransportState::Closed;
 			CloseCode = Code;
 			CloseReason = Reason;
 		}
@@ -33,7 +33,7 @@ struct FTerraportWebSocket::FState
 
 	void Take(const void* Data, SIZE_T Size, bool bIsText, bool bIsLast)
 	{
-		if (Now != terraport::TransportState::Open)
+		if (Connection != terraport::TransportState::Open)
 		{
 			return;
 		}
@@ -56,6 +56,7 @@ FTerraportWebSocket::~FTerraportWebSocket()
 void FTerraportWebSocket::open(
 	const std::string& Url, const std::vector<std::string>& Subprotocols, const std::string& BearerToken)
 {
+	// 1. One subprotocol: the module does not tell which of several the server chose.
 	if (Subprotocols.empty())
 	{
 		State->Fail(Abnormal, "no subprotocol was offered");
@@ -64,6 +65,7 @@ void FTerraportWebSocket::open(
 	Offered = Subprotocols.front();
 	TArray<FString> Protocols;
 	Protocols.Add(TerraportText::FromUtf8(Offered));
+	// 2. The socket; its module runs a thread of its own.
 	TMap<FString, FString> Headers;
 	if (!BearerToken.empty())
 	{
@@ -72,11 +74,12 @@ void FTerraportWebSocket::open(
 	FWebSocketsModule& Module = FModuleManager::LoadModuleChecked<FWebSocketsModule>(TEXT("WebSockets"));
 	Socket = Module.CreateWebSocket(TerraportText::FromUtf8(Url), Protocols, Headers);
 
+	// 3. Callbacks, on the game thread. They hold the state and not this: nothing promises when the module lets go of them.
 	const TSharedRef<FState> Shared = State;
 	Socket->OnConnected().AddLambda([Shared]() {
-		if (Shared->Now == terraport::TransportState::Connecting)
+		if (Shared->Connection == terraport::TransportState::Connecting)
 		{
-			Shared->Now = terraport::TransportState::Open;
+			Shared->Connection = terraport::TransportState::Open;
 		}
 	});
 	Socket->OnConnectionError().AddLambda(
@@ -101,17 +104,18 @@ void FTerraportWebSocket::open(
 		Shared->Take(Text.data(), Text.size(), true, true);
 	});
 #endif
+	// 4. Last, since it may report at once.
 	Socket->Connect();
 }
 
 terraport::TransportState FTerraportWebSocket::state() const
 {
-	return State->Now;
+	return State->Connection;
 }
 
 std::string FTerraportWebSocket::subprotocol() const
 {
-	return State->Now == terraport::TransportState::Open ? Offered : std::string();
+	return State->Connection == terraport::TransportState::Open ? Offered : std::string();
 }
 
 bool FTerraportWebSocket::tryReceive(terraport::TransportMessage& Message)
@@ -121,7 +125,7 @@ bool FTerraportWebSocket::tryReceive(terraport::TransportMessage& Message)
 
 bool FTerraportWebSocket::trySend(terraport::ByteSpan Bytes)
 {
-	if (State->Now != terraport::TransportState::Open || !Socket.IsValid())
+	if (State->Connection != terraport::TransportState::Open || !Socket.IsValid())
 	{
 		return false;
 	}

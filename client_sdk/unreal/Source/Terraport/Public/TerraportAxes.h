@@ -21,7 +21,7 @@ namespace TerraportAxes
 {
 constexpr float CentimetresPerMetre = 100.0f;
 
-/// A place of the scene frame, metres, in Unreal's component space, centimetres. `Out` may be `Scene`.
+/// A position of the scene frame, metres, in Unreal's component space, centimetres. `Out` may be `Scene`.
 template <typename Real>
 inline void PointToUnreal(const Real Scene[3], Real Out[3])
 {
@@ -58,10 +58,10 @@ inline void DirectionToScene(const Real Unreal[3], Real Out[3])
 	DirectionToUnreal(Unreal, Out);
 }
 
-/// Places of `Count` vertices from the grid: four codes a vertex (the fourth is padding) to three floats, centimetres.
+/// Positions of `Count` vertices from the grid: four codes a vertex (the fourth is padding) to three floats, centimetres.
 ///
 /// `Translation + StepM * code` is exact in float32 (scene format, section 4), and one multiplication by 100 rounds equal
-/// places equally: border vertices that two segments share stay equal to the bit, whatever their translations. That is why
+/// positions equally: border vertices that two segments share stay equal to the bit, whatever their translations. That is why
 /// nothing is left to a component's transform.
 inline void PositionsToUnreal(
 	const std::uint16_t* Codes, std::size_t Count, const float Translation[3], float StepM, float* Out)
@@ -75,7 +75,7 @@ inline void PositionsToUnreal(
 	}
 }
 
-/// Places of `Count` vertices from floats of the scene frame, three each.
+/// Positions of `Count` vertices from floats of the scene frame, three each.
 inline void PositionsToUnreal(const float* Positions, std::size_t Count, float* Out)
 {
 	for (std::size_t Vertex = 0; Vertex < Count; ++Vertex)

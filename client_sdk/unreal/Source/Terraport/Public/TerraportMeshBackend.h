@@ -21,14 +21,14 @@ struct TERRAPORT_API FTerraportMeshPart
 	FBox3f Bounds = FBox3f(ForceInit);
 };
 
-/** What a backend made of a part away from the game thread. Its own class derives from it. */
+/** What a backend prepared of a mesh part on a worker thread. A backend derives its own class from it. */
 class TERRAPORT_API FTerraportPreparedMesh
 {
 public:
 	virtual ~FTerraportPreparedMesh() = default;
 };
 
-/** How components are made. */
+/** Settings of every component, from the scene's properties. */
 struct TERRAPORT_API FTerraportMeshSettings
 {
 	/** Cook collision, away from the game thread. */
@@ -47,7 +47,7 @@ class TERRAPORT_API ITerraportMeshBackend
 public:
 	virtual ~ITerraportMeshBackend() = default;
 
-	/** Turn a part into what the component takes. Called on worker threads, several at a time; must touch no UObject. */
+	/** Turn a mesh part into what the component takes. Called on worker threads, several at a time; must touch no UObject. */
 	virtual TUniquePtr<FTerraportPreparedMesh> Prepare(const FTerraportMeshPart& Part) const = 0;
 
 	/**

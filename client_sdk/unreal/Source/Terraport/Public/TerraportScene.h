@@ -28,7 +28,7 @@ DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportPickedEvent, const FTerrap
  * swap alone, never with the head. The scene's origin is the actor's; metres become centimetres; X is east, Y south, Z up. Move
  * and turn the actor as you like before it opens; scale must be 1.
  *
- * Everything is called, and every event told, on the game thread.
+ * Every function is called, and every event raised, on the game thread.
  */
 UCLASS(BlueprintType, meta = (DisplayName = "Terraport Scene"))
 class TERRAPORT_API ATerraportScene : public AActor
@@ -168,9 +168,9 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Reconnect(const FString& NewToken);
 
-	/** Ask for full detail around a place. A newer landing supersedes one that is not ready. Returns its number in the events;
-	 * 0 where the scene is not open yet (the newest such landing is asked for as soon as it is), -1 where the numbers are no
-	 * place. */
+	/** Ask for full detail around a location. A newer landing supersedes one that is not ready. Returns its number in the
+	 * events; 0 where the scene is not open yet (the newest such landing is asked for as soon as it is), -1 where the numbers
+	 * are no location. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport", meta = (AdvancedDisplay = "Options", AutoCreateRefTerm = "Options"))
 	int64 Land(const FVector& WorldLocation, double RadiusM, const FTerraportLandOptions& Options);
 
@@ -193,7 +193,7 @@ public:
 	bool CastGround(
 		const FVector& WorldStart, const FVector& WorldDirection, double MaxDistanceCm, FTerraportGroundHit& Hit) const;
 
-	/** Ground of what is shown on the vertical through a place: the highest not above it, else the lowest above it. */
+	/** Ground of what is shown on the vertical through a location: the highest not above it, else the lowest above it. */
 	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
 	bool GroundAt(const FVector& WorldLocation, FTerraportGroundHit& Hit) const;
 
@@ -211,7 +211,7 @@ public:
 	UFUNCTION(BlueprintPure, Category = "Terraport")
 	FBox GetSceneBounds() const;
 
-	/** East, north and height in the survey's reference system, metres, of a place in the world. False before the scene is
+	/** East, north and height in the survey's reference system, metres, of a location in the world. False before the scene is
 	 * open. */
 	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
 	bool WorldToSurvey(const FVector& WorldLocation, FVector& EastNorthHeightM) const;
@@ -234,9 +234,9 @@ private:
 
 	/** What plain C++ points to, for the garbage collector. */
 	UPROPERTY(Transient)
-	TSet<TObjectPtr<UObject>> Kept;
+	TSet<TObjectPtr<UObject>> ReferencedObjects;
 
-	/** Shared with Tick alone, so that a listener may close the scene that tells it something. */
+	/** Shared with Tick alone, so that a listener may close the scene from within an event. */
 	TSharedPtr<FTerraportSession> Session;
 	TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> CustomBackend;
 

@@ -38,7 +38,7 @@ enum class ETerraportLandingPhase : uint8
 	Refused,
 };
 
-/** What a landing may be asked for besides place and radius. */
+/** Options of a landing, besides its position and radius. */
 USTRUCT(BlueprintType)
 struct TERRAPORT_API FTerraportLandOptions
 {

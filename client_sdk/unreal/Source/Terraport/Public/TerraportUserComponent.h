@@ -59,11 +59,11 @@ public:
 	UPROPERTY(BlueprintAssignable, Category = "Terraport|Teleport")
 	FTerraportFadeEvent OnDarken;
 
-	/** Begin to lighten. */
+	/** Begin to lighten: the user was moved, or the landing was refused. For a fade of your own. */
 	UPROPERTY(BlueprintAssignable, Category = "Terraport|Teleport")
 	FTerraportFadeEvent OnLighten;
 
-	/** The user stands there. */
+	/** The user was moved. Location: where the feet are, world space, centimetres. */
 	UPROPERTY(BlueprintAssignable, Category = "Terraport|Teleport")
 	FTerraportTeleportedEvent OnTeleported;
 
@@ -79,15 +79,15 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Aim(const FVector& WorldLocation);
 
-	/** Teleport: feet on the ground at this place, the head above it, looking the same way, turned by YawDegrees. One that is
-	 * under way is replaced. False without an open scene. */
+	/** Teleport: feet on the ground at this location, the head above it, looking the same way, turned by YawDegrees. One that
+	 * is under way is replaced. False without an open scene. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport|Teleport")
 	bool TeleportTo(const FVector& WorldLocation, float YawDegrees = 0.0f);
 
 	UFUNCTION(BlueprintPure, Category = "Terraport|Teleport")
 	bool IsTeleporting() const;
 
-	/** The scene in use. */
+	/** Scene, or where that is empty or destroyed the first one of the level, from then on Scene. Null without one. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	ATerraportScene* FindScene();
 
@@ -99,12 +99,14 @@ private:
 	{
 		Idle,
 		Darkening,
-		/** Dark, and waiting for the landing. */
+		/** Dark, until the landing can be shown, is refused, or MaxDarkS have passed. */
 		Waiting,
 		Lightening,
 	};
 
 	void Enter(EPhase NewPhase);
+	/** Ends the dark when the landing is shown or refused, or after MaxDarkS. */
+	void TickWaiting();
 	void Arrive();
 	void GiveUp(const FTerraportStatus& Status);
 	void Fade(float From, float To, bool bHold);

@@ -18,16 +18,16 @@ Status BaseBlocks::begin(const SceneFiles& files, std::uint32_t blockFaces) {
 }
 
 void BaseBlocks::prepare(const SegmentList& segments, std::uint64_t revision) {
-  if (revision == wantedRevision_) {
+  if (revision == targetRevision_) {
     return;
   }
-  wantedRevision_ = revision;
+  targetRevision_ = revision;
   preparedRevision_ = 0;
-  const std::unordered_set<std::uint32_t> wanted(segments.begin(), segments.end());
+  const std::unordered_set<std::uint32_t> target(segments.begin(), segments.end());
   toRemove_.clear();
   toAdd_.clear();
   for (const std::uint32_t segment : counters_.shown()) {
-    if (wanted.count(segment) == 0) {
+    if (target.count(segment) == 0) {
       toRemove_.push_back(segment);
     }
   }
@@ -54,7 +54,7 @@ bool BaseBlocks::step(SceneRenderer& renderer) {
     }
     return true;
   }
-  if (wantedRevision_ == preparedRevision_) {
+  if (targetRevision_ == preparedRevision_) {
     return false;
   }
   for (; firstStale_ < stale_.size(); ++firstStale_) {
@@ -69,7 +69,7 @@ bool BaseBlocks::step(SceneRenderer& renderer) {
       return true;
     }
   }
-  preparedRevision_ = wantedRevision_;
+  preparedRevision_ = targetRevision_;
   return true;
 }
 
@@ -84,7 +84,7 @@ void BaseBlocks::flip(SceneSwap& swap) {
   }
   drawnCount_ = counters_.hiddenCount();
   drawnHash_ = counters_.hiddenHash();
-  wantedRevision_ = preparedRevision_ = 0;
+  targetRevision_ = preparedRevision_ = 0;
   swap.baseHidden = {drawn_.data(), static_cast<std::uint32_t>(drawn_.size())};
 }
 

@@ -27,7 +27,7 @@ class BaseBlocks {
   /// Take what was prepared for what is drawn, and say which blocks changed.
   void flip(SceneSwap& swap);
 
-  /// Of what is drawn.
+  /// Number and hash (CoverCounters) of the base faces that are hidden in what is drawn.
   std::uint32_t hiddenCount() const { return drawnCount_; }
   std::uint32_t hiddenHash() const { return drawnHash_; }
 
@@ -47,7 +47,7 @@ class BaseBlocks {
   SegmentList toAdd_;
   SegmentList toRemove_;
   std::vector<std::uint32_t> changed_;
-  std::uint64_t wantedRevision_ = 0;
+  std::uint64_t targetRevision_ = 0;
   std::uint64_t preparedRevision_ = 0;
 };
 

@@ -3,15 +3,15 @@
 namespace terraport {
 
 const CachedSegment* SegmentCache::get(std::uint32_t segment) {
-  const auto place = places_.find(segment);
-  if (place == places_.end()) return nullptr;
-  entries_.splice(entries_.end(), entries_, place->second);
-  return &*place->second;
+  const auto slot = index_.find(segment);
+  if (slot == index_.end()) return nullptr;
+  entries_.splice(entries_.end(), entries_, slot->second);
+  return &*slot->second;
 }
 
 const CachedSegment* SegmentCache::peek(std::uint32_t segment) const {
-  const auto place = places_.find(segment);
-  return place == places_.end() ? nullptr : &*place->second;
+  const auto slot = index_.find(segment);
+  return slot == index_.end() ? nullptr : &*slot->second;
 }
 
 void SegmentCache::put(CachedSegment entry) {
@@ -19,15 +19,15 @@ void SegmentCache::put(CachedSegment entry) {
   discard(segment);
   bytes_ += entry.payload->size();
   entries_.push_back(std::move(entry));
-  places_[segment] = std::prev(entries_.end());
+  index_[segment] = std::prev(entries_.end());
 }
 
 bool SegmentCache::discard(std::uint32_t segment) {
-  const auto place = places_.find(segment);
-  if (place == places_.end()) return false;
-  bytes_ -= place->second->payload->size();
-  entries_.erase(place->second);
-  places_.erase(place);
+  const auto slot = index_.find(segment);
+  if (slot == index_.end()) return false;
+  bytes_ -= slot->second->payload->size();
+  entries_.erase(slot->second);
+  index_.erase(slot);
   return true;
 }
 

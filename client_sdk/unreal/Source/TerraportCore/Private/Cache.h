@@ -27,8 +27,8 @@ class SegmentCache {
 
   /// Payload bytes held now, pinned ones included.
   std::uint64_t bytes() const { return bytes_; }
-  std::size_t size() const { return places_.size(); }
-  bool has(std::uint32_t segment) const { return places_.count(segment) != 0; }
+  std::size_t size() const { return index_.size(); }
+  bool has(std::uint32_t segment) const { return index_.count(segment) != 0; }
 
   /// The entry, from now on the most recently used; null where there is none. Valid until the next change.
   const CachedSegment* get(std::uint32_t segment);
@@ -57,7 +57,7 @@ class SegmentCache {
   std::uint64_t bytes_ = 0;
   std::list<CachedSegment> entries_;
   // Trees, not hash tables: a server chooses the ids.
-  std::map<std::uint32_t, std::list<CachedSegment>::iterator> places_;
+  std::map<std::uint32_t, std::list<CachedSegment>::iterator> index_;
   std::set<std::uint32_t> pinned_;
 };
 

@@ -78,6 +78,7 @@ struct DecodeThreads::Impl {
       DecodeJob job = std::move(jobs.front());
       jobs.pop_front();
       std::unique_ptr<SegmentMesh> mesh = spare.take();
+      // Decoding takes milliseconds, in which the stage asks and takes.
       lock.unlock();
       DecodedSegment answer = answerOf(std::move(job), std::move(mesh), afterDecode);
       lock.lock();

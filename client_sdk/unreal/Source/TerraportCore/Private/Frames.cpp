@@ -25,6 +25,7 @@ bool isPayload(ByteSpan data) {
 }
 
 bool decodeFrame(ByteSpan data, PayloadFrame& into, DecodeError& error) {
+  // 1. A frame at all, and of a kind that is read here.
   if (data.size > limits::kMaxFrameBytes) {
     return refused("too_large",
         "got a frame of " + std::to_string(data.size) + " bytes, expected at most " + std::to_string(limits::kMaxFrameBytes),
@@ -40,6 +41,7 @@ bool decodeFrame(ByteSpan data, PayloadFrame& into, DecodeError& error) {
     into.unknownKind = kind;
     return true;
   }
+  // 2. The header. A later minor version may append to it: its own length says where the chunk starts.
   if (data.size < limits::kHeaderBytes) {
     return refused("malformed", "got " + std::to_string(data.size) + " bytes, expected a header of 24", error);
   }
@@ -57,6 +59,7 @@ bool decodeFrame(ByteSpan data, PayloadFrame& into, DecodeError& error) {
             std::to_string(limits::kMaxSegmentBytes),
         error);
   }
+  // 3. The chunk: it lies within the payload, and is marked as the last exactly where it ends it.
   if (data.size <= header) return refused("malformed", "got no payload bytes, expected at least one", error);
   into.chunk = {data.data + header, data.size - header};
   const std::uint64_t end = std::uint64_t{into.offset} + into.chunk.size;

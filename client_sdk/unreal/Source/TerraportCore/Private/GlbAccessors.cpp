@@ -44,25 +44,25 @@ Status GltfReader::begin(const GlbChunks& chunks, JsonValue document, std::size_
   return expectList(views_, "bufferViews");
 }
 
-Status GltfReader::findVertices(JsonValue number, const GltfWanted& wanted, GltfRows& rows) {
+Status GltfReader::findVertices(JsonValue number, const GltfExpectation& expected, GltfRows& rows) {
   JsonValue view;
-  TERRAPORT_RETURN_IF_ERROR(find(number, wanted, rows, view));
-  const std::size_t width = wanted.width * bytesOf(rows.component);
+  TERRAPORT_RETURN_IF_ERROR(find(number, expected, rows, view));
+  const std::size_t width = expected.width * bytesOf(rows.component);
   std::uint64_t stride = 0;
   TERRAPORT_RETURN_IF_ERROR(
       expectWholeOr(view.member("byteStride"), "byteStride", static_cast<std::int64_t>(width), width, stride));
   if (stride > 16 || stride % 4 != 0) {
     return Status::damaged(
-        "byteStride of " + text(wanted.label) + " is " + std::to_string(stride) + ", expected 4, 8, 12 or 16");
+        "byteStride of " + text(expected.label) + " is " + std::to_string(stride) + ", expected 4, 8, 12 or 16");
   }
   rows.stride = static_cast<std::size_t>(stride);
   return locate(view, rows);
 }
 
 Status GltfReader::findIndices(JsonValue number, GltfRows& rows) {
-  const GltfWanted wanted = {"indices", GltfComponent::UnsignedShort, GltfComponent::UnsignedInt, "SCALAR", 1};
+  const GltfExpectation expected = {"indices", GltfComponent::UnsignedShort, GltfComponent::UnsignedInt, "SCALAR", 1};
   JsonValue view;
-  TERRAPORT_RETURN_IF_ERROR(find(number, wanted, rows, view));
+  TERRAPORT_RETURN_IF_ERROR(find(number, expected, rows, view));
   if (rows.count % 3 != 0) {
     return Status::damaged(std::to_string(rows.count) + " indices, expected a multiple of 3");
   }
@@ -87,29 +87,30 @@ Status GltfReader::findImage(JsonValue number, ByteSpan& bytes, std::size_t& off
   return slice(view, length, "image", bytes, offset);
 }
 
-Status GltfReader::find(JsonValue number, const GltfWanted& wanted, GltfRows& rows, JsonValue& view) const {
+Status GltfReader::find(JsonValue number, const GltfExpectation& expected, GltfRows& rows, JsonValue& view) const {
   JsonValue accessor;
-  TERRAPORT_RETURN_IF_ERROR(pickMap(accessors_, number, wanted.label, accessor));
+  TERRAPORT_RETURN_IF_ERROR(pickMap(accessors_, number, expected.label, accessor));
   const auto component = accessor.member("componentType").integer();
-  const bool isKnown = component &&
-      (*component == static_cast<std::int64_t>(wanted.component) || *component == static_cast<std::int64_t>(wanted.other));
-  if (!isKnown || accessor.member("type").text().value_or("") != wanted.type) {
-    return Status::damaged(text(wanted.label) + " is " + shortly(accessor.member("componentType")) + " " +
-        shortly(accessor.member("type")) + ", expected " + text(wanted.type) + " of " +
-        std::to_string(static_cast<std::uint32_t>(wanted.component)));
+  const bool isAllowed = component &&
+      (*component == static_cast<std::int64_t>(expected.component) ||
+          *component == static_cast<std::int64_t>(expected.alternative));
+  if (!isAllowed || accessor.member("type").text().value_or("") != expected.type) {
+    return Status::damaged(text(expected.label) + " is " + shortly(accessor.member("componentType")) + " " +
+        shortly(accessor.member("type")) + ", expected " + text(expected.type) + " of " +
+        std::to_string(static_cast<std::uint32_t>(expected.component)));
   }
   std::uint64_t byteOffset = 0;
   TERRAPORT_RETURN_IF_ERROR(expectWholeOr(accessor.member("byteOffset"), "byteOffset of accessor", 0, 0, byteOffset));
   if (byteOffset != 0 || accessor.member("sparse").exists()) {
-    return Status::damaged(text(wanted.label) + " has an offset inside its bufferView or is sparse, expected neither");
+    return Status::damaged(text(expected.label) + " has an offset inside its bufferView or is sparse, expected neither");
   }
   std::uint64_t count = 0;
-  TERRAPORT_RETURN_IF_ERROR(expectWhole(accessor.member("count"), wanted.label, 1, count));
+  TERRAPORT_RETURN_IF_ERROR(expectWhole(accessor.member("count"), expected.label, 1, count));
   rows = GltfRows();
   rows.count = static_cast<std::size_t>(count);
   rows.component = static_cast<GltfComponent>(*component);
   rows.isNormalised = accessor.member("normalized").boolean().value_or(false);
-  rows.label = wanted.label;
+  rows.label = expected.label;
   return pickMap(views_, accessor.member("bufferView"), "bufferView", view);
 }
 
@@ -174,13 +175,13 @@ Status GltfReader::readFilter(JsonValue packed, GltfRows& rows) const {
 }
 
 Status GltfReader::slice(
-    JsonValue where, std::uint64_t length, std::string_view label, ByteSpan& bytes, std::size_t& offset) const {
-  const JsonValue buffer = where.member("buffer");
+    JsonValue range, std::uint64_t length, std::string_view label, ByteSpan& bytes, std::size_t& offset) const {
+  const JsonValue buffer = range.member("buffer");
   if (buffer.integer().value_or(-1) != 0) {
     return Status::damaged(text(label) + " is in buffer " + shortly(buffer) + ", expected 0 (the BIN chunk)");
   }
   std::uint64_t first = 0;
-  TERRAPORT_RETURN_IF_ERROR(expectWholeOr(where.member("byteOffset"), "byteOffset", 0, 0, first));
+  TERRAPORT_RETURN_IF_ERROR(expectWholeOr(range.member("byteOffset"), "byteOffset", 0, 0, first));
   if (first > chunks_.binary.size || length > chunks_.binary.size - first) {
     return Status::damaged(text(label) + " lies at " + std::to_string(first) + " with " + std::to_string(length) +
             " bytes, expected within " + std::to_string(chunks_.binary.size),

@@ -16,13 +16,13 @@ namespace terraport {
 /// glTF's component types, as far as payloads use them.
 enum class GltfComponent : std::uint32_t { Byte = 5120, UnsignedShort = 5123, UnsignedInt = 5125, Float = 5126 };
 
-/// What an accessor must be.
-struct GltfWanted {
+/// Layout that an accessor must have.
+struct GltfExpectation {
   /// For error texts; also says which filters are allowed.
   std::string_view label;
   GltfComponent component = GltfComponent::UnsignedShort;
   /// Another component type that will do; the same where there is none.
-  GltfComponent other = GltfComponent::UnsignedShort;
+  GltfComponent alternative = GltfComponent::UnsignedShort;
   /// glTF's word, and its number of components.
   std::string_view type;
   std::size_t width = 1;
@@ -53,9 +53,9 @@ class GltfReader {
   /// `document` is the parsed JSON chunk; chunks and document must outlive the reader.
   Status begin(const GlbChunks& chunks, JsonValue document, std::size_t payloadBytes);
 
-  /// Look at a vertex attribute.
-  Status findVertices(JsonValue number, const GltfWanted& wanted, GltfRows& rows);
-  /// Look at the vertex numbers, three a face.
+  /// Check a vertex attribute; its bytes are located, and not decoded yet. Damaged where it is not as expected.
+  Status findVertices(JsonValue number, const GltfExpectation& expected, GltfRows& rows);
+  /// The same for the vertex numbers, three a face.
   Status findIndices(JsonValue number, GltfRows& rows);
   /// The bytes of an image file, and where they lie in the payload.
   Status findImage(JsonValue number, ByteSpan& bytes, std::size_t& offset) const;
@@ -66,10 +66,10 @@ class GltfReader {
   static Status decodeIndices(const GltfRows& rows, std::uint32_t* out);
 
  private:
-  Status find(JsonValue number, const GltfWanted& wanted, GltfRows& rows, JsonValue& view) const;
+  Status find(JsonValue number, const GltfExpectation& expected, GltfRows& rows, JsonValue& view) const;
   Status locate(JsonValue view, GltfRows& rows);
   Status locatePacked(JsonValue packed, GltfRows& rows);
-  Status slice(JsonValue where, std::uint64_t length, std::string_view label, ByteSpan& bytes, std::size_t& offset) const;
+  Status slice(JsonValue range, std::uint64_t length, std::string_view label, ByteSpan& bytes, std::size_t& offset) const;
   Status readFilter(JsonValue packed, GltfRows& rows) const;
 
   GlbChunks chunks_;

@@ -17,16 +17,18 @@ constexpr std::uint32_t kJsonChunk = 0x4e4f534a;
 constexpr std::uint32_t kBinChunk = 0x004e4942;
 
 Status chunkAt(ByteSpan payload, std::size_t at, std::uint32_t kind, const char* name, ByteSpan& out) {
-  const std::size_t left = payload.size - at;
-  if (left < kGlbChunkBytes) {
-    return Status::damaged(std::to_string(left) + " bytes left, expected a " + name + " chunk", static_cast<std::int64_t>(at));
+  const std::size_t remaining = payload.size - at;
+  if (remaining < kGlbChunkBytes) {
+    return Status::damaged(
+        std::to_string(remaining) + " bytes left, expected a " + name + " chunk", static_cast<std::int64_t>(at));
   }
   if (readU32(payload.data + at + 4) != kind) {
     return Status::damaged(std::string("another type of chunk, expected ") + name, static_cast<std::int64_t>(at + 4));
   }
   const std::uint32_t length = readU32(payload.data + at);
-  if (length > left - kGlbChunkBytes) {
-    return Status::damaged("chunk of " + std::to_string(length) + " bytes, " + std::to_string(left - kGlbChunkBytes) + " left",
+  if (length > remaining - kGlbChunkBytes) {
+    return Status::damaged(
+        "chunk of " + std::to_string(length) + " bytes, " + std::to_string(remaining - kGlbChunkBytes) + " left",
         static_cast<std::int64_t>(at));
   }
   out = {payload.data + at + kGlbChunkBytes, length};

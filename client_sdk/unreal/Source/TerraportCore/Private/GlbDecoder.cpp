@@ -21,7 +21,7 @@ constexpr std::int64_t kStatedNullCode = 65535;
 constexpr double kLastCode = 65534.0;
 /// More than any survey has: bounds what the names of one payload take.
 constexpr std::uint32_t kMaxPayloadAttributes = 240;
-constexpr std::string_view kKnown[] = {"KHR_mesh_quantization", "EXT_meshopt_compression", "EXT_mesh_features",
+constexpr std::string_view kSupportedExtensions[] = {"KHR_mesh_quantization", "EXT_meshopt_compression", "EXT_mesh_features",
     "KHR_texture_transform", "EXT_texture_webp", "KHR_texture_basisu"};
 
 JsonLimits glbJson() {
@@ -65,7 +65,7 @@ class GlbReading {
     names_ = primitive_.member("attributes");
     TERRAPORT_RETURN_IF_ERROR(expectMap(names_, "attributes"));
     TERRAPORT_RETURN_IF_ERROR(reader_.begin(chunks, document_, payload.size));
-    TERRAPORT_RETURN_IF_ERROR(readPlace());
+    TERRAPORT_RETURN_IF_ERROR(readTransform());
     TERRAPORT_RETURN_IF_ERROR(readPositions());
     TERRAPORT_RETURN_IF_ERROR(readIndices());
     TERRAPORT_RETURN_IF_ERROR(readNormals());
@@ -80,18 +80,18 @@ class GlbReading {
     const JsonValue required = document_.member("extensionsRequired");
     TERRAPORT_RETURN_IF_ERROR(expectListOrAbsent(required, "extensionsRequired"));
     for (const JsonValue name : required.items()) {
-      bool isKnown = false;
-      for (const std::string_view known : kKnown) {
-        isKnown = isKnown || name.text().value_or("") == known;
+      bool isSupported = false;
+      for (const std::string_view extension : kSupportedExtensions) {
+        isSupported = isSupported || name.text().value_or("") == extension;
       }
-      if (!isKnown) {
+      if (!isSupported) {
         return Status::damaged("required extension " + shortly(name) + ", expected one that we know");
       }
     }
     return {};
   }
 
-  Status readPlace() {
+  Status readTransform() {
     JsonValue node;
     TERRAPORT_RETURN_IF_ERROR(onlyMap(document_, "nodes", node));
     if (node.member("matrix").exists() || node.member("rotation").exists()) {
@@ -140,13 +140,13 @@ class GlbReading {
   }
 
   Status readPositions() {
-    const GltfWanted wanted = {"POSITION", GltfComponent::UnsignedShort, GltfComponent::Float, "VEC3", 3};
+    const GltfExpectation expected = {"POSITION", GltfComponent::UnsignedShort, GltfComponent::Float, "VEC3", 3};
     GltfRows rows;
-    TERRAPORT_RETURN_IF_ERROR(reader_.findVertices(names_.member("POSITION"), wanted, rows));
+    TERRAPORT_RETURN_IF_ERROR(reader_.findVertices(names_.member("POSITION"), expected, rows));
     mesh_.vertexCount = static_cast<std::uint32_t>(rows.count);
     if (rows.component == GltfComponent::UnsignedShort) {
       TERRAPORT_RETURN_IF_ERROR(decodeInto(rows, 8, mesh_.positionCodes));
-      return placeBounds(mesh_);
+      return computeBounds(mesh_);
     }
     const double* move = mesh_.translation;
     if (mesh_.stepM != 1.0 || move[0] != 0.0 || move[1] != 0.0 || move[2] != 0.0) {
@@ -154,7 +154,7 @@ class GlbReading {
     }
     mesh_.positionForm = VertexForm::Floats;
     TERRAPORT_RETURN_IF_ERROR(decodeInto(rows, 12, mesh_.positions));
-    return placeBounds(mesh_);
+    return computeBounds(mesh_);
   }
 
   Status readIndices() {
@@ -172,11 +172,11 @@ class GlbReading {
     return {};
   }
 
-  /// Look at a vertex attribute that has one row for each vertex.
-  Status findColumn(const GltfWanted& wanted, GltfRows& rows) {
-    TERRAPORT_RETURN_IF_ERROR(reader_.findVertices(names_.member(wanted.label), wanted, rows));
+  /// Check a vertex attribute that must have one row for each vertex.
+  Status findColumn(const GltfExpectation& expected, GltfRows& rows) {
+    TERRAPORT_RETURN_IF_ERROR(reader_.findVertices(names_.member(expected.label), expected, rows));
     if (rows.count != mesh_.vertexCount) {
-      return Status::damaged(std::string(wanted.label) + " has " + std::to_string(rows.count) + " rows, expected " +
+      return Status::damaged(std::string(expected.label) + " has " + std::to_string(rows.count) + " rows, expected " +
           std::to_string(mesh_.vertexCount) + ": one a vertex");
     }
     return {};
@@ -198,9 +198,9 @@ class GlbReading {
     if (names_.member("COLOR_0").exists()) {
       return Status::damaged("texture and COLOR_0 in one mesh, expected one of them (glTF multiplies)");
     }
-    const GltfWanted wanted = {"TEXCOORD_0", GltfComponent::UnsignedShort, GltfComponent::UnsignedShort, "VEC2", 2};
+    const GltfExpectation expected = {"TEXCOORD_0", GltfComponent::UnsignedShort, GltfComponent::UnsignedShort, "VEC2", 2};
     GltfRows rows;
-    TERRAPORT_RETURN_IF_ERROR(findColumn(wanted, rows));
+    TERRAPORT_RETURN_IF_ERROR(findColumn(expected, rows));
     if (texture.hasScale == rows.isNormalised) {
       return Status::damaged("TEXCOORD_0 must be normalised without a transform, and not with one");
     }
@@ -231,9 +231,9 @@ class GlbReading {
     if (!names_.member("COLOR_0").exists()) {
       return {};
     }
-    const GltfWanted wanted = {"COLOR_0", GltfComponent::UnsignedShort, GltfComponent::UnsignedShort, "VEC4", 4};
+    const GltfExpectation expected = {"COLOR_0", GltfComponent::UnsignedShort, GltfComponent::UnsignedShort, "VEC4", 4};
     GltfRows rows;
-    TERRAPORT_RETURN_IF_ERROR(findColumn(wanted, rows));
+    TERRAPORT_RETURN_IF_ERROR(findColumn(expected, rows));
     mesh_.colourForm = ColourForm::Linear16;
     return decodeInto(rows, 8, mesh_.coloursLinear16);
   }
@@ -241,8 +241,8 @@ class GlbReading {
   /// A column of 16-bit numbers, one for each vertex.
   Status readScalars(std::string_view label, SegmentBuffer<std::uint16_t>& out) {
     GltfRows rows;
-    const GltfWanted wanted = {label, GltfComponent::UnsignedShort, GltfComponent::UnsignedShort, "SCALAR", 1};
-    TERRAPORT_RETURN_IF_ERROR(findColumn(wanted, rows));
+    const GltfExpectation expected = {label, GltfComponent::UnsignedShort, GltfComponent::UnsignedShort, "SCALAR", 1};
+    TERRAPORT_RETURN_IF_ERROR(findColumn(expected, rows));
     return decodeInto(rows, 2, out);
   }
 
@@ -254,9 +254,9 @@ class GlbReading {
   Status readAttributes(JsonValue mesh) {
     const JsonValue extras = mesh.member("extras");
     TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(extras, "extras"));
-    const JsonValue ours = extras.member("terraport");
-    TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(ours, "extras.terraport"));
-    const JsonValue list = ours.member("attributes");
+    const JsonValue terraportExtras = extras.member("terraport");
+    TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(terraportExtras, "extras.terraport"));
+    const JsonValue list = terraportExtras.member("attributes");
     TERRAPORT_RETURN_IF_ERROR(expectListOrAbsent(list, "extras.terraport.attributes"));
     if (list.size() > kMaxPayloadAttributes) {
       return Status::damaged(

@@ -23,11 +23,11 @@ bool isScale(JsonValue value, float& out) {
   return true;
 }
 
-Status findImage(JsonValue document, JsonValue place, GlbTexture& texture) {
+Status findImage(JsonValue document, JsonValue textureInfo, GlbTexture& texture) {
   JsonValue chosen;
   const JsonValue textures = document.member("textures");
   TERRAPORT_RETURN_IF_ERROR(expectList(textures, "textures"));
-  TERRAPORT_RETURN_IF_ERROR(pickMap(textures, place.member("index"), "texture", chosen));
+  TERRAPORT_RETURN_IF_ERROR(pickMap(textures, textureInfo.member("index"), "texture", chosen));
   const JsonValue extensions = chosen.member("extensions");
   TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(extensions, "extensions of texture"));
   const JsonValue webp = extensions.member("EXT_texture_webp");
@@ -58,8 +58,8 @@ Status findImage(JsonValue document, JsonValue place, GlbTexture& texture) {
       ", expected image/jpeg or image/png, or that of the texture's extension");
 }
 
-Status findScale(JsonValue place, GlbTexture& texture) {
-  const JsonValue extensions = place.member("extensions");
+Status findScale(JsonValue textureInfo, GlbTexture& texture) {
+  const JsonValue extensions = textureInfo.member("extensions");
   TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(extensions, "extensions of baseColorTexture"));
   if (extensions.size() == 0) {
     return {};
@@ -95,18 +95,18 @@ Status findGlbTexture(JsonValue document, JsonValue primitive, GlbTexture& textu
   TERRAPORT_RETURN_IF_ERROR(pickMap(materials, number, "material", material));
   const JsonValue surface = material.member("pbrMetallicRoughness");
   TERRAPORT_RETURN_IF_ERROR(expectMapOrAbsent(surface, "pbrMetallicRoughness"));
-  const JsonValue place = surface.member("baseColorTexture");
-  if (!place.exists()) {
+  const JsonValue textureInfo = surface.member("baseColorTexture");
+  if (!textureInfo.exists()) {
     return {};
   }
-  TERRAPORT_RETURN_IF_ERROR(expectMap(place, "baseColorTexture"));
+  TERRAPORT_RETURN_IF_ERROR(expectMap(textureInfo, "baseColorTexture"));
   std::uint64_t set = 0;
-  TERRAPORT_RETURN_IF_ERROR(expectWholeOr(place.member("texCoord"), "texCoord", 0, 0, set));
+  TERRAPORT_RETURN_IF_ERROR(expectWholeOr(textureInfo.member("texCoord"), "texCoord", 0, 0, set));
   if (set != 0) {
     return Status::damaged("baseColorTexture has another set, expected set 0");
   }
-  TERRAPORT_RETURN_IF_ERROR(findImage(document, place, texture));
-  return findScale(place, texture);
+  TERRAPORT_RETURN_IF_ERROR(findImage(document, textureInfo, texture));
+  return findScale(textureInfo, texture);
 }
 
 }  // namespace terraport

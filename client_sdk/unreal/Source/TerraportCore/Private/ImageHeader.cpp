@@ -26,7 +26,7 @@ bool startsWith(ByteSpan file, const std::uint8_t (&start)[N]) {
   return file.size >= N && std::memcmp(file.data, start, N) == 0;
 }
 
-/// Four letters at a place that is there.
+/// Four letters at an offset whose bytes exist.
 bool hasLetters(ByteSpan file, std::size_t at, const char* letters) {
   return std::memcmp(file.data + at, letters, 4) == 0;
 }

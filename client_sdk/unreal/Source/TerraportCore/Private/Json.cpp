@@ -19,8 +19,8 @@ void JsonDocument::clear() {
 }
 
 std::string_view JsonDocument::textOf(const Node& node) const {
-  const std::string_view all = (node.flags & kDecoded) != 0 ? std::string_view(decoded_) : source_;
-  return all.substr(node.offset, node.length);
+  const std::string_view buffer = (node.flags & kDecoded) != 0 ? std::string_view(decoded_) : source_;
+  return buffer.substr(node.offset, node.length);
 }
 
 bool JsonDocument::hasKeyTwice(std::uint32_t map) const {
@@ -33,9 +33,9 @@ bool JsonDocument::hasKeyTwice(std::uint32_t map) const {
     at = nodes_[at + 1].after;
   }
   if (count <= kFewKeys) {
-    for (std::uint32_t one = 1; one < count; ++one) {
-      for (std::uint32_t other = 0; other < one; ++other) {
-        if (keys_[one] == keys_[other]) return true;
+    for (std::uint32_t key = 1; key < count; ++key) {
+      for (std::uint32_t earlier = 0; earlier < key; ++earlier) {
+        if (keys_[key] == keys_[earlier]) return true;
       }
     }
     return false;
@@ -61,13 +61,13 @@ std::optional<std::int64_t> JsonValue::integer() const {
 }
 
 std::optional<double> JsonValue::number() const {
-  const JsonKind mine = kind();
-  if (mine != JsonKind::Integer && mine != JsonKind::Float) return std::nullopt;
+  const JsonKind actualKind = kind();
+  if (actualKind != JsonKind::Integer && actualKind != JsonKind::Float) return std::nullopt;
   const JsonDocument::Node& node = document_->nodes_[index_];
   double value = 0;
   if ((node.flags & JsonDocument::kUnread) != 0) {
     value = readDecimal(document_->textOf(node));
-  } else if (mine == JsonKind::Integer && (node.flags & JsonDocument::kRounded) == 0) {
+  } else if (actualKind == JsonKind::Integer && (node.flags & JsonDocument::kRounded) == 0) {
     value = static_cast<double>(node.whole);
   } else {
     value = node.real;

@@ -66,7 +66,7 @@ inline Status expectListOrAbsent(JsonValue value, std::string_view label) {
   return value.exists() ? expectList(value, label) : Status();
 }
 
-/// A whole number, `least` to kMostWhole.
+/// Read a whole number from `least` to kMostWhole; damaged where it is none.
 inline Status expectWhole(JsonValue value, std::string_view label, std::int64_t least, std::uint64_t& out) {
   const auto whole = value.integer();
   if (whole && *whole >= least && *whole <= kMostWhole) {
@@ -77,10 +77,10 @@ inline Status expectWhole(JsonValue value, std::string_view label, std::int64_t 
       std::to_string(least) + " to " + std::to_string(kMostWhole));
 }
 
-/// As expectWhole, where absent means `otherwise`.
+/// As expectWhole; `fallback` where the value is absent.
 inline Status expectWholeOr(
-    JsonValue value, std::string_view label, std::int64_t least, std::uint64_t otherwise, std::uint64_t& out) {
-  out = otherwise;
+    JsonValue value, std::string_view label, std::int64_t least, std::uint64_t fallback, std::uint64_t& out) {
+  out = fallback;
   return value.exists() ? expectWhole(value, label, least, out) : Status();
 }
 
@@ -99,8 +99,8 @@ inline Status expectTriple(JsonValue value, std::string_view label, double out[3
     return Status::damaged(std::string(label) + " has " + std::to_string(value.size()) + " numbers, expected 3");
   }
   int at = 0;
-  for (const JsonValue part : value.items()) {
-    TERRAPORT_RETURN_IF_ERROR(expectNumber(part, label, out[at]));
+  for (const JsonValue component : value.items()) {
+    TERRAPORT_RETURN_IF_ERROR(expectNumber(component, label, out[at]));
     ++at;
   }
   return {};
@@ -112,12 +112,12 @@ inline JsonValue itemAt(JsonValue list, JsonValue number) {
   if (!whole || *whole < 0 || !list.isList() || *whole >= static_cast<std::int64_t>(list.size())) {
     return {};
   }
-  std::int64_t left = *whole;
+  std::int64_t remaining = *whole;
   for (const JsonValue item : list.items()) {
-    if (left == 0) {
+    if (remaining == 0) {
       return item;
     }
-    --left;
+    --remaining;
   }
   return {};
 }

@@ -43,21 +43,21 @@ class Natural {
 
   void shiftLeft(long bits) {
     if (size_ == 0 || bits <= 0) return;
-    const auto whole = static_cast<std::size_t>(bits / 32);
-    const auto part = static_cast<unsigned>(bits % 32);
-    if (part != 0) {
+    const auto wordShift = static_cast<std::size_t>(bits / 32);
+    const auto bitShift = static_cast<unsigned>(bits % 32);
+    if (bitShift != 0) {
       std::uint32_t carry = 0;
       for (std::size_t at = 0; at < size_; ++at) {
-        const std::uint32_t shifted = (words_[at] << part) | carry;
-        carry = words_[at] >> (32 - part);
+        const std::uint32_t shifted = (words_[at] << bitShift) | carry;
+        carry = words_[at] >> (32 - bitShift);
         words_[at] = shifted;
       }
       if (carry != 0) push(carry);
     }
-    if (whole > kWords - size_) return;  // beyond the bound: it does not come up
-    std::memmove(words_ + whole, words_, size_ * sizeof words_[0]);
-    std::memset(words_, 0, whole * sizeof words_[0]);
-    size_ += whole;
+    if (wordShift > kWords - size_) return;  // beyond the bound: it does not come up
+    std::memmove(words_ + wordShift, words_, size_ * sizeof words_[0]);
+    std::memset(words_, 0, wordShift * sizeof words_[0]);
+    size_ += wordShift;
   }
 
   /// Below 0, 0, or above it, as this is below, equal to, above the other.
@@ -105,13 +105,19 @@ struct Decimal {
   long exponent = 0;
 };
 
+/// `text` is a number by JSON's grammar, which the reader has checked.
+///
+/// Invariant: what was read so far is `digits` * 10^`exponent`, but for digits beyond kMostDigits. Of those it only counts
+/// whether one is not 0: a 1 behind the others puts the number on the right side of every halfway point.
 Decimal split(std::string_view text) {
+  // 1. The sign.
   Decimal decimal;
   std::size_t at = 0;
   if (at < text.size() && text[at] == '-') {
     decimal.isNegative = true;
     ++at;
   }
+  // 2. Digits, without leading zeros; the point only moves the exponent.
   bool isFraction = false;
   bool hasMore = false;
   for (; at < text.size() && text[at] != 'e' && text[at] != 'E'; ++at) {
@@ -134,14 +140,16 @@ Decimal split(std::string_view text) {
     decimal.digits.push_back('1');
     decimal.exponent -= 1;
   }
+  // 3. The stated exponent, cut off far beyond what a double can have, so that it cannot overflow.
   if (at < text.size()) {
     ++at;
     const bool isDown = at < text.size() && text[at] == '-';
     if (at < text.size() && (text[at] == '-' || text[at] == '+')) ++at;
-    long given = 0;
-    for (; at < text.size(); ++at) given = std::min(10 * given + (text[at] - '0'), 100 * kFarExponent);
-    decimal.exponent += isDown ? -given : given;
+    long exponent = 0;
+    for (; at < text.size(); ++at) exponent = std::min(10 * exponent + (text[at] - '0'), 100 * kFarExponent);
+    decimal.exponent += isDown ? -exponent : exponent;
   }
+  // 4. Trailing zeros go: fewer digits to multiply by.
   while (!decimal.digits.empty() && decimal.digits.back() == '0') {
     decimal.digits.pop_back();
     decimal.exponent += 1;
@@ -167,28 +175,28 @@ int compareToHalfway(const Decimal& decimal, double low) {
     mantissa = 0;
     lastBit = -1074;
   }
-  Natural ours(0);
+  Natural scaledDigits(0);
   for (const char digit : decimal.digits) {
-    if (ours.compareTo(Natural(0)) == 0) {
-      ours = Natural(static_cast<std::uint64_t>(digit - '0'));
+    if (scaledDigits.compareTo(Natural(0)) == 0) {
+      scaledDigits = Natural(static_cast<std::uint64_t>(digit - '0'));
     } else {
-      ours.multiplyAdd(10, static_cast<std::uint32_t>(digit - '0'));
+      scaledDigits.multiplyAdd(10, static_cast<std::uint32_t>(digit - '0'));
     }
   }
   Natural halfway(2 * mantissa + 1);
-  // ours * 10^e against halfway * 2^(lastBit - 1), without negative powers.
+  // scaledDigits * 10^e against halfway * 2^(lastBit - 1), without negative powers.
   const long twos = decimal.exponent - (lastBit - 1);
   if (decimal.exponent >= 0) {
-    ours.multiplyByPowerOf5(decimal.exponent);
+    scaledDigits.multiplyByPowerOf5(decimal.exponent);
   } else {
     halfway.multiplyByPowerOf5(-decimal.exponent);
   }
   if (twos >= 0) {
-    ours.shiftLeft(twos);
+    scaledDigits.shiftLeft(twos);
   } else {
     halfway.shiftLeft(-twos);
   }
-  return ours.compareTo(halfway);
+  return scaledDigits.compareTo(halfway);
 }
 
 bool isEven(double value) {
@@ -200,9 +208,9 @@ bool isEven(double value) {
 /// A double some units in the last place from the number.
 double roughly(const Decimal& decimal) {
   double value = 0;
-  const std::size_t used = std::min<std::size_t>(decimal.digits.size(), 17);
-  for (std::size_t at = 0; at < used; ++at) value = 10 * value + (decimal.digits[at] - '0');
-  long power = decimal.exponent + static_cast<long>(decimal.digits.size() - used);
+  const std::size_t digitCount = std::min<std::size_t>(decimal.digits.size(), 17);
+  for (std::size_t at = 0; at < digitCount; ++at) value = 10 * value + (decimal.digits[at] - '0');
+  long power = decimal.exponent + static_cast<long>(decimal.digits.size() - digitCount);
   // In steps, so that neither the power nor the product leaves the range too early.
   for (; power > 22; power -= 22) value *= 1e22;
   for (; power < -22; power += 22) value /= 1e22;

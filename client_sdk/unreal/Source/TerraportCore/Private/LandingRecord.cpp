@@ -43,7 +43,7 @@ void LandingRecord::refuse(const std::string& message) {
 void LandingRecord::restart() {
   hasPlan = hasInner_ = hasWhole_ = false;
   missing.clear();
-  shown = ShownPart::Nothing;
+  shown = ShownExtent::Nothing;
   expected_.clear();
   loadBytes_.clear();
   arrived_.clear();
@@ -56,7 +56,7 @@ const SegmentList* LandingRecord::target() const {
   if (hasWhole_) {
     return &whole_;
   }
-  return hasInner_ && shown != ShownPart::Degraded ? &inner_ : nullptr;
+  return hasInner_ && shown != ShownExtent::Degraded ? &inner_ : nullptr;
 }
 
 }  // namespace terraport

@@ -13,8 +13,8 @@ namespace terraport {
 
 using SegmentList = std::vector<std::uint32_t>;
 
-/// What was shown of a landing.
-enum class ShownPart : std::uint8_t { Nothing, Degraded, Full };
+/// How much of a landing is shown: nothing yet, its declared inner part, or all of it.
+enum class ShownExtent : std::uint8_t { Nothing, Degraded, Full };
 
 /// One landing, from `land` until a newer one. No clock, no I/O.
 class LandingRecord {
@@ -22,17 +22,17 @@ class LandingRecord {
   std::int64_t landing = kNoLanding;
   Vec3 position;
   double radiusM = 0.0;
-  double askedAtMs = 0.0;
+  double requestedAtMs = 0.0;
   bool hasPlan = false;
   double effectiveRadiusM = 0.0;
   SegmentList missing;
   bool isRefused = false;
   std::string refusal;
-  /// Negative while it is not so.
+  /// Milliseconds since the landing was asked for; negative before.
   double readyMs = -1.0;
   double presentableMs = -1.0;
   std::uint64_t payloadBytes = 0;
-  ShownPart shown = ShownPart::Nothing;
+  ShownExtent shown = ShownExtent::Nothing;
 
   /// A plan came: the first, or another one after a reconnect. What was shown stays shown until the next `ready`.
   void planned(const PlanFacts& plan);

@@ -22,12 +22,12 @@ LandMessage LandingState::message(std::uint32_t asGeneration) const {
 void LandingState::begin(const PlanMessage& plan) {
   facts.clear();
   waiting.clear();
-  for (const SegmentFacts& one : plan.load) {
-    facts[one.segment] = one;
-    waiting.insert(one.segment);
+  for (const SegmentFacts& entry : plan.load) {
+    facts[entry.segment] = entry;
+    waiting.insert(entry.segment);
   }
-  wanted = waiting;
-  wanted.insert(plan.keep.begin(), plan.keep.end());
+  planned = waiting;
+  planned.insert(plan.keep.begin(), plan.keep.end());
   missing.clear();
   rejects.clear();
   inner.reset();
@@ -44,18 +44,18 @@ bool LandingState::isComplete() const {
 }
 
 std::vector<std::uint32_t> LandingState::shown() const {
-  std::vector<std::uint32_t> whole;
-  std::set_difference(wanted.begin(), wanted.end(), waiting.begin(), waiting.end(), std::back_inserter(whole));
-  return whole;
+  std::vector<std::uint32_t> received;
+  std::set_difference(planned.begin(), planned.end(), waiting.begin(), waiting.end(), std::back_inserter(received));
+  return received;
 }
 
 PrefetchState prefetchState(const PrefetchMessage& prefetch) {
   PrefetchState state;
   state.generation = prefetch.generation;
   state.bytes = prefetch.bytes;
-  for (const SegmentFacts& one : prefetch.segments) {
-    state.facts[one.segment] = one;
-    state.waiting.insert(one.segment);
+  for (const SegmentFacts& entry : prefetch.segments) {
+    state.facts[entry.segment] = entry;
+    state.waiting.insert(entry.segment);
   }
   return state;
 }

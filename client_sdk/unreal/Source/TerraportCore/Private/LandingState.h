@@ -30,7 +30,7 @@ struct LandingState {
   /// them, and the server sends them again (6.4, rule 7).
   std::map<std::uint32_t, SegmentFacts> crossed;
   /// Ids of load and keep.
-  std::set<std::uint32_t> wanted;
+  std::set<std::uint32_t> planned;
   /// Wanted ids whose payload is not here yet.
   std::set<std::uint32_t> waiting;
   /// Ids of the latest `ready.missing`.
@@ -57,21 +57,21 @@ struct LandingState {
   /// Whether it is ready for the client (6.4, rule 5).
   bool isComplete() const;
 
-  /// What it shows once complete: all that is wanted and whole, ascending.
+  /// Ids to show once complete: those planned whose payload is here, ascending.
   std::vector<std::uint32_t> shown() const;
 };
 
-/// What an aim brings.
+/// Segments that the server sends ahead for an aim.
 struct PrefetchState {
   std::uint32_t generation = 0;
   std::map<std::uint32_t, SegmentFacts> facts;
   std::set<std::uint32_t> waiting;
   std::uint64_t bytes = 0;
-  /// How often each came wrong.
+  /// How often each came with a wrong hash.
   std::map<std::uint32_t, int> rejects;
 };
 
-/// Begin one.
+/// State at its start: every segment of the message is waited for.
 PrefetchState prefetchState(const PrefetchMessage& prefetch);
 
 }  // namespace terraport

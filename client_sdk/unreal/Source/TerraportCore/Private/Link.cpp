@@ -31,7 +31,7 @@ std::string textOf(int closeCode) {
 
 }  // namespace
 
-Link::Link(Parts parts) : parts_(std::move(parts)), pacer_(kGreetingPerS, 0) {}
+Link::Link(Context context) : context_(std::move(context)), pacer_(kGreetingPerS, 0) {}
 
 void Link::pump(double nowMs, std::size_t maxBytes) {
   // A clock that runs back, or is none, must not undo what was timed.
@@ -50,8 +50,8 @@ void Link::pump(double nowMs, std::size_t maxBytes) {
 
 void Link::reconnect(const std::string& token) {
   if (isLeft_) return;
-  const bool isNewer = !token.empty() && token != parts_.token;
-  if (isNewer) parts_.token = token;
+  const bool isNewer = !token.empty() && token != context_.token;
+  if (isNewer) context_.token = token;
   if (!isBegun_ || (transport_ != nullptr && !isNewer)) return;
   drop(kCloseNormal);
   attempt_ = 0;
@@ -62,9 +62,9 @@ void Link::reconnect(const std::string& token) {
 void Link::leave() {
   if (isLeft_) return;
   isLeft_ = true;
-  parts_.session.bye();
+  context_.session.bye();
   if (transport_ != nullptr && outgoing_.empty()) {
-    for (const EncodedMessage& message : parts_.session.takeMessages()) {
+    for (const EncodedMessage& message : context_.session.takeMessages()) {
       if (!transport_->trySend(message.view())) break;
     }
   }
@@ -84,9 +84,9 @@ void Link::connect() {
   LinkState state;
   state.phase = LinkPhase::Connecting;
   state.attempt = static_cast<std::uint32_t>(attempt_);
-  parts_.told(state);
-  transport_ = parts_.transports.make();
-  transport_->open(parts_.url, {kSubprotocol}, parts_.token);
+  context_.onState(state);
+  transport_ = context_.transports.make();
+  transport_->open(context_.url, {kSubprotocol}, context_.token);
 }
 
 void Link::onOpen() {
@@ -97,7 +97,7 @@ void Link::onOpen() {
     cut(kCloseMalformed, "the server chose a subprotocol that was not offered");
     return;
   }
-  parts_.session.connected(offersHeld_);
+  context_.session.connected(offersHeld_);
 }
 
 void Link::receive(std::size_t maxBytes) {
@@ -106,16 +106,16 @@ void Link::receive(std::size_t maxBytes) {
     if (state == TransportState::Open) onOpen();
     if (transport_ == nullptr) return;
   }
-  std::size_t taken = 0;
+  std::size_t receivedBytes = 0;
   bool isDry = false;
-  while (parts_.wantsMore() && (taken == 0 || taken < maxBytes)) {
+  while (context_.wantsMore() && (receivedBytes == 0 || receivedBytes < maxBytes)) {
     if (!transport_->tryReceive(message_)) {
       isDry = true;
       break;
     }
-    taken += std::max<std::size_t>(message_.bytes.size(), 1);
+    receivedBytes += std::max<std::size_t>(message_.bytes.size(), 1);
     heardMs_ = nowMs_;
-    const Status status = parts_.session.receive({message_.bytes.data(), message_.bytes.size()}, message_.isText);
+    const Status status = context_.session.receive({message_.bytes.data(), message_.bytes.size()}, message_.isText);
     report();
     if (!status.isOk()) {
       refusal_ = Refusal{"malformed", "the server broke the protocol: " + status.message()};
@@ -128,35 +128,35 @@ void Link::receive(std::size_t maxBytes) {
 }
 
 void Link::report() {
-  for (SessionEvent& event : parts_.session.takeEvents()) {
+  for (SessionEvent& event : context_.session.takeEvents()) {
     note(event);
-    parts_.handle(event);
+    context_.onEvent(event);
   }
 }
 
 /// Take what concerns the connection itself.
 void Link::note(const SessionEvent& event) {
-  if (event.news != SessionNews::Told) return;
-  const StreamEvent& told = event.told;
-  if (told.kind == EventKind::Opened) {
+  if (event.news != SessionNews::Stream) return;
+  const StreamEvent& streamEvent = event.stream;
+  if (streamEvent.kind == EventKind::Opened) {
     welcomedMs_ = nowMs_;
     pacer_ = Pacer(event.limits.maxMessagesPerS, nowMs_);
     LinkState state;
     state.phase = LinkPhase::Open;
-    parts_.told(state);
-  } else if (told.kind == EventKind::Ready) {
+    context_.onState(state);
+  } else if (streamEvent.kind == EventKind::Ready) {
     attempt_ = 0;
-  } else if (told.kind == EventKind::Refused && told.fatal) {
-    refusal_ = Refusal{told.code, told.message};
-  } else if (told.kind == EventKind::Notice && told.reconnectAfterMs) {
-    firstWaitMs_ = *told.reconnectAfterMs;
+  } else if (streamEvent.kind == EventKind::Refused && streamEvent.fatal) {
+    refusal_ = Refusal{streamEvent.code, streamEvent.message};
+  } else if (streamEvent.kind == EventKind::Notice && streamEvent.reconnectAfterMs) {
+    firstWaitMs_ = *streamEvent.reconnectAfterMs;
   }
 }
 
 /// Hand out events and send what the session has to say. While something waits for its time the session keeps the rest:
 /// there landings replace each other, and grants add up.
 void Link::speak() {
-  ClientSession& session = parts_.session;
+  ClientSession& session = context_.session;
   report();
   if (outgoing_.empty()) {
     if (session.hasAim() && nowMs_ >= nextAimMs_) {
@@ -214,15 +214,15 @@ void Link::lost(int closeCode, const std::string& reason) {
   state.message = refusal_ ? refusal_->message : reason.empty() ? textOf(closeCode) : reason;
   if (afterClose(closeCode) != AfterClose::Again) {
     state.phase = LinkPhase::Closed;
-    parts_.told(state);
+    context_.onState(state);
     return;
   }
   state.phase = LinkPhase::Waiting;
-  state.retryInMs = firstWaitMs_.value_or(waitMs(std::max(0, attempt_ - 1), parts_.chance()));
+  state.retryInMs = firstWaitMs_.value_or(waitMs(std::max(0, attempt_ - 1), context_.chance()));
   state.attempt = static_cast<std::uint32_t>(attempt_ + 1);
   firstWaitMs_.reset();
   retryAtMs_ = nowMs_ + state.retryInMs;
-  parts_.told(state);
+  context_.onState(state);
 }
 
 /// Offer nothing in hello from now on if the server found that too large; once.
@@ -242,7 +242,7 @@ void Link::drop(int closeCode) {
   if (transport_ == nullptr) return;
   if (transport_->state() != TransportState::Closed) transport_->close(closeCode, "");
   transport_.reset();
-  parts_.session.connectionLost();
+  context_.session.connectionLost();
 }
 
 }  // namespace terraport

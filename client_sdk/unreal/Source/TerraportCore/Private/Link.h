@@ -20,7 +20,7 @@ namespace terraport {
 /// Keeps one session connected until `leave`.
 class Link {
  public:
-  struct Parts {
+  struct Context {
     ClientSession& session;
     TransportFactory& transports;
     /// `ws(s)://.../stream`.
@@ -29,14 +29,14 @@ class Link {
     /// A number in [0, 1), another one each time.
     std::function<double()> chance;
     /// Takes the session's events, one by one in order.
-    std::function<void(SessionEvent&)> handle;
-    /// Takes news of the connection itself.
-    std::function<void(const LinkState&)> told;
+    std::function<void(SessionEvent&)> onEvent;
+    /// Takes every change of the connection itself.
+    std::function<void(const LinkState&)> onState;
     /// Whether whoever takes the events wants more now; else nothing is received.
     std::function<bool()> wantsMore;
   };
 
-  explicit Link(Parts parts);
+  explicit Link(Context context);
 
   /// Do everything that is due; connects the first time. Takes about `maxBytes` of messages, at least one message.
   void pump(double nowMs, std::size_t maxBytes);
@@ -68,7 +68,7 @@ class Link {
   bool retriesWithoutHeld();
   void drop(int closeCode);
 
-  Parts parts_;
+  Context context_;
   std::unique_ptr<Transport> transport_;
   TransportMessage message_;
   double nowMs_ = 0;

@@ -96,9 +96,9 @@ Status readTextures(JsonValue value, SceneManifest& manifest) {
   const JsonValue types = value.member("media_types");
   TERRAPORT_RETURN_IF_ERROR(expectList(types, "textures.media_types"));
   for (const JsonValue type : types.items()) {
-    for (const ImageType known : {ImageType::Jpeg, ImageType::Png, ImageType::Webp, ImageType::Ktx2}) {
-      if (type.text().value_or("") == mediaTypeOf(known) && manifest.imageTypes.size() < 4) {
-        manifest.imageTypes.emplace_back(mediaTypeOf(known));
+    for (const ImageType supported : {ImageType::Jpeg, ImageType::Png, ImageType::Webp, ImageType::Ktx2}) {
+      if (type.text().value_or("") == mediaTypeOf(supported) && manifest.imageTypes.size() < 4) {
+        manifest.imageTypes.emplace_back(mediaTypeOf(supported));
       }
     }
   }
@@ -143,7 +143,7 @@ Status readCounts(JsonValue counts, SceneManifest& manifest) {
   return {};
 }
 
-Status readPlace(JsonValue json, SceneManifest& manifest) {
+Status readFrame(JsonValue json, SceneManifest& manifest) {
   TERRAPORT_RETURN_IF_ERROR(expectTriple(json.member("origin"), "origin", manifest.origin));
   TERRAPORT_RETURN_IF_ERROR(expectNumber(json.member("step_m"), "step_m", manifest.stepM));
   int exponent = 0;
@@ -179,7 +179,7 @@ Status readKeys(JsonValue json, CheckedManifest& out) {
     return Status::damaged("version is " + shortly(json.member("version")) + ", expected 32 hexadecimal digits");
   }
   TERRAPORT_RETURN_IF_ERROR(readCrs(json.member("crs"), manifest));
-  TERRAPORT_RETURN_IF_ERROR(readPlace(json, manifest));
+  TERRAPORT_RETURN_IF_ERROR(readFrame(json, manifest));
   const JsonValue attributes = json.member("attributes");
   TERRAPORT_RETURN_IF_ERROR(expectList(attributes, "attributes"));
   if (attributes.size() > kMaxSceneAttributes) {

@@ -63,7 +63,7 @@ Status checkNormals(const SegmentMesh& mesh) {
   return {};
 }
 
-Status placeBounds(SegmentMesh& mesh) {
+Status computeBounds(SegmentMesh& mesh) {
   float low[3];
   float high[3];
   if (mesh.positionForm == VertexForm::Floats) {

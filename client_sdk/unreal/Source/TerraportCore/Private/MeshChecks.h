@@ -6,16 +6,16 @@
 
 namespace terraport {
 
-/// Sets `maxIndex`, and looks whether every face uses vertices that are there.
+/// Set `maxIndex`; damaged where a face names a vertex beyond `vertexCount`.
 Status checkIndices(SegmentMesh& mesh);
 
-/// Whether no normal has length 0, and none of float is NaN or infinite.
+/// Damaged where a normal has length 0.
 Status checkNormals(const SegmentMesh& mesh);
 
-/// Sets `bounds`, and looks whether every position is finite.
-Status placeBounds(SegmentMesh& mesh);
+/// Set `bounds`, metres in the scene's frame; damaged where a position is not finite.
+Status computeBounds(SegmentMesh& mesh);
 
-/// Whether texture coordinates lie in the image.
+/// Damaged where a texture coordinate lies outside the image.
 Status checkUvs(const SegmentMesh& mesh);
 
 }  // namespace terraport

@@ -10,8 +10,8 @@ namespace {
 
 std::uint8_t rounded(float value) {
   // Halves away from zero; |value| is at most 127 but for float32's own rounding.
-  const int whole = static_cast<int>(value + (value >= 0.0F ? 0.5F : -0.5F));
-  return static_cast<std::uint8_t>(static_cast<std::int8_t>(whole));
+  const int rounded = static_cast<int>(value + (value >= 0.0F ? 0.5F : -0.5F));
+  return static_cast<std::uint8_t>(static_cast<std::int8_t>(rounded));
 }
 
 }  // namespace

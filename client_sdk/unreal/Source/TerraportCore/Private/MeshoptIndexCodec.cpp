@@ -67,7 +67,11 @@ std::uint32_t readIndex(const std::uint8_t*& data, std::uint32_t& last) {
 
 }  // namespace
 
+// Layout: codec byte, one code byte a face, data bytes, table of 16. Invariant at the start of each face: `code` is at the
+// face's own byte, `data` at most at the table, `next` is what the next vertex in order of first use is called, and the next
+// index that the data states is a difference to `last`.
 bool meshoptDecodeTriangles(ByteSpan packed, std::size_t count, std::uint32_t* indices) {
+  // 1. The sizes that everything below relies on.
   const std::size_t faces = count / 3;
   if (count % 3 != 0 || packed.size < 1 + kIndexTailBytes || packed.size - 1 - kIndexTailBytes < faces ||
       packed.data[0] != kMeshoptIndexCodec) {
@@ -81,25 +85,27 @@ bool meshoptDecodeTriangles(ByteSpan packed, std::size_t count, std::uint32_t* i
   std::uint32_t next = 0;
   std::uint32_t last = 0;
 
+  // 2. Face by face.
   for (std::uint32_t* out = indices; out != indices + count; out += 3) {
     if (data > table) {
       return false;
     }
     const std::uint32_t edge = *code >> 4;
-    const std::uint32_t rest = *code & 15;
+    const std::uint32_t cornerCode = *code & 15;
     ++code;
+    // 2a. A face at a recent edge: one corner more.
     if (edge < 15) {
       const std::uint32_t a = recent.edge(edge)[0];
       const std::uint32_t b = recent.edge(edge)[1];
       std::uint32_t c = 0;
-      if (rest < 13) {
-        const bool isNew = rest == 0;
-        const std::uint32_t known = recent.vertex(rest);
-        c = isNew ? next : known;
+      if (cornerCode < 13) {
+        const bool isNew = cornerCode == 0;
+        const std::uint32_t cached = recent.vertex(cornerCode);
+        c = isNew ? next : cached;
         next += isNew ? 1 : 0;
         recent.pushVertexIf(c, isNew);
       } else {
-        c = rest == 13 ? --last : (rest == 14 ? ++last : readIndex(data, last));
+        c = cornerCode == 13 ? --last : (cornerCode == 14 ? ++last : readIndex(data, last));
         recent.pushVertex(c);
       }
       out[0] = a;
@@ -109,19 +115,19 @@ bool meshoptDecodeTriangles(ByteSpan packed, std::size_t count, std::uint32_t* i
       recent.pushEdge(a, c);
       continue;
     }
-    // Three corners of their own: by the table, or by a byte of the data that says of each what it is.
-    const bool isExplicit = rest >= 14;
-    const std::uint8_t kinds = isExplicit ? *data++ : table[rest];
+    // 2b. Three corners of their own: by the table, or by a byte of the data that says of each what it is.
+    const bool isExplicit = cornerCode >= 14;
+    const std::uint8_t kinds = isExplicit ? *data++ : table[cornerCode];
     const std::uint32_t kindB = kinds >> 4;
     const std::uint32_t kindC = kinds & 15;
     if (isExplicit && kinds == 0) {
       next = 0;
     }
     // All that is `next` is counted before anything is read from the data: the order in which an encoder numbers.
-    std::uint32_t a = rest == 15 ? 0 : next++;
+    std::uint32_t a = cornerCode == 15 ? 0 : next++;
     std::uint32_t b = kindB == 0 ? next++ : recent.vertex(kindB - 1);
     std::uint32_t c = kindC == 0 ? next++ : recent.vertex(kindC - 1);
-    if (rest == 15) {
+    if (cornerCode == 15) {
       a = readIndex(data, last);
     }
     if (isExplicit && kindB == 15) {
@@ -140,6 +146,7 @@ bool meshoptDecodeTriangles(ByteSpan packed, std::size_t count, std::uint32_t* i
     recent.pushEdge(c, b);
     recent.pushEdge(a, c);
   }
+  // 3. Used up exactly, or it was no stream of so many faces.
   return data == table;
 }
 

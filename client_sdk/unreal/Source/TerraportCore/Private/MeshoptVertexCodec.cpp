@@ -130,22 +130,27 @@ void sumRows(const std::uint8_t* differences, std::size_t rows, std::size_t stri
   std::uint32_t sum = readU32(last);
   std::size_t row = 0;
 #if TERRAPORT_SSE2
+  // 1. Sixteen rows at a time. `sums` has the last row's four bytes in each of its four lanes.
   __m128i sums = _mm_set1_epi32(static_cast<int>(sum));
-  const __m128i ones = _mm_set1_epi8(1);
+  const __m128i lowBit = _mm_set1_epi8(1);
   const __m128i sevenBits = _mm_set1_epi8(127);
   for (; row + kGroupRows <= rows; row += kGroupRows) {
-    __m128i parts[4];
+    // 1a. Zigzag codes to signed differences: (code >> 1) ^ -(code & 1).
+    __m128i deltas[4];
     for (int channel = 0; channel < 4; ++channel) {
       const __m128i codes = _mm_loadu_si128(reinterpret_cast<const __m128i*>(channels[channel] + row));
-      const __m128i signs = _mm_sub_epi8(_mm_setzero_si128(), _mm_and_si128(codes, ones));
-      parts[channel] = _mm_xor_si128(_mm_and_si128(_mm_srli_epi16(codes, 1), sevenBits), signs);
+      const __m128i signs = _mm_sub_epi8(_mm_setzero_si128(), _mm_and_si128(codes, lowBit));
+      deltas[channel] = _mm_xor_si128(_mm_and_si128(_mm_srli_epi16(codes, 1), sevenBits), signs);
     }
-    const __m128i lowAb = _mm_unpacklo_epi8(parts[0], parts[1]);
-    const __m128i highAb = _mm_unpackhi_epi8(parts[0], parts[1]);
-    const __m128i lowCd = _mm_unpacklo_epi8(parts[2], parts[3]);
-    const __m128i highCd = _mm_unpackhi_epi8(parts[2], parts[3]);
+    // 1b. From channels of 16 rows to rows of four channels, four rows a register.
+    const __m128i lowAb = _mm_unpacklo_epi8(deltas[0], deltas[1]);
+    const __m128i highAb = _mm_unpackhi_epi8(deltas[0], deltas[1]);
+    const __m128i lowCd = _mm_unpacklo_epi8(deltas[2], deltas[3]);
+    const __m128i highCd = _mm_unpackhi_epi8(deltas[2], deltas[3]);
     const __m128i fours[4] = {_mm_unpacklo_epi16(lowAb, lowCd), _mm_unpackhi_epi16(lowAb, lowCd),
         _mm_unpacklo_epi16(highAb, highCd), _mm_unpackhi_epi16(highAb, highCd)};
+    // 1c. Running sums over the four rows of a register in two steps (to the row before, then to the second before), plus the
+    // row before the register.
     for (int quarter = 0; quarter < 4; ++quarter) {
       __m128i four = fours[quarter];
       four = _mm_add_epi8(four, _mm_slli_si128(four, 4));
@@ -166,6 +171,7 @@ void sumRows(const std::uint8_t* differences, std::size_t rows, std::size_t stri
   }
   sum = static_cast<std::uint32_t>(_mm_cvtsi128_si32(sums));
 #endif
+  // 2. The rows that are left, or all of them: the same row by row.
   for (; row < rows; ++row, out += stride) {
     const std::uint32_t code = channels[0][row] | (std::uint32_t{channels[1][row]} << 8) |
         (std::uint32_t{channels[2][row]} << 16) | (std::uint32_t{channels[3][row]} << 24);

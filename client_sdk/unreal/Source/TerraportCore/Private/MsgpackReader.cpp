@@ -81,11 +81,13 @@ class MsgpackReader {
     const std::size_t start = at_;
     std::uint64_t token = 0;
     if (!unsignedOf(1, token)) return false;
+    // 1. Tokens that hold their number themselves.
     if (token <= 0x7F) return integer(static_cast<std::int64_t>(token));
     if (token >= 0xE0) return integer(static_cast<std::int64_t>(token) - 0x100);
     if (token <= 0x8F) return map(token & 0x0F, depth, start);
     if (token <= 0x9F) return list(token & 0x0F, depth, start);
     if (token <= 0xBF) return bytes(JsonKind::Text, token & 0x1F);
+    // 2. Nothing, flags, and tokens with a number of 1, 2, 4 or 8 bytes behind them. Ext types are refused: no message has one.
     switch (token) {
       case 0xC0:
         return add(JsonKind::Null) != nullptr;

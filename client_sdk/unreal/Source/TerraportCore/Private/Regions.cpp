@@ -45,8 +45,9 @@ bool hasControls(std::string_view text) {
   return false;
 }
 
-bool startsOrEnds(std::string_view text, std::string_view with) {
-  return text.substr(0, with.size()) == with || (text.size() >= with.size() && text.substr(text.size() - with.size()) == with);
+bool startsOrEnds(std::string_view text, std::string_view affix) {
+  return text.substr(0, affix.size()) == affix ||
+      (text.size() >= affix.size() && text.substr(text.size() - affix.size()) == affix);
 }
 
 /// A blank at either end: those of Unicode that are no controls.
@@ -71,10 +72,10 @@ RegionFacts readRegion(JsonValue region, std::uint32_t id, const RegionLabels& l
   RegionFacts facts;
   facts.id = id;
   facts.stableId = wholeOf(region.member("stable_id"));
-  const auto ours = facts.stableId ? labels.find(*facts.stableId) : labels.end();
+  const auto relabelled = facts.stableId ? labels.find(*facts.stableId) : labels.end();
   const auto label = region.member("label").text();
-  if (ours != labels.end()) {
-    facts.label = ours->second;
+  if (relabelled != labels.end()) {
+    facts.label = relabelled->second;
   } else if (label && !label->empty()) {
     facts.label = std::string(*label);
   }

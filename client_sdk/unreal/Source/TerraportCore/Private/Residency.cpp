@@ -22,7 +22,7 @@ Residency::Residency(const ShelfLimits& limits) : shelf_(limits, [this](std::uin
 bool Residency::isBusy() const {
   const auto waits = [this](std::uint32_t segment) { return shelf_.stepOf(segment) == ShelfStep::Held; };
   return shelf_.inFlight() > 0 || shelf_.hasFrees() ||
-      (newest_ && newest_->hasPlan && std::any_of(wanted_.begin(), wanted_.end(), waits)) ||
+      (newest_ && newest_->hasPlan && std::any_of(required_.begin(), required_.end(), waits)) ||
       (shelf_.hasSpareRoom() && std::any_of(prefetched_.begin(), prefetched_.end(), waits));
 }
 
@@ -31,7 +31,7 @@ void Residency::land(std::int64_t landing, const Vec3& position, double radiusM,
   newest_->landing = landing;
   newest_->position = position;
   newest_->radiusM = radiusM;
-  newest_->askedAtMs = nowMs;
+  newest_->requestedAtMs = nowMs;
   recompute();
 }
 
@@ -45,7 +45,7 @@ void Residency::planned(const PlanFacts& plan, std::int64_t landing) {
     shelf_.hold(segment, -1);
   }
   nearbyIds_ = {plan.nearby.begin(), plan.nearby.end()};
-  setWanted(*record->expected());
+  setRequired(*record->expected());
   shelf_.freeUnneededMeshes();
 }
 
@@ -59,7 +59,7 @@ void Residency::arrived(const SegmentFacts& facts, std::int64_t landing) {
   if (newest_) {
     newest_->arrived(facts);
   }
-  if (isAimed && wantedPlaces_.count(facts.segment) == 0) {
+  if (isAimed && requiredRanks_.count(facts.segment) == 0) {
     if (prefetched_.size() == kMostPrefetched) {
       prefetched_.erase(prefetched_.begin());  // Its payload stays held.
     }
@@ -81,21 +81,21 @@ void Residency::ready(std::int64_t landing, const SegmentList& visible, const Se
   if (record == nullptr) {
     return;
   }
-  const bool isShown = record->shown == ShownPart::Full && sorted(visible) == visible_;
+  const bool isShown = record->shown == ShownExtent::Full && sorted(visible) == visible_;
   record->ready(visible, missing, elapsedMs, payloadBytes);
   // After a reconnect the same set may be declared once more.
-  record->shown = isShown ? ShownPart::Full : ShownPart::Nothing;
+  record->shown = isShown ? ShownExtent::Full : ShownExtent::Nothing;
   for (const std::uint32_t segment : visible) {
     shelf_.hold(segment, -1);
   }
   // In the plan's order, nearest first; what the plan did not name last.
-  SegmentList wanted = visible;
-  const auto placeOf = [this](std::uint32_t segment) {
-    const auto found = wantedPlaces_.find(segment);
-    return found == wantedPlaces_.end() ? wanted_.size() : found->second;
+  SegmentList required = visible;
+  const auto rankOf = [this](std::uint32_t segment) {
+    const auto entry = requiredRanks_.find(segment);
+    return entry == requiredRanks_.end() ? required_.size() : entry->second;
   };
-  std::stable_sort(wanted.begin(), wanted.end(), [&](std::uint32_t a, std::uint32_t b) { return placeOf(a) < placeOf(b); });
-  setWanted(std::move(wanted));
+  std::stable_sort(required.begin(), required.end(), [&](std::uint32_t a, std::uint32_t b) { return rankOf(a) < rankOf(b); });
+  setRequired(std::move(required));
   shelf_.freeUnneededMeshes();
 }
 
@@ -103,7 +103,7 @@ void Residency::refused(std::int64_t landing, const std::string& message) {
   LandingRecord* const record = landingOf(landing);
   if (record != nullptr) {
     record->refuse(message);
-    setWanted({});
+    setRequired({});
     shelf_.freeUnneededMeshes();
   }
 }
@@ -123,7 +123,7 @@ void Residency::versionChanged() {
   if (newest_) {
     newest_->restart();
   }
-  setWanted({});
+  setRequired({});
 }
 
 void Residency::clearVisible() {
@@ -134,25 +134,25 @@ void Residency::clearVisible() {
 }
 
 void Residency::takeDecodes(std::vector<ResidencyRequest>& requests) {
-  const auto ask = [&](std::uint32_t segment) {
+  const auto requestDecode = [&](std::uint32_t segment) {
     if (shelf_.tryDecode(segment)) {
       requests.push_back({segment, epoch_});
     }
   };
   if (newest_ && newest_->hasPlan) {
-    for (const std::uint32_t segment : wanted_) {
+    for (const std::uint32_t segment : required_) {
       if (!shelf_.hasRoom()) {
         return;
       }
-      ask(segment);
+      requestDecode(segment);
     }
   }
   // What finds no spare room waits for the next swap.
-  std::size_t asked = 0;
-  for (; asked < prefetched_.size() && shelf_.hasRoom() && shelf_.hasSpareRoom(); ++asked) {
-    ask(prefetched_[asked]);
+  std::size_t requested = 0;
+  for (; requested < prefetched_.size() && shelf_.hasRoom() && shelf_.hasSpareRoom(); ++requested) {
+    requestDecode(prefetched_[requested]);
   }
-  prefetched_.erase(prefetched_.begin(), prefetched_.begin() + static_cast<std::ptrdiff_t>(asked));
+  prefetched_.erase(prefetched_.begin(), prefetched_.begin() + static_cast<std::ptrdiff_t>(requested));
 }
 
 bool Residency::decoded(std::uint32_t segment, std::uint32_t epoch, std::size_t bytes) {
@@ -173,25 +173,25 @@ void Residency::uploadFailed(std::uint32_t segment) {
 
 std::optional<std::uint32_t> Residency::nextUpload(const SegmentList& skipped) const {
   std::optional<std::uint32_t> best;
-  std::size_t bestPlace = 0;
+  std::size_t bestRank = 0;
   for (const std::uint32_t segment : shelf_.decodedSegments()) {
     if (std::find(skipped.begin(), skipped.end(), segment) != skipped.end()) {
       continue;
     }
-    const auto found = wantedPlaces_.find(segment);
-    const std::size_t place = found == wantedPlaces_.end() ? wanted_.size() : found->second;
-    if (!best || place < bestPlace || (place == bestPlace && segment < *best)) {
+    const auto entry = requiredRanks_.find(segment);
+    const std::size_t rank = entry == requiredRanks_.end() ? required_.size() : entry->second;
+    if (!best || rank < bestRank || (rank == bestRank && segment < *best)) {
       best = segment;
-      bestPlace = place;
+      bestRank = rank;
     }
   }
   return best;
 }
 
-PresentablePart Residency::presentable() const {
-  if (!newest_ || !coming_ || newest_->shown == ShownPart::Full || newest_->target() == nullptr ||
+PresentableExtent Residency::presentable() const {
+  if (!newest_ || !coming_ || newest_->shown == ShownExtent::Full || newest_->target() == nullptr ||
       preparedRevision_ != comingRevision_) {
-    return PresentablePart::Nothing;
+    return PresentableExtent::Nothing;
   }
   if (checkedShelf_ != shelf_.revision() || checkedComing_ != comingRevision_) {
     checkedShelf_ = shelf_.revision();
@@ -200,21 +200,21 @@ PresentablePart Residency::presentable() const {
         [this](std::uint32_t segment) { return shelf_.stepOf(segment) == ShelfStep::Drawable; });
   }
   if (!isComingDrawable_) {
-    return PresentablePart::Nothing;
+    return PresentableExtent::Nothing;
   }
-  return newest_->isTargetWhole() ? PresentablePart::Full : PresentablePart::Degraded;
+  return newest_->isTargetWhole() ? PresentableExtent::Full : PresentableExtent::Degraded;
 }
 
 bool Residency::swap(ResidencySwap& out) {
-  const PresentablePart part = presentable();
-  if (part == PresentablePart::Nothing) {
+  const PresentableExtent extent = presentable();
+  if (extent == PresentableExtent::Nothing) {
     return false;
   }
   SegmentList visible = *coming_;
   const std::unordered_set<std::uint32_t> after(visible.begin(), visible.end());
   out = ResidencySwap();
   out.landing = newest_->landing;
-  out.isDegraded = part == PresentablePart::Degraded;
+  out.isDegraded = extent == PresentableExtent::Degraded;
   for (const std::uint32_t segment : visible) {
     if (visibleIds_.count(segment) == 0) {
       out.shown.push_back(segment);
@@ -225,7 +225,7 @@ bool Residency::swap(ResidencySwap& out) {
       out.hidden.push_back(segment);
     }
   }
-  newest_->shown = out.isDegraded ? ShownPart::Degraded : ShownPart::Full;
+  newest_->shown = out.isDegraded ? ShownExtent::Degraded : ShownExtent::Full;
   visible_ = std::move(visible);
   visibleIds_ = after;
   const std::int64_t landing = newest_->landing;
@@ -237,8 +237,8 @@ bool Residency::swap(ResidencySwap& out) {
 }
 
 void Residency::settle(double nowMs) {
-  if (newest_ && newest_->presentableMs < 0.0 && presentable() == PresentablePart::Full) {
-    newest_->presentableMs = nowMs - newest_->askedAtMs;
+  if (newest_ && newest_->presentableMs < 0.0 && presentable() == PresentableExtent::Full) {
+    newest_->presentableMs = nowMs - newest_->requestedAtMs;
   }
 }
 
@@ -251,17 +251,17 @@ SegmentList Residency::missing() const {
   if (!newest_) {
     return {};
   }
-  SegmentList all = newest_->missing;
+  SegmentList segments = newest_->missing;
   const SegmentList* declared = newest_->target();
   declared = declared != nullptr ? declared : newest_->expected();
   if (declared != nullptr) {
     for (const std::uint32_t segment : *declared) {
       if (shelf_.stepOf(segment) == ShelfStep::Failed) {
-        all.push_back(segment);
+        segments.push_back(segment);
       }
     }
   }
-  return sorted(std::move(all));
+  return sorted(std::move(segments));
 }
 
 LandingRecord* Residency::landingOf(std::int64_t landing) {
@@ -269,14 +269,14 @@ LandingRecord* Residency::landingOf(std::int64_t landing) {
 }
 
 bool Residency::isNeeded(std::uint32_t segment) const {
-  return wantedPlaces_.count(segment) != 0 || visibleIds_.count(segment) != 0 || nearbyIds_.count(segment) != 0;
+  return requiredRanks_.count(segment) != 0 || visibleIds_.count(segment) != 0 || nearbyIds_.count(segment) != 0;
 }
 
-void Residency::setWanted(SegmentList wanted) {
-  wanted_ = std::move(wanted);
-  wantedPlaces_.clear();
-  for (std::size_t place = 0; place < wanted_.size(); ++place) {
-    wantedPlaces_.emplace(wanted_[place], place);
+void Residency::setRequired(SegmentList required) {
+  required_ = std::move(required);
+  requiredRanks_.clear();
+  for (std::size_t rank = 0; rank < required_.size(); ++rank) {
+    requiredRanks_.emplace(required_[rank], rank);
   }
   shelf_.trim();
   recompute();
@@ -284,7 +284,7 @@ void Residency::setWanted(SegmentList wanted) {
 
 void Residency::recompute() {
   std::optional<SegmentList> next;
-  if (newest_ && newest_->shown != ShownPart::Full) {
+  if (newest_ && newest_->shown != ShownExtent::Full) {
     const SegmentList* ids = newest_->target();
     ids = ids != nullptr ? ids : newest_->expected();
     if (ids != nullptr) {

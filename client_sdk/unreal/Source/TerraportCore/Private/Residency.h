@@ -31,8 +31,8 @@ struct ResidencyRequest {
   std::uint32_t epoch = 0;
 };
 
-/// What a swap would show of the newest landing.
-enum class PresentablePart : std::uint8_t { Nothing, Degraded, Full };
+/// How much of the newest landing a swap would show.
+enum class PresentableExtent : std::uint8_t { Nothing, Degraded, Full };
 
 /// The segments of one stage. No I/O, no clock: whoever owns it decodes, uploads, frees, and says so. A call is a step, in
 /// whatever order events come.
@@ -60,8 +60,8 @@ class Residency {
   /// Changes whenever `coming` does.
   std::uint64_t comingRevision() const { return comingRevision_; }
 
-  /// A landing was asked for: it is the newest from now on. What the one before wanted is kept until the plan is here, since a
-  /// short hop wants most of it again.
+  /// A landing was asked for: it is the newest from now on. What the one before requires is kept until the plan is here, since
+  /// a short hop requires most of it again.
   void land(std::int64_t landing, const Vec3& position, double radiusM, double nowMs);
   /// Its plan came; once more after a reconnect.
   void planned(const PlanFacts& plan, std::int64_t landing);
@@ -86,7 +86,7 @@ class Residency {
   void takeDecodes(std::vector<ResidencyRequest>& requests);
   /// A mesh came that will take `bytes` at the renderer. False where nobody wants it any more: throw it away.
   bool decoded(std::uint32_t segment, std::uint32_t epoch, std::size_t bytes);
-  /// It could not be decoded: its base faces stay, and it is told as missing.
+  /// It could not be decoded: its base faces stay, and it is reported as missing.
   void decodeFailed(std::uint32_t segment, std::uint32_t epoch);
   /// The most urgent mesh that waits for its upload, or is in the middle of it, but for those of `skipped`.
   std::optional<std::uint32_t> nextUpload(const SegmentList& skipped) const;
@@ -98,7 +98,7 @@ class Residency {
   std::vector<std::uint32_t> takeFreed() { return shelf_.takeFreed(); }
 
   /// What a swap would show.
-  PresentablePart presentable() const;
+  PresentableExtent presentable() const;
   /// Show what is presentable; false where nothing is. The one place where the visible set changes.
   bool swap(ResidencySwap& out);
   /// To be called once a frame: notes when the newest landing became presentable in full.
@@ -106,21 +106,21 @@ class Residency {
 
   /// Share of the newest landing that came and was uploaded, 0 to 1.
   double fraction() const;
-  /// What the newest landing's full set lacks: told by the stream, or not decodable. Ascending.
+  /// What the newest landing's full set lacks: reported missing by the stream, or not decodable. Ascending.
   SegmentList missing() const;
 
  private:
   LandingRecord* landingOf(std::int64_t landing);
-  void setWanted(SegmentList wanted);
+  void setRequired(SegmentList required);
   void recompute();
   bool isNeeded(std::uint32_t segment) const;
 
   SegmentShelf shelf_;
   SegmentList visible_;
   std::unordered_set<std::uint32_t> visibleIds_;
-  /// In the plan's order, nearest first; the places by id.
-  SegmentList wanted_;
-  std::unordered_map<std::uint32_t, std::size_t> wantedPlaces_;
+  /// What the newest landing is to show, in the plan's order, nearest first; and the rank of each id in it.
+  SegmentList required_;
+  std::unordered_map<std::uint32_t, std::size_t> requiredRanks_;
   /// What the newest plan keeps ready beside what is shown.
   std::unordered_set<std::uint32_t> nearbyIds_;
   SegmentList prefetched_;

@@ -217,9 +217,9 @@ class SceneLoader::Impl {
   enum class Step : std::uint8_t { List, Manifest, Files, Decode };
   static constexpr std::size_t kLabels = 3;
 
-  void begin(const std::vector<std::pair<std::string, std::size_t>>& wanted) {
+  void begin(const std::vector<std::pair<std::string, std::size_t>>& files) {
     fetches_.clear();
-    for (const auto& [url, mostBytes] : wanted) {
+    for (const auto& [url, mostBytes] : files) {
       Fetch fetch;
       fetch.url = url;
       fetch.mostBytes = mostBytes;

@@ -1,4 +1,4 @@
-// The stage's public surface, and what it tells of itself.
+// The stage's public surface, its status and its counters.
 #include "Terraport/SceneStage.h"
 
 #include <cstdio>
@@ -17,7 +17,7 @@ std::string VisibleDigest::text() const {
 bool SceneStage::Impl::isBusy() const {
   const bool isBaseBehind = residency_.coming() != nullptr && base_.preparedRevision() != residency_.comingRevision();
   return !isBaseReady_ || !freeing_.empty() || !warming_.empty() || (!isOldVersion_ && (isBaseBehind || residency_.isBusy())) ||
-      (autoShow_ && presentable() != PresentablePart::Nothing);
+      (autoShow_ && presentable() != PresentableExtent::Nothing);
 }
 
 LandingStatus SceneStage::Impl::status() const {
@@ -26,14 +26,14 @@ LandingStatus SceneStage::Impl::status() const {
   if (newest == nullptr) {
     return status;
   }
-  const PresentablePart part = presentable();
+  const PresentableExtent extent = presentable();
   if (newest->isRefused) {
     status.phase = LandingPhase::Refused;
-  } else if (newest->shown == ShownPart::Full) {
+  } else if (newest->shown == ShownExtent::Full) {
     status.phase = LandingPhase::Shown;
-  } else if (part != PresentablePart::Nothing) {
-    status.phase = part == PresentablePart::Full ? LandingPhase::Presentable : LandingPhase::PresentableDegraded;
-  } else if (newest->shown == ShownPart::Degraded) {
+  } else if (extent != PresentableExtent::Nothing) {
+    status.phase = extent == PresentableExtent::Full ? LandingPhase::Presentable : LandingPhase::PresentableDegraded;
+  } else if (newest->shown == ShownExtent::Degraded) {
     status.phase = LandingPhase::ShownDegraded;
   } else {
     status.phase = newest->hasPlan ? LandingPhase::Loading : LandingPhase::Planning;
@@ -57,14 +57,14 @@ VisibleDigest SceneStage::Impl::visibleDigest() const {
 
 StageStats SceneStage::Impl::stats() const {
   StageStats stats;
-  for (const auto& [segment, piece] : pieces_) {
-    if (!piece.isBegun) {
+  for (const auto& [segment, staged] : staged_) {
+    if (!staged.isBegun) {
       continue;
     }
     ++stats.segments;
-    stats.gpuBytes += piece.gpuBytes;
+    stats.gpuBytes += staged.gpuBytes;
     if (residency_.isVisible(segment)) {
-      stats.visibleTriangles += piece.faces;
+      stats.visibleTriangles += staged.faces;
     }
   }
   stats.visibleSegments = residency_.visible().size();
@@ -97,7 +97,7 @@ void SceneStage::update(const std::function<double()>& clockMs, double budgetMs)
 }
 
 bool SceneStage::isPresentable() const {
-  return impl_->presentable() != PresentablePart::Nothing;
+  return impl_->presentable() != PresentableExtent::Nothing;
 }
 
 bool SceneStage::show() {

@@ -29,8 +29,8 @@ SceneStage::Impl::Impl(
 }
 
 SceneStage::Impl::~Impl() {
-  for (const auto& [segment, piece] : pieces_) {
-    if (piece.isBegun) {
+  for (const auto& [segment, staged] : staged_) {
+    if (staged.isBegun) {
       renderer_.free(segment);
     }
   }
@@ -77,6 +77,8 @@ void SceneStage::Impl::handle(const StreamEvent& event) {
 }
 
 void SceneStage::Impl::update(const std::function<double()>& clockMs, double budgetMs) {
+  // What went on since the last frame is taken in first, so that the budget goes to what is still missing. The swap comes
+  // last: it costs the renderer little and is not cut off by the budget.
   const double startMs = clockMs();
   endWarming();
   isBaseReady_ = isBaseReady_ || renderer_.isBaseReady();
@@ -88,6 +90,7 @@ void SceneStage::Impl::update(const std::function<double()>& clockMs, double bud
   prepareBase();
   unfinished_.clear();
   std::size_t bytes = 0;
+  // One step at least, or a frame that is late already would never get on.
   bool isFirst = true;
   // What is ready is handed on before anything more is decoded in this thread.
   while (bytes < options_.maxFrameBytes && (isFirst || clockMs() - startMs < budgetMs)) {
@@ -103,7 +106,7 @@ void SceneStage::Impl::update(const std::function<double()>& clockMs, double bud
   if (!isOldVersion_ && base_.preparedRevision() == residency_.comingRevision()) {
     residency_.basePrepared(base_.preparedRevision());
   }
-  if (presentable() != PresentablePart::Nothing) {
+  if (presentable() != PresentableExtent::Nothing) {
     residency_.settle(clockMs());
     if (autoShow_) {
       show();
@@ -113,7 +116,7 @@ void SceneStage::Impl::update(const std::function<double()>& clockMs, double bud
 
 bool SceneStage::Impl::show() {
   ResidencySwap change;
-  if (presentable() == PresentablePart::Nothing || !residency_.swap(change)) {
+  if (presentable() == PresentableExtent::Nothing || !residency_.swap(change)) {
     return false;
   }
   SceneSwap swap;
@@ -143,18 +146,18 @@ void SceneStage::Impl::beginBase() {
 
 void SceneStage::Impl::leaveVersion() {
   // What is shown stays drawn until the new base is here; ids of the rest mean nothing any more.
-  for (auto piece = pieces_.begin(); piece != pieces_.end();) {
-    if (isOldVersion_ || residency_.isVisible(piece->first)) {
-      ++piece;
+  for (auto staged = staged_.begin(); staged != staged_.end();) {
+    if (isOldVersion_ || residency_.isVisible(staged->first)) {
+      ++staged;
       continue;
     }
-    if (piece->second.isBegun) {
-      renderer_.free(piece->first);
+    if (staged->second.isBegun) {
+      renderer_.free(staged->first);
     }
-    if (piece->second.mesh) {
-      decoders_.release(std::move(piece->second.mesh));
+    if (staged->second.mesh) {
+      decoders_.release(std::move(staged->second.mesh));
     }
-    piece = pieces_.erase(piece);
+    staged = staged_.erase(staged);
   }
   warming_.clear();
   freeing_.clear();
@@ -168,13 +171,13 @@ void SceneStage::Impl::replaceFiles(SharedSceneFiles files) {
   }
   files_ = std::move(files);
   isOldVersion_ = false;
-  for (auto& [segment, piece] : pieces_) {
-    if (piece.mesh) {
-      decoders_.release(std::move(piece.mesh));
+  for (auto& [segment, staged] : staged_) {
+    if (staged.mesh) {
+      decoders_.release(std::move(staged.mesh));
     }
   }
   // The renderer lets them go with the base that they belong to.
-  pieces_.clear();
+  staged_.clear();
   residency_.clearVisible();
   segmentsHash_ = 0;
   beginBase();
@@ -202,12 +205,12 @@ void SceneStage::Impl::takeDecoded() {
       residency_.decodeFailed(answer.segment, answer.epoch);
     } else if (const std::size_t bytes = renderer_.gpuBytesOf(*answer.mesh);
         residency_.decoded(answer.segment, answer.epoch, bytes)) {
-      letGo(answer.segment);  // what was to be freed of it, and still waited for that
-      Piece& piece = pieces_[answer.segment];
-      piece.gpuBytes = bytes;
-      piece.faces = answer.mesh->faceCount;
-      piece.mesh = std::move(answer.mesh);
-      piece.payload = std::move(answer.payload);
+      freeStaged(answer.segment);  // what was to be freed of it, and still waited for that
+      StagedSegment& staged = staged_[answer.segment];
+      staged.gpuBytes = bytes;
+      staged.faces = answer.mesh->faceCount;
+      staged.mesh = std::move(answer.mesh);
+      staged.payload = std::move(answer.payload);
     }
     if (answer.mesh) {
       decoders_.release(std::move(answer.mesh));
@@ -221,22 +224,22 @@ bool SceneStage::Impl::uploadStep(std::size_t& bytes) {
   if (!segment) {
     return false;
   }
-  Piece& piece = pieces_[*segment];
-  piece.isBegun = true;
-  const ByteSpan payload = piece.payload ? viewOf(*piece.payload) : ByteSpan();
-  const UploadState state = renderer_.upload(*segment, *piece.mesh, payload);
+  StagedSegment& staged = staged_[*segment];
+  staged.isBegun = true;
+  const ByteSpan payload = staged.payload ? viewOf(*staged.payload) : ByteSpan();
+  const UploadState state = renderer_.upload(*segment, *staged.mesh, payload);
   if (state == UploadState::More) {
     // Its bytes count once, at the end.
     unfinished_.push_back(*segment);
     return true;
   }
-  bytes += piece.gpuBytes;
-  decoders_.release(std::move(piece.mesh));
-  piece.payload.reset();
+  bytes += staged.gpuBytes;
+  decoders_.release(std::move(staged.mesh));
+  staged.payload.reset();
   if (state == UploadState::Failed) {
     ++decodeFailures_;
     renderer_.free(*segment);
-    pieces_.erase(*segment);
+    staged_.erase(*segment);
     residency_.uploadFailed(*segment);
     return true;
   }
@@ -263,30 +266,30 @@ void SceneStage::Impl::freeSome() {
   const SegmentList freed = residency_.takeFreed();
   freeing_.insert(freeing_.end(), freed.begin(), freed.end());
   const std::size_t count = std::min(std::max<std::size_t>(options_.maxFrameFrees, 1), freeing_.size());
-  const SegmentList now(freeing_.begin(), freeing_.begin() + static_cast<std::ptrdiff_t>(count));
-  for (const std::uint32_t segment : now) {
-    letGo(segment);
+  const SegmentList batch(freeing_.begin(), freeing_.begin() + static_cast<std::ptrdiff_t>(count));
+  for (const std::uint32_t segment : batch) {
+    freeStaged(segment);
   }
 }
 
-void SceneStage::Impl::letGo(std::uint32_t segment) {
-  const auto place = std::find(freeing_.begin(), freeing_.end(), segment);
-  if (place == freeing_.end()) {
+void SceneStage::Impl::freeStaged(std::uint32_t segment) {
+  const auto queued = std::find(freeing_.begin(), freeing_.end(), segment);
+  if (queued == freeing_.end()) {
     return;
   }
-  freeing_.erase(place);
+  freeing_.erase(queued);
   warming_.erase(std::remove(warming_.begin(), warming_.end(), segment), warming_.end());
-  const auto found = pieces_.find(segment);
-  if (found == pieces_.end()) {
+  const auto staged = staged_.find(segment);
+  if (staged == staged_.end()) {
     return;
   }
-  if (found->second.isBegun) {
+  if (staged->second.isBegun) {
     renderer_.free(segment);
   }
-  if (found->second.mesh) {
-    decoders_.release(std::move(found->second.mesh));
+  if (staged->second.mesh) {
+    decoders_.release(std::move(staged->second.mesh));
   }
-  pieces_.erase(found);
+  staged_.erase(staged);
 }
 
 void SceneStage::Impl::prepareBase() {

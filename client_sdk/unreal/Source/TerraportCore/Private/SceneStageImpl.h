@@ -27,8 +27,8 @@ class SceneStage::Impl {
   VisibleDigest visibleDigest() const;
   StageStats stats() const;
 
-  PresentablePart presentable() const {
-    return isOldVersion_ || !isBaseReady_ ? PresentablePart::Nothing : residency_.presentable();
+  PresentableExtent presentable() const {
+    return isOldVersion_ || !isBaseReady_ ? PresentableExtent::Nothing : residency_.presentable();
   }
 
   LandingStream& stream_;
@@ -39,14 +39,14 @@ class SceneStage::Impl {
   const Residency& residency() const { return residency_; }
 
  private:
-  /// A segment that was decoded and taken.
-  struct Piece {
+  /// A segment of this scene version from its decoding until it is freed.
+  struct StagedSegment {
     /// Until it is uploaded.
     std::unique_ptr<SegmentMesh> mesh;
     SharedPayload payload;
     std::size_t gpuBytes = 0;
     std::uint32_t faces = 0;
-    /// Whether the renderer has heard of it.
+    /// Whether `upload` was called for it: then the renderer must be asked to free it.
     bool isBegun = false;
   };
 
@@ -57,7 +57,7 @@ class SceneStage::Impl {
   bool uploadStep(std::size_t& bytes);
   void endWarming();
   void freeSome();
-  void letGo(std::uint32_t segment);
+  void freeStaged(std::uint32_t segment);
   void prepareBase();
 
   SceneRenderer& renderer_;
@@ -67,8 +67,8 @@ class SceneStage::Impl {
   Residency residency_;
   BaseBlocks base_;
   bool isBaseReady_ = false;
-  /// Everything of this scene version on its way to the renderer, or there, by id.
-  std::unordered_map<std::uint32_t, Piece> pieces_;
+  /// Everything decoded that is on its way to the renderer, or there, by id.
+  std::unordered_map<std::uint32_t, StagedSegment> staged_;
   /// Uploaded, and asked once a frame whether they can be drawn.
   SegmentList warming_;
   /// Uploads that go on in the next frame.

@@ -39,8 +39,8 @@ class Chance {
  public:
   Chance() {
     // Not every platform has a good random_device; the clock differs too.
-    const auto now = std::chrono::high_resolution_clock::now().time_since_epoch().count();
-    std::seed_seq seed{static_cast<std::uint32_t>(now), static_cast<std::uint32_t>(now >> 32), std::random_device{}()};
+    const auto ticks = std::chrono::high_resolution_clock::now().time_since_epoch().count();
+    std::seed_seq seed{static_cast<std::uint32_t>(ticks), static_cast<std::uint32_t>(ticks >> 32), std::random_device{}()};
     engine_.seed(seed);
   }
 
@@ -56,61 +56,61 @@ struct SceneStream::Impl {
   Impl(const StreamOptions& options, std::string url, std::shared_ptr<TransportFactory> factory, std::function<double()> chance)
       : transports(std::move(factory)),
         session(sessionOptions(options), &xxh3Hash64),
-        link(Link::Parts{session, *transports, std::move(url), options.token, std::move(chance),
+        link(Link::Context{session, *transports, std::move(url), options.token, std::move(chance),
             [this](SessionEvent& event) { handle(event); }, [this](const LinkState& state) { onLink(state); },
             [this] { return events.size() < kMaxWaitingEvents; }}) {}
 
-  void tell(StreamEvent event) { events.push_back(std::move(event)); }
+  void emit(StreamEvent event) { events.push_back(std::move(event)); }
 
   void onLink(const LinkState& state) {
     StreamEvent event;
     event.kind = EventKind::Link;
     event.link = state;
-    tell(std::move(event));
+    emit(std::move(event));
     if (state.phase == LinkPhase::Closed) end(Status::failed(state.code, state.message));
   }
 
   /// Nobody answers any more: tell whoever waits.
-  void end(const Status& why) {
-    ended = why;
+  void end(const Status& status) {
+    ended = status;
     for (const std::uint32_t request : session.dropPicks()) {
       StreamEvent event;
       event.kind = EventKind::PickRefused;
       event.request = request;
-      event.code = why.code();
-      event.message = why.message();
-      tell(std::move(event));
+      event.code = status.code();
+      event.message = status.message();
+      emit(std::move(event));
     }
   }
 
   void handle(SessionEvent& event) {
     if (event.news == SessionNews::Rejected) return;
-    StreamEvent& told = event.told;
-    const bool isOver = told.kind == EventKind::Ready || told.kind == EventKind::Superseded ||
-        (told.kind == EventKind::Refused && told.landing != kNoLanding);
+    StreamEvent& streamEvent = event.stream;
+    const bool isOver = streamEvent.kind == EventKind::Ready || streamEvent.kind == EventKind::Superseded ||
+        (streamEvent.kind == EventKind::Refused && streamEvent.landing != kNoLanding);
     if (isOver) {
-      const auto asked = askedMs.find(told.landing);
-      if (asked != askedMs.end()) {
-        told.elapsedMs = link.nowMs() - asked->second;
-        askedMs.erase(asked);
+      const auto requested = requestedAtMs.find(streamEvent.landing);
+      if (requested != requestedAtMs.end()) {
+        streamEvent.elapsedMs = link.nowMs() - requested->second;
+        requestedAtMs.erase(requested);
       }
     }
-    if (!isClosed) tell(std::move(told));
+    if (!isClosed) emit(std::move(streamEvent));
   }
 
-  void refuse(const Status& why) {
+  void refuse(const Status& status) {
     StreamEvent event;
     event.kind = EventKind::Refused;
-    event.code = why.code();
-    event.message = why.message();
-    tell(std::move(event));
+    event.code = status.code();
+    event.message = status.message();
+    emit(std::move(event));
   }
 
   std::shared_ptr<TransportFactory> transports;
   ClientSession session;
   std::deque<StreamEvent> events;
   /// When each landing that is not over was asked for.
-  std::map<std::int64_t, double> askedMs;
+  std::map<std::int64_t, double> requestedAtMs;
   /// Why nothing is sent any more, until `reconnect`.
   Status ended;
   bool isClosed = false;
@@ -151,7 +151,7 @@ std::int64_t SceneStream::land(const Vec3& position, double radiusM, const LandO
     return kNoLanding;
   }
   const std::int64_t number = impl_->session.land(position, radiusM, options);
-  impl_->askedMs[number] = impl_->link.nowMs();
+  impl_->requestedAtMs[number] = impl_->link.nowMs();
   return number;
 }
 
@@ -181,7 +181,7 @@ bool SceneStream::tryNextEvent(StreamEvent& event) {
 }
 
 SharedPayload SceneStream::payload(std::uint32_t segment) const {
-  const CachedSegment* const entry = impl_->session.held().peek(segment);
+  const CachedSegment* const entry = impl_->session.holdings().peek(segment);
   return entry == nullptr ? nullptr : entry->payload;
 }
 
@@ -190,8 +190,8 @@ StreamStats SceneStream::stats() const {
   StreamStats stats;
   stats.payloadBytes = transfers.payloadBytes();
   stats.repeatedBytes = transfers.repeatedBytes();
-  stats.heldSegments = impl_->session.held().count();
-  stats.heldBytes = impl_->session.held().bytes();
+  stats.heldSegments = impl_->session.holdings().count();
+  stats.heldBytes = impl_->session.holdings().bytes();
   stats.aimedLandings = transfers.aims().landings;
   stats.aimHits = transfers.aims().hits;
   stats.prefetchedBytes = transfers.aims().prefetchedBytes;

@@ -18,11 +18,11 @@ Status invalid(const std::string& text) {
 }
 
 std::string lower(std::string_view text) {
-  std::string small(text);
-  for (char& letter : small) {
+  std::string lowered(text);
+  for (char& letter : lowered) {
     if (letter >= 'A' && letter <= 'Z') letter = static_cast<char>(letter - 'A' + 'a');
   }
-  return small;
+  return lowered;
 }
 
 bool isPlain(char letter) {
@@ -103,40 +103,43 @@ bool isAuthority(std::string_view text) {
 
 Result<SceneUrl> parseSceneUrl(const std::string& url) {
   const std::string_view whole = url;
-  // First of all: where there may be a secret in it the URL is not shown.
+  // 1. First of all: where there may be a secret in it the URL is not shown.
   if (whole.find_first_of("?#@") != std::string_view::npos) {
     return invalid("URL has credentials, a query or a fragment, expected none of them");
   }
+  // 2. Scheme, authority and path.
   const std::size_t slashes = whole.find("://");
   const std::string scheme = slashes == std::string_view::npos ? "" : lower(whole.substr(0, slashes));
   const bool isSecure = scheme == "https" || scheme == "wss";
   if (!isSecure && scheme != "http" && scheme != "ws") {
     return invalid("URL " + url + ", expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)");
   }
-  const std::string_view rest = whole.substr(slashes + 3);
-  const std::size_t slash = std::min(rest.find('/'), rest.size());
-  const std::string_view authority = rest.substr(0, slash);
-  const std::string_view path = rest.substr(slash);
+  const std::string_view afterScheme = whole.substr(slashes + 3);
+  const std::size_t slash = std::min(afterScheme.find('/'), afterScheme.size());
+  const std::string_view authority = afterScheme.substr(0, slash);
+  const std::string_view path = afterScheme.substr(slash);
   const bool isClean = std::all_of(path.begin(), path.end(),
       [](char letter) { return static_cast<unsigned char>(letter) > 0x20 && letter != '\\' && letter != 0x7F; });
   if (!isAuthority(authority) || !isClean) {
     return invalid("URL " + url + ", expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)");
   }
   const std::string origin = (isSecure ? "https://" : "http://") + lower(authority);
-  const std::size_t found = path.find(kScenes);
-  std::string_view prefix = path.substr(0, found);
-  const std::string_view behind = found == std::string_view::npos ? "" : path.substr(found + kScenes.size());
-  std::string_view scene = withoutSlashes(behind);
+  // 3. The path around "/scenes": a prefix of the server's before it, the scene's id behind, with or without "/stream".
+  const std::size_t scenesAt = path.find(kScenes);
+  std::string_view prefix = path.substr(0, scenesAt);
+  const std::string_view afterScenes = scenesAt == std::string_view::npos ? "" : path.substr(scenesAt + kScenes.size());
+  std::string_view scene = withoutSlashes(afterScenes);
   if (scene.size() > kStream.size() && scene.substr(scene.size() - kStream.size()) == kStream) {
     scene.remove_suffix(kStream.size());
   }
+  // 4. A server alone, or a server and one scene.
   SceneUrl result;
   if (scene.empty()) {
     while (!prefix.empty() && prefix.back() == '/') prefix.remove_suffix(1);
     result.server = origin + std::string(prefix);
     return result;
   }
-  if (scene.find('/') != std::string_view::npos || behind.front() != '/') {
+  if (scene.find('/') != std::string_view::npos || afterScenes.front() != '/') {
     return invalid("URL path " + std::string(path) + ", expected [/prefix]/scenes/ID");
   }
   Result<std::string> id = decoded(scene);
@@ -155,9 +158,9 @@ Result<std::string> sceneUrlOf(const std::string& serverUrl, const std::string& 
 Result<std::string> streamUrl(const std::string& sceneUrl) {
   const Result<SceneUrl> parsed = parseSceneUrl(sceneUrl);
   if (!parsed.isOk()) return parsed.status();
-  const SceneUrl& parts = parsed.value();
-  if (parts.scene.empty()) return invalid(parts.server + " names no scene, expected .../scenes/ID");
-  return "ws" + parts.server.substr(4) + std::string(kScenes) + "/" + encoded(parts.scene) + std::string(kStream);
+  const SceneUrl& components = parsed.value();
+  if (components.scene.empty()) return invalid(components.server + " names no scene, expected .../scenes/ID");
+  return "ws" + components.server.substr(4) + std::string(kScenes) + "/" + encoded(components.scene) + std::string(kStream);
 }
 
 }  // namespace terraport

@@ -43,13 +43,13 @@ SegmentShelf::SegmentShelf(const ShelfLimits& limits, std::function<bool(std::ui
     : limits_(limits), inFlight_(limits), isNeeded_(std::move(isNeeded)) {}
 
 SegmentShelf::Entry* SegmentShelf::find(std::uint32_t segment) {
-  const auto found = entries_.find(segment);
-  return found == entries_.end() ? nullptr : &found->second;
+  const auto entry = entries_.find(segment);
+  return entry == entries_.end() ? nullptr : &entry->second;
 }
 
 ShelfStep SegmentShelf::stepOf(std::uint32_t segment) const {
-  const auto found = entries_.find(segment);
-  return found == entries_.end() ? ShelfStep::Unknown : found->second.step;
+  const auto entry = entries_.find(segment);
+  return entry == entries_.end() ? ShelfStep::Unknown : entry->second.step;
 }
 
 void SegmentShelf::setStep(std::uint32_t segment, Entry& entry, ShelfStep step) {
@@ -65,10 +65,10 @@ void SegmentShelf::setStep(std::uint32_t segment, Entry& entry, ShelfStep step) 
 bool SegmentShelf::hold(std::uint32_t segment, std::int64_t aimedDuring) {
   Entry* const entry = find(segment);
   if (entry == nullptr) {
-    Entry fresh;
-    fresh.aimedDuring = aimedDuring;
-    fresh.usedAt = ++tick_;
-    entries_.emplace(segment, fresh);
+    Entry added;
+    added.aimedDuring = aimedDuring;
+    added.usedAt = ++tick_;
+    entries_.emplace(segment, added);
     ++revision_;
     return false;
   }
@@ -177,8 +177,8 @@ void SegmentShelf::freeLeftBehind(std::int64_t landing, const std::unordered_set
 }
 
 bool SegmentShelf::isAimedSince(std::uint32_t segment, std::int64_t landing) const {
-  const auto found = entries_.find(segment);
-  return found != entries_.end() && found->second.aimedDuring >= landing;
+  const auto entry = entries_.find(segment);
+  return entry != entries_.end() && entry->second.aimedDuring >= landing;
 }
 
 std::vector<std::uint32_t> SegmentShelf::takeFreed() {

@@ -55,7 +55,7 @@ enum class ShelfStep : std::uint8_t { Unknown, Held, Decoding, Decoded, Uploaded
 /// Segments by id. Which are needed is said from outside (Residency); what is not is *spare*, and bounded in bytes.
 class SegmentShelf {
  public:
-  /// `isNeeded` says whether a segment is visible, or wanted or kept by the newest plan. After it changes: `trim`.
+  /// `isNeeded` says whether a segment is visible, or required or kept nearby by the newest plan. After it changes: `trim`.
   SegmentShelf(const ShelfLimits& limits, std::function<bool(std::uint32_t)> isNeeded);
 
   std::size_t spareBytes() const { return spareBytes_; }
@@ -78,13 +78,13 @@ class SegmentShelf {
   void forgive(std::uint32_t segment);
   /// The payload is gone. What is uploaded stays; what is needed and not there counts as failed.
   void drop(std::uint32_t segment);
-  /// Forget all, without freeing.
+  /// Forget all, without freeing: the ids mean other segments from now on.
   void clear();
   /// Start decoding a held segment, if there is room.
   bool tryDecode(std::uint32_t segment);
   /// A mesh of that many GPU bytes came. False where nobody needs it, and it came for no aim, or there is no spare room.
   bool take(std::uint32_t segment, std::size_t bytes);
-  /// Decoding failed, or uploading.
+  /// Decoding or uploading failed: it counts as missing until it comes once more.
   void fail(std::uint32_t segment);
   void uploaded(std::uint32_t segment);
   void drawable(std::uint32_t segment);
@@ -95,7 +95,7 @@ class SegmentShelf {
   void freeLeftBehind(std::int64_t landing, const std::unordered_set<std::uint32_t>& hidden);
   /// Whether an aim brought it since this landing was asked for.
   bool isAimedSince(std::uint32_t segment, std::int64_t landing) const;
-  /// Ids whose memory at the renderer, or waiting mesh, is to be freed; each is told once.
+  /// Ids whose memory at the renderer, or waiting mesh, is to be freed; each is returned once.
   std::vector<std::uint32_t> takeFreed();
   /// Count what is spare anew, and free of it what was used longest ago until the rest fits.
   void trim();

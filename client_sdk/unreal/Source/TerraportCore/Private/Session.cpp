@@ -9,7 +9,7 @@ namespace terraport {
 
 namespace {
 
-HelloMessage helloMessage(const SessionOptions& options, std::vector<HeldRow> held) {
+HelloMessage helloMessage(const SessionOptions& options, std::vector<HeldRow> rows) {
   HelloMessage hello;
   hello.protocol = kProtocol;
   hello.client = options.client;
@@ -19,7 +19,7 @@ HelloMessage helloMessage(const SessionOptions& options, std::vector<HeldRow> he
   hello.budgets.maxSegments = options.budgets.maxSegments;
   hello.creditBytes = options.creditBytes;
   hello.releaseFactor = options.releaseFactor;
-  hello.held = std::move(held);
+  hello.held = std::move(rows);
   return hello;
 }
 
@@ -54,8 +54,8 @@ Status checkPick(const Vec3& origin, const std::optional<Vec3>& direction) {
 
 ClientSession::ClientSession(SessionOptions options, PayloadHash hash)
     : options_(std::move(options)),
-      held_(options_.cacheBytes),
-      transfers_(options_.budgets, held_, hash, outbox_, events_),
+      holdings_(options_.cacheBytes),
+      transfers_(options_.budgets, holdings_, hash, outbox_, events_),
       picks_(events_) {}
 
 std::int64_t ClientSession::unfinished() const {
@@ -74,9 +74,9 @@ std::vector<EncodedMessage> ClientSession::takeMessages() {
   std::vector<EncodedMessage> encoded;
   encoded.reserve(outbox_.size());
   for (const ClientMessage& message : outbox_) {
-    EncodedMessage one;
+    EncodedMessage encodedMessage;
     // What goes into the outbox was checked before: options and arguments by the functions above, the rest by its types.
-    if (encodeMessage(message, one).isOk()) encoded.push_back(std::move(one));
+    if (encodeMessage(message, encodedMessage).isOk()) encoded.push_back(std::move(encodedMessage));
   }
   outbox_.clear();
   return encoded;
@@ -88,7 +88,7 @@ void ClientSession::connected(bool offersHeld) {
   isOpen_ = false;
   isGreeting_ = true;
   outbox_.clear();
-  outbox_.emplace_back(helloMessage(options_, offer_.first(held_.offer(), offersHeld)));
+  outbox_.emplace_back(helloMessage(options_, offer_.first(holdings_.offer(), offersHeld)));
 }
 
 void ClientSession::connectionLost() {
@@ -96,7 +96,7 @@ void ClientSession::connectionLost() {
   isGreeting_ = false;
   outbox_.clear();
   unsent_.reset();
-  takenBytes_ = 0;
+  ungrantedBytes_ = 0;
   generation_ = 0;
   aim_.connectionLost(transfers_.aimDone());
   queue(transfers_.connectionLost());
@@ -192,18 +192,18 @@ Status ClientSession::onWelcome(const WelcomeMessage& welcome) {
   if (isChanged) transfers_.hideAll();
   creditStep_ = std::max<std::uint64_t>(1, std::min(options_.creditBytes, welcome.limits.maxCreditBytes) / 2);
   SessionEvent event;
-  event.told.kind = EventKind::Opened;
-  event.told.sceneVersion = version_;
-  event.told.session = welcome.session;
-  event.told.changed = isChanged;
-  event.told.maxRadiusM = welcome.limits.maxRadiusM;
-  event.told.heldCount = welcome.heldCount;
+  event.stream.kind = EventKind::Opened;
+  event.stream.sceneVersion = version_;
+  event.stream.session = welcome.session;
+  event.stream.changed = isChanged;
+  event.stream.maxRadiusM = welcome.limits.maxRadiusM;
+  event.stream.heldCount = welcome.heldCount;
   event.limits = welcome.limits;
   events_.push_back(std::move(event));
   onDropped(welcome.dropped);
   std::vector<std::uint32_t> untold;
-  for (HeldMessage& held : offer_.rest(welcome, untold)) outbox_.emplace_back(std::move(held));
-  // A server that takes no table cannot be told: what it does not know of is not held (10.2).
+  for (HeldMessage& table : offer_.rest(welcome, untold)) outbox_.emplace_back(std::move(table));
+  // A server that takes no table cannot learn of these: what it does not know of is not held (10.2).
   onDropped(untold);
   for (const PickMessage& pick : picks_.waiting()) outbox_.emplace_back(pick);
   if (queued_ != nullptr) sendLanding(std::exchange(queued_, nullptr));
@@ -213,19 +213,19 @@ Status ClientSession::onWelcome(const WelcomeMessage& welcome) {
 /// Free what the server does not count as held.
 void ClientSession::onDropped(const std::vector<std::uint32_t>& segments) {
   if (segments.empty()) return;
-  for (const std::uint32_t segment : segments) held_.forget(segment);
+  for (const std::uint32_t segment : segments) holdings_.forget(segment);
   SessionEvent event;
-  event.told.kind = EventKind::Dropped;
-  event.told.segments = segments;
+  event.stream.kind = EventKind::Dropped;
+  event.stream.segments = segments;
   events_.push_back(std::move(event));
 }
 
 void ClientSession::onNotice(const NoticeMessage& notice) {
   SessionEvent event;
-  event.told.kind = EventKind::Notice;
-  event.told.noticeKind = notice.kind;
-  event.told.sceneVersion = notice.version.value_or("");
-  if (notice.reconnectAfterMs) event.told.reconnectAfterMs = static_cast<double>(*notice.reconnectAfterMs);
+  event.stream.kind = EventKind::Notice;
+  event.stream.noticeKind = notice.kind;
+  event.stream.sceneVersion = notice.version.value_or("");
+  if (notice.reconnectAfterMs) event.stream.reconnectAfterMs = static_cast<double>(*notice.reconnectAfterMs);
   events_.push_back(std::move(event));
 }
 
@@ -235,11 +235,11 @@ void ClientSession::onError(const ErrorMessage& error) {
   aim_.refused(error.generation);
   const Transfers::Landing refused = error.fatal ? nullptr : transfers_.refused(error.generation);
   SessionEvent event;
-  event.told.kind = EventKind::Refused;
-  event.told.landing = refused == nullptr ? kNoLanding : refused->number;
-  event.told.code = error.code;
-  event.told.message = error.message;
-  event.told.fatal = error.fatal;
+  event.stream.kind = EventKind::Refused;
+  event.stream.landing = refused == nullptr ? kNoLanding : refused->number;
+  event.stream.code = error.code;
+  event.stream.message = error.message;
+  event.stream.fatal = error.fatal;
   events_.push_back(std::move(event));
 }
 
@@ -259,7 +259,7 @@ void ClientSession::sendLanding(const Transfers::Landing& landing) {
   sendEvictions();
   generation_ += 1;
   landing->generation = generation_;
-  transfers_.ask(landing);
+  transfers_.landSent(landing);
   outbox_.emplace_back(landing->message(generation_));
   unsent_ = landing;
 }
@@ -268,7 +268,7 @@ void ClientSession::sendLanding(const Transfers::Landing& landing) {
 void ClientSession::withdrawUnsent(std::int64_t by) {
   if (unsent_ == nullptr) return;
   outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(),
-                    [](const ClientMessage& one) { return std::holds_alternative<LandMessage>(one); }),
+                    [](const ClientMessage& message) { return std::holds_alternative<LandMessage>(message); }),
       outbox_.end());
   transfers_.withdraw(unsent_);
   supersede(unsent_->number, by);
@@ -276,31 +276,31 @@ void ClientSession::withdrawUnsent(std::int64_t by) {
 }
 
 void ClientSession::sendEvictions() {
-  // What may not be told now (6.7, rule 2) is told before the next land or aim.
+  // What may not be evicted now (6.7, rule 2) is named before the next land or aim.
   if (transfers_.awaitsPlan()) return;
-  for (ClientMessage& evict : held_.evictions(transfers_.openPlan())) outbox_.push_back(std::move(evict));
+  for (ClientMessage& evict : holdings_.evictions(transfers_.openPlan())) outbox_.push_back(std::move(evict));
 }
 
-void ClientSession::grant(std::uint64_t takenBytes) {
-  takenBytes_ += takenBytes;
-  if (takenBytes_ < creditStep_) return;
+void ClientSession::grant(std::uint64_t receivedBytes) {
+  ungrantedBytes_ += receivedBytes;
+  if (ungrantedBytes_ < creditStep_) return;
   // Beside one that was not sent yet it makes one message: what waits to be sent must not grow with what comes.
   for (ClientMessage& waiting : outbox_) {
     if (auto* const credit = std::get_if<CreditMessage>(&waiting)) {
-      credit->bytes += std::exchange(takenBytes_, 0);
+      credit->bytes += std::exchange(ungrantedBytes_, 0);
       return;
     }
   }
   CreditMessage credit;
-  credit.bytes = std::exchange(takenBytes_, 0);
+  credit.bytes = std::exchange(ungrantedBytes_, 0);
   outbox_.emplace_back(credit);
 }
 
 void ClientSession::supersede(std::int64_t landing, std::int64_t by) {
   SessionEvent event;
-  event.told.kind = EventKind::Superseded;
-  event.told.landing = landing;
-  event.told.by = by;
+  event.stream.kind = EventKind::Superseded;
+  event.stream.landing = landing;
+  event.stream.by = by;
   events_.push_back(std::move(event));
 }
 

@@ -55,7 +55,7 @@ class ClientSession {
   const SessionOptions& options() const { return options_; }
   /// Scene version of the newest connection; empty before the first welcome.
   const std::string& version() const { return version_; }
-  const Holdings& held() const { return held_; }
+  const Holdings& holdings() const { return holdings_; }
   /// Whether the server has said welcome on the present connection.
   bool isOpen() const { return isOpen_; }
   /// Whether an aim waits for `flushAim`.
@@ -121,14 +121,14 @@ class ClientSession {
   void sendLanding(const Transfers::Landing& landing);
   void withdrawUnsent(std::int64_t by);
   void sendEvictions();
-  void grant(std::uint64_t takenBytes);
+  void grant(std::uint64_t receivedBytes);
   void supersede(std::int64_t landing, std::int64_t by);
 
   const SessionOptions options_;
   std::string version_;
   std::vector<SessionEvent> events_;
   std::vector<ClientMessage> outbox_;
-  Holdings held_;
+  Holdings holdings_;
   Transfers transfers_;
   AimState aim_;
   HeldOffer offer_;
@@ -144,7 +144,8 @@ class ClientSession {
   /// The landing that waits for the next welcome.
   Transfers::Landing queued_;
   std::uint64_t creditStep_ = 1;
-  std::uint64_t takenBytes_ = 0;
+  /// Chunk bytes received since the last `credit`.
+  std::uint64_t ungrantedBytes_ = 0;
 };
 
 }  // namespace terraport

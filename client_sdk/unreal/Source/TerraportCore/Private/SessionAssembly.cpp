@@ -14,8 +14,8 @@ Status Assembler::take(const PayloadFrame& frame, std::uint32_t length, SharedPa
   }
   const std::uint8_t* const begin = frame.chunk.data;
   const std::uint8_t* const end = begin + frame.chunk.size;
-  const auto found = parts_.find(frame.segment);
-  const std::size_t received = found == parts_.end() ? 0 : found->second.size();
+  const auto partial = partials_.find(frame.segment);
+  const std::size_t received = partial == partials_.end() ? 0 : partial->second.size();
   if (frame.offset != received) {
     return violation(" continues at byte " + std::to_string(frame.offset) + ", expected " + std::to_string(received));
   }
@@ -23,18 +23,18 @@ Status Assembler::take(const PayloadFrame& frame, std::uint32_t length, SharedPa
     payload = std::make_shared<const std::vector<std::uint8_t>>(begin, end);
     return Status::ok();
   }
-  std::vector<std::uint8_t>& part = parts_[frame.segment];
-  part.insert(part.end(), begin, end);
+  std::vector<std::uint8_t>& buffer = partials_[frame.segment];
+  buffer.insert(buffer.end(), begin, end);
   if (!frame.isLast) return Status::ok();
-  // A copy of the exact size: a part has grown beyond it, and payloads are kept for long.
-  payload = std::make_shared<const std::vector<std::uint8_t>>(part.begin(), part.end());
-  parts_.erase(frame.segment);
+  // A copy of the exact size: the buffer has grown beyond it, and payloads are kept for long.
+  payload = std::make_shared<const std::vector<std::uint8_t>>(buffer.begin(), buffer.end());
+  partials_.erase(frame.segment);
   return Status::ok();
 }
 
 void Assembler::keepOnly(const std::map<std::uint32_t, SegmentFacts>& segments) {
-  for (auto part = parts_.begin(); part != parts_.end();) {
-    part = segments.count(part->first) != 0 ? std::next(part) : parts_.erase(part);
+  for (auto partial = partials_.begin(); partial != partials_.end();) {
+    partial = segments.count(partial->first) != 0 ? std::next(partial) : partials_.erase(partial);
   }
 }
 

@@ -9,17 +9,17 @@
 namespace terraport {
 
 enum class SessionNews : std::uint8_t {
-  /// `told`: what the application is told, but for the milliseconds, which the session does not know.
-  Told,
-  /// `told.landing`, `told.facts`: a segment came with a wrong hash, or was kept by the plan and is not here; it was asked
+  /// `stream` goes on to the application. Its `elapsedMs` is still empty: the session has no clock.
+  Stream,
+  /// `stream.landing`, `stream.facts`: a segment came with a wrong hash, or was kept by the plan and is not here; it was asked
   /// for again.
   Rejected,
 };
 
-/// One piece of news.
+/// One event, in the order in which it happened.
 struct SessionEvent {
-  SessionNews news = SessionNews::Told;
-  StreamEvent told;
+  SessionNews news = SessionNews::Stream;
+  StreamEvent stream;
   /// With `Opened`.
   ServerLimitsPart limits;
 };

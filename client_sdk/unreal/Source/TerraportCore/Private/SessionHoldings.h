@@ -1,4 +1,4 @@
-// What the client holds, and what the server must be told of it. Pure.
+// What the client holds, and which evictions the server does not know yet. Pure.
 #pragma once
 
 #include "Cache.h"
@@ -28,7 +28,7 @@ class Holdings {
   /// The entry, without changing its age; null where it is not held.
   const CachedSegment* peek(std::uint32_t segment) const { return cache_.peek(segment); }
 
-  /// Facts of what is held, or was until the server is told.
+  /// Facts of what is held, or was evicted and not named in an `evict` yet.
   std::optional<SegmentFacts> factsOf(std::uint32_t segment) const;
 
   void put(CachedSegment entry);
@@ -42,17 +42,17 @@ class Holdings {
   /// Drop a segment that the server knows to be gone: dropped by it, or rejected.
   void forget(std::uint32_t segment);
 
-  /// The messages, once, that tell the server what is gone. `spared`: ids of a plan that is not ready; these must not be
-  /// evicted now and are told later.
+  /// The `evict` messages for all evictions that the server does not know yet, once. `spared`: ids of a plan that is not ready,
+  /// which must not be evicted now; they are named later.
   std::vector<ClientMessage> evictions(const std::set<std::uint32_t>& spared);
 
-  /// Everything held, most recently used first; every eviction is told by what is not in it.
+  /// Everything held, most recently used first; what is not in it counts as evicted, so no `evict` is owed any more.
   std::vector<HeldRow> offer();
 
  private:
   SegmentCache cache_;
-  /// Dropped here, and the server not told yet.
-  std::map<std::uint32_t, SegmentFacts> gone_;
+  /// Evicted here, and not named in an `evict` yet. Facts too: a plan that crossed may still keep one of them.
+  std::map<std::uint32_t, SegmentFacts> unreported_;
 };
 
 }  // namespace terraport

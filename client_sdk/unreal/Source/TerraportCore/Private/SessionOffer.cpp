@@ -26,9 +26,9 @@ std::vector<HeldMessage> HeldOffer::rest(const WelcomeMessage& welcome, std::vec
   const std::vector<HeldRow> rows = std::move(rest_);
   rest_.clear();
   const std::uint64_t messageBytes = welcome.limits.maxMessageBytes;
-  const std::uint64_t fits = messageBytes > kAroundBytes ? (messageBytes - kAroundBytes) / kRowBytes : 0;
-  const std::size_t most =
-      static_cast<std::size_t>(std::min<std::uint64_t>({fits, welcome.limits.maxHeldSegments, limits::kMaxHeldSegments}));
+  const std::uint64_t rowsPerMessage = messageBytes > kAroundBytes ? (messageBytes - kAroundBytes) / kRowBytes : 0;
+  const std::size_t most = static_cast<std::size_t>(
+      std::min<std::uint64_t>({rowsPerMessage, welcome.limits.maxHeldSegments, limits::kMaxHeldSegments}));
   std::vector<HeldMessage> messages;
   if (most < 1) {
     for (const HeldRow& row : rows) untold.push_back(row.segment);

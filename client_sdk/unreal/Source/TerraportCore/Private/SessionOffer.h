@@ -1,4 +1,4 @@
-// What is held, told to a server in messages that it takes (wire protocol, section 5, rule 3). Pure.
+// What is held, offered to a server in messages that it takes (wire protocol, section 5, rule 3). Pure.
 #pragma once
 
 #include "Messages.generated.h"
@@ -15,7 +15,7 @@ class HeldOffer {
   /// server found it too large; all of it goes after the welcome, which says how large a message may be.
   std::vector<HeldRow> first(std::vector<HeldRow> rows, bool isInHello);
 
-  /// The messages, once, that go after the welcome; `untold` gets the ids that such a server cannot be told of.
+  /// The messages, once, that go after the welcome; `untold` gets the ids that no message can offer.
   std::vector<HeldMessage> rest(const WelcomeMessage& welcome, std::vector<std::uint32_t>& untold);
 
  private:

@@ -4,16 +4,16 @@ namespace terraport {
 
 namespace {
 
-PickHit hitOf(const HitPart& part) {
+PickHit hitOf(const HitPart& wireHit) {
   PickHit hit;
-  hit.position = part.position;
-  hit.normal = part.normal;
-  hit.segment = part.segment;
-  hit.region = part.region;
-  hit.stableId = part.stableId;
-  hit.label = part.label;
-  hit.heightM = part.heightM;
-  for (const NamedNumber& number : part.attributes) hit.attributes[number.name] = number.value;
+  hit.position = wireHit.position;
+  hit.normal = wireHit.normal;
+  hit.segment = wireHit.segment;
+  hit.region = wireHit.region;
+  hit.stableId = wireHit.stableId;
+  hit.label = wireHit.label;
+  hit.heightM = wireHit.heightM;
+  for (const NamedNumber& number : wireHit.attributes) hit.attributes[number.name] = number.value;
   return hit;
 }
 
@@ -24,39 +24,39 @@ PickMessage PickState::ask(std::uint32_t request, const Vec3& origin, const std:
   pick.request = request;
   pick.origin = origin;
   pick.direction = direction;
-  asked_[request] = pick;
+  unanswered_[request] = pick;
   return pick;
 }
 
 std::vector<PickMessage> PickState::waiting() const {
   std::vector<PickMessage> picks;
-  for (const auto& asked : asked_) picks.push_back(asked.second);
+  for (const auto& entry : unanswered_) picks.push_back(entry.second);
   return picks;
 }
 
 std::vector<std::uint32_t> PickState::dropAll() {
   std::vector<std::uint32_t> requests;
-  for (const auto& asked : asked_) requests.push_back(asked.first);
-  asked_.clear();
+  for (const auto& entry : unanswered_) requests.push_back(entry.first);
+  unanswered_.clear();
   return requests;
 }
 
 void PickState::answered(const PickedMessage& picked) {
-  if (asked_.erase(picked.request) == 0) return;
+  if (unanswered_.erase(picked.request) == 0) return;
   SessionEvent event;
-  event.told.kind = EventKind::Picked;
-  event.told.request = picked.request;
-  if (picked.hit) event.told.hit = hitOf(*picked.hit);
+  event.stream.kind = EventKind::Picked;
+  event.stream.request = picked.request;
+  if (picked.hit) event.stream.hit = hitOf(*picked.hit);
   events_.push_back(std::move(event));
 }
 
 bool PickState::refused(const ErrorMessage& error) {
-  if (!error.request || asked_.erase(*error.request) == 0) return false;
+  if (!error.request || unanswered_.erase(*error.request) == 0) return false;
   SessionEvent event;
-  event.told.kind = EventKind::PickRefused;
-  event.told.request = *error.request;
-  event.told.code = error.code;
-  event.told.message = error.message;
+  event.stream.kind = EventKind::PickRefused;
+  event.stream.request = *error.request;
+  event.stream.code = error.code;
+  event.stream.message = error.message;
   events_.push_back(std::move(event));
   return true;
 }

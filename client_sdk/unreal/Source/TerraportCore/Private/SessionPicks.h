@@ -17,12 +17,12 @@ class PickState {
   explicit PickState(std::vector<SessionEvent>& events) : events_(events) {}
 
   /// How many wait.
-  std::size_t count() const { return asked_.size(); }
+  std::size_t count() const { return unanswered_.size(); }
 
   /// The message that asks what lies along a ray.
   PickMessage ask(std::uint32_t request, const Vec3& origin, const std::optional<Vec3>& direction);
 
-  /// Those to ask again.
+  /// The messages of all that wait, for a new connection.
   std::vector<PickMessage> waiting() const;
 
   /// Numbers of all that wait; they are forgotten, so that their answers are skipped.
@@ -35,7 +35,7 @@ class PickState {
 
  private:
   std::vector<SessionEvent>& events_;
-  std::map<std::uint32_t, PickMessage> asked_;
+  std::map<std::uint32_t, PickMessage> unanswered_;
 };
 
 }  // namespace terraport

@@ -55,7 +55,7 @@ double nowMs() {
 }  // namespace
 
 struct StreamThread::Impl {
-  explicit Impl(std::unique_ptr<SceneStream> made) : stream(std::move(made)) {}
+  explicit Impl(std::unique_ptr<SceneStream> sceneStream) : stream(std::move(sceneStream)) {}
 
   ~Impl() { stop(); }
 
@@ -72,7 +72,7 @@ struct StreamThread::Impl {
     if (thread.joinable()) thread.join();
   }
 
-  void say(Command command) {
+  void enqueue(Command command) {
     {
       const std::lock_guard<std::mutex> lock(mutex);
       if (isStopping) return;
@@ -89,7 +89,7 @@ struct StreamThread::Impl {
 
   /// On the thread.
   void run() {
-    std::deque<Command> todo;
+    std::deque<Command> batch;
     double busyMs = nowMs();
     bool wasBusy = false;
     for (;;) {
@@ -101,15 +101,15 @@ struct StreamThread::Impl {
               lock, std::chrono::duration<double, std::milli>(pauseMs), [this] { return isStopping || !commands.empty(); });
         }
         if (isStopping) break;
-        todo.swap(commands);
+        batch.swap(commands);
       }
       // The time first: a landing counts from it.
       stream->pump(nowMs());
-      for (const Command& command : todo) std::visit([this](const auto& one) { obey(one); }, command);
-      if (!todo.empty()) stream->pump(nowMs());
+      for (const Command& command : batch) std::visit([this](const auto& typedCommand) { obey(typedCommand); }, command);
+      if (!batch.empty()) stream->pump(nowMs());
       wasBusy = passOn();
-      if (wasBusy || !todo.empty()) busyMs = nowMs();
-      todo.clear();
+      if (wasBusy || !batch.empty()) busyMs = nowMs();
+      batch.clear();
     }
     // On this thread, where its transports live.
     stream->close();
@@ -122,62 +122,62 @@ struct StreamThread::Impl {
   void obey(const ReconnectCommand& reconnect) { stream->reconnect(reconnect.token); }
 
   void obey(const PickCommand& pick) {
-    const Result<std::uint64_t> asked = stream->pick(pick.origin, pick.direction);
-    if (asked.isOk()) {
-      ours[asked.value()] = pick.request;
+    const Result<std::uint64_t> request = stream->pick(pick.origin, pick.direction);
+    if (request.isOk()) {
+      requestOf[request.value()] = pick.request;
       return;
     }
     StreamEvent event;
     event.kind = EventKind::PickRefused;
     event.request = pick.request;
-    event.code = asked.status().code();
-    event.message = asked.status().message();
+    event.code = request.status().code();
+    event.message = request.status().message();
     answers.push_back(std::move(event));
   }
 
   /// Hand events, payloads and counts to the owner; whether there was any event.
   bool passOn() {
     const StreamStats counted = stream->stats();
-    std::size_t room = 0;
+    std::size_t capacity = 0;
     {
       const std::lock_guard<std::mutex> lock(mutex);
       stats = counted;
-      room = events.size() < kMaxKeptEvents ? kMaxKeptEvents - events.size() : 0;
+      capacity = events.size() < kMaxKeptEvents ? kMaxKeptEvents - events.size() : 0;
     }
-    std::vector<StreamEvent> fresh = std::move(answers);
+    std::vector<StreamEvent> deliveries = std::move(answers);
     answers.clear();
     StreamEvent event;
-    while (fresh.size() < room && stream->tryNextEvent(event)) {
+    while (deliveries.size() < capacity && stream->tryNextEvent(event)) {
       if (event.kind == EventKind::Picked || event.kind == EventKind::PickRefused) renumber(event);
-      fresh.push_back(std::move(event));
+      deliveries.push_back(std::move(event));
       event = StreamEvent();
     }
-    if (fresh.empty()) return false;
+    if (deliveries.empty()) return false;
     const std::lock_guard<std::mutex> lock(mutex);
-    for (StreamEvent& one : fresh) {
-      if (one.kind == EventKind::Arrived) {
-        payloads[one.facts.segment] = stream->payload(one.facts.segment);
-      } else if (one.kind == EventKind::Dropped) {
-        for (const std::uint32_t segment : one.segments) payloads.erase(segment);
-      } else if (one.kind == EventKind::Picked || one.kind == EventKind::PickRefused) {
+    for (StreamEvent& delivery : deliveries) {
+      if (delivery.kind == EventKind::Arrived) {
+        payloads[delivery.facts.segment] = stream->payload(delivery.facts.segment);
+      } else if (delivery.kind == EventKind::Dropped) {
+        for (const std::uint32_t segment : delivery.segments) payloads.erase(segment);
+      } else if (delivery.kind == EventKind::Picked || delivery.kind == EventKind::PickRefused) {
         openPicks -= openPicks > 0 ? 1 : 0;
       }
-      events.push_back(std::move(one));
+      events.push_back(std::move(delivery));
     }
     return true;
   }
 
   void renumber(StreamEvent& event) {
-    const auto found = ours.find(event.request);
-    if (found == ours.end()) return;
-    event.request = found->second;
-    ours.erase(found);
+    const auto entry = requestOf.find(event.request);
+    if (entry == requestOf.end()) return;
+    event.request = entry->second;
+    requestOf.erase(entry);
   }
 
   // Of the thread alone.
   std::unique_ptr<SceneStream> stream;
   /// Our number of a pick by the stream's.
-  std::map<std::uint64_t, std::uint64_t> ours;
+  std::map<std::uint64_t, std::uint64_t> requestOf;
   std::vector<StreamEvent> answers;
 
   // Of the owner alone.
@@ -185,7 +185,8 @@ struct StreamThread::Impl {
   std::uint64_t requests = 0;
   std::thread thread;
 
-  // Of both.
+  // Of both, by the mutex alone. Under it the stream is asked for a payload at most, and never pumped: the owner must not wait
+  // for the network.
   std::mutex mutex;
   std::condition_variable wake;
   std::deque<Command> commands;
@@ -212,7 +213,7 @@ StreamThread::~StreamThread() = default;
 std::int64_t StreamThread::land(const Vec3& position, double radiusM, const LandOptions& options) {
   const Status status = checkLand(position, radiusM, options);
   // A number that cannot be goes on too: the refusal then comes in its place among the events.
-  impl_->say(LandCommand{position, radiusM, options});
+  impl_->enqueue(LandCommand{position, radiusM, options});
   if (!status.isOk()) return kNoLanding;
   // As the session counts: landings that it takes, in the order in which they are asked for.
   impl_->landings += 1;
@@ -220,7 +221,7 @@ std::int64_t StreamThread::land(const Vec3& position, double radiusM, const Land
 }
 
 void StreamThread::aim(const Vec3& position, double radiusM) {
-  impl_->say(AimCommand{position, radiusM});
+  impl_->enqueue(AimCommand{position, radiusM});
 }
 
 Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional<Vec3>& direction) {
@@ -234,7 +235,7 @@ Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional
     impl_->openPicks += 1;
   }
   impl_->requests += 1;
-  impl_->say(PickCommand{origin, direction, impl_->requests});
+  impl_->enqueue(PickCommand{origin, direction, impl_->requests});
   return impl_->requests;
 }
 
@@ -248,8 +249,8 @@ bool StreamThread::tryNextEvent(StreamEvent& event) {
 
 SharedPayload StreamThread::payload(std::uint32_t segment) const {
   const std::lock_guard<std::mutex> lock(impl_->mutex);
-  const auto found = impl_->payloads.find(segment);
-  return found == impl_->payloads.end() ? nullptr : found->second;
+  const auto entry = impl_->payloads.find(segment);
+  return entry == impl_->payloads.end() ? nullptr : entry->second;
 }
 
 StreamStats StreamThread::stats() const {
@@ -258,7 +259,7 @@ StreamStats StreamThread::stats() const {
 }
 
 void StreamThread::reconnect(const std::string& token) {
-  impl_->say(ReconnectCommand{token});
+  impl_->enqueue(ReconnectCommand{token});
 }
 
 void StreamThread::close() {

@@ -16,8 +16,8 @@ Status violation(std::string text) {
 
 SessionEvent eventOf(EventKind kind, std::int64_t landing) {
   SessionEvent event;
-  event.told.kind = kind;
-  event.told.landing = landing;
+  event.stream.kind = kind;
+  event.stream.landing = landing;
   return event;
 }
 
@@ -41,24 +41,24 @@ PlanFacts factsOf(std::int64_t landing, const PlanMessage& plan) {
 }  // namespace
 
 Transfers::Landing Transfers::unfinished() const {
-  if (!asked_.empty()) return asked_.back();
+  if (!unplanned_.empty()) return unplanned_.back();
   return current_ != nullptr && !current_->isDone ? current_ : nullptr;
 }
 
 std::set<std::uint32_t> Transfers::openPlan() const {
-  return current_ != nullptr && !current_->isDone ? current_->wanted : std::set<std::uint32_t>();
+  return current_ != nullptr && !current_->isDone ? current_->planned : std::set<std::uint32_t>();
 }
 
 void Transfers::withdraw(const Landing& landing) {
-  asked_.erase(std::remove(asked_.begin(), asked_.end(), landing), asked_.end());
+  unplanned_.erase(std::remove(unplanned_.begin(), unplanned_.end(), landing), unplanned_.end());
 }
 
 Transfers::Landing Transfers::refused(const std::optional<std::uint32_t>& generation) {
-  const auto at = std::find_if(asked_.begin(), asked_.end(),
+  const auto at = std::find_if(unplanned_.begin(), unplanned_.end(),
       [&generation](const Landing& landing) { return generation.has_value() && landing->generation == generation; });
-  if (at == asked_.end()) return nullptr;
+  if (at == unplanned_.end()) return nullptr;
   Landing landing = *at;
-  asked_.erase(at);
+  unplanned_.erase(at);
   pinAndTrim();
   return landing;
 }
@@ -71,14 +71,14 @@ Transfers::Landing Transfers::connectionLost() {
   answeredAim_.reset();
   std::vector<Landing> waiting;
   if (current_ != nullptr && !current_->isDone) waiting.push_back(current_);
-  waiting.insert(waiting.end(), asked_.begin(), asked_.end());
+  waiting.insert(waiting.end(), unplanned_.begin(), unplanned_.end());
   current_.reset();
-  asked_.clear();
+  unplanned_.clear();
   Landing newest = waiting.empty() ? nullptr : waiting.back();
   for (const Landing& landing : waiting) {
     if (landing == newest) continue;
     SessionEvent event = eventOf(EventKind::Superseded, landing->number);
-    event.told.by = newest->number;
+    event.stream.by = newest->number;
     events_.push_back(std::move(event));
   }
   pin();
@@ -93,13 +93,13 @@ void Transfers::hideAll() {
 }
 
 Status Transfers::onPlan(const PlanMessage& plan) {
-  if (asked_.empty() || asked_.front()->generation != plan.generation) {
+  if (unplanned_.empty() || unplanned_.front()->generation != plan.generation) {
     return violation("got a plan of generation " + std::to_string(plan.generation) + ", which no landing waits for");
   }
   TERRAPORT_RETURN_IF_ERROR(
       expectWithinBudgets(plan.totalBytes, plan.totalTriangles, plan.load.size() + plan.keep.size() + plan.nearby.size()));
-  const Landing landing = asked_.front();
-  asked_.erase(asked_.begin());
+  const Landing landing = unplanned_.front();
+  unplanned_.erase(unplanned_.begin());
   endCurrent(landing->number);
   current_ = landing;
   prefetch_.reset();
@@ -107,12 +107,12 @@ Status Transfers::onPlan(const PlanMessage& plan) {
   landing->begin(plan);
   assembler_.keepOnly(landing->facts);
   aims_.planned(plan.keep, !plan.load.empty());
-  std::vector<std::uint32_t> gone;
+  std::vector<std::uint32_t> lost;
   for (const std::uint32_t segment : plan.keep) {
-    if (held_.recall(segment)) continue;
+    if (holdings_.recall(segment)) continue;
     const auto crossed = landing->crossed.find(segment);
     if (crossed == landing->crossed.end()) {
-      gone.push_back(segment);
+      lost.push_back(segment);
     } else {
       // Rejected already, and on its way again in this generation (6.4, rule 7).
       landing->expectAgain(crossed->second);
@@ -121,9 +121,9 @@ Status Transfers::onPlan(const PlanMessage& plan) {
   }
   pinAndTrim();
   SessionEvent event = eventOf(EventKind::Planned, landing->number);
-  event.told.plan = factsOf(landing->number, plan);
+  event.stream.plan = factsOf(landing->number, plan);
   events_.push_back(std::move(event));
-  for (const std::uint32_t segment : gone) TERRAPORT_RETURN_IF_ERROR(askAgain(*landing, segment));
+  for (const std::uint32_t segment : lost) TERRAPORT_RETURN_IF_ERROR(askAgain(*landing, segment));
   return Status::ok();
 }
 
@@ -148,7 +148,7 @@ void Transfers::onSuperseded(const SupersededMessage& message) {
   if (prefetch_ && prefetch_->generation == message.generation) {
     prefetch_.reset();
   } else if (current_ != nullptr && current_->generation == message.generation) {
-    endCurrent(asked_.empty() ? current_->number : asked_.front()->number);
+    endCurrent(unplanned_.empty() ? current_->number : unplanned_.front()->number);
     current_.reset();
   }
 }
@@ -165,8 +165,8 @@ Status Transfers::onPrefetch(const PrefetchMessage& message) {
   aims_.prefetching();
   assembler_.keepOnly(prefetch_->facts);
   SessionEvent event = eventOf(EventKind::Prefetching, kNoLanding);
-  event.told.segmentCount = message.segments.size();
-  event.told.payloadBytes = message.bytes;
+  event.stream.segmentCount = message.segments.size();
+  event.stream.payloadBytes = message.bytes;
   events_.push_back(std::move(event));
   endPrefetchIfDone();
   return Status::ok();
@@ -179,16 +179,16 @@ Status Transfers::onFrame(const PayloadFrame& frame) {
     return violation("got a frame of generation " + std::to_string(frame.generation) + ", which no landing or aim has now");
   }
   const std::map<std::uint32_t, SegmentFacts>& loads = isOfLanding ? current_->facts : prefetch_->facts;
-  const auto found = loads.find(frame.segment);
-  if (found == loads.end()) {
+  const auto load = loads.find(frame.segment);
+  if (load == loads.end()) {
     return violation("got segment " + std::to_string(frame.segment) + ", which generation " + std::to_string(frame.generation) +
         " does not load");
   }
   // A copy: what follows may forget the generation.
-  const SegmentFacts facts = found->second;
+  const SegmentFacts facts = load->second;
   if (isOfLanding) current_->payloadBytes += frame.chunk.size;
   payloadBytes_ += frame.chunk.size;
-  if (held_.has(frame.segment)) repeatedBytes_ += frame.chunk.size;
+  if (holdings_.has(frame.segment)) repeatedBytes_ += frame.chunk.size;
   SharedPayload payload;
   TERRAPORT_RETURN_IF_ERROR(assembler_.take(frame, facts.length, payload));
   if (payload == nullptr) return Status::ok();
@@ -207,9 +207,9 @@ Status Transfers::expectWithinBudgets(std::uint64_t bytes, std::uint64_t triangl
 
 /// A whole segment with the right hash.
 void Transfers::take(const SegmentFacts& facts, SharedPayload payload, bool isOfLanding) {
-  held_.put({facts, std::move(payload)});
+  holdings_.put({facts, std::move(payload)});
   SessionEvent event = eventOf(EventKind::Arrived, isOfLanding ? current_->number : kNoLanding);
-  event.told.facts = facts;
+  event.stream.facts = facts;
   events_.push_back(std::move(event));
   if (!awaitsPlan()) trim();
   if (isOfLanding) {
@@ -234,7 +234,7 @@ Status Transfers::onWrongHash(const PayloadFrame& frame, const SegmentFacts& fac
   reject(frame.generation, facts, "hash_mismatch");
   if (isOfLanding) {
     // It was whole before, perhaps, and came once too often.
-    if (current_->wanted.count(facts.segment) != 0) current_->waiting.insert(facts.segment);
+    if (current_->planned.count(facts.segment) != 0) current_->waiting.insert(facts.segment);
   } else if (isLastTry) {
     // A prefetch is sent once more, then no more (6.4, rule 4).
     prefetch_->waiting.erase(facts.segment);
@@ -245,7 +245,7 @@ Status Transfers::onWrongHash(const PayloadFrame& frame, const SegmentFacts& fac
 
 /// Ask for a segment of `keep` that is not here after all (6.4, rule 4).
 Status Transfers::askAgain(LandingState& landing, std::uint32_t segment) {
-  const std::optional<SegmentFacts> facts = held_.factsOf(segment);
+  const std::optional<SegmentFacts> facts = holdings_.factsOf(segment);
   if (!facts) {
     return violation("the plan keeps segment " + std::to_string(segment) + ", which was never held");
   }
@@ -259,21 +259,21 @@ Status Transfers::askAgain(LandingState& landing, std::uint32_t segment) {
 void Transfers::reportRejected(std::int64_t landing, const SegmentFacts& facts) {
   SessionEvent event;
   event.news = SessionNews::Rejected;
-  event.told.landing = landing;
-  event.told.facts = facts;
+  event.stream.landing = landing;
+  event.stream.facts = facts;
   events_.push_back(std::move(event));
 }
 
 /// Tell that a segment is not held; for a landing under way that crosses on the wire.
 void Transfers::reject(std::uint32_t generation, const SegmentFacts& facts, const char* reason) {
-  if (held_.has(facts.segment)) {
-    // Right bytes were here already, and the server sent others over them: whoever was told of them is told again.
+  if (holdings_.has(facts.segment)) {
+    // Right bytes were here already, and the server sent others over them: whoever took them must forget them first.
     SessionEvent event = eventOf(EventKind::Dropped, kNoLanding);
-    event.told.segments = {facts.segment};
+    event.stream.segments = {facts.segment};
     events_.push_back(std::move(event));
   }
-  held_.forget(facts.segment);
-  for (const Landing& asked : asked_) asked->crossed[facts.segment] = facts;
+  holdings_.forget(facts.segment);
+  for (const Landing& landing : unplanned_) landing->crossed[facts.segment] = facts;
   RejectMessage message;
   message.generation = generation;
   message.segment = facts.segment;
@@ -284,7 +284,7 @@ void Transfers::reject(std::uint32_t generation, const SegmentFacts& facts, cons
 void Transfers::endCurrent(std::int64_t by) {
   if (current_ == nullptr || current_->isDone) return;
   SessionEvent event = eventOf(EventKind::Superseded, current_->number);
-  event.told.by = by;
+  event.stream.by = by;
   events_.push_back(std::move(event));
 }
 
@@ -292,12 +292,12 @@ void Transfers::degradeIfWhole() {
   LandingState& landing = *current_;
   if (!landing.inner) return;
   const bool isOpen = std::any_of(landing.inner->begin(), landing.inner->end(),
-      [&landing](std::uint32_t segment) { return landing.waiting.count(segment) != 0 || landing.wanted.count(segment) == 0; });
+      [&landing](std::uint32_t segment) { return landing.waiting.count(segment) != 0 || landing.planned.count(segment) == 0; });
   if (isOpen) return;
   inner_ = std::move(*landing.inner);
   landing.inner.reset();
   SessionEvent event = eventOf(EventKind::Degraded, landing.number);
-  event.told.segments = inner_;
+  event.stream.segments = inner_;
   events_.push_back(std::move(event));
 }
 
@@ -308,9 +308,9 @@ void Transfers::finishIfComplete() {
   visible_ = landing.shown();
   inner_.clear();
   SessionEvent event = eventOf(EventKind::Ready, landing.number);
-  event.told.segments = visible_;
-  event.told.missing.assign(landing.waiting.begin(), landing.waiting.end());
-  event.told.payloadBytes = landing.payloadBytes;
+  event.stream.segments = visible_;
+  event.stream.missing.assign(landing.waiting.begin(), landing.waiting.end());
+  event.stream.payloadBytes = landing.payloadBytes;
   events_.push_back(std::move(event));
   pinAndTrim();
 }
@@ -319,8 +319,8 @@ void Transfers::endPrefetchIfDone() {
   if (!prefetch_->waiting.empty()) return;
   aimDone_ = prefetch_->generation;
   SessionEvent event = eventOf(EventKind::Prefetched, kNoLanding);
-  event.told.segmentCount = prefetch_->facts.size();
-  event.told.payloadBytes = prefetch_->bytes;
+  event.stream.segmentCount = prefetch_->facts.size();
+  event.stream.payloadBytes = prefetch_->bytes;
   events_.push_back(std::move(event));
 }
 
@@ -329,7 +329,7 @@ void Transfers::pin() {
   pinned.insert(visible_.begin(), visible_.end());
   pinned.insert(inner_.begin(), inner_.end());
   pinned.insert(nearby_.begin(), nearby_.end());
-  held_.pin(std::move(pinned));
+  holdings_.pin(std::move(pinned));
 }
 
 void Transfers::pinAndTrim() {
@@ -338,10 +338,10 @@ void Transfers::pinAndTrim() {
 }
 
 void Transfers::trim() {
-  std::vector<std::uint32_t> segments = held_.trim();
+  std::vector<std::uint32_t> segments = holdings_.trim();
   if (segments.empty()) return;
   SessionEvent event = eventOf(EventKind::Dropped, kNoLanding);
-  event.told.segments = std::move(segments);
+  event.stream.segments = std::move(segments);
   events_.push_back(std::move(event));
 }
 

@@ -29,9 +29,9 @@ class Transfers {
   using Landing = std::shared_ptr<LandingState>;
 
   /// All of these outlive it. `outbox` takes the messages to send, `events` the events, in order.
-  Transfers(const Budgets& budgets, Holdings& held, PayloadHash hash, std::vector<ClientMessage>& outbox,
+  Transfers(const Budgets& budgets, Holdings& holdings, PayloadHash hash, std::vector<ClientMessage>& outbox,
       std::vector<SessionEvent>& events)
-      : budgets_(budgets), held_(held), hash_(hash), outbox_(outbox), events_(events) {}
+      : budgets_(budgets), holdings_(holdings), hash_(hash), outbox_(outbox), events_(events) {}
 
   /// Ids that the last ready landing shows, ascending.
   const std::vector<std::uint32_t>& visible() const { return visible_; }
@@ -44,19 +44,19 @@ class Transfers {
   /// Generation of the newest aim of which everything has come.
   const std::optional<std::uint32_t>& aimDone() const { return aimDone_; }
   /// Segments that are partly here.
-  std::size_t openParts() const { return assembler_.size(); }
+  std::size_t partialSegments() const { return assembler_.size(); }
 
   /// The newest landing that is not ready; null where there is none.
   Landing unfinished() const;
 
   /// Whether a `land` has no plan yet: then nothing may be evicted (6.7, rule 2).
-  bool awaitsPlan() const { return !asked_.empty(); }
+  bool awaitsPlan() const { return !unplanned_.empty(); }
 
   /// Ids of the plan that is not ready: these must not be evicted (6.7, rule 2).
   std::set<std::uint32_t> openPlan() const;
 
   /// Note that a landing was sent.
-  void ask(Landing landing) { asked_.push_back(std::move(landing)); }
+  void landSent(Landing landing) { unplanned_.push_back(std::move(landing)); }
 
   /// Note that an aim was sent: it may be answered once.
   void aimSent(std::uint32_t generation) { newestAim_ = generation; }
@@ -67,7 +67,7 @@ class Transfers {
   /// Forget a landing that the server refused; an older one goes on (6.5, rule 5). Null where it was none.
   Landing refused(const std::optional<std::uint32_t>& generation);
 
-  /// Forget parts (10.2); returns the newest landing that is not ready, to ask again.
+  /// Forget partial payloads (10.2); returns the newest landing that is not ready, to ask again.
   Landing connectionLost();
 
   /// Show nothing: the served version is another one, so the ids mean other segments (5.4).
@@ -102,7 +102,7 @@ class Transfers {
   void trim();
 
   const Budgets& budgets_;
-  Holdings& held_;
+  Holdings& holdings_;
   PayloadHash hash_;
   std::vector<ClientMessage>& outbox_;
   std::vector<SessionEvent>& events_;
@@ -115,7 +115,7 @@ class Transfers {
   std::optional<std::uint32_t> newestAim_;
   std::optional<std::uint32_t> answeredAim_;
   /// Sent, and without a plan yet, oldest first.
-  std::vector<Landing> asked_;
+  std::vector<Landing> unplanned_;
   Landing current_;
   std::optional<PrefetchState> prefetch_;
   /// Shown perhaps, since a deadline passed: the newest declared inner set.

@@ -15,19 +15,19 @@ bool isUtf8(std::string_view text) {
   const auto* const end = at + text.size();
   while (at != end) {
     const unsigned char first = *at;
-    const std::ptrdiff_t left = end - at;
+    const std::ptrdiff_t remaining = end - at;
     if (first < 0x80) {
       at += 1;
     } else if (first >= 0xC2 && first <= 0xDF) {
-      if (left < 2 || !isTail(at[1])) return false;
+      if (remaining < 2 || !isTail(at[1])) return false;
       at += 2;
     } else if ((first & 0xF0) == 0xE0) {
-      if (left < 3 || !isTail(at[1]) || !isTail(at[2])) return false;
+      if (remaining < 3 || !isTail(at[1]) || !isTail(at[2])) return false;
       if (first == 0xE0 && at[1] < 0xA0) return false;
       if (first == 0xED && at[1] >= 0xA0) return false;
       at += 3;
     } else if (first >= 0xF0 && first <= 0xF4) {
-      if (left < 4 || !isTail(at[1]) || !isTail(at[2]) || !isTail(at[3])) return false;
+      if (remaining < 4 || !isTail(at[1]) || !isTail(at[2]) || !isTail(at[3])) return false;
       if (first == 0xF0 && at[1] < 0x90) return false;
       if (first == 0xF4 && at[1] >= 0x90) return false;
       at += 4;
@@ -45,21 +45,21 @@ std::size_t codePointCount(std::string_view text) {
 }
 
 void appendCodePoint(unsigned long codePoint, std::string& into) {
-  const auto put = [&into](unsigned long byte) { into.push_back(static_cast<char>(byte)); };
+  const auto append = [&into](unsigned long byte) { into.push_back(static_cast<char>(byte)); };
   if (codePoint < 0x80) {
-    put(codePoint);
+    append(codePoint);
   } else if (codePoint < 0x800) {
-    put(0xC0 | (codePoint >> 6));
-    put(0x80 | (codePoint & 0x3F));
+    append(0xC0 | (codePoint >> 6));
+    append(0x80 | (codePoint & 0x3F));
   } else if (codePoint < 0x10000) {
-    put(0xE0 | (codePoint >> 12));
-    put(0x80 | ((codePoint >> 6) & 0x3F));
-    put(0x80 | (codePoint & 0x3F));
+    append(0xE0 | (codePoint >> 12));
+    append(0x80 | ((codePoint >> 6) & 0x3F));
+    append(0x80 | (codePoint & 0x3F));
   } else {
-    put(0xF0 | (codePoint >> 18));
-    put(0x80 | ((codePoint >> 12) & 0x3F));
-    put(0x80 | ((codePoint >> 6) & 0x3F));
-    put(0x80 | (codePoint & 0x3F));
+    append(0xF0 | (codePoint >> 18));
+    append(0x80 | ((codePoint >> 12) & 0x3F));
+    append(0x80 | ((codePoint >> 6) & 0x3F));
+    append(0x80 | (codePoint & 0x3F));
   }
 }
 

@@ -10,7 +10,7 @@ namespace terraport {
 namespace {
 
 constexpr std::size_t kShown = 48;
-constexpr std::uint32_t kMostVersionPart = 65535;
+constexpr std::uint32_t kMaxVersionNumber = 65535;
 constexpr TextKind kNumberName{1, 128, TextPattern::Any};
 
 bool isLetterOrDigit(char letter) {
@@ -79,15 +79,15 @@ bool checkInnerRadius(const std::optional<double>& innerRadiusM, double radiusM,
   return refuse(refusal, "got " + std::to_string(*innerRadiusM) + ", expected at most radius_m", "inner_radius_m");
 }
 
-bool checkSum(const char* field, std::uint64_t got, std::uint64_t expected, Refusal& refusal) {
-  if (got == expected) return true;
+bool checkSum(const char* field, std::uint64_t actual, std::uint64_t expected, Refusal& refusal) {
+  if (actual == expected) return true;
   return refuse(
-      refusal, "got " + std::to_string(got) + ", expected the sum over the segments, " + std::to_string(expected), field);
+      refusal, "got " + std::to_string(actual) + ", expected the sum over the segments, " + std::to_string(expected), field);
 }
 
-bool checkAtLeast(const char* field, std::uint64_t got, std::uint64_t least, Refusal& refusal) {
-  if (got >= least) return true;
-  return refuse(refusal, "got " + std::to_string(got) + ", expected at least " + std::to_string(least), field);
+bool checkAtLeast(const char* field, std::uint64_t actual, std::uint64_t least, Refusal& refusal) {
+  if (actual >= least) return true;
+  return refuse(refusal, "got " + std::to_string(actual) + ", expected at least " + std::to_string(least), field);
 }
 
 std::uint64_t bytesOf(const std::vector<SegmentFacts>& rows) {
@@ -97,12 +97,12 @@ std::uint64_t bytesOf(const std::vector<SegmentFacts>& rows) {
 }
 
 /// Whether two lists share an id; both are sorted here.
-bool overlap(std::vector<std::uint32_t>& one, std::vector<std::uint32_t>& other) {
-  std::sort(one.begin(), one.end());
-  std::sort(other.begin(), other.end());
-  auto a = one.begin();
-  auto b = other.begin();
-  while (a != one.end() && b != other.end()) {
+bool overlap(std::vector<std::uint32_t>& first, std::vector<std::uint32_t>& second) {
+  std::sort(first.begin(), first.end());
+  std::sort(second.begin(), second.end());
+  auto a = first.begin();
+  auto b = second.begin();
+  while (a != first.end() && b != second.end()) {
     if (*a == *b) return true;
     (*a < *b ? a : b)++;
   }
@@ -117,8 +117,8 @@ bool refuse(Refusal& refusal, std::string text, std::string path) {
   return false;
 }
 
-bool refusedBelow(Refusal& refusal, std::string_view place) {
-  std::string path(place);
+bool refusedBelow(Refusal& refusal, std::string_view parent) {
+  std::string path(parent);
   if (!refusal.path.empty()) path.append(".").append(refusal.path);
   refusal.path = std::move(path);
   return false;
@@ -184,7 +184,7 @@ bool checkValue(const Vec3& value, const PositionKind& kind, Refusal& refusal) {
 }
 
 bool checkValue(const ProtocolVersion& value, const VersionKind&, Refusal& refusal) {
-  if (value.majorNumber <= kMostVersionPart && value.minorNumber <= kMostVersionPart) return true;
+  if (value.majorNumber <= kMaxVersionNumber && value.minorNumber <= kMaxVersionNumber) return true;
   return refuse(refusal, "got a version beyond 65535");
 }
 

@@ -18,8 +18,8 @@ struct Refusal {
 /// Note why; always false, so that it can be returned.
 bool refuse(Refusal& refusal, std::string text, std::string path = {});
 
-/// Put a place in front of the path of a refusal; always false.
-bool refusedBelow(Refusal& refusal, std::string_view place);
+/// Put the parent's name in front of the path of a refusal; always false.
+bool refusedBelow(Refusal& refusal, std::string_view parent);
 
 /// A text for people: at most a few dozen characters of it.
 std::string shortened(std::string_view text);

@@ -30,12 +30,12 @@ bool isRefusedAlone(std::string_view type) {
 
 /// Whether a message has a number of this name; asked of its type.
 struct HasField {
-  std::string_view wanted;
-  bool isFound = false;
+  std::string_view fieldName;
+  bool isPresent = false;
 
   template <typename Value, typename Kind>
   bool field(const char* name, const Value&, const Kind&) {
-    isFound = isFound || wanted == name;
+    isPresent = isPresent || fieldName == name;
     return true;
   }
 };
@@ -47,13 +47,13 @@ std::optional<std::uint32_t> numberOf(const char* name, const JsonValue& root) {
   HasField has{name};
   FieldsOf<Message>::visit(has, none);
   const std::optional<std::int64_t> value = root.member(name).integer();
-  if (!has.isFound || !value || *value < 0 || *value > 0xFFFFFFFF) return std::nullopt;
+  if (!has.isPresent || !value || *value < 0 || *value > 0xFFFFFFFF) return std::nullopt;
   return static_cast<std::uint32_t>(*value);
 }
 
 /// Read a message of one type; false where it is refused.
 template <typename Message>
-bool readOne(const JsonValue& root, Message& into, DecodeError& error) {
+bool readMessage(const JsonValue& root, Message& into, DecodeError& error) {
   Refusal refusal;
   if (readFields(root, into, refusal) && checkRules(into, refusal)) return true;
   error = DecodeError{};
@@ -82,7 +82,7 @@ bool readNamed(std::string_view type, const JsonValue& root, Variant& into, Deco
   } else {
     using Message = std::variant_alternative_t<Index, Variant>;
     if (type != FieldsOf<Message>::kType) return readNamed<Index + 1>(type, root, into, error);
-    return readOne(root, into.template emplace<Index>(), error);
+    return readMessage(root, into.template emplace<Index>(), error);
   }
 }
 

@@ -8,9 +8,9 @@ namespace terraport {
 
 namespace {
 
-constexpr std::size_t kIdBytes = 4;
-constexpr std::size_t kHeldBytes = 12;
-constexpr std::size_t kLoadBytes = 48;
+constexpr std::size_t kIdRowBytes = 4;
+constexpr std::size_t kHeldRowBytes = 12;
+constexpr std::size_t kLoadRowBytes = 48;
 constexpr std::uint64_t kMaxU32 = 0xFFFFFFFF;
 
 std::string show(const JsonValue& value) {
@@ -86,15 +86,15 @@ bool readRows(const JsonValue& raw, std::size_t rowBytes, std::vector<Row>& into
 }  // namespace
 
 bool readLayout(const JsonValue& raw, std::vector<std::uint32_t>& into, const RowsKind& kind, Refusal& refusal) {
-  return readRows(raw, kIdBytes, into, kind, refusal);
+  return readRows(raw, kIdRowBytes, into, kind, refusal);
 }
 
 bool readLayout(const JsonValue& raw, std::vector<HeldRow>& into, const RowsKind& kind, Refusal& refusal) {
-  return readRows(raw, kHeldBytes, into, kind, refusal);
+  return readRows(raw, kHeldRowBytes, into, kind, refusal);
 }
 
 bool readLayout(const JsonValue& raw, std::vector<SegmentFacts>& into, const RowsKind& kind, Refusal& refusal) {
-  return readRows(raw, kLoadBytes, into, kind, refusal);
+  return readRows(raw, kLoadRowBytes, into, kind, refusal);
 }
 
 bool readLayout(const JsonValue& raw, std::vector<NamedNumber>&, const NumbersKind&, Refusal& refusal) {

@@ -15,26 +15,26 @@ struct CheckPass {
 
   template <typename Value, typename Kind>
   bool field(const char* name, const Value& value, const Kind& kind) {
-    return checkOne(value, kind) || refusedBelow(refusal, name);
+    return checkContent(value, kind) || refusedBelow(refusal, name);
   }
 
   template <typename Value, typename Kind>
   bool field(const char* name, const std::optional<Value>& value, const Kind& kind) {
-    return !value.has_value() || checkOne(*value, kind) || refusedBelow(refusal, name);
+    return !value.has_value() || checkContent(*value, kind) || refusedBelow(refusal, name);
   }
 
   template <typename Value, typename Kind>
-  bool checkOne(const Value& value, const Kind& kind) {
+  bool checkContent(const Value& value, const Kind& kind) {
     return checkValue(value, kind, refusal);
   }
 
   template <typename Part>
-  bool checkOne(const Part& part, const PartKind&) {
+  bool checkContent(const Part& part, const PartKind&) {
     return FieldsOf<Part>::visit(*this, part);
   }
 
   template <typename Part>
-  bool checkOne(const std::vector<Part>& parts, const PartsKind& kind) {
+  bool checkContent(const std::vector<Part>& parts, const PartsKind& kind) {
     if (parts.size() > kind.most) return refuse(refusal, "got too many maps");
     for (std::size_t number = 0; number < parts.size(); ++number) {
       if (!FieldsOf<Part>::visit(*this, parts[number])) return refusedBelow(refusal, std::to_string(number));
@@ -63,7 +63,7 @@ struct CountPass {
 /// Writes each field that is there.
 struct WritePass {
   MsgpackWriter& writer;
-  /// Where the writer writes, for rows.
+  /// The writer's own output: rows are appended to it directly.
   std::string& bytes;
 
   template <typename Value, typename Kind>

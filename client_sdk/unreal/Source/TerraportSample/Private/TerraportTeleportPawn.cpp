@@ -130,19 +130,19 @@ bool ATerraportTeleportPawn::FindTarget(FVector& Target) const
 	{
 		From = Hand;
 	}
-	FVector Place = From->GetComponentLocation();
+	FVector Point = From->GetComponentLocation();
 	FVector Velocity = From->GetForwardVector() * ArcSpeedCmS;
 	for (int32 Step = 0; Step < ArcSteps; ++Step)
 	{
-		const FVector Way = Velocity * ArcStepS;
+		const FVector Displacement = Velocity * ArcStepS;
 		FTerraportGroundHit Hit;
-		if (Scene->CastGround(Place, Way, Way.Size(), Hit))
+		if (Scene->CastGround(Point, Displacement, Displacement.Size(), Hit))
 		{
 			Target = Hit.Location;
 			const double SlopeDeg = std::acos(FMath::Clamp(Hit.Normal.Z, -1.0, 1.0)) * DegreesPerRadian;
 			return SlopeDeg <= MaxSlopeDeg;
 		}
-		Place += Way;
+		Point += Displacement;
 		Velocity.Z -= GravityCmS2 * ArcStepS;
 	}
 	return false;

@@ -114,19 +114,19 @@ public:
 			(void)Transport->state();
 			Thread.bInRound = false;
 		}
-		terraport::TransportMessage Whole;
-		while (Transport && Transport->tryReceive(Whole))
+		terraport::TransportMessage Received;
+		while (Transport && Transport->tryReceive(Received))
 		{
 			Open();
-			if (Whole.isText)
+			if (Received.isText)
 			{
-				Message.Broadcast(FString(UTF8_TO_TCHAR(std::string(Whole.bytes.begin(), Whole.bytes.end()).c_str())));
+				Message.Broadcast(FString(UTF8_TO_TCHAR(std::string(Received.bytes.begin(), Received.bytes.end()).c_str())));
 				continue;
 			}
-			for (std::size_t At = 0; At == 0 || At < Whole.bytes.size(); At += PieceBytes)
+			for (std::size_t At = 0; At == 0 || At < Received.bytes.size(); At += PieceBytes)
 			{
-				const std::size_t Size = std::min(PieceBytes, Whole.bytes.size() - At);
-				Binary.Broadcast(Whole.bytes.data() + At, Size, At + Size == Whole.bytes.size());
+				const std::size_t Size = std::min(PieceBytes, Received.bytes.size() - At);
+				Binary.Broadcast(Received.bytes.data() + At, Size, At + Size == Received.bytes.size());
 			}
 		}
 		if (Transport && Transport->state() == terraport::TransportState::Open)
@@ -170,31 +170,34 @@ public:
 /// GET over one connection, which the server closes; blocks. Null where no answer came.
 std::shared_ptr<FResponse> Fetch(const std::string& Url, const std::string& Headers)
 {
+	// 1. The parts of the URL.
 	const std::size_t Host = Url.find("://") + 3, Path = std::min(Url.find('/', Host), Url.size());
 	const std::size_t Colon = Url.find(':', Host);
 	const std::string Name = Url.substr(Host, std::min(Colon, Path) - Host);
 	const std::string Port = Colon < Path ? Url.substr(Colon + 1, Path - Colon - 1) : "80";
-	addrinfo Hints{}, *Found = nullptr;
+	// 2. Connect, send, read to the end.
+	addrinfo Hints{}, *Addresses = nullptr;
 	Hints.ai_socktype = SOCK_STREAM;
-	if (getaddrinfo(Name.c_str(), Port.c_str(), &Hints, &Found) != 0)
+	if (getaddrinfo(Name.c_str(), Port.c_str(), &Hints, &Addresses) != 0)
 	{
 		return nullptr;
 	}
-	const int Handle = socket(Found->ai_family, Found->ai_socktype, Found->ai_protocol);
-	const bool bConnected = connect(Handle, Found->ai_addr, Found->ai_addrlen) == 0;
-	freeaddrinfo(Found);
+	const int Handle = socket(Addresses->ai_family, Addresses->ai_socktype, Addresses->ai_protocol);
+	const bool bConnected = connect(Handle, Addresses->ai_addr, Addresses->ai_addrlen) == 0;
+	freeaddrinfo(Addresses);
 	std::string Answer;
 	const std::string Request = "GET " + (Path < Url.size() ? Url.substr(Path) : "/") + " HTTP/1.1\r\nHost: " + Name +
 		"\r\nConnection: close\r\n" + Headers + "\r\n";
 	if (bConnected && send(Handle, Request.data(), Request.size(), MSG_NOSIGNAL) == ssize_t(Request.size()))
 	{
-		char Piece[65536];
-		for (ssize_t Count = 0; (Count = recv(Handle, Piece, sizeof(Piece), 0)) > 0;)
+		char Buffer[65536];
+		for (ssize_t Count = 0; (Count = recv(Handle, Buffer, sizeof(Buffer), 0)) > 0;)
 		{
-			Answer.append(Piece, std::size_t(Count));
+			Answer.append(Buffer, std::size_t(Count));
 		}
 	}
 	close(Handle);
+	// 3. Status and body, which may come in chunks.
 	const std::size_t End = Answer.find("\r\n\r\n");
 	if (End == std::string::npos || Answer.compare(0, 5, "HTTP/") != 0)
 	{
@@ -205,16 +208,16 @@ std::shared_ptr<FResponse> Fetch(const std::string& Url, const std::string& Head
 	std::string Body = Answer.substr(End + 4);
 	if (Answer.substr(0, End).find("chunked") != std::string::npos)
 	{
-		std::string Whole;
+		std::string Joined;
 		for (std::size_t At = 0; At < Body.size();)
 		{
 			char* After = nullptr;
 			const std::size_t Size = std::strtoul(Body.c_str() + At, &After, 16);
 			At = std::size_t(After - Body.c_str()) + 2;
-			Whole += Body.substr(At, Size);
+			Joined += Body.substr(At, Size);
 			At = Size == 0 ? Body.size() : At + Size + 2;
 		}
-		Body = Whole;
+		Body = Joined;
 	}
 	Response->Content.SetNumUninitialized(int32(Body.size()));
 	std::copy(Body.begin(), Body.end(), Response->Content.begin());
@@ -248,7 +251,7 @@ public:
 	}
 	virtual void CancelRequest() override
 	{
-		bTold = true;
+		bReported = true;
 		Complete.ExecuteIfBound(FHttpRequestPtr(), FHttpResponsePtr(), false);
 	}
 	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override { return Complete; }
@@ -258,13 +261,13 @@ public:
 		std::shared_ptr<FResponse> Response;
 		{
 			const std::lock_guard<std::mutex> Lock(Shared->Mutex);
-			if (bTold || !Shared->bIsOver)
+			if (bReported || !Shared->bIsOver)
 			{
 				return;
 			}
 			Response = Shared->Response;
 		}
-		bTold = true;
+		bReported = true;
 		if (Response)
 		{
 			Progress.ExecuteIfBound(FHttpRequestPtr(), 0, uint64(Response->Content.Num()));
@@ -275,7 +278,7 @@ public:
 private:
 	std::string Url, Headers;
 	std::shared_ptr<FShared> Shared = std::make_shared<FShared>();
-	bool bTold = false;
+	bool bReported = false;
 	FHttpRequestCompleteDelegate Complete;
 	FHttpRequestProgressDelegate64 Progress;
 };
@@ -289,25 +292,25 @@ public:
 	virtual TSharedRef<IWebSocket> CreateWebSocket(
 		const FString& Url, const TArray<FString>& Protocols, const TMap<FString, FString>& Headers) override
 	{
-		const TSharedRef<FSocket> Made = MakeShared<FSocket>(Url, Protocols, Headers);
-		Sockets.push_back(Made.Held);
-		return Made;
+		const TSharedRef<FSocket> Socket = MakeShared<FSocket>(Url, Protocols, Headers);
+		Sockets.push_back(Socket.StubObject);
+		return Socket;
 	}
 };
 
 template <typename T>
 void PumpAll(std::vector<std::weak_ptr<T>>& All)
 {
-	// What is told may make new ones.
+	// A callback may make new ones.
 	const std::vector<std::weak_ptr<T>> Now = All;
-	for (const std::weak_ptr<T>& One : Now)
+	for (const std::weak_ptr<T>& Item : Now)
 	{
-		if (const std::shared_ptr<T> Held = One.lock())
+		if (const std::shared_ptr<T> Alive = Item.lock())
 		{
-			Held->Pump();
+			Alive->Pump();
 		}
 	}
-	All.erase(std::remove_if(All.begin(), All.end(), [](const std::weak_ptr<T>& One) { return One.expired(); }), All.end());
+	All.erase(std::remove_if(All.begin(), All.end(), [](const std::weak_ptr<T>& Item) { return Item.expired(); }), All.end());
 }
 } // namespace
 
@@ -322,9 +325,9 @@ void Install()
 		}
 	};
 	FHttpModule::Get().StubMake = []() -> TSharedRef<IHttpRequest, ESPMode::ThreadSafe> {
-		const TSharedRef<FRequest> Made = MakeShared<FRequest>();
-		Requests.push_back(Made.Held);
-		return Made;
+		const TSharedRef<FRequest> Request = MakeShared<FRequest>();
+		Requests.push_back(Request.StubObject);
+		return Request;
 	};
 }
 

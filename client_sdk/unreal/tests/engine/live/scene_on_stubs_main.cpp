@@ -40,11 +40,11 @@ void StartEngine(bool bIsLate)
 	StubModuleTerraport().StartupModule();
 }
 
-void Expect(bool bHolds, const char* What)
+void Expect(bool bHolds, const char* Rule)
 {
 	if (!bHolds)
 	{
-		std::printf("not as it must be: %s\n", What);
+		std::printf("not as it must be: %s\n", Rule);
 		++Faults;
 	}
 }
@@ -142,6 +142,7 @@ int main(int Count, char** Arguments)
 		std::printf("usage: %s URL RADIUS_M [TOKEN]\n", Arguments[0]);
 		return 2;
 	}
+	// 1. Engine, actor and user; the scene opens.
 	const double RadiusM = std::atof(Arguments[2]);
 	StartEngine(Count > 4 && std::string(Arguments[4]) == "late");
 	const std::size_t Warnings = StubWarnings.size();
@@ -157,6 +158,7 @@ int main(int Count, char** Arguments)
 	const FVector Middle = (Bounds.Min + Bounds.Max) * 0.5;
 	const FVector Corner = Bounds.Min * 0.7 + Bounds.Max * 0.3;
 
+	// 2. The first landing, timed, with the pace of the module's thread meanwhile.
 	const EngineNetwork::FPace Before = EngineNetwork::Pace();
 	const auto Began = std::chrono::steady_clock::now();
 	int64 First = Visit.Scene.Land(Middle, RadiusM, FTerraportLandOptions());
@@ -167,18 +169,19 @@ int main(int Count, char** Arguments)
 	ExpectShown(Visit, First);
 	const FDrawn AtFirst = Drawn();
 
-	// Two at once: the newer one counts, and the older one is never shown.
+	// 3. Two at once: the newer one counts, and the older one is never shown.
 	Visit.Scene.Land(Corner, RadiusM, FTerraportLandOptions());
 	const int64 Second = Visit.Scene.Land(Bounds.Min * 0.4 + Bounds.Max * 0.6, RadiusM, FTerraportLandOptions());
 	Expect(Visit.Until([&] { return Visit.LastShown == Second; }), "the newer of two landings is shown");
 	ExpectShown(Visit, Second);
 	Expect(Visit.Swaps == 2, "the landing that was superseded was not");
 
-	// Back; what lies just beyond the radius may stay now, so it need not be the very same set.
+	// 4. Back; what lies just beyond the radius may stay now, so it need not be the very same set.
 	const int64 Third = Visit.Scene.Land(Middle, RadiusM, FTerraportLandOptions());
 	Expect(Visit.Until([&] { return Visit.LastShown == Third; }), "a landing where one was before is shown");
 	ExpectShown(Visit, Third);
 
+	// 5. Ground, and a teleport onto it.
 	FTerraportGroundHit Ground;
 	Expect(Visit.Scene.GroundAt(Middle + FVector(0.0, 0.0, 1.0e6), Ground), "there is ground in the middle");
 
@@ -192,10 +195,12 @@ int main(int Count, char** Arguments)
 	Expect(Visit.Scene.GroundAt(Head + FVector(0.0, 0.0, 100.0), Ground) && Ground.Location.Equals(Head, 1.0),
 		"the feet are on the ground");
 
+	// 6. The survey's reference system.
 	FVector Survey, Back;
 	Expect(Visit.Scene.WorldToSurvey(Head, Survey) && Visit.Scene.SurveyToWorld(Survey, Back) && Back.Equals(Head, 0.01),
 		"places go to the survey's frame and back");
 
+	// 7. The end.
 	const FDrawn Last = Drawn();
 	const FTerraportStats Stats = Visit.Scene.TakeStats();
 	Visit.Scene.EndPlay(EEndPlayReason::Destroyed);

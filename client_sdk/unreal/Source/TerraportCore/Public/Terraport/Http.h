@@ -10,7 +10,7 @@
 
 namespace terraport {
 
-/// What came of a request.
+/// The server's answer to a request, or why there is none.
 struct HttpAnswer {
   /// HTTP status; 0 where no answer came.
   int status = 0;

@@ -28,12 +28,12 @@ class TERRAPORTCORE_API MessageAssembler {
 
   /// Take a piece. `isLast`: it ends the message. Error codes: `too_large` (the message, or what waits), `malformed` (a
   /// text piece goes on in binary). After an error the connection must be closed.
-  Status take(ByteSpan piece, bool isText, bool isLast);
+  Status take(ByteSpan fragment, bool isText, bool isLast);
 
   /// As `take`, where the library says only how many bytes of the message are still to come. Unreal's
   /// `OnRawMessage(data, size, bytesRemaining)` counts what remains of the present WebSocket frame.
-  Status takeRemaining(ByteSpan piece, bool isText, std::size_t bytesRemaining) {
-    return take(piece, isText, bytesRemaining == 0);
+  Status takeRemaining(ByteSpan fragment, bool isText, std::size_t bytesRemaining) {
+    return take(fragment, isText, bytesRemaining == 0);
   }
 
   /// The oldest whole message, swapped into `message`; false where there is none.
@@ -50,7 +50,7 @@ class TERRAPORTCORE_API MessageAssembler {
 
  private:
   Limits limits_;
-  TransportMessage part_;
+  TransportMessage assembling_;
   bool inMessage_ = false;
   std::deque<TransportMessage> whole_;
   std::size_t waitingBytes_ = 0;

@@ -46,7 +46,7 @@ enum class UploadState : std::uint8_t {
   Failed,
 };
 
-/// Draws what a stage tells. All calls come from the thread that calls SceneStage::update.
+/// Draws what a stage orders. All calls come from the thread that calls SceneStage::update.
 class TERRAPORTCORE_API SceneRenderer {
  public:
   virtual ~SceneRenderer() = default;

@@ -32,7 +32,7 @@ class TERRAPORTCORE_API Transport {
 
   /// Begin to connect to `ws(s)://...`, once. `subprotocols` are offered in this order. `bearerToken`, where it is not empty,
   /// goes into the header `Authorization: Bearer`; where a platform cannot set headers, into the subprotocol entry
-  /// `tokenSubprotocol(bearerToken)`. It must not be logged. What goes wrong is told by `state` and `closeCode`.
+  /// `tokenSubprotocol(bearerToken)`. It must not be logged. Failures show in `state` and `closeCode`.
   virtual void open(const std::string& url, const std::vector<std::string>& subprotocols, const std::string& bearerToken) = 0;
 
   virtual TransportState state() const = 0;

@@ -12,13 +12,13 @@
 
 namespace terraport {
 
-/// Bytes that belong to somebody else.
+/// A view: whoever made it keeps the bytes alive while it is used.
 struct ByteSpan {
   const std::uint8_t* data = nullptr;
   std::size_t size = 0;
 };
 
-/// The bytes of a payload.
+/// A view of all bytes; `bytes` must outlive it unchanged.
 inline ByteSpan viewOf(const std::vector<std::uint8_t>& bytes) {
   return {bytes.data(), bytes.size()};
 }
@@ -185,7 +185,7 @@ enum class EventKind : std::uint8_t {
   PickRefused,
 };
 
-/// What a stream tells. Which fields count is said at the kind. Landing numbers stay the same over reconnects.
+/// An event of a stream. Which fields count is said at the kind. Landing numbers stay the same over reconnects.
 struct StreamEvent {
   EventKind kind = EventKind::Link;
   std::int64_t landing = kNoLanding;
