@@ -165,7 +165,7 @@ def leave_out(photos: Path, folder: Path, count: int) -> set[str]:
     """Link all photos but `count` into a folder; returns the names of those."""
     paths = sorted(path for path in photos.iterdir() if path.is_file())
     places = (np.arange(count) + 0.5) / count * len(paths)
-    chosen = {paths[int(place)].name for place in places}
+    chosen = {paths[int(index)].name for index in places}
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for path in paths:
@@ -188,9 +188,9 @@ def draw(mesh: Mesh, texturing: Drawn | None, view: View, rays: RayScene) -> tup
 
 def compare(picture: UInt8, photo: UInt8, hit: Bool) -> tuple[Score, Float64]:
     """Compare where the mesh is hit; also the errors, (N, 3) levels."""
-    made, true = picture[hit].astype(np.float64), photo[hit].astype(np.float64)
-    factor = (made * true).sum(axis=0) / np.maximum((made * made).sum(axis=0), 1e-9)
-    errors = made * factor - true
+    rendered, true = picture[hit].astype(np.float64), photo[hit].astype(np.float64)
+    factor = (rendered * true).sum(axis=0) / np.maximum((rendered * rendered).sum(axis=0), 1e-9)
+    errors = rendered * factor - true
     both = hit[:, 1:] & hit[:, :-1]
     steps = [
         np.abs(np.diff(image.astype(np.float64), axis=1)).mean(axis=2)[both].mean()

@@ -62,9 +62,9 @@ def finish(survey: Path, scene: Path, name: str, *, resume: bool) -> float:
     began = time.monotonic()
     process = start(survey, scene, name, resume=resume)
     began = time.monotonic()
-    _, said = process.communicate()
+    _, stderr = process.communicate()
     if process.returncode:
-        raise SystemExit(f"a build that nobody killed failed: {said}")
+        raise SystemExit(f"a build that nobody killed failed: {stderr}")
     return time.monotonic() - began
 
 
@@ -96,18 +96,18 @@ def main() -> int:
             time.sleep(wait_s)
             process.kill()
             process.wait()
-            found = validate_scene(scene)
+            findings = validate_scene(scene)
             after = Manifest.from_bytes((scene / "scene.json").read_bytes())
             state = "new" if after.name == name else "old"
             outcomes[state] += 1
-            whole = not found and after.version == (
+            whole = not findings and after.version == (
                 old.version if state == "old" else after.version
             )
             broken += not whole
             print(
                 f"round {number:2d}: killed after {wait_s:5.2f} s of "
                 f"{'packing' if resume else 'all'}: {state} scene, "
-                f"{'whole' if whole else f'BROKEN: {found}'}"
+                f"{'whole' if whole else f'BROKEN: {findings}'}"
             )
         finish(survey, scene, "after all", resume=True)
         left = sorted(p.name for p in scene.iterdir() if p.name.endswith(".tmp"))

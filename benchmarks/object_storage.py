@@ -166,12 +166,12 @@ def landings(
 
 def counts(service: ServiceProcess) -> dict[str, float]:
     """Count requests to storage so far, and bytes from there."""
-    found = {"requests": 0.0, "bytes": 0.0}
+    totals = {"requests": 0.0, "bytes": 0.0}
     for family in text_string_to_metric_families(httpx.get(f"{service.url}/metrics").text):
         name = family.name.removeprefix("terraport_object_")
-        if name in found and name != family.name:
-            found[name] = family.samples[0].value
-    return found
+        if name in totals and name != family.name:
+            totals[name] = family.samples[0].value
+    return totals
 
 
 def wait_until_served(service: ServiceProcess) -> None:
@@ -187,9 +187,9 @@ class Delaying:
     """A proxy in a process of its own that answers later; a context manager."""
 
     def __init__(self, target: str, delay_s: float) -> None:
-        self._here, there = multiprocessing.Pipe()
+        self._here, child_end = multiprocessing.Pipe()
         self._process = multiprocessing.Process(
-            target=_delay, args=(target, delay_s, there), daemon=True
+            target=_delay, args=(target, delay_s, child_end), daemon=True
         )
         self.url = ""
 

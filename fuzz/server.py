@@ -177,11 +177,11 @@ def run_cases(cases: Iterator[Case], budget: Budget, wrong: list[str]) -> dict[s
             batch = list(islice(cases, 8 * THREADS))
             if not batch:
                 break
-            for count, found, name in pool.map(_safely, batch):
+            for count, problems, name in pool.map(_safely, batch):
                 budget.done += count
                 connections += 1
                 outcomes[name] += 1
-                wrong += found
+                wrong += problems
     return {
         "messages": budget.done,
         "connections": connections,
@@ -199,9 +199,9 @@ def _safely(case: Case) -> tuple[int, list[str], str]:
 
 def _truncations(corpus: Corpus, seed: int) -> list[bytes]:
     """All of them, in an order that shows a bit of everything first."""
-    found = list(corpus.truncations())
-    random.Random(seed).shuffle(found)
-    return found
+    truncations = list(corpus.truncations())
+    random.Random(seed).shuffle(truncations)
+    return truncations
 
 
 def _name(answers: Answers) -> str:
@@ -229,7 +229,7 @@ def attack_service(
     seed: int,
     budgets: dict[str, Callable[[], Budget]],
     wrong: list[str],
-    part: tuple[int, int],
+    share: tuple[int, int],
 ) -> dict[str, Any]:
     """All attacks over sockets; of the truncations only every n-th, from the k-th on."""
 
@@ -240,7 +240,7 @@ def attack_service(
             number += 1
 
     def truncated() -> Iterator[Case]:
-        every = _truncations(corpus, seed)[part[0] :: part[1]]
+        every = _truncations(corpus, seed)[share[0] :: share[1]]
         pairs = zip(every, draws("truncated"), strict=False)
         for data, draw in pairs:
             yield lambda d=data, r=draw: socket_truncated(port, d, r)
@@ -332,7 +332,7 @@ def main() -> int:
                 wrong += asyncio.run(land_once(url, scene))
                 time.sleep(0.5)
                 after = service.memory()
-                result["rss_mb"] = [round(one.rss / 1e6, 1) for one in (before, after)]
+                result["rss_mb"] = [round(sample.rss / 1e6, 1) for sample in (before, after)]
                 result["descriptors"] = [before.descriptors, after.descriptors]
                 if after.rss - before.rss > 1e6 * arguments.growth_mb:
                     wrong.append(f"RSS grew from {before.rss} to {after.rss}")

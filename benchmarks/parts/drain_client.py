@@ -107,9 +107,9 @@ class DrainClient:
     def message(self) -> Message:
         """Receive up to the next message; payload before it is skipped."""
         while True:
-            found = self.next()
-            if isinstance(found, Message):
-                return found
+            received = self.next()
+            if isinstance(received, Message):
+                return received
 
     def forget(self) -> None:
         """Evict every segment."""
@@ -134,11 +134,11 @@ class DrainClient:
         """Read up to `ready` and forget it; return the payload bytes."""
         total = 0
         while True:
-            found = self.next()
-            if isinstance(found, Ready) and found.generation == self.generation:
+            received = self.next()
+            if isinstance(received, Ready) and received.generation == self.generation:
                 return total
-            if isinstance(found, int):
-                total += found
+            if isinstance(received, int):
+                total += received
 
     def land(self, position: tuple[float, float, float], radius_m: float) -> tuple[int, float]:
         """Land and drain; return payload bytes and seconds."""
@@ -167,9 +167,9 @@ class DrainClient:
             self._skip(length - 1)
             return length - HEADER_BYTES
         data = first + self._exactly(length - 1)
-        found = decode(data, Direction.SERVER_TO_CLIENT)
-        assert isinstance(found, Message)
-        return found
+        message = decode(data, Direction.SERVER_TO_CLIENT)
+        assert isinstance(message, Message)
+        return message
 
     def _exactly(self, count: int) -> bytes:
         data = b""

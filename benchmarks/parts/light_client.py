@@ -275,18 +275,18 @@ class LightClient:
             findings.repeated += 1
         if not self._queue or self._queue[0] != segment:
             self._wrong(f"segment {segment} out of order")
-        part = self._parts.setdefault(segment, bytearray())
-        if frame.offset < len(part):
+        partial = self._parts.setdefault(segment, bytearray())
+        if frame.offset < len(partial):
             findings.repeated += 1
-        elif frame.offset > len(part):
-            self._wrong(f"a gap in segment {segment}: {frame.offset} after {len(part)}")
-        part += frame.chunk
+        elif frame.offset > len(partial):
+            self._wrong(f"a gap in segment {segment}: {frame.offset} after {len(partial)}")
+        partial += frame.chunk
         findings.payload_bytes += len(frame.chunk)
         if frame.last:
             del self._parts[segment]
             if self._queue and self._queue[0] == segment:
                 self._queue.pop(0)
-            if xxhash.xxh3_64_intdigest(part) != int(self._index.xxh3[segment]):
+            if xxhash.xxh3_64_intdigest(partial) != int(self._index.xxh3[segment]):
                 self._wrong(f"segment {segment} has a wrong hash")
             self.held[segment] = True
             findings.segments += 1
@@ -319,7 +319,7 @@ class LightClient:
             expected = expect(
                 self._index,
                 land,
-                held=self.held,
+                is_held=self.held,
                 release_factor=self._welcome.release_factor,
                 max_segments=self._welcome.limits.max_plan_segments,
             )
@@ -328,14 +328,14 @@ class LightClient:
         self._open = plan.generation
         self._queue = ids
         self._plan_ids = [*ids, *plan.keep.tolist()]
-        wanted = set(ids)
-        self._parts = {key: part for key, part in self._parts.items() if key in wanted}
+        planned = set(ids)
+        self._parts = {key: partial for key, partial in self._parts.items() if key in planned}
 
     async def _grant(self, count: int) -> None:
         self._taken += count
         if self._taken >= self._credit_bytes // 2:
-            taken, self._taken = self._taken, 0
-            await self.send(Credit(bytes=taken))
+            consumed_bytes, self._taken = self._taken, 0
+            await self.send(Credit(bytes=consumed_bytes))
 
     async def _fill(self) -> None:
         if self._socket is None:

@@ -198,14 +198,14 @@ class ServiceProcess:
         return True
 
     def _processes(self) -> list[int]:
-        found, unseen = [], [self.pid]
+        pids, unseen = [], [self.pid]
         while unseen:
             pid = unseen.pop()
-            found.append(pid)
+            pids.append(pid)
             for task in Path(f"/proc/{pid}/task").glob("*/children"):
                 with suppress(FileNotFoundError, ProcessLookupError):
                     unseen += [int(child) for child in task.read_text().split()]
-        return found
+        return pids
 
 
 def free_port() -> int:
@@ -217,10 +217,10 @@ def free_port() -> int:
 
 def _fields(path: Path) -> dict[str, int]:
     """Read ``Name: 123 kB`` lines; bytes."""
-    found = {}
+    bytes_by_field = {}
     for line in path.read_text().splitlines():
         name, _, rest = line.partition(":")
         words = rest.split()
         if len(words) == 2 and words[1] == "kB":
-            found[name] = 1024 * int(words[0])
-    return found
+            bytes_by_field[name] = 1024 * int(words[0])
+    return bytes_by_field

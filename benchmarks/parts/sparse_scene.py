@@ -43,14 +43,14 @@ def write_sparse_scene(path: Path, *, pack_bytes: int, segment_bytes: int) -> Ma
     number = np.arange(count)
     corner = np.stack([number % side, np.zeros(count), number // side], axis=1) * TILE_M
     size = np.array([TILE_M, 1.0, TILE_M])
-    one = xxhash.xxh3_64_intdigest(bytes(segment_bytes))
+    payload_digest = xxhash.xxh3_64_intdigest(bytes(segment_bytes))
     index = SegmentIndex(
         bounds=np.concatenate([corner, corner + size], axis=1).astype("<f4"),
         vertex_count=np.full(count, 6000, dtype="<u4"),
         face_count=np.full(count, 10_000, dtype="<u4"),
         offset=(PACK_HEADER_BYTES + segment_bytes * number).astype("<u8"),
         length=np.full(count, segment_bytes, dtype="<u4"),
-        xxh3=np.full(count, one, dtype="<u8"),
+        xxh3=np.full(count, payload_digest, dtype="<u8"),
         region=np.zeros(count, dtype="<u4"),
         region_count=np.ones(count, dtype="<u2"),
     )
