@@ -33,7 +33,7 @@ class MemoryTiles:
         numbers = tuple(np.unique(mesh.faces[rows]).astype(np.int64) for _, rows in cut)
         times = np.bincount(np.concatenate(numbers), minlength=len(mesh.vertices))
         return cls(
-            tuple(part for part, _ in cut),
+            tuple(piece for piece, _ in cut),
             tuple(rows for _, rows in cut),
             numbers,
             times > 1,

@@ -50,8 +50,10 @@ def paint(points: Float64) -> Float64:
 
 def expose(levels: Float64, factor: float) -> Float64:
     """sRGB levels after a factor in linear light (IEC 61966-2-1)."""
-    part = levels / 255.0
-    light = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4) * factor
+    encoded = levels / 255.0
+    light = (
+        np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4) * factor
+    )
     back = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.clip(255.0 * back, 0.0, 255.0)
 

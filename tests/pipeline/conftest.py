@@ -82,12 +82,12 @@ def overhang() -> Overhang:
     lengths = np.linalg.norm(steps, axis=1)
     starts = np.concatenate([[0.0], np.cumsum(lengths)])
     along = rng.uniform(0, starts[-1], 20_000)
-    part = np.searchsorted(starts, along, side="right") - 1
-    share = (along - starts[part]) / lengths[part]
-    xy = profile[part] + steps[part] * share[:, None]
+    edge = np.searchsorted(starts, along, side="right") - 1
+    share = (along - starts[edge]) / lengths[edge]
+    xy = profile[edge] + steps[edge] * share[:, None]
     points = np.column_stack([xy, rng.uniform(0, 15, len(xy))]) + rng.normal(0, 0.01, (len(xy), 3))
     outward = np.stack([-steps[:, 1], steps[:, 0], np.zeros(len(steps))], axis=1)
-    return Overhang(points.astype(np.float32), (outward / lengths[:, None])[part], part)
+    return Overhang(points.astype(np.float32), (outward / lengths[:, None])[edge], edge)
 
 
 def survey_text(survey: Survey) -> str:

@@ -109,5 +109,5 @@ def joined(pieces: list[Arrays], *, rule: EdgeRule = RULE, min_faces: int = 1) -
     join = forgive(join, [weak_places(task(t), t, each, join) for t, each in enumerate(pieces)])
     looks = [look(task(t), t, each, join) for t, each in enumerate(pieces)]
     settled = settle(looks, len(join.cells), min_faces=min_faces)
-    made = [finish(task(t), t, each, join, settled)[0] for t, each in enumerate(pieces)]
-    return Joined(join, looks, settled, made)
+    tiles = [finish(task(t), t, each, join, settled)[0] for t, each in enumerate(pieces)]
+    return Joined(join, looks, settled, tiles)

@@ -56,8 +56,8 @@ def test_an_overhang_is_oriented_out_of_the_rock(overhang: Any) -> None:
     normals, neighbours, spacing_m = normals_of(overhang.points)
     oriented, spread, _ = orient_normals(overhang.points, normals, neighbours, spacing_m=spacing_m)
     wrong = (oriented * overhang.normals).sum(axis=1) < 0
-    for part in range(5):
-        assert wrong[overhang.part == part].mean() < 0.005, f"part {part}"
+    for edge in range(5):
+        assert wrong[overhang.part == edge].mean() < 0.005, f"part {edge}"
     assert spread > 0
     assert (oriented[overhang.part == 2, 1] < 0).mean() > 0.95
 

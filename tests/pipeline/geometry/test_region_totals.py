@@ -29,18 +29,18 @@ def test_facts_over_tiles_are_those_of_the_whole() -> None:
         mesh.vertices, mesh.faces, mesh.colours, regions, attributes=mesh.attributes,
         roughness_scale_m=4.0,
     )  # fmt: skip
-    parts = cut_mesh(mesh, 3)
+    pieces = cut_mesh(mesh, 3)
     totals, edges, labels = None, [], []
-    for part, rows in parts:
-        pairs = face_pairs(part.faces, len(part.vertices))
+    for piece, rows in pieces:
+        pairs = face_pairs(piece.faces, len(piece.vertices))
         present, dense = np.unique(regions[rows], return_inverse=True)
-        found = tile_totals(
-            part.vertices, part.faces, part.colours, dense.astype(np.int32), len(present),
-            attributes=part.attributes, pairs=pairs, roughness_scale_m=4.0, bins=slope_bins(count),
+        piece_totals = tile_totals(
+            piece.vertices, piece.faces, piece.colours, dense.astype(np.int32), len(present),
+            attributes=piece.attributes, pairs=pairs, roughness_scale_m=4.0, bins=slope_bins(count),
         )  # fmt: skip
-        found = spread_totals(found, present.astype(np.int32), count)
-        totals = found if totals is None else add_totals(totals, found)
-        edges.append(open_edges(part.vertices, part.faces, pairs))
+        piece_totals = spread_totals(piece_totals, present.astype(np.int32), count)
+        totals = piece_totals if totals is None else add_totals(totals, piece_totals)
+        edges.append(open_edges(piece.vertices, piece.faces, pairs))
         labels.append(regions[rows])
     assert totals is not None
     seams = match_seams(edges)
@@ -56,10 +56,12 @@ def test_facts_over_tiles_are_those_of_the_whole() -> None:
         np.concatenate([totals.touching, sides[crossing]]),
         np.concatenate([totals.border_m, seams.length_m[crossing]]),
     )
-    told = totals_document(replace(totals, touching=touching, border_m=border_m), ["height"], 4.0)
-    assert told["roughness_scale_m"] == 4.0
-    assert len(told["regions"]) == len(whole["regions"]) == count
-    for mine, theirs in zip(told["regions"], whole["regions"], strict=True):
+    document = totals_document(
+        replace(totals, touching=touching, border_m=border_m), ["height"], 4.0
+    )
+    assert document["roughness_scale_m"] == 4.0
+    assert len(document["regions"]) == len(whole["regions"]) == count
+    for mine, theirs in zip(document["regions"], whole["regions"], strict=True):
         assert list(mine) == list(theirs)
         for name in ("id", "faces", "bounds", "mean_colour"):
             assert mine[name] == theirs[name]
