@@ -154,9 +154,9 @@ class Pair:
         if self.server is None:
             return False
         data = self.client.data_to_send()
-        for one in data:
+        for frame in data:
             try:
-                message = decode(one, Direction.CLIENT_TO_SERVER)
+                message = decode(frame, Direction.CLIENT_TO_SERVER)
                 self.server.receive(message, self.now_s)
             except DecodeError as error:
                 self.server.refuse(error, self.now_s)

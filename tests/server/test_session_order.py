@@ -41,26 +41,26 @@ def test_no_chunk_of_an_older_generation_and_never_beyond_the_credit(
     client = make_client(make_scene(COUNT, length=LENGTH), greet=False)
     client.greet(credit_bytes=credit)
     session, granted, generation, oldest = client.session, credit, 0, 0
-    for kind, one, two in script:
+    for kind, first, second in script:
         if kind in {"land", "aim"}:
             generation += 1
             begun = len(client.chunks)
-            client.tell((land if kind == "land" else aim)(generation, float(one), float(two)))
+            client.tell((land if kind == "land" else aim)(generation, float(first), float(second)))
             oldest = generation if kind == "land" else oldest
             assert len(client.chunks) == begun
         elif kind == "credit":
-            granted += one
-            client.credit += one
-            client.tell(Credit(bytes=one))
+            granted += first
+            client.credit += first
+            client.tell(Credit(bytes=first))
         elif kind == "chunks":
             sent = len(client.chunks)
-            client.run(until=lambda sent=sent, most=one: len(client.chunks) >= sent + most)
+            client.run(until=lambda sent=sent, most=first: len(client.chunks) >= sent + most)
             for chunk in client.chunks[sent:]:
                 assert chunk.generation >= oldest
         elif kind == "reject" and session.deliveries is not None:
-            _reject(client, one)
+            _reject(client, first)
         elif kind == "evict":
-            _evict(client, one)
+            _evict(client, first)
         assert session.deliveries is not None
         assert session.deliveries.credit_bytes == granted - sum(c.length for c in client.chunks)
     client.credit += 1 << 24

@@ -86,9 +86,9 @@ def counts(server: BackgroundServer) -> ObjectCounts:
 def pack_of(scene: str, fault: Fault) -> Callable[[Asked], Fault | None]:
     """The fault for all reads of a scene's packs."""
 
-    def rule(asked: Asked) -> Fault | None:
-        wanted = asked.method == "GET" and f"/{scene}/" in asked.path
-        return fault if wanted and asked.path.endswith(".pack") else None
+    def rule(request: Asked) -> Fault | None:
+        hits_scene = request.method == "GET" and f"/{scene}/" in request.path
+        return fault if hits_scene and request.path.endswith(".pack") else None
 
     return rule
 
@@ -97,8 +97,8 @@ def some(number: int, rule: Callable[[Asked], Fault | None]) -> Callable[[Asked]
     """The first so many faults of a rule."""
     left = [number]
 
-    def limited(asked: Asked) -> Fault | None:
-        fault = rule(asked)
+    def limited(request: Asked) -> Fault | None:
+        fault = rule(request)
         if fault is None or left[0] <= 0:
             return None
         left[0] -= 1
@@ -132,7 +132,7 @@ def test_a_landing_brings_the_same_bytes_cold_warm_and_after_a_restart(
                     ready, received = land(client)
                 assert ready.missing.tolist() == []
                 assert received == all_of(pit)
-        reads = [asked for asked in proxy.of(".pack") if "/pit/" in asked.path]
+        reads = [request for request in proxy.of(".pack") if "/pit/" in request.path]
         # Headers of two packs as they are opened; then neighbours by few requests; warm: none.
         assert len(reads) <= (2 + 8 if start == 0 else 2)
 
@@ -240,7 +240,7 @@ def test_a_fault_without_end_costs_its_own_scene_only(
         proxy.rule = pack_of("pit", fault)
         began_s = time.monotonic()
         landing = pool.submit(land, client)
-        while not any("/pit/" in asked.path for asked in proxy.of(".pack")[3:]):
+        while not any("/pit/" in request.path for request in proxy.of(".pack")[3:]):
             time.sleep(0.01)
         ready, received = land(other)
         took_s = time.monotonic() - began_s
