@@ -143,8 +143,8 @@ class EmulatedHeadset:
 
     def standpoint(self) -> tuple[list[float], float]:
         """The ground under the head, and its azimuth in degrees."""
-        found = self.page.evaluate("terraport.headset.standpoint")
-        return found["place"], found["yawDeg"]
+        standpoint = self.page.evaluate("terraport.headset.standpoint")
+        return standpoint["place"], standpoint["yawDeg"]
 
     def _pose(self, what: str, at: tuple[float, float, float], yaw: float, pitch: float) -> None:
         half_yaw, half_pitch = math.radians(yaw) / 2, math.radians(pitch) / 2

@@ -74,10 +74,10 @@ def test_going_back_costs_no_bytes(built: Built, server: BackgroundServer) -> No
         Scene.open(built.scene) as scene,
         terraport.sync.connect(server.scene_url("quarry")) as session,
     ):
-        here, there = places(scene, 2)[:2]
+        here, elsewhere = places(scene, 2)[:2]
         session.land(here, radius_m=40.0).ready(timeout_s=30)
         first = session.visible_set_hash()
-        session.land(there, radius_m=40.0).ready(timeout_s=30)
+        session.land(elsewhere, radius_m=40.0).ready(timeout_s=30)
         again = session.land(here, radius_m=40.0)
         again.ready(timeout_s=30)
         assert again.plan.load_bytes == 0
@@ -168,7 +168,9 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
     distance_m, nearest = cKDTree(positions).query(points[used])
     assert distance_m.max() <= 0.001 + manifest["step_m"]
     close = cKDTree(positions).query_ball_point(points[used], manifest["step_m"])
-    alone = np.array([len(found) <= 4 for found in close])  # no other survey point in the same cell
+    alone = np.array(
+        [len(neighbours) <= 4 for neighbours in close]
+    )  # no other survey point in the same cell
     colours = np.concatenate([m.colours for m in meshes])[nearest]
     np.testing.assert_array_equal(colours[alone], survey.colours[used][alone])
     grade = np.concatenate([m.attributes["grade"] for m in meshes])[nearest]

@@ -49,7 +49,7 @@ class Convention:
     first_row_v: float
     """v of the first row of the image file: 0 where v grows downwards, 1 where it grows upwards."""
 
-    def place(self, east_up_north: Sequence[float]) -> AnyArray:
+    def to_engine(self, east_up_north: Sequence[float]) -> AnyArray:
         """Return a place or direction in the engine's coordinates."""
         axes = np.array([self.east, self.up, self.north])
         turned: AnyArray = np.asarray(east_up_north, dtype=np.float64) @ axes
@@ -88,14 +88,14 @@ class Drawn:
 
 def draw(meshes: Iterable[Drawn], by: Convention, width: int = 400, height: int = 300) -> UInt8:
     """Return a picture (height, width, 3) of meshes in an engine's coordinates."""
-    eye, target = by.place(EYE), by.place(LOOK_AT)
+    eye, target = by.to_engine(EYE), by.to_engine(LOOK_AT)
     forward = _unit(target - eye)
-    up = by.place((0, 1, 0))
+    up = by.to_engine((0, 1, 0))
     # In left-handed coordinates the same component arithmetic gives the other side.
     right = _unit(np.cross(up, forward) if by.left_handed else np.cross(forward, up))
     above = np.cross(forward, right) if by.left_handed else np.cross(right, forward)
     scale = height / 2 / np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2)
-    sun = _unit(by.place(SUN))
+    sun = _unit(by.to_engine(SUN))
     picture = np.empty((height, width, 3), dtype=np.uint8)
     picture[:] = SKY
     depth = np.zeros((height, width))  # of the nearest so far, inverse: 0 is infinity

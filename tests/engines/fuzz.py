@@ -61,8 +61,8 @@ def run(program: Path, limit: str, work: Path) -> tuple[str, int, str]:
         errors="replace",
         check=False,
     )
-    found = re.search(r"number_of_executed_units: (\d+)", done.stdout)
-    count = int(found[1]) if found else 0
+    executed = re.search(r"number_of_executed_units: (\d+)", done.stdout)
+    count = int(executed[1]) if executed else 0
     return program.name, count, "" if done.returncode == 0 and count else done.stdout[-6000:]
 
 

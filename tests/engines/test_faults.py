@@ -66,10 +66,10 @@ def test_a_byte_that_went_bad_on_disk_is_a_segment_missing(client: Client, tmp_p
     """The service finds it and never sends it; the landing is ready without."""
     own = write_grid_scene(tmp_path / "scenes" / "own")
     with Scene.open(own.path) as scene:
-        place = int(scene.index.offset[14]) + 40
+        offset = int(scene.index.offset[14]) + 40
         pack = scene.file_path("segments.pack")
     spoilt = bytearray(pack.read_bytes())
-    spoilt[place] ^= 0x10
+    spoilt[offset] ^= 0x10
     pack.write_bytes(spoilt)
     with Service(own.path.parent) as service:
         landed = client.land(f"{service.url}/scenes/own", EVERYWHERE)

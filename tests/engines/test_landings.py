@@ -47,10 +47,10 @@ def test_assembled_segments_are_those_of_the_python_sdk(
     same_arrays(landed.segments, meshes)
     assert normals_apart(meshes, tmp_path) <= NORMAL_STEP
     (plan,) = landed.of("planned")
-    assert plan["load_bytes"] == sum(one["length"] for one in plan["load"])
+    assert plan["load_bytes"] == sum(entry["length"] for entry in plan["load"])
     assert ready["payload_bytes"] == plan["load_bytes"] == landed.stats["payload_bytes"]
-    assert [one["facts"] for one in landed.of("arrived")] == plan["load"], "nearest first"
-    assert [one["state"] for one in landed.of("link")][:2] == ["connecting", "open"]
+    assert [event["facts"] for event in landed.of("arrived")] == plan["load"], "nearest first"
+    assert [event["state"] for event in landed.of("link")][:2] == ["connecting", "open"]
 
 
 @pytest.mark.parametrize("scene", ["axes", "tiny"])
@@ -77,8 +77,8 @@ def test_visible_sets_of_a_walk_are_those_of_the_python_sdk(
     assert [ready["visible"] for ready in landed.landings] == visible
     with Scene.open(scenes / "grid") as scene:
         bounds = scene.index.bounds
-    for shown, (*place, radius_m) in zip(visible, walk, strict=True):
-        assert shown == np.flatnonzero(box_distances_m(bounds, place) <= radius_m).tolist()
+    for shown, (*position, radius_m) in zip(visible, walk, strict=True):
+        assert shown == np.flatnonzero(box_distances_m(bounds, position) <= radius_m).tolist()
     assert any(plan["nearby"] for plan in landed.of("planned")), "or there is nothing to tell apart"
     assert landed.stats["repeated_bytes"] == 0
 

@@ -50,8 +50,8 @@ def times(number: int, fault: Fault) -> Rule:
     """The fault for so many reads of the pack, then none."""
     left = [number]
 
-    def rule(asked: Asked) -> Fault | None:
-        if asked.method != "GET" or left[0] <= 0:
+    def rule(request: Asked) -> Fault | None:
+        if request.method != "GET" or left[0] <= 0:
             return None
         left[0] -= 1
         return fault
@@ -98,11 +98,11 @@ def test_trouble_without_end_ends(proxy: FaultProxy, source: RemoteSource) -> No
         source.read(*PLACES[0])
     # Pauses of 0.1 to 0.8 s, shortened by chance; the fifth would end beyond the 2 s allowed.
     assert 1 <= counts(source)["retries"] <= 4
-    asked = len(proxy.asked)
+    request_count = len(proxy.asked)
     for piece in range(1, 8):
         with pytest.raises(OriginError, match="not asked for: nothing came from there"):
             source.read(*PLACES[piece])
-    assert len(proxy.asked) == asked
+    assert len(proxy.asked) == request_count
     proxy.rule = lambda _: None
     time.sleep(0.55)  # cool_down_s is 0.5
     assert source.read(*PLACES[0]) == expected(0)
@@ -170,25 +170,25 @@ def test_neighbours_are_fetched_by_one_request(proxy: FaultProxy, source: Remote
     source.expect(PLACES)
     while not proxy.asked:  # whoever reads before the hint was taken up asks for himself
         time.sleep(0.002)
-    for piece, place in enumerate(PLACES):
-        assert source.read(*place) == expected(piece)
-    asked = proxy.of("/pack")
-    assert len(asked) == 1
-    assert sum(one.sent_bytes for one in asked) < len(DATA)
+    for piece, byte_range in enumerate(PLACES):
+        assert source.read(*byte_range) == expected(piece)
+    requests = proxy.of("/pack")
+    assert len(requests) == 1
+    assert sum(request.sent_bytes for request in requests) < len(DATA)
     assert counts(source)["payloads_fetched"] == len(PLACES)
 
 
 def test_a_cold_start_reads_the_disk_not_the_network(
     proxy: FaultProxy, source: RemoteSource, tmp_path: Path
 ) -> None:
-    for place in PLACES:
-        source.read(*place)
+    for byte_range in PLACES:
+        source.read(*byte_range)
     proxy.asked.clear()
     again = remote_source(source._origin.twin(), DATA, cache_dir=tmp_path / "cache")
     again.expect(PLACES)
-    for piece, place in enumerate(PLACES):
-        assert again.recall(*place)
-        assert at_once(again, *place) == expected(piece)
+    for piece, byte_range in enumerate(PLACES):
+        assert again.recall(*byte_range)
+        assert at_once(again, *byte_range) == expected(piece)
     again.close()
     assert proxy.asked == []
 
@@ -199,8 +199,8 @@ def test_who_needs_it_now_does_not_wait_behind_hints(
     """Ahead of need, everything is slow; a payload that nobody hinted at comes at once."""
     slow = threading.Event()
 
-    def rule(asked: Asked) -> Fault | None:
-        if asked.method == "GET" and not slow.is_set():
+    def rule(request: Asked) -> Fault | None:
+        if request.method == "GET" and not slow.is_set():
             slow.set()
             return Fault(delay_s=0.4)
         return None

@@ -26,7 +26,7 @@ def url(tmp_path: Path) -> str:
 
 
 def puts(proxy: FaultProxy) -> list[str]:
-    return [asked.path.rpartition("/")[2] for asked in proxy.asked if asked.method == "PUT"]
+    return [request.path.rpartition("/")[2] for request in proxy.asked if request.method == "PUT"]
 
 
 def test_the_manifest_goes_last(proxy: FaultProxy, url: str, tmp_path: Path) -> None:
@@ -45,9 +45,9 @@ def test_the_manifest_goes_last(proxy: FaultProxy, url: str, tmp_path: Path) -> 
 def test_what_is_there_is_not_sent_again(proxy: FaultProxy, url: str, tiny: TinyScene) -> None:
     refused = {"segments.pack"}
 
-    def rule(asked: Asked) -> Fault | None:
-        name = asked.path.rpartition("/")[2]
-        return Fault(status=403) if asked.method == "PUT" and name in refused else None
+    def rule(request: Asked) -> Fault | None:
+        name = request.path.rpartition("/")[2]
+        return Fault(status=403) if request.method == "PUT" and name in refused else None
 
     proxy.rule = rule
     with pytest.raises(OriginError, match=r"segments\.pack"):
@@ -74,9 +74,9 @@ def test_a_part_that_fails_is_sent_again(
     monkeypatch.setattr(upload_module, "_PART_BYTES", pad)
     failed: list[str] = []
 
-    def rule(asked: Asked) -> Fault | None:
-        if asked.method == "PUT" and not failed:
-            failed.append(asked.path)
+    def rule(request: Asked) -> Fault | None:
+        if request.method == "PUT" and not failed:
+            failed.append(request.path)
             return Fault(status=503)
         return None
 

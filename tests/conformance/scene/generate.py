@@ -81,10 +81,10 @@ def write_bad() -> None:
     def changed(*path: Any) -> bytes:
         *keys, last, value = path
         copy = json.loads(json.dumps(document))
-        place = copy
+        node = copy
         for key in keys:
-            place = place[key]
-        place[last] = value
+            node = node[key]
+        node[last] = value
         return join_glb(copy, bytes(binary))
 
     extension = ("extensions", "EXT_meshopt_compression")
@@ -122,8 +122,8 @@ def write_bad_textures() -> None:
     mesh = textured(lattice_mesh(4, 4, 2), pillow("JPEG"))
     good = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
     document, binary, _ = split_glb(good)
-    place = document["bufferViews"][document["images"][0]["bufferView"]]["byteOffset"]
-    frame = place + pillow("JPEG").index(b"\xff\xc0") + 5
+    offset = document["bufferViews"][document["images"][0]["bufferView"]]["byteOffset"]
+    frame = offset + pillow("JPEG").index(b"\xff\xc0") + 5
 
     def resized(height: int, width: int) -> bytes:
         raw = bytearray(binary)
