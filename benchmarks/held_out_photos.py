@@ -102,6 +102,7 @@ def synthesise(folder: Path, arguments: argparse.Namespace) -> None:
 
 
 def run(folder: Path, arguments: argparse.Namespace) -> None:
+    # Build without the photos that are left out.
     left_out = leave_out(arguments.photos, folder / "photos", arguments.leave_out)
     before = cpu_seconds()
     build(
@@ -116,6 +117,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         NullProgress(),
     )
     spent = cpu_seconds() - before
+    # The same detail twice: with the scene's textures, and with the colours of its vertices.
     with Scene.open(folder / "scene") as scene:
         model = load_scene_model(scene)
         plain = find_vertex_colours(scene, folder / "work")
@@ -133,6 +135,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
     columns = "matched dB | median dB | detail"
     print(f"| photo | hit | textures: {columns} | vertex colours: {columns} |")
     print("|---|" + "---:|" * 7)
+    # Draw what each left-out photo saw; one that sees too little of the mesh says nothing.
     total: dict[str, list[Float64]] = {name: [] for name in meshes}
     for number, view in enumerate(opened.views):
         if view.name not in left_out:
@@ -155,6 +158,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         if arguments.pictures is not None:
             save(arguments.pictures, Path(view.name).stem, pictures)
     cells = []
+    # Over the pixels of all photos, not the mean of their means.
     for errors_of in total.values():
         errors = np.concatenate(errors_of)
         cells.append(f"**{mean_db(errors):.2f}** | **{median_db(errors):.2f}** | ")

@@ -312,6 +312,7 @@ def measure_supersede(service: ServiceProcess, size: Size) -> dict[str, Any]:
 
 def measure_plan(size: Size) -> dict[str, Any]:
     """Plan landings on about a thousand segments of a large scene, in this process."""
+    # A square grid of segments; only the table exists, no payload.
     side = size.plan_side
     number = np.arange(side * side)
     bounds = np.zeros((side * side, 6), dtype=np.float32)
@@ -326,12 +327,14 @@ def measure_plan(size: Size) -> dict[str, Any]:
         faces=rng.integers(2_000, 20_000, count, dtype=np.uint32),
         vertices=rng.integers(1_000, 12_000, count, dtype=np.uint32),
     )
+    # The product's index beside libspatialindex, for scale.
     began_s = time.perf_counter()
     tree = PackedRTree(bounds)
     packed_s = time.perf_counter() - began_s
     began_s = time.perf_counter()
     library = RTreeIndex(bounds)
     library_s = time.perf_counter() - began_s
+    # A session that has said hello and has credit for everything.
     view = SceneView("pit", "1", "pit", {"glb": table}, tree.within)
     limits = SessionLimits(max_messages_per_s=1e9)
     session = Session(view, limits, session_id="benchmark", now_s=0.0)
@@ -340,6 +343,7 @@ def measure_plan(size: Size) -> dict[str, Any]:
     )
     session.receive(hello, 0.0)
     session.next_action()
+    # From the bytes of `land` to those of `plan`; the first ten landings warm the caches.
     plan_ms, query_ms, library_ms, loaded = [], [], [], []
     for generation in range(size.landings + 10):
         x, z = rng.uniform(0.2, 0.8, 2) * side * TILE_M

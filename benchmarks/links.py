@@ -357,12 +357,14 @@ def main() -> int:
     parser.add_argument("--smoke", action="store_true", help="seconds, to see that it works")
     parser.add_argument("--client", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    # This very file is the client's process in another network namespace.
     if arguments.client is not None:
         print(json.dumps(client_main(json.loads(arguments.client))))
         return 0
     if not (arguments.tools / "linkproxy.py").is_file():
         print(f"skipped: no linkproxy.py in {arguments.tools} (--tools DIR or TERRAPORT_TOOLS)")
         return 0
+    # What can be measured here: everything over the proxy, real TCP only with namespaces.
     links = [Link(delay, mbit) for mbit in (20, 50, 100) for delay in (20, 50, 150)]
     if arguments.smoke:
         arguments.rounds, arguments.seconds, links = 1, 0.2, links[:1]
@@ -377,6 +379,7 @@ def main() -> int:
         bench = Bench(Path(folder), arguments.tools, arguments.rounds, arguments.seconds)
         long_fat = Link(150, 100)
         wire = unwired is None
+        # Each measurement is a call, so that --only runs nothing else.
         measures = {
             "land": lambda: bench.land_by_proxy(links, [None]),
             "wire": lambda: [bench.by_wire(link, None) for link in links],

@@ -77,6 +77,7 @@ def _measure(
     away_m = np.abs(points[:, [0, 2]] - np.median(points, axis=0)[[0, 2]]).max(axis=1)
     half_m = float(np.sort(away_m)[min(samples, len(points)) - 1])
     rows = np.flatnonzero(away_m <= half_m)
+    # A tenth is held out; at the rim a surface without neighbours says nothing of the weight.
     held_out = np.random.default_rng(1).random(len(rows)) < 0.1
     fitted, unseen = rows[~held_out], rows[held_out]
     unseen = unseen[away_m[unseen] < half_m - _RIM_SPACINGS * spacing_m]
@@ -94,6 +95,7 @@ def _measure(
         )[0]
         row = {"spacing_mm": round(1000 * spacing_m, 1), "depth": depth, "weight": weight}
         row["cpu_s"] = round(_cpu_seconds() - before, 1)
+        # Only faces that samples support are measured.
         near = tree.query(vertices)[0] < _SUPPORT_SPACINGS * spacing_m
         faces = faces[near[faces].all(axis=1)]
         row["faces"] = len(faces)
@@ -103,6 +105,7 @@ def _measure(
             for percentile in (50, 95):
                 value = 1000 * float(np.percentile(distance_m, percentile))
                 row[f"{name}_p{percentile}_mm"] = round(value, 2)
+        # Roughness: how far neighbouring faces fold.
         pairs, _ = face_pairs(faces, len(vertices))
         facing, _ = face_normals(vertices, faces)
         cosine = (facing[pairs[:, 0]] * facing[pairs[:, 1]]).sum(axis=1)

@@ -105,6 +105,7 @@ def main() -> int:
     options = parser.parse_args()
     if options.smoke:
         options.points, options.depths, options.threads, options.repeat = 10_000, "6", "1", 1
+    # The samples that every engine gets, and the surface they were drawn from.
     quarry = synthesise(QuarryOptions(points=options.points, holes=0, noise_m=options.noise))
     with tempfile.TemporaryDirectory() as folder:
         work = Path(folder)
@@ -123,6 +124,7 @@ def main() -> int:
             f"{len(cloud.points):,} samples, areal spacing {cloud.spacing_m:.3f} m, extent "
             f"{extent:.0f} m, our rule: depth {poisson.depth_for(13, extent, cloud.spacing_m)}"
         )
+        # Every engine at every depth, weight and thread count; runs repeat to compare bytes.
         rows = []
         for depth in map(int, options.depths.split(",")):
             for weight in options.weights.split(","):
@@ -157,6 +159,7 @@ def main() -> int:
                     }
                     rows.append(row)
                     print(json.dumps(row), flush=True)
+        # PCL has neither weight nor threads, so it is measured apart.
         if options.pcl:
             rows += pcl_rows(options, cloud, tree, cleaned, true_surface, seen, work)
     if options.json:

@@ -158,9 +158,11 @@ def by_class(kinds: list[str], values: Float64) -> Float64:
 def summary(kinds: list[str], errors: list[dict[str, Float64]]) -> dict[str, object]:
     """Choose on every second class, report on the others, both ways."""
     names = list(dict.fromkeys(kinds))
+    # Classes weigh the same, however many models they have.
     graph = by_class(kinds, np.stack([model_errors["graph"] for model_errors in errors]))
     even = np.arange(len(names)) % 2 == 0
     folds = []
+    # The best parameters of one half, and what they come to on the other.
     for train in (even, ~even):
         mean = graph[train].mean(axis=0)
         i, j = np.unravel_index(int(mean.argmin()), mean.shape)
@@ -173,6 +175,7 @@ def summary(kinds: list[str], errors: list[dict[str, Float64]]) -> dict[str, obj
                 "on the others": round(float(graph[~train].mean(axis=0)[i, j]), 4),
             }
         )
+    # The defaults, beside what the thesis has.
     i, j = EXPONENTS.index(SHAPE_GRAPH.weights.concavity), THRESHOLDS.index(SHAPE_GRAPH.threshold)
     counts = np.stack([model_errors["counts"] for model_errors in errors])[:, i, j]
     rows = {

@@ -69,6 +69,7 @@ def main() -> int:
     parser.add_argument("--meshes", type=Path, help="work directory of its build")
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
+    # A finished build, however large: only its accuracy is measured.
     if arguments.meshes is not None:
         file = truth_path(arguments.survey)
         # The surface is the same however many points are taken; their places are in the file.
@@ -86,6 +87,7 @@ def main() -> int:
         )
         print(json.dumps({"points": len(local), "spacing_m": spacing_m, **figures}))
         return 0
+    # A quarry of its own, reconstructed with every depth and point weight.
     points = 15_000 if arguments.smoke else parse_count(arguments.points)
     weights = "4" if arguments.smoke else arguments.weights
     quarry = synthesise(QuarryOptions(points=points))

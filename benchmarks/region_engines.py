@@ -228,6 +228,7 @@ def main() -> None:
                 with arguments.json.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
 
+    # Quarries, whose true regions are made with them.
     if arguments.only != "surveys":
         for scene in arguments.scenes:
             for seed in arguments.seeds:
@@ -241,6 +242,7 @@ def main() -> None:
         table("boundary precision, visible", rows, mean("visible_precision", ".2f"))
         table("regions found", rows, mean("regions", ".0f"))
         table("CPU seconds", rows, mean("cpu_s", ".2f"))
+    # Surveys, with regions drawn by hand on part of the faces.
     if arguments.only != "quarries":
         rows.clear()
         for name, (mesh, truths) in surveys().items():

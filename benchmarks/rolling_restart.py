@@ -124,6 +124,7 @@ async def measure(folder: Path, rolls: int, publications: int, clients: int) -> 
         ]
 
         async def story() -> dict[str, Any]:
+            # Quiet, then restarts, then publications: landings are told apart by when they began.
             await asyncio.sleep(3.0)
             quiet_until_s = time.monotonic()
             memory = [resident_bytes(service.worker_pids()[-2:])]
@@ -147,6 +148,7 @@ async def measure(folder: Path, rolls: int, publications: int, clients: int) -> 
             }
 
         telling = asyncio.create_task(story())
+        # Clients go on to the end, so the one that is done first is the story or a failure.
         done, _ = await asyncio.wait(
             [telling, *tasks, *asking], return_when=asyncio.FIRST_COMPLETED
         )
@@ -158,6 +160,7 @@ async def measure(folder: Path, rolls: int, publications: int, clients: int) -> 
         http_answers = await asyncio.gather(*asking)
         if "Traceback" in service.log:
             raise AssertionError(service.log)
+    # Landings before and during the restarts.
     quiet = [took for began, took in trial.ready_s if began < timeline["quiet_until_s"]]
     rolled = [
         took

@@ -378,12 +378,15 @@ def main() -> None:
         tiny, folder, many = Path(scratch, "tiny"), Path(scratch, "mesh"), Path(scratch, "many")
         for directory in (tiny, folder, many):
             directory.mkdir()
+        # Kernels compile on a tiny mesh first, outside of what is measured.
         make(tiny, 2_000, 6.0, 500)
+        # Do threads change the bytes? Nothing else is measured then.
         if arguments.bytes:
             in_fresh_process(make, folder, arguments.bytes, 6.0, arguments.bytes // BASE_SHARE)
             digests = {measured(folder, threads, tiny)["digest"] for threads in (1, 2, 2)}
             print(f"{arguments.bytes:,} faces, 1, 2 and 2 threads: {sorted(digests)}")
             raise SystemExit(0 if len(digests) == 1 else "the bytes differ")
+        # Meshes of finished builds; else made ones of every size and noise.
         for real in arguments.mesh:
             measurements = measured(real, arguments.threads, tiny)
             show(measurements, real.parent.name)

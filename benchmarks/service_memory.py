@@ -188,6 +188,7 @@ def measure_stalled(folder: Path, count: int, rounds: int, segment_bytes: int) -
             total = sum(pool.map(land_once, others))
             return total / (time.perf_counter() - began_s), (service.cpu_s() - cpu_s) / total
 
+        # Memory: the same service before and with all the clients that do not read.
         for other in others:
             other.hello()
         throughput()
@@ -198,6 +199,7 @@ def measure_stalled(folder: Path, count: int, rounds: int, segment_bytes: int) -
         after, queues = service.memory(), socket_bytes(service.port)[-count:]
         for client in stalled:
             client.close()
+        # Throughput with and without a stalled client, in alternating order: drift cancels.
         ratios, alone, cpu = [], [], {True: 0.0, False: 0.0}
         for number in range(rounds):
             pair = {}
@@ -213,6 +215,7 @@ def measure_stalled(folder: Path, count: int, rounds: int, segment_bytes: int) -
             ratios.append(pair[True] / pair[False])
         for other in others:
             other.close()
+    # What a stalled client costs is in two places: the process, and the kernel's send queue.
     own = (after.rss - before.rss) / count
     return {
         "stalled_clients": count,

@@ -272,6 +272,7 @@ async def trial(arguments: argparse.Namespace, mix: Mix, folder: Path) -> dict[s
     log = folder / "service.log"
     settings: dict[str, Any] = {"max_sessions_per_ip": 2 * mix.clients}
     settings |= dict(entry.split("=", 1) for entry in arguments.set)
+    # All clients for so long, while the service's memory is written down.
     with (
         ServiceProcess(folder / "scenes", log=log, **settings) as service,
         Scene.open(folder / "scenes" / "pit") as scene,
@@ -285,6 +286,7 @@ async def trial(arguments: argparse.Namespace, mix: Mix, folder: Path) -> dict[s
         await run.run(seconds)
         took_s = time.monotonic() - began_s
         watching.cancel()
+        # Growth is fitted after the warm-up; the service must stop by itself in the end.
         result = {
             "machine": f"{platform.machine()}, Python {platform.python_version()}",
             "took_s": round(took_s, 1),

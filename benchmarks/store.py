@@ -224,12 +224,14 @@ def figures(
 
 def reading(segments: int) -> dict[str, Any]:
     """Publish a scene of equal segments of 8 k faces, read and validate it."""
+    # One payload, written over and over: reading does not care, and the hash is of equal cost.
     mesh = terrain(63)
     glb = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
     base = encode_glb(terrain(8), step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True)
     shape = decode_glb(glb)
     box = [*shape.positions.min(axis=0).tolist(), *shape.positions.max(axis=0).tolist()]
     rows: dict[str, Any] = {"segments": segments, "payload_kib": round(len(glb) / 1024, 1)}
+    # Write and publish.
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "scene"
         start = time.perf_counter()
@@ -258,6 +260,7 @@ def reading(segments: int) -> dict[str, Any]:
             )
         rows["write_and_publish_s"] = round(time.perf_counter() - start, 3)
         rows["open_ms"] = round(median_s(lambda: Scene.open(path).close()) * 1e3, 2)
+        # Every payload by either way of reading, with and without its hash.
         for source in ("file", "mmap"):
             with Scene.open(path, source=source) as scene:
                 for verify in (False, True):
@@ -269,6 +272,7 @@ def reading(segments: int) -> dict[str, Any]:
                     seconds = median_s(read_all)
                     key = f"{source}{', hash checked' if verify else ''}"
                     rows[f"{key}, us per payload"] = round(seconds / segments * 1e6, 1)
+        # Validate every payload.
         start = time.perf_counter()
         findings = [f for f in validate_scene(path) if f.code != "attributes"]
         assert findings == [], findings[0]

@@ -159,6 +159,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
 
 def prepare(folder: Path, arguments: argparse.Namespace) -> Site:
     """Survey, photograph and reconstruct the site."""
+    # The quarry as the flight sees it, its photos and its scene.
     width, height = arguments.photo_size
     flight = FlightOptions(count=arguments.photos, width=width, height=height)
     quarry = seen_by(
@@ -171,6 +172,7 @@ def prepare(folder: Path, arguments: argparse.Namespace) -> Site:
     work = folder / "work"
     if not (folder / "scene" / "scene.json").is_file():  # else of an earlier run: --keep
         build(BuildOptions(folder / "quarry.laz", folder / "scene", work=work, threads=THREADS))
+    # Cameras in the frame of the quarry, which lies elsewhere than the scene's origin.
     origin = np.load(work / "clean" / "origin.npy")
     cameras = read_cameras(folder / "photos" / "colmap", origin=origin, crs=None)
     opened = open_photos(cameras.views, folder / "photos" / "images", max_bytes=1 << 30)
@@ -298,6 +300,7 @@ def from_textures(mesh: Mesh, segments: np.ndarray, textures: TextureSet) -> Col
 
 def other(site: Site, name: str, python: Path | None) -> tuple[ColouredMesh | None, Any]:
     """Run another library in its own Python; None and the reason where there is none."""
+    # Whether it can run at all.
     if python is None:
         return None, "skipped: no --other-python given"
     if subprocess.run(
@@ -306,6 +309,7 @@ def other(site: Site, name: str, python: Path | None) -> tuple[ColouredMesh | No
         return None, f"skipped: {python} has no {name}"
     if name == "open3d" and len(site.mesh.faces) > MAX_OPEN3D_FACES:
         return None, f"skipped: more than {MAX_OPEN3D_FACES:,} faces take it many minutes"
+    # Its own process reads the handed-over site and writes one image with wedge coordinates.
     folder = site.folder / "others"
     if not (folder / "views.npz").is_file():
         hand_over(site, folder)
@@ -325,6 +329,7 @@ def other(site: Site, name: str, python: Path | None) -> tuple[ColouredMesh | No
     done = subprocess.run(command, check=False, env=environment, capture_output=True, text=True)
     if done.returncode:
         return None, f"failed: {' '.join(done.stderr.split())[-200:]}"
+    # Grey vertices: only the texture may score. Each face has corners of its own, as wedges need.
     with np.load(folder / f"result-{name}.npz") as result:
         vertices, faces, wedges = (result[key] for key in ("vertices", "faces", "wedges"))
     data = (folder / f"result-{name}.png").read_bytes()

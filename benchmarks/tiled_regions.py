@@ -95,6 +95,7 @@ def main(arguments: list[str]) -> None:
     parser.add_argument("--tiles", type=int, default=4, help="tiles along each side")
     parser.add_argument("--rings", type=int, nargs="*", default=[tiled_means.RING])
     options = parser.parse_args(arguments)
+    # The surface: a small quarry, or the detail of a finished build.
     if options.smoke:
         surface = truth_mesh(QuarryOptions(seed=1, size_m=60.0), 1.0)
         vertices, faces, colours = surface.vertices, surface.faces, surface.colours
@@ -105,6 +106,7 @@ def main(arguments: list[str]) -> None:
         vertices, faces, colours = (
             np.load(folder / f"detail-{name}.npy") for name in ("vertices", "faces", "colours")
         )
+    # Regions of the whole, as what those of the tiles are compared with.
     pairs = face_pairs(faces, len(vertices))
     whole = MeanColourSegmenter().segment(SegmenterMesh(vertices, faces, colours, pairs=pairs))
     meshes, tile = cut((vertices, faces, colours), options.tiles)
@@ -114,6 +116,7 @@ def main(arguments: list[str]) -> None:
         parted = labels[pairs[0][:, 0]] != labels[pairs[0][:, 1]]
         return float(parted[at_border].mean()), float(parted[~at_border].mean())
 
+    # With each width of ring around a tile.
     rows = []
     for ring in options.rings:
         begin = time.process_time()

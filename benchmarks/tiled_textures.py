@@ -102,6 +102,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
     )
     print("|---|" + "---:|" * (7 + len(KINDS)))
     for name, tiles in (("whole", None), ("tiles", arguments.tile_depth)):
+        # A scene of an earlier run is taken as it is (--keep).
         scene = folder / name
         if not (scene / "scene.json").is_file():
             build(build_options(site, scene, tiles))
@@ -110,6 +111,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
             origin = np.array(opened.manifest.origin)
         tile_of = segment_tiles(folder / f"{name}.work", tiles is not None, model)
         mesh = coloured(model, shift_of(site.quarry, origin))
+        # Against photos nobody saw, against the surface's true colours, and along seams.
         far, pictures = score_views(mesh, site.held_out, site.truths)
         near = score_surface(mesh, site.eye, count=PLACES, texel_m=site.gsd_m)
         seam_columns = [

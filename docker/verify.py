@@ -164,6 +164,7 @@ class Services:
         environment = {"PATH": path, "HOME": "/"}
         mounts: list[tuple[Path, str, bool]] = []
         command, words = spec.get("entrypoint"), spec.get("command")
+        # Images of others run as programs of this machine; ours as their stage says.
         if service in OTHERS:
             program, user = OTHERS[service]
             command = command or [program]
@@ -177,6 +178,7 @@ class Services:
                 if word == "COPY" and text.startswith("docker/caddy"):
                     source, target = text.split()
                     mounts.append((ROOT / source, target, True))
+        # Files and volumes of the service's section.
         command = [*command, *(words or [])]
         for config in spec.get("configs", []):
             file = self._work / config["source"]

@@ -299,16 +299,19 @@ def main() -> int:
     parser.add_argument("--growth-mb", type=float, default=64.0)
     parser.add_argument("--log", type=Path, help="where the service's log goes")
     arguments = parser.parse_args()
+    # What is not asked for gets a budget of nothing, so that every run reports all attacks.
     first, step = (int(number) for number in arguments.part.split("/"))
     corpus, budgets, wrong = Corpus(), make_budgets(arguments), []
     for name in ATTACKS:
         if arguments.only and name not in arguments.only:
             budgets[name] = lambda: Budget(None, 0)
     result: dict[str, Any] = {"seed": arguments.seed}
+    # The session alone, in this process.
     for name, attack in (("core", attack_core), ("core_truncated", attack_core_truncated)):
         began_s = time.monotonic()
         run = asdict(attack(corpus, budgets[name](), arguments.seed))
         result[name] = run | {"seconds": round(time.monotonic() - began_s, 1)}
+    # A service in a process of its own; the canary lies where no request may reach.
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
         folder = Path(name)
         (folder / "canary").write_text(CANARY, encoding="ascii")
@@ -321,6 +324,7 @@ def main() -> int:
             Scene.open(folder / "scenes" / SCENE) as scene,
         ):
             url = f"{service.url}/scenes/{SCENE}"
+            # A landing works before; after all attacks the same must hold, without growth.
             wrong += asyncio.run(land_once(url, scene))
             before = service.memory()
             result |= attack_service(
@@ -336,6 +340,7 @@ def main() -> int:
                 result["descriptors"] = [before.descriptors, after.descriptors]
                 if after.rss - before.rss > 1e6 * arguments.growth_mb:
                     wrong.append(f"RSS grew from {before.rss} to {after.rss}")
+        # Whatever the service could not explain is in its log.
         lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
         wrong += [line for line in lines if " error " in line or "Traceback" in line][:5]
     attacks = [entry for entry in result.values() if isinstance(entry, dict)]

@@ -138,6 +138,7 @@ class LightClient:
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
         await loop.sock_connect(raw, (self._uri.host, self._uri.port))
         raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # All that belongs to one connection starts anew; what is held stays.
         self._protocol = ClientProtocol(
             self._uri, subprotocols=[Subprotocol(SUBPROTOCOL)], max_size=None
         )
@@ -150,6 +151,7 @@ class LightClient:
         self._lands: dict[int, Land] = {}
         self._superseded: set[int] = set()
         self.shown[:] = False
+        # The upgrade.
         self._protocol.send_request(self._protocol.connect())
         await self._flush()
         while not self._events:
@@ -157,6 +159,7 @@ class LightClient:
         response = self._events.popleft()
         if not isinstance(response, Response) or response.status_code != 101:
             raise LostError(f"got {response}, expected 101")
+        # Hello offers every held segment with its hash; the service must take them all.
         ids = np.flatnonzero(self.held)
         table = np.zeros(len(ids), dtype=HELD_DTYPE)
         table["id"], table["xxh3"] = ids, self._index.xxh3[ids]

@@ -68,6 +68,7 @@ def test_everything_by_keyboard(page: Page, server: Service) -> None:
     """Open a scene, aim, land, colour by slope, measure: no mouse."""
     viewer = DrivenViewer(page, server.url, SMALL)
     press = page.keyboard.press
+    # Open a scene from the list.
     page.goto(f"{server.url}/#list")
     link = page.get_by_role("link", name="Small quarry").first
     expect(link).to_be_visible()
@@ -79,12 +80,14 @@ def test_everything_by_keyboard(page: Page, server: Service) -> None:
     viewer.until("window.terraport?.state.link?.state === 'open'")
     viewer.until("glWatch.ground().length > 0")
 
+    # Aim and land.
     press("Space")
     viewer.until("terraport.state.aim?.fraction === 1")
     press("Enter")
     viewer.until("terraport.status.phase === 'shown'")
     expect(page.locator("#live")).to_contain_text("Landed")
 
+    # Measure between two points.
     press("KeyM")
     assert viewer.run("terraport.state.tool") == "measure"
     press("Enter")
@@ -98,6 +101,7 @@ def test_everything_by_keyboard(page: Page, server: Service) -> None:
     press("KeyV")
     viewer.until("terraport.state.view === 'walk'")
 
+    # The panel: to its tabs, to the tab of looks, to the mode of slopes.
     press("KeyI")
     expect(page.locator("#panel")).to_be_visible()
     for _ in range(40):

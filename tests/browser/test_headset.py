@@ -195,6 +195,7 @@ def test_an_aim_is_called_off(headset: EmulatedHeadset) -> None:
         headset.frames(3)
         assert headset.phase() == "idle"
 
+    # By the grip.
     aim()
     headset.press("right", "squeeze", 1)
     headset.frames(3)
@@ -202,6 +203,7 @@ def test_an_aim_is_called_off(headset: EmulatedHeadset) -> None:
     headset.press("right", "squeeze", 0)
     let_go()
 
+    # By the second button.
     aim()
     headset.press("right", "b-button", 1)
     headset.frames(3)
@@ -209,11 +211,13 @@ def test_an_aim_is_called_off(headset: EmulatedHeadset) -> None:
     headset.press("right", "b-button", 0)
     let_go()
 
+    # By pointing at the sky.
     aim()
     headset.point("right", pitch=75)
     headset.frames(3)
     let_go()
 
+    # By the headset's own menu in front of the page.
     aim()
     headset.page.evaluate("emulated.device.updateVisibilityState('visible-blurred')")
     headset.frames(3)

@@ -124,6 +124,7 @@ def _fill(
     by: Convention,
 ) -> None:
     """Draw one face, perspective-correct, by pixel centres."""
+    # Behind the eye, without area, or beside the picture: nothing to draw.
     x, y, along = (values[face] for values in projected)
     area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
     if (along <= 0).any() or area == 0:
@@ -133,6 +134,7 @@ def _fill(
     end_x, end_y = min(int(np.ceil(x.max())) + 1, width), min(int(np.ceil(y.max())) + 1, height)
     if left >= end_x or top >= end_y:
         return
+    # Barycentric weights of every pixel centre; 1 / depth is linear on the screen.
     px, py = np.meshgrid(np.arange(left, end_x) + 0.5, np.arange(top, end_y) + 0.5)
     weights = np.stack(
         [

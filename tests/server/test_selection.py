@@ -185,12 +185,14 @@ def test_plan_equals_brute_force(
     assert chosen.total_bytes == sum(int(table.lengths[s]) for s in plan)
     assert chosen.total_triangles == sum(int(table.faces[s]) for s in plan)
     assert chosen.load_bytes == sum(int(table.lengths[s]) for s in plan if s not in held_ids)
+    # What is nearby counts for the budgets too.
     for limit_value, used in (
         (budgets.max_triangles, sum(int(table.faces[s]) for s in [*plan, *nearby])),
         (budgets.max_bytes, sum(int(table.lengths[s]) for s in [*plan, *nearby])),
         (budgets.max_segments, len(plan) + len(nearby)),
     ):
         assert limit_value is None or used <= limit_value
+    # The radius within which nothing is missing.
     outside = [
         brute_distance(table.bounds[s], centre) for s in range(len(table)) if s not in set(plan)
     ]
@@ -243,6 +245,7 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
     budgets: Budgets,
 ) -> None:
     held_ids = IdSet(data.draw(st.lists(st.integers(0, len(table) - 1)), "held"))
+    # Centres a hair off, and radii that end just at the border of a box.
     centre = (centre[0] + nudge, centre[1], centre[2] - nudge)
     distances = box_distances_m(table.bounds, centre)
     if data.draw(st.booleans(), "to the border"):
@@ -256,6 +259,7 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
     assert len(set(candidates.tolist())) == len(candidates)
     assert set(candidates.tolist()) <= set(near.tolist()) | set(held_ids.array().tolist())
     assert is_held.tolist() == held_ids.contains(candidates).tolist()
+    # The plan of the candidates is that of all segments within both radii, and brute force's.
     plans = [
         select(
             table,

@@ -87,6 +87,7 @@ def write_bad() -> None:
         node[last] = value
         return join_glb(copy, bytes(binary))
 
+    # A compressed stream of noise, and an index beyond the vertices.
     extension = ("extensions", "EXT_meshopt_compression")
     packed = document["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]
     noise = bytearray(binary)

@@ -23,6 +23,7 @@ from terraport_pipeline.geometry.segmenter import SegmenterMesh, segmenter_by_na
 
 def literal(mesh, engine):
     """Rounds over sets of faces; differences from sums over the faces each time."""
+    # Borders in steps of length, colours in steps of Lab; the limit follows the colours' spread.
     n = len(mesh.faces)
     pairs, edges = face_pairs(mesh.faces, len(mesh.vertices))
     border = {}
@@ -36,6 +37,7 @@ def literal(mesh, engine):
     units = [frozenset([i]) for i in range(n)]
     mean_step = sum(border.values()) // max(len(border), 1)
 
+    # Lengths of the border between two units, and of all of one unit's border.
     def between(u, v):
         return sum(border.get((a, b), 0) for a in u for b in v)
 
@@ -46,6 +48,7 @@ def literal(mesh, engine):
         nonlocal units
         while True:
             choice = {}
+            # Every unit chooses its nearest neighbour within the limit; ties by scrambled name.
             for u in units:
                 options = []
                 for v in units:
@@ -69,6 +72,7 @@ def literal(mesh, engine):
                         options.append((d, int(scramble(min(u), min(v))), min(v), v))
                 if options:
                     choice[u] = min(options, key=lambda o: o[:3])[3]
+            # Those that chose each other unite; a unit also joins one four times as large.
             mutual = {u for u, v in choice.items() if choice.get(v) == u}
             star = {u for u, v in choice.items() if u not in mutual and len(v) >= 4 * len(u)}
             united = {u: {u} for u in units}
@@ -82,6 +86,7 @@ def literal(mesh, engine):
                 return
             units = new
 
+    # Eight rounds of growing limits; the units after the second are the fine pools.
     for level in range(1, 9):
         rounds(limit * level / 8, False)
         if level == 2:

@@ -25,10 +25,12 @@ def test_facts_over_tiles_are_those_of_the_whole() -> None:
     mesh.attributes["height"][::7] = np.nan
     regions = (mesh.vertices[mesh.faces[:, 0], 0] // 16).astype(np.int32)
     count = int(regions.max()) + 1
+    # The facts of the mesh in one piece.
     whole = region_facts(
         mesh.vertices, mesh.faces, mesh.colours, regions, attributes=mesh.attributes,
         roughness_scale_m=4.0,
     )  # fmt: skip
+    # Totals of nine pieces, added up; each numbers its regions densely by itself.
     pieces = cut_mesh(mesh, 3)
     totals, edges, labels = None, [], []
     for piece, rows in pieces:
@@ -43,6 +45,7 @@ def test_facts_over_tiles_are_those_of_the_whole() -> None:
         edges.append(open_edges(piece.vertices, piece.faces, pairs))
         labels.append(regions[rows])
     assert totals is not None
+    # Borders that run along seams are in no piece: add them.
     seams = match_seams(edges)
     sides = np.array(
         [
@@ -56,6 +59,7 @@ def test_facts_over_tiles_are_those_of_the_whole() -> None:
         np.concatenate([totals.touching, sides[crossing]]),
         np.concatenate([totals.border_m, seams.length_m[crossing]]),
     )
+    # Counts and bounds are equal, sums to rounding, the slope's percentile to about a bin.
     document = totals_document(
         replace(totals, touching=touching, border_m=border_m), ["height"], 4.0
     )

@@ -159,6 +159,7 @@ def reference_refine(mesh, pool, near, similarity, options):
         names = {}
         return [names.setdefault(mapping[p], len(names)) for p in pool]
 
+    # Rounds: small pools join large ones; small ones among themselves unite and go again.
     while True:
         size, mean = sizes_and_means()
         contacts = touching()
@@ -172,6 +173,7 @@ def reference_refine(mesh, pool, near, similarity, options):
             if not joins:
                 break
             settled.update(joins)
+        # Pools that touch no large one unite with the most similar of their kind.
         loose = [p for p in size if p not in settled]
         choice = {}
         for p in loose:
@@ -187,6 +189,7 @@ def reference_refine(mesh, pool, near, similarity, options):
                 if name == max(a, b):
                     union[r] = min(a, b)
         pool = renumber(union)
+    # Islands are left: small pools that touch nothing; the option says what becomes of them.
     pool = [settled.get(p, p) for p in pool]
     lost = set(loose)
     kept = [f for f in range(n_faces) if pool[f] not in lost]
