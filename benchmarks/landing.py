@@ -65,7 +65,7 @@ CHUNK = MAX_CHUNK_BYTES
 
 @dataclass(frozen=True)
 class Size:
-    """How much is measured."""
+    """How large scenes are and how often each measurement runs: in full, or as a smoke test."""
 
     side: int
     rounds: int
@@ -393,7 +393,7 @@ MEASUREMENTS = ("throughput", "latency", "supersede", "plan")
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the measurements that are asked for and print one JSON document."""
     form = argparse.RawTextHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--smoke", action="store_true", help="seconds, to see that it works")

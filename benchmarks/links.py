@@ -74,7 +74,7 @@ SETTINGS: Final[dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Link:
-    """One wire."""
+    """A simulated link: one-way delay, rate, and the share of packets lost."""
 
     delay_ms: float
     mbit: float
@@ -82,7 +82,7 @@ class Link:
 
     @property
     def round_trip_s(self) -> float:
-        """There and back."""
+        """Twice the one-way delay."""
         return 2e-3 * self.delay_ms
 
     def __str__(self) -> str:
@@ -303,7 +303,7 @@ class Bench:
         }  # fmt: skip
 
     def land_by_proxy(self, links: list[Link], windows: list[int | None]) -> list[dict[str, Any]]:
-        """Land over linkproxy.py."""
+        """Land over linkproxy.py, with every credit window on every link; one row each."""
         rows = []
         with ServiceProcess(self.scenes, **SETTINGS) as service:
             for link in links:

@@ -336,14 +336,14 @@ def add_before(row: Row, mesh: SegmentMesh, step_m: float) -> None:
 
 
 def fetch_order(mesh: SegmentMesh) -> np.ndarray:
-    """Vertices by first use."""
+    """Vertices in the order in which the faces use them first; unused ones last."""
     _, first = np.unique(mesh.faces.reshape(-1), return_index=True)
     used = mesh.faces.reshape(-1)[np.sort(first)].astype(np.int64)
     return np.concatenate([used, np.setdiff1d(np.arange(len(mesh.positions)), used)])
 
 
 def packed(rows: np.ndarray, mode: str = "ATTRIBUTES") -> bytes:
-    """One compressed view."""
+    """One buffer view, compressed by meshoptimizer."""
     return bytes(meshopt.encode_gltf_buffer(np.ascontiguousarray(rows), mode, 0))
 
 
@@ -404,7 +404,7 @@ def add_draco(row: Row, mesh: SegmentMesh, draco: Any, bits: int) -> None:
 
 
 def draw(name: str, kind: str, result: dict[str, Any]) -> None:
-    """Print one table."""
+    """Print one kind of payload as a table: a row for each way of encoding."""
     compared = result[kind]
     steps = ", ".join(f"{key} {value:.3g}" for key, value in compared["step_mm"].items())
     print(f"\n{name}, {kind}: {result['segments']} segments, {result['faces']:,} faces, ", end="")

@@ -115,7 +115,7 @@ def resident_bytes(pids: list[int]) -> int:
 
 
 async def measure(folder: Path, rolls: int, publications: int, clients: int) -> dict[str, Any]:
-    """Run the trial."""
+    """Restart and publish under clients that land all the time; fail where one of them does."""
     trial = Trial(folder, clients)
     with Supervised(folder / "scenes", scene_poll_s="0.2", max_messages_per_s="1000") as service:
         tasks = [asyncio.create_task(trial.land(service.url, n)) for n in range(clients)]

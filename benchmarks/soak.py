@@ -57,7 +57,7 @@ SLOPE_BAR_MB_PER_H: Final = 1.0
 
 @dataclass(frozen=True)
 class Mix:
-    """Who does what."""
+    """How many clients there are, how often they land, and which share of them misbehaves how."""
 
     clients: int
     sdk_clients: int

@@ -88,7 +88,7 @@ def rand_distance(first: Int32, second: Int32) -> float:
 
 
 def main(arguments: list[str]) -> None:
-    """Measure and print."""
+    """Segment the whole and its tiles, and print how far the two differ as JSON."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("work", type=Path, nargs="?", help="work directory of a finished build")
     parser.add_argument("--smoke", action="store_true", help="a small quarry: does it run?")

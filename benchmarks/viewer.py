@@ -130,7 +130,7 @@ class Bench:
             context.close()
 
     def bar(self, is_met: bool, what: str) -> None:
-        """Remember what was missed."""
+        """Hold a result against its bar; what misses it is reported in the end."""
         if not is_met:
             self.missed.append(what)
 

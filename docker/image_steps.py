@@ -48,7 +48,7 @@ def run(*command: str) -> str:
 
 
 class Images:
-    """Stages, built as folders."""
+    """Stages of the Dockerfile, each built as a root folder: an overlay on the stage below."""
 
     def __init__(self, work: Path) -> None:
         self._work = work
@@ -110,7 +110,7 @@ class Images:
         return root
 
     def close(self) -> None:
-        """Unmount."""
+        """Unmount the overlays, the last one first."""
         for path in reversed(self._mounted):
             subprocess.run(["umount", "--lazy", str(path)], check=False)
 
@@ -233,7 +233,7 @@ def _megabytes(folder: Path) -> float:
 
 
 def main() -> int:
-    """Run the steps."""
+    """Build and try the images that are asked for; skipped, not failed, where that cannot be done."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("images", nargs="*", default=["server"], help="server, pipeline")
     parser.add_argument("--base", type=Path, help="keep the clean root there, and use it again")

@@ -140,7 +140,7 @@ def services(config: dict[str, Any], stages: dict[str, Stage], work: Path) -> It
 
 
 class Services:
-    """Containers by compose service."""
+    """The containers of compose.yaml: makes each service's, and starts and ends all of them."""
 
     def __init__(
         self, network: Network, config: dict[str, Any], stages: dict[str, Stage], work: Path

@@ -71,7 +71,7 @@ class Budget:
         self.done = 0
 
     def more(self) -> bool:
-        """Whether to go on."""
+        """Whether time and number allow another case."""
         in_time = self._until_s is None or time.monotonic() < self._until_s
         return in_time and (self._count is None or self.done < self._count)
 

@@ -265,7 +265,7 @@ class _Handler(BaseHTTPRequestHandler):
     do_GET = do_HEAD = do_PUT = do_POST = do_DELETE = _pass_on  # noqa: N815 - the library's names
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """No line per request in the output of the tests."""
 
 
 def first_byte_of(request: Asked) -> int:

@@ -112,7 +112,7 @@ class DrainClient:
                 return received
 
     def forget(self) -> None:
-        """Evict every segment."""
+        """Evict every segment, so that the next landing sends all of them again."""
         count = self.welcome.scene.segment_count
         for first in range(0, count, 32_768):
             self.send(Evict(segments=np.arange(first, min(count, first + 32_768), dtype=np.uint32)))
@@ -127,7 +127,7 @@ class DrainClient:
                 return plan
 
     def grant(self, count: int) -> None:
-        """Grant credit."""
+        """Allow the service so many payload bytes more."""
         self.send(Credit(bytes=count))
 
     def drain(self) -> int:
@@ -149,7 +149,7 @@ class DrainClient:
         return got, time.perf_counter() - began_s
 
     def close(self) -> None:
-        """Drop the connection."""
+        """Drop the connection without a close frame."""
         with suppress(OSError):
             self.socket.close()
 

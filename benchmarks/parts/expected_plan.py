@@ -20,7 +20,7 @@ __all__ = ["Expected", "differences", "expect"]
 
 @dataclass(frozen=True)
 class Expected:
-    """A plan's sets."""
+    """Segments that a plan must name: to load (nearest first), to keep, and those nearby."""
 
     load: list[int]
     keep: list[int]

@@ -53,7 +53,7 @@ _READ_BYTES: Final = 1 << 16
 
 
 class LostError(Exception):
-    """The connection is gone."""
+    """The connection ended, or was refused, where an answer was due."""
 
 
 @dataclass
@@ -81,7 +81,7 @@ class Findings:
     """Land to the first payload frame, of the same."""
 
     def say(self, what: str) -> None:
-        """Note something wrong."""
+        """Note a broken promise of the service; the trial goes on."""
         self.wrong.append(what)
 
 

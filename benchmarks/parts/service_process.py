@@ -42,7 +42,7 @@ class Memory:
     threads: int
 
     def as_dict(self) -> dict[str, int]:
-        """Return all of it."""
+        """Every figure by name, as it goes into the JSON of a result."""
         return asdict(self)
 
 
@@ -100,7 +100,7 @@ class ServiceProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """Whether it was started and has not ended since."""
         return self._process is not None and self._process.poll() is None
 
     def start(self) -> None:
@@ -143,7 +143,7 @@ class ServiceProcess:
         self._process.wait()
 
     def memory(self) -> Memory:
-        """Ask the system, now."""
+        """Memory, descriptors and threads of the service and its workers now, from /proc."""
         total = dict.fromkeys(("Rss", "RssAnon", "RssFile", "Pss"), 0)
         descriptors = threads = 0
         for pid in self._processes():

@@ -116,7 +116,7 @@ class DrivenViewer:
 
     @property
     def digest(self) -> str:
-        """Of what is visible."""
+        """A digest of what is visible, computed by the page."""
         return str(self.run("terraport.visibleDigest"))
 
     @property

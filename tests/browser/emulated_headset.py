@@ -101,7 +101,7 @@ class EmulatedHeadset:
         return frames
 
     def head(self, x: float, y: float, z: float, yaw: float = 0.0, pitch: float = 0.0) -> None:
-        """Move the head."""
+        """Move the head: metres in the tracking space, degrees of yaw and pitch."""
         self._pose("device", (x, y, z), yaw, pitch)
 
     def point(
@@ -137,7 +137,7 @@ class EmulatedHeadset:
         )
 
     def phase(self) -> str:
-        """Where the teleport stands."""
+        """The teleport's state: idle, aiming and so on."""
         phase: str = self.page.evaluate("terraport.headset.stats().phase")
         return phase
 

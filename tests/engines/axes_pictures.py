@@ -82,7 +82,7 @@ def _rows(values: list[float] | None, columns: int) -> AnyArray | None:
 
 
 def main() -> int:
-    """Write the picture."""
+    """Let both clients land in the scene of axes and draw what each hands to its engine."""
     built: dict[str, cores.CsCore | cores.CppCore] = {
         "csharp": cores.csharp(),
         "cpp": cores.cpp(),

@@ -67,7 +67,7 @@ def run(program: Path, limit: str, work: Path) -> tuple[str, int, str]:
 
 
 def main() -> int:
-    """Build, run, print."""
+    """Build the C++ core's fuzzers, run each for its time and report inputs per target."""
     parser = argparse.ArgumentParser(description="fuzz the C++ core")
     parser.add_argument("targets", nargs="*")
     parser.add_argument("--seconds", type=int, default=10, help="of each target")

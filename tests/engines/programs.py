@@ -33,7 +33,7 @@ class Totals:
 
 @dataclass(frozen=True)
 class Landed:
-    """What ``land`` printed."""
+    """The JSON that a client's ``land`` program printed last, and its exit code."""
 
     exit_code: int
     events: list[dict[str, Any]]

@@ -55,7 +55,7 @@ def hill_survey(
 
 @pytest.fixture
 def hill() -> Callable[..., Survey]:
-    """Make a hill survey."""
+    """The maker of hill surveys: a test chooses size, seed and whether there are colours."""
     return hill_survey
 
 

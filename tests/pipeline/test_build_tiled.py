@@ -33,7 +33,7 @@ BUILD = BuildInfo(
 
 @dataclass(frozen=True)
 class Tiles:
-    """Tiles in memory."""
+    """The protocol of tiles, from meshes in memory: no border, nothing shared."""
 
     parts: tuple[Mesh, ...]
     attributes: tuple[str, ...] = ("height",)

@@ -188,7 +188,7 @@ class Pair:
         self._collect()
 
     def of(self, kind: type[Event]) -> list[Event]:
-        """Events of one kind."""
+        """Events of one kind, in order of arrival."""
         return [event for event in self.events if isinstance(event, kind)]
 
     def _carry_out(self, action: object) -> None:

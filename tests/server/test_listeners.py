@@ -16,7 +16,7 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="the kernel deals on 
 
 
 def accepted(listener: socket.socket) -> int:
-    """Accept all that waits."""
+    """Accept and close every connection that waits; return how many there were."""
     count = 0
     while True:
         try:

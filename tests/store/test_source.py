@@ -111,7 +111,7 @@ class _QuietFiles(http.server.SimpleHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """No line per request in the output of the tests."""
 
 
 def file_server(folder: Path, until: ExitStack) -> str:

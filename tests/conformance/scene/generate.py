@@ -181,7 +181,7 @@ def described(mesh: SegmentMesh) -> dict[str, Any]:
 
 
 def put(name: str, data: bytes, expected: dict[str, Any]) -> None:
-    """Write one pair."""
+    """Write a payload and, beside it, the JSON of what a reader must make of it."""
     (HERE / "payload" / name).write_bytes(data)
     text = json.dumps(expected, separators=(",", ":")) + "\n"
     (HERE / "payload" / f"{name}.json").write_text(text)
