@@ -172,13 +172,13 @@ def measure_throughput(
         began_s = time.perf_counter()
         for which in range(count):
             left[which] = wire_bytes(clients[which].begin(centre, radius_m))
-        wanted_bytes = left[0]
+        expected_bytes = left[0]
         ours = drain_all([client.socket for client in clients], left)
         seconds = time.perf_counter() - began_s
         for client in clients:
             client.drain()
             client.close()
-        frames = wanted_bytes // frame_bytes(CHUNK)
+        frames = expected_bytes // frame_bytes(CHUNK)
         middle = service.cpu_s(), cpu_s(raw[1])
         began_s = time.perf_counter()
         for sock in plain:

@@ -233,7 +233,7 @@ def _megabytes(folder: Path) -> float:
 
 
 def main() -> int:
-    """Build and try the images that are asked for; skipped, not failed, where that cannot be done."""
+    """Build and try the images that are asked for; skipped where that cannot be done."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("images", nargs="*", default=["server"], help="server, pipeline")
     parser.add_argument("--base", type=Path, help="keep the clean root there, and use it again")

@@ -142,7 +142,7 @@ class Fault:
 
 
 @dataclass
-class Asked:
+class ProxiedRequest:
     """One request, as the proxy saw it."""
 
     method: str
@@ -151,7 +151,7 @@ class Asked:
     sent_bytes: int = 0
 
 
-Rule = Callable[[Asked], Fault | None]
+Rule = Callable[[ProxiedRequest], Fault | None]
 
 
 @dataclass
@@ -163,17 +163,17 @@ class FaultProxy:
 
     target: str
     rule: Rule = field(default=lambda _: None)
-    asked: list[Asked] = field(default_factory=list)
+    requests: list[ProxiedRequest] = field(default_factory=list)
 
     @property
     def url(self) -> str:
         return f"http://127.0.0.1:{self._server.server_address[1]}"
 
-    def of(self, name: str) -> list[Asked]:
+    def of(self, name: str) -> list[ProxiedRequest]:
         """GET requests whose path ends with a name."""
         return [
             request
-            for request in self.asked
+            for request in self.requests
             if request.path.endswith(name) and request.method == "GET"
         ]
 
@@ -208,8 +208,8 @@ class _Handler(BaseHTTPRequestHandler):
     owner: FaultProxy
 
     def _pass_on(self) -> None:
-        request = Asked(self.command, urlsplit(self.path).path, self.headers.get("range"))
-        self.owner.asked.append(request)
+        request = ProxiedRequest(self.command, urlsplit(self.path).path, self.headers.get("range"))
+        self.owner.requests.append(request)
         body = self.rfile.read(int(self.headers.get("content-length") or 0))
         fault = self.owner.rule(request) or Fault()
         if fault.delay_s:
@@ -235,7 +235,12 @@ class _Handler(BaseHTTPRequestHandler):
         self._answer(request, answer.status, headers, data, fault)
 
     def _answer(
-        self, request: Asked, status: int, headers: list[tuple[str, str]], data: bytes, fault: Fault
+        self,
+        request: ProxiedRequest,
+        status: int,
+        headers: list[tuple[str, str]],
+        data: bytes,
+        fault: Fault,
     ) -> None:
         self.send_response_only(status)
         for name, value in headers:
@@ -268,7 +273,7 @@ class _Handler(BaseHTTPRequestHandler):
         """No line per request in the output of the tests."""
 
 
-def first_byte_of(request: Asked) -> int:
+def first_byte_of(request: ProxiedRequest) -> int:
     """Where a ranged request begins."""
     match = re.match(r"bytes=(\d+)-", request.range or "")
     return int(match[1]) if match else 0

@@ -143,9 +143,9 @@ class LightClient:
             self._uri, subprotocols=[Subprotocol(SUBPROTOCOL)], max_size=None
         )
         self._events: deque[Any] = deque()
-        self._parts: dict[int, bytearray] = {}
+        self._partial: dict[int, bytearray] = {}
         self._queue: list[int] = []
-        self._taken = 0
+        self._consumed_bytes = 0
         self._open: int | None = None
         """Generation whose plan came last."""
         self._lands: dict[int, Land] = {}
@@ -261,7 +261,7 @@ class LightClient:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
             self._socket.close()
             self._socket = None
-        self._parts = {}
+        self._partial = {}
 
     async def leave(self) -> None:
         """Close as a client does that goes home."""
@@ -278,7 +278,7 @@ class LightClient:
             findings.repeated += 1
         if not self._queue or self._queue[0] != segment:
             self._wrong(f"segment {segment} out of order")
-        partial = self._parts.setdefault(segment, bytearray())
+        partial = self._partial.setdefault(segment, bytearray())
         if frame.offset < len(partial):
             findings.repeated += 1
         elif frame.offset > len(partial):
@@ -286,7 +286,7 @@ class LightClient:
         partial += frame.chunk
         findings.payload_bytes += len(frame.chunk)
         if frame.last:
-            del self._parts[segment]
+            del self._partial[segment]
             if self._queue and self._queue[0] == segment:
                 self._queue.pop(0)
             if xxhash.xxh3_64_intdigest(partial) != int(self._index.xxh3[segment]):
@@ -332,12 +332,12 @@ class LightClient:
         self._queue = ids
         self._plan_ids = [*ids, *plan.keep.tolist()]
         planned = set(ids)
-        self._parts = {key: partial for key, partial in self._parts.items() if key in planned}
+        self._partial = {key: partial for key, partial in self._partial.items() if key in planned}
 
     async def _grant(self, count: int) -> None:
-        self._taken += count
-        if self._taken >= self._credit_bytes // 2:
-            consumed_bytes, self._taken = self._taken, 0
+        self._consumed_bytes += count
+        if self._consumed_bytes >= self._credit_bytes // 2:
+            consumed_bytes, self._consumed_bytes = self._consumed_bytes, 0
             await self.send(Credit(bytes=consumed_bytes))
 
     async def _fill(self) -> None:

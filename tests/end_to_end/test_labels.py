@@ -47,7 +47,7 @@ class Rebuilt:
     after: dict[str, Any]
     labels: dict[int, str]
     """Set before the second build."""
-    said: str
+    output: str
     """What the second build printed."""
     places: dict[int, list[float]]
     """A point well inside each region of the first build, survey coordinates, by stable id."""
@@ -155,9 +155,9 @@ def test_new_regions_have_numbers_never_used_and_lost_labels_are_told(rebuilt: R
     assert all(number >= first_free for number in after.keys() - before.keys())
     assert rebuilt.after["next_stable_id"] == first_free + len(after.keys() - before.keys())
     gone = before.keys() - after.keys()
-    assert ("labels have no region any more" in rebuilt.said) == bool(gone)
+    assert ("labels have no region any more" in rebuilt.output) == bool(gone)
     for number in gone:
-        assert f"({number})" in rebuilt.said
+        assert f"({number})" in rebuilt.output
     assert validate_scene(rebuilt.scenes / "pit") == []
 
 

@@ -57,7 +57,7 @@ def drawn_by_client(client: Client, url: str) -> list[Drawn]:
     with tempfile.TemporaryDirectory() as folder:
         step = "land:" + ",".join(map(str, LANDING))
         landed = client.land(url, step, dump=folder)
-        assert landed.exit_code == 0, landed.said
+        assert landed.exit_code == 0, landed.output
         payloads = [Path(folder) / f"{segment}.glb" for segment in landed.segments]
         assert len(payloads) == len(NAMES)
         done = client.run("axes", *payloads)

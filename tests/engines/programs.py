@@ -23,12 +23,12 @@ TIMEOUT_S: Final = 120
 
 @dataclass(frozen=True)
 class Totals:
-    """The line ``N passed, N failed`` with what was said before it."""
+    """The line ``N passed, N failed`` with all that was printed before it."""
 
     passed: int
     failed: int
     declined: list[str]
-    said: str
+    output: str
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class Landed:
     """What would be drawn, where the visit was staged (``staged=1``)."""
     failure: str | None
     """Why it ended early."""
-    said: str = field(repr=False, default="")
+    output: str = field(repr=False, default="")
 
     def of(self, kind: str) -> list[dict[str, Any]]:
         """Return the events of one type."""

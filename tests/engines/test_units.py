@@ -123,7 +123,7 @@ def main() -> int:
         bad += failed
         for kind, folder in corpora.items():
             result = client.corpus(kind, folder)
-            sys.stdout.write(f"-- {language}: {kind} corpus\n{result.said.strip()}\n")
+            sys.stdout.write(f"-- {language}: {kind} corpus\n{result.output.strip()}\n")
             bad += result.failed
     return 1 if bad else 0
 

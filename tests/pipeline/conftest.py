@@ -23,7 +23,7 @@ class Overhang:
 
     points: Float32
     normals: Float64
-    part: Int64
+    edge: Int64
     """0 ground, 1 back wall of the recess, 2 underside, 3 face, 4 top."""
 
 

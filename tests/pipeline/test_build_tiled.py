@@ -35,17 +35,17 @@ BUILD = BuildInfo(
 class Tiles:
     """The protocol of tiles, from meshes in memory: no border, nothing shared."""
 
-    parts: tuple[Mesh, ...]
+    meshes: tuple[Mesh, ...]
     attributes: tuple[str, ...] = ("height",)
     border_count: int = 0
     digest: str = "t"
 
     @property
     def count(self) -> int:
-        return len(self.parts)
+        return len(self.meshes)
 
     def load(self, i: int) -> Mesh:
-        return self.parts[i]
+        return self.meshes[i]
 
     def box(self, i: int):
         raise AssertionError(i)
@@ -54,10 +54,10 @@ class Tiles:
         raise AssertionError(i)
 
     def face_count(self, i: int) -> int:
-        return len(self.parts[i].faces)
+        return len(self.meshes[i].faces)
 
     def vertex_count(self, i: int) -> int:
-        return len(self.parts[i].vertices)
+        return len(self.meshes[i].vertices)
 
 
 @pytest.fixture(scope="module")

@@ -40,7 +40,7 @@ class Client:
         self.welcome = welcome
         self.state = ClientSession(SessionOptions(client="t"), SegmentCache(0))
         self.events: list[Any] = []
-        self.said: list[Message] = []
+        self.sent: list[Message] = []
         self.connect()
 
     def connect(self) -> None:
@@ -62,7 +62,7 @@ class Client:
         for data in self.state.data_to_send():
             message = decode(data, Direction.CLIENT_TO_SERVER)
             assert isinstance(message, Message)
-            self.said.append(message)
+            self.sent.append(message)
             refusal = None
             if isinstance(message, Join):
                 refusal = self.groups.join(

@@ -18,7 +18,7 @@ def band(tiles: MemoryTiles, tile: int, reach_m: float) -> Banded:
     boxes = np.stack([tiles.box(i) for i in range(tiles.count)])
     pieces = []
     for i in sorted([tile, *touching(boxes, tile, reach_m)]):
-        mesh, border = tiles.parts[i], tiles.border(i)
+        mesh, border = tiles.meshes[i], tiles.border(i)
         box = None if i == tile else boxes[tile]
         pieces.append(
             piece_near(
@@ -32,7 +32,7 @@ def test_the_tile_is_whole_and_the_band_is_as_wide_as_asked() -> None:
     mesh = ground(30)  # 2 m a cell
     tiles = MemoryTiles.of(mesh, 3)
     banded = band(tiles, 4, 5.0)
-    piece = tiles.parts[4]
+    piece = tiles.meshes[4]
     assert (banded.vertices[banded.faces[banded.own]] == piece.vertices[piece.faces]).all()
     box = tiles.box(4)
     corners = banded.vertices[banded.faces]
@@ -73,7 +73,7 @@ def test_both_sides_of_a_border_see_the_same_faces_in_the_same_order() -> None:
 def test_a_tile_alone_has_no_band() -> None:
     tiles = MemoryTiles.of(ground(10), 1)
     banded = band(tiles, 0, 5.0)
-    assert (banded.faces == tiles.parts[0].faces).all()
+    assert (banded.faces == tiles.meshes[0].faces).all()
     assert touching(np.array([[0.0, 0, 0, 1, 1, 1], [9.0, 0, 0, 9.5, 1, 1]]), 0, 2.0) == []
 
 

@@ -55,7 +55,7 @@ def test_both_sides_of_a_border_are_corrected_alike(monkeypatch, tmp_path) -> No
     corrections: dict[tuple[int, int], list[np.ndarray]] = {}
     tiled = tiles(2)
     for tile, choice in enumerate(choices):
-        faces, shared = tiled.parts[tile].faces, tiled.shared[tiled.numbers[tile]]
+        faces, shared = tiled.meshes[tile].faces, tiled.shared[tiled.numbers[tile]]
         seen = {}
         for face, corner in zip(*np.nonzero(shared[faces]), strict=True):
             number = int(tiled.numbers[tile][faces[face, corner]])

@@ -79,10 +79,10 @@ def assert_same_pixels(views, cameras, within_px=0.01):
     compared = 0
     for view in views:
         projected, depth_m = view.project(points)
-        true_px, wanted_depth_m = expected[view.name].project(points)
+        true_px, true_depth_m = expected[view.name].project(points)
         inside = (np.abs(true_px - (1000, 562)) < (1000, 562)).all(axis=1)
         assert np.abs(projected - true_px)[inside].max() < within_px
-        assert np.abs(depth_m - wanted_depth_m).max() < 1e-4
+        assert np.abs(depth_m - true_depth_m).max() < 1e-4
         compared += int(inside.sum())
     assert compared > 1000
 
