@@ -27,7 +27,7 @@ import uvloop
 
 
 def listener(port: int, *, share_port: bool) -> socket.socket:
-    """A socket that listens on loopback and does not block; `share_port` is SO_REUSEPORT."""
+    """Listen on loopback without blocking; `share_port` is SO_REUSEPORT."""
     sock = socket.socket()
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     if share_port:

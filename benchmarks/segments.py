@@ -58,8 +58,8 @@ def ways(mesh: SegmenterMesh, bounds: SegmentOptions) -> dict[str, Segments]:
 
     def build(segmentation: Segmentation, options: SegmentOptions = bounds) -> Segments:
         return build_segments(
-            mesh.vertices, mesh.faces, segmentation.fine, segmentation.similarity, segmentation.regions, options,
-            pairs=pairs,
+            mesh.vertices, mesh.faces, segmentation.fine, segmentation.similarity,
+            segmentation.regions, options, pairs=pairs,
         )  # fmt: skip
 
     tpa = TriangleSegmenter().segment(mesh)

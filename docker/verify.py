@@ -340,7 +340,7 @@ async def _check_prometheus(running: Services) -> None:
     assert len(loaded) == len(_lines(HERE / "prometheus/alerts.yml", "- alert:"))
     assert not [rule["name"] for rule in loaded if rule.get("lastError")]
     dashboard = json.loads((HERE / "grafana/dashboards/terraport.json").read_text())
-    query_count = 0
+    queries = 0
     for panel in dashboard["panels"]:
         for target in panel.get("targets", []):
             expression = target["expr"].replace("$__rate_interval", "1m")
@@ -349,12 +349,10 @@ async def _check_prometheus(running: Services) -> None:
                 15,
                 f"no data: {panel['title']}: {expression}",
             )
-            query_count += 1
+            queries += 1
     for annotation in dashboard["annotations"]["list"]:
         _query(running, annotation["expr"])
-    say(
-        f"ok: Prometheus scrapes all; {len(loaded)} rules; {query_count} dashboard queries with data"
-    )
+    say(f"ok: Prometheus scrapes all; {len(loaded)} rules; {queries} dashboard queries with data")
 
 
 def why_no_services() -> str | None:

@@ -173,9 +173,7 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
     assert distance_m.max() <= 0.001 + manifest["step_m"]
     # Colours and attributes: only where no other survey point shares the grid cell.
     close = cKDTree(positions).query_ball_point(points[used], manifest["step_m"])
-    alone = np.array(
-        [len(neighbours) <= 4 for neighbours in close]
-    )  # no other survey point in the same cell
+    alone = np.array([len(neighbours) <= 4 for neighbours in close])
     colours = np.concatenate([m.colours for m in meshes])[nearest]
     np.testing.assert_array_equal(colours[alone], survey.colours[used][alone])
     grade = np.concatenate([m.attributes["grade"] for m in meshes])[nearest]

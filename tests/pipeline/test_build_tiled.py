@@ -195,8 +195,9 @@ def test_crumbs_of_tiles_do_no_harm(detail, tmp_path) -> None:
     piece = cut_mesh(detail, 2)[0][0]
     first_face, rest = piece.faces[:1], piece.faces[1:]
     crumb = Mesh(
-        piece.vertices[first_face[0]], np.array([[0, 1, 2]], np.int32), piece.normals[first_face[0]],
-        piece.colours[first_face[0]], {"height": np.full(3, np.nan, np.float32)},
+        piece.vertices[first_face[0]], np.array([[0, 1, 2]], np.int32),
+        piece.normals[first_face[0]], piece.colours[first_face[0]],
+        {"height": np.full(3, np.nan, np.float32)},
     )  # fmt: skip
     others = tuple(tile for tile, _ in cut_mesh(detail, 2)[1:])
     whole = Mesh(piece.vertices, rest, piece.normals, piece.colours, piece.attributes)

@@ -66,8 +66,8 @@ def test_gain_correction_and_second_photo_are_as_the_choice_of_views_says() -> N
     points = np.zeros((2, 3, 3))
     points[:, :, 2] = 1.0
     bake_photo_faces(
-        image, covered, TWO, TWO.astype(np.float32), BOTH, face_colours, photo, VIEW.packed(), gains[0],
-        (other, VIEW.packed(), gains[1], points),
+        image, covered, TWO, TWO.astype(np.float32), BOTH, face_colours, photo, VIEW.packed(),
+        gains[0], (other, VIEW.packed(), gains[1], points),
     )  # fmt: skip
     first = (100 + SRGB_OFFSET) * 1.2 - SRGB_OFFSET
     expected = round(0.75 * first + 0.25 * 160 - 7)
