@@ -70,16 +70,16 @@ def main() -> int:
     require = parser.parse_args().require
     packages = closure()
     bad = licences(packages)
-    known, looked_up = vulnerabilities(packages)
+    advisories, looked_up = vulnerabilities(packages)
     web = locked(json.loads((WEB / "package-lock.json").read_text()))
     bad_web = web_licences(web)
     known_web, asked_web = web_vulnerabilities()
-    for line in [*bad, *known, *bad_web, *known_web]:
+    for line in [*bad, *advisories, *bad_web, *known_web]:
         print(line)
     missed = len(packages) - 1 - looked_up  # terraport itself is on no registry
     print(
         f"audit: {len(packages)} packages, {len(bad)} licences to look at, "
-        f"{len(known)} known vulnerabilities among the {looked_up} that could be looked up"
+        f"{len(advisories)} known vulnerabilities among the {looked_up} that could be looked up"
     )
     if missed > 0:
         print(
@@ -95,32 +95,32 @@ def main() -> int:
         )
     )
     missed += not asked_web
-    return int(bool(bad or known or bad_web or known_web or (require and missed > 0)))
+    return int(bool(bad or advisories or bad_web or known_web or (require and missed > 0)))
 
 
 def closure() -> dict[str, Distribution]:
     """Return every installed package that ours needs, by normalised name."""
-    found: dict[str, Distribution] = {}
+    distributions: dict[str, Distribution] = {}
     waiting = [ROOT]
     while waiting:
         name = waiting.pop()
-        if name in found:
+        if name in distributions:
             continue
         try:
-            found[name] = distribution(name)
+            distributions[name] = distribution(name)
         except PackageNotFoundError:  # an extra that is not installed, or another platform's
             continue
-        waiting += needed(found[name], EXTRAS if name == ROOT else set())
-    return found
+        waiting += needed(distributions[name], EXTRAS if name == ROOT else set())
+    return distributions
 
 
 def needed(package: Distribution, extras: set[str]) -> Iterator[str]:
     """Return the names that a package requires; other markers are answered by what is there."""
     ours = package.metadata["Name"] == ROOT
     for requirement in package.requires or ():
-        wanted = set(re.findall(r"extra\s*==\s*['\"]([^'\"]+)", requirement))
+        required_extras = set(re.findall(r"extra\s*==\s*['\"]([^'\"]+)", requirement))
         # Extras of dependencies (uvicorn[standard]) are taken where they are installed.
-        if ours and wanted and not wanted & extras:
+        if ours and required_extras and not required_extras & extras:
             continue
         match = re.match(r"[A-Za-z0-9._-]+", requirement)
         if match:
@@ -149,8 +149,8 @@ def is_allowed(stated: str) -> bool:
 
 
 def _all_allowed(stated: str) -> bool:
-    parts = [part.strip() for part in re.split(r"\s+(?:AND|WITH)\s+|[;,/]", stated)]
-    named = [SPOKEN.get(part.lower(), part.strip("() ")) for part in parts if part]
+    terms = [term.strip() for term in re.split(r"\s+(?:AND|WITH)\s+|[;,/]", stated)]
+    named = [SPOKEN.get(term.lower(), term.strip("() ")) for term in terms if term]
     return bool(named) and all(name in ALLOWED for name in named)
 
 
@@ -175,7 +175,7 @@ def licence_of(name: str, package: Distribution) -> str:
 
 def vulnerabilities(packages: dict[str, Distribution]) -> tuple[list[str], int]:
     """Return a line for each known vulnerability, and how many packages were looked up."""
-    said = subprocess.run(
+    pip_audit = subprocess.run(
         [
             sys.executable, "-m", "pip_audit", "--format", "json", "--progress-spinner", "off",
             "--skip-editable", "--timeout", "10",
@@ -183,9 +183,9 @@ def vulnerabilities(packages: dict[str, Distribution]) -> tuple[list[str], int]:
         capture_output=True, text=True, timeout=TIMEOUT_S, check=False,
     )  # fmt: skip
     try:
-        entries = json.loads(said.stdout)["dependencies"]
+        entries = json.loads(pip_audit.stdout)["dependencies"]
     except (ValueError, KeyError):
-        reason = (said.stderr.strip().splitlines() or ["it said nothing"])[-1]
+        reason = (pip_audit.stderr.strip().splitlines() or ["it said nothing"])[-1]
         print(f"audit: pip-audit could not look anything up: {reason[:200]}")
         return [], 0
     lines, looked_up = [], 0
@@ -194,10 +194,10 @@ def vulnerabilities(packages: dict[str, Distribution]) -> tuple[list[str], int]:
         if name not in packages or "vulns" not in entry:
             continue
         looked_up += 1
-        for known in entry["vulns"]:
-            fixed = ", ".join(known.get("fix_versions") or ()) or "no version yet"
+        for advisory in entry["vulns"]:
+            fixed = ", ".join(advisory.get("fix_versions") or ()) or "no version yet"
             lines.append(
-                f"vulnerability: {name} {entry['version']} {known['id']}, fixed in {fixed}"
+                f"vulnerability: {name} {entry['version']} {advisory['id']}, fixed in {fixed}"
             )
     return lines, looked_up
 
@@ -224,11 +224,11 @@ def web_licences(packages: dict[str, dict[str, Any]]) -> list[str]:
 def web_vulnerabilities() -> tuple[list[str], bool]:
     """Return a line for each known vulnerability of npm packages, and whether that was told."""
     try:
-        said = subprocess.run(
+        report = subprocess.run(
             ["npm", "audit", "--json", "--package-lock-only"],
             cwd=WEB, capture_output=True, text=True, timeout=TIMEOUT_S, check=False,
         ).stdout  # fmt: skip
-        entries = json.loads(said)["vulnerabilities"]
+        entries = json.loads(report)["vulnerabilities"]
     except (OSError, subprocess.TimeoutExpired, ValueError, KeyError):
         return [], False
     lines = [

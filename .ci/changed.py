@@ -94,14 +94,14 @@ def commands(
 ) -> Iterator[tuple[list[str], Path]]:
     """Everything to run and where, the cheap before the dear."""
     pytest = [sys.executable, "-m", "pytest", "-q", *(["-x"] if exitfirst else [])]
-    there = [path for path in changed if (ROOT / path).is_file()]
-    examples = [path for path in there if path.startswith(PRODUCT) and path.endswith(".py")]
+    existing = [path for path in changed if (ROOT / path).is_file()]
+    examples = [path for path in existing if path.startswith(PRODUCT) and path.endswith(".py")]
     if examples:
         # Exit code 5, no example in them, is no failure.
         code = "import pytest, sys; sys.exit(pytest.main(sys.argv[1:]) % 5)"
         yield [sys.executable, "-c", code, "-q", "--doctest-modules", *examples], ROOT
     if any(path.startswith((WEB, CORPUS)) for path in changed):
-        sources = [path.removeprefix(WEB) for path in there if path.startswith(WEB_SOURCES)]
+        sources = [path.removeprefix(WEB) for path in existing if path.startswith(WEB_SOURCES)]
         some = all(
             path.startswith(WEB_SOURCES) or not path.startswith((WEB, CORPUS)) for path in changed
         )
@@ -110,7 +110,7 @@ def commands(
         yield [*vitest, *(["--bail=1"] if exitfirst else [])], ROOT / WEB
     if any(path.startswith(f"{WEB}src") for path in changed):
         yield ["node_modules/.bin/vite", "build", "--logLevel=warn"], ROOT / WEB
-    for path in there:
+    for path in existing:
         if path.endswith(".py") and path.count("/") == 1:
             folder = path.partition("/")[0]
             smoke = {"benchmarks": ["--smoke"], "fuzz": ["--seconds", "5"]}.get(folder)

@@ -40,7 +40,7 @@ def table(modules: Iterable[tuple[str, int, int]]) -> list[str]:
     packages: dict[str, list[int]] = defaultdict(lambda: [0, 0, 0])
     below = []
     for path, lines, missing in modules:
-        package = next(part for part in path.split("/") if part.startswith("terraport"))
+        package = next(folder for folder in path.split("/") if folder.startswith("terraport"))
         sums = packages[package]
         sums[0] += 1
         sums[1] += lines

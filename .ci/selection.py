@@ -163,7 +163,7 @@ class Tree:
                 later = next((n for folder, n in LATER.items() if _lies_in(test, folder)), 0)
                 near = 0 if own or test in changed else max(steps[test], 1) + later
                 selected.append(Selected(test, near, own or through[test]))
-        return Selection(tuple(sorted(selected, key=lambda one: (one.steps, one.path))))
+        return Selection(tuple(sorted(selected, key=lambda each: (each.steps, each.path))))
 
     def _by_rule(self, path: str) -> Iterator[tuple[int, str]]:
         """Yield the tests that :data:`RULES` names for a file, with steps."""
@@ -186,10 +186,10 @@ class Tree:
         """Files that one needs; a package that it only passes through by :func:`_passed`."""
         edges = self._imported(path) | self._spelt(path)
         if path in self._test_set:
-            asked = self._asked_for(path)
-            edges |= self._needed(name for one in asked for name in one.needs.names)
+            sources = self._asked_for(path)
+            edges |= self._needed(name for source in sources for name in source.needs.names)
             edges |= {_passed(conftest) for conftest in self._conftests(path)}
-            edges |= self._verbs(path, asked)
+            edges |= self._verbs(path, sources)
         return edges - {path}
 
     def _needed(self, names: Iterable[str]) -> set[str]:
@@ -238,20 +238,28 @@ class Tree:
 
     def _asked_for(self, test: str) -> list[_Source]:
         """Statements of its conftests, without fixtures that it does not ask for, or these do."""
-        wanted = set(self._source(test).identifiers)
-        asked: list[_Source] = []
-        left = [one for conftest in self._conftests(test) for one in self._statements(conftest)]
-        while now := [one for one in left if one.fixture is None or one.fixture in wanted]:
-            asked += now
-            left = [one for one in left if one.fixture is not None and one.fixture not in wanted]
-            wanted.update(*(one.identifiers for one in now))
-        return asked
+        identifiers = set(self._source(test).identifiers)
+        sources: list[_Source] = []
+        left = [
+            source for conftest in self._conftests(test) for source in self._statements(conftest)
+        ]
+        while now := [
+            source for source in left if source.fixture is None or source.fixture in identifiers
+        ]:
+            sources += now
+            left = [
+                source
+                for source in left
+                if source.fixture is not None and source.fixture not in identifiers
+            ]
+            identifiers.update(*(source.identifiers for source in now))
+        return sources
 
-    def _verbs(self, test: str, asked: list[_Source]) -> set[str]:
+    def _verbs(self, test: str, sources: list[_Source]) -> set[str]:
         """Modules of the verbs that a test names, where it runs the command line."""
-        strings = {text for one in asked for text in one.strings}
-        needed = self._needed(name for one in asked for name in one.needs.names)
-        runs = any(one.runs for one in asked) or CLI in needed
+        strings = {text for source in sources for text in source.strings}
+        needed = self._needed(name for source in sources for name in source.needs.names)
+        runs = any(source.runs for source in sources) or CLI in needed
         waiting, seen = [test, *needed], set[str]()
         while waiting:
             path = waiting.pop()
@@ -341,14 +349,14 @@ def _paths_in(nodes: list[ast.AST]) -> Iterator[str]:
     inner = {id(node.left) for node in nodes if isinstance(node, ast.BinOp)}
     for node in nodes:
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
-            root, parts = _division(node)
+            root, components = _division(node)
             text = ast.unparse(root)
             if (
                 id(node) not in inner
-                and parts
+                and components
                 and ("__file__" in text or text.rpartition(".")[2].isupper())
             ):
-                yield "/".join(parts)
+                yield "/".join(components)
         elif (
             isinstance(node, ast.Constant)
             and isinstance(node.value, str)
@@ -359,11 +367,11 @@ def _paths_in(nodes: list[ast.AST]) -> Iterator[str]:
 
 def _division(node: ast.expr) -> tuple[ast.expr, list[str]]:
     """Left end of ``a / "b" / "c"`` and the strings, up to the first that is none."""
-    parts: list[str] = []
+    components: list[str] = []
     while isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
         if isinstance(node.right, ast.Constant):
-            parts.insert(0, str(node.right.value))
+            components.insert(0, str(node.right.value))
         else:
-            parts.clear()
+            components.clear()
         node = node.left
-    return node, parts
+    return node, components

@@ -27,15 +27,15 @@ import uvloop
 
 
 def listener(port: int, *, share_port: bool) -> socket.socket:
-    """Listen on loopback."""
-    made = socket.socket()
-    made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    """Listen on loopback without blocking; `share_port` is SO_REUSEPORT."""
+    sock = socket.socket()
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     if share_port:
-        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
-    made.bind(("127.0.0.1", port))
-    made.listen(2048)
-    made.setblocking(False)
-    return made
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEPORT, 1)
+    sock.bind(("127.0.0.1", port))
+    sock.listen(2048)
+    sock.setblocking(False)
+    return sock
 
 
 def serve(own: socket.socket, number: int) -> None:
@@ -102,8 +102,8 @@ def measure(way: str, workers: int, clients: int, *, burst: bool, count: int) ->
         for pid in pids:
             os.kill(pid, signal.SIGKILL)
             os.waitpid(pid, 0)
-        for one in set(sockets):
-            one.close()
+        for sock in set(sockets):
+            sock.close()
     return {
         "way": way,
         "workers": workers,

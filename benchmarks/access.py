@@ -60,15 +60,15 @@ def measure_tokens(rounds: int, calls: int) -> dict[str, float]:
         "unknown": "x" * 200,
     }
     result = {
-        f"check_{name}_us": 1e6 * median(rounds, lambda t=one: gate.find(t), calls)
-        for name, one in shown.items()
+        f"check_{name}_us": 1e6 * median(rounds, lambda t=token: gate.find(t), calls)
+        for name, token in shown.items()
     }
     passes = [gate.find(shown["HS256"]) for _ in range(SESSIONS)]
 
     def look() -> None:
-        for one in passes:
-            assert isinstance(one, TokenPass)
-            assert gate.withdrawal(one, "pit") is None
+        for token_pass in passes:
+            assert isinstance(token_pass, TokenPass)
+            assert gate.withdrawal(token_pass, "pit") is None
 
     result[f"look_at_{SESSIONS}_sessions_ms"] = 1e3 * median(rounds, look, 1)
     return {name: round(value, 2) for name, value in result.items()}
@@ -80,12 +80,12 @@ def measure_http(rounds: int, requests: int) -> dict[str, float]:
         write_grid_scene(Path(folder) / "pit", cells=2)
         settings = Settings(scenes_dir=Path(folder))
         ours = http_protocol_class(settings, lambda *_: None)
-        found: dict[str, list[float]] = {"uvicorn": [], "bounded": []}
+        per_second: dict[str, list[float]] = {"uvicorn": [], "bounded": []}
         for _ in range(rounds):
             for name, protocol in (("uvicorn", "httptools"), ("bounded", ours)):
-                found[name].append(requests_per_s(settings, protocol, requests))
-    rates = {f"http_{name}_per_s": round(statistics.median(s)) for name, s in found.items()}
-    ratios = [b / u for b, u in zip(found["bounded"], found["uvicorn"], strict=True)]
+                per_second[name].append(requests_per_s(settings, protocol, requests))
+    rates = {f"http_{name}_per_s": round(statistics.median(s)) for name, s in per_second.items()}
+    ratios = [b / u for b, u in zip(per_second["bounded"], per_second["uvicorn"], strict=True)]
     return {**rates, "http_bounded_over_uvicorn": round(statistics.median(ratios), 3)}
 
 
@@ -114,13 +114,13 @@ def requests_per_s(settings: Settings, protocol: str | type, requests: int) -> f
 
 def median(rounds: int, call: Callable[[], object], calls: int) -> float:
     """Return the median over rounds of seconds per call."""
-    taken = []
+    durations_s = []
     for _ in range(rounds):
         began_s = time.perf_counter()
         for _ in range(calls):
             call()
-        taken.append((time.perf_counter() - began_s) / calls)
-    return statistics.median(taken)
+        durations_s.append((time.perf_counter() - began_s) / calls)
+    return statistics.median(durations_s)
 
 
 if __name__ == "__main__":

@@ -98,7 +98,7 @@ class Honest:
         self.failed = 0
 
     def land_until(self, end_s: float) -> None:
-        """Land again and again."""
+        """Land again and again until `end_s` of the performance counter, and count failures."""
         while time.perf_counter() < end_s:
             began_s = time.perf_counter()
             try:

@@ -91,10 +91,10 @@ def _line(damage: str, survey: Path, folder: Path, max_points: int) -> int:
     counts = textured.facts.counts
     difference = _difference(folder / "none", scene)
     wrong = validate_scene(scene)
-    said = "; ".join(textured.facts.warnings).replace("|", "/").replace(f"{folder}/set/", "")
+    warnings = "; ".join(textured.facts.warnings).replace("|", "/").replace(f"{folder}/set/", "")
     print(
         f"| {damage} | {counts['photos']} of {counts['photos'] + counts['photos_left_out']} "
-        f"| {counts['unseen_share']:.1%} | {difference:.1f} | {seconds:.0f} | {said or '-'} |",
+        f"| {counts['unseen_share']:.1%} | {difference:.1f} | {seconds:.0f} | {warnings or '-'} |",
         flush=True,
     )
     return len(wrong)
@@ -102,13 +102,15 @@ def _line(damage: str, survey: Path, folder: Path, max_points: int) -> int:
 
 def _difference(right: Path, scene: Path) -> float:
     """Mean difference of both scenes' textures in the middle of their faces, levels."""
-    with Scene.open(right) as one, Scene.open(scene) as two:
-        assert len(one.index) == len(two.index)  # the same surface
-        parts = []
-        for number in range(0, len(one.index), max(1, len(one.index) // 40)):
-            first, second = (_levels(decode_glb(which.payload(number))) for which in (one, two))
-            parts.append(np.abs(first - second).mean(axis=1))
-    return float(np.concatenate(parts).mean())
+    with Scene.open(right) as reference, Scene.open(scene) as damaged:
+        assert len(reference.index) == len(damaged.index)  # the same surface
+        differences = []
+        for number in range(0, len(reference.index), max(1, len(reference.index) // 40)):
+            first, second = (
+                _levels(decode_glb(which.payload(number))) for which in (reference, damaged)
+            )
+            differences.append(np.abs(first - second).mean(axis=1))
+    return float(np.concatenate(differences).mean())
 
 
 def _levels(mesh: SegmentMesh) -> np.ndarray:

@@ -188,7 +188,11 @@ def content(mesh: Any) -> list[object]:
     arrays = [*values, *mesh.attributes.values()]
     return [
         list(mesh.attributes),
-        [(one.dtype.str, one.shape, one.tobytes()) for one in arrays if hasattr(one, "dtype")],
+        [
+            (array.dtype.str, array.shape, array.tobytes())
+            for array in arrays
+            if hasattr(array, "dtype")
+        ],
         None if mesh.texture is None else mesh.texture.data,
     ]
 

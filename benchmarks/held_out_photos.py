@@ -102,6 +102,7 @@ def synthesise(folder: Path, arguments: argparse.Namespace) -> None:
 
 
 def run(folder: Path, arguments: argparse.Namespace) -> None:
+    # Build without the photos that are left out.
     left_out = leave_out(arguments.photos, folder / "photos", arguments.leave_out)
     before = cpu_seconds()
     build(
@@ -116,6 +117,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         NullProgress(),
     )
     spent = cpu_seconds() - before
+    # The same detail twice: with the scene's textures, and with the colours of its vertices.
     with Scene.open(folder / "scene") as scene:
         model = load_scene_model(scene)
         plain = find_vertex_colours(scene, folder / "work")
@@ -133,6 +135,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
     columns = "matched dB | median dB | detail"
     print(f"| photo | hit | textures: {columns} | vertex colours: {columns} |")
     print("|---|" + "---:|" * 7)
+    # Draw what each left-out photo saw; one that sees too little of the mesh says nothing.
     total: dict[str, list[Float64]] = {name: [] for name in meshes}
     for number, view in enumerate(opened.views):
         if view.name not in left_out:
@@ -155,6 +158,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         if arguments.pictures is not None:
             save(arguments.pictures, Path(view.name).stem, pictures)
     cells = []
+    # Over the pixels of all photos, not the mean of their means.
     for errors_of in total.values():
         errors = np.concatenate(errors_of)
         cells.append(f"**{mean_db(errors):.2f}** | **{median_db(errors):.2f}** | ")
@@ -165,7 +169,7 @@ def leave_out(photos: Path, folder: Path, count: int) -> set[str]:
     """Link all photos but `count` into a folder; returns the names of those."""
     paths = sorted(path for path in photos.iterdir() if path.is_file())
     places = (np.arange(count) + 0.5) / count * len(paths)
-    chosen = {paths[int(place)].name for place in places}
+    chosen = {paths[int(index)].name for index in places}
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for path in paths:
@@ -188,9 +192,9 @@ def draw(mesh: Mesh, texturing: Drawn | None, view: View, rays: RayScene) -> tup
 
 def compare(picture: UInt8, photo: UInt8, hit: Bool) -> tuple[Score, Float64]:
     """Compare where the mesh is hit; also the errors, (N, 3) levels."""
-    made, true = picture[hit].astype(np.float64), photo[hit].astype(np.float64)
-    factor = (made * true).sum(axis=0) / np.maximum((made * made).sum(axis=0), 1e-9)
-    errors = made * factor - true
+    rendered, true = picture[hit].astype(np.float64), photo[hit].astype(np.float64)
+    factor = (rendered * true).sum(axis=0) / np.maximum((rendered * rendered).sum(axis=0), 1e-9)
+    errors = rendered * factor - true
     both = hit[:, 1:] & hit[:, :-1]
     steps = [
         np.abs(np.diff(image.astype(np.float64), axis=1)).mean(axis=2)[both].mean()

@@ -62,9 +62,9 @@ def finish(survey: Path, scene: Path, name: str, *, resume: bool) -> float:
     began = time.monotonic()
     process = start(survey, scene, name, resume=resume)
     began = time.monotonic()
-    _, said = process.communicate()
+    _, stderr = process.communicate()
     if process.returncode:
-        raise SystemExit(f"a build that nobody killed failed: {said}")
+        raise SystemExit(f"a build that nobody killed failed: {stderr}")
     return time.monotonic() - began
 
 
@@ -79,6 +79,7 @@ def main() -> int:
     folder = Path(tempfile.mkdtemp(prefix="kill-build-"))
     survey, scene = folder / "hill.xyz", folder / "hill"
     try:
+        # How long a build takes is the range from which the moment of the kill is drawn.
         write_survey(survey)
         whole_s = finish(survey, scene, "name 0", resume=False)
         pack_s = finish(survey, scene, "name 1", resume=True)
@@ -89,6 +90,7 @@ def main() -> int:
             resume = number % 2 == 1
             if resume:  # the round before was killed somewhere: make its meshes ready again
                 finish(survey, scene, f"before {number}", resume=True)
+            # Kill a build at a random moment; every second one while it packs and publishes.
             old = Manifest.from_bytes((scene / "scene.json").read_bytes())
             name = f"round {number}"
             wait_s = float(rng.uniform(0, 1.05 * (pack_s if resume else whole_s)))
@@ -96,19 +98,21 @@ def main() -> int:
             time.sleep(wait_s)
             process.kill()
             process.wait()
-            found = validate_scene(scene)
+            # The scene is whole: the old version or the new one, and valid.
+            findings = validate_scene(scene)
             after = Manifest.from_bytes((scene / "scene.json").read_bytes())
             state = "new" if after.name == name else "old"
             outcomes[state] += 1
-            whole = not found and after.version == (
+            whole = not findings and after.version == (
                 old.version if state == "old" else after.version
             )
             broken += not whole
             print(
                 f"round {number:2d}: killed after {wait_s:5.2f} s of "
                 f"{'packing' if resume else 'all'}: {state} scene, "
-                f"{'whole' if whole else f'BROKEN: {found}'}"
+                f"{'whole' if whole else f'BROKEN: {findings}'}"
             )
+        # The next build that ends cleans up after all of them.
         finish(survey, scene, "after all", resume=True)
         left = sorted(p.name for p in scene.iterdir() if p.name.endswith(".tmp"))
         print(

@@ -65,7 +65,7 @@ CHUNK = MAX_CHUNK_BYTES
 
 @dataclass(frozen=True)
 class Size:
-    """How much is measured."""
+    """How large scenes are and how often each measurement runs: in full, or as a smoke test."""
 
     side: int
     rounds: int
@@ -133,15 +133,15 @@ def connect(port: int) -> socket.socket:
     until_s = time.monotonic() + 30
     while True:
         try:
-            found = socket.create_connection(("127.0.0.1", port))
+            sock = socket.create_connection(("127.0.0.1", port))
         except OSError:
             if time.monotonic() > until_s:
                 raise
             time.sleep(0.05)
         else:
-            found.settimeout(60)
-            found.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-            return found
+            sock.settimeout(60)
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            return sock
 
 
 def cpu_s(pid: int) -> float:
@@ -172,17 +172,17 @@ def measure_throughput(
         began_s = time.perf_counter()
         for which in range(count):
             left[which] = wire_bytes(clients[which].begin(centre, radius_m))
-        wanted_bytes = left[0]
+        expected_bytes = left[0]
         ours = drain_all([client.socket for client in clients], left)
         seconds = time.perf_counter() - began_s
         for client in clients:
             client.drain()
             client.close()
-        frames = wanted_bytes // frame_bytes(CHUNK)
+        frames = expected_bytes // frame_bytes(CHUNK)
         middle = service.cpu_s(), cpu_s(raw[1])
         began_s = time.perf_counter()
-        for one in plain:
-            one.sendall(frames.to_bytes(4, "big"))
+        for sock in plain:
+            sock.sendall(frames.to_bytes(4, "big"))
         theirs = drain_all(plain, [frames * frame_bytes(CHUNK)] * count)
         raw_seconds = time.perf_counter() - began_s
         after = service.cpu_s(), cpu_s(raw[1])
@@ -198,8 +198,8 @@ def measure_throughput(
                     theirs,
                 )
             )
-    for one in plain:
-        one.close()
+    for sock in plain:
+        sock.close()
     table = np.array(rows)
     return {
         "clients": count,
@@ -253,8 +253,8 @@ def keep_busy(
         clients = [DrainClient("127.0.0.1", port, "pit") for _ in range(size.clients)]
         for client in clients:
             client.hello()
-        wanted = [wire_bytes(client.begin(centre, side_m)) for client in clients]
-        left = list(wanted)
+        planned_bytes = [wire_bytes(client.begin(centre, side_m)) for client in clients]
+        left = list(planned_bytes)
         sockets = [client.socket for client in clients]
         if not going.is_set():
             going.set()
@@ -263,7 +263,7 @@ def keep_busy(
             drain_all(sockets, left, enough.is_set)
         else:
             drain_paced(sockets, left, bytes_per_s, enough.is_set)
-        received += sum(wanted) - sum(left)
+        received += sum(planned_bytes) - sum(left)
         for client in clients:
             client.close()
     amount.value = received / 1e6 / (time.perf_counter() - began_s)
@@ -279,10 +279,10 @@ def measure_busy(service: ServiceProcess, size: Size, bytes_per_s: float | None)
     crowd.start()
     assert going.wait(60)
     time.sleep(0.3)
-    found = measure_latency(service, size, 0.002)
+    latency = measure_latency(service, size, 0.002)
     enough.set()
     crowd.join(120)
-    return found | {"others": size.clients, "others_mb_per_s": amount.value}
+    return latency | {"others": size.clients, "others_mb_per_s": amount.value}
 
 
 def measure_supersede(service: ServiceProcess, size: Size) -> dict[str, Any]:
@@ -312,6 +312,7 @@ def measure_supersede(service: ServiceProcess, size: Size) -> dict[str, Any]:
 
 def measure_plan(size: Size) -> dict[str, Any]:
     """Plan landings on about a thousand segments of a large scene, in this process."""
+    # A square grid of segments; only the table exists, no payload.
     side = size.plan_side
     number = np.arange(side * side)
     bounds = np.zeros((side * side, 6), dtype=np.float32)
@@ -326,12 +327,14 @@ def measure_plan(size: Size) -> dict[str, Any]:
         faces=rng.integers(2_000, 20_000, count, dtype=np.uint32),
         vertices=rng.integers(1_000, 12_000, count, dtype=np.uint32),
     )
+    # The product's index beside libspatialindex, for scale.
     began_s = time.perf_counter()
     tree = PackedRTree(bounds)
     packed_s = time.perf_counter() - began_s
     began_s = time.perf_counter()
     library = RTreeIndex(bounds)
     library_s = time.perf_counter() - began_s
+    # A session that has said hello and has credit for everything.
     view = SceneView("pit", "1", "pit", {"glb": table}, tree.within)
     limits = SessionLimits(max_messages_per_s=1e9)
     session = Session(view, limits, session_id="benchmark", now_s=0.0)
@@ -340,6 +343,7 @@ def measure_plan(size: Size) -> dict[str, Any]:
     )
     session.receive(hello, 0.0)
     session.next_action()
+    # From the bytes of `land` to those of `plan`; the first ten landings warm the caches.
     plan_ms, query_ms, library_ms, loaded = [], [], [], []
     for generation in range(size.landings + 10):
         x, z = rng.uniform(0.2, 0.8, 2) * side * TILE_M
@@ -385,22 +389,22 @@ def percentiles(values: list[float]) -> dict[str, float]:
     }
 
 
-PARTS = ("throughput", "latency", "supersede", "plan")
+MEASUREMENTS = ("throughput", "latency", "supersede", "plan")
 
 
 def main() -> None:
-    """Measure and print."""
+    """Run the measurements that are asked for and print one JSON document."""
     form = argparse.RawTextHelpFormatter
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--smoke", action="store_true", help="seconds, to see that it works")
-    parser.add_argument("--only", choices=PARTS, help="one part")
+    parser.add_argument("--only", choices=MEASUREMENTS, help="one part")
     parser.add_argument("--source", default="file", choices=["file", "mmap"])
     parser.add_argument("--lowat", type=int, help="notsent_lowat_bytes; the default's is measured")
     parser.add_argument("--burst", type=int, help="max_burst_bytes; the default's is measured")
     parser.add_argument("--pin", action="store_true", help="servers on one core, clients on others")
     arguments = parser.parse_args()
     size = replace(SMOKE if arguments.smoke else FULL, pin=arguments.pin)
-    parts = (arguments.only,) if arguments.only else PARTS
+    measurements = (arguments.only,) if arguments.only else MEASUREMENTS
     changed: dict[str, Any] = {"payload_source": arguments.source}
     if arguments.lowat is not None:
         changed["notsent_lowat_bytes"] = arguments.lowat
@@ -412,23 +416,23 @@ def main() -> None:
         "settings": changed,
         "size": asdict(size),
     }
-    if parts != ("plan",):
+    if measurements != ("plan",):
         with tempfile.TemporaryDirectory() as folder:
             write_random_scene(
                 Path(folder) / "pit", side=size.side, segment_bytes=2 * CHUNK, spread=1.0
             )
             with ServiceProcess(Path(folder), **settings(changed)) as service:
-                measure_service(service, size, parts, result)
-    if "plan" in parts:
+                measure_service(service, size, measurements, result)
+    if "plan" in measurements:
         result["plan_ms"] = measure_plan(size)
     print(json.dumps(result, indent=1))
 
 
 def measure_service(
-    service: ServiceProcess, size: Size, parts: tuple[str, ...], result: dict[str, Any]
+    service: ServiceProcess, size: Size, measurements: tuple[str, ...], result: dict[str, Any]
 ) -> None:
     """Fill in what needs a running service."""
-    if "throughput" in parts:
+    if "throughput" in measurements:
         raw_port = free_port()
         lengths = [frame_bytes(CHUNK)] * (2 * size.side**2)
         streams = multiprocessing.get_context("spawn").Process(
@@ -450,13 +454,13 @@ def measure_service(
         streams.join(5)
         os.sched_setaffinity(service.pid, cores)
         os.sched_setaffinity(0, cores)
-    if "latency" in parts:
+    if "latency" in measurements:
         result["latency_ms"] = {
             "idle": measure_latency(service, size, 0.002),
             "others_at_4_mb_per_s": measure_busy(service, size, 4e6),
             "others_as_fast_as_they_can": measure_busy(service, size, None),
         }
-    if "supersede" in parts:
+    if "supersede" in measurements:
         result["supersede"] = measure_supersede(service, size)
 
 

@@ -74,7 +74,7 @@ SETTINGS: Final[dict[str, Any]] = {
 
 @dataclass(frozen=True)
 class Link:
-    """One wire."""
+    """A simulated link: one-way delay, rate, and the share of packets lost."""
 
     delay_ms: float
     mbit: float
@@ -82,7 +82,7 @@ class Link:
 
     @property
     def round_trip_s(self) -> float:
-        """There and back."""
+        """Twice the one-way delay."""
         return 2e-3 * self.delay_ms
 
     def __str__(self) -> str:
@@ -98,17 +98,17 @@ async def sdk_landings(
     url: str, mbit: float, seconds: float, credit: int | None, rounds: int
 ) -> Any:
     """Land at disjoint places; what each took, and how many bytes it was."""
-    wanted = mbit * 125_000 * seconds
-    radius_m = min(70.0, TILE_M * (wanted / SEGMENT_BYTES / 3.6) ** 0.5)
+    target_bytes = mbit * 125_000 * seconds
+    radius_m = min(70.0, TILE_M * (target_bytes / SEGMENT_BYTES / 3.6) ** 0.5)
     options = {} if credit is None else {"credit_bytes": credit}
-    found = []
+    landings = []
     async with terraport.connect(url, cache_bytes=1, max_bytes=1 << 40, **options) as session:
         for number in range(rounds):
-            place = (75.0 + 150.0 * (number % 2), 0.5, 75.0 + 150.0 * (number // 2 % 2))
-            landing = await session.land(place, radius_m)
+            position = (75.0 + 150.0 * (number % 2), 0.5, 75.0 + 150.0 * (number // 2 % 2))
+            landing = await session.land(position, radius_m)
             await landing.ready(240)
-            found.append((landing.stats.ready_s, landing.stats.streamed_bytes))
-    return found
+            landings.append((landing.stats.ready_s, landing.stats.streamed_bytes))
+    return landings
 
 
 def superseded_landings(host: str, port: int, rounds: int, credit: int) -> list[Any]:
@@ -119,7 +119,7 @@ def superseded_landings(host: str, port: int, rounds: int, credit: int) -> list[
     """
     client = DrainClient(host, port, "pit")
     client.hello(credit_bytes=credit)
-    found, owed = [], 0
+    superseded, owed = [], 0
 
     def take() -> object:
         """Receive one frame; grant back what was read, half of the credit at a time."""
@@ -149,13 +149,13 @@ def superseded_landings(host: str, port: int, rounds: int, credit: int) -> list[
             pass  # the plan
         first_s = time.perf_counter() - began_s
         owed += client.drain()
-        found.append((late, first_s, max(0, late - open_credit), rate))
+        superseded.append((late, first_s, max(0, late - open_credit), rate))
     client.close()
-    return found
+    return superseded
 
 
-def _payload(found: object) -> int:
-    return found if isinstance(found, int) else 0
+def _payload(received: object) -> int:
+    return received if isinstance(received, int) else 0
 
 
 def client_main(task: dict[str, Any]) -> Any:
@@ -253,29 +253,33 @@ def can_wire() -> str | None:
 # --- measures ------------------------------------------------------------------------------------
 
 
-def judge_landings(found: list[Any], link: Link) -> dict[str, Any]:
+def judge_landings(landings: list[Any], link: Link) -> dict[str, Any]:
     """Compare with what the bytes alone take."""
     ratios = [
-        (ready_s - link.round_trip_s) / (count / (link.mbit * 125_000)) for ready_s, count in found
+        (ready_s - link.round_trip_s) / (count / (link.mbit * 125_000))
+        for ready_s, count in landings
     ]
     return {
         "link": str(link),
-        "payload_mb": round(statistics.median(count for _, count in found) / 1e6, 1),
-        "ready_s": round(statistics.median(ready_s for ready_s, _ in found), 3),
+        "payload_mb": round(statistics.median(count for _, count in landings) / 1e6, 1),
+        "ready_s": round(statistics.median(ready_s for ready_s, _ in landings), 3),
         "ratio_less_round_trip": round(statistics.median(ratios), 3),
         "worst": round(max(ratios), 3),
         "bar": 1.15,
     }
 
 
-def judge_superseded(found: list[Any], round_trip_s: float) -> dict[str, Any]:
+def judge_superseded(landings: list[Any], round_trip_s: float) -> dict[str, Any]:
     """Medians and worst of late bytes and of the first new byte."""
-    late, first_ms = [one[0] for one in found], [1e3 * one[1] for one in found]
+    late, first_ms = (
+        [landing[0] for landing in landings],
+        [1e3 * landing[1] for landing in landings],
+    )
     return {
         "late_kib": round(statistics.median(late) / 1024, 1),
         "late_kib_worst": round(max(late) / 1024, 1),
-        "beyond_credit_worst": max(one[2] for one in found),
-        "before_mbit": round(statistics.median(one[3] for one in found) / 125_000, 1),
+        "beyond_credit_worst": max(landing[2] for landing in landings),
+        "before_mbit": round(statistics.median(landing[3] for landing in landings) / 125_000, 1),
         "first_new_ms": round(statistics.median(first_ms), 1),
         "first_new_ms_worst": round(max(first_ms), 1),
         "bar_ms": round(1e3 * round_trip_s + 50, 1),
@@ -299,7 +303,7 @@ class Bench:
         }  # fmt: skip
 
     def land_by_proxy(self, links: list[Link], windows: list[int | None]) -> list[dict[str, Any]]:
-        """Land over linkproxy.py."""
+        """Land over linkproxy.py, with every credit window on every link; one row each."""
         rows = []
         with ServiceProcess(self.scenes, **SETTINGS) as service:
             for link in links:
@@ -314,18 +318,21 @@ class Bench:
         self, link: Link, congestion: str | None, *, credit: int | None = None
     ) -> dict[str, Any]:
         """Land over tunlink.py; with a credit, supersede."""
-        at, there = (("ip", "netns", "exec", space) for space in SPACES)
+        server_prefix, client_prefix = (("ip", "netns", "exec", space) for space in SPACES)
         with namespaces(congestion), wired(self.tools, link):
             service = ServiceProcess(
-                self.scenes, prefix=at, address=SERVER_ADDRESS, **(SETTINGS | {"host": "0.0.0.0"})
+                self.scenes,
+                prefix=server_prefix,
+                address=SERVER_ADDRESS,
+                **(SETTINGS | {"host": "0.0.0.0"}),
             )
             with service:
                 task = self.land_task(link, SERVER_ADDRESS, service.port, credit)
                 if credit is not None:
-                    found = run_client(there, task | {"what": "supersede"})
-                    row = judge_superseded(found, link.round_trip_s)
+                    landings = run_client(client_prefix, task | {"what": "supersede"})
+                    row = judge_superseded(landings, link.round_trip_s)
                     return row | {"link": str(link), "credit_kib": credit // 1024}
-                return judge_landings(run_client(there, task), link)
+                return judge_landings(run_client(client_prefix, task), link)
 
     def supersede_on_loopback(self, credit: int) -> dict[str, Any]:
         """Late bytes, with a small credit and with plenty."""
@@ -334,8 +341,8 @@ class Bench:
                 "what": "supersede", "host": "127.0.0.1", "port": service.port,
                 "rounds": 3 * self.rounds, "credit": credit,
             }  # fmt: skip
-            found = run_client((), task)
-        return judge_superseded(found, 0.0) | {"credit_kib": credit // 1024}
+            landings = run_client((), task)
+        return judge_superseded(landings, 0.0) | {"credit_kib": credit // 1024}
 
 
 def main() -> int:
@@ -350,12 +357,14 @@ def main() -> int:
     parser.add_argument("--smoke", action="store_true", help="seconds, to see that it works")
     parser.add_argument("--client", help=argparse.SUPPRESS)
     arguments = parser.parse_args()
+    # This very file is the client's process in another network namespace.
     if arguments.client is not None:
         print(json.dumps(client_main(json.loads(arguments.client))))
         return 0
     if not (arguments.tools / "linkproxy.py").is_file():
         print(f"skipped: no linkproxy.py in {arguments.tools} (--tools DIR or TERRAPORT_TOOLS)")
         return 0
+    # What can be measured here: everything over the proxy, real TCP only with namespaces.
     links = [Link(delay, mbit) for mbit in (20, 50, 100) for delay in (20, 50, 150)]
     if arguments.smoke:
         arguments.rounds, arguments.seconds, links = 1, 0.2, links[:1]
@@ -370,6 +379,7 @@ def main() -> int:
         bench = Bench(Path(folder), arguments.tools, arguments.rounds, arguments.seconds)
         long_fat = Link(150, 100)
         wire = unwired is None
+        # Each measurement is a call, so that --only runs nothing else.
         measures = {
             "land": lambda: bench.land_by_proxy(links, [None]),
             "wire": lambda: [bench.by_wire(link, None) for link in links],

@@ -52,6 +52,7 @@ def main() -> None:
     smoke = parser.parse_args().smoke
     side, segment_bytes, radius_m = (12, 16_000, 15.0) if smoke else (48, 64_000, 66.0)
     with ExitStack() as until:
+        # A scene on disk, and the same one in an object store on this machine.
         folder = Path(until.enter_context(tempfile.TemporaryDirectory(prefix="terraport-")))
         (folder / "s").mkdir()
         manifest = write_random_scene(folder / "s" / "grid", side=side, segment_bytes=segment_bytes)
@@ -64,6 +65,7 @@ def main() -> None:
         began_s = time.perf_counter()
         upload_scene(folder / "s" / "grid", "s3://scenes/bench/grid", ObjectOptions())
         upload_s = time.perf_counter() - began_s
+        # Nine landings whose circles do not overlap, so that each finds nothing cached.
         places = [
             (side * TILE_M * (2 * column + 1) / 6, side * TILE_M * (2 * row + 1) / 6)
             for row in range(3)
@@ -71,6 +73,7 @@ def main() -> None:
         ]
         places = places[:3] if smoke else places
         rows: dict[str, Any] = {}
+        # From files, from the store as it is, and from the store behind a delay.
         with ServiceProcess(folder / "s") as service:
             rows["file, first time"] = landings(service, places, radius_m)
             rows["file, again"] = landings(service, places, radius_m)
@@ -95,6 +98,7 @@ def main() -> None:
             only_cold=True,
             object_cache_bytes=0,
         )
+    # One JSON document.
     pack_bytes = manifest.files["segments.pack"].bytes
     report = {
         "machine": f"{platform.machine()}, {os.cpu_count()} cores",
@@ -166,12 +170,12 @@ def landings(
 
 def counts(service: ServiceProcess) -> dict[str, float]:
     """Count requests to storage so far, and bytes from there."""
-    found = {"requests": 0.0, "bytes": 0.0}
+    totals = {"requests": 0.0, "bytes": 0.0}
     for family in text_string_to_metric_families(httpx.get(f"{service.url}/metrics").text):
         name = family.name.removeprefix("terraport_object_")
-        if name in found and name != family.name:
-            found[name] = family.samples[0].value
-    return found
+        if name in totals and name != family.name:
+            totals[name] = family.samples[0].value
+    return totals
 
 
 def wait_until_served(service: ServiceProcess) -> None:
@@ -187,9 +191,9 @@ class Delaying:
     """A proxy in a process of its own that answers later; a context manager."""
 
     def __init__(self, target: str, delay_s: float) -> None:
-        self._here, there = multiprocessing.Pipe()
+        self._here, child_end = multiprocessing.Pipe()
         self._process = multiprocessing.Process(
-            target=_delay, args=(target, delay_s, there), daemon=True
+            target=_delay, args=(target, delay_s, child_end), daemon=True
         )
         self.url = ""
 

@@ -67,17 +67,20 @@ class Row:
 
     def figures(self) -> dict[str, float]:
         """Bytes per triangle, speeds in millions of triangles a second, errors in millimetres."""
-        found = {"bytes": self.bytes / self.faces}
+        measured = {"bytes": self.bytes / self.faces}
         if self.zstd:
-            found["zstd"] = self.zstd / self.faces
+            measured["zstd"] = self.zstd / self.faces
         for name in ("encode", "decode", "kernel"):
             seconds = getattr(self, f"{name}_s")
             if seconds:
-                found[f"{name}_mtri"] = self.faces / seconds / 1e6
+                measured[f"{name}_mtri"] = self.faces / seconds / 1e6
         if self.errors:
             away_mm = np.concatenate(self.errors) * 1000.0
-            found |= {"p95_mm": float(np.percentile(away_mm, 95)), "max_mm": float(away_mm.max())}
-        return {name: round(value, 3) for name, value in found.items()}
+            measured |= {
+                "p95_mm": float(np.percentile(away_mm, 95)),
+                "max_mm": float(away_mm.max()),
+            }
+        return {name: round(value, 3) for name, value in measured.items()}
 
 
 def main() -> None:
@@ -95,8 +98,10 @@ def main() -> None:
     for name, spacing_m, meshes in sources or [hills(20 if options.smoke else 50)]:
         results[name] = {"spacing_m": round(spacing_m, 4), **sizes(meshes)}
         for kind in ("textured", "coloured"):
-            given = [dressed(m, kind, spacing_m / options.texels_per_spacing) for m in meshes]
-            results[name][kind] = compare(given, spacing_m, draco)
+            dressed_meshes = [
+                dressed(m, kind, spacing_m / options.texels_per_spacing) for m in meshes
+            ]
+            results[name][kind] = compare(dressed_meshes, spacing_m, draco)
             draw(name, kind, results[name])
     if options.out is not None:
         options.out.write_text(json.dumps(results, indent=1) + "\n")
@@ -241,12 +246,12 @@ def compare(meshes: list[SegmentMesh], spacing_m: float, draco: Any | None) -> d
 
 def timed(work: Callable[[], Any]) -> tuple[Any, float]:
     """Give the result and the least CPU seconds of some runs."""
-    least, found = np.inf, None
+    least, result = np.inf, None
     for _ in range(ROUNDS):
         start = time.process_time()
-        found = work()
+        result = work()
         least = min(least, time.process_time() - start)
-    return found, least
+    return result, least
 
 
 def account(row: Row, mesh: SegmentMesh, data: bytes) -> None:
@@ -255,9 +260,9 @@ def account(row: Row, mesh: SegmentMesh, data: bytes) -> None:
     row.faces += len(mesh.faces)
 
 
-def away(found: np.ndarray, mesh: SegmentMesh) -> np.ndarray:
+def away(decoded: np.ndarray, mesh: SegmentMesh) -> np.ndarray:
     """Distance of every decoded vertex to the truth's nearest, metres."""
-    distance, _ = cKDTree(mesh.positions.astype(np.float64)).query(found.astype(np.float64))
+    distance, _ = cKDTree(mesh.positions.astype(np.float64)).query(decoded.astype(np.float64))
     return distance
 
 
@@ -272,7 +277,7 @@ def columns(mesh: SegmentMesh) -> Iterator[np.ndarray]:
 
 
 def add_plain(row: Row, mesh: SegmentMesh) -> None:
-    account(row, mesh, b"".join(part.tobytes() for part in (*columns(mesh), mesh.faces)))
+    account(row, mesh, b"".join(array.tobytes() for array in (*columns(mesh), mesh.faces)))
     row.errors.append(np.zeros(1))
 
 
@@ -331,14 +336,14 @@ def add_before(row: Row, mesh: SegmentMesh, step_m: float) -> None:
 
 
 def fetch_order(mesh: SegmentMesh) -> np.ndarray:
-    """Vertices by first use."""
+    """Vertices in the order in which the faces use them first; unused ones last."""
     _, first = np.unique(mesh.faces.reshape(-1), return_index=True)
     used = mesh.faces.reshape(-1)[np.sort(first)].astype(np.int64)
     return np.concatenate([used, np.setdiff1d(np.arange(len(mesh.positions)), used)])
 
 
 def packed(rows: np.ndarray, mode: str = "ATTRIBUTES") -> bytes:
-    """One compressed view."""
+    """One buffer view, compressed by meshoptimizer."""
     return bytes(meshopt.encode_gltf_buffer(np.ascontiguousarray(rows), mode, 0))
 
 
@@ -360,17 +365,17 @@ def add_meshopt(row: Row, mesh: SegmentMesh) -> None:
         number[order] = np.arange(len(order), dtype=np.uint32)
         codes = np.zeros((len(order), 4), "<u2")
         codes[:, :3] = np.rint((mesh.positions[order] - low) / step_m)
-        parts = [packed(codes), oct_normals(mesh, order, 8)]
+        buffers = [packed(codes), oct_normals(mesh, order, 8)]
         if mesh.colours is not None:
             alpha = np.full(len(order), 255, np.uint8)
-            parts.append(packed(np.column_stack([mesh.colours[order], alpha])))
+            buffers.append(packed(np.column_stack([mesh.colours[order], alpha])))
         if mesh.uvs is not None:
-            parts.append(packed(np.rint(mesh.uvs[order] * 65535).astype("<u2")))
+            buffers.append(packed(np.rint(mesh.uvs[order] * 65535).astype("<u2")))
         wide = "<u2" if len(order) <= 65535 else "<u4"
-        return [*parts, packed(number[mesh.faces].reshape(-1).astype(wide), "TRIANGLES")]
+        return [*buffers, packed(number[mesh.faces].reshape(-1).astype(wide), "TRIANGLES")]
 
-    parts, seconds = timed(encode)
-    account(row, mesh, b"".join(parts))
+    buffers, seconds = timed(encode)
+    account(row, mesh, b"".join(buffers))
     row.encode_s += seconds
     rounded = np.rint((mesh.positions - low) / step_m) * step_m + low
     row.errors.append(away(rounded, mesh))
@@ -398,12 +403,12 @@ def add_draco(row: Row, mesh: SegmentMesh, draco: Any, bits: int) -> None:
     row.errors.append(away(np.asarray(decoded.points), mesh))
 
 
-def draw(name: str, kind: str, found: dict[str, Any]) -> None:
-    """Print one table."""
-    compared = found[kind]
+def draw(name: str, kind: str, result: dict[str, Any]) -> None:
+    """Print one kind of payload as a table: a row for each way of encoding."""
+    compared = result[kind]
     steps = ", ".join(f"{key} {value:.3g}" for key, value in compared["step_mm"].items())
-    print(f"\n{name}, {kind}: {found['segments']} segments, {found['faces']:,} faces, ", end="")
-    print(f"spacing {found['spacing_m']} m, grid step mm: {steps}")
+    print(f"\n{name}, {kind}: {result['segments']} segments, {result['faces']:,} faces, ", end="")
+    print(f"spacing {result['spacing_m']} m, grid step mm: {steps}")
     heads = ("bytes", "zstd", "encode_mtri", "decode_mtri", "kernel_mtri", "p95_mm", "max_mm")
     print(f"| {'way':14} | " + " | ".join(f"{head:>11}" for head in heads) + " |")
     for way, row in compared["ways"].items():

@@ -44,7 +44,7 @@ def main() -> int:
     parser.add_argument("--smoke", action="store_true")
     options = parser.parse_args()
     clouds = [_stored(work) for work in options.builds] or [_synthetic()]
-    weights = [4.0] if options.smoke else [float(one) for one in options.weights.split(",")]
+    weights = [4.0] if options.smoke else [float(weight) for weight in options.weights.split(",")]
     with tempfile.TemporaryDirectory(prefix="benchmark-weight-") as scratch:
         for name, points, normals, spacing_m in clouds:
             for row in _measure(points, normals, spacing_m, options.samples, weights, scratch):
@@ -77,8 +77,9 @@ def _measure(
     away_m = np.abs(points[:, [0, 2]] - np.median(points, axis=0)[[0, 2]]).max(axis=1)
     half_m = float(np.sort(away_m)[min(samples, len(points)) - 1])
     rows = np.flatnonzero(away_m <= half_m)
-    held = np.random.default_rng(1).random(len(rows)) < 0.1
-    fitted, unseen = rows[~held], rows[held]
+    # A tenth is held out; at the rim a surface without neighbours says nothing of the weight.
+    held_out = np.random.default_rng(1).random(len(rows)) < 0.1
+    fitted, unseen = rows[~held_out], rows[held_out]
     unseen = unseen[away_m[unseen] < half_m - _RIM_SPACINGS * spacing_m]
     tree = cKDTree(points[fitted])
     depth = poisson.depth_for(13, float(np.ptp(points[fitted], axis=0).max()), spacing_m)
@@ -94,6 +95,7 @@ def _measure(
         )[0]
         row = {"spacing_mm": round(1000 * spacing_m, 1), "depth": depth, "weight": weight}
         row["cpu_s"] = round(_cpu_seconds() - before, 1)
+        # Only faces that samples support are measured.
         near = tree.query(vertices)[0] < _SUPPORT_SPACINGS * spacing_m
         faces = faces[near[faces].all(axis=1)]
         row["faces"] = len(faces)
@@ -103,6 +105,7 @@ def _measure(
             for percentile in (50, 95):
                 value = 1000 * float(np.percentile(distance_m, percentile))
                 row[f"{name}_p{percentile}_mm"] = round(value, 2)
+        # Roughness: how far neighbouring faces fold.
         pairs, _ = face_pairs(faces, len(vertices))
         facing, _ = face_normals(vertices, faces)
         cosine = (facing[pairs[:, 0]] * facing[pairs[:, 1]]).sum(axis=1)
@@ -114,7 +117,7 @@ def _measure(
 
 def _cpu_seconds() -> float:
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in used)
+    return sum(usage.ru_utime + usage.ru_stime for usage in used)
 
 
 if __name__ == "__main__":

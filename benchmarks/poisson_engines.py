@@ -102,44 +102,46 @@ def main() -> int:
     parser.add_argument("--pcl", action="store_true")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--smoke", action="store_true", help="few points, once: does it run?")
-    asked = parser.parse_args()
-    if asked.smoke:
-        asked.points, asked.depths, asked.threads, asked.repeat = 10_000, "6", "1", 1
-    quarry = synthesise(QuarryOptions(points=asked.points, holes=0, noise_m=asked.noise))
+    options = parser.parse_args()
+    if options.smoke:
+        options.points, options.depths, options.threads, options.repeat = 10_000, "6", "1", 1
+    # The samples that every engine gets, and the surface they were drawn from.
+    quarry = synthesise(QuarryOptions(points=options.points, holes=0, noise_m=options.noise))
     with tempfile.TemporaryDirectory() as folder:
-        place = Path(folder)
-        (place / "scratch").mkdir()
-        cleaned = clean.run(quarry.survey, clean.Options(), Context(place / "scratch", threads=2))
+        work = Path(folder)
+        (work / "scratch").mkdir()
+        cleaned = clean.run(quarry.survey, clean.Options(), Context(work / "scratch", threads=2))
         cloud = cleaned.cloud
         vertices, faces = quarry.surface_mesh(1.0)
         true_surface = TriangleTree(to_scene(vertices, cloud.origin), faces.astype(np.int32))
         seen = to_scene(quarry.truth, cloud.origin)
-        seen = seen[quarry.material != 255][:: max(1, asked.points // SAMPLES)]
+        seen = seen[quarry.material != 255][:: max(1, options.points // SAMPLES)]
         tree = cKDTree(cloud.points)
-        source = place / "in.ply"
+        source = work / "in.ply"
         write_ply(source, cloud.points, cloud.normals)
         extent = float(np.ptp(cloud.points, axis=0).max())
         print(
             f"{len(cloud.points):,} samples, areal spacing {cloud.spacing_m:.3f} m, extent "
             f"{extent:.0f} m, our rule: depth {poisson.depth_for(13, extent, cloud.spacing_m)}"
         )
+        # Every engine at every depth, weight and thread count; runs repeat to compare bytes.
         rows = []
-        for depth in map(int, asked.depths.split(",")):
-            for weight in asked.weights.split(","):
+        for depth in map(int, options.depths.split(",")):
+            for weight in options.weights.split(","):
                 jobs = []
-                for threads in asked.threads.split(","):
+                for threads in options.threads.split(","):
                     arguments = [str(depth), weight, threads]
                     jobs.append(
                         (f"pycolmap, {threads} thr", [sys.executable, "-c", PYCOLMAP], arguments)
                     )
-                    if asked.open3d:
+                    if options.open3d:
                         jobs.append(
-                            (f"open3d, {threads} thr", [asked.open3d, "-c", OPEN3D], arguments)
+                            (f"open3d, {threads} thr", [options.open3d, "-c", OPEN3D], arguments)
                         )
                 for name, start, arguments in jobs:
-                    target = place / "out.ply"
+                    target = work / "out.ply"
                     digests, costs, meshes = set(), [], []
-                    for _ in range(asked.repeat):
+                    for _ in range(options.repeat):
                         target.unlink(missing_ok=True)
                         costs.append(run_child([*start, str(source), str(target), *arguments]))
                         digests.add(hashlib.sha256(target.read_bytes()).hexdigest())
@@ -152,15 +154,16 @@ def main() -> int:
                         "wall_s": min(c[0] for c in costs),
                         "cpu_s": min(c[1] for c in costs),
                         "peak_gib": max(c[2] for c in costs),
-                        "same_bytes": len(digests) == 1 if asked.repeat > 1 else None,
+                        "same_bytes": len(digests) == 1 if options.repeat > 1 else None,
                         "moved_mm": moved(meshes),
                     }
                     rows.append(row)
                     print(json.dumps(row), flush=True)
-        if asked.pcl:
-            rows += pcl_rows(asked, cloud, tree, cleaned, true_surface, seen, place)
-    if asked.json:
-        asked.json.write_text(json.dumps(rows, indent=1))
+        # PCL has neither weight nor threads, so it is measured apart.
+        if options.pcl:
+            rows += pcl_rows(options, cloud, tree, cleaned, true_surface, seen, work)
+    if options.json:
+        options.json.write_text(json.dumps(rows, indent=1))
     return 0
 
 
@@ -192,8 +195,8 @@ def score(mesh, tree, cleaned, true_surface: TriangleTree, seen: np.ndarray) -> 
     }
 
 
-def pcl_rows(asked, cloud, tree, cleaned, true_surface, seen, place: Path) -> list[dict]:
-    source, middle = place / "in.pcd", place / "out.vtk"
+def pcl_rows(options, cloud, tree, cleaned, true_surface, seen, work: Path) -> list[dict]:
+    source, middle = work / "in.pcd", work / "out.vtk"
     names = "x y z normal_x normal_y normal_z"
     header = (
         f"VERSION 0.7\nFIELDS {names}\nSIZE 4 4 4 4 4 4\nTYPE F F F F F F\nCOUNT 1 1 1 1 1 1\n"
@@ -201,14 +204,14 @@ def pcl_rows(asked, cloud, tree, cleaned, true_surface, seen, place: Path) -> li
     )
     source.write_bytes(header.encode() + np.hstack([cloud.points, cloud.normals]).tobytes())
     rows = []
-    for depth in map(int, asked.depths.split(",")):
+    for depth in map(int, options.depths.split(",")):
         cost = run_child(
             ["pcl_poisson_reconstruction", str(source), str(middle), "-depth", str(depth)]
         )
         subprocess.run(
-            ["pcl_vtk2ply", str(middle), str(place / "pcl.ply")], check=True, capture_output=True
+            ["pcl_vtk2ply", str(middle), str(work / "pcl.ply")], check=True, capture_output=True
         )
-        row = score(read_mesh(place / "pcl.ply"), tree, cleaned, true_surface, seen)
+        row = score(read_mesh(work / "pcl.ply"), tree, cleaned, true_surface, seen)
         row |= {
             "engine": "pcl",
             "depth": depth,

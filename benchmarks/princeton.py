@@ -90,7 +90,7 @@ def models_of_archive(archive: Path) -> Iterator[Model]:
     for number in sorted(bodies):
         kind = CLASSES[(number - 1) // 20]
         if kind != NOT_SCORED:
-            cuts = tuple(labels for _, labels in sorted(people[number], key=lambda one: one[0]))
+            cuts = tuple(labels for _, labels in sorted(people[number], key=lambda cut: cut[0]))
             yield Model(number, kind, *_read_off(bodies[number]), cuts)
 
 
@@ -159,12 +159,14 @@ def by_class(kinds: list[str], values: Float64) -> Float64:
     return np.stack([values[[k == name for k in kinds]].mean(axis=0) for name in names])
 
 
-def summary(kinds: list[str], found: list[dict[str, Float64]]) -> dict[str, object]:
+def summary(kinds: list[str], errors: list[dict[str, Float64]]) -> dict[str, object]:
     """Choose on every second class, report on the others, both ways."""
     names = list(dict.fromkeys(kinds))
-    graph = by_class(kinds, np.stack([one["graph"] for one in found]))
+    # Classes weigh the same, however many models they have.
+    graph = by_class(kinds, np.stack([model_errors["graph"] for model_errors in errors]))
     even = np.arange(len(names)) % 2 == 0
     folds = []
+    # The best parameters of one half, and what they come to on the other.
     for train in (even, ~even):
         mean = graph[train].mean(axis=0)
         i, j = np.unravel_index(int(mean.argmin()), mean.shape)
@@ -177,8 +179,9 @@ def summary(kinds: list[str], found: list[dict[str, Float64]]) -> dict[str, obje
                 "on the others": round(float(graph[~train].mean(axis=0)[i, j]), 4),
             }
         )
+    # The defaults, beside what the thesis has.
     i, j = EXPONENTS.index(SHAPE_GRAPH.weights.concavity), THRESHOLDS.index(SHAPE_GRAPH.threshold)
-    counts = np.stack([one["counts"] for one in found])[:, i, j]
+    counts = np.stack([model_errors["counts"] for model_errors in errors])[:, i, j]
     rows = {
         "graph, defaults, all classes": round(float(graph[:, i, j].mean()), 4),
         "graph, held-out classes, both ways": round(
@@ -188,10 +191,16 @@ def summary(kinds: list[str], found: list[dict[str, Float64]]) -> dict[str, obje
             4,
         ),
         "TPA on shape diameters (thesis .229)": round(
-            float(by_class(kinds, np.stack([one["tpa"] for one in found])).mean()), 4
+            float(
+                by_class(kinds, np.stack([model_errors["tpa"] for model_errors in errors])).mean()
+            ),
+            4,
         ),
         "one segment (thesis's copy .655)": round(
-            float(by_class(kinds, np.stack([one["one"] for one in found])).mean()), 4
+            float(
+                by_class(kinds, np.stack([model_errors["one"] for model_errors in errors])).mean()
+            ),
+            4,
         ),
     }
     return {
@@ -229,11 +238,11 @@ def main() -> int:
             yield model
 
     if arguments.smoke:
-        found = [errors_of_model(model) for model in seen()]
+        errors = [errors_of_model(model) for model in seen()]
     else:
         with ProcessPoolExecutor(arguments.processes) as pool:
-            found = list(pool.map(errors_of_model, seen()))
-    result = summary(kinds, found) | {"seconds": round(time.perf_counter() - start, 1)}
+            errors = list(pool.map(errors_of_model, seen()))
+    result = summary(kinds, errors) | {"seconds": round(time.perf_counter() - start, 1)}
     print(json.dumps(result, indent=1))
     if arguments.json:
         arguments.json.write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")

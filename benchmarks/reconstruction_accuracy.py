@@ -50,14 +50,14 @@ def measure(
     seen = truth[np.sort(rows)] - origin
     scene = np.stack([seen[:, 0], seen[:, 2], -seen[:, 1]], axis=1).astype(np.float32)
     lost = distances_to_mesh(scene, vertices, faces)
-    found: dict[str, float] = {}
+    figures: dict[str, float] = {}
     for name, distance_m in (("mesh_to_truth", invented), ("truth_to_mesh", lost)):
         for percentile in (50, 95, 99):
-            found[f"{name}_p{percentile}_mm"] = round(
+            figures[f"{name}_p{percentile}_mm"] = round(
                 1000 * float(np.percentile(distance_m, percentile)), 1
             )
-        found[f"{name}_p95_spacings"] = round(float(np.percentile(distance_m, 95)) / spacing_m, 3)
-    return found
+        figures[f"{name}_p95_spacings"] = round(float(np.percentile(distance_m, 95)) / spacing_m, 3)
+    return figures
 
 
 def main() -> int:
@@ -69,6 +69,7 @@ def main() -> int:
     parser.add_argument("--meshes", type=Path, help="work directory of its build")
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
+    # A finished build, however large: only its accuracy is measured.
     if arguments.meshes is not None:
         file = truth_path(arguments.survey)
         # The surface is the same however many points are taken; their places are in the file.
@@ -81,9 +82,12 @@ def main() -> int:
         )
         local = np.load(folder / "clean" / "local_spacing_m.npy")
         spacing_m = float(np.median(local))
-        told = measure(quarry, truth, detail, np.load(folder / "clean" / "origin.npy"), spacing_m)
-        print(json.dumps({"points": len(local), "spacing_m": spacing_m, **told}))
+        figures = measure(
+            quarry, truth, detail, np.load(folder / "clean" / "origin.npy"), spacing_m
+        )
+        print(json.dumps({"points": len(local), "spacing_m": spacing_m, **figures}))
         return 0
+    # A quarry of its own, reconstructed with every depth and point weight.
     points = 15_000 if arguments.smoke else parse_count(arguments.points)
     weights = "4" if arguments.smoke else arguments.weights
     quarry = synthesise(QuarryOptions(points=points))
@@ -102,7 +106,7 @@ def main() -> int:
                 result = reconstruct.run(cleaned, options, context)
                 spent = _cpu_seconds() - before
                 mesh = (result.detail.vertices, result.detail.faces)
-                told = measure(quarry, quarry.truth, mesh, cloud.origin, cloud.spacing_m)
+                figures = measure(quarry, quarry.truth, mesh, cloud.origin, cloud.spacing_m)
                 row = {
                     "points": points,
                     "spacing_m": round(cloud.spacing_m, 4),
@@ -110,7 +114,7 @@ def main() -> int:
                     "weight": weight,
                     "faces": len(mesh[1]),
                     "cpu_s": round(spent, 1),
-                    **told,
+                    **figures,
                 }
                 missed += max(row[f"{way}_p95_spacings"] for way in _WAYS) > 1.5
                 print(json.dumps(row), flush=True)
@@ -122,7 +126,7 @@ _WAYS = ("mesh_to_truth", "truth_to_mesh")
 
 def _cpu_seconds() -> float:
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
-    return sum(one.ru_utime + one.ru_stime for one in used)
+    return sum(usage.ru_utime + usage.ru_stime for usage in used)
 
 
 if __name__ == "__main__":

@@ -137,12 +137,12 @@ ENGINES: Final[dict[str, Engine]] = {
 
 def quarry(scene: str, seed: int, edge_m: float) -> tuple[SegmenterMesh, dict[str, AnyInt]]:
     """Mesh and true regions of a procedural quarry."""
-    made = truth_mesh(replace(CLEAN, seed=seed, **SCENES[scene]), edge_m)
-    pairs = face_pairs(made.faces, len(made.vertices))
-    mesh = SegmenterMesh(made.vertices, made.faces, made.colours, pairs=pairs)
+    surface = truth_mesh(replace(CLEAN, seed=seed, **SCENES[scene]), edge_m)
+    pairs = face_pairs(surface.faces, len(surface.vertices))
+    mesh = SegmenterMesh(surface.vertices, surface.faces, surface.colours, pairs=pairs)
     return mesh, {
-        "visible": true_regions(made, *pairs, "visible"),
-        "material": true_regions(made, *pairs, "material"),
+        "visible": true_regions(surface, *pairs, "visible"),
+        "material": true_regions(surface, *pairs, "material"),
     }
 
 
@@ -150,21 +150,23 @@ def score(mesh: SegmenterMesh, truths: dict[str, AnyInt], engine: Engine) -> Row
     """Run one engine and score its regions; faces of negative truth are not scored."""
     assert mesh.pairs is not None
     start = time.process_time()
-    found = engine(mesh)
+    labels = engine(mesh)
     row: Row = {"cpu_s": round(time.process_time() - start, 3)}
-    row["regions"] = len(np.unique(found))
+    row["regions"] = len(np.unique(labels))
     corners = mesh.vertices.astype(np.float64)[mesh.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * np.sqrt((normal * normal).sum(axis=1))
     edge = float(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1).mean())
     for name, truth in truths.items():
-        known = truth >= 0
-        row[f"{name}_true_regions"] = len(np.unique(truth[known]))
-        row[f"{name}_error"] = rand_error(truth[known], found[known])
-        row[f"{name}_area_error"] = rand_error(truth[known], found[known], area[known])
-        row[f"{name}_gce"], row[f"{name}_lce"] = consistency_errors(truth[known], found[known])
-        if known.all():
-            border = boundary_score(mesh.vertices, *mesh.pairs, truth, found, BORDER_EDGES * edge)
+        labelled = truth >= 0
+        row[f"{name}_true_regions"] = len(np.unique(truth[labelled]))
+        row[f"{name}_error"] = rand_error(truth[labelled], labels[labelled])
+        row[f"{name}_area_error"] = rand_error(truth[labelled], labels[labelled], area[labelled])
+        row[f"{name}_gce"], row[f"{name}_lce"] = consistency_errors(
+            truth[labelled], labels[labelled]
+        )
+        if labelled.all():
+            border = boundary_score(mesh.vertices, *mesh.pairs, truth, labels, BORDER_EDGES * edge)
             row[f"{name}_recall"], row[f"{name}_precision"] = border.recall, border.precision
     return row
 
@@ -174,18 +176,18 @@ def surveys() -> dict[str, tuple[SegmenterMesh, dict[str, AnyInt]]]:
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/pipeline/geometry/truth"))
     from crops import CROPS, load_crop
 
-    found = {}
+    meshes = {}
     for name in CROPS:
         crop = load_crop(name)
         if crop is None:
             print(f"{name}: survey not there, left out", file=sys.stderr)
             continue
         pairs = face_pairs(crop.faces, len(crop.vertices))
-        found[name] = (
+        meshes[name] = (
             SegmenterMesh(crop.vertices, crop.faces, crop.colours, pairs=pairs),
             {"drawn": crop.truth},
         )
-    return found
+    return meshes
 
 
 def table(title: str, rows: list[Row], value: Callable[[list[Row]], str]) -> None:
@@ -230,6 +232,7 @@ def main() -> None:
                 with arguments.json.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
 
+    # Quarries, whose true regions are made with them.
     if arguments.only != "surveys":
         for scene in arguments.scenes:
             for seed in arguments.seeds:
@@ -243,6 +246,7 @@ def main() -> None:
         table("boundary precision, visible", rows, mean("visible_precision", ".2f"))
         table("regions found", rows, mean("regions", ".0f"))
         table("CPU seconds", rows, mean("cpu_s", ".2f"))
+    # Surveys, with regions drawn by hand on part of the faces.
     if arguments.only != "quarries":
         rows.clear()
         for name, (mesh, truths) in surveys().items():

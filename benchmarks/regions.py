@@ -90,6 +90,7 @@ def main() -> int:
     arguments = parser.parse_args()
     faces, regions = (20_000, 100) if arguments.smoke else (arguments.faces, arguments.regions)
     side, a_side = int((faces / 2) ** 0.5) + 1, int(regions**0.5)
+    # Facts of all regions; sorting the labels once is the least that any way must do.
     tiny = terrain(12, 2, SEED, 0.0)
     facts_of(tiny, face_pairs(tiny["faces"], len(tiny["vertices"])))  # compiles
     before = terrain(side, a_side, SEED, 0.0)
@@ -98,6 +99,7 @@ def main() -> int:
     facts, facts_s = timed(lambda: facts_of(before, pairs))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - resting
     _, floor_s = timed(lambda: np.sort(before["regions"], kind="stable"))
+    # Regions of a rebuild matched with those before: samples of both, then the match.
     after = terrain(side, a_side, SEED + 1, 0.1)
     per_sample = max(1, -(-len(before["faces"]) // SAMPLES))
     sampled = [

@@ -68,8 +68,8 @@ class Trial:
             async with terraport.connect(f"{url}/scenes/pit", credit_bytes=500_000) as session:
                 while not self.over.is_set():
                     began_s = time.monotonic()
-                    place = (chance.uniform(0, 60), 1.0, chance.uniform(0, 60))
-                    landing = await session.land(place, radius_m=chance.uniform(5, 25))
+                    position = (chance.uniform(0, 60), 1.0, chance.uniform(0, 60))
+                    landing = await session.land(position, radius_m=chance.uniform(5, 25))
                     segments = await landing.ready(30)
                     self.ready_s.append((began_s, time.monotonic() - began_s))
                     payloads = self.versions[session.scene.version]
@@ -115,7 +115,7 @@ def resident_bytes(pids: list[int]) -> int:
 
 
 async def measure(folder: Path, rolls: int, publications: int, clients: int) -> dict[str, Any]:
-    """Run the trial."""
+    """Restart and publish under clients that land all the time; fail where one of them does."""
     trial = Trial(folder, clients)
     with Supervised(folder / "scenes", scene_poll_s="0.2", max_messages_per_s="1000") as service:
         tasks = [asyncio.create_task(trial.land(service.url, n)) for n in range(clients)]
@@ -124,6 +124,7 @@ async def measure(folder: Path, rolls: int, publications: int, clients: int) -> 
         ]
 
         async def story() -> dict[str, Any]:
+            # Quiet, then restarts, then publications: landings are told apart by when they began.
             await asyncio.sleep(3.0)
             quiet_until_s = time.monotonic()
             memory = [resident_bytes(service.worker_pids()[-2:])]
@@ -147,28 +148,30 @@ async def measure(folder: Path, rolls: int, publications: int, clients: int) -> 
             }
 
         telling = asyncio.create_task(story())
+        # Clients go on to the end, so the one that is done first is the story or a failure.
         done, _ = await asyncio.wait(
             [telling, *tasks, *asking], return_when=asyncio.FIRST_COMPLETED
         )
         for task in done:
             task.result()  # a client that failed says why
-        told = await telling
+        timeline = await telling
         trial.over.set()
         await asyncio.gather(*tasks)
         http_answers = await asyncio.gather(*asking)
         if "Traceback" in service.log:
             raise AssertionError(service.log)
-    quiet = [took for began, took in trial.ready_s if began < told["quiet_until_s"]]
+    # Landings before and during the restarts.
+    quiet = [took for began, took in trial.ready_s if began < timeline["quiet_until_s"]]
     rolled = [
         took
         for began, took in trial.ready_s
-        if told["quiet_until_s"] <= began < told["rolled_until_s"]
+        if timeline["quiet_until_s"] <= began < timeline["rolled_until_s"]
     ]
     return {
         "clients": clients,
-        "rolls": told["rolls"],
+        "rolls": timeline["rolls"],
         "publications": publications,
-        "workers_died": told["workers_died"],
+        "workers_died": timeline["workers_died"],
         "landings": len(trial.ready_s),
         "landings_failed": 0,
         "http_answers": {"one_connection": http_answers[0][0], "new_ones": http_answers[1][0]},
@@ -176,7 +179,7 @@ async def measure(folder: Path, rolls: int, publications: int, clients: int) -> 
         "connections": trial.connections,
         "repeated_bytes": trial.repeated_bytes,
         "ready_ms": {"quiet": _spread(quiet), "while_rolled": _spread(rolled)},
-        "resident_mb_of_two_workers": told["resident_mb"],
+        "resident_mb_of_two_workers": timeline["resident_mb"],
     }
 
 

@@ -183,8 +183,11 @@ def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) 
     # (3) the other engines, from arrays to regions and fine pools
     if whole:
         for name in ("means", "graph"):
-            given = SegmenterMesh(*mesh, detail.colours)
-            clock(f"{name}, arrays to labels", partial(segmenter_by_name(name).segment, given))
+            segmenter_mesh = SegmenterMesh(*mesh, detail.colours)
+            clock(
+                f"{name}, arrays to labels",
+                partial(segmenter_by_name(name).segment, segmenter_mesh),
+            )
     # (4) the chain
     regions, fine = clock(
         "TPA regions and fine",
@@ -283,9 +286,9 @@ def _pack(folder: Path, meshes: Reconstructed, labels: Segmented, threads: int) 
     about = pack.About(
         np.zeros(3), None, len(meshes.detail.vertices), True, BuildInfo(terraport="benchmark")
     )
-    with tempfile.TemporaryDirectory(dir=folder) as place:
-        context = Context(Path(place), threads=threads)
-        scene = Path(place) / "scene"
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        context = Context(Path(scratch), threads=threads)
+        scene = Path(scratch) / "scene"
         return pack.run(
             scene, meshes, labels, about, pack.Options("Benchmark"), context
         ).facts.counts
@@ -295,8 +298,8 @@ def _child(
     answer: Path, folder: Path, threads: int, many_base: Path | None, tiny: Path, whole: bool
 ) -> None:
     measure(tiny, threads, None, whole=whole)  # loads (or compiles) the kernels
-    found = measure(folder, threads, many_base, whole=whole)
-    answer.write_text(json.dumps(found), encoding="utf-8")
+    measurements = measure(folder, threads, many_base, whole=whole)
+    answer.write_text(json.dumps(measurements), encoding="utf-8")
 
 
 def in_fresh_process(target: Callable[..., None], *arguments: Any) -> None:
@@ -314,8 +317,8 @@ def measured(
     """Run :func:`measure` in a fresh process."""
     answer = tiny / "answer.json"
     in_fresh_process(_child, answer, folder, threads, many, tiny, whole)
-    found: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
-    return found
+    measurements: dict[str, Any] = json.loads(answer.read_text(encoding="utf-8"))
+    return measurements
 
 
 def show(result: dict[str, Any], title: str) -> None:
@@ -371,19 +374,22 @@ def main() -> None:
     machine = f"{platform.machine()}, Python {platform.python_version()}, numba {numba.__version__}"
     print(machine)
     results = []
-    with tempfile.TemporaryDirectory() as place:
-        tiny, folder, many = Path(place, "tiny"), Path(place, "mesh"), Path(place, "many")
-        for made in (tiny, folder, many):
-            made.mkdir()
+    with tempfile.TemporaryDirectory() as scratch:
+        tiny, folder, many = Path(scratch, "tiny"), Path(scratch, "mesh"), Path(scratch, "many")
+        for directory in (tiny, folder, many):
+            directory.mkdir()
+        # Kernels compile on a tiny mesh first, outside of what is measured.
         make(tiny, 2_000, 6.0, 500)
+        # Do threads change the bytes? Nothing else is measured then.
         if arguments.bytes:
             in_fresh_process(make, folder, arguments.bytes, 6.0, arguments.bytes // BASE_SHARE)
             digests = {measured(folder, threads, tiny)["digest"] for threads in (1, 2, 2)}
             print(f"{arguments.bytes:,} faces, 1, 2 and 2 threads: {sorted(digests)}")
             raise SystemExit(0 if len(digests) == 1 else "the bytes differ")
+        # Meshes of finished builds; else made ones of every size and noise.
         for real in arguments.mesh:
-            found = measured(real, arguments.threads, tiny)
-            show(found, real.parent.name)
+            measurements = measured(real, arguments.threads, tiny)
+            show(measurements, real.parent.name)
         for n_faces in [] if arguments.mesh else sizes:
             for noise in arguments.noise:
                 in_fresh_process(make, folder, n_faces, noise, n_faces // BASE_SHARE)

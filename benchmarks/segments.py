@@ -50,9 +50,9 @@ BORDER_EDGES: Final = 2.0
 Row = dict[str, Any]
 
 
-def without_regions(found: Segmentation) -> Segmentation:
+def without_regions(segmentation: Segmentation) -> Segmentation:
     """Put all faces into one region: borders of regions are not respected."""
-    return replace(found, regions=np.zeros_like(found.regions), region_count=1)
+    return replace(segmentation, regions=np.zeros_like(segmentation.regions), region_count=1)
 
 
 def ways(mesh: SegmenterMesh, bounds: SegmentOptions) -> dict[str, Segments]:
@@ -60,10 +60,10 @@ def ways(mesh: SegmenterMesh, bounds: SegmentOptions) -> dict[str, Segments]:
     assert mesh.pairs is not None
     pairs, surface = mesh.pairs, (mesh.vertices, mesh.faces)
 
-    def build(found: Segmentation, options: SegmentOptions = bounds) -> Segments:
+    def build(segmentation: Segmentation, options: SegmentOptions = bounds) -> Segments:
         return build_segments(
-            mesh.vertices, mesh.faces, found.fine, found.similarity, found.regions, options,
-            pairs=pairs,
+            mesh.vertices, mesh.faces, segmentation.fine, segmentation.similarity,
+            segmentation.regions, options, pairs=pairs,
         )  # fmt: skip
 
     tpa = TriangleSegmenter().segment(mesh)
@@ -107,7 +107,7 @@ def ways(mesh: SegmenterMesh, bounds: SegmentOptions) -> dict[str, Segments]:
 
 
 def over_fetch(
-    segments: Segments, landings: Float64, wanted: Int64, r: float
+    segments: Segments, landings: Float64, needed: Int64, r: float
 ) -> tuple[float, float]:
     """Mean over-fetch and mean number of segments over the landings."""
     low, high = segments.bounds[:, :3].astype(np.float64), segments.bounds[:, 3:]
@@ -115,32 +115,34 @@ def over_fetch(
     np.maximum(gap, landings[:, None] - high[None], out=gap)
     hit = (gap * gap).sum(axis=2) <= r * r
     fetched = hit @ segments.face_counts.astype(np.int64)
-    return float(((fetched - wanted) / np.maximum(wanted, 1)).mean()), float(hit.sum(axis=1).mean())
+    return float(((fetched - needed) / np.maximum(needed, 1)).mean()), float(hit.sum(axis=1).mean())
 
 
 def measure(seed: int, edge_m: float, bounds: SegmentOptions) -> list[Row]:
     """Every way on one quarry."""
-    made = truth_mesh(QuarryOptions(seed=seed), edge_m)
-    pairs = face_pairs(made.faces, len(made.vertices))
-    mesh = SegmenterMesh(made.vertices, made.faces, made.colours, pairs=pairs)
-    truth = true_regions(made, *pairs)
-    corners = made.vertices.astype(np.float64)[made.faces]
+    surface = truth_mesh(QuarryOptions(seed=seed), edge_m)
+    pairs = face_pairs(surface.faces, len(surface.vertices))
+    mesh = SegmenterMesh(surface.vertices, surface.faces, surface.colours, pairs=pairs)
+    truth = true_regions(surface, *pairs)
+    corners = surface.vertices.astype(np.float64)[surface.faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = 0.5 * np.sqrt((normal * normal).sum(axis=1))
-    centres = face_centres(made.vertices, made.faces)
+    centres = face_centres(surface.vertices, surface.faces)
     chosen = np.random.default_rng(seed).choice(len(area), LANDINGS, p=area / area.sum())
     tree = cKDTree(centres)
-    wanted = {r: tree.query_ball_point(centres[chosen], r, return_length=True) for r in RADII_M}
+    needed = {r: tree.query_ball_point(centres[chosen], r, return_length=True) for r in RADII_M}
     edge = float(np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1).mean())
     rows = []
     for name, segments in ways(mesh, bounds).items():
         extent = (segments.bounds[:, 3:] - segments.bounds[:, :3]).max(axis=1)
         common = np.zeros((segments.count, int(truth.max()) + 1))
         np.add.at(common, (segments.labels, truth), area)
-        border = boundary_score(made.vertices, *pairs, truth, segments.labels, BORDER_EDGES * edge)
+        border = boundary_score(
+            surface.vertices, *pairs, truth, segments.labels, BORDER_EDGES * edge
+        )
         row: Row = {
             "way": name,
-            "mesh_faces": len(made.faces),
+            "mesh_faces": len(surface.faces),
             "segments": segments.count,
             "faces 5 %": np.percentile(segments.face_counts, 5),
             "faces 50 %": np.percentile(segments.face_counts, 50),
@@ -150,7 +152,7 @@ def measure(seed: int, edge_m: float, bounds: SegmentOptions) -> list[Row]:
             "below bounds": segments.exceptions.below_min_faces,
         }
         for r in RADII_M:
-            beyond, hits = over_fetch(segments, centres[chosen], wanted[r], r)
+            beyond, hits = over_fetch(segments, centres[chosen], needed[r], r)
             row[f"over-fetch {r:g} m"], row[f"fetched {r:g} m"] = beyond, hits
         row["purity"] = float(common.max(axis=1).sum() / area.sum())
         row["recall"] = border.recall

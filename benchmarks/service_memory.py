@@ -89,7 +89,7 @@ def measure_idle(folder: Path, count: int) -> dict[str, Any]:
         "sessions": count,
         "rss_kib_per_session": round((after.rss - before.rss) / count / 1024, 1),
         "bar_kib": 48,
-        "rss_mb": [round(one.rss / MB, 1) for one in (before, after, left)],
+        "rss_mb": [round(sample.rss / MB, 1) for sample in (before, after, left)],
         "cpu_share_while_idle": round(share, 3),
     }
 
@@ -119,7 +119,7 @@ async def land_around(service: ServiceProcess, scene: Scene, seconds: float) -> 
         nonlocal peak
         while True:
             now = await asyncio.to_thread(service.memory)
-            peak = max(peak, now, key=lambda one: one.rss)
+            peak = max(peak, now, key=lambda sample: sample.rss)
             await asyncio.sleep(0.2)
 
     watching = asyncio.create_task(watch())
@@ -162,13 +162,13 @@ def stall(port: int) -> DrainClient:
 
 def socket_bytes(port: int) -> list[int]:
     """Bytes in the send queue of each of the service's client sockets, kernel overhead included."""
-    said = subprocess.run(
+    listing = subprocess.run(
         ["ss", "-tmnH", "state", "established", f"sport = :{port}"],
         capture_output=True,
         text=True,
         check=False,
     ).stdout
-    return sorted(int(found) for found in re.findall(r"skmem:\(.*?,w(\d+),", said))
+    return sorted(int(queued_bytes) for queued_bytes in re.findall(r"skmem:\(.*?,w(\d+),", listing))
 
 
 def measure_stalled(folder: Path, count: int, rounds: int, segment_bytes: int) -> dict[str, Any]:
@@ -178,16 +178,17 @@ def measure_stalled(folder: Path, count: int, rounds: int, segment_bytes: int) -
         others = [DrainClient("127.0.0.1", service.port, "pit") for _ in range(4)]
         pool = ThreadPoolExecutor(len(others))
 
-        def one(client: DrainClient) -> int:
+        def land_once(client: DrainClient) -> int:
             client.forget()
             return client.land(HERE, EVERYWHERE_M)[0]
 
         def throughput() -> tuple[float, float]:
             """Bytes per second, and CPU seconds of the service per byte."""
             began_s, cpu_s = time.perf_counter(), service.cpu_s()
-            total = sum(pool.map(one, others))
+            total = sum(pool.map(land_once, others))
             return total / (time.perf_counter() - began_s), (service.cpu_s() - cpu_s) / total
 
+        # Memory: the same service before and with all the clients that do not read.
         for other in others:
             other.hello()
         throughput()
@@ -198,6 +199,7 @@ def measure_stalled(folder: Path, count: int, rounds: int, segment_bytes: int) -
         after, queues = service.memory(), socket_bytes(service.port)[-count:]
         for client in stalled:
             client.close()
+        # Throughput with and without a stalled client, in alternating order: drift cancels.
         ratios, alone, cpu = [], [], {True: 0.0, False: 0.0}
         for number in range(rounds):
             pair = {}
@@ -213,6 +215,7 @@ def measure_stalled(folder: Path, count: int, rounds: int, segment_bytes: int) -
             ratios.append(pair[True] / pair[False])
         for other in others:
             other.close()
+    # What a stalled client costs is in two places: the process, and the kernel's send queue.
     own = (after.rss - before.rss) / count
     return {
         "stalled_clients": count,
@@ -223,7 +226,7 @@ def measure_stalled(folder: Path, count: int, rounds: int, segment_bytes: int) -
         "others_gb_per_s": round(statistics.median(alone) / 1e9, 3),
         "others_ratio": round(statistics.median(ratios), 4),
         "others_ratio_quartiles": [
-            round(one, 3) for one in statistics.quantiles(ratios, n=4)[::2]
+            round(ratio, 3) for ratio in statistics.quantiles(ratios, n=4)[::2]
         ],
         "bar_ratio": 0.97,
         "cpu_per_byte_ratio": round(cpu[True] / cpu[False], 4),

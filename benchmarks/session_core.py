@@ -79,7 +79,7 @@ def land(session: Session, radius_m: float) -> tuple[Plan | None, float, int]:
 
 
 def best_ms(work: Callable[[], object]) -> float:
-    """Shortest of nine runs."""
+    """Milliseconds of the shortest of nine runs: others on the machine only ever add."""
     times = []
     for _ in range(9):
         began_s = time.perf_counter()

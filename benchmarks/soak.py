@@ -57,7 +57,7 @@ SLOPE_BAR_MB_PER_H: Final = 1.0
 
 @dataclass(frozen=True)
 class Mix:
-    """Who does what."""
+    """How many clients there are, how often they land, and which share of them misbehaves how."""
 
     clients: int
     sdk_clients: int
@@ -82,8 +82,8 @@ class Trial:
         """Half of all landings are at one of eight places that everybody knows."""
         edge_m = SIDE * TILE_M
         if draw.random() < 0.5:
-            place = draw.randrange(8)
-            return (edge_m * (place % 4 + 0.5) / 4, 0.5, edge_m * (place // 4 + 0.5) / 2)
+            cell = draw.randrange(8)
+            return (edge_m * (cell % 4 + 0.5) / 4, 0.5, edge_m * (cell // 4 + 0.5) / 2)
         return (draw.uniform(0, edge_m), 0.5, draw.uniform(0, edge_m))
 
     async def light(self, number: int, until_s: float) -> None:
@@ -109,20 +109,20 @@ class Trial:
 
     async def _live(self, client: LightClient, draw: random.Random) -> None:
         """One landing, whatever becomes of it."""
-        place, fate = self.somewhere(draw), draw.random()
+        position, fate = self.somewhere(draw), draw.random()
         mix = self.mix
         try:
             async with asyncio.timeout(LONGEST_LANDING_S):
                 if fate < mix.aborted:
-                    await client.land(place, RADIUS_M, give_up_after=draw.randrange(30))
-                    place = self.somewhere(draw)
+                    await client.land(position, RADIUS_M, give_up_after=draw.randrange(30))
+                    position = self.somewhere(draw)
                 elif fate < mix.aborted + mix.cut:
-                    await client.land(place, RADIUS_M, give_up_after=draw.randrange(30))
+                    await client.land(position, RADIUS_M, give_up_after=draw.randrange(30))
                     self.findings.cuts += 1
                     client.cut()
                     await asyncio.sleep(draw.uniform(0.0, 0.5))
                     await self._connect(client, draw)
-                await client.land(place, RADIUS_M)
+                await client.land(position, RADIUS_M)
                 await self._forget(client, draw)
         except TimeoutError:
             self.findings.say(f"a landing was not ready after {LONGEST_LANDING_S:g} s")
@@ -166,12 +166,12 @@ class Trial:
             self.sdk["connections"] += session.stats.connections
 
     async def _live_fully(self, session: terraport.Session, draw: random.Random) -> None:
-        place = self.somewhere(draw)
-        first = await session.land(place, RADIUS_M)
+        position = self.somewhere(draw)
+        first = await session.land(position, RADIUS_M)
         if draw.random() < self.mix.aborted:
             self.sdk["aborted"] += 1
-            place = self.somewhere(draw)
-            landing = await session.land(place, RADIUS_M)
+            position = self.somewhere(draw)
+            landing = await session.land(position, RADIUS_M)
             with suppress(LandingSupersededError):
                 await first.ready(LONGEST_LANDING_S)
         else:
@@ -179,20 +179,20 @@ class Trial:
         segments = await landing.ready(LONGEST_LANDING_S)
         self.sdk["landings"] += 1
         nothing = np.zeros(len(self.index), dtype=np.bool_)
-        land = Land(generation=1, position=place, radius_m=RADIUS_M)
-        wanted = expect(
+        land = Land(generation=1, position=position, radius_m=RADIUS_M)
+        expected = expect(
             self.index,
             land,
-            held=nothing,
+            is_held=nothing,
             release_factor=1.0,
             max_segments=16_384,
         ).load
         shown = {segment.id for segment in segments}
-        absent = set(wanted) - shown
+        absent = set(expected) - shown
         if absent:
             self.findings.lost += len(absent)
             self.findings.say(f"SDK: {len(absent)} segments within the radius are not shown")
-        if beyond := shown - set(wanted):
+        if beyond := shown - set(expected):
             self.findings.say(f"SDK: {len(beyond)} segments beyond the radius are shown")
 
     async def run(self, seconds: float) -> None:
@@ -272,6 +272,7 @@ async def trial(arguments: argparse.Namespace, mix: Mix, folder: Path) -> dict[s
     log = folder / "service.log"
     settings: dict[str, Any] = {"max_sessions_per_ip": 2 * mix.clients}
     settings |= dict(entry.split("=", 1) for entry in arguments.set)
+    # All clients for so long, while the service's memory is written down.
     with (
         ServiceProcess(folder / "scenes", log=log, **settings) as service,
         Scene.open(folder / "scenes" / "pit") as scene,
@@ -285,6 +286,7 @@ async def trial(arguments: argparse.Namespace, mix: Mix, folder: Path) -> dict[s
         await run.run(seconds)
         took_s = time.monotonic() - began_s
         watching.cancel()
+        # Growth is fitted after the warm-up; the service must stop by itself in the end.
         result = {
             "machine": f"{platform.machine()}, Python {platform.python_version()}",
             "took_s": round(took_s, 1),

@@ -134,16 +134,16 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
     print(f"| method | {columns} | Mtexels | wall s | CPU s |")
     print("|---|" + "---:|" * 9)
     for name, make in methods(site, arguments.other_python):
-        if arguments.only and not any(name.startswith(one) for one in arguments.only):
+        if arguments.only and not any(name.startswith(prefix) for prefix in arguments.only):
             continue
         with timed() as spent:
-            made, texels = make()
-        if made is None:
+            model, texels = make()
+        if model is None:
             print(f"| {name} | {texels} |" + " |" * 8, flush=True)
             continue
-        far, pictures = score_views(made, site.held_out, site.truths)
-        near = score_surface(made, site.eye, count=PLACES, texel_m=site.gsd_m)
-        ghosts = ghost_share(made, site.eye, site.views, photos, masks)
+        far, pictures = score_views(model, site.held_out, site.truths)
+        near = score_surface(model, site.eye, count=PLACES, texel_m=site.gsd_m)
+        ghosts = ghost_share(model, site.eye, site.views, photos, masks)
         print(
             f"| {name} | {far.psnr_db:.2f} | {far.matched_db:.2f} | {far.median_db:.2f} | "
             f"{near.matched_db:.2f} | {near.median_db:.2f} | {ghosts:.1%} | {texels / 1e6:.1f} | "
@@ -159,6 +159,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
 
 def prepare(folder: Path, arguments: argparse.Namespace) -> Site:
     """Survey, photograph and reconstruct the site."""
+    # The quarry as the flight sees it, its photos and its scene.
     width, height = arguments.photo_size
     flight = FlightOptions(count=arguments.photos, width=width, height=height)
     quarry = seen_by(
@@ -171,6 +172,7 @@ def prepare(folder: Path, arguments: argparse.Namespace) -> Site:
     work = folder / "work"
     if not (folder / "scene" / "scene.json").is_file():  # else of an earlier run: --keep
         build(BuildOptions(folder / "quarry.laz", folder / "scene", work=work, threads=THREADS))
+    # Cameras in the frame of the quarry, which lies elsewhere than the scene's origin.
     origin = np.load(work / "clean" / "origin.npy")
     cameras = read_cameras(folder / "photos" / "colmap", origin=origin, crs=None)
     opened = open_photos(cameras.views, folder / "photos" / "images", max_bytes=1 << 30)
@@ -206,27 +208,27 @@ def _truths(folder: Path, eye: CameraEye, views: tuple[View, ...]) -> list[Any]:
     """Look through the held-out cameras; kept in the folder, since every run asks again."""
     path = folder / "truths.npz"
     if not path.is_file():
-        made = truth_of(eye, views)
-        np.savez(path, colours=[one[0] for one in made], what=[one[1] for one in made])
+        truths = truth_of(eye, views)
+        np.savez(path, colours=[truth[0] for truth in truths], what=[truth[1] for truth in truths])
     with np.load(path) as kept:
         return list(zip(kept["colours"], kept["what"], strict=True))
 
 
 def _level(work: Path, level: str, shift: Float64) -> Mesh:
-    parts = {
+    arrays = {
         name: np.load(work / "reconstruct" / f"{level}-{name}.npy")
         for name in ("vertices", "faces", "normals", "colours")
     }
-    parts["vertices"] = (parts["vertices"] + shift).astype(np.float32)
-    return Mesh(**parts, attributes={})
+    arrays["vertices"] = (arrays["vertices"] + shift).astype(np.float32)
+    return Mesh(**arrays, attributes={})
 
 
 def methods(site: Site, other_python: Path | None) -> Iterator[tuple[str, Any]]:
     """Name every method, with what makes its mesh and counts its texels."""
-    known = {field.name for field in fields(choosing.Options)}
+    option_names = {field.name for field in fields(choosing.Options)}
 
     def ours(gains: bool = True, **switches: Any) -> Any:
-        missing = sorted(set(switches) - known)
+        missing = sorted(set(switches) - option_names)
         if missing:
             return None, f"choose_views has no option {', '.join(missing)}"
         return textured(site, gains=gains, switches=switches)
@@ -256,24 +258,24 @@ def textured(
     mesh, views, photos = site.mesh, site.views, site.opened.photos
     choice = None
     if source == "photos":
-        found = neutral_gains(len(views))
+        photo_gains = neutral_gains(len(views))
         if gains:
             base_rays = RayScene(site.base.vertices, site.base.faces, threads=THREADS)
-            found = view_gains(site.base, views, photos, base_rays, threads=THREADS)
+            photo_gains = view_gains(site.base, views, photos, base_rays, threads=THREADS)
         rays = RayScene(mesh.vertices, mesh.faces, threads=THREADS)
         choice = choosing.choose_views(
-            mesh.vertices, mesh.faces, mesh.normals, mesh.colours, views, photos, rays, found,
+            mesh.vertices, mesh.faces, mesh.normals, mesh.colours, views, photos, rays, photo_gains,
             choosing.Options(**(switches or {})), THREADS,
         )  # fmt: skip
         seams = {k: v for k, v in choice.facts.items() if "seam" in k or "outlier" in k}
         print(f"<!-- {seams} -->")
-    made = texture_mesh(
+    textured_mesh = texture_mesh(
         mesh, site.segments, views, photos if choice is not None else None, choice,
         Options(source=source), max_side=2048, path=site.folder / "images", threads=THREADS,
         progress=NullProgress(), label="",
     )  # fmt: skip
-    return from_textures(mesh, site.segments, made.textures), int(
-        np.prod(made.textures.sides.astype(np.int64), axis=1).sum()
+    return from_textures(mesh, site.segments, textured_mesh.textures), int(
+        np.prod(textured_mesh.textures.sides.astype(np.int64), axis=1).sum()
     )
 
 
@@ -298,6 +300,7 @@ def from_textures(mesh: Mesh, segments: np.ndarray, textures: TextureSet) -> Col
 
 def other(site: Site, name: str, python: Path | None) -> tuple[ColouredMesh | None, Any]:
     """Run another library in its own Python; None and the reason where there is none."""
+    # Whether it can run at all.
     if python is None:
         return None, "skipped: no --other-python given"
     if subprocess.run(
@@ -306,6 +309,7 @@ def other(site: Site, name: str, python: Path | None) -> tuple[ColouredMesh | No
         return None, f"skipped: {python} has no {name}"
     if name == "open3d" and len(site.mesh.faces) > MAX_OPEN3D_FACES:
         return None, f"skipped: more than {MAX_OPEN3D_FACES:,} faces take it many minutes"
+    # Its own process reads the handed-over site and writes one image with wedge coordinates.
     folder = site.folder / "others"
     if not (folder / "views.npz").is_file():
         hand_over(site, folder)
@@ -325,6 +329,7 @@ def other(site: Site, name: str, python: Path | None) -> tuple[ColouredMesh | No
     done = subprocess.run(command, check=False, env=environment, capture_output=True, text=True)
     if done.returncode:
         return None, f"failed: {' '.join(done.stderr.split())[-200:]}"
+    # Grey vertices: only the texture may score. Each face has corners of its own, as wedges need.
     with np.load(folder / f"result-{name}.npz") as result:
         vertices, faces, wedges = (result[key] for key in ("vertices", "faces", "wedges"))
     data = (folder / f"result-{name}.png").read_bytes()

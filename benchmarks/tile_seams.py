@@ -72,8 +72,8 @@ def main() -> int:
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     if arguments.smoke:
-        with tempfile.TemporaryDirectory() as place:
-            run(*small(Path(place)), None)
+        with tempfile.TemporaryDirectory() as scratch:
+            run(*small(Path(scratch)), None)
     elif arguments.whole is None:
         parser.error("two work directories are wanted, or --smoke")
     else:
@@ -81,28 +81,28 @@ def main() -> int:
     return 0
 
 
-def small(place: Path) -> tuple[Path, Path]:
+def small(folder: Path) -> tuple[Path, Path]:
     """Build a small quarry twice."""
-    survey = place / "quarry.las"
+    survey = folder / "quarry.las"
     write_quarry(QuarryOptions(points=20_000, seed=4, size_m=150.0), survey)
     for name, tiles in (("tiles", TileOptions(force=True, depth=8)), ("whole", TileOptions())):
-        build(BuildOptions(survey, place / name, work=place / f"{name}.work", tiles=tiles))
-    return place / "tiles.work", place / "whole.work"
+        build(BuildOptions(survey, folder / name, work=folder / f"{name}.work", tiles=tiles))
+    return folder / "tiles.work", folder / "whole.work"
 
 
 def run(tiled: Path, whole: Path, picture: Path | None) -> None:
     tiles = read_tiles(tiled)
-    told = json.loads((tiled / "join_tiles" / "stage.json").read_text())["facts"]["counts"]
+    counts = json.loads((tiled / "join_tiles" / "stage.json").read_text())["facts"]["counts"]
     cell_m = cell_of(tiled)
     print(
         f"{int(tiles.tile.max()) + 1} tiles with {len(tiles.faces):,} faces, cells of "
-        f"{cell_m:.3f} m; {told['shared_vertices']:,} shared vertices, {told['seam_edges']:,} "
-        f"edges along seams, {told['seam_fillers']} triangles filled in, {told['seam_cracks']} "
-        f"cracks, {told['seam_rims']} rims; counted again: {open_seam_edges(tiles)} open edges "
+        f"{cell_m:.3f} m; {counts['shared_vertices']:,} shared vertices, {counts['seam_edges']:,} "
+        f"edges along seams, {counts['seam_fillers']} triangles filled in, {counts['seam_cracks']} "
+        f"cracks, {counts['seam_rims']} rims; counted again: {open_seam_edges(tiles)} open edges "
         "between two shared vertices\n"
     )
     print("| cells | median | 95 % | 99 % | largest |\n|---|---:|---:|---:|---:|")
-    gaps = [told[f"seam_gap_p{p}_cells"] for p in (50, 95, 99, 100)]
+    gaps = [counts[f"seam_gap_p{p}_cells"] for p in (50, 95, 99, 100)]
     row("the two surfaces along the wall, before joining", np.array(gaps))
     mesh = [np.load(whole / "reconstruct" / f"detail-{name}.npy") for name in ("vertices", "faces")]
     at = np.flatnonzero(tiles.shared >= 0)
@@ -124,27 +124,27 @@ def row(name: str, values: AnyFloat) -> None:
 
 
 def read_tiles(work: Path) -> Tiles:
-    parts: dict[str, list[npt.NDArray[np.generic]]] = {}
+    columns: dict[str, list[npt.NDArray[np.generic]]] = {}
     first = number = 0
     for folder in sorted(work.glob("tile-*")):
-        one = {
+        tile = {
             name: np.load(folder / f"{name}.npy")
             for name in ("vertices", "faces", "normals", "border-rows", "border-ids")
         }
-        if not len(one["faces"]):
+        if not len(tile["faces"]):
             continue
-        shared = np.full(len(one["vertices"]), -1, np.int64)
-        shared[one["border-rows"]] = one["border-ids"]
+        shared = np.full(len(tile["vertices"]), -1, np.int64)
+        shared[tile["border-rows"]] = tile["border-ids"]
         for name, array in (
-            ("vertices", one["vertices"]),
-            ("faces", one["faces"].astype(np.int64) + first),
-            ("normals", one["normals"]),
-            ("tile", np.full(len(one["faces"]), number, np.int64)),
+            ("vertices", tile["vertices"]),
+            ("faces", tile["faces"].astype(np.int64) + first),
+            ("normals", tile["normals"]),
+            ("tile", np.full(len(tile["faces"]), number, np.int64)),
             ("shared", shared),
         ):
-            parts.setdefault(name, []).append(array)
-        first, number = first + len(one["vertices"]), number + 1
-    return Tiles(**{name: np.concatenate(arrays) for name, arrays in parts.items()})
+            columns.setdefault(name, []).append(array)
+        first, number = first + len(tile["vertices"]), number + 1
+    return Tiles(**{name: np.concatenate(arrays) for name, arrays in columns.items()})
 
 
 def cell_of(work: Path) -> float:

@@ -32,72 +32,73 @@ from terraport_pipeline.geometry.tiles.tile_seams import match_seams, open_edges
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 
-Part = tuple[Float32, Int32, UInt8]
+TileMesh = tuple[Float32, Int32, UInt8]
 
 
-def cut(mesh: Part, along: int) -> tuple[list[Part], Int64]:
+def cut(mesh: TileMesh, along: int) -> tuple[list[TileMesh], Int64]:
     """Cut a mesh into along x along tiles by the middles of its faces."""
     vertices, faces, colours = mesh
     middle = vertices[faces][:, :, [0, 2]].mean(axis=1)
     low, high = middle.min(axis=0), middle.max(axis=0)
     cell = np.minimum(((middle - low) / (high - low) * along).astype(np.int64), along - 1)
     _, tile = np.unique(cell[:, 0] * along + cell[:, 1], return_inverse=True)
-    parts = []
+    meshes = []
     for number in range(int(tile.max()) + 1):
         used, corner = np.unique(faces[tile == number], return_inverse=True)
-        parts.append((vertices[used], corner.reshape(-1, 3).astype(np.int32), colours[used]))
-    return parts, tile.astype(np.int64)
+        meshes.append((vertices[used], corner.reshape(-1, 3).astype(np.int32), colours[used]))
+    return meshes, tile.astype(np.int64)
 
 
-def regions_by_tiles(parts: list[Part], tile: Int64, ring: int) -> Int32:
+def regions_by_tiles(meshes: list[TileMesh], tile: Int64, ring: int) -> Int32:
     """Find regions tile by tile, as a tiled build does."""
-    pairs = [face_pairs(faces, len(vertices)) for vertices, faces, _ in parts]
-    seams = match_seams([open_edges(p[0], p[1], q) for p, q in zip(parts, pairs, strict=True)])
+    pairs = [face_pairs(faces, len(vertices)) for vertices, faces, _ in meshes]
+    seams = match_seams([open_edges(p[0], p[1], q) for p, q in zip(meshes, pairs, strict=True)])
     totals, longest = None, float(seams.length_m.max(initial=0.0))
-    for (vertices, faces, colours), (_, edges) in zip(parts, pairs, strict=True):
-        part = ColourTotals.of(tiled_means.colours_of_faces(colours, faces))
-        totals = part if totals is None else totals.plus(part)
+    for (vertices, faces, colours), (_, edges) in zip(meshes, pairs, strict=True):
+        tile_totals = ColourTotals.of(tiled_means.colours_of_faces(colours, faces))
+        totals = tile_totals if totals is None else totals.plus(tile_totals)
         longest = max(longest, longest_edge(vertices, edges))
     assert totals is not None
     scale = tiled_means.MeansScale(MeanColourSegmenter(), totals, longest, ring)
-    made = [
-        tiled_means.tile_units(*part, near, seams.of(number), scale)
-        for number, (part, near) in enumerate(zip(parts, pairs, strict=True))
+    units_of_tiles = [
+        tiled_means.tile_units(*mesh, near, seams.of(number), scale)
+        for number, (mesh, near) in enumerate(zip(meshes, pairs, strict=True))
     ]
     sides = np.zeros(seams.faces.shape, np.int32)
-    for number, units in enumerate(made):
+    for number, units in enumerate(units_of_tiles):
         for side in (0, 1):
             rows = seams.tiles[:, side] == number
             sides[rows, side] = units.labels[seams.faces[rows, side]]
-    joined = tiled_means.join_tiles(made, sides, seams, scale)
-    found = np.empty(len(tile), np.int32)
-    for number, (units, region) in enumerate(zip(made, joined.region, strict=True)):
-        found[tile == number] = region[units.labels]
-    return found
+    joined = tiled_means.join_tiles(units_of_tiles, sides, seams, scale)
+    regions = np.empty(len(tile), np.int32)
+    for number, (units, region) in enumerate(zip(units_of_tiles, joined.region, strict=True)):
+        regions[tile == number] = region[units.labels]
+    return regions
 
 
-def rand_distance(one: Int32, other: Int32) -> float:
+def rand_distance(first: Int32, second: Int32) -> float:
     """1 - RI, each face counting once."""
 
     def pairs(labels: AnyArray) -> float:
         count = np.unique(labels, return_counts=True)[1].astype(float)
         return float((count * (count - 1) / 2).sum())
 
-    both = pairs(one.astype(np.int64) * (int(other.max()) + 1) + other)
-    return (pairs(one) + pairs(other) - 2 * both) / (len(one) * (len(one) - 1) / 2)
+    both = pairs(first.astype(np.int64) * (int(second.max()) + 1) + second)
+    return (pairs(first) + pairs(second) - 2 * both) / (len(first) * (len(first) - 1) / 2)
 
 
 def main(arguments: list[str]) -> None:
-    """Measure and print."""
+    """Segment the whole and its tiles, and print how far the two differ as JSON."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("work", type=Path, nargs="?", help="work directory of a finished build")
     parser.add_argument("--smoke", action="store_true", help="a small quarry: does it run?")
     parser.add_argument("--tiles", type=int, default=4, help="tiles along each side")
     parser.add_argument("--rings", type=int, nargs="*", default=[tiled_means.RING])
     options = parser.parse_args(arguments)
+    # The surface: a small quarry, or the detail of a finished build.
     if options.smoke:
-        made = truth_mesh(QuarryOptions(seed=1, size_m=60.0), 1.0)
-        vertices, faces, colours = made.vertices, made.faces, made.colours
+        surface = truth_mesh(QuarryOptions(seed=1, size_m=60.0), 1.0)
+        vertices, faces, colours = surface.vertices, surface.faces, surface.colours
     elif options.work is None:
         parser.error("expected a work directory, or --smoke")
     else:
@@ -105,32 +106,34 @@ def main(arguments: list[str]) -> None:
         vertices, faces, colours = (
             np.load(folder / f"detail-{name}.npy") for name in ("vertices", "faces", "colours")
         )
+    # Regions of the whole, as what those of the tiles are compared with.
     pairs = face_pairs(faces, len(vertices))
     whole = MeanColourSegmenter().segment(SegmenterMesh(vertices, faces, colours, pairs=pairs))
-    parts, tile = cut((vertices, faces, colours), options.tiles)
+    meshes, tile = cut((vertices, faces, colours), options.tiles)
     at_border = tile[pairs[0][:, 0]] != tile[pairs[0][:, 1]]
 
     def rates(labels: Int32) -> tuple[float, float]:
         parted = labels[pairs[0][:, 0]] != labels[pairs[0][:, 1]]
         return float(parted[at_border].mean()), float(parted[~at_border].mean())
 
+    # With each width of ring around a tile.
     rows = []
     for ring in options.rings:
         begin = time.process_time()
-        found = regions_by_tiles(parts, tile, ring)
+        regions = regions_by_tiles(meshes, tile, ring)
         rows.append(
             {
                 "ring": ring,
                 "cpu_s": round(time.process_time() - begin, 2),
-                "regions": int(found.max()) + 1,
-                "parted_at_borders": rates(found)[0],
-                "parted_elsewhere": rates(found)[1],
-                "one_minus_rand_index": rand_distance(whole.regions, found),
+                "regions": int(regions.max()) + 1,
+                "parted_at_borders": rates(regions)[0],
+                "parted_elsewhere": rates(regions)[1],
+                "one_minus_rand_index": rand_distance(whole.regions, regions),
             }
         )
-    told = {
+    result = {
         "faces": len(faces),
-        "tiles": len(parts),
+        "tiles": len(meshes),
         "border_edges": int(at_border.sum()),
         "whole": {
             "regions": whole.region_count,
@@ -139,7 +142,7 @@ def main(arguments: list[str]) -> None:
         },
         "tiled": rows,
     }
-    print(json.dumps(told, indent=1))
+    print(json.dumps(result, indent=1))
 
 
 if __name__ == "__main__":

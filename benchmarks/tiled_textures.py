@@ -102,6 +102,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
     )
     print("|---|" + "---:|" * (7 + len(KINDS)))
     for name, tiles in (("whole", None), ("tiles", arguments.tile_depth)):
+        # A scene of an earlier run is taken as it is (--keep).
         scene = folder / name
         if not (scene / "scene.json").is_file():
             build(build_options(site, scene, tiles))
@@ -110,9 +111,10 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
             origin = np.array(opened.manifest.origin)
         tile_of = segment_tiles(folder / f"{name}.work", tiles is not None, model)
         mesh = coloured(model, shift_of(site.quarry, origin))
+        # Against photos nobody saw, against the surface's true colours, and along seams.
         far, pictures = score_views(mesh, site.held_out, site.truths)
         near = score_surface(mesh, site.eye, count=PLACES, texel_m=site.gsd_m)
-        told = [
+        seam_columns = [
             f"{np.median(steps):.2f}, {np.percentile(steps, 95):.1f}, {len(steps):,}"
             if len(steps)
             else ""
@@ -121,7 +123,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         print(
             f"| {name} | {len(model.detail.faces):,} | {int(tile_of.max()) + 1} | "
             f"{far.psnr_db:.2f} | {far.matched_db:.2f} | {far.median_db:.2f} | "
-            f"{near.matched_db:.2f} | {near.median_db:.2f} | " + " | ".join(told) + " |",
+            f"{near.matched_db:.2f} | {near.median_db:.2f} | " + " | ".join(seam_columns) + " |",
             flush=True,
         )
         texture = next(
@@ -169,8 +171,12 @@ def prepare(folder: Path, arguments: argparse.Namespace) -> Site:
     eye = CameraEye(quarry, photo_edge_m(plan, quarry), threads=THREADS)
     path = folder / "truths.npz"
     if not path.is_file():
-        made = truth_of(eye, held_out)
-        np.savez(path, colours=[one[0] for one in made], what=[one[1] for one in made])
+        pictures = truth_of(eye, held_out)
+        np.savez(
+            path,
+            colours=[picture[0] for picture in pictures],
+            what=[picture[1] for picture in pictures],
+        )
     with np.load(path) as kept:
         truths = list(zip(kept["colours"], kept["what"], strict=True))
     return Site(folder, quarry, eye, held_out, truths, plan.gsd_m)
@@ -202,10 +208,12 @@ def seam_steps(model: SceneModel, tile_of: np.ndarray) -> Iterator[np.ndarray]:
     """Step of the colour across the edges of every kind; see KINDS."""
     assert model.textures is not None
     detail, texturing = model.detail, model.textures.detail
-    place = places(detail.vertices)
-    pairs, edges = face_pairs(place[detail.faces].astype(np.int32), int(place.max()) + 1)
+    position_ids = places(detail.vertices)
+    pairs, edges = face_pairs(
+        position_ids[detail.faces].astype(np.int32), int(position_ids.max()) + 1
+    )
     segment = model.segment_of_face[pairs]
-    corner_places = place[detail.faces]
+    corner_places = position_ids[detail.faces]
     uvs, own = [], []
     for side in (0, 1):
         face = pairs[:, side]
@@ -231,12 +239,12 @@ def places(vertices: np.ndarray) -> np.ndarray:
 
 
 def sampled(texturing: Any, image: np.ndarray, uvs: np.ndarray) -> np.ndarray:
-    found = np.zeros((len(image), 3), np.float32)
+    colours = np.zeros((len(image), 3), np.float32)
     order = np.argsort(image, kind="stable")
     for rows in np.split(order, np.flatnonzero(np.diff(image[order])) + 1):
         if len(rows):
-            found[rows] = bilinear(texturing.images.get(int(image[rows[0]]), 0), uvs[rows])
-    return found
+            colours[rows] = bilinear(texturing.images.get(int(image[rows[0]]), 0), uvs[rows])
+    return colours
 
 
 if __name__ == "__main__":

@@ -129,9 +129,9 @@ class Bench:
         finally:
             context.close()
 
-    def bar(self, held: bool, what: str) -> None:
-        """Remember what was missed."""
-        if not held:
+    def bar(self, is_met: bool, what: str) -> None:
+        """Hold a result against its bar; what misses it is reported in the end."""
+        if not is_met:
             self.missed.append(what)
 
     # --- size -----------------------------------------------------------------------------------
@@ -147,8 +147,8 @@ class Bench:
             # Too small to gain by it: served as it is.
             sizes = [(twin if twin.is_file() else file).stat().st_size for twin in twins]
             totals = [a + b for a, b in zip(totals, sizes, strict=True)]
-            print(f"{file.name:34} " + " ".join(f"{one:8,}" for one in sizes))
-        print(f"{'all':34} " + " ".join(f"{one:8,}" for one in totals))
+            print(f"{file.name:34} " + " ".join(f"{size:8,}" for size in sizes))
+        print(f"{'all':34} " + " ".join(f"{total:8,}" for total in totals))
         context = self.browser.new_context(viewport={"width": 640, "height": 360})
         page = context.new_page()
         loaded: list[tuple[str, int]] = []
@@ -187,19 +187,19 @@ class Bench:
             chance = random.Random(SEED)
             changes = stray = drawn = 0
             for _ in range(landings):
-                place = random_place(viewer, chance)
-                shown = viewer.land(place, self.radius_m)
+                position = random_place(viewer, chance)
+                shown = viewer.land(position, self.radius_m)
                 low, high = corners(viewer)
                 for at in range(0, count // landings, BATCH):
                     some = min(BATCH, count // landings - at)
-                    poses = [self._head(chance, low, high, place[1]) for _ in range(some)]
-                    found = viewer.run(
+                    poses = [self._head(chance, low, high, position[1]) for _ in range(some)]
+                    result = viewer.run(
                         "([poses, every]) => viewerPoses.changes(poses, every)",
                         [poses, DRAWN_EVERY],
                     )
-                    changes += found["changes"]
-                    stray = found["stray"]
-                    drawn += found["drawn"]
+                    changes += result["changes"]
+                    stray = result["stray"]
+                    drawn += result["drawn"]
                     assert viewer.digest == shown["digest"]
             print(f"{count} poses, {drawn} of them drawn, at {landings} landings:")
             print(f"{changes} changes of the visible set; counted by the page itself: {stray}")
@@ -232,12 +232,12 @@ class Bench:
                 medians: list[float] = []
                 moved = 0
                 for _ in range(rounds):
-                    place = random_place(viewer, chance)
+                    position = random_place(viewer, chance)
                     viewer.run(
                         "() => { glWatch.frameMs.length = glWatch.gapMs.length = 0;"
                         " glWatch.longTasks.length = 0; }"
                     )
-                    moved += viewer.land(place, self.radius_m)["payloadBytes"]
+                    moved += viewer.land(position, self.radius_m)["payloadBytes"]
                     frame_ms += viewer.run("glWatch.frameMs")
                     gap_ms += viewer.run("glWatch.gapMs")
                     tasks += viewer.run("glWatch.longTasks")
@@ -249,7 +249,7 @@ class Bench:
                 print(
                     f"  Stage.update: longest {max(updates):.1f} ms, median {max(medians):.2f} ms"
                 )
-                print(f"  tasks over 50 ms: {len(tasks)} {[round(one[1]) for one in tasks]}")
+                print(f"  tasks over 50 ms: {len(tasks)} {[round(task[1]) for task in tasks]}")
 
     # --- memory ---------------------------------------------------------------------------------
 
@@ -263,8 +263,8 @@ class Bench:
             places = [random_place(viewer, chance) for _ in range(20)]
             home = places[0]
             # Twice all places: what is kept in the cache is in both figures.
-            for place in (*places[1:] * (0 if self.smoke else 1), home):
-                viewer.land(place, self.radius_m)
+            for position in (*places[1:] * (0 if self.smoke else 1), home):
+                viewer.land(position, self.radius_m)
             start = self._memory(viewer, cdp)
             for number in range(count - 1):
                 viewer.land(places[1 + number % (len(places) - 1)], self.radius_m)
@@ -310,11 +310,11 @@ class Bench:
         """Land to ready and to shown, page and SDK in turn."""
         rounds = 1 if self.smoke else 3
         count = 3 if self.smoke else 12
-        found: dict[tuple[str, str], list[float]] = {}
+        samples: dict[tuple[str, str], list[float]] = {}
         moved: list[tuple[int, int]] = []
 
         def note(cache: str, what: str, value: float) -> None:
-            found.setdefault((cache, what), []).append(value)
+            samples.setdefault((cache, what), []).append(value)
 
         for number in range(rounds):
             chance = random.Random(SEED + number)
@@ -322,38 +322,38 @@ class Bench:
             with self.viewer(64, 36) as viewer, terraport.sync.connect(url) as session:
                 places = [random_place(viewer, chance) for _ in range(count)]
                 for cache in ("cold", "warm"):
-                    for at, place in enumerate(places):
+                    for at, position in enumerate(places):
                         order = ("page", "sdk") if (at + number) % 2 else ("sdk", "page")
                         loaded = {}
                         for who in order:
                             if who == "page":
-                                status = viewer.land(place, self.radius_m)
+                                status = viewer.land(position, self.radius_m)
                                 note(cache, "page ready", status["readyMs"])
                                 note(cache, "page on the GPU", status["presentableMs"])
                                 loaded[who] = status["payloadBytes"]
                             else:
                                 before = session.stats.payload_bytes
                                 began_s = time.perf_counter()
-                                session.land(place, radius_m=self.radius_m).ready(60)
+                                session.land(position, radius_m=self.radius_m).ready(60)
                                 note(cache, "SDK ready", 1e3 * (time.perf_counter() - began_s))
                                 loaded[who] = session.stats.payload_bytes - before
                         moved.append((loaded["page"], loaded["sdk"]))
         print(f"{rounds} x {count} places, radius {self.radius_m:g} m; both loaded the same bytes:")
         print(f"  {all(page == sdk for page, sdk in moved)}, {sum(page for page, _ in moved):,}")
         print(f"{'':24} {'median':>9} {'p95':>9} ms")
-        for (cache, what), values in found.items():
+        for (cache, what), values in samples.items():
             print(
                 f"{cache + ', ' + what:24} {statistics.median(values):9.1f} {p(values, 0.95):9.1f}"
             )
         for cache in ("cold", "warm"):
-            pairs = zip(found[cache, "page ready"], found[cache, "SDK ready"], strict=True)
+            pairs = zip(samples[cache, "page ready"], samples[cache, "SDK ready"], strict=True)
             ratio = statistics.median(page / sdk for page, sdk in pairs)
             print(f"{cache}: page over SDK, median of the ratios {ratio:.2f}")
 
 
-def p(values: list[float], part: float) -> float:
+def p(values: list[float], quantile: float) -> float:
     """Return a percentile: the value at that part of them, sorted."""
-    return sorted(values)[min(len(values) - 1, int(part * len(values)))]
+    return sorted(values)[min(len(values) - 1, int(quantile * len(values)))]
 
 
 def histogram(values: list[float]) -> str:
@@ -363,9 +363,9 @@ def histogram(values: list[float]) -> str:
     for value in values:
         counts[sum(value > band for band in bands)] += 1
     names = [f"<= {band:g}" for band in bands] + [f"> {bands[-1]:g}"]
-    told = ", ".join(f"{name}: {count}" for name, count in zip(names, counts, strict=True) if count)
+    bins = ", ".join(f"{name}: {count}" for name, count in zip(names, counts, strict=True) if count)
     middle, far = statistics.median(values), p(values, 0.99)
-    return f"{told}; median {middle:.1f}, p99 {far:.1f}, max {max(values):.1f}"
+    return f"{bins}; median {middle:.1f}, p99 {far:.1f}, max {max(values):.1f}"
 
 
 if __name__ == "__main__":

@@ -68,13 +68,25 @@ class Network:
         """Give a container a network namespace and an address; return both."""
         self._count += 1
         space, address = f"{self._bridge}n{self._count}", str(next(self._addresses))
-        here, there = f"{self._bridge}h{self._count}", "eth0"
+        host_end, container_end = f"{self._bridge}h{self._count}", "eth0"
         _run("ip", "netns", "add", space)
         inside = ("ip", "netns", "exec", space)
-        _run("ip", "link", "add", here, "type", "veth", "peer", "name", there, "netns", space)
-        _run("ip", "link", "set", here, "master", self._bridge, "up")
-        _run(*inside, "ip", "addr", "add", f"{address}/{self.prefix}", "dev", there)
-        for device in (there, "lo"):
+        _run(
+            "ip",
+            "link",
+            "add",
+            host_end,
+            "type",
+            "veth",
+            "peer",
+            "name",
+            container_end,
+            "netns",
+            space,
+        )
+        _run("ip", "link", "set", host_end, "master", self._bridge, "up")
+        _run(*inside, "ip", "addr", "add", f"{address}/{self.prefix}", "dev", container_end)
+        for device in (container_end, "lo"):
             _run(*inside, "ip", "link", "set", device, "up")
         _run(*inside, "ip", "route", "add", "default", "via", self.gateway)
         # As a container engine sets it: ports below 1024 are free for all inside.
@@ -90,16 +102,16 @@ class Network:
             except OSError:
                 return
             with contextlib.suppress(IndexError, UnicodeDecodeError):
-                labels, place = [], 12
-                while query[place]:
-                    labels.append(query[place + 1 : place + 1 + query[place]].decode())
-                    place += 1 + query[place]
-                kind = int.from_bytes(query[place + 1 : place + 3], "big")
-                found = self.names.get(".".join(labels).lower().rstrip("."))
-                addresses = found or [] if kind == 1 else []
-                flags = 0x8180 if found is not None else 0x8183
+                labels, offset = [], 12
+                while query[offset]:
+                    labels.append(query[offset + 1 : offset + 1 + query[offset]].decode())
+                    offset += 1 + query[offset]
+                kind = int.from_bytes(query[offset + 1 : offset + 3], "big")
+                resolved = self.names.get(".".join(labels).lower().rstrip("."))
+                addresses = resolved or [] if kind == 1 else []
+                flags = 0x8180 if resolved is not None else 0x8183
                 answer = query[:2] + struct.pack(">HHHHH", flags, 1, len(addresses), 0, 0)
-                answer += query[12 : place + 5]
+                answer += query[12 : offset + 5]
                 for address in addresses:
                     answer += b"\xc0\x0c" + struct.pack(">HHIH", 1, 1, 1, 4)
                     answer += socket.inet_aton(address)
@@ -187,8 +199,8 @@ class Container:
         # Before what is mounted: a checkout may itself lie in /tmp.
         for entry in self.tmpfs:
             path, _, options = entry.partition(":")
-            wanted = f"mode=1777,{options}" if options else "mode=1777"
-            lines.append(f"mkdir -p .{path}; mount -t tmpfs -o {wanted} tmpfs .{path}")
+            mount_options = f"mode=1777,{options}" if options else "mode=1777"
+            lines.append(f"mkdir -p .{path}; mount -t tmpfs -o {mount_options} tmpfs .{path}")
         # The interpreter of this very run, and what it imports, where they lie on the host.
         programs = {Path(sys.base_prefix), Path(sys.prefix), Path(__file__).resolve().parents[1]}
         mounts = [(path, str(path), True) for path in sorted(programs)] + self.mounts

@@ -20,8 +20,8 @@ class Stage:
 
     def last(self, keyword: str) -> str | None:
         """Return the last instruction of a kind; that one holds."""
-        found = [text for word, text in self.instructions if word == keyword]
-        return found[-1] if found else None
+        texts = [text for word, text in self.instructions if word == keyword]
+        return texts[-1] if texts else None
 
     def words(self, keyword: str) -> list[str]:
         """Return the words of CMD or ENTRYPOINT, which this project writes as JSON."""
@@ -38,14 +38,14 @@ class Stage:
 
     def environment(self, before: dict[str, str]) -> dict[str, str]:
         """Return what ENV sets, with $NAME filled in from before."""
-        found: dict[str, str] = {}
+        variables: dict[str, str] = {}
         for word, text in self.instructions:
             if word == "ENV":
                 for name, value in re.findall(r"(\w+)=(\S+)", text):
-                    found[name] = re.sub(
-                        r"\$(\w+)", lambda m: {**before, **found}.get(m.group(1), ""), value
+                    variables[name] = re.sub(
+                        r"\$(\w+)", lambda m: {**before, **variables}.get(m.group(1), ""), value
                     )
-        return found
+        return variables
 
 
 def read_stages(path: Path) -> tuple[dict[str, Stage], dict[str, str]]:

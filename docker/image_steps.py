@@ -48,7 +48,7 @@ def run(*command: str) -> str:
 
 
 class Images:
-    """Stages, built as folders."""
+    """Stages of the Dockerfile, each built as a root folder: an overlay on the stage below."""
 
     def __init__(self, work: Path) -> None:
         self._work = work
@@ -100,8 +100,8 @@ class Images:
                 folder = text
                 (root / folder.strip("/")).mkdir(parents=True, exist_ok=True)
             elif word == "ENV":
-                one = Stage("", "", [(word, text)])
-                environment |= one.environment(environment)
+                instruction = Stage("", "", [(word, text)])
+                environment |= instruction.environment(environment)
             elif word == "COPY":
                 self._copy(root, folder, text)
             elif word == "RUN":
@@ -110,14 +110,14 @@ class Images:
         return root
 
     def close(self) -> None:
-        """Unmount."""
+        """Unmount the overlays, the last one first."""
         for path in reversed(self._mounted):
             subprocess.run(["umount", "--lazy", str(path)], check=False)
 
     def _overlay(self, name: str) -> Path:
         folder = self._work / name
-        for part in ("upper", "work", "root"):
-            (folder / part).mkdir(parents=True)
+        for layer in ("upper", "work", "root"):
+            (folder / layer).mkdir(parents=True)
         layers = f"lowerdir={self._roots['base']},upperdir={folder}/upper,workdir={folder}/work"
         run("mount", "-t", "overlay", "overlay", "-o", layers, str(folder / "root"))
         self._mounted.append(folder / "root")
@@ -132,22 +132,24 @@ class Images:
         *sources, target = words
         into = Path(folder) / target
         for source in sources:
-            found = source_root / source.strip("/")
-            place = root / str(into).strip("/")
-            if found.is_dir():
-                shutil.copytree(found, place, dirs_exist_ok=True, symlinks=True, ignore=_ignored)
+            source_path = source_root / source.strip("/")
+            destination = root / str(into).strip("/")
+            if source_path.is_dir():
+                shutil.copytree(
+                    source_path, destination, dirs_exist_ok=True, symlinks=True, ignore=_ignored
+                )
                 continue
             if target.endswith("/") or target == ".":
-                place = place / found.name
-            place.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(found, place)
+                destination = destination / source_path.name
+            destination.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(source_path, destination)
 
     def _chroot(
         self, root: Path, folder: str, environment: dict[str, str], command: list[str]
     ) -> None:
         prefixes = ("PIP_", "npm_config_", "NODE_EXTRA_CA_CERTS")
-        given = {name: os.environ[name] for name in os.environ if name.startswith(prefixes)}
-        variables = [f"{name}={value}" for name, value in (environment | given).items()]
+        inherited = {name: os.environ[name] for name in os.environ if name.startswith(prefixes)}
+        variables = [f"{name}={value}" for name, value in (environment | inherited).items()]
         words = ["env", "-i", *variables, "sh", "-c", f'cd {folder} && exec "$@"', "_", *command]
         mounts = f"mount -t proc proc {root}/proc; mount --bind /dev {root}/dev"
         for path in os.environ.get("PIP_FIND_LINKS", "").split():
@@ -204,8 +206,8 @@ kill $!; wait $! || true
 if python /health.py 2>/dev/null; then exit 7; fi
 test -z "$(find /opt/terraport -name "pip*" -maxdepth 5)" || exit 6
 """
-    said = inside(root, stage, script, [(scenes, "/scenes")])
-    assert "36" in said, said
+    output = inside(root, stage, script, [(scenes, "/scenes")])
+    assert "36" in output, output
     say(
         "ok: server: its user, a read-only root: healthy, shows the viewer, lands 36 segments, ends"
     )
@@ -231,7 +233,7 @@ def _megabytes(folder: Path) -> float:
 
 
 def main() -> int:
-    """Run the steps."""
+    """Build and try the images that are asked for; skipped where that cannot be done."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("images", nargs="*", default=["server"], help="server, pipeline")
     parser.add_argument("--base", type=Path, help="keep the clean root there, and use it again")

@@ -52,7 +52,9 @@ async def check_landings(url: str, token: str, servers: list[Container], say: Sa
         async with terraport.connect(f"{url}/scenes/big", token) as session:
             landing = await session.land(CENTRE, radius_m=100.0)
             segments = await landing.ready(30)
-            assert {part.id: part.payload for part in segments} == dict(enumerate(payloads))
+            assert {segment.id: segment.payload for segment in segments} == dict(
+                enumerate(payloads)
+            )
             assert await session.base() is not None
 
     await asyncio.gather(*(client() for _ in range(8)))
@@ -99,10 +101,10 @@ async def _land_until(url: str, token: str, number: int, over: asyncio.Event) ->
     landings = 0
     async with terraport.connect(f"{url}/scenes/big", token, credit_bytes=1_000_000) as session:
         while not over.is_set():
-            place = (chance.uniform(0, 60), 1.0, chance.uniform(0, 60))
-            landing = await session.land(place, radius_m=chance.uniform(5, 25))
+            position = (chance.uniform(0, 60), 1.0, chance.uniform(0, 60))
+            landing = await session.land(position, radius_m=chance.uniform(5, 25))
             segments = await landing.ready(40)
-            assert all(part.payload == payloads[part.id] for part in segments)
+            assert all(segment.payload == payloads[segment.id] for segment in segments)
             landings += 1
             await asyncio.sleep(0.1)
         assert session.stats.repeated_bytes == 0
@@ -154,9 +156,9 @@ async def check_survivor(
                 ]
                 victim = servers[grown.index(1)]
                 await asyncio.to_thread(victim.end, signal.SIGKILL)
-        found = {part.id: part.payload for part in landing.segments}
+        received = {segment.id: segment.payload for segment in landing.segments}
         assert seen == SEGMENTS
-        assert found == dict(enumerate(payloads))
+        assert received == dict(enumerate(payloads))
         assert session.stats.connections == 2, session.stats
         assert session.stats.repeated_bytes == 0
     say("ok: a replica killed in mid-landing; the SDK resumed on another, nothing sent twice")

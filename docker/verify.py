@@ -55,10 +55,10 @@ def tool(*names: str) -> list[str] | None:
     """Return the first command of these that is here, beside this interpreter or on PATH."""
     for name in names:
         words = name.split()
-        found = shutil.which(words[0], path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
-        if found is None:
+        program = shutil.which(words[0], path=f"{Path(sys.executable).parent}:{os.environ['PATH']}")
+        if program is None:
             continue
-        command = [found, *words[1:]]
+        command = [program, *words[1:]]
         if subprocess.run([*command, "--version"], capture_output=True, check=False).returncode:
             continue  # a docker without its compose plugin
         return command
@@ -140,7 +140,7 @@ def services(config: dict[str, Any], stages: dict[str, Stage], work: Path) -> It
 
 
 class Services:
-    """Containers by compose service."""
+    """The containers of compose.yaml: makes each service's, and starts and ends all of them."""
 
     def __init__(
         self, network: Network, config: dict[str, Any], stages: dict[str, Stage], work: Path
@@ -158,12 +158,13 @@ class Services:
 
     def make(self, service: str, number: int = 1) -> Container:
         """Make what compose.yaml says of a service."""
-        said = self._config[service]
+        spec = self._config[service]
         # HOME as an engine sets it for a user without one.
         path = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
         environment = {"PATH": path, "HOME": "/"}
         mounts: list[tuple[Path, str, bool]] = []
-        command, words = said.get("entrypoint"), said.get("command")
+        command, words = spec.get("entrypoint"), spec.get("command")
+        # Images of others run as programs of this machine; ours as their stage says.
         if service in OTHERS:
             program, user = OTHERS[service]
             command = command or [program]
@@ -177,12 +178,13 @@ class Services:
                 if word == "COPY" and text.startswith("docker/caddy"):
                     source, target = text.split()
                     mounts.append((ROOT / source, target, True))
+        # Files and volumes of the service's section.
         command = [*command, *(words or [])]
-        for given in said.get("configs", []):
-            file = self._work / given["source"]
-            file.write_text(self._files[given["source"]]["content"])
-            mounts.append((file, given["target"], True))
-        for volume in said.get("volumes", []):
+        for config in spec.get("configs", []):
+            file = self._work / config["source"]
+            file.write_text(self._files[config["source"]]["content"])
+            mounts.append((file, config["target"], True))
+        for volume in spec.get("volumes", []):
             source = Path(volume["source"])
             if volume["type"] == "volume":
                 source = self._work / volume["source"]
@@ -193,12 +195,12 @@ class Services:
             self._network,
             f"terraport-{service}-{number}",
             command,
-            environment | {key: str(value) for key, value in said.get("environment", {}).items()},
+            environment | {key: str(value) for key, value in spec.get("environment", {}).items()},
             user,
             mounts,
-            tmpfs=said.get("tmpfs") or ["/tmp"],
+            tmpfs=spec.get("tmpfs") or ["/tmp"],
             aliases=[service],
-            read_only=said.get("read_only", False),
+            read_only=spec.get("read_only", False),
         )
 
 
@@ -286,8 +288,8 @@ async def _check_store(running: Services) -> None:
 
 async def _status(url: str, path: str, **headers: str) -> int:
     async with httpx.AsyncClient() as http:
-        given = {"Authorization": f"Bearer {TOKEN}"} | headers
-        return (await http.get(f"{url}{path}", headers=given)).status_code
+        sent_headers = {"Authorization": f"Bearer {TOKEN}"} | headers
+        return (await http.get(f"{url}{path}", headers=sent_headers)).status_code
 
 
 async def _check_proxy(running: Services, url: str) -> None:
@@ -338,7 +340,7 @@ async def _check_prometheus(running: Services) -> None:
     assert len(loaded) == len(_lines(HERE / "prometheus/alerts.yml", "- alert:"))
     assert not [rule["name"] for rule in loaded if rule.get("lastError")]
     dashboard = json.loads((HERE / "grafana/dashboards/terraport.json").read_text())
-    asked = 0
+    queries = 0
     for panel in dashboard["panels"]:
         for target in panel.get("targets", []):
             expression = target["expr"].replace("$__rate_interval", "1m")
@@ -347,10 +349,10 @@ async def _check_prometheus(running: Services) -> None:
                 15,
                 f"no data: {panel['title']}: {expression}",
             )
-            asked += 1
+            queries += 1
     for annotation in dashboard["annotations"]["list"]:
         _query(running, annotation["expr"])
-    say(f"ok: Prometheus scrapes all; {len(loaded)} rules; {asked} dashboard queries with data")
+    say(f"ok: Prometheus scrapes all; {len(loaded)} rules; {queries} dashboard queries with data")
 
 
 def why_no_services() -> str | None:

@@ -71,7 +71,7 @@ class Budget:
         self.done = 0
 
     def more(self) -> bool:
-        """Whether to go on."""
+        """Whether time and number allow another case."""
         in_time = self._until_s is None or time.monotonic() < self._until_s
         return in_time and (self._count is None or self.done < self._count)
 
@@ -177,11 +177,11 @@ def run_cases(cases: Iterator[Case], budget: Budget, wrong: list[str]) -> dict[s
             batch = list(islice(cases, 8 * THREADS))
             if not batch:
                 break
-            for count, found, name in pool.map(_safely, batch):
+            for count, problems, name in pool.map(_safely, batch):
                 budget.done += count
                 connections += 1
                 outcomes[name] += 1
-                wrong += found
+                wrong += problems
     return {
         "messages": budget.done,
         "connections": connections,
@@ -199,9 +199,9 @@ def _safely(case: Case) -> tuple[int, list[str], str]:
 
 def _truncations(corpus: Corpus, seed: int) -> list[bytes]:
     """All of them, in an order that shows a bit of everything first."""
-    found = list(corpus.truncations())
-    random.Random(seed).shuffle(found)
-    return found
+    truncations = list(corpus.truncations())
+    random.Random(seed).shuffle(truncations)
+    return truncations
 
 
 def _name(answers: Answers) -> str:
@@ -229,7 +229,7 @@ def attack_service(
     seed: int,
     budgets: dict[str, Callable[[], Budget]],
     wrong: list[str],
-    part: tuple[int, int],
+    share: tuple[int, int],
 ) -> dict[str, Any]:
     """All attacks over sockets; of the truncations only every n-th, from the k-th on."""
 
@@ -240,7 +240,7 @@ def attack_service(
             number += 1
 
     def truncated() -> Iterator[Case]:
-        every = _truncations(corpus, seed)[part[0] :: part[1]]
+        every = _truncations(corpus, seed)[share[0] :: share[1]]
         pairs = zip(every, draws("truncated"), strict=False)
         for data, draw in pairs:
             yield lambda d=data, r=draw: socket_truncated(port, d, r)
@@ -299,16 +299,19 @@ def main() -> int:
     parser.add_argument("--growth-mb", type=float, default=64.0)
     parser.add_argument("--log", type=Path, help="where the service's log goes")
     arguments = parser.parse_args()
+    # What is not asked for gets a budget of nothing, so that every run reports all attacks.
     first, step = (int(number) for number in arguments.part.split("/"))
     corpus, budgets, wrong = Corpus(), make_budgets(arguments), []
     for name in ATTACKS:
         if arguments.only and name not in arguments.only:
             budgets[name] = lambda: Budget(None, 0)
     result: dict[str, Any] = {"seed": arguments.seed}
+    # The session alone, in this process.
     for name, attack in (("core", attack_core), ("core_truncated", attack_core_truncated)):
         began_s = time.monotonic()
         run = asdict(attack(corpus, budgets[name](), arguments.seed))
         result[name] = run | {"seconds": round(time.monotonic() - began_s, 1)}
+    # A service in a process of its own; the canary lies where no request may reach.
     with tempfile.TemporaryDirectory(prefix="fuzz-") as name:
         folder = Path(name)
         (folder / "canary").write_text(CANARY, encoding="ascii")
@@ -321,6 +324,7 @@ def main() -> int:
             Scene.open(folder / "scenes" / SCENE) as scene,
         ):
             url = f"{service.url}/scenes/{SCENE}"
+            # A landing works before; after all attacks the same must hold, without growth.
             wrong += asyncio.run(land_once(url, scene))
             before = service.memory()
             result |= attack_service(
@@ -332,10 +336,11 @@ def main() -> int:
                 wrong += asyncio.run(land_once(url, scene))
                 time.sleep(0.5)
                 after = service.memory()
-                result["rss_mb"] = [round(one.rss / 1e6, 1) for one in (before, after)]
+                result["rss_mb"] = [round(sample.rss / 1e6, 1) for sample in (before, after)]
                 result["descriptors"] = [before.descriptors, after.descriptors]
                 if after.rss - before.rss > 1e6 * arguments.growth_mb:
                     wrong.append(f"RSS grew from {before.rss} to {after.rss}")
+        # Whatever the service could not explain is in its log.
         lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
         wrong += [line for line in lines if " error " in line or "Traceback" in line][:5]
     attacks = [entry for entry in result.values() if isinstance(entry, dict)]

@@ -35,16 +35,16 @@ def cut_mesh(mesh: Mesh, along: int) -> list[tuple[Mesh, Int64]]:
     low, high = middle.min(axis=0), middle.max(axis=0)
     cell = np.minimum(((middle - low) / (high - low) * along).astype(int), along - 1)
     tile = cell[:, 0] * along + cell[:, 1]
-    parts = []
+    pieces = []
     for number in np.unique(tile):
         rows = np.flatnonzero(tile == number)
         used, corner = np.unique(mesh.faces[rows], return_inverse=True)
-        part = Mesh(
+        piece = Mesh(
             mesh.vertices[used],
             corner.reshape(-1, 3).astype(np.int32),
             mesh.normals[used],
             mesh.colours[used],
             {name: values[used] for name, values in mesh.attributes.items()},
         )
-        parts.append((part, rows))
-    return parts
+        pieces.append((piece, rows))
+    return pieces

@@ -16,7 +16,7 @@ from terraport_pipeline.stages.tiles.detail_tiles import Border, vertex_box
 class MemoryTiles:
     """A mesh in tiles; the shared vertices are numbered by the mesh's."""
 
-    parts: tuple[Mesh, ...]
+    meshes: tuple[Mesh, ...]
     rows: tuple[Int64, ...]
     """Faces of the mesh that every tile has."""
     numbers: tuple[Int64, ...]
@@ -33,7 +33,7 @@ class MemoryTiles:
         numbers = tuple(np.unique(mesh.faces[rows]).astype(np.int64) for _, rows in cut)
         times = np.bincount(np.concatenate(numbers), minlength=len(mesh.vertices))
         return cls(
-            tuple(part for part, _ in cut),
+            tuple(piece for piece, _ in cut),
             tuple(rows for _, rows in cut),
             numbers,
             times > 1,
@@ -43,7 +43,7 @@ class MemoryTiles:
 
     @property
     def count(self) -> int:
-        return len(self.parts)
+        return len(self.meshes)
 
     @property
     def border_count(self) -> int:
@@ -51,17 +51,17 @@ class MemoryTiles:
 
     def load(self, i: int) -> Mesh:
         self.loads.append(i)
-        return self.parts[i]
+        return self.meshes[i]
 
     def box(self, i: int) -> Float64:
-        return vertex_box(self.parts[i].vertices)
+        return vertex_box(self.meshes[i].vertices)
 
     def border(self, i: int) -> Border:
         rows = np.flatnonzero(self.shared[self.numbers[i]]).astype(np.int32)
         return Border(rows, self.numbers[i][rows])
 
     def face_count(self, i: int) -> int:
-        return len(self.parts[i].faces)
+        return len(self.meshes[i].faces)
 
     def vertex_count(self, i: int) -> int:
-        return len(self.parts[i].vertices)
+        return len(self.meshes[i].vertices)

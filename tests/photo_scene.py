@@ -29,7 +29,7 @@ LENS = Lens(width=320, height=240, fx=300.0, fy=300.0, cx=160.0, cy=120.0, radia
 
 
 def ground(cells: int = CELLS) -> tuple[Float32, Int32]:
-    """Vertices and faces."""
+    """Rolling ground with a block that stands out of it, as vertices and faces."""
     x, z = np.meshgrid(np.linspace(0, SIDE_M, cells + 1), np.linspace(0, SIDE_M, cells + 1))
     y = 0.4 * np.sin(x * 0.9) * np.cos(z * 0.7)
     inside = (x > BLOCK[0]) & (x < BLOCK[1]) & (z > BLOCK[2]) & (z < BLOCK[3])
@@ -50,8 +50,10 @@ def paint(points: Float64) -> Float64:
 
 def expose(levels: Float64, factor: float) -> Float64:
     """sRGB levels after a factor in linear light (IEC 61966-2-1)."""
-    part = levels / 255.0
-    light = np.where(part <= 0.04045, part / 12.92, ((part + 0.055) / 1.055) ** 2.4) * factor
+    encoded = levels / 255.0
+    light = (
+        np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4) * factor
+    )
     back = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
     return np.clip(255.0 * back, 0.0, 255.0)
 
@@ -90,7 +92,7 @@ class PhotoScene:
 
 
 def photo_scene(*, exposures: tuple[float, ...] = EXPOSURES, crate: bool = True) -> PhotoScene:
-    """Render the place."""
+    """Render the ground from six views, each with its exposure; a crate moves between them."""
     vertices, faces = ground()
     colours = np.rint(paint(vertices.astype(np.float64))).astype(np.uint8)
     mesh = Mesh(vertices, faces, vertex_normals(vertices, faces), colours)

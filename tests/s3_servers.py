@@ -104,10 +104,10 @@ def free_ports(count: int) -> list[int]:
     """Ports that nobody listens on, at this moment."""
     sockets = [socket.create_server(("127.0.0.1", 0)) for _ in range(count)]
     try:
-        return [found.getsockname()[1] for found in sockets]
+        return [sock.getsockname()[1] for sock in sockets]
     finally:
-        for found in sockets:
-            found.close()
+        for sock in sockets:
+            sock.close()
 
 
 def _wait_until_s3_answers(url: str, process: subprocess.Popen[bytes], folder: Path) -> None:
@@ -142,7 +142,7 @@ class Fault:
 
 
 @dataclass
-class Asked:
+class ProxiedRequest:
     """One request, as the proxy saw it."""
 
     method: str
@@ -151,7 +151,7 @@ class Asked:
     sent_bytes: int = 0
 
 
-Rule = Callable[[Asked], Fault | None]
+Rule = Callable[[ProxiedRequest], Fault | None]
 
 
 @dataclass
@@ -163,16 +163,18 @@ class FaultProxy:
 
     target: str
     rule: Rule = field(default=lambda _: None)
-    asked: list[Asked] = field(default_factory=list)
+    requests: list[ProxiedRequest] = field(default_factory=list)
 
     @property
     def url(self) -> str:
         return f"http://127.0.0.1:{self._server.server_address[1]}"
 
-    def of(self, name: str) -> list[Asked]:
+    def of(self, name: str) -> list[ProxiedRequest]:
         """GET requests whose path ends with a name."""
         return [
-            asked for asked in self.asked if asked.path.endswith(name) and asked.method == "GET"
+            request
+            for request in self.requests
+            if request.path.endswith(name) and request.method == "GET"
         ]
 
     def __enter__(self) -> Self:
@@ -206,10 +208,10 @@ class _Handler(BaseHTTPRequestHandler):
     owner: FaultProxy
 
     def _pass_on(self) -> None:
-        asked = Asked(self.command, urlsplit(self.path).path, self.headers.get("range"))
-        self.owner.asked.append(asked)
+        request = ProxiedRequest(self.command, urlsplit(self.path).path, self.headers.get("range"))
+        self.owner.requests.append(request)
         body = self.rfile.read(int(self.headers.get("content-length") or 0))
-        fault = self.owner.rule(asked) or Fault()
+        fault = self.owner.rule(request) or Fault()
         if fault.delay_s:
             time.sleep(fault.delay_s)
         if fault.status is not None:
@@ -217,8 +219,8 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_header("content-length", "0")
             self.end_headers()
             return
-        parts = urlsplit(self.owner.target)
-        upstream = http.client.HTTPConnection(parts.hostname or "", parts.port, timeout=30)
+        target = urlsplit(self.owner.target)
+        upstream = http.client.HTTPConnection(target.hostname or "", target.port, timeout=30)
         try:
             # The signature covers the Host header, so it goes on as it came.
             upstream.putrequest(self.command, self.path, skip_host=True, skip_accept_encoding=True)
@@ -230,10 +232,15 @@ class _Handler(BaseHTTPRequestHandler):
             headers = answer.getheaders()
         finally:
             upstream.close()
-        self._answer(asked, answer.status, headers, data, fault)
+        self._answer(request, answer.status, headers, data, fault)
 
     def _answer(
-        self, asked: Asked, status: int, headers: list[tuple[str, str]], data: bytes, fault: Fault
+        self,
+        request: ProxiedRequest,
+        status: int,
+        headers: list[tuple[str, str]],
+        data: bytes,
+        fault: Fault,
     ) -> None:
         self.send_response_only(status)
         for name, value in headers:
@@ -258,15 +265,15 @@ class _Handler(BaseHTTPRequestHandler):
             self.close_connection = True
             return
         self.wfile.write(data)
-        asked.sent_bytes = len(data)
+        request.sent_bytes = len(data)
 
     do_GET = do_HEAD = do_PUT = do_POST = do_DELETE = _pass_on  # noqa: N815 - the library's names
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """No line per request in the output of the tests."""
 
 
-def first_byte_of(asked: Asked) -> int:
+def first_byte_of(request: ProxiedRequest) -> int:
     """Where a ranged request begins."""
-    found = re.match(r"bytes=(\d+)-", asked.range or "")
-    return int(found[1]) if found else 0
+    match = re.match(r"bytes=(\d+)-", request.range or "")
+    return int(match[1]) if match else 0

@@ -51,14 +51,14 @@ def test_packages_that_were_passed_over_are_not_called_safe(
     audit: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As pip-audit answers behind a mirror without advisories."""
-    said = [
+    dependencies = [
         {"name": "fastapi", "skip_reason": "Dependency not found on PyPI"},
         {"name": "PyJWT", "version": "1.0", "vulns": [{"id": "X-1", "fix_versions": ["2.0"]}]},
         {"name": "unrelated", "version": "1.0", "vulns": [{"id": "X-2", "fix_versions": []}]},
     ]
 
     def answer(*_arguments: object, **_options: object) -> subprocess.CompletedProcess[str]:
-        return subprocess.CompletedProcess([], 1, json.dumps({"dependencies": said}), "")
+        return subprocess.CompletedProcess([], 1, json.dumps({"dependencies": dependencies}), "")
 
     monkeypatch.setattr(audit.subprocess, "run", answer)
     lines, looked_up = audit.vulnerabilities({"fastapi": None, "pyjwt": None})

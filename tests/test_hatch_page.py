@@ -92,14 +92,14 @@ def test_nothing_is_done_for_a_page_of_the_same_sources(
     hook: ModuleType, web: Path, tmp_path: Path, no_node: None
 ) -> None:
     page = current_page(hook, tmp_path)
-    made = hook_at(hook, tmp_path)
-    assert made.dependencies() == []
+    build_hook = hook_at(hook, tmp_path)
+    assert build_hook.dependencies() == []
     data: dict[str, Any] = {"artifacts": []}
-    made.initialize("standard", data)
+    build_hook.initialize("standard", data)
     assert data == {"artifacts": ["server/terraport_server/page/**"]}
     assert (page / "index.html").read_text() == "built"
     (web / "src" / "main.ts").write_text("changed")
-    assert made.dependencies() == [hook.NODE_WHEEL]
+    assert build_hook.dependencies() == [hook.NODE_WHEEL]
 
 
 def test_a_wheel_without_the_page_is_none(
@@ -117,9 +117,9 @@ def test_an_editable_install_goes_on(
     data: dict[str, Any] = {"artifacts": []}
     hook_at(hook, tmp_path).initialize("editable", data)
     assert data["artifacts"] == []
-    said = "".join(capsys.readouterr())
-    assert "no viewer" in said
-    assert "Going on" in said
+    output = "".join(capsys.readouterr())
+    assert "no viewer" in output
+    assert "Going on" in output
 
 
 def test_left_out_when_that_is_said(
@@ -130,9 +130,9 @@ def test_left_out_when_that_is_said(
     (web / "src" / "main.ts").write_text("changed")
     monkeypatch.setenv("TERRAPORT_SKIP_VIEWER", "1")
     data: dict[str, Any] = {"artifacts": []}
-    made = hook_at(hook, tmp_path)
-    assert made.dependencies() == []
-    made.initialize("standard", data)
+    build_hook = hook_at(hook, tmp_path)
+    assert build_hook.dependencies() == []
+    build_hook.initialize("standard", data)
     assert data["artifacts"] == []
 
 
@@ -148,13 +148,13 @@ def test_packages_fit_the_lock(hook: ModuleType, web: Path, tmp_path: Path) -> N
     (web / "package-lock.json").write_text(json.dumps(lock))
     assert not builder._packages_fit()
     (web / "node_modules").mkdir()
-    there = web / "node_modules" / ".package-lock.json"
-    there.write_text(json.dumps({"packages": packages}))
+    installed_lock = web / "node_modules" / ".package-lock.json"
+    installed_lock.write_text(json.dumps({"packages": packages}))
     assert builder._packages_fit()
     for other in ({"node_modules/b": {"version": "2.1"}}, {"node_modules/c": {"version": "3.1"}}):
-        there.write_text(json.dumps({"packages": packages | other}))
+        installed_lock.write_text(json.dumps({"packages": packages | other}))
         assert not builder._packages_fit()
-    there.write_text("{")
+    installed_lock.write_text("{")
     assert not builder._packages_fit()
 
 

@@ -89,7 +89,7 @@ def test_the_tests_that_reach_a_file_nearest_first(
     ci: tuple[ModuleType, ModuleType], path: str, tests: list[str]
 ) -> None:
     selected = ci[0].Tree(SMALL, SMALL.__getitem__).select([path]).tests
-    assert [Path(one.path).stem for one in selected] == tests
+    assert [Path(selected_test.path).stem for selected_test in selected] == tests
 
 
 def test_here_a_change_reaches_its_own_test_first_and_leaves_most_out(
@@ -98,7 +98,7 @@ def test_here_a_change_reaches_its_own_test_first_and_leaves_most_out(
     """The whole of what it knows about this tree: imports, fixtures, the command line, files."""
     _selection, changed = ci
     picked = changed.select(["store/terraport_store/spatial.py"])
-    paths = [one.path for one in picked.tests]
+    paths = [selected_test.path for selected_test in picked.tests]
     assert paths[0] == "tests/store/test_spatial.py"
     for needed in (
         "tests/store/test_reader.py",

@@ -18,27 +18,27 @@ from terraport_pipeline.stages.view_gains import view_gains
 
 
 @cache
-def place() -> PhotoScene:
+def site() -> PhotoScene:
     return photo_scene(crate=False)
 
 
 @cache
 def gains() -> np.ndarray:
-    mesh = place().mesh
-    return view_gains(mesh, place().views, place(), RayScene(mesh.vertices, mesh.faces, threads=1))
+    mesh = site().mesh
+    return view_gains(mesh, site().views, site(), RayScene(mesh.vertices, mesh.faces, threads=1))
 
 
 def opened() -> OpenPhotos:
-    return OpenPhotos(tuple(place().views), place(), ())  # type: ignore[arg-type]
+    return OpenPhotos(tuple(site().views), site(), ())  # type: ignore[arg-type]
 
 
 def scale() -> TextureScale:
-    return TextureScale(place().mesh.vertices.min(axis=0).astype(np.float64), 40.0, 0.7)
+    return TextureScale(site().mesh.vertices.min(axis=0).astype(np.float64), 40.0, 0.7)
 
 
 @cache
 def tiles(along: int) -> MemoryTiles:
-    return MemoryTiles.of(place().mesh, along)
+    return MemoryTiles.of(site().mesh, along)
 
 
 @cache
@@ -47,7 +47,7 @@ def chosen(along: int) -> tuple[dict[str, np.ndarray], ...]:
         patch.setattr(tiled_views, "_BAND_EDGES", 10.0)  # 7 m: not the whole place
         return tuple(
             tiled_views.choose(
-                tiles(along), tile, place().mesh, opened(), gains(), scale(), context()
+                tiles(along), tile, site().mesh, opened(), gains(), scale(), context()
             ).arrays
             for tile in range(along * along)
         )

@@ -107,12 +107,12 @@ class DrainClient:
     def message(self) -> Message:
         """Receive up to the next message; payload before it is skipped."""
         while True:
-            found = self.next()
-            if isinstance(found, Message):
-                return found
+            received = self.next()
+            if isinstance(received, Message):
+                return received
 
     def forget(self) -> None:
-        """Evict every segment."""
+        """Evict every segment, so that the next landing sends all of them again."""
         count = self.welcome.scene.segment_count
         for first in range(0, count, 32_768):
             self.send(Evict(segments=np.arange(first, min(count, first + 32_768), dtype=np.uint32)))
@@ -127,18 +127,18 @@ class DrainClient:
                 return plan
 
     def grant(self, count: int) -> None:
-        """Grant credit."""
+        """Allow the service so many payload bytes more."""
         self.send(Credit(bytes=count))
 
     def drain(self) -> int:
         """Read up to `ready` and forget it; return the payload bytes."""
         total = 0
         while True:
-            found = self.next()
-            if isinstance(found, Ready) and found.generation == self.generation:
+            received = self.next()
+            if isinstance(received, Ready) and received.generation == self.generation:
                 return total
-            if isinstance(found, int):
-                total += found
+            if isinstance(received, int):
+                total += received
 
     def land(self, position: tuple[float, float, float], radius_m: float) -> tuple[int, float]:
         """Land and drain; return payload bytes and seconds."""
@@ -149,7 +149,7 @@ class DrainClient:
         return got, time.perf_counter() - began_s
 
     def close(self) -> None:
-        """Drop the connection."""
+        """Drop the connection without a close frame."""
         with suppress(OSError):
             self.socket.close()
 
@@ -167,9 +167,9 @@ class DrainClient:
             self._skip(length - 1)
             return length - HEADER_BYTES
         data = first + self._exactly(length - 1)
-        found = decode(data, Direction.SERVER_TO_CLIENT)
-        assert isinstance(found, Message)
-        return found
+        message = decode(data, Direction.SERVER_TO_CLIENT)
+        assert isinstance(message, Message)
+        return message
 
     def _exactly(self, count: int) -> bytes:
         data = b""

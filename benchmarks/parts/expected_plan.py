@@ -20,7 +20,7 @@ __all__ = ["Expected", "differences", "expect"]
 
 @dataclass(frozen=True)
 class Expected:
-    """A plan's sets."""
+    """Segments that a plan must name: to load (nearest first), to keep, and those nearby."""
 
     load: list[int]
     keep: list[int]
@@ -31,7 +31,7 @@ def expect(
     index: SegmentIndex,
     land: Land,
     *,
-    held: Bool,
+    is_held: Bool,
     release_factor: float,
     max_segments: int,
 ) -> Expected:
@@ -57,15 +57,15 @@ def expect(
     for segment in range(len(index)):
         x, y, z = gap[segment].tolist()
         distance_m = math.sqrt(x * x + y * y + z * z)
-        reach_m = land.radius_m * (release_factor if held[segment] else 1.0)
+        reach_m = land.radius_m * (release_factor if is_held[segment] else 1.0)
         if distance_m <= reach_m:
             order.append((distance_m, segment))
     order.sort()
     del order[max_segments:]
     within = [segment for distance_m, segment in order if distance_m <= land.radius_m]
     return Expected(
-        load=[segment for segment in within if not held[segment]],
-        keep=sorted(segment for segment in within if held[segment]),
+        load=[segment for segment in within if not is_held[segment]],
+        keep=sorted(segment for segment in within if is_held[segment]),
         nearby=sorted(segment for distance_m, segment in order if distance_m > land.radius_m),
     )
 

@@ -53,7 +53,7 @@ _READ_BYTES: Final = 1 << 16
 
 
 class LostError(Exception):
-    """The connection is gone."""
+    """The connection ended, or was refused, where an answer was due."""
 
 
 @dataclass
@@ -81,7 +81,7 @@ class Findings:
     """Land to the first payload frame, of the same."""
 
     def say(self, what: str) -> None:
-        """Note something wrong."""
+        """Note a broken promise of the service; the trial goes on."""
         self.wrong.append(what)
 
 
@@ -138,18 +138,20 @@ class LightClient:
             raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1 << 16)
         await loop.sock_connect(raw, (self._uri.host, self._uri.port))
         raw.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        # All that belongs to one connection starts anew; what is held stays.
         self._protocol = ClientProtocol(
             self._uri, subprotocols=[Subprotocol(SUBPROTOCOL)], max_size=None
         )
         self._events: deque[Any] = deque()
-        self._parts: dict[int, bytearray] = {}
+        self._partial: dict[int, bytearray] = {}
         self._queue: list[int] = []
-        self._taken = 0
+        self._consumed_bytes = 0
         self._open: int | None = None
         """Generation whose plan came last."""
         self._lands: dict[int, Land] = {}
         self._superseded: set[int] = set()
         self.shown[:] = False
+        # The upgrade.
         self._protocol.send_request(self._protocol.connect())
         await self._flush()
         while not self._events:
@@ -157,6 +159,7 @@ class LightClient:
         response = self._events.popleft()
         if not isinstance(response, Response) or response.status_code != 101:
             raise LostError(f"got {response}, expected 101")
+        # Hello offers every held segment with its hash; the service must take them all.
         ids = np.flatnonzero(self.held)
         table = np.zeros(len(ids), dtype=HELD_DTYPE)
         table["id"], table["xxh3"] = ids, self._index.xxh3[ids]
@@ -258,7 +261,7 @@ class LightClient:
             self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
             self._socket.close()
             self._socket = None
-        self._parts = {}
+        self._partial = {}
 
     async def leave(self) -> None:
         """Close as a client does that goes home."""
@@ -275,18 +278,18 @@ class LightClient:
             findings.repeated += 1
         if not self._queue or self._queue[0] != segment:
             self._wrong(f"segment {segment} out of order")
-        part = self._parts.setdefault(segment, bytearray())
-        if frame.offset < len(part):
+        partial = self._partial.setdefault(segment, bytearray())
+        if frame.offset < len(partial):
             findings.repeated += 1
-        elif frame.offset > len(part):
-            self._wrong(f"a gap in segment {segment}: {frame.offset} after {len(part)}")
-        part += frame.chunk
+        elif frame.offset > len(partial):
+            self._wrong(f"a gap in segment {segment}: {frame.offset} after {len(partial)}")
+        partial += frame.chunk
         findings.payload_bytes += len(frame.chunk)
         if frame.last:
-            del self._parts[segment]
+            del self._partial[segment]
             if self._queue and self._queue[0] == segment:
                 self._queue.pop(0)
-            if xxhash.xxh3_64_intdigest(part) != int(self._index.xxh3[segment]):
+            if xxhash.xxh3_64_intdigest(partial) != int(self._index.xxh3[segment]):
                 self._wrong(f"segment {segment} has a wrong hash")
             self.held[segment] = True
             findings.segments += 1
@@ -319,7 +322,7 @@ class LightClient:
             expected = expect(
                 self._index,
                 land,
-                held=self.held,
+                is_held=self.held,
                 release_factor=self._welcome.release_factor,
                 max_segments=self._welcome.limits.max_plan_segments,
             )
@@ -328,14 +331,14 @@ class LightClient:
         self._open = plan.generation
         self._queue = ids
         self._plan_ids = [*ids, *plan.keep.tolist()]
-        wanted = set(ids)
-        self._parts = {key: part for key, part in self._parts.items() if key in wanted}
+        planned = set(ids)
+        self._partial = {key: partial for key, partial in self._partial.items() if key in planned}
 
     async def _grant(self, count: int) -> None:
-        self._taken += count
-        if self._taken >= self._credit_bytes // 2:
-            taken, self._taken = self._taken, 0
-            await self.send(Credit(bytes=taken))
+        self._consumed_bytes += count
+        if self._consumed_bytes >= self._credit_bytes // 2:
+            consumed_bytes, self._consumed_bytes = self._consumed_bytes, 0
+            await self.send(Credit(bytes=consumed_bytes))
 
     async def _fill(self) -> None:
         if self._socket is None:

@@ -42,7 +42,7 @@ class Memory:
     threads: int
 
     def as_dict(self) -> dict[str, int]:
-        """Return all of it."""
+        """Every figure by name, as it goes into the JSON of a result."""
         return asdict(self)
 
 
@@ -100,7 +100,7 @@ class ServiceProcess:
 
     @property
     def alive(self) -> bool:
-        """Whether it still runs."""
+        """Whether it was started and has not ended since."""
         return self._process is not None and self._process.poll() is None
 
     def start(self) -> None:
@@ -143,7 +143,7 @@ class ServiceProcess:
         self._process.wait()
 
     def memory(self) -> Memory:
-        """Ask the system, now."""
+        """Memory, descriptors and threads of the service and its workers now, from /proc."""
         total = dict.fromkeys(("Rss", "RssAnon", "RssFile", "Pss"), 0)
         descriptors = threads = 0
         for pid in self._processes():
@@ -198,14 +198,14 @@ class ServiceProcess:
         return True
 
     def _processes(self) -> list[int]:
-        found, unseen = [], [self.pid]
+        pids, unseen = [], [self.pid]
         while unseen:
             pid = unseen.pop()
-            found.append(pid)
+            pids.append(pid)
             for task in Path(f"/proc/{pid}/task").glob("*/children"):
                 with suppress(FileNotFoundError, ProcessLookupError):
                     unseen += [int(child) for child in task.read_text().split()]
-        return found
+        return pids
 
 
 def free_port() -> int:
@@ -217,10 +217,10 @@ def free_port() -> int:
 
 def _fields(path: Path) -> dict[str, int]:
     """Read ``Name: 123 kB`` lines; bytes."""
-    found = {}
+    bytes_by_field = {}
     for line in path.read_text().splitlines():
         name, _, rest = line.partition(":")
         words = rest.split()
         if len(words) == 2 and words[1] == "kB":
-            found[name] = 1024 * int(words[0])
-    return found
+            bytes_by_field[name] = 1024 * int(words[0])
+    return bytes_by_field

@@ -38,22 +38,24 @@ def write_sparse_scene(path: Path, *, pack_bytes: int, segment_bytes: int) -> Ma
     segment_bytes : int
         Length of each payload; a multiple of 64.
     """
+    # Every payload is the same zeros, so one hash serves all.
     side = max(1, math.isqrt(pack_bytes // segment_bytes))
     count = side * side
     number = np.arange(count)
     corner = np.stack([number % side, np.zeros(count), number // side], axis=1) * TILE_M
     size = np.array([TILE_M, 1.0, TILE_M])
-    one = xxhash.xxh3_64_intdigest(bytes(segment_bytes))
+    payload_digest = xxhash.xxh3_64_intdigest(bytes(segment_bytes))
     index = SegmentIndex(
         bounds=np.concatenate([corner, corner + size], axis=1).astype("<f4"),
         vertex_count=np.full(count, 6000, dtype="<u4"),
         face_count=np.full(count, 10_000, dtype="<u4"),
         offset=(PACK_HEADER_BYTES + segment_bytes * number).astype("<u8"),
         length=np.full(count, segment_bytes, dtype="<u4"),
-        xxh3=np.full(count, one, dtype="<u8"),
+        xxh3=np.full(count, payload_digest, dtype="<u8"),
         region=np.zeros(count, dtype="<u4"),
         region_count=np.ones(count, dtype="<u2"),
     )
+    # The small files are written as they are.
     path.mkdir()
     staging = path / ".v-0000000000000000.tmp"
     staging.mkdir()
@@ -70,6 +72,7 @@ def write_sparse_scene(path: Path, *, pack_bytes: int, segment_bytes: int) -> Ma
         (staging / name).write_bytes(data)
         digest = f"{xxhash.xxh3_64_intdigest(data):016x}"
         infos[name] = FileInfo(path=f"new/{name}", bytes=len(data), xxh3=digest)
+    # The pack is a hole behind its header: as long as it says, and a page on the disk.
     header = pack_header("glb")
     with (staging / "segments.pack").open("xb") as pack:
         pack.write(header)

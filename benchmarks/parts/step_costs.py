@@ -77,8 +77,8 @@ def landing_costs(side: int, rounds: int) -> Iterator[dict[str, Any]]:
 
 def _messages() -> dict[str, bytes]:
     rng = np.random.default_rng(1)
-    held = np.zeros(MAX_HELD_SEGMENTS, dtype=HELD_DTYPE)
-    held["id"] = rng.permutation(MAX_HELD_SEGMENTS)
+    held_segments = np.zeros(MAX_HELD_SEGMENTS, dtype=HELD_DTYPE)
+    held_segments["id"] = rng.permutation(MAX_HELD_SEGMENTS)
     tiny = [[0] * 16_000] * 64
     maps = [{str(number): {}} for number in range(_LEAST_VALUES // 3 - 10)]
     text = "ä" * (_MEGABYTE // 2 - 100)
@@ -91,7 +91,7 @@ def _messages() -> dict[str, bytes]:
         "a type of a megabyte": msgpack.packb({"type": text}),
         "a client's name of a megabyte": msgpack.packb({"type": "hello", "client": text}),
     }
-    for message in (Held(segments=held), Evict(segments=held["id"].copy())):
+    for message in (Held(segments=held_segments), Evict(segments=held_segments["id"].copy())):
         messages[f"{message.TYPE} of {MAX_HELD_SEGMENTS}"] = encode(message)
     return messages
 

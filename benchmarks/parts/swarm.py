@@ -37,7 +37,7 @@ def drain_all(
         Fairness: bytes of the slowest client over bytes of the fastest when the fastest was done.
     """
     buffer = bytearray(_PIECE)
-    wanted = list(left)
+    totals = list(left)
     fairness = 0.0
     with selectors.DefaultSelector() as selector:
         for number, client in enumerate(clients):
@@ -51,7 +51,7 @@ def drain_all(
                 if not left[number]:
                     selector.unregister(clients[number])
                     if not fairness:
-                        shares = [1 - rest / all_ for rest, all_ in zip(left, wanted, strict=True)]
+                        shares = [1 - rest / all_ for rest, all_ in zip(left, totals, strict=True)]
                         fairness = min(shares) / max(shares)
     return fairness
 

@@ -81,13 +81,13 @@ def _write_project(folder: Path, cameras) -> None:
         " <RasterGroup>",
     ]
     width, height, focal = (int(cameras[k]) for k in ("width", "height", "focal"))
-    for number, (rotation, place) in enumerate(
+    for number, (rotation, centre) in enumerate(
         zip(cameras["rotations"], cameras["positions"], strict=True)
     ):
         rows = np.eye(4)
         rows[:3, :3] = rotation * np.array([[1.0], [-1.0], [-1.0]])
         turn = " ".join(f"{value:.12g}" for value in rows.ravel())
-        away = " ".join(f"{-value:.9f}" for value in place)
+        away = " ".join(f"{-value:.9f}" for value in centre)
         lines += [
             f'  <MLRaster label="{number:04d}.png">',
             (
@@ -126,12 +126,12 @@ def _open3d(folder, vertices, faces, cameras):
     width, height = int(cameras["width"]), int(cameras["height"])
     focal = float(cameras["focal"])
     matrix = np.array([[focal, 0, width / 2], [0, focal, height / 2], [0, 0, 1.0]])
-    for number, (rotation, place) in enumerate(
+    for number, (rotation, centre) in enumerate(
         zip(cameras["rotations"], cameras["positions"], strict=True)
     ):
         images.append(o3d.t.io.read_image(str(folder / "photos" / f"{number:04d}.png")))
         pose = np.eye(4)
-        pose[:3, :3], pose[:3, 3] = rotation, -rotation @ place
+        pose[:3, :3], pose[:3, 3] = rotation, -rotation @ centre
         inside.append(o3d.core.Tensor(matrix))
         outside.append(o3d.core.Tensor(pose))
     albedo = mesh.project_images_to_albedo(images, inside, outside, SIDE, True)

@@ -73,14 +73,14 @@ def score_views(
         )
         origins, headings = camera.rays(*size)
         met = scene.closest_hit(origins, headings)[1].reshape(size[1], size[0]) >= 0
-        there = what != NOTHING
-        both = met & there
-        real, hit = real + int(there.sum()), hit + int(both.sum())
+        in_truth = what != NOTHING
+        both = met & in_truth
+        real, hit = real + int(in_truth.sum()), hit + int(both.sum())
         errors.append((picture[both].astype(np.float32), colours[both]))
         pictures.append(picture)
-    made = np.concatenate([pair[0] for pair in errors])
+    rendered = np.concatenate([pair[0] for pair in errors])
     true = np.concatenate([pair[1] for pair in errors])
-    return _score(made, true, hit / max(real, 1)), pictures
+    return _score(rendered, true, hit / max(real, 1)), pictures
 
 
 def score_surface(
@@ -103,10 +103,10 @@ def score_surface(
     )
     unit = normal[face] / np.maximum(length[face], 1e-12)[:, None]
     reach = 10.0 * texel_m
-    found = eye.rays.intersect(places + reach * unit, -unit)
-    near = np.flatnonzero((found.face >= 0) & (np.abs(found.t - reach) < reach))
+    nearest = eye.rays.intersect(places + reach * unit, -unit)
+    near = np.flatnonzero((nearest.face >= 0) & (np.abs(nearest.t - reach) < reach))
     true = eye.colours_at(
-        Hits(found.t[near], found.face[near], found.u[near], found.v[near]), texel_m
+        Hits(nearest.t[near], nearest.face[near], nearest.u[near], nearest.v[near]), texel_m
     )
     here = Hits(
         np.ones(len(near), np.float32),
@@ -114,8 +114,8 @@ def score_surface(
         u[near].astype(np.float32),
         v[near].astype(np.float32),
     )
-    made = _colours(mesh, here, np.full(len(near), texel_m, np.float32))
-    return _score(made, true.astype(np.float32), len(near) / count)
+    rendered = _colours(mesh, here, np.full(len(near), texel_m, np.float32))
+    return _score(rendered, true.astype(np.float32), len(near) / count)
 
 
 def ghost_share(
@@ -141,12 +141,12 @@ def ghost_share(
         rays = view.rays(pixels).astype(np.float32)
         hits = scene.intersect(np.broadcast_to(view.position, rays.shape), rays)
         met = np.flatnonzero(hits.face >= 0)
-        found = Hits(hits.t[met], hits.face[met], hits.u[met], hits.v[met])
-        made = _colours(mesh, found, found.t / np.float32(view.lens.fx))
+        met_hits = Hits(hits.t[met], hits.face[met], hits.u[met], hits.v[met])
+        rendered = _colours(mesh, met_hits, met_hits.t / np.float32(view.lens.fx))
         truck = photo[row[met], column[met]].astype(np.float32)
         ground = eye.colours_along(view, pixels[met])
         apart = np.abs(truck - ground).sum(axis=1) > APART
-        nearer = np.abs(made - truck).sum(axis=1) < np.abs(made - ground).sum(axis=1)
+        nearer = np.abs(rendered - truck).sum(axis=1) < np.abs(rendered - ground).sum(axis=1)
         ghosts += int((apart & nearer).sum())
         judged += int(apart.sum())
     return ghosts / max(judged, 1)
@@ -156,18 +156,18 @@ def _colours(mesh: ColouredMesh, hits: Hits, pixel_m: AnyFloat) -> Float32:
     corner = mesh.faces[hits.face]
     u, v = hits.u[:, None], hits.v[:, None]
     a, b, c = (mesh.colours[corner[:, k]].astype(np.float32) for k in range(3))
-    made: Float32 = a * (1 - u - v) + b * u + c * v
+    colours: Float32 = a * (1 - u - v) + b * u + c * v
     if mesh.texturing is not None:
-        textured_colours(mesh.texturing, mesh.vertices, mesh.faces, hits, pixel_m, made)
-    return made
+        textured_colours(mesh.texturing, mesh.vertices, mesh.faces, hits, pixel_m, colours)
+    return colours
 
 
-def _score(made: Float32, true: Float32, seen: float) -> Score:
-    made, true = made.astype(np.float64), true.astype(np.float64)
-    factor = (made * true).sum(axis=0) / np.maximum((made * made).sum(axis=0), 1e-9)
-    matched = made * factor - true
+def _score(rendered: Float32, true: Float32, seen: float) -> Score:
+    rendered, true = rendered.astype(np.float64), true.astype(np.float64)
+    factor = (rendered * true).sum(axis=0) / np.maximum((rendered * rendered).sum(axis=0), 1e-9)
+    matched = rendered * factor - true
     return Score(
-        _db(float(np.mean(np.square(made - true)))),
+        _db(float(np.mean(np.square(rendered - true)))),
         _db(float(np.mean(np.square(matched)))),
         _db(float(np.median(np.abs(matched).mean(axis=1))) ** 2),
         seen,
@@ -182,9 +182,9 @@ def truth_of(eye: CameraEye, views: Sequence[View]) -> list[tuple[Float32, UInt8
     """Return what the views see in the day's light, without truck or camera errors."""
     seen: list[tuple[Float32, UInt8]] = []
     for view in views:
-        one = eye.look(view)
-        assert not (one.what == TRUCK).any()
-        seen.append((one.colours, one.what))
+        picture = eye.look(view)
+        assert not (picture.what == TRUCK).any()
+        seen.append((picture.colours, picture.what))
     return seen
 
 

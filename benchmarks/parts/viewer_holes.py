@@ -57,7 +57,8 @@ def count_holes(
     segments = len(viewer.visible)
     places = [random_place(viewer, chance) for _ in range(landings)]
     poses = [
-        [_pose(viewer, chance, place, radius_m) for _ in range(poses_each)] for place in places
+        [_pose(viewer, chance, position, radius_m) for _ in range(poses_each)]
+        for position in places
     ]
     base = _base_index(viewer)
     viewer.run("(id) => { glWatch.omitted = new Set([id]); }", base)
@@ -66,22 +67,22 @@ def count_holes(
     viewer.land((centre[0] + 10 * everything_m, centre[1], centre[2]), 1.0)
     assert viewer.visible == []
     _in_batches(poses, lambda some: _keep(viewer, "base", some))
-    found = dict(NOTHING)
+    totals = dict(NOTHING)
     hidden = []
-    for number, place in enumerate(places):
-        viewer.land(place, radius_m * chance.uniform(0.4, 1.0))
+    for number, position in enumerate(places):
+        viewer.land(position, radius_m * chance.uniform(0.4, 1.0))
         hidden.append(int(viewer.digest.split(":")[2]))
-        _add(found, _compare(viewer, number * poses_each, poses[number]))
+        _add(totals, _compare(viewer, number * poses_each, poses[number]))
     total = landings * poses_each
     print(f"{SIZE[0]} x {SIZE[1]}, {landings} landings x {poses_each} poses = {total},")
     print(f"scene of {segments} segments, hidden base faces {min(hidden)} to {max(hidden)}")
-    print(f"pixels {found['pixels']:,}; covered by base and detail {found['ground']:,}")
-    print(f"HOLES {found['holes']}; at an outline {found['atOutline']}")
-    print(f"background where the base alone covers {found['baseOnly']:,}, the detail alone")
-    print(f"  {found['detailOnly']:,}; of these not at an outline {found['inner']:,}")
-    if found["worst"]:
-        print(f"worst {json.dumps(found['worst'])}")
-    missed = [f"{found['holes']} pixels of holes"] if found["holes"] else []
+    print(f"pixels {totals['pixels']:,}; covered by base and detail {totals['ground']:,}")
+    print(f"HOLES {totals['holes']}; at an outline {totals['atOutline']}")
+    print(f"background where the base alone covers {totals['baseOnly']:,}, the detail alone")
+    print(f"  {totals['detailOnly']:,}; of these not at an outline {totals['inner']:,}")
+    if totals["worst"]:
+        print(f"worst {json.dumps(totals['worst'])}")
+    missed = [f"{totals['holes']} pixels of holes"] if totals["holes"] else []
     if not _harm_is_found(viewer, (landings - 1) * poses_each, poses[-1]):
         missed.append("harm done on purpose was not found")
     return missed
@@ -91,7 +92,7 @@ def _harm_is_found(viewer: DrivenViewer, first: int, poses: list[dict[str, Any]]
     """Leave out a segment, then blank base faces: holes must be found."""
     base = _base_index(viewer)
     drawn: list[list[int]] = viewer.run("glWatch.ground()")
-    segment = max((one for one in drawn if one[0] != base), key=lambda one: one[1])[0]
+    segment = max((entry for entry in drawn if entry[0] != base), key=lambda entry: entry[1])[0]
     viewer.run("(id) => { glWatch.omitted = new Set([id]); }", segment)
     without = _compare(viewer, first, poses)["holes"]
     viewer.run("() => { glWatch.omitted = new Set(); }")
@@ -135,7 +136,7 @@ def _base_index(viewer: DrivenViewer) -> int:
 def _add(total: dict[str, Any], some: dict[str, Any]) -> None:
     for name, value in some.items():
         if name == "worst":
-            worst = max((total[name], value), key=lambda one: one["holes"] if one else 0)
+            worst = max((total[name], value), key=lambda view: view["holes"] if view else 0)
             total[name] = worst
         else:
             total[name] += value
@@ -165,14 +166,14 @@ def _compare(viewer: DrivenViewer, first: int, poses: list[Any]) -> dict[str, An
 def _pose(
     viewer: DrivenViewer,
     chance: random.Random,
-    place: tuple[float, float, float],
+    position: tuple[float, float, float],
     radius_m: float,
 ) -> dict[str, Any]:
     """Half walk, 1.7 m over the ground near the place; half look down on it from above."""
     while True:
-        turn, part = chance.uniform(0, math.tau), math.sqrt(chance.random())
-        reach_m = part * radius_m * 0.4
-        x, z = place[0] + reach_m * math.sin(turn), place[2] + reach_m * math.cos(turn)
+        turn, reach_share = chance.uniform(0, math.tau), math.sqrt(chance.random())
+        reach_m = reach_share * radius_m * 0.4
+        x, z = position[0] + reach_m * math.sin(turn), position[2] + reach_m * math.cos(turn)
         height_m = ground_height_m(viewer, x, z)
         if height_m is not None:
             break

@@ -8,10 +8,10 @@ from browser.driven_viewer import DrivenViewer
 
 __all__ = ["corners", "ground_height_m", "random_place"]
 
-Place = tuple[float, float, float]
+Position = tuple[float, float, float]
 
 
-def corners(viewer: DrivenViewer) -> tuple[Place, Place]:
+def corners(viewer: DrivenViewer) -> tuple[Position, Position]:
     """Return least and greatest x, y, z of the scene, metres of its frame."""
     x0, y0, z0, x1, y1, z1 = viewer.run("[...terraport.state.manifest.bounds]")
     return (x0, y0, z0), (x1, y1, z1)
@@ -20,14 +20,14 @@ def corners(viewer: DrivenViewer) -> tuple[Place, Place]:
 def ground_height_m(viewer: DrivenViewer, x: float, z: float) -> float | None:
     """Return the height of what is shown at (x, z); None where nothing is."""
     top = corners(viewer)[1][1] + 5
-    found: float | None = viewer.run(
+    height_m: float | None = viewer.run(
         "([x, y, z]) => terraport.cast([x, y, z], [0, -1, 0])?.position[1] ?? null",
         [x, top, z],
     )
-    return found
+    return height_m
 
 
-def random_place(viewer: DrivenViewer, chance: random.Random) -> Place:
+def random_place(viewer: DrivenViewer, chance: random.Random) -> Position:
     """Choose a place on the ground, in the inner nine tenths of the scene."""
     low, high = corners(viewer)
     while True:

@@ -43,7 +43,7 @@ MOST_PENDING = 64
 
 @dataclass
 class CoreRun:
-    """How much was done."""
+    """What one attack on the session's core came to: sent, decoded, answered, closed."""
 
     messages: int = 0
     sessions: int = 0

@@ -70,21 +70,21 @@ def upgrades(port: int, scene: str, _token: str, going: Callable[[], bool]) -> i
         "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
         "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: terraport.v1.msgpack\r\n\r\n"
     ).encode()
-    held: deque[socket.socket] = deque()
+    open_sockets: deque[socket.socket] = deque()
     done, began_s = 0, time.monotonic()
     while going():
         if done > UPGRADES_PER_S * (time.monotonic() - began_s):
             time.sleep(0.001)
             continue
         with contextlib.suppress(OSError):
-            one = socket.create_connection(("127.0.0.1", port), 5, source_address=(ADDRESS, 0))
-            one.sendall(request)
-            held.append(one)
+            sock = socket.create_connection(("127.0.0.1", port), 5, source_address=(ADDRESS, 0))
+            sock.sendall(request)
+            open_sockets.append(sock)
         done += 1
-        while len(held) > MOST_SOCKETS:
-            held.popleft().close()
-    for one in held:
-        one.close()
+        while len(open_sockets) > MOST_SOCKETS:
+            open_sockets.popleft().close()
+    for sock in open_sockets:
+        sock.close()
     return done
 
 

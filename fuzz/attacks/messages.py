@@ -96,7 +96,7 @@ class Corpus:
 
 def sensible(draw: random.Random, generation: int, *, segments: int, edge_m: float) -> Message:
     """Return a valid message that leads somewhere: states that random bytes never reach."""
-    place = (draw.uniform(-10, edge_m + 10), draw.uniform(-5, 5), draw.uniform(-10, edge_m + 10))
+    position = (draw.uniform(-10, edge_m + 10), draw.uniform(-5, 5), draw.uniform(-10, edge_m + 10))
     ids = np.array(sorted(draw.sample(range(segments), draw.randint(0, 6))), dtype=np.uint32)
     match draw.randrange(12):
         case 0 | 1 | 2:
@@ -104,13 +104,13 @@ def sensible(draw: random.Random, generation: int, *, segments: int, edge_m: flo
             deadline_ms = None if inner_m is None else draw.choice([None, 1, 500])
             return Land(
                 generation=generation,
-                position=place,
+                position=position,
                 radius_m=draw.choice([5.0, 20.0, 60.0, 1e6]),
                 inner_radius_m=inner_m,
                 deadline_ms=deadline_ms,
             )
         case 3 | 4:
-            return Aim(generation=generation, position=place, radius_m=draw.choice([5.0, 30.0]))
+            return Aim(generation=generation, position=position, radius_m=draw.choice([5.0, 30.0]))
         case 5 | 6:
             return Credit(bytes=draw.choice([1, 1000, 1 << 20, 2**53 - 1]))
         case 7:
@@ -123,7 +123,7 @@ def sensible(draw: random.Random, generation: int, *, segments: int, edge_m: flo
             )
         case 9 | 10:
             direction = draw.choice([None, (0.0, -1.0, 0.0), (1e-9, 0.0, 1.0)])
-            return Pick(request=draw.randrange(100), origin=place, direction=direction)
+            return Pick(request=draw.randrange(100), origin=position, direction=direction)
         case _:
             if draw.random() < 0.8:  # most sessions should go on
                 return Credit(bytes=1)
@@ -132,8 +132,8 @@ def sensible(draw: random.Random, generation: int, *, segments: int, edge_m: flo
 
 def sensible_hello(draw: random.Random, segments: int) -> Hello:
     """Return a hello that is mostly accepted."""
-    held = np.zeros(draw.randrange(5), dtype=HELD_DTYPE)
-    held["id"] = draw.sample(range(segments + 3), len(held))
+    held_segments = np.zeros(draw.randrange(5), dtype=HELD_DTYPE)
+    held_segments["id"] = draw.sample(range(segments + 3), len(held_segments))
     return Hello(
         protocol=draw.choice([(1, 0), (1, 7), (1, 0), (2, 0)]) if draw.random() < 0.1 else (1, 0),
         client="fuzz",
@@ -142,7 +142,7 @@ def sensible_hello(draw: random.Random, segments: int) -> Hello:
             max_segments=draw.choice([None, 0, 5]), max_bytes=draw.choice([None, 9999])
         ),
         credit_bytes=draw.choice([0, 1000, 1 << 20, 2**53 - 1]),
-        held=held,
+        held=held_segments,
     )
 
 

@@ -24,21 +24,21 @@ def mutate(data: bytes, seeds: list[bytes], draw: random.Random) -> bytes:
     """Return `data` with one to four random changes."""
     changed = bytearray(data)
     for _ in range(draw.randint(1, 4)):
-        place = draw.randrange(len(changed) + 1)
+        offset = draw.randrange(len(changed) + 1)
         way = draw.randrange(6)
-        if way == 0 and place < len(changed):
-            changed[place] ^= 1 << draw.randrange(8)
+        if way == 0 and offset < len(changed):
+            changed[offset] ^= 1 << draw.randrange(8)
         elif way == 1:
-            del changed[place:]
+            del changed[offset:]
         elif way == 2:
-            changed[place:place] = draw.choice(EDGES)
+            changed[offset:offset] = draw.choice(EDGES)
         elif way == 3:
             edge = draw.choice(EDGES)
-            changed[place : place + len(edge)] = edge
+            changed[offset : offset + len(edge)] = edge
         elif way == 4:
             other = draw.choice(seeds)
             start = draw.randrange(len(other) + 1)
-            changed[place:] = other[start:]
+            changed[offset:] = other[start:]
         else:
-            del changed[place : place + draw.randint(1, 8)]
+            del changed[offset : offset + draw.randint(1, 8)]
     return bytes(changed)

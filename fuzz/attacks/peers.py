@@ -35,7 +35,7 @@ class HangError(AssertionError):
 
 @dataclass
 class Answers:
-    """What one connection got."""
+    """What the service answered on one connection, up to its end."""
 
     status: int | None = None
     """Of the HTTP handshake."""

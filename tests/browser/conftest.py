@@ -63,12 +63,12 @@ def _skip(reason: str) -> NoReturn:
 @pytest.fixture(scope="session")
 def chromium_path() -> str:
     """The system's browser."""
-    found = next(filter(None, map(shutil.which, PROGRAMS)), None)
-    if found is None:
+    program = next(filter(None, map(shutil.which, PROGRAMS)), None)
+    if program is None:
         _skip("there is no Chromium (apt-get install chromium)")
     if not (BUILT_PAGE / "index.html").is_file():
         _skip("the viewer is not built (pip install -e . builds it)")
-    return found
+    return program
 
 
 @pytest.fixture(scope="module")
@@ -129,19 +129,19 @@ def open_page(browser: Browser) -> Iterator[Callable[..., tuple[Page, Watch]]]:
 
     ``open_page(**options)``: options of Playwright's ``new_context``, such as ``has_touch``.
     """
-    made: list[tuple[Any, Watch]] = []
+    opened: list[tuple[Any, Watch]] = []
 
     def open_one(**options: Any) -> tuple[Page, Watch]:
         context = browser.new_context(**{"viewport": VIEWPORT, **options})
         context.set_default_timeout(TIMEOUT_MS)
         watch = Watch(context)
-        made.append((context, watch))
+        opened.append((context, watch))
         return context.new_page(), watch
 
     yield open_one
-    for context, _ in made:
+    for context, _ in opened:
         context.close()
-    for _, watch in made:
+    for _, watch in opened:
         watch.check()
 
 

@@ -69,7 +69,7 @@ class DrivenViewer:
             raise AssertionError(message) from error
 
     def land(
-        self, place: tuple[float, float, float], radius_m: float = 60.0, **options: float
+        self, position: tuple[float, float, float], radius_m: float = 60.0, **options: float
     ) -> dict[str, Any]:
         """Land and wait until it is shown; returns its status and the digest.
 
@@ -80,12 +80,12 @@ class DrivenViewer:
             " const status = await terraport.land(place, radiusM, options);"
             " return {...status, visible: [...terraport.visible],"
             " digest: terraport.visibleDigest}; }",
-            [list(place), radius_m, options],
+            [list(position), radius_m, options],
         )
         return status
 
     def begin_landing(
-        self, place: tuple[float, float, float], radius_m: float = 60.0, **options: float
+        self, position: tuple[float, float, float], radius_m: float = 60.0, **options: float
     ) -> None:
         """Land, and do not wait; how it went is then in ``window.went``."""
         self.run(
@@ -93,7 +93,7 @@ class DrivenViewer:
             " terraport.land(place, radiusM, options).then("
             " (status) => { window.went = status.phase; },"
             " (error) => { window.went = String(error); }); }",
-            [list(place), radius_m, options],
+            [list(position), radius_m, options],
         )
 
     def look(
@@ -111,20 +111,20 @@ class DrivenViewer:
     @property
     def visible(self) -> list[int]:
         """Segments that the page says are shown."""
-        found: list[int] = self.run("[...terraport.visible]")
-        return found
+        segment_ids: list[int] = self.run("[...terraport.visible]")
+        return segment_ids
 
     @property
     def digest(self) -> str:
-        """Of what is visible."""
+        """A digest of what is visible, computed by the page."""
         return str(self.run("terraport.visibleDigest"))
 
     @property
     def stream(self) -> dict[str, Any]:
         """The stream's counters; they are read every half second."""
         self.until("terraport.stats.stream !== null")
-        found: dict[str, Any] = self.run("terraport.stats.stream")
-        return found
+        stats: dict[str, Any] = self.run("terraport.stats.stream")
+        return stats
 
     def hidden_on_gpu(self, base_faces: int) -> Bool:
         """Return which faces of the base the GPU really leaves out: those without any extent.
@@ -149,9 +149,9 @@ class DrivenViewer:
 def payload_bytes(server_url: str) -> dict[str, float]:
     """Payload bytes that the server says it sent, by what asked for them: ``land``, ``aim``."""
     text = httpx.get(f"{server_url}/metrics").text
-    found = {"land": 0.0, "aim": 0.0}
+    totals = {"land": 0.0, "aim": 0.0}
     for line in text.splitlines():
         if line.startswith("terraport_payload_bytes_total{"):
             name = line.split('kind="')[1].split('"')[0]
-            found[name] = float(line.rsplit(" ", 1)[1])
-    return found
+            totals[name] = float(line.rsplit(" ", 1)[1])
+    return totals

@@ -101,7 +101,7 @@ class EmulatedHeadset:
         return frames
 
     def head(self, x: float, y: float, z: float, yaw: float = 0.0, pitch: float = 0.0) -> None:
-        """Move the head."""
+        """Move the head: metres in the tracking space, degrees of yaw and pitch."""
         self._pose("device", (x, y, z), yaw, pitch)
 
     def point(
@@ -137,14 +137,14 @@ class EmulatedHeadset:
         )
 
     def phase(self) -> str:
-        """Where the teleport stands."""
+        """The teleport's state: idle, aiming and so on."""
         phase: str = self.page.evaluate("terraport.headset.stats().phase")
         return phase
 
     def standpoint(self) -> tuple[list[float], float]:
         """The ground under the head, and its azimuth in degrees."""
-        found = self.page.evaluate("terraport.headset.standpoint")
-        return found["place"], found["yawDeg"]
+        standpoint = self.page.evaluate("terraport.headset.standpoint")
+        return standpoint["place"], standpoint["yawDeg"]
 
     def _pose(self, what: str, at: tuple[float, float, float], yaw: float, pitch: float) -> None:
         half_yaw, half_pitch = math.radians(yaw) / 2, math.radians(pitch) / 2

@@ -26,7 +26,7 @@ class Line:
         return self._proxy.down_bytes
 
     def cut(self) -> None:
-        """Cut every connection."""
+        """Cut every open connection in the middle of whatever it carries."""
         asyncio.run_coroutine_threadsafe(self._proxy.cut(), self._loop).result(10)
 
     def refuse(self, refuses: bool) -> None:
@@ -40,7 +40,7 @@ class Line:
 
 @contextmanager
 def line_to(url: str) -> Iterator[Line]:
-    """A line to a server."""
+    """A proxy to a server, relaying in a thread of its own until the block ends."""
     started: list[Line] = []
     is_up, is_over = threading.Event(), threading.Event()
 

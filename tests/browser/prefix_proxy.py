@@ -26,8 +26,8 @@ class PrefixProxy:
     """
 
     def __init__(self, target: str, prefix: str) -> None:
-        parts = urlsplit(target)
-        self._target = (str(parts.hostname), parts.port or 80)
+        url = urlsplit(target)
+        self._target = (str(url.hostname), url.port or 80)
         self._prefix = prefix
         self.strays: list[str] = []
         """Request lines that asked beside the prefix."""
@@ -64,10 +64,10 @@ class PrefixProxy:
         client.settimeout(_TIMEOUT_S)
         head = b""
         while b"\r\n\r\n" not in head:
-            part = client.recv(1 << 16)
-            if not part:
+            chunk = client.recv(1 << 16)
+            if not chunk:
                 return
-            head += part
+            head += chunk
         line, _, rest = head.partition(b"\r\n")
         method, path, version = line.decode("latin-1").split(" ")
         if not path.startswith(f"{self._prefix}/"):
@@ -86,8 +86,8 @@ class PrefixProxy:
 
 def _pipe(source: socket.socket, target: socket.socket) -> None:
     try:
-        while part := source.recv(1 << 16):
-            target.sendall(part)
+        while chunk := source.recv(1 << 16):
+            target.sendall(chunk)
         target.shutdown(socket.SHUT_WR)
     except OSError:
         pass  # one side has gone; the other notices

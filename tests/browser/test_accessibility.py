@@ -23,11 +23,11 @@ def violations(page: Page, where: str) -> list[str]:
     # Transitions over: a colour half way to another has no contrast to speak of.
     page.wait_for_timeout(400)
     page.evaluate(AXE.read_text(encoding="utf-8") + "; 0")
-    found = page.evaluate("async () => (await axe.run(document)).violations")
+    reported = page.evaluate("async () => (await axe.run(document)).violations")
     return [
-        f"{where}: {one['id']} ({one['impact']}): {node['html'][:120]}"
-        for one in found
-        for node in one["nodes"]
+        f"{where}: {violation['id']} ({violation['impact']}): {node['html'][:120]}"
+        for violation in reported
+        for node in violation["nodes"]
     ]
 
 
@@ -39,18 +39,18 @@ def test_axe_finds_nothing(open_page: OpenPage, server: Service, scheme: str) ->
     viewer = DrivenViewer(page, server.url, SMALL)
     page.goto(f"{server.url}/#list")
     expect(page.locator("#scene-list")).to_be_visible()
-    found = violations(page, "list")
+    faults = violations(page, "list")
     viewer.open()
     viewer.land((0.0, 2.0, 0.0), 40.0)
-    found += violations(page, "viewer")
+    faults += violations(page, "viewer")
     page.get_by_role("button", name="Panel").click()
     for tab in page.get_by_role("tab").all():
         tab.click()
-        found += violations(page, f"panel, {tab.inner_text()}")
+        faults += violations(page, f"panel, {tab.inner_text()}")
     page.get_by_role("button", name="Help").first.click()
     expect(page.locator("#help-dialog")).to_be_visible()
-    found += violations(page, "help")
-    assert found == []
+    faults += violations(page, "help")
+    assert faults == []
 
 
 def test_axe_finds_nothing_in_the_token_dialog(open_page: OpenPage, scenes: Path) -> None:
@@ -68,6 +68,7 @@ def test_everything_by_keyboard(page: Page, server: Service) -> None:
     """Open a scene, aim, land, colour by slope, measure: no mouse."""
     viewer = DrivenViewer(page, server.url, SMALL)
     press = page.keyboard.press
+    # Open a scene from the list.
     page.goto(f"{server.url}/#list")
     link = page.get_by_role("link", name="Small quarry").first
     expect(link).to_be_visible()
@@ -79,12 +80,14 @@ def test_everything_by_keyboard(page: Page, server: Service) -> None:
     viewer.until("window.terraport?.state.link?.state === 'open'")
     viewer.until("glWatch.ground().length > 0")
 
+    # Aim and land.
     press("Space")
     viewer.until("terraport.state.aim?.fraction === 1")
     press("Enter")
     viewer.until("terraport.status.phase === 'shown'")
     expect(page.locator("#live")).to_contain_text("Landed")
 
+    # Measure between two points.
     press("KeyM")
     assert viewer.run("terraport.state.tool") == "measure"
     press("Enter")
@@ -98,6 +101,7 @@ def test_everything_by_keyboard(page: Page, server: Service) -> None:
     press("KeyV")
     viewer.until("terraport.state.view === 'walk'")
 
+    # The panel: to its tabs, to the tab of looks, to the mode of slopes.
     press("KeyI")
     expect(page.locator("#panel")).to_be_visible()
     for _ in range(40):

@@ -62,12 +62,12 @@ def test_no_head_pose_changes_what_is_visible(
         ]
         for _ in range(POSES)
     ]
-    found = viewer.run(LOOK_ABOUT, [poses, DRAWN_EVERY])
-    assert found["digests"] == [shown["digest"]]
-    assert found["eyes"] == POSES
+    observed = viewer.run(LOOK_ABOUT, [poses, DRAWN_EVERY])
+    assert observed["digests"] == [shown["digest"]]
+    assert observed["eyes"] == POSES
     # No frame drew anything else, though they were not alike: what is out of sight is left out.
-    assert len(found["drawn"]) == POSES // DRAWN_EVERY
-    drawn = [{index for index, _ in frame} for frame in found["drawn"]]
+    assert len(observed["drawn"]) == POSES // DRAWN_EVERY
+    drawn = [{index for index, _ in frame} for frame in observed["drawn"]]
     assert all(frame <= everything for frame in drawn)
     assert len({len(frame) for frame in drawn}) > 5
     # And the base's list of faces on the GPU is still the same, and the one that the rule wants.
@@ -83,8 +83,8 @@ def test_what_is_drawn_is_what_is_in_view(page: Page, server: Service) -> None:
     viewer.open()
     plan = viewer.land((0.0, 2.0, 0.0), 60.0)["plan"]
     assert plan["keep"] == []
-    boxes = np.array([one["bounds"] for one in plan["load"]])
-    faces = sorted(one["faces"] for one in plan["load"])
+    boxes = np.array([entry["bounds"] for entry in plan["load"]])
+    faces = sorted(entry["faces"] for entry in plan["load"])
     everything = viewer.look((0.0, 700.0, 0.0), 0.0, -90.0)
     base = max(everything, key=lambda call: call[1])
     assert sorted(count // 3 for index, count in everything if index != base[0]) == faces
@@ -144,4 +144,4 @@ def test_frames_cost_little_while_a_landing_streams(
     # By frame: bytes handed over. No frame takes all, none more than the bound of stage.ts.
     assert len([some for some in uploads if some > 0]) > 1
     assert max(uploads) <= 7 << 20
-    assert sum(uploads) >= sum(one["faces"] for one in shown["plan"]["load"]) * 6
+    assert sum(uploads) >= sum(entry["faces"] for entry in shown["plan"]["load"]) * 6

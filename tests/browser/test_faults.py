@@ -18,7 +18,7 @@ from playwright.sync_api import Page, expect
 
 OpenPage = Callable[..., tuple[Page, Watch]]
 
-PLACE = (0.0, 2.0, 0.0)
+POSITION = (0.0, 2.0, 0.0)
 NEXT = (40.0, 2.0, 20.0)
 RADIUS_M = 50.0
 LOST = r"WebSocket connection to .* failed|ERR_(CONNECTION|EMPTY|SOCKET)"
@@ -41,7 +41,7 @@ def opened(open_page: OpenPage, url: str, allowed: str, scene: str = SMALL) -> D
 
 def test_the_link_is_cut_while_idle(open_page: OpenPage, line: Line) -> None:
     viewer = opened(open_page, line.url, LOST)
-    first = viewer.land(PLACE, RADIUS_M)
+    first = viewer.land(POSITION, RADIUS_M)
     drawn = viewer.run("glWatch.ground()")
     line.refuse(True)
     line.cut()
@@ -60,12 +60,12 @@ def test_the_link_is_cut_while_idle(open_page: OpenPage, line: Line) -> None:
     expect(viewer.page.locator("[data-notice='link']")).to_have_count(0)
     assert viewer.digest == first["digest"]
     # It told the server what it holds.
-    assert viewer.land(PLACE, RADIUS_M)["payloadBytes"] == 0
+    assert viewer.land(POSITION, RADIUS_M)["payloadBytes"] == 0
 
 
 def test_the_link_is_cut_while_a_landing_streams(open_page: OpenPage, line: Line) -> None:
     viewer = opened(open_page, line.url, LOST)
-    first = viewer.land(PLACE, RADIUS_M)
+    first = viewer.land(POSITION, RADIUS_M)
     before = line.down_bytes
     line.slow(40_000)
     viewer.begin_landing(NEXT, RADIUS_M, stallMs=30_000, deadlineMs=60_000)
@@ -86,14 +86,14 @@ def test_the_link_is_cut_while_a_landing_streams(open_page: OpenPage, line: Line
 def test_the_server_is_killed_and_starts_again(open_page: OpenPage, scenes: Path) -> None:
     with Service(scenes) as service:
         viewer = opened(open_page, service.url, LOST)
-        first = viewer.land(PLACE, RADIUS_M)
+        first = viewer.land(POSITION, RADIUS_M)
         service.kill()
         viewer.notice("link")
         assert viewer.digest == first["digest"]
         service.start()
         viewer.until("terraport.state.link.state === 'open'", 40)
         expect(viewer.page.locator("[data-notice='link']")).to_have_count(0)
-        shown = viewer.land(PLACE, RADIUS_M)
+        shown = viewer.land(POSITION, RADIUS_M)
         assert shown["payloadBytes"] == 0
         assert shown["digest"] == first["digest"]
         assert payload_bytes(service.url) == {"land": 0.0, "aim": 0.0}
@@ -114,7 +114,7 @@ def test_a_token_is_asked_for(open_page: OpenPage, scenes: Path) -> None:
         field.fill("a-token-of-this-test")
         page.get_by_role("button", name="Open", exact=True).click()
         viewer.until("window.terraport?.state.link?.state === 'open'")
-        assert viewer.land(PLACE, RADIUS_M)["phase"] == "shown"
+        assert viewer.land(POSITION, RADIUS_M)["phase"] == "shown"
         assert "a-token" not in page.url
         # Kept for this tab alone.
         page.reload()
@@ -150,7 +150,7 @@ def test_a_full_server_is_waited_for(open_page: OpenPage, scenes: Path) -> None:
         assert "full" in second.notice("link")
         first.page.close()
         second.until("terraport.state.link?.state === 'open'", 60)
-        assert second.land(PLACE, RADIUS_M)["phase"] == "shown"
+        assert second.land(POSITION, RADIUS_M)["phase"] == "shown"
 
 
 def test_a_scene_that_is_not_there(open_page: OpenPage, server: Service) -> None:
@@ -172,7 +172,7 @@ def test_a_scene_is_taken_away_and_published_anew(
         watch.allow(f"{LOST}|status of 404|WebSocket")
         viewer = DrivenViewer(page, service.url, "pit")
         viewer.open()
-        first = viewer.land(PLACE, RADIUS_M)
+        first = viewer.land(POSITION, RADIUS_M)
         old = viewer.run("terraport.state.manifest.version")
 
         shutil.rmtree(own / "pit")
@@ -190,7 +190,7 @@ def test_a_scene_is_taken_away_and_published_anew(
             " && terraport.state.link?.state === 'open'",
             60,
         )
-        assert viewer.land(PLACE, RADIUS_M)["phase"] == "shown"
+        assert viewer.land(POSITION, RADIUS_M)["phase"] == "shown"
 
 
 def test_past_the_deadline_the_inner_part_is_shown_first(open_page: OpenPage, scenes: Path) -> None:
@@ -202,7 +202,7 @@ def test_past_the_deadline_the_inner_part_is_shown_first(open_page: OpenPage, sc
             "() => { window.swaps = []; terraport.on('swap', (report) => window.swaps.push("
             "{degraded: report.degraded, segments: terraport.visible.length})); }"
         )
-        viewer.begin_landing(PLACE, RADIUS_M, innerRadiusM=12, deadlineMs=1500, stallMs=30_000)
+        viewer.begin_landing(POSITION, RADIUS_M, innerRadiusM=12, deadlineMs=1500, stallMs=30_000)
         assert "Only the middle" in viewer.notice("degraded")
         viewer.until("window.swaps.length === 1 && window.swaps[0].degraded")
         line.slow(None)
@@ -223,7 +223,7 @@ def test_the_picture_comes_back_after_a_lost_context(open_page: OpenPage, server
         r"WebGL: CONTEXT_LOST_WEBGL|Context Lost|context lost"
         r"|delete\w*: object does not belong to this context",
     )
-    shown = viewer.land(PLACE, RADIUS_M)
+    shown = viewer.land(POSITION, RADIUS_M)
     before = sorted(count for _, count in viewer.look((0.0, 700.0, 0.0), 0.0, -90.0))
     viewer.run(
         "() => { window.loss = document.querySelector('canvas').getContext('webgl2')"

@@ -41,10 +41,10 @@ def headset(open_page: Callable[..., tuple[Page, Watch]], server: Service) -> Em
     return emulated
 
 
-def _ground(headset: EmulatedHeadset, place: list[float]) -> float:
+def _ground(headset: EmulatedHeadset, position: list[float]) -> float:
     """Height of what is shown, under a place."""
     hit: dict[str, Any] = headset.page.evaluate(
-        "([x, y, z]) => terraport.cast([x, y + 1, z], [0, -1, 0])", place
+        "([x, y, z]) => terraport.cast([x, y + 1, z], [0, -1, 0])", position
     )
     height: float = hit["position"][1]
     return height
@@ -152,9 +152,9 @@ def test_the_thumbstick_turns_about_the_head_and_chooses_the_facing(
     headset.push("left", 0, 0)
     headset.frames(2)
     frames = headset.traced()
-    place, azimuth = headset.standpoint()
+    position, azimuth = headset.standpoint()
     assert _turned(facing, azimuth) == pytest.approx(30, abs=1e-3)
-    assert place == pytest.approx(before, abs=1e-4)
+    assert position == pytest.approx(before, abs=1e-4)
     turns = [
         k
         for k, (a, b) in enumerate(pairwise(frames), 1)
@@ -195,6 +195,7 @@ def test_an_aim_is_called_off(headset: EmulatedHeadset) -> None:
         headset.frames(3)
         assert headset.phase() == "idle"
 
+    # By the grip.
     aim()
     headset.press("right", "squeeze", 1)
     headset.frames(3)
@@ -202,6 +203,7 @@ def test_an_aim_is_called_off(headset: EmulatedHeadset) -> None:
     headset.press("right", "squeeze", 0)
     let_go()
 
+    # By the second button.
     aim()
     headset.press("right", "b-button", 1)
     headset.frames(3)
@@ -209,11 +211,13 @@ def test_an_aim_is_called_off(headset: EmulatedHeadset) -> None:
     headset.press("right", "b-button", 0)
     let_go()
 
+    # By pointing at the sky.
     aim()
     headset.point("right", pitch=75)
     headset.frames(3)
     let_go()
 
+    # By the headset's own menu in front of the page.
     aim()
     headset.page.evaluate("emulated.device.updateVisibilityState('visible-blurred')")
     headset.frames(3)
@@ -256,7 +260,7 @@ def test_the_page_gets_its_camera_back(headset: EmulatedHeadset) -> None:
     headset.enter()
     headset.point("right", pitch=0)
     _land(headset)
-    place, azimuth = headset.standpoint()
+    position, azimuth = headset.standpoint()
     digest = page.evaluate("terraport.visibleDigest")
     # Out by the menu, as a user would: the last button of the panel, 0.75 m ahead.
     headset.press("right", "a-button", 1)
@@ -276,7 +280,7 @@ def test_the_page_gets_its_camera_back(headset: EmulatedHeadset) -> None:
     assert page.evaluate("terraport.visibleDigest") == digest
     state = page.evaluate("terraport.state")
     assert state["view"] == "walk"
-    assert page.evaluate("terraport.status.position")[0] == pytest.approx(place[0], abs=0.01)
+    assert page.evaluate("terraport.status.position")[0] == pytest.approx(position[0], abs=0.01)
     assert 0 <= azimuth < 360
     # And in again.
     headset.press("right", "trigger", 0)
@@ -285,4 +289,4 @@ def test_the_page_gets_its_camera_back(headset: EmulatedHeadset) -> None:
     headset.until("!!terraport.headset && terraport.headset.standpoint !== null")
     headset.frames(3)
     again, _ = headset.standpoint()
-    assert (again[0], again[2]) == pytest.approx((place[0], place[2]), abs=0.2)
+    assert (again[0], again[2]) == pytest.approx((position[0], position[2]), abs=0.2)

@@ -15,7 +15,7 @@ from playwright.sync_api import Page, expect
 
 import terraport.sync
 
-PLACE = (0.0, 2.0, 0.0)
+POSITION = (0.0, 2.0, 0.0)
 NEXT = (30.0, 2.0, 10.0)
 RADIUS_M = 50.0
 
@@ -30,9 +30,9 @@ def viewer(page: Page, server: Service) -> DrivenViewer:
 def test_land_hop_and_return(viewer: DrivenViewer, server: Service) -> None:
     before = payload_bytes(server.url)
     assert viewer.visible == []
-    first = viewer.land(PLACE, RADIUS_M)
+    first = viewer.land(POSITION, RADIUS_M)
     hop = viewer.land(NEXT, RADIUS_M)
-    back = viewer.land(PLACE, RADIUS_M)
+    back = viewer.land(POSITION, RADIUS_M)
 
     assert first["phase"] == hop["phase"] == back["phase"] == "shown"
     assert first["payloadBytes"] == first["plan"]["totalBytes"] > 0
@@ -57,15 +57,15 @@ def test_what_is_drawn_is_what_the_sdk_shows(viewer: DrivenViewer, server: Servi
     """Segments and hidden base faces, as the GPU has them, beside the reference client's."""
 
     with terraport.sync.connect(f"{server.url}/scenes/{SMALL}") as session:
-        session.land(PLACE, radius_m=RADIUS_M).ready(30)
-        parts = session.land(NEXT, radius_m=RADIUS_M).ready(30)
-        segments, base = sorted(part.id for part in parts), session.base()
+        session.land(POSITION, radius_m=RADIUS_M).ready(30)
+        ready_segments = session.land(NEXT, radius_m=RADIUS_M).ready(30)
+        segments, base = sorted(segment.id for segment in ready_segments), session.base()
 
-    viewer.land(PLACE, RADIUS_M)
+    viewer.land(POSITION, RADIUS_M)
     shown = viewer.land(NEXT, RADIUS_M)
     assert shown["visible"] == segments
 
-    faces = {one["segment"]: one["faces"] for one in shown["plan"]["load"]}
+    faces = {entry["segment"]: entry["faces"] for entry in shown["plan"]["load"]}
     hidden = viewer.hidden_on_gpu(len(base.mesh.faces))
     assert hidden.any()
     assert np.array_equal(hidden, base.hidden_faces(segments))
@@ -74,7 +74,7 @@ def test_what_is_drawn_is_what_the_sdk_shows(viewer: DrivenViewer, server: Servi
     counts = sorted(count for _, count in calls)
     assert len(counts) == len(segments) + 1
     assert counts[-1] == len(base.mesh.faces) * 3
-    assert {faces[one] * 3 for one in segments if one in faces} <= set(counts)
+    assert {faces[segment] * 3 for segment in segments if segment in faces} <= set(counts)
 
 
 def test_an_aim_leaves_nothing_to_load(viewer: DrivenViewer, server: Service) -> None:
@@ -133,7 +133,7 @@ def test_a_copied_link_leads_to_the_same(
 
 
 def test_back_and_forward_land(viewer: DrivenViewer) -> None:
-    first = viewer.land(PLACE, RADIUS_M)
+    first = viewer.land(POSITION, RADIUS_M)
     viewer.land(NEXT, RADIUS_M)
     viewer.page.go_back()
     viewer.until("terraport.status.landing === 3 && terraport.status.phase === 'shown'")
@@ -146,7 +146,7 @@ def test_back_and_forward_land(viewer: DrivenViewer) -> None:
 
 def test_a_kept_place_comes_back(viewer: DrivenViewer) -> None:
     page = viewer.page
-    first = viewer.land(PLACE, RADIUS_M)
+    first = viewer.land(POSITION, RADIUS_M)
     page.get_by_role("button", name="Panel").click()
     page.get_by_role("tab", name="Places").click()
     page.get_by_label("Name of this place").fill("The floor")
@@ -186,7 +186,7 @@ SLOPE_AT = """([x, y, z]) => {
 
 
 def test_a_click_on_a_wall_leads_to_where_one_can_stand(viewer: DrivenViewer) -> None:
-    viewer.land(PLACE, RADIUS_M)
+    viewer.land(POSITION, RADIUS_M)
     viewer.page.get_by_role("button", name="Walk").click()
     wall = viewer.run(FIND_WALL, [0.0, 4.0, 0.0])
     assert viewer.run(SLOPE_AT, wall["position"])["degrees"] > 50
@@ -209,12 +209,12 @@ def test_a_click_on_a_wall_leads_to_where_one_can_stand(viewer: DrivenViewer) ->
 
 
 def test_a_link_that_leads_out_of_the_scene_says_so(viewer: DrivenViewer) -> None:
-    viewer.land(PLACE, RADIUS_M)
+    viewer.land(POSITION, RADIUS_M)
     before = viewer.digest
     viewer.run("location.hash = '#scene=small&at=900,2,0&radius=60&view=walk'")
-    told = viewer.notice("landing")
-    assert "outside the scene" in told
-    assert "more than the radius of 60 m" in told
+    notice = viewer.notice("landing")
+    assert "outside the scene" in notice
+    assert "more than the radius of 60 m" in notice
     assert viewer.digest == before
     assert viewer.run("terraport.status.landing") == 1
     assert viewer.run("terraport.state.view") == "orbit"

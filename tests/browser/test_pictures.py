@@ -38,7 +38,7 @@ FAR_SHARE: Final = 0.005
 
 # From the south, over the pit: detail in the middle, base around it.
 EYE: Final = (0.0, 60.0, 95.0)
-PLACE: Final = (0.0, 2.0, 0.0)
+POSITION: Final = (0.0, 2.0, 0.0)
 SCENES: Final = {
     "colour": (SMALL, "colour"),
     "vertex-colour": (PHOTOGRAPHED, "vertex-colour"),
@@ -80,9 +80,9 @@ def test_a_wrong_picture_is_found(open_page: OpenPage, server: Service) -> None:
     viewer.look(EYE, 0.0, -32.0)
     assert not is_alike(good, read(viewer.page.screenshot()))
     pictures = [read((PICTURES / f"ground-{name}.png").read_bytes(), shrink=1) for name in SCENES]
-    for number, one in enumerate(pictures):
+    for number, picture in enumerate(pictures):
         for other in pictures[number + 1 :]:
-            assert not is_alike(one, other)
+            assert not is_alike(picture, other)
     # A hole of 30 by 20 pixels of these, as a segment that is missing leaves.
     holed = good.copy()
     holed[80:100, 150:180] = (210, 220, 230)
@@ -98,7 +98,7 @@ def landed(
     page, _ = open_page(reduced_motion="reduce", **options)
     viewer = DrivenViewer(page, server.url, scene)
     viewer.open(f"&mode={mode}")
-    viewer.land(PLACE, 45.0)
+    viewer.land(POSITION, 45.0)
     viewer.look(EYE, 0.0, -32.0)
     # The landing's edge is draped over the ground in the frames that follow.
     viewer.until("glWatch.frame.length > glWatch.ground().length")
@@ -107,14 +107,14 @@ def landed(
 
 def check(name: str, picture: bytes) -> None:
     file = PICTURES / f"{name}.png"
-    found = read(picture)
+    drawn = read(picture)
     if os.environ.get("TERRAPORT_WRITE_PICTURES") == "1":
-        few = Image.fromarray(found).quantize(256, kmeans=1, dither=Image.Dither.NONE)
+        few = Image.fromarray(drawn).quantize(256, kmeans=1, dither=Image.Dither.NONE)
         few.save(file, optimize=True)
-    wanted = read(file.read_bytes(), shrink=1)
-    assert wanted.shape == found.shape
-    mean, share = difference(wanted, found)
-    assert is_alike(wanted, found), f"{name}: mean difference {mean:.1f}, far {share:.3f}"
+    expected = read(file.read_bytes(), shrink=1)
+    assert expected.shape == drawn.shape
+    mean, share = difference(expected, drawn)
+    assert is_alike(expected, drawn), f"{name}: mean difference {mean:.1f}, far {share:.3f}"
 
 
 def read(png: bytes, shrink: int = 2) -> UInt8:
@@ -123,17 +123,17 @@ def read(png: bytes, shrink: int = 2) -> UInt8:
     return np.array(picture.resize(size, Image.Resampling.BOX))
 
 
-def difference(one: UInt8, other: UInt8) -> tuple[float, float]:
+def difference(first: UInt8, second: UInt8) -> tuple[float, float]:
     """Return the mean difference of the small pictures, and the share of pixels far apart."""
-    height, width = one.shape[0] // 2, one.shape[1] // 2
+    height, width = first.shape[0] // 2, first.shape[1] // 2
     small = [
         picture[: height * 2, : width * 2].reshape(height, 2, width, 2, 3).mean((1, 3))
-        for picture in (one, other)
+        for picture in (first, second)
     ]
     apart = np.abs(small[0] - small[1])
     return float(apart.mean()), float((apart.max(2) > FAR).mean())
 
 
-def is_alike(one: UInt8, other: UInt8) -> bool:
-    mean, share = difference(one, other)
+def is_alike(first: UInt8, second: UInt8) -> bool:
+    mean, share = difference(first, second)
     return mean <= MEAN_TOLERANCE and share <= FAR_SHARE

@@ -42,6 +42,6 @@ def test_it_lands_and_agrees_with_the_python_sdk(server: Service, scenes: Path) 
             timeout=240,
             check=False,
         )
-    said = done.stdout + done.stderr
-    assert done.returncode == 0, said[-6000:]
-    assert re.search(r"Tests +\d+ passed \(", said), f"some were skipped:\n{said[-3000:]}"
+    output = done.stdout + done.stderr
+    assert done.returncode == 0, output[-6000:]
+    assert re.search(r"Tests +\d+ passed \(", output), f"some were skipped:\n{output[-3000:]}"

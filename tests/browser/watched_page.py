@@ -45,7 +45,9 @@ class Watch:
     def unforeseen(self) -> list[str]:
         """Complaints that no pattern allows."""
         return [
-            one for one in self.complaints if not any(each.search(one) for each in self._allowed)
+            complaint
+            for complaint in self.complaints
+            if not any(each.search(complaint) for each in self._allowed)
         ]
 
     def _watch(self, page: Page) -> None:

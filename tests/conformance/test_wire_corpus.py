@@ -20,11 +20,11 @@ def test_the_corpus_is_what_the_script_writes() -> None:
 
 
 def test_every_message_type_is_in_the_corpus_both_ways() -> None:
-    for files, wanted in ((GOOD, "minimal"), (GOOD, "full"), (BAD, "truncated_middle")):
+    for files, suffix in ((GOOD, "minimal"), (GOOD, "full"), (BAD, "truncated_middle")):
         names = {path.stem for path in files}
         for messages in MESSAGES.values():
             for type_name in messages:
-                assert f"message-{type_name}-{wanted}" in names
+                assert f"message-{type_name}-{suffix}" in names
 
 
 @pytest.mark.parametrize("path", GOOD, ids=lambda path: path.stem)

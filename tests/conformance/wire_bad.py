@@ -47,10 +47,10 @@ def _refused(message: m.Message, fields: dict[str, Any], field: str) -> dict[str
         "fatal": message.TYPE not in ("aim", "land", "pick", "join", "gather"),
         "field": field,
     }
-    known = {item.name for item in fields_of(type(message))}
+    field_names = {item.name for item in fields_of(type(message))}
     for name in ("generation", "request"):
         value = fields.get(name)
-        if name in known and type(value) is int and 0 <= value < 2**32:
+        if name in field_names and type(value) is int and 0 <= value < 2**32:
             error[name] = value
     return error
 
@@ -313,8 +313,8 @@ def _msgpack_bytes() -> Iterator[Case]:
 def _frames() -> Iterator[Case]:
     whole = encode_frame(PayloadFrame(1, 2, 0, 9, memoryview(b"terraport")))
 
-    def changed(place: int, *values: int) -> bytes:
-        return whole[:place] + bytes(values) + whole[place + len(values) :]
+    def changed(offset: int, *values: int) -> bytes:
+        return whole[:offset] + bytes(values) + whole[offset + len(values) :]
 
     for feature, data in (
         ("empty", b""),

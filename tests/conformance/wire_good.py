@@ -89,6 +89,7 @@ def _msgpack_formats() -> Iterator[Case]:
     full = by_type(FULL)
     credit, aim, evict = m.Credit(bytes=5), by_type(MINIMAL)["aim"], m.Evict(segments=[3, 9])
     key = msgpack.packb
+    # As many values as a message may have.
     for message, count in (
         (full["bye"], MAX_CLIENT_VALUES),
         (full["superseded"], 2 * MAX_CLIENT_VALUES),  # a server's are bounded by bytes alone
@@ -96,6 +97,7 @@ def _msgpack_formats() -> Iterator[Case]:
         fields = plain(message)
         nils = [None] * (count - 2 * len(fields) - 3)
         yield good(message, "most_values", pack({**fields, "later": nils}))
+    # Integers and strings in every width.
     start = b"\x82" + key("type") + key("credit") + key("bytes")
     for feature, token in (
         ("uint8", b"\xcc\x05"),
@@ -108,6 +110,7 @@ def _msgpack_formats() -> Iterator[Case]:
         yield good(credit, feature, start + token)
     text = b"\x82" + b"\xd9\x04type" + b"\xda\x00\x06credit" + b"\xdb\x00\x00\x00\x05bytes\x05"
     yield good(credit, "str_formats", text)
+    # Maps, byte strings, arrays and floats.
     for feature, head in (("map16", b"\xde\x00\x02"), ("map32", b"\xdf\x00\x00\x00\x02")):
         yield good(credit, feature, head + start[1:] + b"\x05")
     ids = struct.pack("<2I", 3, 9)
@@ -149,6 +152,7 @@ def _frames() -> Iterator[Case]:
             },
         )
 
+    # First, middle and last chunks, up to the greatest numbers.
     chunk = b"terraport"
     for feature, numbers in (
         ("whole", (1, 2, 0, 9)),
@@ -158,6 +162,7 @@ def _frames() -> Iterator[Case]:
     ):
         data = encode_frame(PayloadFrame(*numbers, memoryview(chunk)))
         yield case(feature, data, *numbers, chunk=chunk)
+    # What a later version may add, and a reader of this one passes over.
     plain_frame = encode_frame(PayloadFrame(1, 2, 0, 9, memoryview(chunk)))
     longer = plain_frame[:2] + b"\x20\x00" + plain_frame[4:24] + b"\xff" * 8 + chunk
     yield case("longer_header", longer, 1, 2, 0, 9, chunk=chunk)
@@ -170,6 +175,7 @@ def _frames() -> Iterator[Case]:
         "one_byte", plain_frame[:16] + b"\x01\0\0\0" + bytes(4) + b"!", 1, 2, 0, 1, chunk=b"!"
     )
     assert len(plain_frame) == HEADER_BYTES + len(chunk)
+    # Kinds of a later version are ignored whole.
     for kind in (0x02, 0x7F):
         facts = {"frame": {"unknown_kind": kind}}
         yield frame(f"unknown_kind_{kind:02x}", bytes([kind]) + b"whatever", facts)

@@ -255,9 +255,10 @@ def readable_value(kind: Kind, value: Any) -> Any:
     return kind.to_wire(value)
 
 
-def _readable_part(part: Part) -> dict[str, Any]:
+def _readable_part(wire_part: Part) -> dict[str, Any]:
     values = {
-        field.name: (field.kind, getattr(part, field.name)) for field in fields_of(type(part))
+        field.name: (field.kind, getattr(wire_part, field.name))
+        for field in fields_of(type(wire_part))
     }
     return {
         name: readable_value(kind, value)

@@ -18,8 +18,8 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Built:
     """Make 20,000 points of the procedural quarry and build them in some dozens of segments."""
     root = tmp_path_factory.mktemp("end_to_end")
     survey = root / "quarry.laz"
-    made = run_terraport("synth", "-o", survey, "--points", "20k", "--seed", "3")
-    assert made.returncode == 0, made.stderr
+    synth_run = run_terraport("synth", "-o", survey, "--points", "20k", "--seed", "3")
+    assert synth_run.returncode == 0, synth_run.stderr
     result = Built(survey, root / "scenes")
     done = run_terraport("build", survey, "-o", result.scene, *BUILD)
     assert done.returncode == 0, done.stderr

@@ -110,9 +110,9 @@ def test_nan_rows_and_missing_colours_are_said_and_survived(tmp_path: Path) -> N
     path.write_bytes(header.encode() + points.astype("<f8").tobytes())
     result = run_terraport("build", path, "-o", tmp_path / "scene", "--min-faces", "200")
     assert result.returncode == 0, result.stderr
-    told = result.stdout + result.stderr
-    assert "60" in told
-    assert "grey" in told
+    output = result.stdout + result.stderr
+    assert "60" in output
+    assert "grey" in output
     assert (tmp_path / "scene" / "report.html").is_file()
 
 

@@ -47,7 +47,7 @@ class Rebuilt:
     after: dict[str, Any]
     labels: dict[int, str]
     """Set before the second build."""
-    said: str
+    output: str
     """What the second build printed."""
     places: dict[int, list[float]]
     """A point well inside each region of the first build, survey coordinates, by stable id."""
@@ -72,21 +72,21 @@ def regions_of(scene: Path) -> dict[str, Any]:
 
 def inner_places(scene: Path) -> dict[int, list[float]]:
     """The middle of each region's largest single-region segment, from above."""
-    found: dict[int, list[float]] = {}
+    points: dict[int, list[float]] = {}
     with Scene.open(scene) as opened:
         origin = np.array(opened.manifest.origin)
         names = read_names(scene)[0]
         order = np.argsort(-opened.index.face_count.astype(int), kind="stable")
         for segment in order[opened.index.region_count[order] == 1].tolist():
             number = names.stable_id(int(opened.index.region[segment]))
-            if number is None or number in found:
+            if number is None or number in points:
                 continue
             mesh = decode_glb(opened.payload(segment))
             centres = mesh.positions[mesh.faces].astype(float).mean(axis=1)
             middle = np.abs(centres - np.median(centres, axis=0)).sum(axis=1).argmin()
             x, y, z = centres[middle]
-            found[number] = [origin[0] + x, origin[1] - z, origin[2] + y]
-    return found
+            points[number] = [origin[0] + x, origin[1] - z, origin[2] + y]
+    return points
 
 
 @pytest.fixture(scope="module")
@@ -155,9 +155,9 @@ def test_new_regions_have_numbers_never_used_and_lost_labels_are_told(rebuilt: R
     assert all(number >= first_free for number in after.keys() - before.keys())
     assert rebuilt.after["next_stable_id"] == first_free + len(after.keys() - before.keys())
     gone = before.keys() - after.keys()
-    assert ("labels have no region any more" in rebuilt.said) == bool(gone)
+    assert ("labels have no region any more" in rebuilt.output) == bool(gone)
     for number in gone:
-        assert f"({number})" in rebuilt.said
+        assert f"({number})" in rebuilt.output
     assert validate_scene(rebuilt.scenes / "pit") == []
 
 
@@ -166,21 +166,21 @@ def test_a_pick_after_the_rebuild_answers_with_the_label_of_before(
 ) -> None:
     """From above, at a place well inside each region that was there before."""
     after = by_id(rebuilt.after)
-    asked = 0
+    pick_count = 0
     with Scene.open(rebuilt.scenes / "pit") as scene:
         origin = np.array(scene.manifest.origin)
     with terraport.sync.connect(server.scene_url("pit")) as session:
-        for number, place in rebuilt.places.items():
+        for number, point in rebuilt.places.items():
             if number not in after:
                 continue
-            position = to_scene(np.array([place]), origin)[0].tolist()
+            position = to_scene(np.array([point]), origin)[0].tolist()
             hit = session.pick(position)
             if hit is None or hit.stable_id != number:
                 continue  # the border moved over this place, or the corner is gone
             assert hit.label == rebuilt.labels[number]
             assert rebuilt.after["regions"][hit.region]["stable_id"] == number
-            asked += 1
-    assert asked >= min(3, len(after.keys() & rebuilt.places.keys()))
+            pick_count += 1
+    assert pick_count >= min(3, len(after.keys() & rebuilt.places.keys()))
 
 
 def test_a_running_service_answers_with_a_new_label_at_once(
@@ -188,9 +188,9 @@ def test_a_running_service_answers_with_a_new_label_at_once(
 ) -> None:
     """Set on the command line, in the next picks of a session that is open already."""
     scene = rebuilt.scenes / "pit"
-    number, place = next((n, p) for n, p in rebuilt.places.items() if n in by_id(rebuilt.after))
+    number, point = next((n, p) for n, p in rebuilt.places.items() if n in by_id(rebuilt.after))
     with Scene.open(scene) as opened:
-        position = to_scene(np.array([place]), np.array(opened.manifest.origin))[0].tolist()
+        position = to_scene(np.array([point]), np.array(opened.manifest.origin))[0].tolist()
     table = tmp_path / "one.csv"
     with terraport.sync.connect(server.scene_url("pit")) as session:
         hit = session.pick(position)
@@ -215,13 +215,13 @@ def test_the_same_survey_over_the_same_version_gives_the_same_bytes(
     """Two copies of the place, each built over; and once more over itself: nothing changes."""
     versions, numbers = [], []
     for name in ("a", "b"):
-        place = tmp_path / name / "pit"
-        shutil.copytree(rebuilt.scenes / "pit", place)
-        shutil.copytree(rebuilt.scenes / ".pit.work", place.parent / ".pit.work")
-        done = run_terraport("build", built.survey, "-o", place, *BUILD)
+        scene = tmp_path / name / "pit"
+        shutil.copytree(rebuilt.scenes / "pit", scene)
+        shutil.copytree(rebuilt.scenes / ".pit.work", scene.parent / ".pit.work")
+        done = run_terraport("build", built.survey, "-o", scene, *BUILD)
         assert done.returncode == 0, done.stderr
-        versions.append(json.loads((place / "scene.json").read_text())["version"])
-        numbers.append([row["stable_id"] for row in regions_of(place)["regions"]])
+        versions.append(json.loads((scene / "scene.json").read_text())["version"])
+        numbers.append([row["stable_id"] for row in regions_of(scene)["regions"]])
     assert versions[0] == versions[1]
     assert numbers[0] == numbers[1]
     (tmp_path / "a" / "pit" / "build.json").unlink()

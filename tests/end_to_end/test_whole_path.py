@@ -74,10 +74,10 @@ def test_going_back_costs_no_bytes(built: Built, server: BackgroundServer) -> No
         Scene.open(built.scene) as scene,
         terraport.sync.connect(server.scene_url("quarry")) as session,
     ):
-        here, there = places(scene, 2)[:2]
+        here, elsewhere = places(scene, 2)[:2]
         session.land(here, radius_m=40.0).ready(timeout_s=30)
         first = session.visible_set_hash()
-        session.land(there, radius_m=40.0).ready(timeout_s=30)
+        session.land(elsewhere, radius_m=40.0).ready(timeout_s=30)
         again = session.land(here, radius_m=40.0)
         again.ready(timeout_s=30)
         assert again.plan.load_bytes == 0
@@ -106,6 +106,7 @@ def test_the_streamed_surface_lies_on_the_survey(
 
 def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
     """Survey points as the mesh's own vertices: what is left is the error of the whole chain."""
+    # A mesh whose vertices are survey points: no reconstruction, so no error of its own.
     points = survey.points[:10_000]
     origin = np.floor(points.min(axis=0))
     flat = Delaunay(points[:, :2] - origin[:2]).simplices.astype(np.int32)
@@ -116,6 +117,7 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
         colours=survey.colours[:10_000],
         attributes={"grade": survey.attributes["grade"][:10_000]},
     )
+    # One segment per quarter of the plan, one region, and a cover that lists nothing.
     quarter = np.median(mesh.vertices, axis=0)
     centres = mesh.vertices[flat].mean(axis=1)
     segments = ((centres[:, 0] > quarter[0]) + 2 * (centres[:, 2] > quarter[2])).astype(np.int32)
@@ -158,17 +160,20 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
         pack.Options(name="known"),
         Context(scratch=tmp_path),
     )
+    # Through the service and the SDK, back to the survey's coordinates.
     with BackgroundServer(tmp_path) as server:
         url = server.scene_url("known")
         with terraport.sync.connect(url) as session:
             manifest = session.manifest()
             meshes = [s.arrays() for s in session.land((0, 0, 0), radius_m=450).ready(timeout_s=60)]
     positions = to_crs(np.concatenate([m.positions for m in meshes]), np.array(manifest["origin"]))
+    # Positions: at most the millimetre of the survey file and one step of the scene's grid.
     used = np.unique(flat)
     distance_m, nearest = cKDTree(positions).query(points[used])
     assert distance_m.max() <= 0.001 + manifest["step_m"]
+    # Colours and attributes: only where no other survey point shares the grid cell.
     close = cKDTree(positions).query_ball_point(points[used], manifest["step_m"])
-    alone = np.array([len(found) <= 4 for found in close])  # no other survey point in the same cell
+    alone = np.array([len(neighbours) <= 4 for neighbours in close])
     colours = np.concatenate([m.colours for m in meshes])[nearest]
     np.testing.assert_array_equal(colours[alone], survey.colours[used][alone])
     grade = np.concatenate([m.attributes["grade"] for m in meshes])[nearest]

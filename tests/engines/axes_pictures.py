@@ -57,23 +57,23 @@ def drawn_by_client(client: Client, url: str) -> list[Drawn]:
     with tempfile.TemporaryDirectory() as folder:
         step = "land:" + ",".join(map(str, LANDING))
         landed = client.land(url, step, dump=folder)
-        assert landed.exit_code == 0, landed.said
+        assert landed.exit_code == 0, landed.output
         payloads = [Path(folder) / f"{segment}.glb" for segment in landed.segments]
         assert len(payloads) == len(NAMES)
         done = client.run("axes", *payloads)
-    return [_mesh(told) for told in json.loads(done.stdout.strip().splitlines()[-1])]
+    return [_mesh(record) for record in json.loads(done.stdout.strip().splitlines()[-1])]
 
 
-def _mesh(told: dict[str, Any]) -> Drawn:
-    image = base64.b64decode(told["image"]) if told["image"] else None
-    linear = _rows(told["linear_colours"], 3)
+def _mesh(record: dict[str, Any]) -> Drawn:
+    image = base64.b64decode(record["image"]) if record["image"] else None
+    linear = _rows(record["linear_colours"], 3)
     colours = None
     if linear is not None:
         curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
         colours = 255 * curved
-    uvs = _rows(told["uvs"], 2)
-    positions, normals = np.array(told["positions"]), np.array(told["normals"])
-    faces = np.array(told["indices"]).reshape(-1, 3)
+    uvs = _rows(record["uvs"], 2)
+    positions, normals = np.array(record["positions"]), np.array(record["normals"])
+    faces = np.array(record["indices"]).reshape(-1, 3)
     return Drawn(positions.reshape(-1, 3), normals.reshape(-1, 3), faces, colours, uvs, image)
 
 
@@ -82,7 +82,7 @@ def _rows(values: list[float] | None, columns: int) -> AnyArray | None:
 
 
 def main() -> int:
-    """Write the picture."""
+    """Let both clients land in the scene of axes and draw what each hands to its engine."""
     built: dict[str, cores.CsCore | cores.CppCore] = {
         "csharp": cores.csharp(),
         "cpp": cores.cpp(),

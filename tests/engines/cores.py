@@ -110,10 +110,10 @@ def csharp() -> CsCore:
     ]
 
     def build(folder: Path) -> None:
-        made = CsCore(folder)
-        compile_cs(core, made.library, ["-doc:" + str(folder / "Terraport.Core.xml")])
-        own = f"-r:{made.library}"
-        compile_cs(tests, made.tests, [own, f"-r:{NUNIT}"])
+        compiled = CsCore(folder)
+        compile_cs(core, compiled.library, ["-doc:" + str(folder / "Terraport.Core.xml")])
+        own = f"-r:{compiled.library}"
+        compile_cs(tests, compiled.tests, [own, f"-r:{NUNIT}"])
         compile_cs(tools, folder / "terraport-tools.exe", [own], target="exe")
         shutil.copy(NUNIT, folder)
 

@@ -49,7 +49,7 @@ class Convention:
     first_row_v: float
     """v of the first row of the image file: 0 where v grows downwards, 1 where it grows upwards."""
 
-    def place(self, east_up_north: Sequence[float]) -> AnyArray:
+    def to_engine(self, east_up_north: Sequence[float]) -> AnyArray:
         """Return a place or direction in the engine's coordinates."""
         axes = np.array([self.east, self.up, self.north])
         turned: AnyArray = np.asarray(east_up_north, dtype=np.float64) @ axes
@@ -88,14 +88,14 @@ class Drawn:
 
 def draw(meshes: Iterable[Drawn], by: Convention, width: int = 400, height: int = 300) -> UInt8:
     """Return a picture (height, width, 3) of meshes in an engine's coordinates."""
-    eye, target = by.place(EYE), by.place(LOOK_AT)
+    eye, target = by.to_engine(EYE), by.to_engine(LOOK_AT)
     forward = _unit(target - eye)
-    up = by.place((0, 1, 0))
+    up = by.to_engine((0, 1, 0))
     # In left-handed coordinates the same component arithmetic gives the other side.
     right = _unit(np.cross(up, forward) if by.left_handed else np.cross(forward, up))
     above = np.cross(forward, right) if by.left_handed else np.cross(right, forward)
     scale = height / 2 / np.tan(np.radians(FIELD_OF_VIEW_DEG) / 2)
-    sun = _unit(by.place(SUN))
+    sun = _unit(by.to_engine(SUN))
     picture = np.empty((height, width, 3), dtype=np.uint8)
     picture[:] = SKY
     depth = np.zeros((height, width))  # of the nearest so far, inverse: 0 is infinity
@@ -124,6 +124,7 @@ def _fill(
     by: Convention,
 ) -> None:
     """Draw one face, perspective-correct, by pixel centres."""
+    # Behind the eye, without area, or beside the picture: nothing to draw.
     x, y, along = (values[face] for values in projected)
     area = (x[1] - x[0]) * (y[2] - y[0]) - (x[2] - x[0]) * (y[1] - y[0])
     if (along <= 0).any() or area == 0:
@@ -133,6 +134,7 @@ def _fill(
     end_x, end_y = min(int(np.ceil(x.max())) + 1, width), min(int(np.ceil(y.max())) + 1, height)
     if left >= end_x or top >= end_y:
         return
+    # Barycentric weights of every pixel centre; 1 / depth is linear on the screen.
     px, py = np.meshgrid(np.arange(left, end_x) + 0.5, np.arange(top, end_y) + 0.5)
     weights = np.stack(
         [

@@ -61,13 +61,13 @@ def run(program: Path, limit: str, work: Path) -> tuple[str, int, str]:
         errors="replace",
         check=False,
     )
-    found = re.search(r"number_of_executed_units: (\d+)", done.stdout)
-    count = int(found[1]) if found else 0
+    executed = re.search(r"number_of_executed_units: (\d+)", done.stdout)
+    count = int(executed[1]) if executed else 0
     return program.name, count, "" if done.returncode == 0 and count else done.stdout[-6000:]
 
 
 def main() -> int:
-    """Build, run, print."""
+    """Build the C++ core's fuzzers, run each for its time and report inputs per target."""
     parser = argparse.ArgumentParser(description="fuzz the C++ core")
     parser.add_argument("targets", nargs="*")
     parser.add_argument("--seconds", type=int, default=10, help="of each target")

@@ -56,8 +56,8 @@ def _files(*patterns: str) -> Iterator[bytes]:
 
 
 def _glbs() -> list[Path]:
-    found = CORPUS.glob("scene/payload/*.glb"), CORPUS.glob("scene/*/v-*/base.glb")
-    return sorted(path for paths in found for path in paths)
+    globs = CORPUS.glob("scene/payload/*.glb"), CORPUS.glob("scene/*/v-*/base.glb")
+    return sorted(path for paths in globs for path in paths)
 
 
 def _is_good(path: Path) -> bool:

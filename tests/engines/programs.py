@@ -23,17 +23,17 @@ TIMEOUT_S: Final = 120
 
 @dataclass(frozen=True)
 class Totals:
-    """The line ``N passed, N failed`` with what was said before it."""
+    """The line ``N passed, N failed`` with all that was printed before it."""
 
     passed: int
     failed: int
     declined: list[str]
-    said: str
+    output: str
 
 
 @dataclass(frozen=True)
 class Landed:
-    """What ``land`` printed."""
+    """The JSON that a client's ``land`` program printed last, and its exit code."""
 
     exit_code: int
     events: list[dict[str, Any]]
@@ -46,7 +46,7 @@ class Landed:
     """What would be drawn, where the visit was staged (``staged=1``)."""
     failure: str | None
     """Why it ended early."""
-    said: str = field(repr=False, default="")
+    output: str = field(repr=False, default="")
 
     def of(self, kind: str) -> list[dict[str, Any]]:
         """Return the events of one type."""
@@ -86,18 +86,18 @@ class Client:
         done = self.run("land", "--scene", scene_url, *flags, *steps)
         lines = done.stdout.strip().splitlines()
         try:
-            told = json.loads(lines[-1])
+            answer = json.loads(lines[-1])
         except (IndexError, ValueError):
             raise AssertionError(f"no JSON from land:\n{done.stdout[-4000:]}") from None
         return Landed(
             done.returncode,
-            told["events"],
-            told["landings"],
-            told["picks"],
-            {int(key): value for key, value in told["segments"].items()},
-            told["stats"],
-            told["stage"] or {},
-            told["failure"],
+            answer["events"],
+            answer["landings"],
+            answer["picks"],
+            {int(key): value for key, value in answer["segments"].items()},
+            answer["stats"],
+            answer["stage"] or {},
+            answer["failure"],
             done.stdout,
         )
 
@@ -138,12 +138,12 @@ def socket_pace(
     return pace
 
 
-def totals(said: str) -> Totals:
+def totals(output: str) -> Totals:
     """Read the last ``N passed, N failed`` of some output, and the lines of what was declined."""
-    found = re.findall(r"^(\d+) passed, (\d+) failed$", said, re.MULTILINE)
-    assert found, f"no line 'N passed, N failed' in:\n{said[-4000:]}"
-    declined = re.findall(r"^declined: (\S+)", said, re.MULTILINE)
-    return Totals(int(found[-1][0]), int(found[-1][1]), declined, said)
+    summaries = re.findall(r"^(\d+) passed, (\d+) failed$", output, re.MULTILINE)
+    assert summaries, f"no line 'N passed, N failed' in:\n{output[-4000:]}"
+    declined = re.findall(r"^declined: (\S+)", output, re.MULTILINE)
+    return Totals(int(summaries[-1][0]), int(summaries[-1][1]), declined, output)
 
 
 class ThreadedProxy:

@@ -59,10 +59,10 @@ def normals_apart(meshes: Mapping[int, SegmentMesh], folder: Path) -> float:
     """Return the largest difference of any component of the normals that a client dumped."""
     worst = 0.0
     for segment, mesh in meshes.items():
-        found = np.fromfile(folder / f"{segment}.normals", dtype="<f4").reshape(-1, 3)
-        assert found.shape == mesh.normals.shape
-        assert np.allclose(np.linalg.norm(found, axis=1), 1.0, atol=1e-5)
-        worst = max(worst, float(np.abs(found - mesh.normals).max()))
+        normals = np.fromfile(folder / f"{segment}.normals", dtype="<f4").reshape(-1, 3)
+        assert normals.shape == mesh.normals.shape
+        assert np.allclose(np.linalg.norm(normals, axis=1), 1.0, atol=1e-5)
+        worst = max(worst, float(np.abs(normals - mesh.normals).max()))
     return worst
 
 

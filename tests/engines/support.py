@@ -201,8 +201,8 @@ def missing_tests() -> list[str]:
                 continue
             path = ROOT / claim.file
             text = path.read_text(encoding="utf-8") if path.is_file() else ""
-            wanted = rf"def {claim.test}" if path.suffix == ".py" else re.escape(claim.test)
-            if not re.search(wanted, text):
+            pattern = rf"def {claim.test}" if path.suffix == ".py" else re.escape(claim.test)
+            if not re.search(pattern, text):
                 missing.append(f"{feature}, {client}: {claim.file} has no {claim.test!r}")
     return missing
 
@@ -237,12 +237,12 @@ def main() -> int:
     """Write or check the page; return the exit code."""
     problems = missing_tests()
     current = PAGE.read_text(encoding="utf-8")
-    wanted = page_text()
+    page = page_text()
     if "--check" in sys.argv[1:]:
-        if wanted != current:
+        if page != current:
             problems.append(f"{PAGE.name} is not what support.py writes")
     else:
-        PAGE.write_text(wanted, encoding="utf-8")
+        PAGE.write_text(page, encoding="utf-8")
     for problem in problems:
         sys.stderr.write(f"error: {problem}\n")
     return 1 if problems else 0

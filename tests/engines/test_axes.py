@@ -19,9 +19,9 @@ DIFFERENT = 0.02
 """Less than that, and the test could not tell."""
 
 
-def differing(one: Any, other: Any) -> float:
+def differing(first: Any, second: Any) -> float:
     """Return the share of pixels that are not nearly the same colour."""
-    apart = np.abs(one.astype(int) - other.astype(int)).max(axis=2)
+    apart = np.abs(first.astype(int) - second.astype(int)).max(axis=2)
     return float((apart > 6).mean())
 
 
@@ -77,8 +77,12 @@ def test_normals_point_out_of_their_faces(client: Client, meshes: list[Drawn]) -
     left_handed_front_clockwise = CONVENTIONS[ENGINES[client.language]].front_clockwise
     for mesh in meshes:
         corners = mesh.positions[mesh.faces]
-        one, other = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-        front = np.cross(one, other) if left_handed_front_clockwise else np.cross(other, one)
+        first_edge, second_edge = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+        front = (
+            np.cross(first_edge, second_edge)
+            if left_handed_front_clockwise
+            else np.cross(second_edge, first_edge)
+        )
         normals = mesh.normals[mesh.faces[:, 0]]
         assert (np.einsum("ij,ij->i", front, normals) > 0).all()
 
@@ -88,10 +92,10 @@ def test_the_picture_in_the_docs_is_what_is_drawn(
 ) -> None:
     sheet = np.asarray(PIL.Image.open(PICTURE).convert("RGB"))
     height, width, _ = reference.shape
-    place = 1 + list(ENGINES).index(client.language)
+    column = 1 + list(ENGINES).index(client.language)
     for number, picture in (
         (0, reference),
-        (place, draw(meshes, CONVENTIONS[ENGINES[client.language]])),
+        (column, draw(meshes, CONVENTIONS[ENGINES[client.language]])),
     ):
         left = number * (width + 8)
         shown = sheet[:height, left : left + width]

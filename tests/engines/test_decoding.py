@@ -18,13 +18,13 @@ def test_nothing_is_allocated_in_the_steady_state(client: Client, tmp_path: Path
         for n in range(4)
     ]
     path = tmp_path / "payloads.glb"
-    path.write_bytes(b"".join(struct.pack("<I", len(one)) + one for one in payloads))
+    path.write_bytes(b"".join(struct.pack("<I", len(payload)) + payload for payload in payloads))
     done = client.run("decode", path, "--seconds", 0.5)
     assert done.returncode == 0, done.stdout
-    told = json.loads(done.stdout.strip().splitlines()[-1])
-    assert told["segments"] >= 40
-    assert told["meter_saw_bytes"] > 1000, "a meter that stands still proves nothing"
+    figures = json.loads(done.stdout.strip().splitlines()[-1])
+    assert figures["segments"] >= 40
+    assert figures["meter_saw_bytes"] > 1000, "a meter that stands still proves nothing"
     if client.language == "cpp":
-        assert told["allocations"] == 0
+        assert figures["allocations"] == 0
     else:
-        assert told["allocated_bytes"] == 0
+        assert figures["allocated_bytes"] == 0

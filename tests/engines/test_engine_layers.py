@@ -25,8 +25,8 @@ UNITY, UNREAL = cores.UNITY, cores.UNREAL
 @pytest.mark.parametrize("release", [RELEASES[0], NEWEST])
 def test_the_unity_layer_passes_its_tests(csharp: cores.CsCore, release: str) -> None:
     unity = unity_layer(release)
-    passed, failed, said = run_nunit(unity, unity.layer_tests)
-    assert failed == 0, said[-6000:]
+    passed, failed, output = run_nunit(unity, unity.layer_tests)
+    assert failed == 0, output[-6000:]
     assert passed > 10
 
 
@@ -57,8 +57,8 @@ def test_the_unreal_module_compiles_against_the_stubs() -> None:
 
 
 def test_the_unreal_layer_passes_its_tests_on_the_stubs(cpp: cores.CppCore) -> None:
-    passed, failed, said = run_doctest(cpp.folder / "bin" / "terraport-engine-tests")
-    assert failed == 0, said[-6000:]
+    passed, failed, output = run_doctest(cpp.folder / "bin" / "terraport-engine-tests")
+    assert failed == 0, output[-6000:]
     assert passed > 10
 
 
@@ -99,7 +99,7 @@ def test_every_file_that_unity_imports_has_its_meta() -> None:
         for path in UNITY.rglob("*.meta")
     ]
     assert None not in guids
-    assert len({found[1] for found in guids if found}) == len(guids) > 100
+    assert len({match[1] for match in guids if match}) == len(guids) > 100
 
 
 def test_the_unity_package_names_what_is_there() -> None:
@@ -109,14 +109,14 @@ def test_the_unity_package_names_what_is_there() -> None:
         assert any((UNITY / sample["path"]).rglob("*.cs")), sample
     assemblies = {}
     for path in UNITY.rglob("*.asmdef"):
-        told = json.loads(path.read_text())
-        assemblies[told["name"]] = told
+        definition = json.loads(path.read_text())
+        assemblies[definition["name"]] = definition
     assert assemblies["Terraport.Core"]["noEngineReferences"] is True
     assert assemblies["Terraport.Core"]["references"] == []
     ours = {name for name in assemblies if name.startswith("Terraport")}
-    for told in assemblies.values():
-        wanted = {name for name in told["references"] if name.startswith("Terraport")}
-        assert wanted <= ours, told["name"]
+    for definition in assemblies.values():
+        references = {name for name in definition["references"] if name.startswith("Terraport")}
+        assert references <= ours, definition["name"]
 
 
 def test_the_unity_core_knows_no_engine_and_needs_no_reflection() -> None:
@@ -146,7 +146,7 @@ def test_the_unreal_core_knows_no_engine_and_throws_nothing() -> None:
             assert not re.search(word, code), f"{path.name} has {word}"
         for include in re.findall(r'#include "([^"]+)"', code):
             near = (path.parent / include, core / "Public" / include, core / "Private" / include)
-            assert any(place.is_file() for place in near), f"{path.name} includes {include}"
+            assert any(candidate.is_file() for candidate in near), f"{path.name} includes {include}"
 
 
 @pytest.mark.parametrize("module", ["TerraportCore", "Terraport"])

@@ -30,7 +30,7 @@ def test_a_cut_line_is_mended_and_no_segment_comes_twice(
             credit_bytes=300_000,
             threaded=threaded,
         )
-        assert landed.exit_code == 0, landed.said[-3000:]
+        assert landed.exit_code == 0, landed.output[-3000:]
         assert line.proxy.connections == 4
     (ready,) = landed.landings
     assert ready["visible"] == list(range(36))
@@ -56,7 +56,7 @@ def test_a_flipped_byte_is_noticed_and_the_segment_asked_for_again(
         landed = client.land(f"{line.url}/scenes/big", EVERYWHERE)
         assert proxy.flip_at is None, "it was flipped"
         assert line.proxy.connections == 1
-    assert landed.exit_code == 0, landed.said[-3000:]
+    assert landed.exit_code == 0, landed.output[-3000:]
     (ready,) = landed.landings
     assert (ready["visible"], ready["missing"]) == (list(range(36)), [])
     assert {segment: digests(mesh) for segment, mesh in meshes.items()} == landed.segments
@@ -66,10 +66,10 @@ def test_a_byte_that_went_bad_on_disk_is_a_segment_missing(client: Client, tmp_p
     """The service finds it and never sends it; the landing is ready without."""
     own = write_grid_scene(tmp_path / "scenes" / "own")
     with Scene.open(own.path) as scene:
-        place = int(scene.index.offset[14]) + 40
+        offset = int(scene.index.offset[14]) + 40
         pack = scene.file_path("segments.pack")
     spoilt = bytearray(pack.read_bytes())
-    spoilt[place] ^= 0x10
+    spoilt[offset] ^= 0x10
     pack.write_bytes(spoilt)
     with Service(own.path.parent) as service:
         landed = client.land(f"{service.url}/scenes/own", EVERYWHERE)
@@ -95,7 +95,7 @@ def test_a_service_that_is_killed_and_comes_back(client: Client, tmp_path: Path)
         thread.start()
         landed = client.land(f"{line.url}/scenes/big", EVERYWHERE, credit_bytes=300_000)
         thread.join()
-    assert landed.exit_code == 0, landed.said[-3000:]
+    assert landed.exit_code == 0, landed.output[-3000:]
     assert landed.landings[-1]["visible"] == list(range(36))
     assert landed.stats["repeated_bytes"] == 0
     assert landed.of("opened")[-1]["held_count"] > 0
@@ -118,7 +118,7 @@ def test_a_deadline_shows_the_inner_part_first(client: Client, server: Service) 
     with ThreadedProxy(server.url) as line:
         line.proxy.bytes_per_s = 2_500_000
         landed = client.land(f"{line.url}/scenes/big", "land:30,1,30,100,15,1500")
-    assert landed.exit_code == 0, landed.said[-3000:]
+    assert landed.exit_code == 0, landed.output[-3000:]
     (degraded,), (ready,) = landed.of("degraded"), landed.landings
     assert degraded["landing"] == ready["landing"]
     assert 0 < len(degraded["segments"]) < len(ready["visible"]) == 36

@@ -19,8 +19,8 @@ PLACES = (
 
 @pytest.mark.parametrize("path", PLACES, ids=lambda path: path.name)
 def test_the_address_is_that_of_the_demo(path: Path) -> None:
-    found = re.findall(r'"http://127\.0\.0\.1:8080/scenes/(\w+)"', path.read_text())
-    assert found == [SCENE_ID]
+    scene_ids = re.findall(r'"http://127\.0\.0\.1:8080/scenes/(\w+)"', path.read_text())
+    assert scene_ids == [SCENE_ID]
 
 
 def test_the_demo_is_told_that_port() -> None:

@@ -39,7 +39,7 @@ def test_assembled_segments_are_those_of_the_python_sdk(
         threaded=threaded,
         dump=tmp_path,
     )
-    assert (landed.exit_code, landed.failure) == (0, None), landed.said
+    assert (landed.exit_code, landed.failure) == (0, None), landed.output
     (ready,) = landed.landings
     assert ready["visible"] == visible
     assert 4 < len(visible) < 36
@@ -47,10 +47,10 @@ def test_assembled_segments_are_those_of_the_python_sdk(
     same_arrays(landed.segments, meshes)
     assert normals_apart(meshes, tmp_path) <= NORMAL_STEP
     (plan,) = landed.of("planned")
-    assert plan["load_bytes"] == sum(one["length"] for one in plan["load"])
+    assert plan["load_bytes"] == sum(entry["length"] for entry in plan["load"])
     assert ready["payload_bytes"] == plan["load_bytes"] == landed.stats["payload_bytes"]
-    assert [one["facts"] for one in landed.of("arrived")] == plan["load"], "nearest first"
-    assert [one["state"] for one in landed.of("link")][:2] == ["connecting", "open"]
+    assert [event["facts"] for event in landed.of("arrived")] == plan["load"], "nearest first"
+    assert [event["state"] for event in landed.of("link")][:2] == ["connecting", "open"]
 
 
 @pytest.mark.parametrize("scene", ["axes", "tiny"])
@@ -60,7 +60,7 @@ def test_textures_colours_and_attributes_are_those_of_the_python_sdk(
     url = f"{server.url}/scenes/{scene}"
     _, meshes = land_with_sdk(url, [(0, 1, 0, 50)])
     landed = client.land(url, "land:0,1,0,50", dump=tmp_path)
-    assert landed.exit_code == 0, landed.said
+    assert landed.exit_code == 0, landed.output
     same_arrays(landed.segments, meshes)
     normals_apart(meshes, tmp_path)
     assert any(mesh.texture is not None for mesh in meshes.values()) == (scene == "axes")
@@ -77,8 +77,8 @@ def test_visible_sets_of_a_walk_are_those_of_the_python_sdk(
     assert [ready["visible"] for ready in landed.landings] == visible
     with Scene.open(scenes / "grid") as scene:
         bounds = scene.index.bounds
-    for shown, (*place, radius_m) in zip(visible, walk, strict=True):
-        assert shown == np.flatnonzero(box_distances_m(bounds, place) <= radius_m).tolist()
+    for shown, (*position, radius_m) in zip(visible, walk, strict=True):
+        assert shown == np.flatnonzero(box_distances_m(bounds, position) <= radius_m).tolist()
     assert any(plan["nearby"] for plan in landed.of("planned")), "or there is nothing to tell apart"
     assert landed.stats["repeated_bytes"] == 0
 
@@ -117,7 +117,7 @@ def test_budgets_are_never_exceeded(client: Client, server: Service, budget: str
 def test_a_newer_landing_supersedes_the_older(client: Client, server: Service) -> None:
     url = f"{server.url}/scenes/big"
     landed = client.land(url, "start:30,1,30,100", "land:5,1,5,2", credit_bytes=65_536)
-    assert landed.exit_code == 0, landed.said
+    assert landed.exit_code == 0, landed.output
     (superseded,) = landed.of("superseded")
     (ready,) = landed.landings
     assert superseded["by"] == ready["landing"] > superseded["landing"]
@@ -185,7 +185,7 @@ def test_a_token_opens_a_wrong_one_is_told_once_and_a_right_one_mends_it(
         states = [link["state"] for link in landed.of("link")]
         assert states == ["connecting", "closed"], "a refused token is not repeated"
         assert landed.of("link")[-1]["close_code"] == 4401
-        assert TOKEN not in landed.said
+        assert TOKEN not in landed.output
     mended = client.land(
         url, "land:5,1,5,3", f"reconnect:{TOKEN}", "wait", token="not-the-right-token"
     )
@@ -210,7 +210,7 @@ def test_what_an_engine_would_draw_is_what_the_python_sdk_shows(
             session.land((x, y, z), radius_m).ready()
             steps = [f"land:{a},{b},{c},{d}" for a, b, c, d in places[:number]]
             landed = client.land(url, *steps, staged=1)
-            assert landed.exit_code == 0, landed.said
+            assert landed.exit_code == 0, landed.output
             assert landed.stage["faults"] == []
             assert landed.stage["swaps"] == number
             assert landed.stage["visible"] == sorted(session.visible)

@@ -53,8 +53,8 @@ def run_nunit(core: cores.CsCore, library: Path) -> tuple[int, int, str]:
         for case in cases
         if case.get("result") != "Success"
     ]
-    said = "\n".join([*failures, f"{passed} passed, {len(failures)} failed"])
-    return passed, len(failures), said + ("\n" + done.stdout if failures else "")
+    summary = "\n".join([*failures, f"{passed} passed, {len(failures)} failed"])
+    return passed, len(failures), summary + ("\n" + done.stdout if failures else "")
 
 
 def run_doctest(program: Path) -> tuple[int, int, str]:
@@ -68,33 +68,33 @@ def run_doctest(program: Path) -> tuple[int, int, str]:
         timeout=TIMEOUT_S,
         check=False,
     )
-    found = re.search(r"test cases:\s+(\d+)\s*\|\s*(\d+) passed\s*\|\s*(\d+) failed", done.stdout)
-    if found is None or done.returncode not in (0, 1):
+    summary = re.search(r"test cases:\s+(\d+)\s*\|\s*(\d+) passed\s*\|\s*(\d+) failed", done.stdout)
+    if summary is None or done.returncode not in (0, 1):
         return 0, 1, done.stdout
-    _, passed, failed = map(int, found.groups())
+    _, passed, failed = map(int, summary.groups())
     return passed, failed, done.stdout
 
 
 def test_the_csharp_core_passes_its_nunit_tests(csharp: cores.CsCore) -> None:
-    passed, failed, said = run_nunit(csharp, csharp.tests)
-    keep(csharp, failed, said)
-    assert failed == 0, said[-6000:]
+    passed, failed, output = run_nunit(csharp, csharp.tests)
+    keep(csharp, failed, output)
+    assert failed == 0, output[-6000:]
     assert passed > 100
 
 
 def test_the_cpp_core_passes_its_doctest_cases(cpp: cores.CppCore) -> None:
-    passed, failed, said = run_doctest(cpp.tests)
-    keep(cpp, failed, said)
-    assert failed == 0, said[-6000:]
+    passed, failed, output = run_doctest(cpp.tests)
+    keep(cpp, failed, output)
+    assert failed == 0, output[-6000:]
     assert passed > 60
 
 
-def keep(core: cores.CsCore | cores.CppCore, failed: int, said: str) -> None:
+def keep(core: cores.CsCore | cores.CppCore, failed: int, output: str) -> None:
     """Keep what the tests of a build said beside it; of failures nothing, they are run again."""
     path = core.folder / "unit-tests.log"
     path.unlink(missing_ok=True)
     if not failed:
-        path.write_text(said)
+        path.write_text(output)
 
 
 def unit_tests(core: cores.CsCore | cores.CppCore) -> tuple[int, str]:
@@ -118,13 +118,13 @@ def main() -> int:
             continue
         core = cores.csharp() if language == "csharp" else cores.cpp()
         client = Client(language, core)
-        failed, said = unit_tests(core)
-        sys.stdout.write(f"-- {language}: unit tests\n{said.strip()}\n")
+        failed, output = unit_tests(core)
+        sys.stdout.write(f"-- {language}: unit tests\n{output.strip()}\n")
         bad += failed
         for kind, folder in corpora.items():
-            told = client.corpus(kind, folder)
-            sys.stdout.write(f"-- {language}: {kind} corpus\n{told.said.strip()}\n")
-            bad += told.failed
+            result = client.corpus(kind, folder)
+            sys.stdout.write(f"-- {language}: {kind} corpus\n{result.output.strip()}\n")
+            bad += result.failed
     return 1 if bad else 0
 
 

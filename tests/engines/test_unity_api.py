@@ -72,8 +72,8 @@ def facts(shared_data: Path) -> dict[str, Any]:
     path = shared_data / FACTS
     if not path.is_file():
         pytest.skip(f"no facts about Unity's API ({path})")
-    found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    return found
+    content: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    return content
 
 
 @pytest.mark.parametrize("release", RELEASES)
@@ -100,18 +100,20 @@ def test_what_a_release_lacks_does_not_compile(
 
 def test_the_stubs_are_what_the_release_has(layer: UnityLayer, facts: dict[str, Any]) -> None:
     """Every member of the stubs is in the release, as obsolete as there; its own are marked."""
-    (version,) = [one for one in facts["versions"] if one.startswith(f"{layer.release}.")]
+    (version,) = [
+        candidate for candidate in facts["versions"] if candidate.startswith(f"{layer.release}.")
+    ]
     stubs = members_of(layer, layer.stubs)
-    stubs += [one for one in members_of(layer, layer.packages("old")) if one[0] == "Input"]
+    stubs += [stub for stub in members_of(layer, layer.packages("old")) if stub[0] == "Input"]
     wrong = []
     for type_name, member, state in stubs:
-        known = facts["types"].get(type_name, {})
+        members = facts["types"].get(type_name, {})
         if type_name in NOT_IN_FACTS or f"{type_name}.{plain(member)}" in NOT_IN_FACTS:
             continue
-        if member == "(type)" and known and member not in known:
+        if member == "(type)" and members and member not in members:
             continue  # the facts list enums by their values alone
-        told = known.get(member, "absent")
-        real = told if isinstance(told, str) else told.get(version, "ok")
+        status = members.get(member, "absent")
+        real = status if isinstance(status, str) else status.get(version, "ok")
         if real != state:
             wrong.append(f"{type_name}: {member} is {state} in the stubs, {real} in {version}")
     assert wrong == []
@@ -121,30 +123,30 @@ def test_the_stubs_are_what_the_release_has(layer: UnityLayer, facts: dict[str, 
 def test_what_is_not_in_the_facts_is_really_not(facts: dict[str, Any]) -> None:
     for name in NOT_IN_FACTS:
         type_name, _, member = name.partition(".")
-        known = facts["types"].get(type_name, {})
-        assert not any(plain(one) == member for one in known), name
+        members = facts["types"].get(type_name, {})
+        assert not any(plain(recorded) == member for recorded in members), name
 
 
 def test_every_release_of_the_facts_is_compiled(facts: dict[str, Any]) -> None:
-    assert [".".join(one.split(".")[:2]) for one in facts["versions"]] == list(RELEASES)
+    assert [".".join(version.split(".")[:2]) for version in facts["versions"]] == list(RELEASES)
 
 
 def test_a_version_define_is_one_that_unity_sets() -> None:
     """A misspelt one would be false in every release, without a word."""
-    known = {f"UNITY_{release.replace('.', '_')}_OR_NEWER" for release in LADDER}
+    defines = {f"UNITY_{release.replace('.', '_')}_OR_NEWER" for release in LADDER}
     used = {
         define
         for path in UNITY.rglob("*.cs")
         for define in re.findall(r"\bUNITY_\d\w*", path.read_text(encoding="utf-8"))
     }
-    assert used <= known
+    assert used <= defines
     assert len(used) >= 3
 
 
 @pytest.mark.parametrize("assembly", ASSEMBLIES, ids=lambda path: path.stem)
 def test_an_assembly_defines_what_its_sources_ask_for(assembly: Path) -> None:
     folders = {path.parent for path in ASSEMBLIES}
-    asked = {
+    needed = {
         define
         for path in assembly.parent.rglob("*.cs")
         # The nearest definition above a file is the one that compiles it.
@@ -153,8 +155,8 @@ def test_an_assembly_defines_what_its_sources_ask_for(assembly: Path) -> None:
         if line.startswith(("#if", "#elif"))
         for define in re.findall(r"\bTERRAPORT_\w+", line)
     }
-    told = json.loads(assembly.read_text(encoding="utf-8"))
-    assert asked <= {one["define"] for one in told.get("versionDefines", [])}
+    definition = json.loads(assembly.read_text(encoding="utf-8"))
+    assert needed <= {entry["define"] for entry in definition.get("versionDefines", [])}
 
 
 def test_the_package_asks_for_no_module_that_a_release_lacks() -> None:
@@ -166,9 +168,9 @@ def test_the_package_asks_for_no_module_that_a_release_lacks() -> None:
 
 
 def test_the_docs_name_the_releases() -> None:
-    said = ", ".join(RELEASES[:-1]) + f" and {NEWEST}"
+    sentence = ", ".join(RELEASES[:-1]) + f" and {NEWEST}"
     for path in (UNITY / "README.md", cores.ROOT / "docs" / "how-to" / "unity.md"):
-        assert said in " ".join(path.read_text(encoding="utf-8").split()), path
+        assert sentence in " ".join(path.read_text(encoding="utf-8").split()), path
 
 
 def plain(member: str) -> str:
@@ -180,4 +182,6 @@ def members_of(layer: UnityLayer, library: Path) -> list[tuple[str, str, str]]:
     """Return type, signature and state of every public member of a library of stubs."""
     program = ["mono", str(layer.folder / "StubMembers.exe"), str(library)]
     lines = cores.run_logged(program).splitlines()
-    return [(parts[0], parts[1], parts[2]) for parts in (line.split("\t") for line in lines)]
+    return [
+        (columns[0], columns[1], columns[2]) for columns in (line.split("\t") for line in lines)
+    ]

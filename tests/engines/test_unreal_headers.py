@@ -25,15 +25,15 @@ def faults_of(name: str, text: str) -> list[str]:
     if len(re.findall(r"^\s*GENERATED_BODY\(\)", code, re.MULTILINE)) != bodies:
         faults.append("not one GENERATED_BODY() for each class and struct")
     faults += [
-        f"{kind} {found} has no category"
-        for kind, rest, found in re.findall(
+        f"{kind} {member} has no category"
+        for kind, rest, member in re.findall(
             r"^\s*(UPROPERTY|UFUNCTION)\((.*?)\)\s*\n\s*([^\n;{]+)", code, re.MULTILINE | re.DOTALL
         )
         if "Blueprint" in rest and "Category" not in rest
     ]
     faults += [
-        f"{kind} in {found} is no type that Blueprint knows"
-        for kind, found in re.findall(
+        f"{kind} in {member} is no type that Blueprint knows"
+        for kind, member in re.findall(
             r"UPROPERTY\([^;]*?\)\s*\n\s*((?:u?int(?:8|16|64)_t|std::\S+)) (\w+)", code
         )
     ]
@@ -64,9 +64,9 @@ def test_what_the_header_tool_refuses_is_found() -> None:
 
 def test_every_reflected_type_has_a_stub_of_its_generated_header() -> None:
     stubs = {path.name for path in (cores.UNREAL / "stubs" / "generated").iterdir()}
-    wanted = {
+    expected = {
         f"{path.stem}.generated.h"
         for path in SOURCE.glob("*/Public/*.h")
         if REFLECTED.search(path.read_text())
     }
-    assert stubs == wanted
+    assert stubs == expected

@@ -65,8 +65,10 @@ class UnityLayer(CsCore):
 
     def compile(self, sources: Sequence[Path], out: Path, *options: str) -> str:
         """Compile other sources as the Runtime is compiled."""
-        known = [f"-r:{path}" for path in (self.library, self.stubs)]
-        return compile_cs(sources, out, [*UNASSIGNED, *_options(self.release), *known, *options])
+        references = [f"-r:{path}" for path in (self.library, self.stubs)]
+        return compile_cs(
+            sources, out, [*UNASSIGNED, *_options(self.release), *references, *options]
+        )
 
 
 UNASSIGNED: Final = ("-nowarn:0649",)
@@ -82,7 +84,7 @@ def defines_of(release: str) -> tuple[str, ...]:
         The release is not in `LADDER`.
     """
     newest = LADDER.index(release)
-    return tuple(f"UNITY_{one.replace('.', '_')}_OR_NEWER" for one in LADDER[: newest + 1])
+    return tuple(f"UNITY_{earlier.replace('.', '_')}_OR_NEWER" for earlier in LADDER[: newest + 1])
 
 
 def unity_layer(release: str = NEWEST) -> UnityLayer:
@@ -100,19 +102,21 @@ def unity_layer(release: str = NEWEST) -> UnityLayer:
             compile_cs(sources, folder / name, [*UNASSIGNED, *_options(release), *extra])
             return f"-r:{folder / name}"
 
-        known = [compiled("Terraport.Core.dll", files["Core"])]
-        known.append(compiled("UnityStubs.dll", [*stubs["UnityEngine"], *stubs["UnityEditor"]]))
-        browser = [*known, "-d:UNITY_WEBGL"]
+        references = [compiled("Terraport.Core.dll", files["Core"])]
+        references.append(
+            compiled("UnityStubs.dll", [*stubs["UnityEngine"], *stubs["UnityEditor"]])
+        )
+        browser = [*references, "-d:UNITY_WEBGL"]
         compiled("Terraport.Runtime.WebGl.dll", runtime, *browser)
-        known.append(compiled("Terraport.Runtime.dll", runtime, *known))
-        compiled("Terraport.Editor.dll", files["Editor"], *known, "-d:UNITY_EDITOR")
+        references.append(compiled("Terraport.Runtime.dll", runtime, *references))
+        compiled("Terraport.Editor.dll", files["Editor"], *references, "-d:UNITY_EDITOR")
         for project, defines in PROJECTS.items():
-            also = [*known, *(f"-d:{define}" for define in defines)]
+            also = [*references, *(f"-d:{define}" for define in defines)]
             also.append(compiled(f"Packages.{project}.dll", stubs["Packages"], *also))
             compiled(f"Terraport.Ktx.{project}.dll", sorted(ktx.rglob("*.cs")), *also)
             compiled(f"Samples.{project}.dll", files["Samples~"], *also)
-        compiled("Terraport.Runtime.Tests.dll", files["Tests/Runtime"], *known, f"-r:{NUNIT}")
-        compile_cs(stubs["Tests"], folder / "SceneOnStubs.exe", known, target="exe")
+        compiled("Terraport.Runtime.Tests.dll", files["Tests/Runtime"], *references, f"-r:{NUNIT}")
+        compile_cs(stubs["Tests"], folder / "SceneOnStubs.exe", references, target="exe")
         compile_cs(stubs["Facts"], folder / "StubMembers.exe", target="exe")
         shutil.copy(NUNIT, folder)
 

@@ -62,11 +62,11 @@ def test_who_asks_for_the_date() -> None:
     """Every use of the wall clock in the service is known: what it is, and why it may be."""
     import terraport_server
 
-    known = {
+    allowed = {
         "auth.py": "tokens that expire by date",
         "token_cli.py": "the same, when they are made and looked at",
     }
     asks = re.compile(r"time\.time\b|time_ns\(|datetime\.now|utcnow|date\.today|localtime|gmtime\(")
     folder = Path(terraport_server.__file__).parent
-    found = {path.name for path in folder.glob("*.py") if asks.search(path.read_text())}
-    assert found <= known.keys(), found
+    askers = {path.name for path in folder.glob("*.py") if asks.search(path.read_text())}
+    assert askers <= allowed.keys(), askers

@@ -30,17 +30,17 @@ EVERYWHERE = Land(generation=1, position=CENTRE, radius_m=100.0)
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of 3 MiB."""
-    place = tmp_path / "small"
-    place.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(place)]
+    mount_point = tmp_path / "small"
+    mount_point.mkdir()
+    command = ["mount", "-t", "tmpfs", "-o", "size=3m", "tmpfs", str(mount_point)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
     except FileNotFoundError:
         pytest.skip("no mount command")
     if done.returncode:
         pytest.skip(f"no small disk: {done.stderr.strip()}")
-    yield place
-    subprocess.run(["umount", "-l", str(place)], check=True)
+    yield mount_point
+    subprocess.run(["umount", "-l", str(mount_point)], check=True)
 
 
 def errors(caplog: pytest.LogCaptureFixture) -> list[str]:
@@ -84,7 +84,7 @@ def test_the_sdks_cache_on_a_full_disk(small_disk: Path, tmp_path: Path) -> None
     async def work(url: str) -> int:
         async with terraport.connect(url, cache_dir=small_disk / "cache") as session:
             landing = await session.land(CENTRE, 100.0)
-            payloads = {one.id: one.payload for one in await landing.ready(20)}
+            payloads = {segment.id: segment.payload for segment in await landing.ready(20)}
             assert [payloads[number] for number in range(SIDE * SIDE)] == scene.payloads
             return landing.stats.disk_bytes
 

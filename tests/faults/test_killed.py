@@ -54,11 +54,11 @@ def test_killed_in_a_landing_and_started_again(
     async def work() -> None:
         with Service(big.path.parent) as service:
             arrived = [asyncio.Semaphore(0) for _ in range(CLIENTS)]
-            tasks = [asyncio.create_task(client(service.url, one)) for one in arrived]
+            tasks = [asyncio.create_task(client(service.url, arrival)) for arrival in arrived]
             for _ in range(KILLS):
-                for one in arrived:
+                for arrival in arrived:
                     for _ in range(EACH):
-                        await one.acquire()
+                        await arrival.acquire()
                 service.kill()
                 await asyncio.to_thread(service.start)
             await asyncio.gather(*tasks)

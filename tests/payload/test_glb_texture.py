@@ -78,8 +78,8 @@ def test_texture_coordinates_are_half_texels() -> None:
 def test_normalised_coordinates_of_other_writers_are_read() -> None:
     document, binary, _ = split_glb(encoded(compress=False))
     document = json.loads(json.dumps(document))
-    place = document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
-    (across, down) = place.pop("extensions")["KHR_texture_transform"]["scale"]
+    texture_info = document["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"]
+    (across, down) = texture_info.pop("extensions")["KHR_texture_transform"]["scale"]
     for key in ("extensionsUsed", "extensionsRequired"):
         document[key].remove("KHR_texture_transform")
     number = document["meshes"][0]["primitives"][0]["attributes"]["TEXCOORD_0"]

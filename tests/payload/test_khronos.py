@@ -110,11 +110,11 @@ def test_khronos_validator_reports_no_error(node_folder: Path, tmp_path: Path) -
         paths.append(path)
     reports = run_node(node_folder, "validate.mjs", VALIDATE, *paths)
     assert isinstance(reports, list)
-    found = {
+    errors = {
         path.stem: [m for m in report["messages"] if m["severity"] < 2]  # errors and warnings
         for path, report in zip(paths, reports, strict=True)
     }
-    assert found == {path.stem: [] for path in paths}
+    assert errors == {path.stem: [] for path in paths}
 
 
 def test_validator_would_find_an_error(node_folder: Path, tmp_path: Path) -> None:

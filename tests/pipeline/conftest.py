@@ -23,7 +23,7 @@ class Overhang:
 
     points: Float32
     normals: Float64
-    part: Int64
+    edge: Int64
     """0 ground, 1 back wall of the recess, 2 underside, 3 face, 4 top."""
 
 
@@ -55,7 +55,7 @@ def hill_survey(
 
 @pytest.fixture
 def hill() -> Callable[..., Survey]:
-    """Make a hill survey."""
+    """The maker of hill surveys: a test chooses size, seed and whether there are colours."""
     return hill_survey
 
 
@@ -82,12 +82,12 @@ def overhang() -> Overhang:
     lengths = np.linalg.norm(steps, axis=1)
     starts = np.concatenate([[0.0], np.cumsum(lengths)])
     along = rng.uniform(0, starts[-1], 20_000)
-    part = np.searchsorted(starts, along, side="right") - 1
-    share = (along - starts[part]) / lengths[part]
-    xy = profile[part] + steps[part] * share[:, None]
+    edge = np.searchsorted(starts, along, side="right") - 1
+    share = (along - starts[edge]) / lengths[edge]
+    xy = profile[edge] + steps[edge] * share[:, None]
     points = np.column_stack([xy, rng.uniform(0, 15, len(xy))]) + rng.normal(0, 0.01, (len(xy), 3))
     outward = np.stack([-steps[:, 1], steps[:, 0], np.zeros(len(steps))], axis=1)
-    return Overhang(points.astype(np.float32), (outward / lengths[:, None])[part], part)
+    return Overhang(points.astype(np.float32), (outward / lengths[:, None])[edge], edge)
 
 
 def survey_text(survey: Survey) -> str:

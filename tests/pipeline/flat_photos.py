@@ -51,7 +51,7 @@ def write_field(folder: Path, *, spacing_m: float = 0.5) -> Path:
     """Write ``field.xyz`` and ``photos/`` with ``colmap/`` beside it; return the survey."""
     rng = np.random.default_rng(5)
     axis = np.arange(-SIDE_M / 2, SIDE_M / 2 + spacing_m / 2, spacing_m)
-    east, north = (part.ravel() for part in np.meshgrid(axis, axis))
+    east, north = (coordinates.ravel() for coordinates in np.meshgrid(axis, axis))
     points = np.column_stack([east, north, np.zeros_like(east)])
     points += rng.uniform(-0.1, 0.1, points.shape) * spacing_m * [1, 1, 0.02]
     np.savetxt(folder / "field.xyz", points + ORIGIN, "%.4f")

@@ -15,9 +15,9 @@ def as_before():
     numba.set_num_threads(before)
 
 
-@pytest.mark.parametrize("asked", [-1, 0, 1])
-def test_never_fewer_than_one(asked: int) -> None:
-    assert limit_threads(asked) == numba.get_num_threads() == 1
+@pytest.mark.parametrize("requested", [-1, 0, 1])
+def test_never_fewer_than_one(requested: int) -> None:
+    assert limit_threads(requested) == numba.get_num_threads() == 1
 
 
 def test_never_more_than_numba_was_started_with() -> None:

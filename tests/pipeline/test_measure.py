@@ -12,12 +12,12 @@ from terraport_pipeline.progress import NullProgress
 
 def test_time_and_memory_of_a_block() -> None:
     with Measure() as measure:
-        held = np.ones(50 * 2**20, dtype=np.uint8)
+        block = np.ones(50 * 2**20, dtype=np.uint8)
         time.sleep(0.2)
     with Measure() as after:
         time.sleep(0.01)
     assert 0.2 <= measure.seconds < 2.0
-    assert held.nbytes <= measure.peak_bytes
+    assert block.nbytes <= measure.peak_bytes
     assert after.seconds < measure.seconds
 
 

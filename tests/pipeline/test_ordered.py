@@ -13,16 +13,16 @@ def test_results_come_in_the_order_of_the_items(threads: int) -> None:
 
 
 def test_items_are_taken_as_places_get_free() -> None:
-    taken: list[int] = []
+    consumed: list[int] = []
 
     def items() -> object:
         for number in range(100):
-            taken.append(number)
+            consumed.append(number)
             yield number
 
     results = in_order(lambda n: n, items(), 2)  # type: ignore[arg-type, var-annotated]
     assert next(results) == 0
-    assert len(taken) <= 8
+    assert len(consumed) <= 8
     results.close()  # type: ignore[attr-defined]
 
 

@@ -89,7 +89,7 @@ class Joined:
 
 
 def join_of(pieces: list[Arrays], rule: EdgeRule) -> Join:
-    """Weld the borders."""
+    """Read the borders of both tiles and weld them along their common wall."""
     borders = [
         solve_tile.TileBorder(
             *(arrays[f"border-{n}"] for n in ("rows", "cells", "ratio", "edges", "walls"))
@@ -104,10 +104,10 @@ BASE_RULE = replace(RULE, largest=5.0, outward_m=CELL_M)
 
 
 def joined(pieces: list[Arrays], *, rule: EdgeRule = RULE, min_faces: int = 1) -> Joined:
-    """Run all four passes."""
+    """Join two tiles as a build does: weld, forgive weak places, look, settle, finish."""
     join = join_of(pieces, rule)
     join = forgive(join, [weak_places(task(t), t, each, join) for t, each in enumerate(pieces)])
     looks = [look(task(t), t, each, join) for t, each in enumerate(pieces)]
     settled = settle(looks, len(join.cells), min_faces=min_faces)
-    made = [finish(task(t), t, each, join, settled)[0] for t, each in enumerate(pieces)]
-    return Joined(join, looks, settled, made)
+    tiles = [finish(task(t), t, each, join, settled)[0] for t, each in enumerate(pieces)]
+    return Joined(join, looks, settled, tiles)

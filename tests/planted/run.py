@@ -75,19 +75,21 @@ def main() -> int:
     caught: dict[str, Caught] = {}
     # What the nearest tests notice comes first: the rest may wait long for the lock.
     for near in (True, False):
-        for fault in [one for one in chosen if one.name not in caught]:
+        for fault in [candidate for candidate in chosen if candidate.name not in caught]:
             selection = tree.select([fault.path] if arguments.speed == "changed" else tree.files)
             steps = changed.commands([fault.path], selection, exitfirst=True)
-            parts = [one for step in steps for one in nearest_alone(*step)]
-            held = arguments.lock if not near else None
-            with lock(held), planted(fault):
+            commands = [command for step in steps for command in nearest_alone(*step)]
+            lock_path = arguments.lock if not near else None
+            with lock(lock_path), planted(fault):
                 began_s = time.monotonic()
-                by = first_failure([one for one in parts if is_quick(one[0]) is near])
+                by = first_failure(
+                    [command for command in commands if is_quick(command[0]) is near]
+                )
                 seconds = time.monotonic() - began_s
             if by or not near:
                 caught[fault.name] = Caught(fault, by, seconds)
                 print(row(caught[fault.name], arguments.before), flush=True)
-    missed = sum(one.by is None for one in caught.values())
+    missed = sum(outcome.by is None for outcome in caught.values())
     print(f"\n{len(chosen) - missed} of {len(chosen)} caught", flush=True)
     return int(missed > 0)
 
@@ -143,7 +145,7 @@ def is_quick(command: list[str]) -> bool:
 def first_failure(commands: list[tuple[list[str], Path]]) -> str | None:
     """Run until something fails; return what did."""
     environment = os.environ | {
-        "PYTHONPATH": os.pathsep.join(str(COPY / one) for one in (*PACKAGES, ".ci")),
+        "PYTHONPATH": os.pathsep.join(str(COPY / package) for package in (*PACKAGES, ".ci")),
         "TERRAPORT_CHANGED_UNTIL": str(time.time() + SECONDS),
         "NO_COLOR": "1",
     }

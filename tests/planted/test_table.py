@@ -18,8 +18,10 @@ def test_the_text_that_a_fault_replaces_occurs_once(fault: Fault) -> None:
 
 
 def test_there_are_faults_of_every_part_and_language() -> None:
-    parts = Counter(fault.path.partition("/")[0] for fault in FAULTS)
+    faults_by_folder = Counter(fault.path.partition("/")[0] for fault in FAULTS)
     assert len({fault.name for fault in FAULTS}) == len(FAULTS) >= 30
-    assert {"wire", "payload", "store", "server", "pipeline", "client_sdk", "docker"} <= set(parts)
+    assert {"wire", "payload", "store", "server", "pipeline", "client_sdk", "docker"} <= set(
+        faults_by_folder
+    )
     endings = {Path(fault.path).suffix for fault in FAULTS}
     assert {".py", ".ts", ".cs", ".cpp", ".hlsl", ".md", ".json", ".yaml"} <= endings

@@ -154,9 +154,9 @@ class Pair:
         if self.server is None:
             return False
         data = self.client.data_to_send()
-        for one in data:
+        for frame in data:
             try:
-                message = decode(one, Direction.CLIENT_TO_SERVER)
+                message = decode(frame, Direction.CLIENT_TO_SERVER)
                 self.server.receive(message, self.now_s)
             except DecodeError as error:
                 self.server.refuse(error, self.now_s)
@@ -188,7 +188,7 @@ class Pair:
         self._collect()
 
     def of(self, kind: type[Event]) -> list[Event]:
-        """Events of one kind."""
+        """Events of one kind, in order of arrival."""
         return [event for event in self.events if isinstance(event, kind)]
 
     def _carry_out(self, action: object) -> None:

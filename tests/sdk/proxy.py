@@ -19,8 +19,8 @@ class Proxy:
     """
 
     def __init__(self, target: str) -> None:
-        parts = urlsplit(target)
-        self._target = (parts.hostname, parts.port)
+        url = urlsplit(target)
+        self._target = (url.hostname, url.port)
         self.cuts: list[int] = []
         """Bytes from the server after which to cut a connection; one entry is used up by each."""
         self.flip_at: int | None = None
@@ -90,8 +90,8 @@ class Proxy:
             await asyncio.gather(up, down, return_exceptions=True)
         finally:
             self._writers -= both
-            for one in both:
-                one.transport.abort()
+            for end in both:
+                end.transport.abort()
 
     async def _copy(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         with contextlib.suppress(OSError):

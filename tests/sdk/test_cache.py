@@ -40,9 +40,9 @@ def test_any_history_gives_what_a_list_gives(operations, max_bytes: int) -> None
                 cache.put(entry(segment, size))
                 model = [item for item in model if item[0] != segment] + [(segment, size)]
             case ("get", segment):
-                found = [item for item in model if item[0] == segment]
-                assert (cache.get(segment) is not None) == bool(found)
-                model = [item for item in model if item[0] != segment] + found
+                cached = [item for item in model if item[0] == segment]
+                assert (cache.get(segment) is not None) == bool(cached)
+                model = [item for item in model if item[0] != segment] + cached
             case ("discard", segment):
                 assert cache.discard(segment) == any(item[0] == segment for item in model)
                 model = [item for item in model if item[0] != segment]

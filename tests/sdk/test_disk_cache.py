@@ -32,12 +32,12 @@ def age(folder: Path, seconds: float) -> None:
 
 
 def test_what_is_put_comes_back_in_another_run(tmp_path: Path) -> None:
-    one = entry(3)
-    assert DiskCache(tmp_path, KEY).put(one) == []
+    cached = entry(3)
+    assert DiskCache(tmp_path, KEY).put(cached) == []
     again = DiskCache(tmp_path, KEY)
-    assert again.catalogue() == {3: one.facts.xxh3}
-    assert again.get(3, one.facts.xxh3) == one
-    assert again.get(4, one.facts.xxh3) is None
+    assert again.catalogue() == {3: cached.facts.xxh3}
+    assert again.get(3, cached.facts.xxh3) == cached
+    assert again.get(4, cached.facts.xxh3) is None
 
 
 def test_scenes_do_not_mix(tmp_path: Path) -> None:
@@ -47,26 +47,26 @@ def test_scenes_do_not_mix(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("where", [0, 8, 20, 60, 64, 500, -1])
 def test_any_flipped_byte_is_found_and_the_file_deleted(tmp_path: Path, where: int) -> None:
-    disk, one = DiskCache(tmp_path, KEY), entry(3)
-    disk.put(one)
+    disk, cached = DiskCache(tmp_path, KEY), entry(3)
+    disk.put(cached)
     (path,) = tmp_path.rglob("*.glb")
     data = bytearray(path.read_bytes())
     data[where] ^= 1
     path.write_bytes(data)
     with pytest.raises(CorruptSegmentError, match=f"segment 3 from {path}"):
-        disk.get(3, one.facts.xxh3)
+        disk.get(3, cached.facts.xxh3)
     assert not path.exists()
-    assert disk.get(3, one.facts.xxh3) is None
+    assert disk.get(3, cached.facts.xxh3) is None
 
 
 @pytest.mark.parametrize("length", [0, 10, 64, 1000])
 def test_any_truncation_is_found(tmp_path: Path, length: int) -> None:
-    disk, one = DiskCache(tmp_path, KEY), entry(3)
-    disk.put(one)
+    disk, cached = DiskCache(tmp_path, KEY), entry(3)
+    disk.put(cached)
     (path,) = tmp_path.rglob("*.glb")
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(CorruptSegmentError):
-        disk.get(3, one.facts.xxh3)
+        disk.get(3, cached.facts.xxh3)
 
 
 def test_the_bound_holds_and_the_longest_unused_goes_first(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ COORDINATE = st.floats(-1e7, 1e7)
 )
 def test_it_is_the_pipelines_frame_and_comes_back(point, origin) -> None:
     """The same axes as the build used; there and back within float64's rounding."""
-    there = to_scene(point, origin)
+    in_scene = to_scene(point, origin)
     built = model.to_scene(np.array([point]), np.array(origin))[0]
-    np.testing.assert_array_equal(np.float32(there), built)
-    np.testing.assert_allclose(to_crs(there, origin), point, rtol=0, atol=1e-8)
+    np.testing.assert_array_equal(np.float32(in_scene), built)
+    np.testing.assert_allclose(to_crs(in_scene, origin), point, rtol=0, atol=1e-8)

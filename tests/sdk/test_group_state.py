@@ -40,7 +40,7 @@ class Client:
         self.welcome = welcome
         self.state = ClientSession(SessionOptions(client="t"), SegmentCache(0))
         self.events: list[Any] = []
-        self.said: list[Message] = []
+        self.sent: list[Message] = []
         self.connect()
 
     def connect(self) -> None:
@@ -62,7 +62,7 @@ class Client:
         for data in self.state.data_to_send():
             message = decode(data, Direction.CLIENT_TO_SERVER)
             assert isinstance(message, Message)
-            self.said.append(message)
+            self.sent.append(message)
             refusal = None
             if isinstance(message, Join):
                 refusal = self.groups.join(
@@ -100,9 +100,9 @@ def settle(*clients: Client) -> None:
 def welcome() -> Welcome:
     from conformance.wire_samples import FULL, by_type
 
-    found = by_type(FULL)["welcome"]
-    assert isinstance(found, Welcome)
-    return found
+    message = by_type(FULL)["welcome"]
+    assert isinstance(message, Welcome)
+    return message
 
 
 @pytest.fixture
@@ -186,9 +186,9 @@ def test_refused_and_left(two: tuple[Client, Client], welcome: Welcome) -> None:
     (refused,) = member.heard(GroupRefused)
     assert (refused.request, refused.code) == (request, "group_refused")
     third = Client(guide.groups, "x", welcome)
-    asked = third.state.group.join("tour", "guide")
+    join_request = third.state.group.join("tour", "guide")
     settle(guide, member, third)
-    assert [e.request for e in third.heard(GroupRefused)] == [asked]
+    assert [e.request for e in third.heard(GroupRefused)] == [join_request]
     third.cut()
     third.connect()
     assert not any(isinstance(m, Join) for m in map(_c2s, third.state.data_to_send()))

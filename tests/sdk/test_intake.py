@@ -36,15 +36,15 @@ class NotedWorker:
     calls: list[tuple[object, ...]] = field(default_factory=list)
 
     def restore(self, segment: int, xxh3: int) -> None:
-        """Note it."""
+        """Note a segment that is to be read."""
         self.calls.append(("restore", segment, xxh3))
 
     def store(self, entry: CachedSegment) -> None:
-        """Note it."""
+        """Note a segment that is to be written."""
         self.calls.append(("store", entry.facts.segment))
 
     def remove(self, segments: dict[int, int]) -> None:
-        """Note it."""
+        """Note segments that are to be deleted."""
         self.calls.append(("remove", segments))
 
 

@@ -29,12 +29,12 @@ def tile(number: int) -> SegmentMesh:
 
 def test_to_trimesh_keeps_every_vertex_and_face() -> None:
     mesh = tile(0)
-    made = to_trimesh(mesh)
-    np.testing.assert_array_equal(made.vertices, mesh.positions)
-    np.testing.assert_array_equal(made.faces, mesh.faces)
-    np.testing.assert_array_equal(made.visual.vertex_colors[:, :3], mesh.colours)
-    np.testing.assert_array_equal(made.vertex_attributes["grade"], mesh.attributes["grade"])
-    np.testing.assert_array_equal(made.vertex_attributes["region_id"], mesh.region_ids)
+    converted = to_trimesh(mesh)
+    np.testing.assert_array_equal(converted.vertices, mesh.positions)
+    np.testing.assert_array_equal(converted.faces, mesh.faces)
+    np.testing.assert_array_equal(converted.visual.vertex_colors[:, :3], mesh.colours)
+    np.testing.assert_array_equal(converted.vertex_attributes["grade"], mesh.attributes["grade"])
+    np.testing.assert_array_equal(converted.vertex_attributes["region_id"], mesh.region_ids)
 
 
 def test_without_trimesh_the_error_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -121,8 +121,8 @@ def test_a_written_glb_comes_back_on_the_grid(tmp_path: Path, base: BaseMesh) ->
     assert size == path.stat().st_size
     read = decode_glb(path.read_bytes())
     assert len(read.faces) == len(model.faces)
-    there, here = np.sort(read.positions, axis=0), np.sort(model.positions, axis=0)
-    np.testing.assert_allclose(there, here, rtol=0, atol=STEP_M)
+    read_back, written = np.sort(read.positions, axis=0), np.sort(model.positions, axis=0)
+    np.testing.assert_allclose(read_back, written, rtol=0, atol=STEP_M)
     assert [path.name for path in tmp_path.iterdir()] == ["here.glb"]
 
 

@@ -64,10 +64,10 @@ def test_any_cuts_at_all_and_no_whole_segment_comes_twice(
     for step in [*steps, ("cut",), ("land", MIDDLE, 3.3)]:
         assert pair.closed is None, pair.of(Refused)
         match step:
-            case ("land", place, radius_m):
-                pair.client.land(place, radius_m)
-            case ("aim", place, radius_m):
-                pair.client.aim(place, radius_m)
+            case ("land", position, radius_m):
+                pair.client.land(position, radius_m)
+            case ("aim", position, radius_m):
+                pair.client.aim(position, radius_m)
             case ("run", count):
                 for _ in range(count):
                     flush(pair)
@@ -97,18 +97,18 @@ def test_more_than_one_table_takes() -> None:
     server = ServerSession(scene, SessionLimits(), session_id="s", now_s=0.0)
     client.connected()
     client.land((10.0 * 49_000, 0.0, 0.0), 95.0)
-    said: list[object] = []
+    messages: list[object] = []
     heard: list[object] = []
     for _ in range(4):
         for data in client.data_to_send():
-            said.append(message := decode(data, Direction.CLIENT_TO_SERVER))
+            messages.append(message := decode(data, Direction.CLIENT_TO_SERVER))
             server.receive(message, 0.0)
         while (action := server.next_action()) is not None:
             assert isinstance(action, SendMessage)
             heard.append(action.message)
             client.receive(encode(action.message))
-    assert [len(m.held) for m in said if isinstance(m, Hello)] == [32_768]
-    offers = [m for m in said if isinstance(m, Held)]
+    assert [len(m.held) for m in messages if isinstance(m, Hello)] == [32_768]
+    offers = [m for m in messages if isinstance(m, Held)]
     assert sum(len(m.segments) for m in offers) == count - 32_768
     for message in offers:
         assert len(encode(message)) <= SessionLimits().max_message_bytes

@@ -14,18 +14,18 @@ FACES = np.int32([[0, 1, 2], [0, 2, 3]])
 
 def test_each_face_sinks_by_what_lies_furthest_below_it() -> None:
     points = np.float32([[1, -0.2, 3], [1, -0.5, 3.1], [3, -0.1, 1], [3, 0.4, 1]])
-    found = rim_heights(SQUARE, FACES, points, most_m=1.0)
+    heights_m = rim_heights(SQUARE, FACES, points, most_m=1.0)
     # The corners that the two faces share take the larger.
-    np.testing.assert_allclose(found, [0.5, 0.5, 0.5, 0.1], atol=1e-6)
+    np.testing.assert_allclose(heights_m, [0.5, 0.5, 0.5, 0.1], atol=1e-6)
 
 
 def test_heights_are_along_the_normal_of_a_slope_and_of_a_wall() -> None:
     slope = SQUARE + SQUARE[:, [1, 0, 1]]  # 45 degrees: y = x
-    found = rim_heights(slope, FACES, np.float32([[2, 1.8, 2]]), most_m=1.0)
-    np.testing.assert_allclose(found, np.full(4, 0.2 / np.sqrt(2)), atol=1e-6)
+    heights_m = rim_heights(slope, FACES, np.float32([[2, 1.8, 2]]), most_m=1.0)
+    np.testing.assert_allclose(heights_m, np.full(4, 0.2 / np.sqrt(2)), atol=1e-6)
     wall = SQUARE[:, [1, 0, 2]] * np.float32([1, 1, -1])
-    found = rim_heights(wall, FACES, np.float32([[0.3, 2, -2], [-0.3, 2, -2]]), most_m=1.0)
-    np.testing.assert_allclose(found, np.full(4, 0.3), atol=1e-6)
+    heights_m = rim_heights(wall, FACES, np.float32([[0.3, 2, -2], [-0.3, 2, -2]]), most_m=1.0)
+    np.testing.assert_allclose(heights_m, np.full(4, 0.3), atol=1e-6)
 
 
 def test_other_storeys_and_places_beside_count_nothing() -> None:
@@ -35,8 +35,8 @@ def test_other_storeys_and_places_beside_count_nothing() -> None:
 
 @pytest.mark.parametrize(("faces", "points", "most_m"), [(0, 1, 1.0), (2, 0, 1.0), (2, 1, 0.0)])
 def test_nothing_in_nothing_out(faces, points, most_m) -> None:
-    found = rim_heights(SQUARE, FACES[:faces], np.zeros((points, 3), np.float32), most_m=most_m)
-    np.testing.assert_array_equal(found, np.zeros(4, np.float32))
+    heights_m = rim_heights(SQUARE, FACES[:faces], np.zeros((points, 3), np.float32), most_m=most_m)
+    np.testing.assert_array_equal(heights_m, np.zeros(4, np.float32))
 
 
 def test_portions_and_order_do_not_matter(monkeypatch) -> None:

@@ -235,10 +235,10 @@ def test_whatever_happens_the_last_landing_alone_decides_what_is_visible(
     for step in steps:
         assert pair.closed is None, pair.of(Refused)
         match step:
-            case ("land", place, radius_m):
-                pair.client.land(place, radius_m)
-            case ("aim", place, radius_m):
-                pair.client.aim(place, radius_m)
+            case ("land", position, radius_m):
+                pair.client.land(position, radius_m)
+            case ("aim", position, radius_m):
+                pair.client.aim(position, radius_m)
                 pair.client.flush_aim()
             case ("run", count):
                 for _ in range(count):

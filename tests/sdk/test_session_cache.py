@@ -40,12 +40,12 @@ def test_evictions_are_told_before_the_next_landing(toy: ToyScene) -> None:
     plans = [event.plan for event in pair.of(Planned)]
     assert plans[2].load_bytes == plans[0].load_bytes > 0
     assert pair.server is not None
-    held = pair.server.deliveries.held
+    held_ids = pair.server.deliveries.held
     # What the server counts as held beyond the visible is what the next evict will name.
     pair.client.land((0, 0, 0), 2.0)
     messages = [decode(data, Direction.CLIENT_TO_SERVER) for data in pair.client.data_to_send()]
     assert [type(message) for message in messages] == [Evict, Land]
-    assert set(messages[0].segments.tolist()) == set(held.array().tolist()) - set(
+    assert set(messages[0].segments.tolist()) == set(held_ids.array().tolist()) - set(
         pair.client.visible
     )
 
@@ -137,8 +137,8 @@ def test_the_disk_answers_for_what_memory_has_lost(toy: ToyScene) -> None:
     disk = FakeDisk()
     pair = Pair(toy, cache_bytes=0, disk=disk)
     pair.connect()
-    for place in ((0, 0, 0), (10, 0, 10), (0, 0, 0)):
-        pair.client.land(place, 2.0)
+    for position in ((0, 0, 0), (10, 0, 10), (0, 0, 0)):
+        pair.client.land(position, 2.0)
         pair.settle()
     assert pair.of(Planned)[-1].plan.load_bytes == 0
     assert pair.client.visible == expected(toy, (0, 0, 0), 2.0)

@@ -65,8 +65,8 @@ def test_what_lies_a_little_beyond_the_radius_is_kept_and_not_shown(toy: ToyScen
     assert again.load_bytes == 0
     pair.client.land(MIDDLE, 1.0)
     pair.settle()
-    held = [segment for segment in range(len(toy.payloads)) if segment in pair.client.holdings]
-    assert tuple(held) == expected(toy, MIDDLE, 1.5)
+    held_ids = [segment for segment in range(len(toy.payloads)) if segment in pair.client.holdings]
+    assert tuple(held_ids) == expected(toy, MIDDLE, 1.5)
 
 
 def test_whole_is_not_ready_before_the_server_says_so(toy: ToyScene) -> None:

@@ -51,13 +51,13 @@ def test_without_pillow_the_error_says_what_to_install(monkeypatch: pytest.Monke
 
 def test_vertex_colours_are_the_texels_there() -> None:
     mesh = textured(lattice_mesh(0, 0, 3), pillow("PNG"))
-    found = vertex_colours(mesh)
-    assert found is not None
+    colours = vertex_colours(mesh)
+    assert colours is not None
     assert mesh.uvs is not None
     pixels = decode_texture(Texture.of(pillow("PNG")))
     column = np.minimum((mesh.uvs[:, 0] * 16).astype(int), 15)
     row = np.minimum((mesh.uvs[:, 1] * 8).astype(int), 7)
-    assert np.array_equal(found, pixels[row, column])
+    assert np.array_equal(colours, pixels[row, column])
     coloured = lattice_mesh(0, 0, 3)
     assert vertex_colours(coloured) is coloured.colours
     assert vertex_colours(replace(coloured, colours=None)) is None
@@ -76,10 +76,10 @@ def test_images_become_one_and_every_vertex_keeps_its_colour() -> None:
     # A vertex on the rim of its image may show half of the neighbour's: look a texel inwards.
     inner = [replace(mesh, uvs=0.9 * mesh.uvs + np.float32(0.05)) for mesh in meshes]
     uvs, texture = merge_textures(inner)
-    found = vertex_colours(replace(whole, uvs=uvs, texture=texture))
+    colours = vertex_colours(replace(whole, uvs=uvs, texture=texture))
     expected = np.concatenate([vertex_colours(mesh) for mesh in inner])
-    assert found is not None
-    assert np.abs(found.astype(int) - expected).max() <= 4  # JPEG
+    assert colours is not None
+    assert np.abs(colours.astype(int) - expected).max() <= 4  # JPEG
 
 
 def test_one_image_stays_as_it_is() -> None:

@@ -29,7 +29,7 @@ SCALES = {"grade": AttributeScale(offset=0.0, step=2.0**-10)}
 
 @dataclass(frozen=True)
 class GridScene:
-    """What was written."""
+    """A published scene of a grid, and what its segments must decode to."""
 
     path: Path
     manifest: Manifest

@@ -131,11 +131,11 @@ class Client:
             return
         chunks = self.session.next_chunks(chunk.total + 1)
         assert chunks[0] == chunk, "several begin with the one"
-        chunks = list(takewhile(lambda one: one.segment not in self.corrupt, chunks))
+        chunks = list(takewhile(lambda sent_chunk: sent_chunk.segment not in self.corrupt, chunks))
         chunks = chunks[: 1 + (chunk.segment % len(chunks) if self.in_runs else 0)]
         self.session.chunks_sent(chunks, self.now_s)
-        for one in chunks:
-            self._note(one)
+        for sent_chunk in chunks:
+            self._note(sent_chunk)
 
     def _note(self, chunk: SendChunk) -> None:
         self.chunks.append(chunk)

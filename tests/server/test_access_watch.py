@@ -236,9 +236,9 @@ def test_a_clock_that_jumps_moves_expiry_and_nothing_else(server: BackgroundServ
         bob.hello()
         gate._clock = lambda: real() - 86_400.0 * 365  # back a year: nobody is thrown out
         time.sleep(4 * PERIOD_S)
-        for one in (client, bob):
-            one.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
-            one.until(Ready)
+        for peer in (client, bob):
+            peer.send(Land(generation=1, position=(0.0, 0.0, 0.0), radius_m=50.0))
+            peer.until(Ready)
         gate._clock = lambda: real() + 86_400.0 * 365  # on a year: what has expired goes
         assert client.refused()[1] == 4401
         bob.send(Land(generation=2, position=(0.0, 0.0, 0.0), radius_m=50.0))

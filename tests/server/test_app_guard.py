@@ -135,7 +135,7 @@ def test_no_request_learns_of_the_inside(
     assert not caplog.records
 
 
-@pytest.mark.parametrize("headers", HEADERS, ids=lambda one: "+".join(one) or "none")
+@pytest.mark.parametrize("headers", HEADERS, ids=lambda headers: "+".join(headers) or "none")
 def test_no_header_brings_it_out(
     server: BackgroundServer,
     folder: Path,
@@ -162,9 +162,11 @@ def test_a_token_is_asked_for_before_anything_is_told(guarded: BackgroundServer)
     for path in PATHS:
         if not path.startswith("/scenes/pit") or ".." in path:
             continue
-        there = httpx.get(f"{guarded.url}{path}")
-        other = httpx.get(f"{guarded.url}{path.replace('pit', 'tip')}")
-        assert (there.status_code, there.content) == (other.status_code, other.content), path
+        existing = httpx.get(f"{guarded.url}{path}")
+        missing = httpx.get(f"{guarded.url}{path.replace('pit', 'tip')}")
+        assert (existing.status_code, existing.content) == (missing.status_code, missing.content), (
+            path
+        )
 
 
 def test_many_ranges_are_refused(server: BackgroundServer) -> None:
@@ -252,7 +254,7 @@ def test_metrics_and_docs_are_for_operators(guarded: BackgroundServer, folder: P
 
 def test_pages_of_allowed_origins_may_read_answers(folder: Path) -> None:
     viewer = {"Origin": "https://viewer.example"}
-    asked = viewer | {
+    preflight = viewer | {
         "Access-Control-Request-Method": "GET",
         "Access-Control-Request-Headers": "authorization",
     }
@@ -260,9 +262,9 @@ def test_pages_of_allowed_origins_may_read_answers(folder: Path) -> None:
         folder, token=TOKEN, allowed_origins=("https://viewer.example",)
     ) as running:
         url = f"{running.url}/scenes/pit/base.glb"
-        allowed = httpx.options(url, headers=asked)
+        allowed = httpx.options(url, headers=preflight)
         assert allowed.headers["access-control-allow-origin"] == "https://viewer.example"
-        other = httpx.options(url, headers=asked | {"Origin": "https://evil.example"})
+        other = httpx.options(url, headers=preflight | {"Origin": "https://evil.example"})
         assert "access-control-allow-origin" not in other.headers
         read = httpx.get(url, headers=viewer | {"Authorization": f"Bearer {TOKEN}"})
         assert read.headers["access-control-allow-origin"] == "https://viewer.example"

@@ -12,7 +12,7 @@ from terraport_server.settings import Settings
 
 
 @pytest.mark.parametrize(
-    ("given", "scheme", "line"),
+    ("options", "scheme", "line"),
     [
         ({}, "http", "http://127.0.0.1:8080/"),
         ({"host": "0.0.0.0", "port": 99}, "https", "https://localhost:99/"),
@@ -22,9 +22,11 @@ from terraport_server.settings import Settings
         ({"viewer": False}, "http", "switched off"),
     ],
 )
-def test_where_the_viewer_is(tmp_path: Path, given: dict[str, Any], scheme: str, line: str) -> None:
+def test_where_the_viewer_is(
+    tmp_path: Path, options: dict[str, Any], scheme: str, line: str
+) -> None:
     (tmp_path / "index.html").write_text("<html>")
-    settings = Settings(scenes_dir=tmp_path, viewer_dir=tmp_path, **given)
+    settings = Settings(scenes_dir=tmp_path, viewer_dir=tmp_path, **options)
     assert _viewer_line(settings, scheme) == line
 
 

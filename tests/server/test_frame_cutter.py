@@ -26,17 +26,17 @@ def test_pieces_end_where_frames_end(
     whole = b"".join(frames)
     ends = {sum(map(len, frames[: count + 1])) for count in range(len(frames))}
     cuts = data.draw(st.lists(st.integers(0, len(whole)), max_size=8).map(sorted), "cuts")
-    cutter, taken = FrameCutter(), b""
+    cutter, cut = FrameCutter(), b""
     for start, stop in zip([0, *cuts], [*cuts, len(whole)], strict=True):
         cutter.add(whole[start:stop])
         while piece := cutter.next():
-            before = len(taken)
-            taken += piece
+            before = len(cut)
+            cut += piece
             # No piece reaches into the next frame.
-            assert not {end for end in ends if before < end < len(taken)}
-        assert len(taken) + len(cutter) == stop
+            assert not {end for end in ends if before < end < len(cut)}
+        assert len(cut) + len(cutter) == stop
         assert len(cutter) < 14  # of a header at most
-    assert taken == whole
+    assert cut == whole
 
 
 def test_what_breaks_the_rules_is_handed_out_too() -> None:

@@ -16,7 +16,7 @@ def wants(role: str = "member", *, group: str = "tour", seat: str | None = None)
     return Join(request=1, group=group, role=role, name="N", seat=seat)
 
 
-def there(deadline_ms: int | None = None) -> Gather:
+def gather_request(deadline_ms: int | None = None) -> Gather:
     return Gather(
         request=2,
         position=(1.0, 2.0, 3.0),
@@ -105,7 +105,7 @@ def test_a_group_is_of_one_scene() -> None:
 
 def test_the_guide_lands_everybody_and_the_barrier_opens_when_all_are_ready() -> None:
     hall, _ = filled("a", "b")
-    assert hall.groups.gather("g", there(), hall.now_s) is None
+    assert hall.groups.gather("g", gather_request(), hall.now_s) is None
     messages = of(hall.hear(), Gathering)
     assert set(messages) == {"g", "a", "b"}
     assert (messages["a"].gathering, messages["a"].guide, messages["a"].left_ms) == (1, 1, 60_000)
@@ -124,7 +124,7 @@ def test_the_guide_lands_everybody_and_the_barrier_opens_when_all_are_ready() ->
 
 def test_the_deadline_opens_the_barrier_and_says_who_is_where() -> None:
     hall, _ = filled("a", "b", "c")
-    hall.groups.gather("g", there(5000), hall.now_s)
+    hall.groups.gather("g", gather_request(5000), hall.now_s)
     hall.groups.arrived("g", 1, "ready")
     hall.groups.arrived("a", 1, "degraded")
     hall.groups.arrived("b", 1, "declined")
@@ -139,7 +139,7 @@ def test_the_deadline_opens_the_barrier_and_says_who_is_where() -> None:
 
 def test_nobody_keeps_it_shut_longer_than_the_server_allows() -> None:
     hall, _ = filled("a", group_deadline_s=7.0)
-    hall.groups.gather("g", there(600_000), hall.now_s)
+    hall.groups.gather("g", gather_request(600_000), hall.now_s)
     hall.hear()
     assert hall.wait(6.9) == {}
     assert set(of(hall.wait(0.2), Gathered)) == {"g", "a"}
@@ -147,7 +147,7 @@ def test_nobody_keeps_it_shut_longer_than_the_server_allows() -> None:
 
 def test_who_leaves_holds_nobody() -> None:
     hall, _ = filled("a", "b")
-    hall.groups.gather("g", there(), hall.now_s)
+    hall.groups.gather("g", gather_request(), hall.now_s)
     for key in ("a", "b"):
         hall.groups.arrived(key, 1, "ready")
     hall.hear()
@@ -158,7 +158,7 @@ def test_who_leaves_holds_nobody() -> None:
 
 def test_a_lost_member_is_waited_for_a_while_then_left() -> None:
     hall, _ = filled("a", group_absence_s=10.0)
-    hall.groups.gather("g", there(), hall.now_s)
+    hall.groups.gather("g", gather_request(), hall.now_s)
     hall.groups.arrived("g", 1, "ready")
     hall.groups.lost("a", hall.now_s)
     messages = hall.wait(0.5)
@@ -169,7 +169,7 @@ def test_a_lost_member_is_waited_for_a_while_then_left() -> None:
 
 def test_a_seat_is_taken_again_by_its_secret_with_its_place_in_the_barrier() -> None:
     hall, secrets = filled("a")
-    hall.groups.gather("g", there(), hall.now_s)
+    hall.groups.gather("g", gather_request(), hall.now_s)
     hall.groups.arrived("a", 1, "ready")
     hall.groups.lost("g", hall.now_s)
     hall.wait(20.0)
@@ -189,7 +189,7 @@ def test_a_seat_moves_from_a_connection_that_only_looks_alive() -> None:
     hall.groups.lost("a", hall.now_s)  # noticed later
     hall.groups.leave("a", hall.now_s)
     assert hall.groups.member_count == 2
-    hall.groups.gather("g", there(), hall.now_s)
+    hall.groups.gather("g", gather_request(), hall.now_s)
     assert set(of(hall.hear(), Gathering)) == {"g", "a2"}
 
 
@@ -202,7 +202,7 @@ def test_an_unknown_seat_is_a_new_one() -> None:
 
 def test_who_comes_late_is_told_where_the_group_is() -> None:
     hall, _ = filled()
-    hall.groups.gather("g", there(), hall.now_s)
+    hall.groups.gather("g", gather_request(), hall.now_s)
     hall.join("a")
     assert of(hall.hear(), Gathering)["a"].left_ms == 60_000
     hall.groups.arrived("g", 1, "ready")
@@ -216,7 +216,7 @@ def test_who_comes_late_is_told_where_the_group_is() -> None:
 def test_a_newer_gathering_ends_the_older_one() -> None:
     hall, _ = filled("a")
     for _ in range(2):
-        hall.groups.gather("g", there(), hall.now_s)
+        hall.groups.gather("g", gather_request(), hall.now_s)
     hall.groups.arrived("g", 1, "ready")
     hall.groups.arrived("a", 1, "ready")
     assert of(hall.hear(), Gathered) == {}
@@ -227,8 +227,8 @@ def test_a_newer_gathering_ends_the_older_one() -> None:
 
 def test_refusals() -> None:
     hall, _ = filled("a", max_groups=2, max_group_members=3)
-    assert "from a member" in (hall.groups.gather("a", there(), 0.0) or "")
-    assert "without a seat" in (hall.groups.gather("x", there(), 0.0) or "")
+    assert "from a member" in (hall.groups.gather("a", gather_request(), 0.0) or "")
+    assert "without a seat" in (hall.groups.gather("x", gather_request(), 0.0) or "")
     assert "that has one" in (hall.join("x", role="guide") or "")
     assert hall.join("b") is None
     assert "at most 3" in (hall.join("c") or "")
@@ -245,7 +245,7 @@ def test_a_refused_join_keeps_the_seat_held_before() -> None:
     hall, _ = filled("a")
     hall.join("x", group="other", role="guide")
     assert hall.join("a", group="other", role="guide") is not None
-    hall.groups.gather("g", there(), hall.now_s)
+    hall.groups.gather("g", gather_request(), hall.now_s)
     assert "a" in of(hall.hear(), Gathering)
 
 
@@ -338,7 +338,7 @@ class AnyHistory(RuleBasedStateMachine):
 
     @rule(key=keys, wait_ms=st.none() | st.integers(1, 20_000))
     def gather(self, key: int, wait_ms: int | None) -> None:
-        self.hall.groups.gather(key, there(wait_ms), self.hall.now_s)
+        self.hall.groups.gather(key, gather_request(wait_ms), self.hall.now_s)
         self.listen()
 
     @rule(

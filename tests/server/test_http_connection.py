@@ -161,12 +161,12 @@ def test_what_is_no_http(server: BackgroundServer) -> None:
 
 
 def test_requests_far_ahead_of_their_answers(server: BackgroundServer) -> None:
-    one = b"GET /scenes HTTP/1.1\r\n" + HOST + b"\r\n"
+    request = b"GET /scenes HTTP/1.1\r\n" + HOST + b"\r\n"
     with connect(server) as raw:
-        raw.sendall(one * (MAX_PIPELINED // 2))
+        raw.sendall(request * (MAX_PIPELINED // 2))
         assert answer(raw).count(b"HTTP/1.1 200") == MAX_PIPELINED // 2
     with connect(server) as raw:
-        raw.sendall(one * 500)
+        raw.sendall(request * 500)
         assert answer(raw).count(b"HTTP/1.1 200") < 100
 
 
@@ -198,28 +198,28 @@ def test_a_slow_reader_gets_everything(server: BackgroundServer) -> None:
 def test_too_many_connections_of_one_address(folder: Path) -> None:
     with (
         BackgroundServer(folder, max_connections_per_ip=3, forwarded_allow_ips="") as running,
-        ExitStack() as held,
+        ExitStack() as stack,
     ):
         for _ in range(3):
-            held.enter_context(connect(running))
+            stack.enter_context(connect(running))
         eventually(lambda: open_connections(running) == 3)
         answered = httpx.get(f"{running.url}/healthz")
         assert (answered.status_code, answered.json()["error"]["code"]) == (503, "connections")
-        held.close()
+        stack.close()
         eventually(lambda: open_connections(running) == 0)
         assert httpx.get(f"{running.url}/healthz").status_code == 200
 
 
 def test_too_many_connections_and_the_flood_behind_them(server: BackgroundServer) -> None:
     eventually(lambda: open_connections(server) == 0)
-    with ExitStack() as held:
+    with ExitStack() as stack:
         for _ in range(12):
-            held.enter_context(connect(server))
+            stack.enter_context(connect(server))
         assert httpx.get(f"{server.url}/healthz").status_code == 503
         with pytest.raises(Exception, match="503"):
             PlainClient(server.scene_url("pit"))
         for _ in range(30):
-            held.enter_context(connect(server))
+            stack.enter_context(connect(server))
         # Twice as many at most are kept, whatever comes.
         eventually(lambda: 0 < open_connections(server) <= 24)
     eventually(lambda: open_connections(server) == 0)

@@ -23,11 +23,13 @@ Rows = dict[str, tuple[str, bool]]
 def tables() -> dict[str, Rows]:
     """Type of each member and whether it is required, by the first words before its table."""
     section = SPEC.read_text().split("### 2.5 ")[1].split("**Versions.**")[0]
-    found: dict[str, Rows] = {}
+    rows_by_table: dict[str, Rows] = {}
     for before, table in re.findall(r"(.*)\n\n\| member .*\n\|[-|]+\n((?:\|.*\n)+)", section):
         rows = [[cell.strip() for cell in row.split("|")[1:-1]] for row in table.splitlines()]
-        found[before[:20]] = {row[0].strip("`"): (row[1], row[2] == "required") for row in rows}
-    return found
+        rows_by_table[before[:20]] = {
+            row[0].strip("`"): (row[1], row[2] == "required") for row in rows
+        }
+    return rows_by_table
 
 
 LISTED, LINE, SCENE, LINKS = tables().values()
@@ -48,9 +50,9 @@ def assert_is(answer: dict[str, Any], rows: Rows) -> None:
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> list[GridScene]:
     """`a` has a report, `b` has none."""
     root = tmp_path_factory.mktemp("http")
-    made = [write_grid_scene(root / scene_id, cells=2) for scene_id in ("b", "a")]
+    grids = [write_grid_scene(root / scene_id, cells=2) for scene_id in ("b", "a")]
     (root / "a" / "report.html").write_text("<p>good")
-    return made
+    return grids
 
 
 @pytest.fixture(scope="module")

@@ -18,34 +18,38 @@ changes = st.lists(
 
 
 @settings(max_examples=300)
-@given(first=some_ids, script=changes, asked=some_ids)
+@given(first=some_ids, script=changes, queried=some_ids)
 def test_any_history_is_that_of_a_set(
-    first: list[int], script: list[tuple[str, list[int]]], asked: list[int]
+    first: list[int], script: list[tuple[str, list[int]]], queried: list[int]
 ) -> None:
     ours, model = IdSet(first), set(first)
     for name, ids in script:
         if name in {"add", "discard"}:
-            for one in ids:
-                getattr(ours, name)(one)
-                getattr(model, name)(one)
+            for segment in ids:
+                getattr(ours, name)(segment)
+                getattr(model, name)(segment)
         else:
             getattr(ours, name)(np.array(ids, dtype=np.uint32))
             getattr(model, name)(ids)
         assert len(ours) == len(model)
-    assert [one in ours for one in asked] == [one in model for one in asked]
-    assert ours.contains(np.array(asked, dtype=np.int64)).tolist() == [s in model for s in asked]
+    assert [segment in ours for segment in queried] == [segment in model for segment in queried]
+    assert ours.contains(np.array(queried, dtype=np.int64)).tolist() == [
+        s in model for s in queried
+    ]
     assert ours.array().tolist() == sorted(model)
 
 
 def test_single_ids_do_not_pile_up_as_python_objects() -> None:
-    held = IdSet()
+    id_set = IdSet()
     for segment in range(50_000):
-        held.add(segment)
-    assert len(held) == 50_000
-    assert sys.getsizeof(held._added) < 100_000
-    assert held.array().nbytes == 200_000
+        id_set.add(segment)
+    assert len(id_set) == 50_000
+    assert sys.getsizeof(id_set._added) < 100_000
+    assert id_set.array().nbytes == 200_000
 
 
 def test_an_empty_set_costs_next_to_nothing() -> None:
-    held = IdSet()
-    assert sys.getsizeof(held) + sys.getsizeof(held._added) + sys.getsizeof(held._sorted) < 600
+    id_set = IdSet()
+    assert (
+        sys.getsizeof(id_set) + sys.getsizeof(id_set._added) + sys.getsizeof(id_set._sorted) < 600
+    )

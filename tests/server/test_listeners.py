@@ -16,7 +16,7 @@ linux = pytest.mark.skipif(sys.platform != "linux", reason="the kernel deals on 
 
 
 def accepted(listener: socket.socket) -> int:
-    """Accept all that waits."""
+    """Accept and close every connection that waits; return how many there were."""
     count = 0
     while True:
         try:
@@ -65,8 +65,8 @@ def test_where_the_kernel_does_not_deal_all_share_one(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("slots", [1, 2])
 def test_a_port_in_use_is_refused_and_a_free_one_is_named(slots: int) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
         with pytest.raises(ServerError, match=rf"127\.0\.0\.1:{port}: another program") as raised:
             Listeners("127.0.0.1", port, slots)
         named = re.search(r"--port (\d+), which is free", str(raised.value))
@@ -94,7 +94,7 @@ def test_a_machine_without_ipv6_listens_on_the_address_it_has(
     ]
     monkeypatch.setattr(socket, "getaddrinfo", lambda *_arguments, **_options: both)
     listeners = Listeners("pit.example", 0, 1)
-    assert [one.getsockname()[0] for one in listeners.of(0)] == ["127.0.0.1"]
+    assert [sock.getsockname()[0] for sock in listeners.of(0)] == ["127.0.0.1"]
     listeners.close()
 
 
@@ -107,6 +107,6 @@ def test_a_second_service_does_not_take_half_of_the_connections() -> None:
 
 def test_every_address_of_a_host_gets_the_same_port() -> None:
     listeners = Listeners("localhost", 0, 2)
-    ports = {one.getsockname()[1] for slot in range(2) for one in listeners.of(slot)}
+    ports = {sock.getsockname()[1] for slot in range(2) for sock in listeners.of(slot)}
     assert ports == {listeners.port}
     listeners.close()

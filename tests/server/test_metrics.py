@@ -45,9 +45,9 @@ def test_the_page_lists_every_metric_with_its_type_and_labels() -> None:
     metrics = {}
     for family in Metrics().registry._collector_to_names:
         described = list(getattr(family, "describe", list)())
-        for one in described:
-            suffix = "_total" if one.type == "counter" else ""
-            metrics[one.name + suffix] = (one.type, sorted(family._labelnames))
+        for metric in described:
+            suffix = "_total" if metric.type == "counter" else ""
+            metrics[metric.name + suffix] = (metric.type, sorted(family._labelnames))
     assert listed == {name: row for name, row in metrics.items() if name.startswith("terraport_")}
 
 

@@ -100,11 +100,11 @@ def test_small_for_those_who_take_it(http: httpx.Client) -> None:
 def test_unchanged(http: httpx.Client, path: str) -> None:
     for coding in ("identity", "gzip"):
         first = http.get(path, headers={"Accept-Encoding": coding})
-        asked = {"Accept-Encoding": coding, "If-None-Match": first.headers["etag"]}
-        again = http.get(path, headers=asked)
+        headers = {"Accept-Encoding": coding, "If-None-Match": first.headers["etag"]}
+        again = http.get(path, headers=headers)
         assert (again.status_code, again.content) == (304, b"")
         assert again.headers["etag"] == first.headers["etag"]
-        assert http.get(path, headers=asked | {"If-None-Match": '"x"'}).status_code == 200
+        assert http.get(path, headers=headers | {"If-None-Match": '"x"'}).status_code == 200
 
 
 def test_the_head_alone(server: BackgroundServer) -> None:

@@ -98,7 +98,10 @@ def test_a_client_that_pings_and_does_not_read_costs_no_memory(scenes: Path) -> 
             most = 0
             for _ in range(80):
                 raw.sendall(frame(PING, b"x" * 125) * 500)
-                most = max(most, *(one.transport.get_write_buffer_size() for one in connections))
+                most = max(
+                    most,
+                    *(connection.transport.get_write_buffer_size() for connection in connections),
+                )
             raw.sendall(frame(PING, b"last"))
             data = b""
             while b"\x8a\x04last" not in data:
@@ -249,32 +252,32 @@ def test_a_frame_may_come_by_the_byte(scenes: Path) -> None:
 def test_a_websocket_counts_for_its_address_until_it_is_closed(scenes: Path) -> None:
     with (
         BackgroundServer(scenes, max_connections_per_ip=3, forwarded_allow_ips="") as server,
-        ExitStack() as held,
+        ExitStack() as stack,
     ):
         for _ in range(3):
-            held.enter_context(raw_connect(server.port))
+            stack.enter_context(raw_connect(server.port))
         answered = httpx.get(f"{server.url}/healthz")
         assert (answered.status_code, answered.json()["error"]["code"]) == (503, "connections")
         raw_connect(server.port, status=503).close()
-        held.close()
+        stack.close()
         eventually(lambda: not server._server.server_state.connections)
         assert httpx.get(f"{server.url}/healthz").status_code == 200
 
 
 def test_behind_a_proxy_it_counts_for_the_clients_address(scenes: Path) -> None:
-    one, other = "X-Forwarded-For: 192.0.2.1", "X-Forwarded-For: 192.0.2.2"
-    with BackgroundServer(scenes, max_connections_per_ip=3) as server, ExitStack() as held:
+    first, second = "X-Forwarded-For: 192.0.2.1", "X-Forwarded-For: 192.0.2.2"
+    with BackgroundServer(scenes, max_connections_per_ip=3) as server, ExitStack() as stack:
         for _ in range(3):
-            held.enter_context(raw_connect(server.port, one))
-            held.enter_context(raw_connect(server.port, other))
-        for full in (one, other):
+            stack.enter_context(raw_connect(server.port, first))
+            stack.enter_context(raw_connect(server.port, second))
+        for full in (first, second):
             with raw_connect(server.port, full, status=503) as at:
                 assert b'"code":"connections"' in drained(at)
         for _ in range(4):  # the proxy itself speaks for many
-            held.enter_context(raw_connect(server.port))
-        held.close()
+            stack.enter_context(raw_connect(server.port))
+        stack.close()
         eventually(lambda: not server._server.server_state.connections)
-        raw_connect(server.port, one).close()
+        raw_connect(server.port, first).close()
 
 
 @pytest.mark.parametrize(
@@ -288,13 +291,13 @@ def test_who_is_not_let_in_leaves_without_closing(
     wrong = "Authorization: Bearer another-token-of-some-length"
     with (
         BackgroundServer(scenes, close_timeout_s=600.0, **settings) as server,
-        ExitStack() as held,
+        ExitStack() as stack,
     ):
         connections = server._server.server_state.connections
         if code == 4429:
-            held.enter_context(PlainClient(server.scene_url("grid"))).hello()
+            stack.enter_context(PlainClient(server.scene_url("grid"))).hello()
         before = len(connections)
-        refused = [held.enter_context(raw_connect(server.port, wrong)) for _ in range(5)]
+        refused = [stack.enter_context(raw_connect(server.port, wrong)) for _ in range(5)]
         eventually(lambda: len(connections) == before, 5)
         assert {close_code(drained(at)) for at in refused} == {code}
 

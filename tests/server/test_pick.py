@@ -170,9 +170,9 @@ def test_out_of_time_and_out_of_segments(scene: Scene) -> None:
 
 
 def test_the_cache_keeps_within_its_bytes_and_forgets_the_oldest(scene: Scene) -> None:
-    one = MeshCache(1 << 30)
-    one.get(scene, 0)
-    size = one.size_bytes
+    unbounded = MeshCache(1 << 30)
+    unbounded.get(scene, 0)
+    size = unbounded.size_bytes
     cache = MeshCache(int(size * 2.5))
     first = cache.get(scene, 0)
     cache.get(scene, 1)

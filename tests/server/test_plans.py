@@ -18,11 +18,11 @@ from terraport_wire import Direction, Plan, Prefetch, decode, encode
 @given(
     x=st.floats(-20, 130),
     radius_m=st.floats(0.5, 80),
-    held=st.sets(st.integers(0, 11)),
+    held_ids=st.sets(st.integers(0, 11)),
     most=st.none() | st.integers(0, 9),
 )
 def test_every_plan_passes_the_checks_that_it_was_made_without(
-    x: float, radius_m: float, held: set[int], most: int | None
+    x: float, radius_m: float, held_ids: set[int], most: int | None
 ) -> None:
     scene = make_scene()
     table = scene.encodings["glb"]
@@ -35,7 +35,7 @@ def test_every_plan_passes_the_checks_that_it_was_made_without(
         radius_m,
         release_radius_m=radius_m * 1.25,
         inner_radius_m=wish.inner_radius_m,
-        held=np.isin(candidates, sorted(held)),
+        held=np.isin(candidates, sorted(held_ids)),
         budgets=Budgets(max_segments=most),
     )
     plan = make_plan(wish, chosen, table, release_radius_m=radius_m * 1.25)

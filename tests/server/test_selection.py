@@ -48,7 +48,7 @@ def run(
     centre: tuple[float, float, float] = (0.0, 0.0, 0.0),
     factor: float = 1.25,
     inner_radius_m: float | None = None,
-    held: set[int] = frozenset(),  # type: ignore[assignment]
+    held_ids: set[int] = frozenset(),  # type: ignore[assignment]
     budgets: Budgets | None = None,
 ) -> Selection:
     return select(
@@ -58,7 +58,7 @@ def run(
         radius_m,
         release_radius_m=radius_m * factor,
         inner_radius_m=inner_radius_m,
-        held=mask(len(table), held),
+        held=mask(len(table), held_ids),
         budgets=budgets or Budgets(),
     )
 
@@ -88,15 +88,15 @@ def brute_plan(
     budgets: Budgets,
 ) -> tuple[list[int], list[int], int]:
     """Return what is to be shown, nearest first, what is kept nearby, and how many are left out."""
-    wanted = []
+    by_distance = []
     for segment in range(len(table)):
         distance = brute_distance(table.bounds[segment], centre)
         if distance <= radius_m or (segment in resident and distance <= release_radius_m):
-            wanted.append((distance, segment))
-    wanted.sort()
+            by_distance.append((distance, segment))
+    by_distance.sort()
     fitting: list[int] = []
     triangles = size = 0
-    for _, segment in wanted:
+    for _, segment in by_distance:
         triangles += int(table.faces[segment])
         size += int(table.lengths[segment])
         if budgets.max_triangles is not None and triangles > budgets.max_triangles:
@@ -106,7 +106,7 @@ def brute_plan(
         if budgets.max_segments is not None and len(fitting) + 1 > budgets.max_segments:
             break
         fitting.append(segment)
-    within = [segment for distance, segment in wanted if distance <= radius_m]
+    within = [segment for distance, segment in by_distance if distance <= radius_m]
     plan = [segment for segment in fitting if segment in within]
     nearby = sorted(segment for segment in fitting if segment not in within)
     return plan, nearby, len(within) - len(plan)
@@ -115,11 +115,11 @@ def brute_plan(
 def brute_first_exceeded(
     table: SegmentTable, plan: list[int], following: int, budgets: Budgets
 ) -> str | None:
-    wanted = [*plan, following]
+    segments = [*plan, following]
     for name, limit, used in (
-        ("max_segments", budgets.max_segments, len(wanted)),
-        ("max_triangles", budgets.max_triangles, sum(int(table.faces[s]) for s in wanted)),
-        ("max_bytes", budgets.max_bytes, sum(int(table.lengths[s]) for s in wanted)),
+        ("max_segments", budgets.max_segments, len(segments)),
+        ("max_triangles", budgets.max_triangles, sum(int(table.faces[s]) for s in segments)),
+        ("max_bytes", budgets.max_bytes, sum(int(table.lengths[s]) for s in segments)),
     ):
         if limit is not None and used > limit:
             return name
@@ -159,36 +159,40 @@ def test_plan_equals_brute_force(
     budgets: Budgets,
 ) -> None:
     ids = st.sets(st.integers(0, len(table) - 1))
-    held = data.draw(ids, "held")
-    plan, nearby, omitted = brute_plan(table, centre, radius_m, radius_m * factor, held, budgets)
+    held_ids = data.draw(ids, "held")
+    plan, nearby, omitted = brute_plan(
+        table, centre, radius_m, radius_m * factor, held_ids, budgets
+    )
 
     chosen = run(
         table,
         radius_m,
         centre=centre,
         factor=factor,
-        held=held,
+        held_ids=held_ids,
         budgets=budgets,
     )
 
-    assert chosen.load.tolist() == [s for s in plan if s not in held]
-    assert chosen.keep.tolist() == sorted(s for s in plan if s in held)
+    assert chosen.load.tolist() == [s for s in plan if s not in held_ids]
+    assert chosen.keep.tolist() == sorted(s for s in plan if s in held_ids)
     assert chosen.nearby.tolist() == nearby
     assert chosen.omitted_segments == omitted
     assert (chosen.omitted_by is None) == (omitted == 0)
     if omitted:
-        everything = brute_plan(table, centre, radius_m, radius_m * factor, held, Budgets())[0]
+        everything = brute_plan(table, centre, radius_m, radius_m * factor, held_ids, Budgets())[0]
         nearest = everything[len(plan)]
         assert chosen.omitted_by == brute_first_exceeded(table, plan, nearest, budgets)
     assert chosen.total_bytes == sum(int(table.lengths[s]) for s in plan)
     assert chosen.total_triangles == sum(int(table.faces[s]) for s in plan)
-    assert chosen.load_bytes == sum(int(table.lengths[s]) for s in plan if s not in held)
+    assert chosen.load_bytes == sum(int(table.lengths[s]) for s in plan if s not in held_ids)
+    # What is nearby counts for the budgets too.
     for limit_value, used in (
         (budgets.max_triangles, sum(int(table.faces[s]) for s in [*plan, *nearby])),
         (budgets.max_bytes, sum(int(table.lengths[s]) for s in [*plan, *nearby])),
         (budgets.max_segments, len(plan) + len(nearby)),
     ):
         assert limit_value is None or used <= limit_value
+    # The radius within which nothing is missing.
     outside = [
         brute_distance(table.bounds[s], centre) for s in range(len(table)) if s not in set(plan)
     ]
@@ -240,7 +244,8 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
     nudge: float,
     budgets: Budgets,
 ) -> None:
-    held = IdSet(data.draw(st.lists(st.integers(0, len(table) - 1)), "held"))
+    held_ids = IdSet(data.draw(st.lists(st.integers(0, len(table) - 1)), "held"))
+    # Centres a hair off, and radii that end just at the border of a box.
     centre = (centre[0] + nudge, centre[1], centre[2] - nudge)
     distances = box_distances_m(table.bounds, centre)
     if data.draw(st.booleans(), "to the border"):
@@ -249,11 +254,12 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
     everything = np.flatnonzero(distances <= release_radius_m)
     near = np.flatnonzero(distances <= radius_m)
 
-    candidates, is_held = find_candidates(table, near, held, centre, release_radius_m)
+    candidates, is_held = find_candidates(table, near, held_ids, centre, release_radius_m)
 
     assert len(set(candidates.tolist())) == len(candidates)
-    assert set(candidates.tolist()) <= set(near.tolist()) | set(held.array().tolist())
-    assert is_held.tolist() == held.contains(candidates).tolist()
+    assert set(candidates.tolist()) <= set(near.tolist()) | set(held_ids.array().tolist())
+    assert is_held.tolist() == held_ids.contains(candidates).tolist()
+    # The plan of the candidates is that of all segments within both radii, and brute force's.
     plans = [
         select(
             table,
@@ -262,14 +268,14 @@ def test_candidates_among_what_is_held_give_the_same_plan_as_all_within_both_rad
             radius_m,
             release_radius_m=release_radius_m,
             inner_radius_m=radius_m / 2,
-            held=held.contains(ids),
+            held=held_ids.contains(ids),
             budgets=budgets,
         )
         for ids in (everything, candidates)
     ]
     assert _facts(plans[0]) == _facts(plans[1])
     in_full, nearby, omitted = brute_plan(
-        table, centre, radius_m, release_radius_m, set(held.array().tolist()), budgets
+        table, centre, radius_m, release_radius_m, set(held_ids.array().tolist()), budgets
     )
     assert plans[1].order.tolist() == in_full
     assert plans[1].nearby.tolist() == nearby
@@ -302,7 +308,7 @@ def test_radius_is_inclusive() -> None:
 
 def test_what_is_held_between_the_two_radii_is_kept_and_is_not_of_the_plan() -> None:
     table = row_of_boxes(5)
-    kept = run(table, 18.0, held={0, 1, 2, 3})
+    kept = run(table, 18.0, held_ids={0, 1, 2, 3})
     assert kept.load.tolist() == []
     assert kept.keep.tolist() == [0, 1]
     assert kept.nearby.tolist() == [2]
@@ -310,11 +316,11 @@ def test_what_is_held_between_the_two_radii_is_kept_and_is_not_of_the_plan() -> 
 
 
 def test_what_is_nearby_gives_way_to_a_budget_and_is_not_left_out() -> None:
-    held = run(
-        row_of_boxes(5), 12.0, factor=4.0, held={0, 2, 3, 4}, budgets=Budgets(max_segments=3)
+    plan = run(
+        row_of_boxes(5), 12.0, factor=4.0, held_ids={0, 2, 3, 4}, budgets=Budgets(max_segments=3)
     )
-    assert (held.load.tolist(), held.keep.tolist(), held.nearby.tolist()) == ([1], [0], [2])
-    assert (held.omitted_segments, held.omitted_by, held.effective_radius_m) == (0, None, 12.0)
+    assert (plan.load.tolist(), plan.keep.tolist(), plan.nearby.tolist()) == ([1], [0], [2])
+    assert (plan.omitted_segments, plan.omitted_by, plan.effective_radius_m) == (0, None, 12.0)
 
 
 @pytest.mark.parametrize(
@@ -338,14 +344,14 @@ def test_budgets(budgets: Budgets, plan: list[int], by: str | None) -> None:
 
 
 def test_inner_is_what_of_the_plan_lies_within_the_inner_radius() -> None:
-    chosen = run(row_of_boxes(5), 45.0, inner_radius_m=20.0, held={1})
+    chosen = run(row_of_boxes(5), 45.0, inner_radius_m=20.0, held_ids={1})
     assert chosen.load.tolist() == [0, 2, 3, 4]
     assert chosen.inner.tolist() == [0, 1, 2]
     assert run(row_of_boxes(5), 45.0).inner.tolist() == []
 
 
 def test_nothing_near() -> None:
-    chosen = run(row_of_boxes(2), 5.0, centre=(0.0, 900.0, 0.0), held={1})
+    chosen = run(row_of_boxes(2), 5.0, centre=(0.0, 900.0, 0.0), held_ids={1})
     assert chosen.load.size == 0
     assert chosen.keep.size == 0
     assert chosen.nearby.size == 0

@@ -135,8 +135,8 @@ def test_bad_options_are_said_and_exit_1(tmp_path: Path, arguments: list[str], t
 
 @pytest.mark.parametrize("workers", ["1", "2"])
 def test_a_port_in_use_is_an_error_and_nothing_else_is_said(tmp_path: Path, workers: str) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = str(taken.getsockname()[1])
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = str(listener.getsockname()[1])
         process = subprocess.run(
             [sys.executable, "-c", PROGRAM, str(tmp_path), "--port", port, "--workers", workers],
             capture_output=True,
@@ -170,8 +170,8 @@ def test_a_free_port_is_said_as_it_is(tmp_path: Path) -> None:
 
 
 def test_background_server_on_a_port_in_use_says_so(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
         with pytest.raises(ServerError, match=f"could not listen on 127.0.0.1:{port}: another"):
             BackgroundServer(tmp_path, port=port)
 

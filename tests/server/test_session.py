@@ -349,21 +349,21 @@ def test_any_history_keeps_the_rules(
     client.in_runs = in_runs
     client.greet(credit_bytes=credit, budgets=budgets)
     generation = 0
-    for kind, one, two in script:
+    for kind, first, second in script:
         if kind in {"land", "aim"}:
             generation += 1
             client.run(until=lambda: client.session.pending == 0)
             make = land if kind == "land" else aim
-            client.tell(make(generation, float(one), float(two)))
+            client.tell(make(generation, float(first), float(second)))
             if kind == "land":
-                _check_plan(client, generation, float(one), float(two), budgets)
+                _check_plan(client, generation, float(first), float(second), budgets)
         elif kind == "run":
-            client.run(most=one)
+            client.run(most=first)
         elif kind == "credit":
-            client.credit += one
-            client.tell(Credit(bytes=one))
+            client.credit += first
+            client.tell(Credit(bytes=first))
         elif kind == "corrupt":
-            client.corrupt ^= {one}
+            client.corrupt ^= {first}
         else:
             # A client never evicts or rejects what it may not; the model waits for quiet first.
             client.corrupt.clear()
@@ -371,30 +371,30 @@ def test_any_history_keeps_the_rules(
             client.tell(Credit(bytes=1 << 20))
             client.run()
             if kind == "evict":
-                client.held -= {one, two}
+                client.held -= {first, second}
                 for announced in client.load.values():
-                    announced[:] = [s for s in announced if s not in {one, two}]
-                client.tell(Evict(segments=ids(*{one, two})))
-            elif one in client.held:
-                client.held -= {one}
+                    announced[:] = [s for s in announced if s not in {first, second}]
+                client.tell(Evict(segments=ids(*{first, second})))
+            elif first in client.held:
+                client.held -= {first}
                 # 6.4, rule 4: what is in the newest landing's plan comes once more in its
                 # generation, also where it was evicted after `ready` and came back with an aim.
                 newest = next((m for m in reversed(client.messages) if isinstance(m, Plan)), None)
-                if newest is not None and one in {*newest.load["id"].tolist(), *newest.keep}:
-                    client.load[newest.generation].append(one)
-                client.tell(Reject(generation=generation, segment=one, reason="x"))
+                if newest is not None and first in {*newest.load["id"].tolist(), *newest.keep}:
+                    client.load[newest.generation].append(first)
+                client.tell(Reject(generation=generation, segment=first, reason="x"))
         assert client.session.deliveries is not None
         if client.session.pending == 0:
-            held = client.session.deliveries.held.array().tolist()
-            assert held == sorted(client.held)
+            server_held = client.session.deliveries.held.array().tolist()
+            assert server_held == sorted(client.held)
     client.credit += 1 << 20
     client.tell(Credit(bytes=1 << 20))
     client.run()
     assert client.close is None
     landings = [m.generation for m in client.messages if isinstance(m, Plan)]
-    for one in landings:
-        ends = set(client.ends[one])
-        assert len(ends) == 1 or one == landings[-1] or ends == {"ready", "superseded"}
+    for landing in landings:
+        ends = set(client.ends[landing])
+        assert len(ends) == 1 or landing == landings[-1] or ends == {"ready", "superseded"}
     if landings:
         assert client.ends[landings[-1]][-1] == "ready", "the newest landing always ends ready"
 
@@ -402,18 +402,18 @@ def test_any_history_keeps_the_rules(
 def _check_plan(
     client: Client, generation: int, x: float, radius_m: float, budgets: Budgets
 ) -> None:
-    held = set(client.held)
+    held_ids = set(client.held)
     client.run(until=lambda: generation in client.load)
     plan = next(m for m in reversed(client.messages) if isinstance(m, Plan))
     assert plan.generation == generation
     distances = box_distances_m(client.table.bounds, (x, 0.0, 0.0))
-    wanted = sorted(
+    by_distance = sorted(
         (float(distances[s]), s)
         for s in range(len(client.table))
-        if distances[s] <= radius_m or (s in held and distances[s] <= radius_m * 1.25)
+        if distances[s] <= radius_m or (s in held_ids and distances[s] <= radius_m * 1.25)
     )
     fitting: list[int] = []
-    for _, segment in wanted:
+    for _, segment in by_distance:
         size = sum(int(client.table.lengths[s]) for s in [*fitting, segment])
         if budgets.max_bytes is not None and size > budgets.max_bytes:
             break
@@ -421,6 +421,6 @@ def _check_plan(
             break
         fitting.append(segment)
     expected = [s for s in fitting if distances[s] <= radius_m]
-    assert plan.load["id"].tolist() == [s for s in expected if s not in held]
-    assert plan.keep.tolist() == sorted(s for s in expected if s in held)
+    assert plan.load["id"].tolist() == [s for s in expected if s not in held_ids]
+    assert plan.keep.tolist() == sorted(s for s in expected if s in held_ids)
     assert plan.nearby.tolist() == sorted(set(fitting) - set(expected))

@@ -36,7 +36,7 @@ def wants(role: str = "member", group: str = "tour", seat: str | None = None) ->
     return Join(request=1, group=group, role=role, seat=seat)
 
 
-def there(radius_m: float = 25.0) -> Gather:
+def gather_request(radius_m: float = 25.0) -> Gather:
     return Gather(request=2, position=(0.0, 0.0, 0.0), radius_m=radius_m)
 
 
@@ -133,7 +133,7 @@ def test_a_radius_beyond_the_servers_is_refused() -> None:
     hall = Hall()
     guide = hall.open()
     guide.tell(wants("guide"))
-    guide.tell(there(501.0))
+    guide.tell(gather_request(501.0))
     (error,) = heard(guide, Error)
     assert (error.code, error.request) == ("group_refused", 2)
     assert "at most 500" in error.message
@@ -157,7 +157,7 @@ def test_a_member_that_reads_nothing_holds_the_newest_of_each_alone() -> None:
     slow.tell(wants())
     heard(guide, Message)
     for _ in range(500):
-        guide.tell(there())
+        guide.tell(gather_request())
         guide.tell(Arrived(gathering=1, state="ready"))
         hall.wait(0.3)
         passing = hall.open()
@@ -177,7 +177,7 @@ def test_after_leaving_nothing_more_is_told() -> None:
     guide, member = hall.open(), hall.open()
     guide.tell(wants("guide"))
     member.tell(wants())
-    guide.tell(there())
+    guide.tell(gather_request())
     member.tell(Leave())
     assert heard(member, Gathering) == heard(member, Roster) == []
 
@@ -199,7 +199,7 @@ def test_group_messages_go_before_payload() -> None:
     member.run()
     member.tell(land(1))
     member.run(most=2)
-    guide.tell(there())
+    guide.tell(gather_request())
     seen = member.run(most=1)
     assert isinstance(seen[0], Gathering)
 
@@ -236,7 +236,7 @@ class AnyHistory(RuleBasedStateMachine):
 
     @rule(which=which)
     def gather(self, which: int) -> None:
-        self.live[which].tell(there())
+        self.live[which].tell(gather_request())
 
     @rule(which=which, x=st.integers(0, 120), wish=st.sampled_from([land, aim]))
     def move(self, which: int, x: int, wish: Any) -> None:

@@ -298,10 +298,10 @@ def test_held_before_hello_and_too_much_of_it_are_fatal() -> None:
 
 def test_beyond_the_radius_only_what_is_held_is_looked_at() -> None:
     """A release factor of 4 must not make the service look at sixteen times the ground."""
-    scene, asked = make_scene(), []
+    scene, queried_m = make_scene(), []
 
     def within(centre: Any, radius_m: float) -> Any:
-        asked.append(radius_m)
+        queried_m.append(radius_m)
         return scene.within(centre, radius_m)
 
     client = make_client(dataclasses.replace(scene, within=within), greet=False)
@@ -311,4 +311,4 @@ def test_beyond_the_radius_only_what_is_held_is_looked_at() -> None:
     assert (plan.load["id"].tolist(), plan.keep.tolist()) == ([0, 1, 2], [])
     assert plan.nearby.tolist() == [7]
     assert plan.release_radius_m == 80.0
-    assert asked == [20.0]
+    assert queried_m == [20.0]

@@ -41,26 +41,26 @@ def test_no_chunk_of_an_older_generation_and_never_beyond_the_credit(
     client = make_client(make_scene(COUNT, length=LENGTH), greet=False)
     client.greet(credit_bytes=credit)
     session, granted, generation, oldest = client.session, credit, 0, 0
-    for kind, one, two in script:
+    for kind, first, second in script:
         if kind in {"land", "aim"}:
             generation += 1
             begun = len(client.chunks)
-            client.tell((land if kind == "land" else aim)(generation, float(one), float(two)))
+            client.tell((land if kind == "land" else aim)(generation, float(first), float(second)))
             oldest = generation if kind == "land" else oldest
             assert len(client.chunks) == begun
         elif kind == "credit":
-            granted += one
-            client.credit += one
-            client.tell(Credit(bytes=one))
+            granted += first
+            client.credit += first
+            client.tell(Credit(bytes=first))
         elif kind == "chunks":
             sent = len(client.chunks)
-            client.run(until=lambda sent=sent, most=one: len(client.chunks) >= sent + most)
+            client.run(until=lambda sent=sent, most=first: len(client.chunks) >= sent + most)
             for chunk in client.chunks[sent:]:
                 assert chunk.generation >= oldest
         elif kind == "reject" and session.deliveries is not None:
-            _reject(client, one)
+            _reject(client, first)
         elif kind == "evict":
-            _evict(client, one)
+            _evict(client, first)
         assert session.deliveries is not None
         assert session.deliveries.credit_bytes == granted - sum(c.length for c in client.chunks)
     client.credit += 1 << 24
@@ -103,12 +103,14 @@ def _evict(client: Client, segment: int) -> None:
 def test_the_nearest_that_is_due_goes_next_also_after_rejects_and_resume(
     x: int, radius: int, kept: set[int], rejects: list[tuple[int, int]]
 ) -> None:
+    # A landing of a client that offers what it kept.
     scene = make_scene(COUNT, length=LENGTH)
     client = make_client(scene, greet=False)
     hashes = scene.encodings["glb"].hashes
     client.greet(held=_offer(kept, hashes))  # what a reconnect would offer
     client.tell(land(1, float(x), float(radius), inner_radius_m=min(5.0, radius)))
     (plan,) = client.run(most=1)
+    # The model: what is due goes by distance, then by id, and what has begun goes on first.
     distances = box_distances_m(scene.encodings["glb"].bounds, (float(x), 0.0, 0.0))
     rank: Callable[[int], tuple[float, int]] = lambda s: (float(distances[s]), s)  # noqa: E731
     due = set(plan.load["id"].tolist())
@@ -118,6 +120,7 @@ def test_the_nearest_that_is_due_goes_next_also_after_rejects_and_resume(
     partly: int | None = None
     script = list(rejects)
     left = script[0][0] if script else -1
+    # Chunk by chunk; between them the client rejects as the script says.
     while (action := client.session.next_action()) is not None:
         if isinstance(action, SendMessage):
             assert isinstance(action.message, Ready | Superseded | Prefetch)
@@ -138,6 +141,7 @@ def test_the_nearest_that_is_due_goes_next_also_after_rejects_and_resume(
         if script and (left <= 0 or isinstance(action, SendMessage)):
             segment = script.pop(0)[1]
             left = script[0][0] if script else -1
+            # A segment of the plan comes once more, and only once.
             if segment in client.held:
                 client.held.discard(segment)
                 if segment in in_plan and segment not in resent:

@@ -39,13 +39,13 @@ def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def pit(scenes: Path) -> GridScene:
-    """What stands in `pit`."""
+    """The scene of 36 small segments."""
     return write_grid_scene(scenes / "pit")
 
 
 @pytest.fixture(scope="module")
 def big(scenes: Path) -> GridScene:
-    """What stands in `big`."""
+    """The scene of 36 segments of about 300 KB."""
     return write_grid_scene(scenes / "big", cells=80, compress=False, name="big")
 
 

@@ -41,9 +41,9 @@ def test_times_count_from_land_and_credit_is_told_apart() -> None:
 
 
 def test_nobody_who_did_not_ask_is_told() -> None:
-    for asked in (None, False):
+    for requested in (None, False):
         client = make_client(greet=False)
-        client.greet(timings=asked)
+        client.greet(timings=requested)
         landed(client, 1, 0.0)
         client.run()
         ready = client.messages[-1]

@@ -78,9 +78,9 @@ def test_socket_options_are_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_each_service_has_its_own_options() -> None:
-    one = protocol_class(notsent_lowat_bytes=1, send_buffer_bytes=2)
-    two = protocol_class(notsent_lowat_bytes=3, send_buffer_bytes=4)
-    assert (one.notsent_lowat_bytes, two.notsent_lowat_bytes) == (1, 3)
+    first = protocol_class(notsent_lowat_bytes=1, send_buffer_bytes=2)
+    second = protocol_class(notsent_lowat_bytes=3, send_buffer_bytes=4)
+    assert (first.notsent_lowat_bytes, second.notsent_lowat_bytes) == (1, 3)
     assert Connection.notsent_lowat_bytes == 0
 
 

@@ -41,8 +41,8 @@ def test_a_worker_serves_answers_and_ends_with_its_supervisor(tmp_path: Path) ->
             assert (await http.get(f"{url}/scenes", headers={"Authorization": ""})).is_error
             # It asks its supervisor for everybody's metrics.
             scrape = asyncio.create_task(http.get(f"{url}/metrics"))
-            asked = await channel.hear()
-            assert asked == {"kind": "scrape", "number": 1}
+            request = await channel.hear()
+            assert request == {"kind": "scrape", "number": 1}
             channel.say("measure")
             answer = await channel.hear()
             assert answer is not None

@@ -54,7 +54,7 @@ def server(folder: Path) -> Iterator[BackgroundServer]:
         yield running
 
 
-def held(server: BackgroundServer) -> tuple[int, int, int, float]:
+def held_resources(server: BackgroundServer) -> tuple[int, int, int, float]:
     """Return what sessions hold: seats, descriptors, holds of the scene, stalled ones."""
     service = server.service
     served = service.registry.get("pit")
@@ -76,7 +76,7 @@ def test_a_frozen_client(server: BackgroundServer, credit: int) -> None:
     program = CLIENT.format(
         tests=str(Path(__file__).parents[1]), url=server.scene_url("pit"), credit=credit
     )
-    before = held(server)
+    before = held_resources(server)
     process = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
     try:
         assert process.stdout is not None
@@ -88,12 +88,14 @@ def test_a_frozen_client(server: BackgroundServer, credit: int) -> None:
         began_s = time.monotonic()
         eventually(lambda: server.service.session_count == 0, MOST_S)
         assert time.monotonic() - began_s > IDLE_S / 2
-        eventually(lambda: held(server)[2:] == before[2:])
+        eventually(lambda: held_resources(server)[2:] == before[2:])
         assert closed(server, "timeout") == 1
     finally:
         process.kill()
         process.communicate()
-    eventually(lambda: held(server) == (before[0], held(server)[1], *before[2:]))
+    eventually(
+        lambda: held_resources(server) == (before[0], held_resources(server)[1], *before[2:])
+    )
 
 
 class Hole:
@@ -114,10 +116,10 @@ class Hole:
         self._open.clear()
 
     def close(self) -> None:
-        for one in (self._listener, *self._sockets):
+        for sock in (self._listener, *self._sockets):
             with contextlib.suppress(OSError):
-                one.shutdown(socket.SHUT_RDWR)
-            one.close()
+                sock.shutdown(socket.SHUT_RDWR)
+            sock.close()
         self._open.set()
         for thread in self._threads:
             thread.join(5)
@@ -125,24 +127,26 @@ class Hole:
     def _accept(self) -> None:
         with contextlib.suppress(OSError):
             while True:
-                here, _ = self._listener.accept()
-                there = socket.create_connection(("127.0.0.1", self._target))
-                self._sockets += [here, there]
-                for one, other in ((here, there), (there, here)):
-                    thread = threading.Thread(target=self._carry, args=(one, other), daemon=True)
+                downstream, _ = self._listener.accept()
+                upstream = socket.create_connection(("127.0.0.1", self._target))
+                self._sockets += [downstream, upstream]
+                for source, target in ((downstream, upstream), (upstream, downstream)):
+                    thread = threading.Thread(
+                        target=self._carry, args=(source, target), daemon=True
+                    )
                     self._threads.append(thread)
                     thread.start()
 
-    def _carry(self, one: socket.socket, other: socket.socket) -> None:
+    def _carry(self, source: socket.socket, target: socket.socket) -> None:
         with contextlib.suppress(OSError):
-            while data := one.recv(1 << 16):
+            while data := source.recv(1 << 16):
                 self._open.wait()
-                other.sendall(data)
+                target.sendall(data)
 
 
 @pytest.mark.parametrize("credit", [0, 1 << 30], ids=["idle", "streaming"])
 def test_a_link_that_swallows_everything(server: BackgroundServer, credit: int) -> None:
-    before = held(server)
+    before = held_resources(server)
     hole = Hole(server.port)
     try:
         url = f"http://127.0.0.1:{hole.port}/scenes/pit"
@@ -158,7 +162,7 @@ def test_a_link_that_swallows_everything(server: BackgroundServer, credit: int) 
             hole.close()
     finally:
         hole.close()
-    eventually(lambda: held(server) == before)
+    eventually(lambda: held_resources(server) == before)
 
 
 def test_others_go_on_meanwhile(server: BackgroundServer) -> None:

@@ -170,8 +170,8 @@ def test_a_scene_published_during_a_session(own: GridScene) -> None:
             with PlainClient(url) as fresh:
                 with Scene.open(own.path) as scene:
                     newest = [int(h) for h in scene.index.xxh3]
-                held = np.array([(0, newest[0]), (1, 12345)], dtype=HELD_DTYPE)
-                welcome = fresh.hello(held=held)
+                held_segments = np.array([(0, newest[0]), (1, 12345)], dtype=HELD_DTYPE)
+                welcome = fresh.hello(held=held_segments)
                 assert welcome.scene.version == new.manifest.version
                 assert welcome.dropped.tolist() == [1]
                 fresh.send(land(1))

@@ -30,7 +30,7 @@ def server(pit: Path) -> Iterator[BackgroundServer]:
         yield running
 
 
-def asked(client: PlainClient) -> Hit:
+def picked_hit(client: PlainClient) -> Hit:
     client.send(Pick(request=1, origin=ABOVE))
     answer = client.receive()
     while isinstance(answer, Notice):  # that a newer version is published
@@ -43,17 +43,17 @@ def asked(client: PlainClient) -> Hit:
 def asked_until(client: PlainClient, label: str | None) -> Hit:
     """Pick until the label is there, for at most 20 s."""
     end = time.monotonic() + 20
-    hit = asked(client)
+    hit = picked_hit(client)
     while hit.label != label and time.monotonic() < end:
         time.sleep(0.02)
-        hit = asked(client)
+        hit = picked_hit(client)
     return hit
 
 
 def test_a_connected_client_gets_the_new_label(pit: Path, server: BackgroundServer) -> None:
     with PlainClient(server.scene_url("pit")) as client:
         client.hello()
-        hit = asked(client)
+        hit = picked_hit(client)
         assert (hit.region, hit.stable_id, hit.label) == (2, 9, None)
         change_labels(pit, {9: "haul road"})
         assert asked_until(client, "haul road").label == "haul road"
@@ -65,7 +65,7 @@ def test_a_session_of_the_version_before_gets_it_too(pit: Path, server: Backgrou
     """Region 2 is stable id 9 before and 7 after; each session hears of its own."""
     with PlainClient(server.scene_url("pit")) as old:
         old.hello()
-        assert asked(old).stable_id == 9
+        assert picked_hit(old).stable_id == 9
         write_grid_scene(pit, cells=2, seed=1, stable_ids=(4, 9, 7))
         change_labels(pit, {9: "moved", 7: "new"})
         assert asked_until(old, "moved").stable_id == 9
@@ -73,7 +73,7 @@ def test_a_session_of_the_version_before_gets_it_too(pit: Path, server: Backgrou
         while time.monotonic() < end:
             with PlainClient(server.scene_url("pit")) as new:
                 new.hello()
-                hit = asked(new)
+                hit = picked_hit(new)
                 if hit.stable_id == 7:
                     break
         assert (hit.stable_id, asked_label(server)) == (7, "new")

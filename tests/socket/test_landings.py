@@ -72,15 +72,15 @@ def test_the_plan_equals_brute_force_over_random_landings(
     rng = random.Random(4)
     with Scene.open(grid.path) as scene:
         index = scene.index
-    held: set[int] = set()
+    held_ids: set[int] = set()
     with PlainClient(server.scene_url("grid")) as client:
         client.hello(budgets=Budgets(max_triangles=8000))
         for generation in range(60):
             centre = (rng.uniform(-10, 70), rng.uniform(-5, 9), rng.uniform(-10, 70))
             radius_m = rng.choice([0.5, 5.0, 15.0, 30.0])
-            if rng.random() < 0.3 and held:
-                gone = rng.sample(sorted(held), k=rng.randint(1, len(held)))
-                held -= set(gone)
+            if rng.random() < 0.3 and held_ids:
+                gone = rng.sample(sorted(held_ids), k=rng.randint(1, len(held_ids)))
+                held_ids -= set(gone)
                 client.send(Evict(segments=np.array(gone, dtype=np.uint32)))
             client.send(land(generation, centre, radius_m))
             plan = client.expect(Plan)
@@ -89,7 +89,7 @@ def test_the_plan_equals_brute_force_over_random_landings(
             order = sorted(
                 (d, s)
                 for s, d in enumerate(distances.tolist())
-                if d <= radius_m or (s in held and d <= radius_m * 1.25)
+                if d <= radius_m or (s in held_ids and d <= radius_m * 1.25)
             )
             expected, nearby, triangles = [], [], 0
             for distance_m, segment in order:
@@ -98,11 +98,11 @@ def test_the_plan_equals_brute_force_over_random_landings(
                     break
                 (expected if distance_m <= radius_m else nearby).append(segment)
             load = plan.load["id"].tolist()
-            assert load == [s for s in expected if s not in held]
-            assert plan.keep.tolist() == sorted(s for s in expected if s in held)
+            assert load == [s for s in expected if s not in held_ids]
+            assert plan.keep.tolist() == sorted(s for s in expected if s in held_ids)
             assert plan.nearby.tolist() == sorted(nearby)
             assert sorted(assemble(frames)) == sorted(load)
-            held |= set(load)
+            held_ids |= set(load)
 
 
 def test_frames_are_bounded_and_a_large_segment_takes_several(
@@ -178,7 +178,7 @@ def test_supersede_of_a_fast_client_continues_partly_sent_segments(
     with PlainClient(server.scene_url("big"), max_queue=4) as client:
         client.hello()
         payloads: dict[int, bytearray] = {}
-        held: dict[int, bytes] = {}
+        held_payloads: dict[int, bytes] = {}
         for newest in range(1, 13):
             client.send(land(newest, (rng.uniform(0, 60), 0.0, rng.uniform(0, 60)), 20.0))
             wait_for_ready = newest == 12
@@ -186,19 +186,19 @@ def test_supersede_of_a_fast_client_continues_partly_sent_segments(
             while wait_for_ready or frames_left:
                 got = client.receive()
                 if isinstance(got, Plan):
-                    wanted = set(got.load["id"].tolist())
-                    payloads = {s: p for s, p in payloads.items() if s in wanted}
+                    planned = set(got.load["id"].tolist())
+                    payloads = {s: p for s, p in payloads.items() if s in planned}
                 elif isinstance(got, PayloadFrame):
                     payload = payloads.setdefault(got.segment, bytearray())
                     assert got.offset == len(payload), "no byte twice, none left out"
                     payload += got.chunk
                     frames_left = max(0, frames_left - 1)
                     if got.last:
-                        held[got.segment] = bytes(payloads.pop(got.segment))
+                        held_payloads[got.segment] = bytes(payloads.pop(got.segment))
                 elif isinstance(got, Ready) and got.generation == newest:
                     break
-    assert held
-    assert all(data == big.payloads[segment] for segment, data in held.items())
+    assert held_payloads
+    assert all(data == big.payloads[segment] for segment, data in held_payloads.items())
 
 
 def test_without_credit_nothing_comes_and_nobody_else_waits(

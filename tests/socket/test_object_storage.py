@@ -14,7 +14,7 @@ from pathlib import Path
 import httpx
 import pytest
 import xxhash
-from s3_servers import Asked, Fault, FaultProxy, s3_environment
+from s3_servers import Fault, FaultProxy, ProxiedRequest, s3_environment
 from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
 from server.plain_client import PlainClient, assemble
 
@@ -83,22 +83,24 @@ def counts(server: BackgroundServer) -> ObjectCounts:
     return root.storage.counts
 
 
-def pack_of(scene: str, fault: Fault) -> Callable[[Asked], Fault | None]:
+def pack_of(scene: str, fault: Fault) -> Callable[[ProxiedRequest], Fault | None]:
     """The fault for all reads of a scene's packs."""
 
-    def rule(asked: Asked) -> Fault | None:
-        wanted = asked.method == "GET" and f"/{scene}/" in asked.path
-        return fault if wanted and asked.path.endswith(".pack") else None
+    def rule(request: ProxiedRequest) -> Fault | None:
+        hits_scene = request.method == "GET" and f"/{scene}/" in request.path
+        return fault if hits_scene and request.path.endswith(".pack") else None
 
     return rule
 
 
-def some(number: int, rule: Callable[[Asked], Fault | None]) -> Callable[[Asked], Fault | None]:
+def some(
+    number: int, rule: Callable[[ProxiedRequest], Fault | None]
+) -> Callable[[ProxiedRequest], Fault | None]:
     """The first so many faults of a rule."""
     left = [number]
 
-    def limited(asked: Asked) -> Fault | None:
-        fault = rule(asked)
+    def limited(request: ProxiedRequest) -> Fault | None:
+        fault = rule(request)
         if fault is None or left[0] <= 0:
             return None
         left[0] -= 1
@@ -124,7 +126,7 @@ def test_a_landing_brings_the_same_bytes_cold_warm_and_after_a_restart(
 ) -> None:
     pit = scenes[0]
     for start in range(2):
-        proxy.asked.clear()
+        proxy.requests.clear()
         with serve(url, tmp_path, object_poll_s=60.0) as server:
             for _ in range(2):
                 with PlainClient(server.scene_url("pit")) as client:
@@ -132,7 +134,7 @@ def test_a_landing_brings_the_same_bytes_cold_warm_and_after_a_restart(
                     ready, received = land(client)
                 assert ready.missing.tolist() == []
                 assert received == all_of(pit)
-        reads = [asked for asked in proxy.of(".pack") if "/pit/" in asked.path]
+        reads = [request for request in proxy.of(".pack") if "/pit/" in request.path]
         # Headers of two packs as they are opened; then neighbours by few requests; warm: none.
         assert len(reads) <= (2 + 8 if start == 0 else 2)
 
@@ -145,7 +147,7 @@ def test_a_landing_larger_than_what_is_read_ahead(
     with serve(url, tmp_path, object_read_ahead_bytes=ahead_bytes) as server:
         with PlainClient(server.scene_url("pit")) as client:
             client.hello()
-            proxy.asked.clear()
+            proxy.requests.clear()
             proxy.rule = pack_of("pit", Fault(delay_s=0.02))
             assert land(client)[1] == all_of(scenes[0])
         assert len(proxy.of("segments.pack")) < 0.75 * SIDE * SIDE
@@ -240,7 +242,7 @@ def test_a_fault_without_end_costs_its_own_scene_only(
         proxy.rule = pack_of("pit", fault)
         began_s = time.monotonic()
         landing = pool.submit(land, client)
-        while not any("/pit/" in asked.path for asked in proxy.of(".pack")[3:]):
+        while not any("/pit/" in request.path for request in proxy.of(".pack")[3:]):
             time.sleep(0.01)
         ready, received = land(other)
         took_s = time.monotonic() - began_s

@@ -86,8 +86,8 @@ def packed(plain: Any) -> bytes:
     return data
 
 
-def message(one: Any) -> bytes:
-    return encode(one)
+def message(value: Any) -> bytes:
+    return encode(value)
 
 
 def land_map(generation: int, **changed: Any) -> dict[str, Any]:
@@ -319,9 +319,9 @@ def test_a_client_that_floods_picks_and_never_reads_is_slowed(scenes_dir: Path) 
 def test_too_many_sessions(scenes_dir: Path) -> None:
     with BackgroundServer(scenes_dir, max_sessions=2) as running:
         url = running.scene_url("grid")
-        with PlainClient(url) as one, PlainClient(url) as two:
-            one.hello()
-            two.hello()
+        with PlainClient(url) as first, PlainClient(url) as second:
+            first.hello()
+            second.hello()
             with PlainClient(url) as three:
                 error, closed = three.refused()
             assert (error.code, closed) == ("too_many", 4429)
@@ -333,8 +333,8 @@ def test_too_many_sessions(scenes_dir: Path) -> None:
 def test_too_many_sessions_from_one_address(scenes_dir: Path) -> None:
     with BackgroundServer(scenes_dir, max_sessions_per_ip=1) as running:
         url = running.scene_url("grid")
-        with PlainClient(url) as one:
-            one.hello()
+        with PlainClient(url) as first:
+            first.hello()
             with PlainClient(url) as two:
                 error, closed = two.refused()
     assert (error.code, closed) == ("too_many", 4429)
@@ -389,13 +389,13 @@ def test_errors_are_counted_by_code(server: BackgroundServer) -> None:
 
 
 def test_held_beyond_the_limit(scenes_dir: Path) -> None:
-    held = np.zeros(3, dtype=[("id", "<u4"), ("xxh3", "<u8")])
-    held["id"] = [0, 1, 2]
+    held_segments = np.zeros(3, dtype=[("id", "<u4"), ("xxh3", "<u8")])
+    held_segments["id"] = [0, 1, 2]
     with (
         BackgroundServer(scenes_dir, max_held_segments=2) as running,
         PlainClient(running.scene_url("grid")) as client,
     ):
-        client.send(make_hello(held=held))
+        client.send(make_hello(held=held_segments))
         error, closed = client.refused()
     assert (error.code, closed) == ("too_large", 4413)
 

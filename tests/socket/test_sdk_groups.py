@@ -64,11 +64,13 @@ def test_the_guide_lands_everybody(server: BackgroundServer) -> None:
             await (await sessions[1].land(CENTRE, 15.0)).ready(10)  # holds it already
             call = await groups[0].land_group(CENTRE, 15.0)
             calls = [group.newest or await group.next_landing(10) for group in [*groups, tight]]
-            landings = [await one.land() for one in calls if one is not None]
+            landings = [
+                await landing_call.land() for landing_call in calls if landing_call is not None
+            ]
             arrivals = await call.all_there(10)
             assert arrivals.complete
             assert arrivals.ready == (1, 2, 3, 4)
-            assert [await one.all_there(10) for one in calls] == [arrivals] * 4
+            assert [await landing_call.all_there(10) for landing_call in calls] == [arrivals] * 4
             assert len(small.visible) == 3
             assert sessions[0].visible == sessions[1].visible == sessions[2].visible
             assert landings[1].stats.streamed_bytes == 0
@@ -105,8 +107,8 @@ def test_a_member_whose_line_stalls_holds_nobody_beyond_the_deadline(
             call = await groups[0].land_group(CENTRE, 15.0, deadline_s=0.5)
             other = groups[1].newest or await groups[1].next_landing(10)
             began_s = asyncio.get_running_loop().time()
-            for one in (call, other):
-                await (await one.land()).ready(10)
+            for landing_call in (call, other):
+                await (await landing_call.land()).ready(10)
             arrivals = await other.all_there(10)
             assert asyncio.get_running_loop().time() - began_s < 2.0
             assert (arrivals.ready, arrivals.missing) == ((1, 2), (stalled.member,))
@@ -132,8 +134,8 @@ def test_a_member_that_is_cut_takes_its_seat_again_and_arrives(server: Backgroun
             landing = await mine.land()
             await proxy.cut()
             for group in groups:
-                one = group.newest or await group.next_landing(10)
-                await one.land()
+                landing_call = group.newest or await group.next_landing(10)
+                await landing_call.land()
             arrivals = await call.all_there(10)
             assert arrivals.ready == (1, 2, 3)
             await landing.ready(10)
@@ -278,8 +280,8 @@ def test_without_asyncio(server: BackgroundServer) -> None:
         assert guide.members[0].name == "Ann"
         call = guide.land_group(CENTRE, 15.0)
         called = next(iter(member))
-        for one in (call, called):
-            one.land().ready(10)
+        for landing_call in (call, called):
+            landing_call.land().ready(10)
         assert call.all_there(10).complete
         assert called.all_there(10) == call.all_there(10)
         assert lead.visible == other.visible

@@ -76,9 +76,9 @@ def test_crs_coordinates_mean_the_same_place(land, server: BackgroundServer) -> 
     """E N H of the survey, from the origin of the manifest; a negative number is no option."""
     by_crs = land(server.scene_url("grid"), 500_030, 7_999_970.5, 101, "--crs", "--json")
     by_scene = land(server.scene_url("grid"), 30, 1, 29.5, "--json")
-    one, other = json.loads(by_crs.stdout), json.loads(by_scene.stdout)
-    assert one["position"] == other["position"] == [30.0, 1.0, 29.5]
-    assert one["visible_set_hash"] == other["visible_set_hash"]
+    crs_plan, scene_plan = json.loads(by_crs.stdout), json.loads(by_scene.stdout)
+    assert crs_plan["position"] == scene_plan["position"] == [30.0, 1.0, 29.5]
+    assert crs_plan["visible_set_hash"] == scene_plan["visible_set_hash"]
     negative = land(server.scene_url("grid"), -3, -0.5, -1e1, "--json")
     assert json.loads(negative.stdout)["position"] == [-3.0, -0.5, -10.0]
 

@@ -50,7 +50,7 @@ def test_a_landing_far_outside_warns_and_knows_how_far(server: BackgroundServer)
                 terraport.OutsideSceneWarning, match="lies 940 m outside the scene"
             ) as caught:
                 landing = await session.land((1000.0, 0.0, 30.0), 60.0)
-            assert [one.filename for one in caught] == [__file__]
+            assert [warning.filename for warning in caught] == [__file__]
             assert "reaches from (0, " in str(caught[0].message)
             assert landing.outside_m == pytest.approx(940.0)
             assert await landing.ready(30.0) == ()

@@ -88,7 +88,7 @@ def test_iteration_gives_each_segment_once_nearest_first(
             assert again == seen
             landing = await session.land(CORNER, radius_m=40.0)
             sources = {segment.id: segment.source async for segment in landing}
-            assert [sources[one] for one in seen] == ["memory"] * len(seen)
+            assert [sources[segment] for segment in seen] == ["memory"] * len(seen)
             assert sorted(sources) == brute_force(grid, CORNER, 40.0)
 
     run(work())
@@ -129,7 +129,7 @@ def test_the_visible_set_does_not_depend_on_what_was_before(server: BackgroundSe
     run(work())
 
 
-place = st.tuples(st.floats(0, 60), st.floats(0, 2), st.floats(0, 60))
+positions = st.tuples(st.floats(0, 60), st.floats(0, 2), st.floats(0, 60))
 
 
 def test_after_every_hop_exactly_what_is_within_the_radius_is_shown(
@@ -156,7 +156,7 @@ def test_after_every_hop_exactly_what_is_within_the_radius_is_shown(
 
     # Inside: the scene's bytes are no argument to be printed.
     @settings(max_examples=10, deadline=None)
-    @given(hops=st.lists(st.tuples(place, st.floats(3, 25)), min_size=2, max_size=6))
+    @given(hops=st.lists(st.tuples(positions, st.floats(3, 25)), min_size=2, max_size=6))
     @example(hops=[(CENTRE, 25.0), ((40.0, 1.0, 35.0), 20.0), (CENTRE, 25.0)])
     def check(hops: list[tuple[tuple[float, float, float], float]]) -> None:
         run(walk(hops))
@@ -198,7 +198,7 @@ def test_a_newer_landing_supersedes_the_older(server: BackgroundServer, big: Gri
                 with pytest.raises(terraport.LandingSuperseded, match="superseded by landing 2"):
                     await task
             segments = await second.ready(20)
-            assert [one.id for one in segments] == brute_force(big, CENTRE, 15.0)
+            assert [segment.id for segment in segments] == brute_force(big, CENTRE, 15.0)
             assert session.stats.repeated_bytes == 0
             assert len(first.segments) < len(big.payloads)
 
@@ -242,13 +242,13 @@ def test_base_and_hidden_faces(server: BackgroundServer) -> None:
 
     async def work() -> None:
         async with terraport.connect(server.scene_url("grid")) as session:
-            one, other = await asyncio.gather(session.base(), session.base())
-            assert one is other
-            assert len(one.mesh.faces) == 2 * SIDE * SIDE
+            first, second = await asyncio.gather(session.base(), session.base())
+            assert first is second
+            assert len(first.mesh.faces) == 2 * SIDE * SIDE
             landing = await session.land(CENTRE, radius_m=12.0)
             await landing.ready(10)
-            assert one.hidden_faces(session.visible).sum() == 2 * len(session.visible)
-            model = terraport.mixed_model(one, {s.id: s.arrays() for s in landing.segments})
+            assert first.hidden_faces(session.visible).sum() == 2 * len(session.visible)
+            model = terraport.mixed_model(first, {s.id: s.arrays() for s in landing.segments})
             assert len(model.faces) == 72 - 2 * len(session.visible) + sum(
                 segment.faces for segment in landing.segments
             )
@@ -396,7 +396,7 @@ def test_a_payload_that_is_broken_on_the_servers_disk_is_named(tmp_path: Path) -
                 assert landing.missing == (0,)
                 rest = await landing.ready(10, allow_missing=True)
                 assert [segment.id for segment in rest] == [
-                    one for one in brute_force(grid, CORNER, 15.0) if one != 0
+                    segment for segment in brute_force(grid, CORNER, 15.0) if segment != 0
                 ]
                 hidden = (await session.base()).hidden_faces(session.visible)
                 assert hidden.sum() == 2 * len(rest)

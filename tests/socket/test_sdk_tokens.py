@@ -19,7 +19,7 @@ from terraport_server.signed_tokens import make_token
 from terraport_server.token_keys import TokenKey, write_keys
 
 KEY = TokenKey("k1", "HS256", bytes(range(32)))
-PLACE = (30.0, 0.0, 30.0)
+POSITION = (30.0, 0.0, 30.0)
 
 
 @pytest.fixture(scope="module")
@@ -46,13 +46,13 @@ def token(valid_s: float) -> str:
 
 
 def test_a_session_outlives_its_tokens(folder: Path) -> None:
-    given: list[str] = []
+    issued: list[str] = []
 
     def present() -> str:
         # Each lasts 2 to 3 s; a new one from the moment when the old one has ended.
-        if not given or expiry(given[-1]) <= time.time():
-            given.append(token(3))
-        return given[-1]
+        if not issued or expiry(issued[-1]) <= time.time():
+            issued.append(token(3))
+        return issued[-1]
 
     def expiry(shown: str) -> float:
         import jwt
@@ -61,31 +61,31 @@ def test_a_session_outlives_its_tokens(folder: Path) -> None:
 
     async def play(url: str) -> None:
         async with terraport.connect(url, present) as session:
-            first = await session.land(PLACE, 30)
+            first = await session.land(POSITION, 30)
             await first.ready()
             assert first.stats.streamed_bytes > 0
             async with asyncio.timeout(20):
                 while session.stats.connections < 2:  # noqa: ASYNC110 - there is no event for it
                     await asyncio.sleep(0.05)
-            again = await session.land(PLACE, 30)
+            again = await session.land(POSITION, 30)
             await again.ready()
             assert again.stats.streamed_bytes == 0, "what was held is not sent again"
             assert await session.base() is not None
 
     with serving(folder) as server:
         asyncio.run(play(server.scene_url("pit")))
-    assert len(given) >= 2
+    assert len(issued) >= 2
 
 
 def test_a_fixed_token_that_ends_ends_the_session(folder: Path) -> None:
     async def play(url: str) -> None:
         async with terraport.connect(url, token(2)) as session:
-            landing = await session.land(PLACE, 30)
+            landing = await session.land(POSITION, 30)
             await landing.ready()
             async with asyncio.timeout(20):
                 while True:
                     await asyncio.sleep(0.05)
-                    await session.pick(PLACE)
+                    await session.pick(POSITION)
 
     with serving(folder) as server, pytest.raises((ServerError, SessionClosedError)) as caught:
         asyncio.run(play(server.scene_url("pit")))

@@ -17,7 +17,7 @@ from terraport_server.signed_tokens import make_token
 from terraport_server.token_keys import TokenKey, write_keys
 from terraport_wire import Error, Land, Pick, Picked, Ready
 
-PLACE = (30.0, 50.0, 30.0)
+POSITION = (30.0, 50.0, 30.0)
 
 
 @pytest.fixture(scope="module")
@@ -33,10 +33,10 @@ def test_a_pick_beyond_its_time_fails_and_the_session_goes_on(folder: Path) -> N
         PlainClient(server.scene_url("pit")) as client,
     ):
         client.hello()
-        client.send(Pick(request=7, origin=PLACE))
+        client.send(Pick(request=7, origin=POSITION))
         error = client.expect(Error)
         assert (error.code, error.fatal, error.request) == ("internal", False, 7)
-        client.send(Land(generation=1, position=PLACE, radius_m=60.0))
+        client.send(Land(generation=1, position=POSITION, radius_m=60.0))
         client.until(Ready)
 
 
@@ -49,7 +49,7 @@ def test_picks_are_right_whatever_is_kept_for_them(folder: Path, cache_bytes: in
         client.hello()
         hits = []
         for request in range(4):
-            client.send(Pick(request=request, origin=PLACE))
+            client.send(Pick(request=request, origin=POSITION))
             hits.append(client.expect(Picked).hit)
         assert hits[0] is not None
         assert {hit.segment for hit in hits if hit is not None} == {hits[0].segment}
@@ -85,15 +85,15 @@ def test_addresses_behind_a_trusted_proxy_count_for_themselves(folder: Path) -> 
         def came(address: str) -> PlainClient:
             return PlainClient(url, additional_headers={"X-Forwarded-For": address})
 
-        with came("192.0.2.1") as one, came("192.0.2.2") as other, came("192.0.2.1") as again:
-            one.hello()
-            other.hello()
+        with came("192.0.2.1") as first, came("192.0.2.2") as second, came("192.0.2.1") as again:
+            first.hello()
+            second.hello()
             assert again.refused()[1] == 4429
     with BackgroundServer(folder, max_sessions_per_ip=1, forwarded_allow_ips="192.0.2.9") as server:
         url = server.scene_url("pit")
-        with came("192.0.2.1") as one, came("192.0.2.2") as other:
-            one.hello()
-            assert other.refused()[1] == 4429, "anybody may write such a header"
+        with came("192.0.2.1") as first, came("192.0.2.2") as second:
+            first.hello()
+            assert second.refused()[1] == 4429, "anybody may write such a header"
 
 
 def test_logs_as_json_are_one_object_a_line(
@@ -102,7 +102,7 @@ def test_logs_as_json_are_one_object_a_line(
     import logging
 
     loggers = [logging.getLogger(name) for name in ("terraport", "uvicorn")]
-    before = [(one, one.handlers, one.propagate, one.level) for one in loggers]
+    before = [(logger, logger.handlers, logger.propagate, logger.level) for logger in loggers]
     try:
         configure_logging("info", "json")
         with (
@@ -110,13 +110,13 @@ def test_logs_as_json_are_one_object_a_line(
             PlainClient(server.scene_url("pit")) as client,
         ):
             welcome = client.hello()
-            client.send(Land(generation=3, position=PLACE, radius_m=60.0))
+            client.send(Land(generation=3, position=POSITION, radius_m=60.0))
             client.until(Ready)
         log("odd", text='quotes " and\nlines')
     finally:
-        for one, handlers, propagate, level in before:
-            one.handlers, one.propagate = handlers, propagate
-            one.setLevel(level)
+        for logger, handlers, propagate, level in before:
+            logger.handlers, logger.propagate = handlers, propagate
+            logger.setLevel(level)
     lines = [json.loads(line) for line in capfd.readouterr().err.splitlines()]
     ready = next(line for line in lines if line["event"] == "landing ready")
     assert ready["landing"] == f"{welcome.session}-3"

@@ -71,7 +71,7 @@ def every_act(scene: Path) -> None:
 
 
 def every_act_of_labelling(scene: Path) -> None:
-    """Label over older labels."""
+    """Change labels over older ones, killed at every file system act in turn; a JSON line each."""
     write_tiny_scene(scene, stable_ids=(4, 2, 9))
     for number in range(1, 1000):
         change_labels(scene, {4: "old", 2: "old"})

@@ -119,10 +119,10 @@ def test_killed_at_every_file_system_act(tmp_path: Path) -> None:
     assert len(killed) >= 5
     assert [answer for answer in answers if answer["findings"]] == []
     old, new = {"2": "old", "4": "old"}, {"2": "new", "4": "new"}
-    found = [answer["labels"] for answer in killed]
-    switch = found.index(new) if new in found else len(found)
-    assert found == [old] * switch + [new] * (len(found) - switch)
-    assert old in found
+    labels = [answer["labels"] for answer in killed]
+    switch = labels.index(new) if new in labels else len(labels)
+    assert labels == [old] * switch + [new] * (len(labels) - switch)
+    assert old in labels
     assert answers[-1] == {"killed": False, "findings": [], "left": 0, "labels": new}
 
 

@@ -70,10 +70,10 @@ def test_unknown_keys_are_skipped_but_digested(document: dict[str, Any]) -> None
 def test_names_the_wrong_field(
     document: dict[str, Any], path: list[str], value: object, message: str
 ) -> None:
-    place = document
+    node = document
     for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
+        node = node[key]
+    node[path[-1]] = value
     with pytest.raises(DamagedSceneError, match=message) as caught:
         read(document)
     assert caught.value.file == "scene.json"

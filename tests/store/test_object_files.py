@@ -102,14 +102,14 @@ def test_nobody_listens() -> None:
 
 
 def test_folders_of_a_place(s3: str, tiny: TinyScene, tmp_path: Path) -> None:
-    place = f"s3://scenes/{tmp_path.name}"
+    prefix = f"s3://scenes/{tmp_path.name}"
     for name in ("b", "a", ".hidden"):
-        upload_scene(tiny.path, f"{place}/{name}")
+        upload_scene(tiny.path, f"{prefix}/{name}")
     with ObjectStorage() as storage:
-        assert storage.folders(place) == {"a": f"{place}/a", "b": f"{place}/b"}
-        assert list(storage.folders(f"{place}/")) == ["a", "b"]
-        assert storage.folders(f"{place}/a") == {"a": f"{place}/a"}
-        assert storage.folders(f"{place}/nothing") == {}
+        assert storage.folders(prefix) == {"a": f"{prefix}/a", "b": f"{prefix}/b"}
+        assert list(storage.folders(f"{prefix}/")) == ["a", "b"]
+        assert storage.folders(f"{prefix}/a") == {"a": f"{prefix}/a"}
+        assert storage.folders(f"{prefix}/nothing") == {}
 
 
 def test_stamps_change_with_what_they_stand_for(url: str, tmp_path: Path) -> None:
@@ -137,8 +137,8 @@ def test_versions_share_a_cache_and_scenes_do_not(
     upload_scene(tiny.path, url)
     upload_scene(tiny.path, url + "-2")
     with ObjectStorage(ObjectOptions(cache_dir=tmp_path / "cache")) as storage:
-        for place, fetched in ((url, 4), (url, 4), (url + "-2", 8)):
-            with Scene.open(storage.files(place)) as scene:
+        for scene_url, fetched in ((url, 4), (url, 4), (url + "-2", 8)):
+            with Scene.open(storage.files(scene_url)) as scene:
                 assert [bytes(scene.payload(n)) for n in range(4)] == tiny.glbs
             assert storage.counts.payloads_fetched == fetched
 

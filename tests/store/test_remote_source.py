@@ -9,7 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from s3_servers import Asked, Fault, FaultProxy, Rule, s3_environment
+from s3_servers import Fault, FaultProxy, ProxiedRequest, Rule, s3_environment
 from store.test_byte_cache import full_disk
 from store.test_source import DATA, at_once, index_of, remote_source
 
@@ -50,8 +50,8 @@ def times(number: int, fault: Fault) -> Rule:
     """The fault for so many reads of the pack, then none."""
     left = [number]
 
-    def rule(asked: Asked) -> Fault | None:
-        if asked.method != "GET" or left[0] <= 0:
+    def rule(request: ProxiedRequest) -> Fault | None:
+        if request.method != "GET" or left[0] <= 0:
             return None
         left[0] -= 1
         return fault
@@ -98,11 +98,11 @@ def test_trouble_without_end_ends(proxy: FaultProxy, source: RemoteSource) -> No
         source.read(*PLACES[0])
     # Pauses of 0.1 to 0.8 s, shortened by chance; the fifth would end beyond the 2 s allowed.
     assert 1 <= counts(source)["retries"] <= 4
-    asked = len(proxy.asked)
+    request_count = len(proxy.requests)
     for piece in range(1, 8):
         with pytest.raises(OriginError, match="not asked for: nothing came from there"):
             source.read(*PLACES[piece])
-    assert len(proxy.asked) == asked
+    assert len(proxy.requests) == request_count
     proxy.rule = lambda _: None
     time.sleep(0.55)  # cool_down_s is 0.5
     assert source.read(*PLACES[0]) == expected(0)
@@ -113,7 +113,7 @@ def test_interrupt_ends_what_waits(proxy: FaultProxy, source: RemoteSource) -> N
     proxy.rule = lambda _: Fault(status=503)
     with ThreadPoolExecutor(1) as pool:
         waiting = pool.submit(source.read, *PLACES[0])
-        while not proxy.asked:
+        while not proxy.requests:
             time.sleep(0.01)
         began_s = time.monotonic()
         source.interrupt()
@@ -166,31 +166,31 @@ def test_a_full_disk_costs_memory_only(source: RemoteSource, tmp_path: Path) -> 
 
 
 def test_neighbours_are_fetched_by_one_request(proxy: FaultProxy, source: RemoteSource) -> None:
-    proxy.asked.clear()
+    proxy.requests.clear()
     source.expect(PLACES)
-    while not proxy.asked:  # whoever reads before the hint was taken up asks for himself
+    while not proxy.requests:  # whoever reads before the hint was taken up asks for himself
         time.sleep(0.002)
-    for piece, place in enumerate(PLACES):
-        assert source.read(*place) == expected(piece)
-    asked = proxy.of("/pack")
-    assert len(asked) == 1
-    assert sum(one.sent_bytes for one in asked) < len(DATA)
+    for piece, byte_range in enumerate(PLACES):
+        assert source.read(*byte_range) == expected(piece)
+    requests = proxy.of("/pack")
+    assert len(requests) == 1
+    assert sum(request.sent_bytes for request in requests) < len(DATA)
     assert counts(source)["payloads_fetched"] == len(PLACES)
 
 
 def test_a_cold_start_reads_the_disk_not_the_network(
     proxy: FaultProxy, source: RemoteSource, tmp_path: Path
 ) -> None:
-    for place in PLACES:
-        source.read(*place)
-    proxy.asked.clear()
+    for byte_range in PLACES:
+        source.read(*byte_range)
+    proxy.requests.clear()
     again = remote_source(source._origin.twin(), DATA, cache_dir=tmp_path / "cache")
     again.expect(PLACES)
-    for piece, place in enumerate(PLACES):
-        assert again.recall(*place)
-        assert at_once(again, *place) == expected(piece)
+    for piece, byte_range in enumerate(PLACES):
+        assert again.recall(*byte_range)
+        assert at_once(again, *byte_range) == expected(piece)
     again.close()
-    assert proxy.asked == []
+    assert proxy.requests == []
 
 
 def test_who_needs_it_now_does_not_wait_behind_hints(
@@ -199,8 +199,8 @@ def test_who_needs_it_now_does_not_wait_behind_hints(
     """Ahead of need, everything is slow; a payload that nobody hinted at comes at once."""
     slow = threading.Event()
 
-    def rule(asked: Asked) -> Fault | None:
-        if asked.method == "GET" and not slow.is_set():
+    def rule(request: ProxiedRequest) -> Fault | None:
+        if request.method == "GET" and not slow.is_set():
             slow.set()
             return Fault(delay_s=0.4)
         return None
@@ -215,7 +215,7 @@ def test_who_needs_it_now_does_not_wait_behind_hints(
 
 
 def test_many_who_want_the_same_ask_once(proxy: FaultProxy, source: RemoteSource) -> None:
-    proxy.asked.clear()
+    proxy.requests.clear()
     proxy.rule = lambda _: Fault(delay_s=0.1)
     with ThreadPoolExecutor(8) as pool:
         answers = list(pool.map(lambda _: source.read(*PLACES[2]), range(8)))
@@ -226,7 +226,7 @@ def test_many_who_want_the_same_ask_once(proxy: FaultProxy, source: RemoteSource
 def test_hints_beyond_the_bound_are_dropped(proxy: FaultProxy, source: RemoteSource) -> None:
     source._ahead_bound = 1
     source._ahead_bytes = 1
-    proxy.asked.clear()
+    proxy.requests.clear()
     source.expect(PLACES)
     assert source.read(*PLACES[0]) == expected(0)
     assert len(proxy.of("/pack")) == 1

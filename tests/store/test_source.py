@@ -96,22 +96,22 @@ class _QuietFiles(http.server.SimpleHTTPRequestHandler):
 
     def do_GET(self) -> None:
         data = Path(self.translate_path(self.path)).read_bytes()
-        wanted = self.headers.get("range")
+        range_header = self.headers.get("range")
         first, last = 0, len(data) - 1
-        if wanted is not None:
-            first, last = (int(part) for part in wanted.removeprefix("bytes=").split("-"))
+        if range_header is not None:
+            first, last = (int(bound) for bound in range_header.removeprefix("bytes=").split("-"))
             last = min(last, len(data) - 1)
-        part = data[first : last + 1]
-        self.send_response(200 if wanted is None else 206)
-        if wanted is not None:
+        body = data[first : last + 1]
+        self.send_response(200 if range_header is None else 206)
+        if range_header is not None:
             self.send_header("content-range", f"bytes {first}-{last}/{len(data)}")
-        self.send_header("content-length", str(len(part)))
+        self.send_header("content-length", str(len(body)))
         self.send_header("last-modified", self.date_time_string())
         self.end_headers()
-        self.wfile.write(part)
+        self.wfile.write(body)
 
     def log_message(self, *_: object) -> None:
-        """Say nothing."""
+        """No line per request in the output of the tests."""
 
 
 def file_server(folder: Path, until: ExitStack) -> str:
@@ -209,8 +209,8 @@ def test_every_payload_whole_and_in_parts(make: Make) -> None:
     for offset, length in ranges:
         assert bytes(source.read(offset, length)) == DATA[offset : offset + length]
         assert source.recall(offset, length)
-        start, part = offset + length // 3, length // 2
-        assert at_once(source, start, part) == DATA[start : start + part]
+        start, part_length = offset + length // 3, length // 2
+        assert at_once(source, start, part_length) == DATA[start : start + part_length]
 
 
 def at_once(source: PayloadSource, offset: int, length: int) -> bytes:
@@ -219,9 +219,9 @@ def at_once(source: PayloadSource, offset: int, length: int) -> bytes:
     if isinstance(file_range, PayloadRange):
         assert file_range.length == length
         return os.pread(file_range.descriptor, length, file_range.offset)
-    held = source.held(offset, length)
-    assert held is not None
-    return bytes(held)
+    cached = source.held(offset, length)
+    assert cached is not None
+    return bytes(cached)
 
 
 def test_bytes_at_hand_outlive_the_source(make: Make) -> None:
@@ -232,13 +232,13 @@ def test_bytes_at_hand_outlive_the_source(make: Make) -> None:
     source.read(offset, length)
     source.recall(offset, length)
     file_range = source.file_range(offset, length)
-    held = source.held(offset, length)
+    cached = source.held(offset, length)
     source.close()
     if file_range is not None and file_range.keeper is not None:
         data = os.pread(file_range.descriptor, file_range.length, file_range.offset)
         assert data == DATA[offset : offset + length]
-    elif held is not None:
-        assert bytes(held) == DATA[offset : offset + length]
+    elif cached is not None:
+        assert bytes(cached) == DATA[offset : offset + length]
     else:
         assert isinstance(source, FileSource)
 

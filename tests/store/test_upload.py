@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from s3_servers import Asked, Fault, FaultProxy, s3_environment
+from s3_servers import Fault, FaultProxy, ProxiedRequest, s3_environment
 from store.tiny_scene import TinyScene, write_tiny_scene
 
 from terraport_store import DamagedSceneError, OriginError, Scene, SceneNotFoundError, change_labels
@@ -26,7 +26,9 @@ def url(tmp_path: Path) -> str:
 
 
 def puts(proxy: FaultProxy) -> list[str]:
-    return [asked.path.rpartition("/")[2] for asked in proxy.asked if asked.method == "PUT"]
+    return [
+        request.path.rpartition("/")[2] for request in proxy.requests if request.method == "PUT"
+    ]
 
 
 def test_the_manifest_goes_last(proxy: FaultProxy, url: str, tmp_path: Path) -> None:
@@ -45,9 +47,9 @@ def test_the_manifest_goes_last(proxy: FaultProxy, url: str, tmp_path: Path) -> 
 def test_what_is_there_is_not_sent_again(proxy: FaultProxy, url: str, tiny: TinyScene) -> None:
     refused = {"segments.pack"}
 
-    def rule(asked: Asked) -> Fault | None:
-        name = asked.path.rpartition("/")[2]
-        return Fault(status=403) if asked.method == "PUT" and name in refused else None
+    def rule(request: ProxiedRequest) -> Fault | None:
+        name = request.path.rpartition("/")[2]
+        return Fault(status=403) if request.method == "PUT" and name in refused else None
 
     proxy.rule = rule
     with pytest.raises(OriginError, match=r"segments\.pack"):
@@ -56,7 +58,7 @@ def test_what_is_there_is_not_sent_again(proxy: FaultProxy, url: str, tiny: Tiny
     with pytest.raises(SceneNotFoundError):
         Scene.open(url)
     refused.clear()
-    proxy.asked.clear()
+    proxy.requests.clear()
     report = upload_scene(tiny.path, url)
     assert "base.glb" not in puts(proxy)
     assert puts(proxy)[-1] == "scene.json"
@@ -74,9 +76,9 @@ def test_a_part_that_fails_is_sent_again(
     monkeypatch.setattr(upload_module, "_PART_BYTES", pad)
     failed: list[str] = []
 
-    def rule(asked: Asked) -> Fault | None:
-        if asked.method == "PUT" and not failed:
-            failed.append(asked.path)
+    def rule(request: ProxiedRequest) -> Fault | None:
+        if request.method == "PUT" and not failed:
+            failed.append(request.path)
             return Fault(status=503)
         return None
 

@@ -49,26 +49,26 @@ class Forger:
         """Put another payload in a segment's place, with its hash and length right."""
         key = "segments.pack" if encoding == "glb" else f"segments.{encoding}.pack"
         index, pack = self.index(encoding), self.file(key).read_bytes()
-        parts = [
+        payloads = [
             pack[int(o) : int(o) + int(n)] for o, n in zip(index.offset, index.length, strict=True)
         ]
-        parts[segment] = payload
+        payloads[segment] = payload
         out, offsets = bytearray(pack[:64]), []
-        for part in parts:
+        for blob in payloads:
             out += bytes(-len(out) % 64)
             offsets.append(len(out))
-            out += part
+            out += blob
         self.file(key).write_bytes(bytes(out))
         self.write_index(
             replace(
                 index,
                 offset=np.array(offsets, dtype=np.uint64),
-                length=np.array([len(part) for part in parts], dtype=np.uint32),
-                xxh3=np.array([xxhash.xxh3_64_intdigest(p) for p in parts], dtype=np.uint64),
+                length=np.array([len(blob) for blob in payloads], dtype=np.uint32),
+                xxh3=np.array([xxhash.xxh3_64_intdigest(p) for p in payloads], dtype=np.uint64),
             ),
             encoding,
         )
-        self.document["encodings"][encoding]["payload_bytes"] = sum(map(len, parts))
+        self.document["encodings"][encoding]["payload_bytes"] = sum(map(len, payloads))
         longest = max(int(self.index(name).length.max()) for name in self.document["encodings"])
         self.document["limits"]["max_segment_bytes"] = longest
 
@@ -177,10 +177,10 @@ def test_manifest_that_says_something_else(
     tiny: TinyScene, path: list[Any], value: object, code: str, message: str
 ) -> None:
     forger = Forger(tiny)
-    place: Any = forger.document
+    node: Any = forger.document
     for key in path[:-1]:
-        place = place[key]
-    place[path[-1]] = value
+        node = node[key]
+    node[path[-1]] = value
     findings = forger.validate() if code == "version" else forger.seal()
     assert codes(findings) == {code}
     assert message in findings[0].message

@@ -80,7 +80,7 @@ def lattice_mesh(
 
 @dataclass(frozen=True)
 class TinyScene:
-    """What was written."""
+    """A published scene of the patch, and the meshes that it was made of."""
 
     path: Path
     manifest: Manifest

@@ -67,22 +67,22 @@ _BY_KIND: dict[type, Callable[[Any], st.SearchStrategy[Any]]] = {
         st.tuples(_U32, _U64), max_size=5, unique_by=lambda row: row[0]
     ),
     tables.LoadTable: lambda _: _load_rows(),
-    PartKind: lambda kind: parts(kind.part),
-    PartList: lambda kind: st.lists(parts(kind.part), max_size=3).map(tuple),
+    PartKind: lambda kind: part_strategy(kind.part),
+    PartList: lambda kind: st.lists(part_strategy(kind.part), max_size=3).map(tuple),
 }
 
 
-def parts(part: type[m.Part]) -> st.SearchStrategy[Any]:
+def part_strategy(part_type: type[m.Part]) -> st.SearchStrategy[Any]:
     """Strategy for a message or part class, every field free but for the sums."""
     required, optional = {}, {}
-    for field in fields_of(part):
+    for field in fields_of(part_type):
         strategy = _BY_KIND[type(field.kind)](field.kind)
         (required if field.required else optional)[field.name] = strategy
     values = st.fixed_dictionaries(required, optional=optional)
-    return values.map(_consistent(part)).map(lambda fields: part(**fields))
+    return values.map(_consistent(part_type)).map(lambda fields: part_type(**fields))
 
 
-def _consistent(part: type[m.Part]) -> Callable[[dict[str, Any]], dict[str, Any]]:
+def _consistent(part_type: type[m.Part]) -> Callable[[dict[str, Any]], dict[str, Any]]:
     """Make the fields that must agree agree."""
 
     def plan(fields: dict[str, Any]) -> dict[str, Any]:
@@ -117,7 +117,7 @@ def _consistent(part: type[m.Part]) -> Callable[[dict[str, Any]], dict[str, Any]
         return fields
 
     return {m.Plan: plan, m.Prefetch: prefetch, m.Land: land, m.Gather: gather}.get(
-        part, lambda fields: fields
+        part_type, lambda fields: fields
     )
 
 
@@ -125,4 +125,4 @@ def _consistent(part: type[m.Part]) -> Callable[[dict[str, Any]], dict[str, Any]
 def any_message() -> st.SearchStrategy[m.Message]:
     """Strategy for any message of either direction."""
     types = [message for by_type in m.MESSAGES.values() for message in by_type.values()]
-    return st.one_of([parts(message) for message in types])
+    return st.one_of([part_strategy(message) for message in types])

@@ -112,9 +112,14 @@ def test_equality_compares_arrays_as_wholes() -> None:
     assert m.Evict(segments=[1, 2]) == m.Evict(segments=np.array([1, 2], dtype=np.int64))
     assert m.Evict(segments=[1, 2]) != m.Evict(segments=[2, 1])
     assert m.Bye() != m.Unknown("bye")
-    held = np.array([(1, 2)], dtype=HELD_DTYPE)
+    held_segments = np.array([(1, 2)], dtype=HELD_DTYPE)
     hello = m.Hello(
-        protocol=(1, 0), client="", encoding="glb", budgets=m.Budgets(), credit_bytes=0, held=held
+        protocol=(1, 0),
+        client="",
+        encoding="glb",
+        budgets=m.Budgets(),
+        credit_bytes=0,
+        held=held_segments,
     )
     assert hello != dataclasses.replace(hello, held=None)
     with pytest.raises(TypeError):

@@ -171,7 +171,7 @@ def test_the_typescript_names_every_message_field_and_rule() -> None:
 def test_the_specification_has_a_table_for_every_message_and_part() -> None:
     text = (SPEC / "wire-protocol.md").read_text()
     names = [name for messages in MESSAGES.values() for name in messages]
-    names += [part.wire_name() for part in PARTS]
+    names += [part_type.wire_name() for part_type in PARTS]
     for name in [*names, "error-codes"]:
         assert text.count(f"<!-- generated: {name} -->") == 1
 

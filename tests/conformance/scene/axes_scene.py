@@ -162,14 +162,14 @@ def _arrow(along: Point, beside: Point, length_m: float) -> list[Face]:
     neck = FOOT + along * (length_m - 1.0)
     tip = FOOT + along * length_m
     faces: list[Face] = []
-    for one, other in zip(around, (*around[1:], around[0]), strict=True):
+    for corner, other in zip(around, (*around[1:], around[0]), strict=True):
         thin, wide = 0.15, 0.4
         faces.append(
-            [FOOT + one * thin, FOOT + other * thin, neck + other * thin, neck + one * thin]
+            [FOOT + corner * thin, FOOT + other * thin, neck + other * thin, neck + corner * thin]
         )
-        faces.append([neck + one * wide, neck + other * wide, tip])
-        faces.append([neck + one * wide, neck, neck + other * wide])
-        faces.append([FOOT + one * thin, FOOT, FOOT + other * thin])
+        faces.append([neck + corner * wide, neck + other * wide, tip])
+        faces.append([neck + corner * wide, neck, neck + other * wide])
+        faces.append([FOOT + corner * thin, FOOT, FOOT + other * thin])
     centre = (FOOT + tip) / 2
     return [_outwards(face, centre, along) for face in faces]
 
@@ -188,9 +188,9 @@ def _outwards(face: Face, centre: Point, along: Point) -> Face:
     return face if np.dot(normal, _scene(direction)) > 0 else face[::-1]
 
 
-def _scene(place: Point) -> Point:
+def _scene(point: Point) -> Point:
     """(east, up, north) to x, y, z of the scene frame: z points south."""
-    return np.array([place[0], place[1], -place[2]])
+    return np.array([point[0], point[1], -point[2]])
 
 
 def _mesh(faces: list[Face], colour: tuple[int, int, int], *, region: int) -> SegmentMesh:
@@ -216,7 +216,7 @@ def _board() -> SegmentMesh:
     """Four metres square, read from the south; u runs east, v runs down."""
     west, east, low, high, north = -5.0, -1.0, 0.5, 4.5, 8.0
     places = [(west, low), (east, low), (east, high), (west, high)]
-    face = [np.array([place, height, north]) for place, height in places]
+    face = [np.array([east, height, north]) for east, height in places]
     mesh = _mesh([face], GREY, region=4)
     return SegmentMesh(
         positions=mesh.positions,

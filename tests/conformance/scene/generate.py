@@ -81,12 +81,13 @@ def write_bad() -> None:
     def changed(*path: Any) -> bytes:
         *keys, last, value = path
         copy = json.loads(json.dumps(document))
-        place = copy
+        node = copy
         for key in keys:
-            place = place[key]
-        place[last] = value
+            node = node[key]
+        node[last] = value
         return join_glb(copy, bytes(binary))
 
+    # A compressed stream of noise, and an index beyond the vertices.
     extension = ("extensions", "EXT_meshopt_compression")
     packed = document["bufferViews"][0]["extensions"]["EXT_meshopt_compression"]
     noise = bytearray(binary)
@@ -122,8 +123,8 @@ def write_bad_textures() -> None:
     mesh = textured(lattice_mesh(4, 4, 2), pillow("JPEG"))
     good = encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES)
     document, binary, _ = split_glb(good)
-    place = document["bufferViews"][document["images"][0]["bufferView"]]["byteOffset"]
-    frame = place + pillow("JPEG").index(b"\xff\xc0") + 5
+    offset = document["bufferViews"][document["images"][0]["bufferView"]]["byteOffset"]
+    frame = offset + pillow("JPEG").index(b"\xff\xc0") + 5
 
     def resized(height: int, width: int) -> bytes:
         raw = bytearray(binary)
@@ -180,7 +181,7 @@ def described(mesh: SegmentMesh) -> dict[str, Any]:
 
 
 def put(name: str, data: bytes, expected: dict[str, Any]) -> None:
-    """Write one pair."""
+    """Write a payload and, beside it, the JSON of what a reader must make of it."""
     (HERE / "payload" / name).write_bytes(data)
     text = json.dumps(expected, separators=(",", ":")) + "\n"
     (HERE / "payload" / f"{name}.json").write_text(text)

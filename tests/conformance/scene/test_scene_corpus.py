@@ -136,10 +136,10 @@ def apply(edit: dict[str, Any], path: Path) -> None:
     elif kind == "set":
         (*keys, last), new = value
         document = json.loads(data)
-        place = document
+        node = document
         for key in keys:
-            place = place[key]
-        place[last] = new
+            node = node[key]
+        node[last] = new
         data = bytearray(json.dumps(document).encode())
     else:
         assert kind == "delete"
@@ -172,8 +172,8 @@ def test_payload(path: Path) -> None:
         assert hashlib.sha256(mesh.texture.data).hexdigest() == texture["sha256"]
     assert set(mesh.attributes) == set(expected["attributes"])
     for name, values in expected["attributes"].items():
-        known = [None if np.isnan(value) else float(value) for value in mesh.attributes[name]]
-        assert known == values
+        decoded = [None if np.isnan(value) else float(value) for value in mesh.attributes[name]]
+        assert decoded == values
 
 
 def test_every_payload_has_its_pair() -> None:

@@ -88,9 +88,9 @@ def test_a_known_point_of_the_survey_is_found_in_the_scene(built: Path) -> None:
     survey = np.array([[float(v) for v in row.split()] for row in rows])
     with Scene.open(built / "hill") as opened:
         manifest = opened.manifest
-        parts = [decode_glb(opened.payload(i)) for i in range(manifest.counts.segments)]
-    vertices = np.concatenate([part.positions for part in parts]).astype(np.float64)
-    grade = np.concatenate([part.attributes["grade"] for part in parts])
+        meshes = [decode_glb(opened.payload(i)) for i in range(manifest.counts.segments)]
+    vertices = np.concatenate([mesh.positions for mesh in meshes]).astype(np.float64)
+    grade = np.concatenate([mesh.attributes["grade"] for mesh in meshes])
     origin = np.array(manifest.origin)
     crs = np.stack([vertices[:, 0], -vertices[:, 2], vertices[:, 1]], axis=1) + origin
     middle = np.abs(survey[:, :2] - np.median(survey[:, :2], axis=0)).max(axis=1) < 15
@@ -271,12 +271,12 @@ def test_options_of_the_last_stage_are_refused_before_the_first() -> None:
 def test_an_attribute_that_is_not_there_is_refused_before_the_reconstruction(
     hill_file: Path, tmp_path: Path
 ) -> None:
-    given = replace(
+    bad_options = replace(
         options_for(hill_file, tmp_path / "hill"), segment=replace(SEGMENT, segment_by="grad")
     )
     watcher = Stop("none of them")
     with pytest.raises(OptionError, match="segments by 'grad'; this survey has colour, shape"):
-        build(given, progress=watcher)
+        build(bad_options, progress=watcher)
     assert not any(step.startswith("reconstruct") for step in watcher.seen)
     assert any(step.startswith("clean") for step in watcher.seen)
     assert not (tmp_path / "hill").exists()

@@ -33,19 +33,19 @@ BUILD = BuildInfo(
 
 @dataclass(frozen=True)
 class Tiles:
-    """Tiles in memory."""
+    """The protocol of tiles, from meshes in memory: no border, nothing shared."""
 
-    parts: tuple[Mesh, ...]
+    meshes: tuple[Mesh, ...]
     attributes: tuple[str, ...] = ("height",)
     border_count: int = 0
     digest: str = "t"
 
     @property
     def count(self) -> int:
-        return len(self.parts)
+        return len(self.meshes)
 
     def load(self, i: int) -> Mesh:
-        return self.parts[i]
+        return self.meshes[i]
 
     def box(self, i: int):
         raise AssertionError(i)
@@ -54,10 +54,10 @@ class Tiles:
         raise AssertionError(i)
 
     def face_count(self, i: int) -> int:
-        return len(self.parts[i].faces)
+        return len(self.meshes[i].faces)
 
     def vertex_count(self, i: int) -> int:
-        return len(self.parts[i].vertices)
+        return len(self.meshes[i].vertices)
 
 
 @pytest.fixture(scope="module")
@@ -66,19 +66,19 @@ def detail() -> Mesh:
 
 
 def surface_of(detail: Mesh, along: int) -> TiledSurface:
-    parts = tuple(part for part, _ in cut_mesh(detail, along))
+    pieces = tuple(piece for piece, _ in cut_mesh(detail, along))
     return TiledSurface(
-        ground(16, low=-3.0, high=63.0), Tiles(parts), (0.1, 0.2, 0.5, 0.6), f"d{along}"
+        ground(16, low=-3.0, high=63.0), Tiles(pieces), (0.1, 0.2, 0.5, 0.6), f"d{along}"
     )
 
 
-def build(place: Path, surface: TiledSurface, *, threads: int = 2, options=SEGMENT) -> StageRunner:
-    work = place / ".work"
+def build(folder: Path, surface: TiledSurface, *, threads: int = 2, options=SEGMENT) -> StageRunner:
+    work = folder / ".work"
     work.mkdir(parents=True, exist_ok=True)
     runner = StageRunner(WorkDirectory(work), True, NullProgress(), threads, 2**31)
     segment_and_pack(
         runner,
-        place / "scene",
+        folder / "scene",
         surface,
         options,
         pack.Options("ground"),
@@ -87,8 +87,8 @@ def build(place: Path, surface: TiledSurface, *, threads: int = 2, options=SEGME
     return runner
 
 
-def published(place: Path) -> dict[str, bytes]:
-    with Scene.open(place / "scene") as opened:
+def published(folder: Path) -> dict[str, bytes]:
+    with Scene.open(folder / "scene") as opened:
         return {
             key: (opened.path / file.path).read_bytes()
             for key, file in opened.manifest.files.items()
@@ -97,9 +97,9 @@ def published(place: Path) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def scene(detail, tmp_path_factory) -> Path:
-    place = tmp_path_factory.mktemp("tiled")
-    build(place, surface_of(detail, 3))
-    return place
+    folder = tmp_path_factory.mktemp("tiled")
+    build(folder, surface_of(detail, 3))
+    return folder
 
 
 def test_the_scene_is_whole_and_has_no_hole(scene, detail) -> None:
@@ -192,14 +192,15 @@ def test_a_second_version_keeps_the_regions_numbers(scene, detail, tmp_path) -> 
 
 
 def test_crumbs_of_tiles_do_no_harm(detail, tmp_path) -> None:
-    part = cut_mesh(detail, 2)[0][0]
-    one, rest = part.faces[:1], part.faces[1:]
+    piece = cut_mesh(detail, 2)[0][0]
+    first_face, rest = piece.faces[:1], piece.faces[1:]
     crumb = Mesh(
-        part.vertices[one[0]], np.array([[0, 1, 2]], np.int32), part.normals[one[0]],
-        part.colours[one[0]], {"height": np.full(3, np.nan, np.float32)},
+        piece.vertices[first_face[0]], np.array([[0, 1, 2]], np.int32),
+        piece.normals[first_face[0]], piece.colours[first_face[0]],
+        {"height": np.full(3, np.nan, np.float32)},
     )  # fmt: skip
     others = tuple(tile for tile, _ in cut_mesh(detail, 2)[1:])
-    whole = Mesh(part.vertices, rest, part.normals, part.colours, part.attributes)
+    whole = Mesh(piece.vertices, rest, piece.normals, piece.colours, piece.attributes)
     surface = surface_of(detail, 2)
     crumbs = TiledSurface(
         surface.base, Tiles((crumb, whole, *others)), surface.deviation_m, "crumbs"

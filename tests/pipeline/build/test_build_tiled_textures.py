@@ -31,12 +31,12 @@ BUILD = BuildInfo(
 
 
 @cache
-def place() -> PhotoScene:
+def site() -> PhotoScene:
     return photo_scene()
 
 
 def surface() -> TiledSurface:
-    mesh = place().mesh
+    mesh = site().mesh
     return TiledSurface(mesh, MemoryTiles.of(mesh, 2), (0.1, 0.2, 0.5, 0.6), "d2")
 
 
@@ -44,11 +44,11 @@ def photos() -> TiledTexturing:
     return TiledTexturing(
         OPTIONS,
         {"photos": "p", "cameras": "c"},
-        lambda: OpenPhotos(tuple(place().views), place(), ("a warning.",)),  # type: ignore[arg-type]
+        lambda: OpenPhotos(tuple(site().views), site(), ("a warning.",)),  # type: ignore[arg-type]
     )
 
 
-def build(folder: Path, asked: TiledTexturing, *, threads: int = 2) -> StageRunner:
+def build(folder: Path, texturing: TiledTexturing, *, threads: int = 2) -> StageRunner:
     work = folder / ".work"
     work.mkdir(parents=True, exist_ok=True)
     runner = StageRunner(WorkDirectory(work), True, NullProgress(), threads, 2**31)
@@ -59,7 +59,7 @@ def build(folder: Path, asked: TiledTexturing, *, threads: int = 2) -> StageRunn
         SEGMENT,
         pack.Options("place"),
         lambda: pack.About(np.array([500000.0, 8e6, 100.0]), None, 99, True, BUILD),
-        asked,
+        texturing,
     )
     return runner
 
@@ -82,12 +82,12 @@ def test_every_segment_and_the_base_have_an_image(scene) -> None:
     folder, _ = scene
     assert list(validate_scene(folder / "scene")) == []
     with Scene.open(folder / "scene") as opened:
-        told = opened.manifest.textures
-        assert told is not None
+        textures = opened.manifest.textures
+        assert textures is not None
         assert not opened.manifest.has_colour
-        assert told.segments == opened.manifest.counts.segments > 4
-        assert told.texel_m == pytest.approx(0.2, rel=0.3)
-        for number in range(told.segments):
+        assert textures.segments == opened.manifest.counts.segments > 4
+        assert textures.texel_m == pytest.approx(0.2, rel=0.3)
+        for number in range(textures.segments):
             mesh = decode_glb(opened.payload(number))
             assert mesh.texture is not None
             assert mesh.colours is None
@@ -99,7 +99,7 @@ def test_one_stage_is_told_with_its_warnings(scene) -> None:
     assert names == ["segment", "texture", "pack"]
     facts = runner.reports[1].facts
     assert facts.warnings == ("a warning.",)
-    assert facts.counts["choice_faces_unseen"] < 0.2 * len(place().mesh.faces)
+    assert facts.counts["choice_faces_unseen"] < 0.2 * len(site().mesh.faces)
     assert 0 < facts.counts["choice_seam_share_across_tiles"] < 0.3
     assert (
         facts.counts["choice_seam_step_local_across_tiles"]
@@ -128,8 +128,8 @@ def test_threads_and_kills_change_nothing(scene, tmp_path, monkeypatch) -> None:
 
 
 def test_vertex_colours_are_drawn_without_photos(tmp_path) -> None:
-    asked = TiledTexturing(texture.Options(source="vertex", max_side=512, base_side=512), {})
-    runner = build(tmp_path, asked)
+    texturing = TiledTexturing(texture.Options(source="vertex", max_side=512, base_side=512), {})
+    runner = build(tmp_path, texturing)
     assert list(validate_scene(tmp_path / "scene")) == []
     with Scene.open(tmp_path / "scene") as opened:
         assert opened.manifest.textures is not None

@@ -66,38 +66,38 @@ def opened(folder: Path, views: list[View] | None = None) -> OpenPhotos:
 @pytest.mark.parametrize("coloured", [True, False])
 def test_right_photos_stay_and_nothing_is_said(folder: Path, coloured: bool) -> None:
     points, colours = ground_points()
-    found = checked_photos(opened(folder), points, colours if coloured else None)
-    assert (len(found.views), found.left_out, found.warnings) == (COUNT, 0, ())
+    checked = checked_photos(opened(folder), points, colours if coloured else None)
+    assert (len(checked.views), checked.left_out, checked.warnings) == (COUNT, 0, ())
 
 
 @pytest.mark.parametrize("coloured", [True, False])
 def test_a_turned_photo_is_left_out(folder: Path, coloured: bool) -> None:
     points, colours = ground_points()
     turn(folder / "p3.png")
-    found = checked_photos(opened(folder), points, colours if coloured else None)
-    assert [view.name for view in found.views] == [f"p{n}.png" for n in (0, 1, 2, 4, 5)]
-    assert (found.photos.get(3) == np.asarray(PIL.Image.open(folder / "p4.png"))).all()
-    assert found.left_out == 1
-    assert "1 of 6 photos show neither what the cloud nor" in found.warnings[0]
-    assert "(p3.png)" in found.warnings[0]
+    checked = checked_photos(opened(folder), points, colours if coloured else None)
+    assert [view.name for view in checked.views] == [f"p{n}.png" for n in (0, 1, 2, 4, 5)]
+    assert (checked.photos.get(3) == np.asarray(PIL.Image.open(folder / "p4.png"))).all()
+    assert checked.left_out == 1
+    assert "1 of 6 photos show neither what the cloud nor" in checked.warnings[0]
+    assert "(p3.png)" in checked.warnings[0]
 
 
 def test_where_all_are_turned_none_is_left_and_that_is_said(folder: Path) -> None:
     points, colours = ground_points()
     for number in range(COUNT):
         turn(folder / f"p{number}.png")
-    found = checked_photos(opened(folder), points, colours)
-    assert not found.views
-    assert "no photo is left" in found.warnings[-1]
+    checked = checked_photos(opened(folder), points, colours)
+    assert not checked.views
+    assert "no photo is left" in checked.warnings[-1]
 
 
 def test_a_damaged_photo_is_left_out(folder: Path) -> None:
     points, colours = ground_points()
     whole = (folder / "p1.png").read_bytes()
     (folder / "p1.png").write_bytes(whole[: len(whole) // 2])
-    found = checked_photos(opened(folder), points, colours)
-    assert len(found.views) == COUNT - 1
-    assert "p1.png cannot be read" in found.warnings[0]
+    checked = checked_photos(opened(folder), points, colours)
+    assert len(checked.views) == COUNT - 1
+    assert "p1.png cannot be read" in checked.warnings[0]
 
 
 def test_cameras_that_stand_beside_the_truth_are_told_of_with_the_distance(folder: Path) -> None:
@@ -106,18 +106,18 @@ def test_cameras_that_stand_beside_the_truth_are_told_of_with_the_distance(folde
         replace(view, position=view.position + np.array([2.0, 0.0, 0.0]))
         for view in field_views(COUNT)
     ]
-    found = checked_photos(opened(folder, beside), points, colours)
-    assert len(found.views) == COUNT
-    assert "6 of 6 photos lie about 2." in found.warnings[0]
+    checked = checked_photos(opened(folder, beside), points, colours)
+    assert len(checked.views) == COUNT
+    assert "6 of 6 photos lie about 2." in checked.warnings[0]
 
 
 def test_photos_that_agree_outvote_a_cloud_whose_colours_are_no_light(folder: Path) -> None:
     points, _ = ground_points()
     classes = np.random.default_rng(0).integers(0, 4, len(points)) * 60
     colours = np.repeat(classes.astype(np.uint8)[:, None], 3, axis=1)
-    found = checked_photos(opened(folder), points, colours)
-    assert len(found.views) == COUNT
-    assert "not with the cloud's colours" in found.warnings[0]
+    checked = checked_photos(opened(folder), points, colours)
+    assert len(checked.views) == COUNT
+    assert "not with the cloud's colours" in checked.warnings[0]
 
 
 @pytest.mark.parametrize(("factor", "warned"), [(1.2, False), (4.0, True), (0.25, True)])
@@ -130,10 +130,10 @@ def test_photos_of_other_light_stay_and_where_it_is_far_off_that_is_said(
         light = (np.asarray(PIL.Image.open(path)) / 255.0) ** 2.2 * factor
         levels = 255.0 * np.minimum(light, 1.0) ** (1 / 2.2)
         PIL.Image.fromarray(np.rint(levels).astype(np.uint8)).save(path)
-    found = checked_photos(opened(folder), points, colours)
-    assert len(found.views) == COUNT
-    assert len(found.warnings) == warned
-    assert all("times the light of the cloud's colours" in text for text in found.warnings)
+    checked = checked_photos(opened(folder), points, colours)
+    assert len(checked.views) == COUNT
+    assert len(checked.warnings) == warned
+    assert all("times the light of the cloud's colours" in text for text in checked.warnings)
 
 
 def test_a_photo_of_little_ground_is_not_judged(folder: Path) -> None:

@@ -51,7 +51,7 @@ def shown(mesh: SegmentMesh, rng: np.random.Generator) -> tuple[np.ndarray, np.n
     assert mesh.texture is not None
     assert mesh.uvs is not None
     weights = rng.dirichlet(np.ones(3), len(mesh.faces)).astype(np.float32)
-    place = (mesh.positions[mesh.faces] * weights[:, :, None]).sum(axis=1)
+    points = (mesh.positions[mesh.faces] * weights[:, :, None]).sum(axis=1)
     uv = (mesh.uvs[mesh.faces] * weights[:, :, None]).sum(axis=1)
     pixels = decode_image(mesh.texture.data).astype(float)
     size = np.array([mesh.texture.width, mesh.texture.height])
@@ -60,7 +60,7 @@ def shown(mesh: SegmentMesh, rng: np.random.Generator) -> tuple[np.ndarray, np.n
     s, t = (at - at.astype(int)).T[:, :, None]
     top = (1 - s) * pixels[j, i] + s * pixels[j, i + 1]
     low = (1 - s) * pixels[j + 1, i] + s * pixels[j + 1, i + 1]
-    return place, (1 - t) * top + t * low
+    return points, (1 - t) * top + t * low
 
 
 def test_payloads_show_what_the_photos_show(field: Path) -> None:
@@ -71,8 +71,8 @@ def test_payloads_show_what_the_photos_show(field: Path) -> None:
     errors = []
     for mesh in meshes:
         assert mesh.colours is None
-        place, level = shown(mesh, rng)
-        truth = field_colour(place[:, 0] + offset[0], -place[:, 2] + offset[1])
+        points, level = shown(mesh, rng)
+        truth = field_colour(points[:, 0] + offset[0], -points[:, 2] + offset[1])
         errors.append(level - truth)
     error = np.concatenate(errors)
     mean_square = float((error**2).mean())
@@ -95,8 +95,8 @@ def test_the_scene_is_whole_and_says_what_it_has(field: Path) -> None:
     assert stated.texel_m == pytest.approx(40 / 300, rel=0.15)
     assert stated.gsd_m == pytest.approx(40 / 300, rel=0.05)
     assert manifest.has_colour is False
-    told = manifest.build.options["texture"]
-    assert told["photos"]["count"] == 5  # type: ignore[index, call-overload]
+    recorded = manifest.build.options["texture"]
+    assert recorded["photos"]["count"] == 5  # type: ignore[index, call-overload]
 
 
 def test_vertices_on_seams_are_equal_but_for_their_uvs(field: Path) -> None:
@@ -119,8 +119,8 @@ def test_threads_change_nothing_and_nothing_is_done_twice(field: Path, tmp_path:
     options = options_for(field, tmp_path / "scene", work=work, threads=2, name="scene")
     first = build(options)
     assert [stage.taken_up for stage in first.stages] == [True, True, True, True, False, False]
-    with Scene.open(field / "scene") as one, Scene.open(tmp_path / "scene") as two:
-        assert one.manifest.version == two.manifest.version
+    with Scene.open(field / "scene") as original, Scene.open(tmp_path / "scene") as repeated:
+        assert original.manifest.version == repeated.manifest.version
     again = build(options)
     assert all(stage.taken_up for stage in again.stages)
 
@@ -208,16 +208,16 @@ def test_a_set_with_something_wrong_ends_in_a_scene_and_a_word(
     work = tmp_path / "work"
     if not tiled:
         shutil.copytree(field / ".scene.work", work)
-    made = build(
+    result = build(
         options_for(
             field, tmp_path / "scene", work=work, texture=Texturing(photos=photos),
             tiles=TileOptions(force=tiled),
         )
     )  # fmt: skip
     assert validate_scene(tmp_path / "scene") == []
-    counts = next(stage.facts.counts for stage in made.stages if stage.name == "texture")
+    counts = next(stage.facts.counts for stage in result.stages if stage.name == "texture")
     assert (counts["photos"], counts["photos_left_out"]) == (5 - left_out, left_out)
-    assert any(word in text for text in made.warnings), made.warnings
+    assert any(word in text for text in result.warnings), result.warnings
 
 
 @pytest.mark.parametrize("tiled", [False, True], ids=["whole", "tiles"])
@@ -225,14 +225,14 @@ def test_where_no_photo_shows_the_survey_its_own_colours_are_drawn(
     field: Path, tmp_path: Path, tiled: bool
 ) -> None:
     photos = damaged(field, tmp_path, elsewhere, 0, 1, 2, 3, 4)
-    made = build(
+    result = build(
         options_for(
             field, tmp_path / "scene", texture=Texturing(photos=photos),
             tiles=TileOptions(force=tiled),
         )
     )  # fmt: skip
     assert validate_scene(tmp_path / "scene") == []
-    assert any("no photo is left" in text for text in made.warnings), made.warnings
+    assert any("no photo is left" in text for text in result.warnings), result.warnings
     with Scene.open(tmp_path / "scene") as scene:
         mesh = next(payloads(scene))
     assert mesh.texture is not None

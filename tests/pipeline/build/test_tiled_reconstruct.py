@@ -72,48 +72,48 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(survey: Path, work: Path, small_tiles: None) -> TiledReconstructed:
+def tiled(survey: Path, work: Path, small_tiles: None) -> TiledReconstructed:
     return build(survey, work)
 
 
-def test_there_are_several_tiles_and_no_crack(made: TiledReconstructed) -> None:
-    counts = made.facts.counts
-    assert made.tiles.count >= 4
+def test_there_are_several_tiles_and_no_crack(tiled: TiledReconstructed) -> None:
+    counts = tiled.facts.counts
+    assert tiled.tiles.count >= 4
     assert counts["seam_edges"] > 100
     assert counts["seam_cracks"] == 0
     assert counts["seam_gap_p50_cells"] < 0.02
 
 
-def joined_edges(made: TiledReconstructed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def joined_edges(tiled: TiledReconstructed) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """All vertices by their bits, and how often each directed edge occurs."""
-    meshes = [made.tiles.load(i) for i in range(made.tiles.count)]
+    meshes = [tiled.tiles.load(i) for i in range(tiled.tiles.count)]
     first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
     vertices = np.concatenate([mesh.vertices for mesh in meshes])
     faces = np.concatenate([m.faces + f for m, f in zip(meshes, first, strict=False)])
     bits = np.ascontiguousarray(vertices).view(np.uint32)
-    _, place, which = np.unique(bits, axis=0, return_index=True, return_inverse=True)
+    _, first_index, which = np.unique(bits, axis=0, return_index=True, return_inverse=True)
     faces = which.ravel()[faces]
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    return vertices[place], faces, edges
+    return vertices[first_index], faces, edges
 
 
 def test_the_joined_surface_is_a_manifold_as_the_solver_made_it(
-    made: TiledReconstructed,
+    tiled: TiledReconstructed,
 ) -> None:
-    _, faces, edges = joined_edges(made)
+    _, faces, edges = joined_edges(tiled)
     unique, counts = np.unique(edges, axis=0, return_counts=True)
     assert counts.max() == 1  # no edge runs the same way twice: no face twice, none turned over
     assert len(np.unique(np.sort(faces, axis=1), axis=0)) == len(faces)
     # Open edges are few, and next to none lies along a wall.
     key = {tuple(edge) for edge in unique.tolist()}
     open_edges = [edge for edge in key if edge[::-1] not in key]
-    counts = made.facts.counts
+    counts = tiled.facts.counts
     assert len(open_edges) < 0.1 * len(faces)
     assert counts["seam_rims"] <= 0.03 * counts["seam_edges"]
 
 
-def test_shared_vertices_are_equal_to_the_last_bit(made: TiledReconstructed) -> None:
-    tiles = made.tiles
+def test_shared_vertices_are_equal_to_the_last_bit(tiled: TiledReconstructed) -> None:
+    tiles = tiled.tiles
     seen: dict[int, tuple[bytes, ...]] = {}
     shared = 0
     for i in range(tiles.count):
@@ -135,51 +135,51 @@ def test_shared_vertices_are_equal_to_the_last_bit(made: TiledReconstructed) -> 
 
 
 def test_it_lies_on_the_surface_of_the_whole(
-    made: TiledReconstructed, survey: Path, tmp_path: Path
+    tiled: TiledReconstructed, survey: Path, tmp_path: Path
 ) -> None:
     cleaned = clean.run(read_survey(survey), clean.Options(), Context(tmp_path))
     whole = reconstruct.run(cleaned, OPTIONS, Context(tmp_path)).detail
-    assert made.origin.tolist() == cleaned.cloud.origin.tolist()
-    assert made.points == made.facts.counts["points"] == len(cleaned.cloud.points) <= POINTS
-    total = sum(made.tiles.face_count(i) for i in range(made.tiles.count))
+    assert tiled.origin.tolist() == cleaned.cloud.origin.tolist()
+    assert tiled.points == tiled.facts.counts["points"] == len(cleaned.cloud.points) <= POINTS
+    total = sum(tiled.tiles.face_count(i) for i in range(tiled.tiles.count))
     assert total == pytest.approx(len(whole.faces), rel=0.05)
-    for i in range(made.tiles.count):
-        mesh = made.tiles.load(i)
-        rows = made.tiles.border(i).rows
+    for i in range(tiled.tiles.count):
+        mesh = tiled.tiles.load(i)
+        rows = tiled.tiles.border(i).rows
         seam = distances_to_mesh(mesh.vertices[rows], whole.vertices, whole.faces, workers=1)
         every = distances_to_mesh(mesh.vertices[::7], whole.vertices, whole.faces, workers=1)
         # A margin of 12 cells instead of 40: the pieces follow the whole less closely.
-        assert np.median(every) < 0.05 * made.cell_m
-        assert np.percentile(every, 90) < 0.4 * made.cell_m
+        assert np.median(every) < 0.05 * tiled.cell_m
+        assert np.percentile(every, 90) < 0.4 * tiled.cell_m
         if len(rows):
-            assert np.percentile(seam, 90) < 0.4 * made.cell_m
+            assert np.percentile(seam, 90) < 0.4 * tiled.cell_m
 
 
-def test_the_base_is_light_and_near(made: TiledReconstructed) -> None:
-    assert 1_000 < len(made.base.faces) <= 1.2 * OPTIONS.base_faces
-    assert made.deviation_m[2] < 2 * made.cell_m
-    assert tuple(made.base.attributes) == made.tiles.attributes == ("grade",)
+def test_the_base_is_light_and_near(tiled: TiledReconstructed) -> None:
+    assert 1_000 < len(tiled.base.faces) <= 1.2 * OPTIONS.base_faces
+    assert tiled.deviation_m[2] < 2 * tiled.cell_m
+    assert tuple(tiled.base.attributes) == tiled.tiles.attributes == ("grade",)
 
 
-def seen_through(made: TiledReconstructed) -> float:
+def seen_through(tiled: TiledReconstructed) -> float:
     """Share of the detail's own border that no base lies above or below."""
-    places, faces, edges = joined_edges(made)
+    places, faces, edges = joined_edges(tiled)
     key = edges[:, 0] * len(places) + edges[:, 1]
     back = edges[:, 1] * len(places) + edges[:, 0]
     rim = np.unique(edges[~np.isin(back, key)])
-    rays = RayScene(made.base.vertices, made.base.faces, threads=1)
+    rays = RayScene(tiled.base.vertices, tiled.base.faces, threads=1)
     start = places[rim] + np.array([0.0, 500.0, 0.0])
     distance, _ = rays.closest_hit(start, np.tile([0.0, -1.0, 0.0], (len(rim), 1)))
     assert len(faces) > len(rim) > 100
     return float(np.isinf(distance).mean())
 
 
-def test_the_base_reaches_beyond_the_detail(made: TiledReconstructed) -> None:
-    assert seen_through(made) == 0
+def test_the_base_reaches_beyond_the_detail(tiled: TiledReconstructed) -> None:
+    assert seen_through(tiled) == 0
 
 
 def test_a_base_by_poisson_lies_under_the_detail_too(
-    made: TiledReconstructed, survey: Path, work: Path, tmp_path: Path
+    tiled: TiledReconstructed, survey: Path, work: Path, tmp_path: Path
 ) -> None:
     copy = tmp_path / "work"
     shutil.copytree(work, copy)
@@ -187,14 +187,14 @@ def test_a_base_by_poisson_lies_under_the_detail_too(
     solved = build(survey, copy, options=other)
     assert solved.facts.counts["base_from"] == "poisson"
     assert solved.facts.counts["base_depth"] == 6
-    assert solved.digest != made.digest
+    assert solved.digest != tiled.digest
     assert 500 < len(solved.base.faces) <= 1.2 * OPTIONS.base_faces
     assert seen_through(solved) == 0
-    assert made.deviation_m[1] < solved.deviation_m[1] < 8 * made.cell_m
+    assert tiled.deviation_m[1] < solved.deviation_m[1] < 8 * tiled.cell_m
 
 
 def test_nothing_is_done_twice_and_a_lost_tile_is_made_again(
-    made: TiledReconstructed, survey: Path, work: Path, tmp_path: Path
+    tiled: TiledReconstructed, survey: Path, work: Path, tmp_path: Path
 ) -> None:
     copy = tmp_path / "work"
     shutil.copytree(work, copy)
@@ -206,11 +206,11 @@ def test_nothing_is_done_twice_and_a_lost_tile_is_made_again(
     after = {p.parent.name: p.stat().st_mtime_ns for p in copy.glob("*/stage.json")}
     changed = {name for name in after if after[name] != before.get(name)}
     assert changed == {"solve-00001", "tile-00000", "tile-00002"}
-    assert again.digest == made.digest
+    assert again.digest == tiled.digest
 
 
 def test_a_cluster_makes_the_same_bytes(
-    made: TiledReconstructed, survey: Path, work: Path, tmp_path: Path
+    tiled: TiledReconstructed, survey: Path, work: Path, tmp_path: Path
 ) -> None:
     distributed = pytest.importorskip(
         "distributed", reason="Dask is not installed (terraport[cluster])"
@@ -228,7 +228,7 @@ def test_a_cluster_makes_the_same_bytes(
         silence_logs=50,
     ) as cluster:
         again = build(survey, copy, cluster=cluster.scheduler_address)
-    assert again.digest == made.digest
+    assert again.digest == tiled.digest
 
 
 def test_a_plan_that_does_not_fit_is_refused(survey: Path, work: Path, tmp_path: Path) -> None:

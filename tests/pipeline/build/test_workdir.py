@@ -26,26 +26,26 @@ def work(tmp_path: Path) -> WorkDirectory:
 
 def test_saved_is_found_and_equal(work: WorkDirectory) -> None:
     saved = work.save("clean", "k1", STORED, FACTS, COST)
-    found = work.find("clean", "k1")
-    assert found == saved
-    assert found is not None
-    loaded = work.load(found)
+    record = work.find("clean", "k1")
+    assert record == saved
+    assert record is not None
+    loaded = work.load(record)
     assert loaded.values == STORED.values
     for name, array in STORED.arrays.items():
         assert (loaded.arrays[name] == array).all()
         assert loaded.arrays[name].dtype == array.dtype
-    assert found.facts == FACTS
-    assert found.cost == COST
+    assert record.facts == FACTS
+    assert record.cost == COST
 
 
 def test_a_result_can_be_mapped_or_read_in_part(work: WorkDirectory) -> None:
     stored = Stored({"some": np.arange(6), "none": np.zeros((0, 3))}, {"a": 1})
     record = work.save("parts", "k", stored, Facts(), Cost(1.0, 2))
-    found = work.mapped(record)
-    assert isinstance(found.arrays["some"], np.memmap)
-    assert found.arrays["some"].tolist() == work.array(record, "some").tolist() == [*range(6)]
-    assert found.arrays["none"].shape == (0, 3)  # nothing cannot be mapped
-    assert found.values == {"a": 1}
+    mapped = work.mapped(record)
+    assert isinstance(mapped.arrays["some"], np.memmap)
+    assert mapped.arrays["some"].tolist() == work.array(record, "some").tolist() == [*range(6)]
+    assert mapped.arrays["none"].shape == (0, 3)  # nothing cannot be mapped
+    assert mapped.values == {"a": 1}
 
 
 def test_another_key_or_stage_is_not_found(work: WorkDirectory) -> None:
@@ -59,14 +59,14 @@ def test_what_is_looked_up_holds_no_file_open(work: WorkDirectory) -> None:
     """Maps of all tiles together would pass the system's limit of open files."""
     record = work.save("clean", "k1", STORED, FACTS, COST)
     before = len(list(Path("/proc/self/fd").iterdir()))
-    found = [work.looked_up(record) for _ in range(20)]
-    for one in found:
-        assert sorted(one.arrays) == sorted(STORED.arrays)
-        np.testing.assert_array_equal(one.arrays["points"], STORED.arrays["points"])
+    lookups = [work.looked_up(record) for _ in range(20)]
+    for lookup in lookups:
+        assert sorted(lookup.arrays) == sorted(STORED.arrays)
+        np.testing.assert_array_equal(lookup.arrays["points"], STORED.arrays["points"])
     assert len(list(Path("/proc/self/fd").iterdir())) <= before + 1
-    assert "nothing" not in found[0].arrays
-    held = found[0].arrays["points"]
-    assert isinstance(held, np.memmap)
+    assert "nothing" not in lookups[0].arrays
+    points = lookups[0].arrays["points"]
+    assert isinstance(points, np.memmap)
 
 
 @pytest.mark.parametrize(

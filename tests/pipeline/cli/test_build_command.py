@@ -19,15 +19,15 @@ def run(*arguments: object) -> tuple[int, str]:
 
 
 def test_a_survey_becomes_a_scene_with_a_table(hill_file: Path, tmp_path: Path) -> None:
-    code, said = run(
+    code, output = run(
         hill_file, "-o", tmp_path / "hill", "--min-faces", 150, "--max-faces", 900,
         "--base-faces", "1k", "--max-memory", "4G", "--no-report",
     )  # fmt: skip
-    assert code == 0, said
+    assert code == 0, output
     assert validate_scene(tmp_path / "hill") == []
     for word in ("read", "clean", "reconstruct", "segment", "pack", "MiB", "published"):
-        assert word in said
-    assert "warning" not in said  # nothing was asked for that was not done
+        assert word in output
+    assert "warning" not in output  # nothing was asked for that was not done
     assert not (tmp_path / "hill" / "report.html").exists()
 
 
@@ -59,9 +59,9 @@ def test_a_survey_becomes_a_scene_with_a_table(hill_file: Path, tmp_path: Path) 
 def test_wrong_options_exit_with_2(
     hill_file: Path, tmp_path: Path, more: list[str], code: int, message: str
 ) -> None:
-    got, said = run(hill_file, "-o", tmp_path / "scene", *more)
+    got, output = run(hill_file, "-o", tmp_path / "scene", *more)
     assert got == code
-    assert message in said
+    assert message in output
     assert not (tmp_path / "scene").exists()
     assert not (tmp_path / ".scene.work").exists()
 
@@ -69,10 +69,10 @@ def test_wrong_options_exit_with_2(
 def test_a_bad_survey_exits_with_1(tmp_path: Path) -> None:
     bad = tmp_path / "bad.xyz"
     bad.write_text("x y z\n1 2 3\n4 5 6\n7 8 1\n", encoding="ascii")
-    code, said = run(bad, "-o", tmp_path / "scene")
+    code, output = run(bad, "-o", tmp_path / "scene")
     assert code == 1
-    assert "error: 3 different points (of 3 read)" in said
-    assert "Traceback" not in said
+    assert "error: 3 different points (of 3 read)" in output
+    assert "Traceback" not in output
 
 
 def test_ctrl_c_exits_with_130_and_says_how_to_go_on(
@@ -82,6 +82,6 @@ def test_ctrl_c_exits_with_130_and_says_how_to_go_on(
         raise KeyboardInterrupt
 
     monkeypatch.setattr(command, "run_build", interrupted)
-    code, said = run(hill_file, "-o", tmp_path / "scene", "--quiet")
+    code, output = run(hill_file, "-o", tmp_path / "scene", "--quiet")
     assert code == 130
-    assert "the same command goes on after the last finished stage" in said
+    assert "the same command goes on after the last finished stage" in output

@@ -16,8 +16,8 @@ from terraport_pipeline.cli.demo import has_display
 
 
 def test_a_port_in_use_is_said_before_anything_is_made(tmp_path: Path) -> None:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        port = taken.getsockname()[1]
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port = listener.getsockname()[1]
         result = CliRunner().invoke(
             app, ["demo", "--points", "20k", "--port", str(port), "--keep", str(tmp_path / "demo")]
         )

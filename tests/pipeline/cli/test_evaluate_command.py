@@ -25,12 +25,12 @@ def test_page_json_pictures_and_tables(tmp_path: Path) -> None:
         "--algorithms", "poisson,ball-pivoting", "--models", "block,bunny",
     )  # fmt: skip
     assert result.exit_code == 0, result.output
-    found = json.loads((tmp_path / "out/reconstruction.json").read_text())
-    assert set(found["table_3_1"]) == {"poisson", "ball-pivoting"}
-    assert found["table_3_1"]["poisson"]["kept"] is True
-    assert found["table_3_2"]["poisson"]["proceed"] is True
-    assert found["table_3_2"]["ball-pivoting"]["has_holes"] is True
-    assert found["table_3_2"]["ball-pivoting"]["similar"] is True
+    results = json.loads((tmp_path / "out/reconstruction.json").read_text())
+    assert set(results["table_3_1"]) == {"poisson", "ball-pivoting"}
+    assert results["table_3_1"]["poisson"]["kept"] is True
+    assert results["table_3_2"]["poisson"]["proceed"] is True
+    assert results["table_3_2"]["ball-pivoting"]["has_holes"] is True
+    assert results["table_3_2"]["ball-pivoting"]["similar"] is True
     page = (tmp_path / "out/reconstruction.html").read_text()
     assert page.count("data:image/jpeg;base64,") == 1 + 2 + 1 + 2
     assert "http" not in page
@@ -40,7 +40,7 @@ def test_page_json_pictures_and_tables(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (("--algorithms", "magic"), "algorithm 'magic'; expected one of delaunay"),
         (("--points", "10"), "points 10; expected 1,000 to"),
@@ -49,8 +49,8 @@ def test_page_json_pictures_and_tables(tmp_path: Path) -> None:
         (("--data", "/nowhere"), "--data /nowhere"),
     ],
 )
-def test_wrong_options_end_with_one_line(tmp_path: Path, arguments, told: str) -> None:
+def test_wrong_options_end_with_one_line(tmp_path: Path, arguments, message: str) -> None:
     result = run("-o", tmp_path / "out", *arguments)
     assert result.exit_code == 2
-    assert told in result.output
+    assert message in result.output
     assert not (tmp_path / "out").exists()

@@ -91,20 +91,21 @@ def test_errors_are_one_line_and_exit_with_2() -> None:
     expected = "error: hardness 11; expected 1 to 10\n"
     assert run("a", "--hardness", "11") == (2, expected, [])
     assert run("a", "--name", "broken", "--quiet") == (2, "error: this\n", [])
-    code, said, _ = run()
+    code, output, _ = run()
     assert code == 2
-    assert "Missing argument" in said
+    assert "Missing argument" in output
 
 
 def test_the_help_has_headings_types_ranges_and_defaults() -> None:
     _, text, _ = run("--help")
-    parts = text.replace("│", " ").split("╭─ ")
-    headings = [part.split(" ─")[0] for part in parts[1:]]
+    sections = text.replace("│", " ").split("╭─ ")
+    headings = [section.split(" ─")[0] for section in sections[1:]]
     assert headings == ["Arguments", "Options", "Ground", "Machine"]
     words = {
-        heading: " ".join(part.split()) for heading, part in zip(headings, parts[1:], strict=True)
+        heading: " ".join(section.split())
+        for heading, section in zip(headings, sections[1:], strict=True)
     }
-    assert "Look at a site." in parts[0]
+    assert "Look at a site." in sections[0]
     assert "What to read." in words["Arguments"]
     assert "--points COUNT How many points. [default: 5,000]" in words["Options"]
     assert "--name <str> For people. [default: none]" in words["Options"]
@@ -118,43 +119,44 @@ def test_build_shows_ten_options_first_and_the_rest_under_headings() -> None:
     register(app)
     command: Any = typer.main.get_command(app)
     first = [
-        one.opts[0]
-        for one in command.params
-        if getattr(one, "rich_help_panel", "") in (None, COMMON) and one.param_type_name == "option"
+        parameter.opts[0]
+        for parameter in command.params
+        if getattr(parameter, "rich_help_panel", "") in (None, COMMON)
+        and parameter.param_type_name == "option"
     ]
     assert first == [
         "--output", "--name", "--max-points", "--engine", "--photos", "--cameras", "--resume",
         "--max-memory", "--report", "--quiet",
     ]  # fmt: skip
-    headings = {getattr(one, "rich_help_panel", None) for one in command.params}
+    headings = {getattr(parameter, "rich_help_panel", None) for parameter in command.params}
     assert {"Surface", "Regions and segments", "Textures", "Machine and tiles"} < headings
 
 
 def test_no_two_options_of_a_build_have_one_name() -> None:
-    flags = [flag for _, one in options_of(BuildOptions) for flag in one.flags]
+    flags = [flag for _, option in options_of(BuildOptions) for flag in option.flags]
     assert len(flags) == len(set(flags))
 
 
 def test_every_option_of_a_build_says_what_it_does_and_its_default() -> None:
-    for _, one in options_of(BuildOptions):
-        assert len(one.help.split()) >= 4, one.name
-        assert one.help.endswith("."), one.name
-        needs_default = one.default is None and one.name != "photos"
-        assert not needs_default or one.option.unset, f"{one.name}: what does None come to?"
+    for _, option in options_of(BuildOptions):
+        assert len(option.help.split()) >= 4, option.name
+        assert option.help.endswith("."), option.name
+        needs_default = option.default is None and option.name != "photos"
+        assert not needs_default or option.option.unset, f"{option.name}: what does None come to?"
 
 
 def test_what_is_no_option_is_so_on_purpose() -> None:
     def unmarked(options_class: Any) -> set[str]:
         hints = get_type_hints(options_class, include_extras=True)
         names = set()
-        for one in fields(options_class):
-            marks = getattr(hints[one.name], "__metadata__", ())
-            if not marks and one.name != "options":
-                names.add(f"{options_class.__module__.rpartition('.')[2]}.{one.name}")
-            for inner in get_args(hints[one.name]):
-                for held in (inner, *get_args(inner)):
-                    if is_dataclass(held) and isinstance(held, type):
-                        names |= unmarked(held)
+        for option_field in fields(options_class):
+            marks = getattr(hints[option_field.name], "__metadata__", ())
+            if not marks and option_field.name != "options":
+                names.add(f"{options_class.__module__.rpartition('.')[2]}.{option_field.name}")
+            for inner in get_args(hints[option_field.name]):
+                for nested in (inner, *get_args(inner)):
+                    if is_dataclass(nested) and isinstance(nested, type):
+                        names |= unmarked(nested)
         return names
 
     assert unmarked(BuildOptions) == {"clean.outlier_deviations", "clean.normal_neighbours"}

@@ -94,6 +94,6 @@ def test_labels_whose_region_is_gone_are_told(scene: Path) -> None:
 
 
 def test_the_help_teaches() -> None:
-    said = " ".join(run("--help").stdout.replace("│", " ").split())
+    text = " ".join(run("--help").stdout.replace("│", " ").split())
     for words in ("--export regions.csv", "spreadsheet", "stable id", "empty label"):
-        assert words in said
+        assert words in text

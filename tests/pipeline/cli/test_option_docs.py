@@ -62,19 +62,19 @@ def test_the_page_of_limits_has_the_defaults(flag: str, default: str) -> None:
 
 
 def test_commands_in_the_docs_take_the_options_they_are_shown_with() -> None:
-    known = flags_of("build")
+    build_flags = flags_of("build")
     shown = []
     for page in PAGES:
         text = page.read_text(encoding="utf-8").replace("\\\n", " ")
         for command in re.findall(r"terraport build ([^\n`#|&]*)", text):
             flags = re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", command)
-            assert set(flags) <= known, f"{page.relative_to(ROOT)}: terraport build {command}"
+            assert set(flags) <= build_flags, f"{page.relative_to(ROOT)}: terraport build {command}"
             shown += flags
     assert len(set(shown)) >= 5
 
 
 def test_the_pages_about_builds_name_options_that_there_are() -> None:
-    known = flags_of(*(verb.name for verb in VERBS)) | OF_OTHER_PROGRAMS
+    all_flags = flags_of(*(verb.name for verb in VERBS)) | OF_OTHER_PROGRAMS
     for page in ABOUT_BUILDS:
         text = page.read_text(encoding="utf-8")
         named = {
@@ -83,4 +83,4 @@ def test_the_pages_about_builds_name_options_that_there_are() -> None:
             if not re.search(r"pip |dask|python |\.py", span)
             for flag in re.findall(r"(?<![\w-])--[a-z][a-z0-9-]*", span)
         }
-        assert named <= known, f"{page.relative_to(ROOT)}: {named - known}"
+        assert named <= all_flags, f"{page.relative_to(ROOT)}: {named - all_flags}"

@@ -41,7 +41,7 @@ def test_flags_override_a_parameter_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["--points", "many"], "points 'many'; expected a number"),
         (["--points", "10"], "points 10; expected 1,000 to 200,000,000"),
@@ -49,10 +49,10 @@ def test_flags_override_a_parameter_file(tmp_path: Path) -> None:
         (["--parameters", "none.json"], "none.json: cannot be read"),
     ],
 )
-def test_wrong_options_end_with_one_line_and_two(tmp_path: Path, arguments, told: str) -> None:
+def test_wrong_options_end_with_one_line_and_two(tmp_path: Path, arguments, message: str) -> None:
     result = run("-o", tmp_path / "q.laz", *arguments)
     assert result.exit_code == 2
-    assert told in result.output
+    assert message in result.output
     assert "error: " in result.output
     assert "Traceback" not in result.output
     assert list(tmp_path.iterdir()) == []

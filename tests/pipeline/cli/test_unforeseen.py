@@ -66,25 +66,25 @@ def test_a_kernel_that_fails_names_the_stage_and_the_same_command_goes_on(
     scene = tmp_path / "scene"
     command = ("build", field / "field.xyz", "-o", scene, "--photos", field / "photos", *SMALL)
     with broken(atlas_maker, "pack_charts", ZeroDivisionError("division by zero")):
-        code, said = run(*command)
+        code, output = run(*command)
     log = tmp_path / ".scene.work" / FAILURE_NAME
     assert code == 1
-    assert "Traceback" not in said
+    assert "Traceback" not in output
     assert (
         "error: stage texture failed in a way that nobody foresaw "
         "(ZeroDivisionError: division by zero)"
-    ) in said
-    assert "finished stages (read, clean, reconstruct, segment) are kept" in said
-    assert "the same command goes on after them" in said
-    assert "without --photos" in said
-    assert f"please report it with {log}" in said
-    told = log.read_text(encoding="utf-8")
-    assert "Traceback" in told
-    assert "pack_charts" in told
+    ) in output
+    assert "finished stages (read, clean, reconstruct, segment) are kept" in output
+    assert "the same command goes on after them" in output
+    assert "without --photos" in output
+    assert f"please report it with {log}" in output
+    log_text = log.read_text(encoding="utf-8")
+    assert "Traceback" in log_text
+    assert "pack_charts" in log_text
     assert not scene.exists()
-    code, said = run(*command)
-    assert code == 0, said
-    assert said.count("taken up") == 4
+    code, output = run(*command)
+    assert code == 0, output
+    assert output.count("taken up") == 4
     assert validate_scene(scene) == []
 
 
@@ -95,10 +95,12 @@ def test_a_published_scene_stands_when_the_next_build_fails(
     assert run("build", field / "field.xyz", "-o", scene, *SMALL)[0] == 0
     before = (scene / "scene.json").read_bytes()
     with broken(clean, "run", KeyError("normals")):
-        code, said = run("build", field / "field.xyz", "-o", scene, *SMALL, "--outlier-ratio", 2.5)
+        code, output = run(
+            "build", field / "field.xyz", "-o", scene, *SMALL, "--outlier-ratio", 2.5
+        )
     assert code == 1
-    assert "stage clean failed in a way that nobody foresaw (KeyError: 'normals')" in said
-    assert "(read) are kept" in said
+    assert "stage clean failed in a way that nobody foresaw (KeyError: 'normals')" in output
+    assert "(read) are kept" in output
     assert (scene / "scene.json").read_bytes() == before
     assert validate_scene(scene) == []
 
@@ -107,10 +109,10 @@ def test_refused_memory_is_said_as_such(
     field: Path, tmp_path: Path, broken: Callable[..., AbstractContextManager[None]]
 ) -> None:
     with broken(clean, "run", MemoryError("4 GiB")):
-        code, said = run("build", field / "field.xyz", "-o", tmp_path / "scene", *SMALL)
+        code, output = run("build", field / "field.xyz", "-o", tmp_path / "scene", *SMALL)
     assert code == 1
-    assert "error: stage clean was refused memory (MemoryError: 4 GiB)" in said
-    assert "--max-points" in said
+    assert "error: stage clean was refused memory (MemoryError: 4 GiB)" in output
+    assert "--max-points" in output
 
 
 def fail_job(_: object) -> None:
@@ -123,10 +125,10 @@ def test_a_tile_that_fails_in_another_process_does_so_as_plainly(
 ) -> None:
     scene = tmp_path / "scene"
     monkeypatch.setattr(tile_steps, "solve_one", fail_job)
-    code, said = run("build", field / "field.xyz", "-o", scene, *SMALL, "--tiles")
+    code, output = run("build", field / "field.xyz", "-o", scene, *SMALL, "--tiles")
     assert code == 1
-    assert "Traceback" not in said
-    assert "stage reconstruct failed in a way that nobody foresaw (IndexError: row 7)" in said
+    assert "Traceback" not in output
+    assert "stage reconstruct failed in a way that nobody foresaw (IndexError: row 7)" in output
     assert not scene.exists()
     log = (tmp_path / ".scene.work" / FAILURE_NAME).read_text(encoding="utf-8")
     assert "in fail_job" in log  # the trace of the process that did it
@@ -137,13 +139,13 @@ def test_a_tiles_textures_that_fail_do_so_as_plainly(
 ) -> None:
     scene = tmp_path / "scene"
     with broken(tiled_views, "banded", IndexError("row 7")):
-        code, said = run(
+        code, output = run(
             "build", field / "field.xyz", "-o", scene, "--photos", field / "photos", *SMALL,
             "--tiles",
         )  # fmt: skip
     assert code == 1
-    assert "Traceback" not in said
-    assert "stage texture-views failed in a way that nobody foresaw (IndexError: row 7)" in said
+    assert "Traceback" not in output
+    assert "stage texture-views failed in a way that nobody foresaw (IndexError: row 7)" in output
     assert not scene.exists()
 
 
@@ -152,10 +154,10 @@ def test_a_report_that_fails_leaves_the_scene(
 ) -> None:
     scene = tmp_path / "scene"
     with broken(build, "write_report", TypeError("no picture")):
-        code, said = run("build", field / "field.xyz", "-o", scene, *SMALL[:-1])
+        code, output = run("build", field / "field.xyz", "-o", scene, *SMALL[:-1])
     assert code == 1
-    assert "the report failed in a way that nobody foresaw (TypeError: no picture)" in said
-    assert f"{scene} is published and whole" in said
+    assert "the report failed in a way that nobody foresaw (TypeError: no picture)" in output
+    assert f"{scene} is published and whole" in output
     assert validate_scene(scene) == []
 
 
@@ -167,11 +169,11 @@ def test_another_command_that_fails_keeps_its_trace_too(
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with broken(report, "write_report", AssertionError("never")):
-        code, said = run("report", tmp_path)
+        code, output = run("report", tmp_path)
     assert code == 1
-    assert "Traceback" not in said
+    assert "Traceback" not in output
     (log,) = tmp_path.glob("terraport-failure-*.log")
-    assert str(log) in said
+    assert str(log) in output
     assert "AssertionError: never" in log.read_text(encoding="utf-8")
 
 
@@ -182,12 +184,12 @@ def test_a_demo_that_fails_keeps_what_is_finished(
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
     with broken(texture, "run", RuntimeError("out of luck")):
-        code, said = run("demo", "--points", "20k", "--no-photos", "--no-serve", "--no-open")
-        assert code == 0, said  # nothing to texture
+        code, output = run("demo", "--points", "20k", "--no-photos", "--no-serve", "--no-open")
+        assert code == 0, output  # nothing to texture
         assert not list(tmp_path.iterdir())
     with broken(clean, "run", RuntimeError("out of luck")):
-        code, said = run("demo", "--points", "20k", "--no-photos", "--no-serve", "--no-open")
+        code, output = run("demo", "--points", "20k", "--no-photos", "--no-serve", "--no-open")
     assert code == 1
-    (place,) = tmp_path.glob("terraport-demo-*")
-    assert f"terraport demo --keep {place} goes on with it" in said
-    assert (place / "work" / FAILURE_NAME).exists()
+    (folder,) = tmp_path.glob("terraport-demo-*")
+    assert f"terraport demo --keep {folder} goes on with it" in output
+    assert (folder / "work" / FAILURE_NAME).exists()

@@ -20,9 +20,9 @@ def test_numpy_reads_what_was_appended(
         writer.append(rows[:7])
         writer.append(rows[7:7])
         writer.append(rows[7:])
-    found = np.load(tmp_path / "a.npy", allow_pickle=False)
-    assert found.dtype == rows.dtype
-    np.testing.assert_array_equal(found, rows)
+    loaded = np.load(tmp_path / "a.npy", allow_pickle=False)
+    assert loaded.dtype == rows.dtype
+    np.testing.assert_array_equal(loaded, rows)
 
 
 def test_structured_rows_with_many_fields(tmp_path: Path) -> None:
@@ -65,9 +65,9 @@ def test_blocks_give_every_row_once(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", rows)
     reader = NpyReader(tmp_path / "a.npy")
     assert len(reader) == 25
-    found = list(reader.blocks(10))
-    assert [first for first, _ in found] == [0, 10, 20]
-    np.testing.assert_array_equal(np.concatenate([block for _, block in found]), rows)
+    blocks = list(reader.blocks(10))
+    assert [first for first, _ in blocks] == [0, 10, 20]
+    np.testing.assert_array_equal(np.concatenate([block for _, block in blocks]), rows)
 
 
 def test_a_file_cut_short_is_refused(tmp_path: Path) -> None:

@@ -38,8 +38,8 @@ def save(path, size=(64, 48), **options):
 def test_names_match_without_case_and_in_folders(tmp_path):
     a = save(tmp_path / "flight1" / "dji_0001.jpg")
     b = save(tmp_path / "DJI_0002.png")
-    found = find_photos(tmp_path, [view("DJI_0001.JPG"), view("DJI_0002"), view("DJI_0003.JPG")])
-    assert found == {"DJI_0001.JPG": a, "DJI_0002": b}
+    paths = find_photos(tmp_path, [view("DJI_0001.JPG"), view("DJI_0002"), view("DJI_0003.JPG")])
+    assert paths == {"DJI_0001.JPG": a, "DJI_0002": b}
 
 
 def test_the_folders_of_a_name_decide_between_equal_names(tmp_path):
@@ -70,7 +70,7 @@ def test_too_many_files_are_refused(tmp_path, monkeypatch):
 def test_missing_photos_leave_their_views_out(tmp_path):
     save(tmp_path / "a.png")
     opened = open_photos([view("a.png"), view("b.png")], tmp_path, max_bytes=1 << 20)
-    assert [one.name for one in opened.views] == ["a.png"]
+    assert [kept.name for kept in opened.views] == ["a.png"]
     assert len(opened.photos) == 1
     assert opened.warnings == (
         f"1 of 2 photos are not below {tmp_path} (b.png); they are left out.",
@@ -91,9 +91,9 @@ def test_another_aspect_is_refused(tmp_path):
 
 
 def exif(orientation):
-    found = Image.Exif()
-    found[0x0112] = orientation
-    return found
+    tags = Image.Exif()
+    tags[0x0112] = orientation
+    return tags
 
 
 def test_exif_orientation_is_left_alone_while_the_sides_fit(tmp_path):
@@ -178,16 +178,16 @@ def test_threads_decode_a_photo_once(tmp_path, monkeypatch):
 
     monkeypatch.setattr(photo_store, "_decode", slow)
     store = PhotoStore([path], 1 << 20)
-    found = []
-    threads = [threading.Thread(target=lambda: found.append(store.get(0))) for _ in range(6)]
+    images = []
+    threads = [threading.Thread(target=lambda: images.append(store.get(0))) for _ in range(6)]
     for thread in threads:
         thread.start()
     gate.set()
     for thread in threads:
         thread.join(10)
-    assert len(found) == 6
+    assert len(images) == 6
     assert len(decoded) == 1
-    assert all(one is found[0] for one in found)
+    assert all(photo is images[0] for photo in images)
 
 
 def test_a_failed_decoding_is_tried_again_by_the_next(tmp_path):

@@ -101,13 +101,13 @@ def test_a_killed_parent_takes_its_children_along(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("asked", "extent_m", "spacing_m", "expected"),
+    ("requested_depth", "extent_m", "spacing_m", "expected"),
     [(13, 400.0, 0.4, 10), (9, 400.0, 0.4, 9), (13, 1.0, 10.0, 1), (13, 400.0, 0.0535, 13)],
 )
 def test_depth_follows_the_density(
-    asked: int, extent_m: float, spacing_m: float, expected: int
+    requested_depth: int, extent_m: float, spacing_m: float, expected: int
 ) -> None:
-    assert poisson.depth_for(asked, extent_m, spacing_m) == expected
+    assert poisson.depth_for(requested_depth, extent_m, spacing_m) == expected
 
 
 def test_forecast_grows_with_depth_until_the_samples_run_out() -> None:
@@ -151,6 +151,6 @@ def test_the_forecast_is_near_what_surveys_took() -> None:
         (939_235, 11, 104.25, 0.06467, 3_154_854, 984_276_992),
         (2_196_390, 11, 1995.42, 0.99267, 5_259_565, 1_489_702_912),
     ):
-        found = poisson.forecast(count, depth, extent_m, count * spacing_m**2)
-        assert 0.85 < found.faces / faces < 1.2
-        assert 1.0 < found.memory_bytes / peak < 1.3
+        forecast = poisson.forecast(count, depth, extent_m, count * spacing_m**2)
+        assert 0.85 < forecast.faces / faces < 1.2
+        assert 1.0 < forecast.memory_bytes / peak < 1.3

@@ -17,11 +17,11 @@ def arrays(mesh):
 
 def test_sphere_is_as_thick_everywhere():
     vertices, faces = arrays(trimesh.creation.icosphere(subdivisions=3, radius=2.0))
-    found = shape_diameter(vertices, faces)
-    assert np.isfinite(found).all()
+    diameter = shape_diameter(vertices, faces)
+    assert np.isfinite(diameter).all()
     # a chord at 35 degrees to the axis has 0.82 of the diameter: the mean lies between
-    assert 0.8 * 4.0 < found.mean() < 4.0
-    assert found.std() < 0.02 * found.mean()
+    assert 0.8 * 4.0 < diameter.mean() < 4.0
+    assert diameter.std() < 0.02 * diameter.mean()
 
 
 def test_thin_plate_is_thin():
@@ -40,15 +40,15 @@ def test_open_ground_has_no_diameter():
 def test_faces_without_area_have_no_diameter():
     vertices, faces = arrays(trimesh.creation.icosphere(subdivisions=1))
     flat = np.concatenate([faces, [[0, 0, 1]]]).astype(np.int32)
-    found = shape_diameter(vertices, flat)
-    assert np.isnan(found[-1])
-    assert np.isfinite(found[:-1]).all()
+    diameter = shape_diameter(vertices, flat)
+    assert np.isnan(diameter[-1])
+    assert np.isfinite(diameter[:-1]).all()
 
 
 def test_threads_change_nothing():
     vertices, faces = arrays(trimesh.creation.torus(2.0, 0.5))
-    one, two = (shape_diameter(vertices, faces, threads=n) for n in (1, 2))
-    assert one.tobytes() == two.tobytes()
+    one_thread, two_threads = (shape_diameter(vertices, faces, threads=n) for n in (1, 2))
+    assert one_thread.tobytes() == two_threads.tobytes()
 
 
 def test_no_faces():

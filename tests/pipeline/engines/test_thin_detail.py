@@ -33,10 +33,10 @@ def test_the_result_is_near_small_and_has_a_thinner_border(
 ) -> None:
     vertices, faces = ground
     monkeypatch.setattr(module, "_BLOCK_FACES", 8000)
-    found = [thin_detail(vertices, faces, max_faces=1500, threads=threads) for threads in (1, 2)]
-    thin, left = found[0]
-    assert thin.tobytes() == found[1][0].tobytes()
-    assert left.tobytes() == found[1][1].tobytes()
+    results = [thin_detail(vertices, faces, max_faces=1500, threads=threads) for threads in (1, 2)]
+    thin, left = results[0]
+    assert thin.tobytes() == results[1][0].tobytes()
+    assert left.tobytes() == results[1][1].tobytes()
     assert 1000 < len(left) < 1800
     assert len(border_edges(left, len(thin))) < 0.7 * len(border_edges(faces, len(vertices)))
     used = vertices[np.unique(faces)]

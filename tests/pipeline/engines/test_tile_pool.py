@@ -38,10 +38,10 @@ def fail(job: Job) -> int:
 
 
 def test_without_workers_everything_runs_here(tmp_path: Path) -> None:
-    found: dict[int, tuple[int, int]] = {}
+    results: dict[int, tuple[int, int]] = {}
     with TilePool(0) as pool:
-        pool.run(work, [Job(3, tmp_path), Job(4, tmp_path)], found.__setitem__)
-    assert found == {0: (9, os.getpid()), 1: (16, os.getpid())}
+        pool.run(work, [Job(3, tmp_path), Job(4, tmp_path)], results.__setitem__)
+    assert results == {0: (9, os.getpid()), 1: (16, os.getpid())}
 
 
 def test_an_error_of_a_job_is_raised(tmp_path: Path) -> None:
@@ -50,12 +50,12 @@ def test_an_error_of_a_job_is_raised(tmp_path: Path) -> None:
 
 
 def test_a_lost_worker_s_job_is_run_again_once(tmp_path: Path) -> None:
-    found: dict[int, tuple[int, int]] = {}
+    results: dict[int, tuple[int, int]] = {}
     jobs = [Job(0, tmp_path), Job(1, tmp_path, deaths=1), Job(2, tmp_path)]
     with TilePool(1) as pool:
-        pool.run(work, jobs, found.__setitem__)
-        assert {number: result[0] for number, result in found.items()} == {0: 0, 1: 1, 2: 4}
-        assert os.getpid() not in {pid for _, pid in found.values()}
+        pool.run(work, jobs, results.__setitem__)
+        assert {number: result[0] for number, result in results.items()} == {0: 0, 1: 1, 2: 4}
+        assert os.getpid() not in {pid for _, pid in results.values()}
         with pytest.raises(
             EngineError, match=r"job 0 of the tiles was ended from outside, 2 times"
         ):
@@ -63,11 +63,11 @@ def test_a_lost_worker_s_job_is_run_again_once(tmp_path: Path) -> None:
 
 
 def test_no_process_is_left(tmp_path: Path) -> None:
-    found: dict[int, tuple[int, int]] = {}
+    results: dict[int, tuple[int, int]] = {}
     with TilePool(1) as pool:
-        pool.run(work, [Job(1, tmp_path)], found.__setitem__)
+        pool.run(work, [Job(1, tmp_path)], results.__setitem__)
     with pytest.raises(ProcessLookupError):
-        os.kill(found[0][1], 0)
+        os.kill(results[0][1], 0)
 
 
 def test_dask_is_asked_for_only_when_it_is_wanted(

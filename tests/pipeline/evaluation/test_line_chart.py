@@ -16,14 +16,21 @@ def test_lines_points_and_the_ring() -> None:
     root = ET.fromstring(svg)
     circles = root.findall("circle")
     assert len(circles) == 5
-    assert [one.get("class") for one in circles].count("line0 marked") == 1
-    ys = [float(one.get("cy", "")) for one in circles]
+    assert [circle.get("class") for circle in circles].count("line0 marked") == 1
+    ys = [float(circle.get("cy", "")) for circle in circles]
     assert ys[0] > ys[1] > ys[2]  # more is higher
     assert ys[1] == pytest.approx((ys[0] + ys[2]) / 2)
-    assert all(0 <= float(one.get("cx", "")) <= WIDTH for one in circles)
+    assert all(0 <= float(circle.get("cx", "")) <= WIDTH for circle in circles)
     assert all(0 <= y <= HEIGHT for y in ys)
     assert "one &lt;&amp;&gt;" in svg
-    assert [one.text for one in root.findall("text")][:6] == ["0", "0.2", "0.4", "0.6", "0.8", "1"]
+    assert [label.text for label in root.findall("text")][:6] == [
+        "0",
+        "0.2",
+        "0.4",
+        "0.6",
+        "0.8",
+        "1",
+    ]
 
 
 def test_nothing_gives_an_empty_chart() -> None:

@@ -21,7 +21,7 @@ SCENE = DepthScene(
 )
 
 
-def made(scenes: tuple[DepthScene, ...]) -> Evaluation:
+def evaluation_of(scenes: tuple[DepthScene, ...]) -> Evaluation:
     missing = {
         "greedy-projection": 'program "pcl_gp3_surface" not found; apt-get install pcl-tools'
     }
@@ -29,7 +29,7 @@ def made(scenes: tuple[DepthScene, ...]) -> Evaluation:
 
 
 def test_the_figure_has_a_chart_for_faces_time_and_memory() -> None:
-    page = page_of(made((SCENE,)))
+    page = page_of(evaluation_of((SCENE,)))
     assert page.count("<svg") == 3
     assert page.count('class="line0 marked"') == 3
     assert "9 (ours)" in page
@@ -38,12 +38,12 @@ def test_the_figure_has_a_chart_for_faces_time_and_memory() -> None:
 
 
 def test_what_was_not_run_is_said_with_what_to_do() -> None:
-    page = page_of(made(()))
+    page = page_of(evaluation_of(()))
     assert "apt-get install pcl-tools" in page
     assert "no bunny" in page
     assert "<svg" not in page
 
 
 def test_the_page_is_replaced_in_one_step(tmp_path: Path) -> None:
-    write_page(made(()), tmp_path / "page.html")
+    write_page(evaluation_of(()), tmp_path / "page.html")
     assert [path.name for path in tmp_path.iterdir()] == ["page.html"]

@@ -16,9 +16,9 @@ def test_a_body_is_sampled_as_a_scanner_would() -> None:
     assert samples.points.shape == (2000, 3)
     area = 6 * 100 - 2 * np.pi * 2.5**2 + 2 * np.pi * 2.5 * 10  # a cube of 10 m with a hole
     assert samples.spacing_m == pytest.approx(np.sqrt(area / 2000), rel=0.1)
-    found = TriangleTree(subject.truth_vertices, subject.truth_faces).nearest(samples.points)
-    assert 0 < np.median(found.distance_m) < 0.1 * samples.spacing_m
-    a, b, c = (subject.truth_vertices[subject.truth_faces[found.face, k]] for k in range(3))
+    nearest = TriangleTree(subject.truth_vertices, subject.truth_faces).nearest(samples.points)
+    assert 0 < np.median(nearest.distance_m) < 0.1 * samples.spacing_m
+    a, b, c = (subject.truth_vertices[subject.truth_faces[nearest.face, k]] for k in range(3))
     assert (np.cross(b - a, c - a) * samples.normals).sum(axis=1).min() >= -0.5
     assert len(subject.rim) == 0
     assert subject.neighbour_colour_p95 > 0

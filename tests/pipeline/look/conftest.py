@@ -147,6 +147,7 @@ def publish_scene(path: Path, model: HandOffModel, detail: Terrain, base: Terrai
             )
             glb = encode_glb(mesh, step_m=STEP_M, attribute_scales={"grade": GRADE})
             writer.add_segment(glb, region=region)
+        # The base keeps the order of its faces: the cover is by face.
         level = SegmentMesh(
             base.vertices,
             base.faces.astype(np.uint32),

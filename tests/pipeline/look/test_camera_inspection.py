@@ -36,8 +36,8 @@ def shade(points):
 def project(tmp_path_factory):
     """A survey, its cameras, and photos rendered on flat ground at an eighth of the size."""
     folder = tmp_path_factory.mktemp("project")
-    known = flight(BROWN)
-    write_colmap_text(folder / "colmap", known)
+    cameras = flight(BROWN)
+    write_colmap_text(folder / "colmap", cameras)
     points = ground() * (1.0, 0.0, 1.0)
     level = shade(points).astype(np.uint8)
     rows = np.column_stack([to_crs(points, ORIGIN), level, level, level])
@@ -51,7 +51,7 @@ def project(tmp_path_factory):
     (folder / "photos").mkdir()
     width, height = WIDTH // 8, HEIGHT // 8 + 1
     across, down = np.meshgrid(8 * (np.arange(width) + 0.5), 8 * (np.arange(height) + 0.5))
-    for view in truth(known):
+    for view in truth(cameras):
         rays = view.rays(np.column_stack([across.ravel(), down.ravel()]))
         hits = view.position + rays * (-view.position[1] / rays[:, 1])[:, None]
         picture = shade(hits).reshape(height, width).astype(np.uint8)
@@ -60,39 +60,41 @@ def project(tmp_path_factory):
 
 
 def test_cameras_alone(project):
-    found = inspect_cameras(project / "colmap")
-    assert found["format"] == "COLMAP (text)"
-    assert found["count"] == 6
-    (lens,) = found["lenses"]
+    inspection = inspect_cameras(project / "colmap")
+    assert inspection["format"] == "COLMAP (text)"
+    assert inspection["count"] == 6
+    (lens,) = inspection["lenses"]
     assert lens["size"] == [WIDTH, HEIGHT]
     assert lens["photos"] == 6
     assert 36 < lens["corner_deg"] < 40
-    assert "OFFSET.txt" in found["frames"][0]
-    assert found["centres"]["min"][0] == pytest.approx(100.0)
+    assert "OFFSET.txt" in inspection["frames"][0]
+    assert inspection["centres"]["min"][0] == pytest.approx(100.0)
 
 
 def test_with_survey_and_photos(project):
-    found = inspect_photos(project / "survey.txt", project / "colmap", photos=project / "photos")
-    assert found["coverage"]["share"] > 0.8
-    assert found["pixel_m"]["median"] == pytest.approx(62.5 / 1456 * 8, rel=0.1)
-    assert found["height_above_m"]["median"] == pytest.approx(62.5, abs=0.1)
-    assert found["colours"]["median"] > 0.97
-    assert found["idle"] == []
-    assert any("another size" in text for text in found["warnings"])
+    inspection = inspect_photos(
+        project / "survey.txt", project / "colmap", photos=project / "photos"
+    )
+    assert inspection["coverage"]["share"] > 0.8
+    assert inspection["pixel_m"]["median"] == pytest.approx(62.5 / 1456 * 8, rel=0.1)
+    assert inspection["height_above_m"]["median"] == pytest.approx(62.5, abs=0.1)
+    assert inspection["colours"]["median"] > 0.97
+    assert inspection["idle"] == []
+    assert any("another size" in text for text in inspection["warnings"])
 
 
 def test_cameras_a_little_off_disagree_in_colour(project):
-    (east, north, up), asked = (576_600.0, 5_188_100.0, 0.0), []
+    (east, north, up), agreements = (576_600.0, 5_188_100.0, 0.0), []
     for away in (0.0, 4.0):
-        found = inspect_photos(
+        inspection = inspect_photos(
             project / "survey.txt",
             project / "colmap",
             photos=project / "photos",
             offset=(east + away, north, up),
         )
-        asked.append(found["colours"]["median"])
-    assert asked[0] > 0.97
-    assert asked[1] < 0.5
+        agreements.append(inspection["colours"]["median"])
+    assert agreements[0] > 0.97
+    assert agreements[1] < 0.5
 
 
 def run(*words):
@@ -106,10 +108,10 @@ def test_the_command(project):
     options = ("--cameras", project / "colmap", "--photos", project / "photos")
     shown = run(project / "survey.txt", *options)
     assert shown.exit_code == 0, shown.output
-    for told in ("6 photos", "pixel on the ground", "colours agree", "radial, distorted"):
-        assert told in shown.output
-    found = json.loads(run(project / "survey.txt", *options, "--json").stdout)
-    assert found["count"] == 6
+    for phrase in ("6 photos", "pixel on the ground", "colours agree", "radial, distorted"):
+        assert phrase in shown.output
+    inspection = json.loads(run(project / "survey.txt", *options, "--json").stdout)
+    assert inspection["count"] == 6
     assert "perhaps" in run(project / "colmap").output
     assert json.loads(run(project / "colmap" / "images.txt", "--json").stdout)["count"] == 6
 
@@ -129,15 +131,15 @@ def test_errors_are_one_line(project, tmp_path):
 
 def test_bundler_sizes_come_from_the_photos(project, tmp_path):
     write_bundler(tmp_path, flight(SQUARE))
-    found = inspect_cameras(tmp_path / "bundle.out", project / "photos")
-    assert found["lenses"][0]["size"] == [WIDTH // 8, HEIGHT // 8 + 1]
+    inspection = inspect_cameras(tmp_path / "bundle.out", project / "photos")
+    assert inspection["lenses"][0]["size"] == [WIDTH // 8, HEIGHT // 8 + 1]
 
 
 def test_brighton_beach(shared_data):
     folder = shared_data / "brighton_beach"
-    found = inspect_photos(folder / "model.laz", folder / "colmap", photos=folder / "images")
-    assert found["count"] == 18
-    assert found["coverage"]["share"] > 0.99
-    assert found["colours"]["median"] > 0.7
-    assert 0.01 < found["pixel_m"]["median"] < 0.05
-    assert "576,600.000, 5,188,100.000" in found["frame"]
+    inspection = inspect_photos(folder / "model.laz", folder / "colmap", photos=folder / "images")
+    assert inspection["count"] == 18
+    assert inspection["coverage"]["share"] > 0.99
+    assert inspection["colours"]["median"] > 0.7
+    assert 0.01 < inspection["pixel_m"]["median"] < 0.05
+    assert "576,600.000, 5,188,100.000" in inspection["frame"]

@@ -93,5 +93,5 @@ def test_a_pixel_grows_with_the_distance_but_not_in_a_parallel_projection() -> N
     flat = top_down(np.array([[0, 0, 0], [90, 0, 90]]), aspect=1.0, margin=0.0)
     np.testing.assert_allclose(flat.pixel_m(np.float32([1, 50]), 90), [1.0, 1.0])
     near = eye_level((0, 0, 0), azimuth_deg=0.0)
-    one, two = near.pixel_m(np.float32([10, 20]), 100)
-    assert two == pytest.approx(2 * one)
+    at_10_m, at_20_m = near.pixel_m(np.float32([10, 20]), 100)
+    assert at_20_m == pytest.approx(2 * at_10_m)

@@ -14,10 +14,10 @@ from terraport_pipeline.cli import inspect, report, validate
 
 @pytest.fixture(scope="module")
 def app() -> typer.Typer:
-    made = typer.Typer()
+    commands = typer.Typer()
     for module in (inspect, validate, report):
-        module.register(made)
-    return made
+        module.register(commands)
+    return commands
 
 
 def run(app, *arguments):

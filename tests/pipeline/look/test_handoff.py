@@ -69,9 +69,9 @@ def test_a_slit_in_the_base_is_seen_where_nothing_is_loaded(detail, base, make_m
 
 def test_same_seed_same_report_and_other_seed_other_rays(model) -> None:
     options = HandOffOptions(rays=4_000, subsets=8, seed=3)
-    one, two = check_hand_off(model, options), check_hand_off(model, options)
-    assert one == two
-    assert check_hand_off(model, replace(options, seed=4)).distance_m != one.distance_m
+    first, second = check_hand_off(model, options), check_hand_off(model, options)
+    assert first == second
+    assert check_hand_off(model, replace(options, seed=4)).distance_m != first.distance_m
 
 
 def test_progress_counts_every_ray(model) -> None:

@@ -13,20 +13,20 @@ from terraport_store import SceneNotFoundError, change_labels
 
 
 def test_counts_distribution_and_coordinates(scene_path, base) -> None:
-    found = inspect_scene(scene_path)
-    assert found["counts"]["segments"] == 64
-    assert found["segments"]["faces"]["min"] == found["segments"]["faces"]["max"] == 1250
-    assert found["segments"]["extent_m"]["median"] == pytest.approx(12.5, abs=0.6)
-    outline = found["place"]["bounds_crs"]
+    inspection = inspect_scene(scene_path)
+    assert inspection["counts"]["segments"] == 64
+    assert inspection["segments"]["faces"]["min"] == inspection["segments"]["faces"]["max"] == 1250
+    assert inspection["segments"]["extent_m"]["median"] == pytest.approx(12.5, abs=0.6)
+    outline = inspection["place"]["bounds_crs"]
     # The base reaches from -2.5 to 102.5 m; z runs south.
     assert outline["east"] == [499_997.5, 500_102.5]
     assert outline["north"] == [5_999_897.5, 6_000_002.5]
-    assert found["cover"]["base_faces_never_hidden"] == 0
-    assert found["cover"]["segments_per_base_face"]["max"] == 4
-    assert sum(found["files"].values()) == found["bytes"]
-    assert found["versions_on_disk"] == [f"v-{found['version'][:12]}"]
-    assert json.loads(json.dumps(found)) == found
-    assert found["counts"]["base_faces"] == len(base.faces)
+    assert inspection["cover"]["base_faces_never_hidden"] == 0
+    assert inspection["cover"]["segments_per_base_face"]["max"] == 4
+    assert sum(inspection["files"].values()) == inspection["bytes"]
+    assert inspection["versions_on_disk"] == [f"v-{inspection['version'][:12]}"]
+    assert json.loads(json.dumps(inspection)) == inspection
+    assert inspection["counts"]["base_faces"] == len(base.faces)
 
 
 def test_no_payload_is_read(scene_path, tmp_path) -> None:
@@ -44,13 +44,13 @@ def test_no_scene_is_an_error(tmp_path) -> None:
 
 
 def test_regions_by_area_with_labels(scene_path, tmp_path) -> None:
-    found = inspect_scene(scene_path)["regions"]
-    assert [row["region"] for row in found["largest"]] == [0, 1]
-    assert (found["labelled"], found["problem"]) == (0, None)
+    regions = inspect_scene(scene_path)["regions"]
+    assert [row["region"] for row in regions["largest"]] == [0, 1]
+    assert (regions["labelled"], regions["problem"]) == (0, None)
     tiny = write_tiny_scene(tmp_path / "tiny", stable_ids=(4, 2, 9)).path
     change_labels(tiny, {9: "haul road"})
-    found = inspect_scene(tiny)["regions"]
-    assert [row["label"] for row in found["largest"]] == ["", "bench", "haul road"]
-    assert (found["largest"][2]["stable_id"], found["labelled"]) == (9, 2)
+    regions = inspect_scene(tiny)["regions"]
+    assert [row["label"] for row in regions["largest"]] == ["", "bench", "haul road"]
+    assert (regions["largest"][2]["stable_id"], regions["labelled"]) == (9, 2)
     (tiny / "labels.json").write_text("{}")
     assert "labels.json" in inspect_scene(tiny)["regions"]["problem"]

@@ -71,13 +71,13 @@ def test_distance_looks_outwards_past_nothing() -> None:
     faces = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * i for i in range(4)])
     up, nothing = np.float32([[0, 1, 0]]), np.float32([np.inf])
     shown = np.ones(8, dtype=np.bool_)
-    place = Places(np.float32([[-1, 0, 0]]), np.float32([[1, 0, 0]]), np.float32([1.0]), up)
+    places = Places(np.float32([[-1, 0, 0]]), np.float32([[1, 0, 0]]), np.float32([1.0]), up)
     scene = RayScene(sheets, faces)
     # the sheet that lies in the place itself is met too
-    at_it = place.distance(ShownFaces(scene, shown), nothing, 4.0)
+    at_it = places.distance(ShownFaces(scene, shown), nothing, 4.0)
     np.testing.assert_allclose(at_it, [0.0], atol=1e-5)
     shown[6:] = False
-    near = place.distance(ShownFaces(scene, shown), nothing, 4.0)
+    near = places.distance(ShownFaces(scene, shown), nothing, 4.0)
     np.testing.assert_allclose(near, [0.5], atol=1e-5)
 
 

@@ -66,11 +66,11 @@ def test_ground_is_lighter_than_a_wall_in_shade_and_shadows_fall() -> None:
 def test_a_ready_ray_scene_gives_the_same_picture(detail) -> None:
     camera = oblique(detail.vertices, aspect=1.5)
     scene = RayScene(detail.vertices, detail.faces)
-    one = render_mesh(detail.vertices, detail.faces, camera, (60, 40), colours=detail.colours)
-    two = render_mesh(
+    first = render_mesh(detail.vertices, detail.faces, camera, (60, 40), colours=detail.colours)
+    second = render_mesh(
         detail.vertices, detail.faces, camera, (60, 40), colours=detail.colours, scene=scene
     )
-    np.testing.assert_array_equal(one, two)
+    np.testing.assert_array_equal(first, second)
 
 
 def test_supersampling_averages_edges() -> None:

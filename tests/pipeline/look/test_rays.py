@@ -31,8 +31,8 @@ def test_barycentric_weights_rebuild_the_hit_point() -> None:
     hits = RayScene(SQUARE, FACES).intersect(origins, np.repeat(DOWN, 50, 0))
     corners = SQUARE[FACES[hits.face]]
     weights = np.stack([1 - hits.u - hits.v, hits.u, hits.v], 1)
-    place = (weights[:, :, None] * corners).sum(1)
-    np.testing.assert_allclose(place[:, [0, 2]], origins[:, [0, 2]], atol=1e-6)
+    points = (weights[:, :, None] * corners).sum(1)
+    np.testing.assert_allclose(points[:, [0, 2]], origins[:, [0, 2]], atol=1e-6)
 
 
 def test_both_sides_are_hit() -> None:
@@ -55,11 +55,11 @@ def test_chunks_and_threads_do_not_change_the_answer(detail) -> None:
     count = 2 * CHUNK_RAYS + 17
     origins = rng.uniform([-5, 20, -5], [105, 30, 105], (count, 3))
     headings = rng.normal(size=(count, 3))
-    one = RayScene(detail.vertices, detail.faces, threads=1).closest_hit(origins, headings)
-    two = RayScene(detail.vertices, detail.faces, threads=2).closest_hit(origins, headings)
-    np.testing.assert_array_equal(one[0], two[0])
-    np.testing.assert_array_equal(one[1], two[1])
-    assert 0 < (one[1] >= 0).mean() < 1
+    first = RayScene(detail.vertices, detail.faces, threads=1).closest_hit(origins, headings)
+    second = RayScene(detail.vertices, detail.faces, threads=2).closest_hit(origins, headings)
+    np.testing.assert_array_equal(first[0], second[0])
+    np.testing.assert_array_equal(first[1], second[1])
+    assert 0 < (first[1] >= 0).mean() < 1
 
 
 def test_empty_mesh_and_no_rays() -> None:

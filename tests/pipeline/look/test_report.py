@@ -36,13 +36,13 @@ class Page(HTMLParser):
         self.feed(text)
 
     def handle_starttag(self, tag, attrs) -> None:
-        found = dict(attrs)
+        attributes = dict(attrs)
         if tag == "img":
-            self.images.append(found)
-        if "id" in found:
-            self.ids.append(found["id"])
-        if "href" in found:
-            self.links.append(found["href"])
+            self.images.append(attributes)
+        if "id" in attributes:
+            self.ids.append(attributes["id"])
+        if "href" in attributes:
+            self.links.append(attributes["href"])
         if tag not in self.VOID:
             self.open.append(tag)
 
@@ -142,9 +142,9 @@ def test_input_is_drawn_first_when_it_is_at_hand(copy, tmp_path, detail) -> None
 
 
 def test_same_scene_same_page(copy, tmp_path) -> None:
-    one = write_report(copy, tmp_path / "one.html", SMALL)
-    two = write_report(copy, tmp_path / "two.html", SMALL)
-    assert one.path.read_bytes() == two.path.read_bytes()
+    first = write_report(copy, tmp_path / "one.html", SMALL)
+    second = write_report(copy, tmp_path / "two.html", SMALL)
+    assert first.path.read_bytes() == second.path.read_bytes()
     assert sorted(path.name for path in tmp_path.iterdir()) == ["one.html", "two.html"]
 
 

@@ -20,7 +20,7 @@ def with_facts(path: Path) -> Path:
     original = SceneWriter.set_regions
 
     def set_regions(self, regions):
-        rows = [{**one, **row, "area_m2": 10.0 + one["id"]} for one in regions["regions"]]
+        rows = [{**region, **row, "area_m2": 10.0 + region["id"]} for region in regions["regions"]]
         original(self, {**regions, "roughness_scale_m": 2.0, "regions": rows})
 
     SceneWriter.set_regions = set_regions

@@ -108,12 +108,12 @@ def test_rows_tell_density_and_seams(loaded) -> None:
     counts = {"unseen_share": 0.013, "choice_seam_step_photos": 13.8, "choice_seam_step_local": 2}
     record = {"stages": [{"name": "read"}, {"name": "texture", "counts": counts}]}
     manifest = manifest.model_copy(update={"textures": info})
-    told = {row["label"]: row["value"] for row in texture_rows(manifest, record)}
-    assert told["texel"] == "3.1 cm (median over the surface)"
-    assert told["ground sampling distance"] == "2.9 cm (median)"
-    assert told["surface that no photo sees"] == "1.30%, filled from vertex colours"
-    assert told["step at seams, as published"] == "2.0 grey levels"
-    assert "atlas used by charts" not in told  # nobody counted it
+    values = {row["label"]: row["value"] for row in texture_rows(manifest, record)}
+    assert values["texel"] == "3.1 cm (median over the surface)"
+    assert values["ground sampling distance"] == "2.9 cm (median)"
+    assert values["surface that no photo sees"] == "1.30%, filled from vertex colours"
+    assert values["step at seams, as published"] == "2.0 grey levels"
+    assert "atlas used by charts" not in values  # nobody counted it
 
 
 def test_vertex_colours_come_from_the_work_directory_if_they_fit(scene_path, loaded, tmp_path):
@@ -124,9 +124,9 @@ def test_vertex_colours_come_from_the_work_directory_if_they_fit(scene_path, loa
         folder.mkdir()
         for name in ("vertices", "faces", "colours"):
             np.save(folder / f"detail-{name}.npy", getattr(detail, name))
-        found = find_vertex_colours(scene, tmp_path)
-        assert found is not None
-        np.testing.assert_array_equal(found.colours, detail.colours)
+        vertex_colours = find_vertex_colours(scene, tmp_path)
+        assert vertex_colours is not None
+        np.testing.assert_array_equal(vertex_colours.colours, detail.colours)
         np.save(folder / "detail-faces.npy", detail.faces[1:])
         assert find_vertex_colours(scene, tmp_path) is None
 
@@ -134,15 +134,17 @@ def test_vertex_colours_come_from_the_work_directory_if_they_fit(scene_path, loa
 def test_vertex_colours_of_a_build_by_tiles_are_those_of_its_tiles(scene_path, loaded, tmp_path):
     detail = loaded[0].detail
     half = len(detail.faces) // 2
-    parts = (("tile-00000", detail.faces[:half]), ("tile-00001", detail.faces[half:]))
-    for name, faces in parts:
+    tiles = (("tile-00000", detail.faces[:half]), ("tile-00001", detail.faces[half:]))
+    for name, faces in tiles:
         (tmp_path / name).mkdir()
         np.save(tmp_path / name / "vertices.npy", detail.vertices)
         np.save(tmp_path / name / "colours.npy", detail.colours)
         np.save(tmp_path / name / "faces.npy", faces)
     with Scene.open(scene_path) as scene:
-        found = find_vertex_colours(scene, tmp_path)
-        assert found is not None
-        np.testing.assert_array_equal(found.colours[found.faces], detail.colours[detail.faces])
+        vertex_colours = find_vertex_colours(scene, tmp_path)
+        assert vertex_colours is not None
+        np.testing.assert_array_equal(
+            vertex_colours.colours[vertex_colours.faces], detail.colours[detail.faces]
+        )
         (tmp_path / "tile-00001" / "faces.npy").unlink()
         assert find_vertex_colours(scene, tmp_path) is None

@@ -23,7 +23,7 @@ def scene(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFacto
     return write_tiny_scene(tmp_path_factory.mktemp("colour") / request.param, image=image).path
 
 
-def said(scene: Path) -> str:
+def expected_text(scene: Path) -> str:
     return {
         "points": "from the points",
         "photos": "from the photos, as textures on 2 of 4 segments; "
@@ -34,13 +34,13 @@ def said(scene: Path) -> str:
 def test_the_report_says_where_colour_comes_from(scene: Path) -> None:
     with Scene.open(scene) as opened:
         details = collect_facts(opened, has_input=False).details
-    assert {row["label"]: row["value"] for row in details}["colour"] == said(scene)
+    assert {row["label"]: row["value"] for row in details}["colour"] == expected_text(scene)
 
 
 def test_inspect_says_the_same(scene: Path) -> None:
     result = CliRunner().invoke(app, ["inspect", str(scene)], env={"COLUMNS": "200"})
     assert result.exit_code == 0
-    assert said(scene) in result.stdout
+    assert expected_text(scene) in result.stdout
     assert inspect_scene(scene)["colour"] == {
         "source": scene.name,
         "textured_segments": 2 if scene.name == "photos" else 0,
@@ -66,5 +66,5 @@ def test_every_kind_of_scene(
     textures = manifest.textures
     if textures is not None:
         textures = textures.model_copy(update={"source": source, "segments": textured})
-    told = manifest.model_copy(update={"textures": textures, "has_colour": has_colour})
-    assert str(SceneColour.of(told)) == text
+    edited = manifest.model_copy(update={"textures": textures, "has_colour": has_colour})
+    assert str(SceneColour.of(edited)) == text

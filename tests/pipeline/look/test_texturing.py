@@ -117,10 +117,10 @@ def test_bilinear_is_exact_at_texels_and_between_them() -> None:
 def test_images_are_halved_while_they_decode(kind: str, halvings: int) -> None:
     pixels = np.zeros((96, 160, 3), dtype=np.uint8)
     pixels[:48] = 200
-    found = decode_halved(file_of(pixels, kind), halvings)
-    assert found.shape == (96 >> halvings, 160 >> halvings, 3)
-    assert abs(int(found[0, 0, 0]) - 200) < 6
-    assert found[-1, 0, 0] < 6
+    decoded = decode_halved(file_of(pixels, kind), halvings)
+    assert decoded.shape == (96 >> halvings, 160 >> halvings, 3)
+    assert abs(int(decoded[0, 0, 0]) - 200) < 6
+    assert decoded[-1, 0, 0] < 6
 
 
 def test_what_is_no_image_is_an_error_that_says_so() -> None:

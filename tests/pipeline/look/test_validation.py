@@ -118,23 +118,23 @@ def npm_calls(monkeypatch, tmp_path):
 
 
 def test_nothing_is_fetched_unasked(scene_path, npm_calls) -> None:
-    said: list[str] = []
-    result = validate(scene_path, ValidationOptions(None), announce=said.append)
+    announced: list[str] = []
+    result = validate(scene_path, ValidationOptions(None), announce=announced.append)
     assert (result.problems, result.gltf.not_run) == (0, "only with --khronos")
     assert not npm_calls.exists()
-    assert said == []
+    assert announced == []
 
 
 def test_what_is_fetched_is_said_first(scene_path, npm_calls) -> None:
-    said: list[str] = []
+    announced: list[str] = []
 
     def announce(line: str) -> None:
         assert not npm_calls.exists()
-        said.append(line)
+        announced.append(line)
 
     result = validate(scene_path, ValidationOptions(None, khronos=True), announce=announce)
     assert gltf_validator.PACKAGE in npm_calls.read_text()
-    (line,) = said
+    (line,) = announced
     assert line.startswith(f"fetching {gltf_validator.PACKAGE} from the npm registry into ")
     assert result.gltf.not_run == "npm could not install gltf-validator (no network?)"
     assert result.problems == 1

@@ -33,10 +33,10 @@ def advance() -> Callable[[int, int], None]:
     """A progress callback that checks what it is told: never more than the whole."""
     seen = 0
 
-    def told(count: int, total: int) -> None:
+    def check_count(count: int, total: int) -> None:
         nonlocal seen
         seen += count
         assert 0 <= count <= total
         assert seen <= total
 
-    return told
+    return check_count

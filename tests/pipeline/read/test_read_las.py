@@ -148,9 +148,9 @@ def test_a_table_that_does_not_add_up_is_not_trusted(
     used = []
     opened = laspy.open
 
-    def open_and_note(*given, laz_backend, **more):
+    def open_and_note(*arguments, laz_backend, **more):
         used.append(laz_backend)
-        return opened(*given, laz_backend=laz_backend, **more)
+        return opened(*arguments, laz_backend=laz_backend, **more)
 
     monkeypatch.setattr(laspy, "open", open_and_note)
     trusted = read_las(path, advance=ignore)
@@ -171,7 +171,7 @@ def test_a_damaged_table_of_chunks_is_refused_or_does_not_matter(tmp_path, sampl
     for at in [*range(start, start + 8), *range(table, len(data))]:
         path.write_bytes(data[:at] + bytes([data[at] ^ 0x15]) + data[at + 1 :])
         try:
-            found = read_las(path, advance=ignore).points
+            points = read_las(path, advance=ignore).points
         except ReadError:
             continue
-        np.testing.assert_array_equal(found, whole)
+        np.testing.assert_array_equal(points, whole)

@@ -97,7 +97,7 @@ HEAD = "VERSION 0.7\nFIELDS {fields}\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         (HEAD.format(fields="x y w", n=1) + "POINTS 1\nDATA ascii\n1 2 3\n", "no field z"),
         (HEAD.format(fields="x y z", n=0) + "POINTS 0\nDATA ascii\n", "0 points"),
@@ -122,9 +122,9 @@ HEAD = "VERSION 0.7\nFIELDS {fields}\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH
         (HEAD.format(fields="x y z", n=1) + "POINTS 1\nDATA ascii\n1 2 three\n", "cannot be read"),
     ],
 )
-def test_bad_files_are_named(tmp_path, advance, text: str, told: str) -> None:
+def test_bad_files_are_named(tmp_path, advance, text: str, message: str) -> None:
     path = tmp_path / "a.pcd"
     path.write_text(text)
     with pytest.raises(ReadError) as caught:
         read_pcd(path, advance=advance)
-    assert told in str(caught.value)
+    assert message in str(caught.value)

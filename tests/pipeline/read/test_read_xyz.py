@@ -114,7 +114,7 @@ def test_thinning_takes_whole_points(tmp_path, sample, advance) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("a,b,c\n", "is not followed by rows of numbers"),
         ("hello world\nthis is prose\n", "is not followed by rows of numbers"),
@@ -126,12 +126,12 @@ def test_thinning_takes_whole_points(tmp_path, sample, advance) -> None:
         ("x,y,class\n1,2,3\n", "no column z"),
     ],
 )
-def test_bad_text_is_named(tmp_path, advance, text: str, told: str) -> None:
+def test_bad_text_is_named(tmp_path, advance, text: str, message: str) -> None:
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(ReadError) as caught:
         read_xyz(path, advance=advance)
-    assert told.lower() in str(caught.value).lower()
+    assert message.lower() in str(caught.value).lower()
 
 
 def test_the_line_of_a_damaged_row_is_named(tmp_path, sample, advance) -> None:

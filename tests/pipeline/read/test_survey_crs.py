@@ -33,10 +33,11 @@ def test_feet_become_metres_in_the_same_projection(epsg: int, unit: float) -> No
     # The new CRS means the same place on Earth.
     assert crs is not None
     assert crs.epsg is None
-    there = Transformer.from_crs(CRS.from_epsg(epsg), 4326, always_xy=True)
-    here = Transformer.from_crs(CRS.from_wkt(crs.wkt), 4326, always_xy=True)
+    from_feet = Transformer.from_crs(CRS.from_epsg(epsg), 4326, always_xy=True)
+    from_metres = Transformer.from_crs(CRS.from_wkt(crs.wkt), 4326, always_xy=True)
     np.testing.assert_allclose(
-        here.transform(points[:, 0], points[:, 1]), there.transform(feet[:, 0], feet[:, 1]),
+        from_metres.transform(points[:, 0], points[:, 1]),
+        from_feet.transform(feet[:, 0], feet[:, 1]),
         rtol=0, atol=1e-9,
     )  # fmt: skip
 

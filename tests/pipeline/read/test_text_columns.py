@@ -11,12 +11,12 @@ INTENSITY = [[-1200.5], [900.0], [12.0]]
 NORMALS = [[0.0, 0.0, 1.0], [0.6, 0.0, 0.8], [0.0, -1.0, 0.0]]
 
 
-def name(*parts, pts=False):
-    return name_bare_columns(np.hstack(parts), intensity_first=pts)
+def name(*columns, pts=False):
+    return name_bare_columns(np.hstack(columns), intensity_first=pts)
 
 
 @pytest.mark.parametrize(
-    ("parts", "expected"),
+    ("columns", "expected"),
     [
         ((XYZ,), "x y z"),
         ((XYZ, INTENSITY), "x y z intensity"),
@@ -29,8 +29,8 @@ def name(*parts, pts=False):
         ((XYZ, INTENSITY, INTENSITY), "x y z column_4 column_5"),
     ],
 )
-def test_numbers_alone_are_named_by_rule(parts, expected: str) -> None:
-    assert name(*parts) == expected.split()
+def test_numbers_alone_are_named_by_rule(columns, expected: str) -> None:
+    assert name(*columns) == expected.split()
 
 
 def test_pts_files_have_intensity_first() -> None:

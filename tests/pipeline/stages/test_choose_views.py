@@ -27,47 +27,47 @@ def rays() -> RayScene:
 
 
 def choose(
-    place: PhotoScene, options: Options | None = None, *, gained: bool = True, **more: object
+    site: PhotoScene, options: Options | None = None, *, gained: bool = True, **more: object
 ) -> ViewChoice:
-    mesh = place.mesh
-    gains = neutral_gains(len(place.views))
+    mesh = site.mesh
+    gains = neutral_gains(len(site.views))
     if gained:
-        gains = view_gains(mesh, place.views, place, rays())
+        gains = view_gains(mesh, site.views, site, rays())
     return choose_views(
-        mesh.vertices, mesh.faces, mesh.normals, mesh.colours, place.views, place, rays(), gains,
+        mesh.vertices, mesh.faces, mesh.normals, mesh.colours, site.views, site, rays(), gains,
         options, **more,  # type: ignore[arg-type]
     )  # fmt: skip
 
 
-def hidden(place: PhotoScene, number: int) -> np.ndarray:
+def hidden(site: PhotoScene, number: int) -> np.ndarray:
     """Faces that something hides from a camera, asked from the camera; not those at a rim."""
-    view, normals = place.views[number], place.mesh.normals[place.mesh.faces].mean(axis=1)
+    view, normals = site.views[number], site.mesh.normals[site.mesh.faces].mean(axis=1)
     out_of_sight = np.ones(len(normals), bool)
     for lift_m in (0.0, 0.2):
-        towards = place.centres + lift_m * normals - view.position
+        towards = site.centres + lift_m * normals - view.position
         distance, face = rays().closest_hit(np.broadcast_to(view.position, towards.shape), towards)
         out_of_sight &= (distance < 0.98) & (face != np.arange(len(towards)))
     return out_of_sight
 
 
-def coloured(place: PhotoScene, choice: ViewChoice) -> np.ndarray:
+def coloured(site: PhotoScene, choice: ViewChoice) -> np.ndarray:
     """Levels at the faces' middles as the module view_choice says."""
-    mesh = place.mesh
+    mesh = site.mesh
     levels = mesh.colours[mesh.faces].mean(axis=1, dtype=np.float64)
 
     def seen(view: np.ndarray) -> np.ndarray:
-        found = levels.copy()
-        for number, one in enumerate(place.views):
+        adjusted = levels.copy()
+        for number, camera in enumerate(site.views):
             rows = np.flatnonzero(view == number)
-            pixels, _ = one.project(place.centres[rows])
+            pixels, _ = camera.project(site.centres[rows])
             gain = choice.gains[number].astype(np.float64)
-            size = np.array([one.lens.width, one.lens.height])
+            size = np.array([camera.lens.width, camera.lens.height])
             square = 4.0 * ((pixels - size / 2) ** 2).sum(axis=1) / (size**2).sum()
             h = gain[:3] * (1.0 + square * (gain[3] + square * gain[4]))[:, None]
-            photo = place.get(number)
+            photo = site.get(number)
             column, row = np.floor(pixels).astype(int).T
-            found[rows] = (photo[row, column] + SRGB_OFFSET) * h - SRGB_OFFSET
-        return found
+            adjusted[rows] = (photo[row, column] + SRGB_OFFSET) * h - SRGB_OFFSET
+        return adjusted
 
     weight = choice.blend_weight.mean(axis=1)[:, None]
     mixed = (1 - weight) * seen(choice.view) + weight * seen(choice.blend_view)
@@ -77,24 +77,24 @@ def coloured(place: PhotoScene, choice: ViewChoice) -> np.ndarray:
 
 
 def test_a_face_gets_the_photo_that_shows_it_largest() -> None:
-    place = scene(crate=False)
+    site = scene(crate=False)
     options = Options(smoothness=0.0, reject_outliers=False, level_seams=False)
-    choice = choose(place, options, gained=False)
+    choice = choose(site, options, gained=False)
     # flat ground far from the block, seen by two cameras or more
-    near_first = np.linalg.norm(place.centres[:, [0, 2]] - (13.0, 15.0), axis=1) < 1.5
-    near_last = np.linalg.norm(place.centres[:, [0, 2]] - (27.0, 25.0), axis=1) < 1.5
+    near_first = np.linalg.norm(site.centres[:, [0, 2]] - (13.0, 15.0), axis=1) < 1.5
+    near_last = np.linalg.norm(site.centres[:, [0, 2]] - (27.0, 25.0), axis=1) < 1.5
     assert (choice.view[near_first] >= 0).all()
     assert (choice.view[near_last] >= 0).all()
     # what it got is as large as in any other photo that may be used
-    area = np.stack([projected_area(place, number) for number in range(len(place.views))])
-    usable = np.stack([~hidden(place, number) for number in range(len(place.views))])
+    area = np.stack([projected_area(site, number) for number in range(len(site.views))])
+    usable = np.stack([~hidden(site, number) for number in range(len(site.views))])
     best = np.where(usable, area, 0.0).max(axis=0)
     rows = np.flatnonzero(near_first | near_last)
     assert (area[choice.view[rows], rows] > 0.6 * best[rows]).all()
 
 
-def projected_area(place: PhotoScene, number: int) -> np.ndarray:
-    view, mesh = place.views[number], place.mesh
+def projected_area(site: PhotoScene, number: int) -> np.ndarray:
+    view, mesh = site.views[number], site.mesh
     pixels, _ = view.project(mesh.vertices.astype(np.float64))
     corners = pixels[mesh.faces]
     a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
@@ -106,11 +106,11 @@ def projected_area(place: PhotoScene, number: int) -> np.ndarray:
 
 @pytest.mark.parametrize("smoothness", [0.0, 1.0, 30.0])
 def test_hidden_faces_are_never_coloured_by_what_hides_them(smoothness: float) -> None:
-    place = scene()
-    choice = choose(place, Options(smoothness=smoothness))
+    site = scene()
+    choice = choose(site, Options(smoothness=smoothness))
     behind = 0
-    for number in range(len(place.views)):
-        out_of_sight = hidden(place, number)
+    for number in range(len(site.views)):
+        out_of_sight = hidden(site, number)
         behind += int(out_of_sight.sum())
         assert not (choice.view[out_of_sight] == number).any()
         assert not (choice.blend_view[out_of_sight] == number).any()
@@ -118,14 +118,14 @@ def test_hidden_faces_are_never_coloured_by_what_hides_them(smoothness: float) -
 
 
 def test_a_crate_that_stands_elsewhere_in_every_photo_is_voted_out() -> None:
-    place = scene()
-    kept, rejected = (choose(place, Options(reject_outliers=on)) for on in (False, True))
+    site = scene()
+    kept, rejected = (choose(site, Options(reject_outliers=on)) for on in (False, True))
     wrong = []
     for choice in (kept, rejected):
-        shown = np.zeros(len(place.centres), bool)
-        for number in range(len(place.views)):
+        shown = np.zeros(len(site.centres), bool)
+        for number in range(len(site.views)):
             x, z = crate_place(number)
-            off = np.abs(place.centres[:, [0, 2]] - (x, z)).max(axis=1)
+            off = np.abs(site.centres[:, [0, 2]] - (x, z)).max(axis=1)
             shown |= (off < 0.5 * CRATE_M - 0.4) & (choice.view == number)
         wrong.append(int(shown.sum()))
     assert wrong[0] > 50
@@ -134,10 +134,10 @@ def test_a_crate_that_stands_elsewhere_in_every_photo_is_voted_out() -> None:
 
 
 def test_gains_and_levelling_bring_the_colours_near_the_truth() -> None:
-    place = scene()
-    truth = paint(place.centres)
-    seen = choose(place).view >= 0
-    x, z = place.centres[:, 0], place.centres[:, 2]
+    site = scene()
+    truth = paint(site.centres)
+    seen = choose(site).view >= 0
+    x, z = site.centres[:, 0], site.centres[:, 2]
     seen &= ~((x > BLOCK[0] - 1) & (x < BLOCK[1] + 1) & (z > BLOCK[2] - 1) & (z < BLOCK[3] + 1))
     error = []
     for options, gained in (
@@ -145,8 +145,8 @@ def test_gains_and_levelling_bring_the_colours_near_the_truth() -> None:
         (Options(level_seams=False), True),
         (Options(), True),
     ):
-        choice = choose(place, options, gained=gained)
-        error.append(np.abs(coloured(place, choice) - truth)[seen].mean())
+        choice = choose(site, options, gained=gained)
+        error.append(np.abs(coloured(site, choice) - truth)[seen].mean())
     assert error[0] > 6.0
     assert error[1] < 4.0
     assert error[2] < error[1] + 0.3
@@ -163,68 +163,68 @@ def test_each_step_lowers_the_seams() -> None:
 
 
 def test_the_result_is_the_same_with_two_threads() -> None:
-    one, two = (choose(scene(), threads=threads) for threads in (1, 2))
+    one_thread, two_threads = (choose(scene(), threads=threads) for threads in (1, 2))
     for name in ("view", "blend_view", "blend_weight", "correction", "gains"):
-        assert getattr(one, name).tobytes() == getattr(two, name).tobytes()
-    assert one.facts == two.facts
+        assert getattr(one_thread, name).tobytes() == getattr(two_threads, name).tobytes()
+    assert one_thread.facts == two_threads.facts
 
 
 def test_inputs_may_be_read_only() -> None:
-    place = scene()
-    mesh = place.mesh
+    site = scene()
+    mesh = site.mesh
     before = mesh.faces.copy()
     for array in (mesh.vertices, mesh.faces, mesh.colours):
         array.setflags(write=False)
-    choose(place)
+    choose(site)
     assert (mesh.faces == before).all()
 
 
 def test_the_order_of_faces_does_not_matter() -> None:
-    place = scene()
-    mesh = place.mesh
+    site = scene()
+    mesh = site.mesh
     turned = mesh.faces[::-1].copy()
-    gains = view_gains(mesh, place.views, place, rays())
+    gains = view_gains(mesh, site.views, site, rays())
     options = Options(smoothness=0.0, level_seams=False, reject_outliers=False)
-    one, two = (
+    forwards, backwards = (
         choose_views(
-            mesh.vertices, faces, mesh.normals, mesh.colours, place.views, place, rays(), gains,
+            mesh.vertices, faces, mesh.normals, mesh.colours, site.views, site, rays(), gains,
             options,
         )
         for faces in (mesh.faces, turned)
     )  # fmt: skip
-    assert (one.view == two.view[::-1]).all()
+    assert (forwards.view == backwards.view[::-1]).all()
 
 
 def test_with_no_view_everything_keeps_its_vertex_colours() -> None:
-    place = PhotoScene(scene().mesh, [], [])
-    choice = choose(place)
+    site = PhotoScene(scene().mesh, [], [])
+    choice = choose(site)
     assert (choice.view == -1).all()
     assert (choice.blend_view == -1).all()
     assert not choice.correction.any()
 
 
 def test_one_view_colours_what_it_sees() -> None:
-    place = PhotoScene(scene().mesh, scene().views[:1], scene().photos[:1])
-    choice = choose(place)
+    site = PhotoScene(scene().mesh, scene().views[:1], scene().photos[:1])
+    choice = choose(site)
     assert set(np.unique(choice.view)) == {-1, 0}
-    assert not (choice.view[hidden(place, 0)] == 0).any()
+    assert not (choice.view[hidden(site, 0)] == 0).any()
     # at the border of what it sees the vertex colours meet it
     assert choice.facts["seam_step_local"] < choice.facts["seam_step_photos"]
 
 
 def test_a_photo_that_sees_nothing_is_not_even_read() -> None:
-    place = scene()
-    blind = place.views[0]
+    site = scene()
+    blind = site.views[0]
     away = type(blind)(blind.name, blind.lens, -blind.rotation * [[1], [-1], [1]], blind.position)
 
     class Store:
         def get(self, view_index: int, scale: int = 1) -> np.ndarray:
             assert view_index != 6
-            return place.get(view_index, scale)
+            return site.get(view_index, scale)
 
-    mesh = place.mesh
+    mesh = site.mesh
     choice = choose_views(
-        mesh.vertices, mesh.faces, mesh.normals, mesh.colours, [*place.views, away], Store(),
+        mesh.vertices, mesh.faces, mesh.normals, mesh.colours, [*site.views, away], Store(),
         rays(), neutral_gains(7),
     )  # fmt: skip
     assert choice.facts["views_blank"] == 1
@@ -232,22 +232,22 @@ def test_a_photo_that_sees_nothing_is_not_even_read() -> None:
 
 
 def test_an_empty_mesh() -> None:
-    place = scene()
+    site = scene()
     none = np.zeros((0, 3))
     choice = choose_views(
         none.astype(np.float32), none.astype(np.int32), none.astype(np.float32),
-        none.astype(np.uint8), place.views, place, rays(), neutral_gains(6),
+        none.astype(np.uint8), site.views, site, rays(), neutral_gains(6),
     )  # fmt: skip
     assert choice.view.shape == (0,)
     assert choice.correction.shape == (0, 3, 3)
 
 
 def test_gains_of_another_length_are_refused() -> None:
-    place = scene()
-    mesh = place.mesh
+    site = scene()
+    mesh = site.mesh
     with pytest.raises(ValueError, match="3 rows of gains for 6 views, expected one more"):
         choose_views(
-            mesh.vertices, mesh.faces, mesh.normals, mesh.colours, place.views, place, rays(),
+            mesh.vertices, mesh.faces, mesh.normals, mesh.colours, site.views, site, rays(),
             neutral_gains(2),
         )  # fmt: skip
 
@@ -273,19 +273,19 @@ def test_exposures_differ_in_the_scene() -> None:
 
 def test_a_noisy_surface_has_no_more_charts_than_asked_for_and_still_its_colours() -> None:
     """Ground so rough that each face hides from some of the cameras."""
-    place = scene(crate=False)
+    site = scene(crate=False)
     rng = np.random.default_rng(5)
-    vertices = place.mesh.vertices.copy()
+    vertices = site.mesh.vertices.copy()
     vertices[:, 1] += rng.normal(0.0, 0.6, len(vertices)).astype(np.float32)
     levels = np.rint(paint(vertices.astype(np.float64))).astype(np.uint8)
-    mesh = replace(place.mesh, vertices=vertices, colours=levels)
+    mesh = replace(site.mesh, vertices=vertices, colours=levels)
     noisy = RayScene(vertices, mesh.faces, threads=1)
     pairs, _ = face_pairs(mesh.faces, len(vertices))
 
     def charts(max_charts: int) -> tuple[ViewChoice, int]:
         choice = choose_views(
-            vertices, mesh.faces, mesh.normals, levels, place.views, place, noisy,
-            neutral_gains(len(place.views)), Options(max_charts=max_charts),
+            vertices, mesh.faces, mesh.normals, levels, site.views, site, noisy,
+            neutral_gains(len(site.views)), Options(max_charts=max_charts),
         )  # fmt: skip
         return choice, components(len(mesh.faces), pairs, labels=choice.view + 1)[1]
 
@@ -294,6 +294,6 @@ def test_a_noisy_surface_has_no_more_charts_than_asked_for_and_still_its_colours
     assert 0 < few.facts["faces_borrowed"] < 0.5 * len(mesh.faces)
     assert np.isfinite(few.correction.astype(float)).all()
     assert np.abs(few.correction.astype(float)).max() <= 64.0
-    shown = coloured(replace(place, mesh=mesh), few)
+    shown = coloured(replace(site, mesh=mesh), few)
     truth = paint(vertices[mesh.faces].mean(axis=1, dtype=np.float64))
     assert np.median(np.abs(shown - truth)) < 15.0

@@ -83,11 +83,11 @@ def test_whole_number_classes_are_codes_and_amounts_are_not(hill: Hill, context:
     survey.attributes["intensity"] = (np.arange(3000) * 17 % 60_000).astype(np.uint16)
     result = clean.run(survey, clean.Options(), context)
     assert result.codes == ("classification",)
-    told = " ".join(result.facts.warnings)
-    assert "'gps_time'" in told
-    assert "'point_id' exceeds 2^24" in told
-    assert "'intensity'" not in told
-    assert "'grade'" not in told
+    warnings = " ".join(result.facts.warnings)
+    assert "'gps_time'" in warnings
+    assert "'point_id' exceeds 2^24" in warnings
+    assert "'intensity'" not in warnings
+    assert "'grade'" not in warnings
 
 
 def test_unknown_values_stay_unknown(hill: Hill, context: Context) -> None:

@@ -22,13 +22,13 @@ MESH = Mesh(
 
 
 def stored(folder: Path) -> StoredTiles:
-    place = folder / "tile-00000"
-    place.mkdir()
+    tile_folder = folder / "tile-00000"
+    tile_folder.mkdir()
     for field in ("vertices", "faces", "normals", "colours"):
-        np.save(place / f"{field}.npy", getattr(MESH, field))
-    np.save(place / "attribute-0.npy", MESH.attributes["grade"])
-    np.save(place / "border-rows.npy", np.array([1], dtype=np.int32))
-    np.save(place / "border-ids.npy", np.array([7]))
+        np.save(tile_folder / f"{field}.npy", getattr(MESH, field))
+    np.save(tile_folder / "attribute-0.npy", MESH.attributes["grade"])
+    np.save(tile_folder / "border-rows.npy", np.array([1], dtype=np.int32))
+    np.save(tile_folder / "border-ids.npy", np.array([7]))
     box = np.array([[0.0, 0, 0, 3, 1, 2]])
     return StoredTiles(folder, ("tile-00000",), box, (1,), (3,), ("grade",), 8, "abc")
 

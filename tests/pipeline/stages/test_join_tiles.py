@@ -47,7 +47,7 @@ def seen(
 ) -> Look:
     return Look(
         np.array(sizes, np.int64),
-        np.array([part for part, _ in shared], np.int64),
+        np.array([vertex for vertex, _ in shared], np.int64),
         np.array([ends for _, ends in shared], np.int64).reshape(-1, 2),
         np.tile([0.0, 2.0, 0.0], (len(shared), 1)),
         np.array(edges, np.int64).reshape(-1, 4),
@@ -114,16 +114,16 @@ def test_a_sheet_over_two_tiles_has_a_seam_and_no_crack() -> None:
     "outline", [None, Footprint((90.0, 30.0), 0.5, np.ones((9, 7), np.float32))]
 )
 def test_the_join_comes_back_from_its_arrays(outline: Footprint | None) -> None:
-    found = joined([piece(0), piece(1)])
+    result = joined([piece(0), piece(1)])
     rule, base_rule = (
         dataclasses.replace(each, footprint=outline)
-        for each in (found.join.rule, found.join.base_rule)
+        for each in (result.join.rule, result.join.base_rule)
     )
-    join = dataclasses.replace(found.join, rule=rule, base_rule=base_rule)
-    again, settled = from_stored(to_stored(join, found.settled))
-    for one, two in ((join, again), (found.settled, settled)):
-        for item in dataclasses.fields(one):
-            before, after = getattr(one, item.name), getattr(two, item.name)
+    join = dataclasses.replace(result.join, rule=rule, base_rule=base_rule)
+    again, settled = from_stored(to_stored(join, result.settled))
+    for original, restored in ((join, again), (result.settled, settled)):
+        for item in dataclasses.fields(original):
+            before, after = getattr(original, item.name), getattr(restored, item.name)
             if isinstance(before, EdgeRule):
                 plain = [dataclasses.replace(each, footprint=None) for each in (before, after)]
                 assert dataclasses.astuple(plain[0]) == dataclasses.astuple(plain[1])

@@ -15,19 +15,19 @@ def border(arrays: dict[str, np.ndarray]) -> dict[int, int]:
 
 
 def test_shared_vertices_are_the_same_in_both_to_the_last_bit() -> None:
-    one, two = joined([piece(0), piece(1, lift_cells=0.04)]).tiles
-    first, second = border(one), border(two)
+    first_tile, second_tile = joined([piece(0), piece(1, lift_cells=0.04)]).tiles
+    first, second = border(first_tile), border(second_tile)
     assert len(first) == CORE + 1
     assert first.keys() == second.keys()
     for name in ("vertices", "normals", "colours", "attribute-0", "attribute-1"):
         for number, row in first.items():
-            assert one[name][row].tobytes() == two[name][second[number]].tobytes()
+            assert first_tile[name][row].tobytes() == second_tile[name][second[number]].tobytes()
 
 
 def test_what_is_not_shared_stays_where_it_was() -> None:
     pieces = [piece(0), piece(1, lift_cells=0.04)]
-    made = joined(pieces).tiles
-    for tile, (before, after) in enumerate(zip(pieces, made, strict=True)):
+    tiles = joined(pieces).tiles
+    for tile, (before, after) in enumerate(zip(pieces, tiles, strict=True)):
         own = np.setdiff1d(np.arange(len(before["vertices"])), after["border-rows"])
         expected = before["vertices"].astype(np.float64) + task(tile).centre_m
         assert (after["vertices"][own] == expected.astype(np.float32)[own]).all()
@@ -58,16 +58,19 @@ def test_the_cut_is_the_same_on_both_sides() -> None:
         each["ratio"][z > 4.5] = 0.5
         rows = each["border-rows"]
         each["border-ratio"] = each["ratio"][rows]
-    found = joined(pieces)
-    assert len(found.settled.pairs) == 1  # the cut crosses the wall on one edge
-    assert found.settled.cracks == 0
-    one, two = (border(each) for each in found.tiles)
-    new = len(found.join.cells)
-    assert new in one
-    assert new in two
-    places = [each["vertices"][at[new]] for each, at in zip(found.tiles, (one, two), strict=True)]
+    result = joined(pieces)
+    assert len(result.settled.pairs) == 1  # the cut crosses the wall on one edge
+    assert result.settled.cracks == 0
+    first_border, second_border = (border(each) for each in result.tiles)
+    new = len(result.join.cells)
+    assert new in first_border
+    assert new in second_border
+    places = [
+        each["vertices"][at[new]]
+        for each, at in zip(result.tiles, (first_border, second_border), strict=True)
+    ]
     assert places[0].tobytes() == places[1].tobytes()
-    for each in found.tiles:
+    for each in result.tiles:
         assert each["vertices"][:, 2].min() == pytest.approx(40.0 + 0.5 * 3.3, abs=1e-5)
         # the surface that the base is made from ends so much farther out, in metres of support
         assert each["base-vertices"][:, 2].min() == pytest.approx(40.0 + 0.5 * 2.3, abs=1e-5)
@@ -82,9 +85,9 @@ def test_a_weak_place_on_both_sides_of_the_wall_is_told_with_its_ids() -> None:
         each["ratio"][near] = 3.0
         each["border-ratio"] = each["ratio"][each["border-rows"]]
     join = join_of(pieces, RULE)
-    found = [weak_places(task(t), t, each, join) for t, each in enumerate(pieces)]
-    assert [each.farthest.tolist() for each in found] == [[3.0], [3.0]]
-    assert found[0].touch[:, 1].tolist() == found[1].touch[:, 1].tolist() == list(range(CORE + 1))
+    weak = [weak_places(task(t), t, each, join) for t, each in enumerate(pieces)]
+    assert [each.farthest.tolist() for each in weak] == [[3.0], [3.0]]
+    assert weak[0].touch[:, 1].tolist() == weak[1].touch[:, 1].tolist() == list(range(CORE + 1))
 
 
 def test_a_dropped_piece_takes_its_vertices_along() -> None:
@@ -108,8 +111,8 @@ def test_a_tile_without_surface_stays_empty() -> None:
         empty[name] = empty[name][:0]
     for name in ("rows", "cells", "ratio", "edges", "walls"):
         empty[f"border-{name}"] = empty[f"border-{name}"][:0]
-    found = joined([piece(0), empty])
-    arrays, box = finish(task(1), 1, empty, found.join, found.settled)
+    result = joined([piece(0), empty])
+    arrays, box = finish(task(1), 1, empty, result.join, result.settled)
     assert len(arrays["faces"]) == len(arrays["vertices"]) == len(arrays["border-ids"]) == 0
     assert (box == 0).all()
-    assert found.settled.seam_edges == 0
+    assert result.settled.seam_edges == 0

@@ -29,11 +29,11 @@ def test_windows_tell_what_the_whole_tells(tmp_path: Path, monkeypatch) -> None:
     cloud = Cloud(
         thin, np.zeros_like(thin), np.zeros((len(thin), 3), np.uint8), {}, ORIGIN, spacing
     )
-    found = measure_survey.run(tmp_path / "points.npy", cloud, 16, Context(tmp_path)).values
+    measured = measure_survey.run(tmp_path / "points.npy", cloud, 16, Context(tmp_path)).values
     neighbours = nearest_neighbours(points - ORIGIN, 16, workers=1)
     middle, deviation = usual_distance(mean_distances(neighbours))
-    assert found["spacing_m"] == pytest.approx(estimate_spacing(neighbours).areal_m, rel=0.06)
-    assert found["usual_log_m"] == pytest.approx(middle, abs=0.06)
-    assert found["usual_deviation"] == pytest.approx(deviation, rel=0.25)
-    assert found["points"] == 30_000
-    assert found["extent_m"] == pytest.approx(100, abs=1)
+    assert measured["spacing_m"] == pytest.approx(estimate_spacing(neighbours).areal_m, rel=0.06)
+    assert measured["usual_log_m"] == pytest.approx(middle, abs=0.06)
+    assert measured["usual_deviation"] == pytest.approx(deviation, rel=0.25)
+    assert measured["points"] == 30_000
+    assert measured["extent_m"] == pytest.approx(100, abs=1)

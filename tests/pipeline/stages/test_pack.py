@@ -57,10 +57,10 @@ def test_the_segments_together_are_the_detail(scene: Path, inputs: Inputs) -> No
     detail = inputs[0].detail
     with Scene.open(scene) as opened:
         step_m = opened.manifest.step_m
-        found = []
+        triangles = []
         for number in range(opened.manifest.counts.segments):
             mesh = decode_glb(opened.payload(number))
-            found.append(mesh.positions[mesh.faces])
+            triangles.append(mesh.positions[mesh.faces])
     expected = snap(detail.vertices, step_m)[detail.faces]
 
     def canonical(triangles: np.ndarray) -> list[tuple[float, ...]]:
@@ -70,7 +70,7 @@ def test_the_segments_together_are_the_detail(scene: Path, inputs: Inputs) -> No
             rows.append(tuple(value for corner in min(turned) for value in corner))
         return sorted(rows)
 
-    assert canonical(np.concatenate(found)) == canonical(expected)
+    assert canonical(np.concatenate(triangles)) == canonical(expected)
 
 
 def test_border_vertices_are_equal_in_all_segments(inputs: Inputs) -> None:
@@ -88,13 +88,13 @@ def test_vertices_are_split_where_regions_meet(inputs: Inputs) -> None:
     meshes, labels, _ = inputs
     order = np.argsort(labels.segments, kind="stable")
     expected = labels.regions[order]
-    found = []
+    regions = []
     for mesh in pack.split_segments(meshes.detail, labels.segments, labels.regions):
         assert mesh.region_ids is not None
         corners = mesh.region_ids[mesh.faces]
         assert (corners == corners[:, :1]).all()
-        found.append(corners[:, 0])
-    assert (np.concatenate(found) == expected).all()
+        regions.append(corners[:, 0])
+    assert (np.concatenate(regions) == expected).all()
 
 
 def test_values_come_back_within_their_step(scene: Path, inputs: Inputs) -> None:
@@ -105,16 +105,16 @@ def test_values_come_back_within_their_step(scene: Path, inputs: Inputs) -> None
         assert info["classification"].step == 1.0
         step_m = opened.manifest.step_m
         mesh = decode_glb(opened.payload(0))
-    place = {tuple(row): i for i, row in enumerate(snap(detail.vertices, step_m).tolist())}
-    index = np.array([place[tuple(row)] for row in mesh.positions.tolist()])
+    vertex_at = {tuple(row): i for i, row in enumerate(snap(detail.vertices, step_m).tolist())}
+    index = np.array([vertex_at[tuple(row)] for row in mesh.positions.tolist()])
     assert np.abs(mesh.positions - detail.vertices[index]).max() <= step_m / 2
     assert mesh.colours is not None
     assert (mesh.colours == detail.colours[index]).all()
     for name, values in mesh.attributes.items():
         expected = detail.attributes[name][index]
         assert (np.isnan(values) == np.isnan(expected)).all()
-        known = ~np.isnan(expected)
-        assert np.abs(values - expected)[known].max() <= 0.51 * info[name].step + 1e-6
+        finite = ~np.isnan(expected)
+        assert np.abs(values - expected)[finite].max() <= 0.51 * info[name].step + 1e-6
 
 
 def test_threads_change_no_byte(

@@ -114,7 +114,7 @@ def test_damaged_coordinates_far_away_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "data", "told"),
+    ("name", "data", "message"),
     [
         ("a.laz", b"", "the file is empty"),
         ("a.laz", b"GARBAGE and more", "starts with b'GARBAGE ', expected b'LASF'"),
@@ -126,12 +126,12 @@ def test_damaged_coordinates_far_away_are_refused(tmp_path: Path) -> None:
         ("survey", b"v 1 2 3\n", "a name without ending is no known kind"),
     ],
 )
-def test_wrong_files_are_named(tmp_path: Path, name: str, data: bytes, told: str) -> None:
+def test_wrong_files_are_named(tmp_path: Path, name: str, data: bytes, message: str) -> None:
     path = tmp_path / name
     path.write_bytes(data)
     with pytest.raises(ReadError) as caught:
         read_survey(path)
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert str(path) in str(caught.value)
     assert isinstance(caught.value, SurveyError)
 

@@ -117,9 +117,9 @@ def write_csv(path: Path) -> None:
     for i in range(COUNT):
         late = "1.5" if i == COUNT - 3 else str(i)
         colour = ",".join(map(str, COLOURS[i]))
-        place = ",".join(f"{value:.3f}" for value in POINTS[i])
+        coordinates = ",".join(f"{value:.3f}" for value in POINTS[i])
         code = "" if i == 600 else str(CLASSES[i])
-        lines.append(f"{place},{colour},{GRADE[i]:.6f},{code},stone,{late},")
+        lines.append(f"{coordinates},{colour},{GRADE[i]:.6f},{code},stone,{late},")
     path.write_text("\n".join(lines) + "\n")
 
 
@@ -157,12 +157,12 @@ def test_the_same_as_the_whole_reader(
     assert values == stored.values
     assert sorted(p.stem for p in folder.glob("*.npy")) == sorted(stored.arrays)
     for column, expected in stored.arrays.items():
-        found = np.load(folder / f"{column}.npy")
-        assert found.dtype == expected.dtype, column
-        np.testing.assert_array_equal(found, expected)
-    told = survey_store.facts_of(whole)
-    assert {key: facts.counts[key] for key in told.counts} == told.counts
-    assert set(facts.warnings) == set(told.warnings)
+        loaded = np.load(folder / f"{column}.npy")
+        assert loaded.dtype == expected.dtype, column
+        np.testing.assert_array_equal(loaded, expected)
+    expected_facts = survey_store.facts_of(whole)
+    assert {key: facts.counts[key] for key in expected_facts.counts} == expected_facts.counts
+    assert set(facts.warnings) == set(expected_facts.warnings)
     assert facts.counts["low"] == whole.points.min(axis=0).tolist()
     assert facts.counts["high"] == whole.points.max(axis=0).tolist()
 

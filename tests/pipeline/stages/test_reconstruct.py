@@ -93,16 +93,16 @@ def test_the_base_lies_under_all_of_the_detail(
     result: Reconstructed, solved_base: Reconstructed, ragged: Reconstructed
 ) -> None:
     assert ragged.facts.counts["base_faces_patched"] > 0
-    for found in (result, solved_base, ragged):
-        base, detail = found.base, found.detail
+    for reconstructed in (result, solved_base, ragged):
+        base, detail = reconstructed.base, reconstructed.detail
         bare = uncovered_faces(detail.vertices, detail.faces, base.vertices, base.faces)
         assert not bare.any()
 
 
 def test_the_base_keeps_its_budget(result: Reconstructed, solved_base: Reconstructed) -> None:
     assert solved_base.facts.counts["base_faces_trimmed"] > 600
-    for found in (result, solved_base):
-        assert 400 < len(found.base.faces) <= 660
+    for reconstructed in (result, solved_base):
+        assert 400 < len(reconstructed.base.faces) <= 660
 
 
 def test_a_base_from_the_detail_is_nearer_to_it(cleaned: clean.Cleaned, scratch: Path) -> None:
@@ -149,9 +149,9 @@ def test_who_asks_for_more_than_the_density_supports_is_told(
         base_faces=600, base_from="poisson", detail_depth=13, base_depth=9
     )
     facts = reconstruct.run(cleaned, options, Context(scratch)).facts
-    told = " ".join(facts.warnings)
-    assert f"detail depth {facts.counts['detail_depth']} instead of 13" in told
-    assert f"base depth {facts.counts['base_depth']} instead of 9" in told
+    warnings = " ".join(facts.warnings)
+    assert f"detail depth {facts.counts['detail_depth']} instead of 13" in warnings
+    assert f"base depth {facts.counts['base_depth']} instead of 9" in warnings
 
 
 def test_the_deviation_is_measured(result: Reconstructed) -> None:

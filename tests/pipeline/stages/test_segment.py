@@ -152,9 +152,9 @@ def test_an_option_of_one_engine_is_refused_with_every_other(engine: Any, name: 
     else:
         with pytest.raises(OptionError) as raised:
             segment.Options(**options)
-        said = "grid cell 0.5 m" if owner == "grid" else f"{name.replace('_', ' ')} 0.5"
+        option_text = "grid cell 0.5 m" if owner == "grid" else f"{name.replace('_', ' ')} 0.5"
         assert str(raised.value) == (
-            f"{said} with engine {engine}; expected engine {owner}: leave out "
+            f"{option_text} with engine {engine}; expected engine {owner}: leave out "
             f"--{name.replace('_', '-')}, or change --engine"
         )
 
@@ -210,38 +210,38 @@ def test_every_engine_and_what_it_compares(
 ) -> None:
     detail = meshes.detail
     attributes = {"height": detail.vertices[:, 1].copy()}
-    given = replace(meshes, detail=replace(detail, attributes=attributes))
+    input_meshes = replace(meshes, detail=replace(detail, attributes=attributes))
     options = replace(SMALL, engine=engine, segment_by=segment_by)
-    found = segment.run(given, options, context)
-    assert sorted(set(found.regions.tolist())) == list(range(found.facts.counts["regions"]))
-    assert found.facts.counts["engine"] == engine
-    assert found.facts.counts["segment_by"] == segment_by
-    again = segment.run(given, options, replace(context, threads=2))
-    assert again.regions.tobytes() == found.regions.tobytes()
-    assert again.segments.tobytes() == found.segments.tobytes()
+    segmented = segment.run(input_meshes, options, context)
+    assert sorted(set(segmented.regions.tolist())) == list(range(segmented.facts.counts["regions"]))
+    assert segmented.facts.counts["engine"] == engine
+    assert segmented.facts.counts["segment_by"] == segment_by
+    again = segment.run(input_meshes, options, replace(context, threads=2))
+    assert again.regions.tobytes() == segmented.regions.tobytes()
+    assert again.segments.tobytes() == segmented.segments.tobytes()
 
 
 def test_a_grey_surface_is_one_region_and_the_build_says_what_would_help(
     meshes: reconstruct.Reconstructed, context: Context
 ) -> None:
     grey = np.full_like(meshes.detail.colours, 128)
-    given = replace(meshes, detail=replace(meshes.detail, colours=grey))
-    found = segment.run(given, SMALL, context)
-    assert found.facts.counts["regions"] == 1
-    assert any("--segment-by shape" in text for text in found.facts.warnings)
+    input_meshes = replace(meshes, detail=replace(meshes.detail, colours=grey))
+    segmented = segment.run(input_meshes, SMALL, context)
+    assert segmented.facts.counts["regions"] == 1
+    assert any("--segment-by shape" in text for text in segmented.facts.warnings)
     by_shape = replace(SMALL, engine="graph", segment_by="shape")
-    assert not segment.run(given, by_shape, context).facts.warnings
+    assert not segment.run(input_meshes, by_shape, context).facts.warnings
 
 
 def test_unknown_attribute_is_refused_with_those_there_are(
     meshes: reconstruct.Reconstructed, context: Context
 ) -> None:
-    given = replace(
+    input_meshes = replace(
         meshes,
         detail=replace(meshes.detail, attributes={"reading": np.ones(len(meshes.detail.vertices))}),
     )
     with pytest.raises(OptionError, match="'grade'; this survey has colour, shape, reading"):
-        segment.run(given, replace(SMALL, segment_by="grade"), context)
+        segment.run(input_meshes, replace(SMALL, segment_by="grade"), context)
 
 
 def test_attribute_with_gaps_is_refused(
@@ -249,6 +249,6 @@ def test_attribute_with_gaps_is_refused(
 ) -> None:
     values = np.ones(len(meshes.detail.vertices), np.float32)
     values[3:5] = np.nan
-    given = replace(meshes, detail=replace(meshes.detail, attributes={"reading": values}))
+    input_meshes = replace(meshes, detail=replace(meshes.detail, attributes={"reading": values}))
     with pytest.raises(OptionError, match=r"2 of [0-9]+ values are not finite"):
-        segment.run(given, replace(SMALL, segment_by="reading"), context)
+        segment.run(input_meshes, replace(SMALL, segment_by="reading"), context)

@@ -52,8 +52,10 @@ def solved(tmp_path_factory: pytest.TempPathFactory):
 def test_copies_and_outliers_go_and_what_lies_in_the_core_is_counted(solved) -> None:
     counts = solved.values
     assert (counts["samples"], counts["duplicates"], counts["outliers"]) == (6004, 1, 3)
-    place = ground()["position"][:6000] - np.array(wide_task().origin)
-    local = np.stack([place[:, 0], place[:, 2], -place[:, 1]], axis=1) - wide_task().centre_m
+    position = ground()["position"][:6000] - np.array(wide_task().origin)
+    local = (
+        np.stack([position[:, 0], position[:, 2], -position[:, 1]], axis=1) - wide_task().centre_m
+    )
     assert counts["core"] == (np.abs(local) <= 0.1 * WIDE / 2).all(axis=1).sum()
 
 
@@ -114,16 +116,16 @@ def test_samples_of_the_margin_alone_make_no_surface(tmp_path) -> None:
 
 def test_only_open_edges_along_walls_are_the_border() -> None:
     arrays = piece(0)
-    found = border_of(task(0), arrays["vertices"], arrays["faces"], arrays["ratio"])
+    border = border_of(task(0), arrays["vertices"], arrays["faces"], arrays["ratio"])
     # the sheet touches four walls: x low and high (0, 1), z low and high (4, 5)
-    assert np.bincount(found.walls, minlength=6).tolist() == [CORE, CORE, 0, 0, CORE, CORE]
-    assert len(found.rows) == 4 * CORE
-    assert (np.diff(found.rows) > 0).all()
-    places = found.cells[found.edges]
+    assert np.bincount(border.walls, minlength=6).tolist() == [CORE, CORE, 0, 0, CORE, CORE]
+    assert len(border.rows) == 4 * CORE
+    assert (np.diff(border.rows) > 0).all()
+    places = border.cells[border.edges]
     for wall, at in ((0, 0), (1, CORE)):
-        assert (places[found.walls == wall][..., 0] == at).all()
-    metres = arrays["vertices"][found.rows] + task(0).centre_m
-    assert found.cells == pytest.approx((metres - np.array(ANCHOR_M)) / CELL_M, abs=1e-5)
+        assert (places[border.walls == wall][..., 0] == at).all()
+    metres = arrays["vertices"][border.rows] + task(0).centre_m
+    assert border.cells == pytest.approx((metres - np.array(ANCHOR_M)) / CELL_M, abs=1e-5)
 
 
 def test_what_almost_lies_in_a_wall_is_put_there() -> None:
@@ -131,10 +133,10 @@ def test_what_almost_lies_in_a_wall_is_put_there() -> None:
     shaken = arrays["vertices"] + np.random.default_rng(0).uniform(-4e-4, 4e-4, (81, 3)).astype(
         np.float32
     )
-    found = border_of(task(0), shaken, arrays["faces"], arrays["ratio"])
-    assert len(found.rows) == 4 * CORE
-    on_high_x = np.unique(found.edges[found.walls == 1])
-    assert (found.cells[on_high_x, 0] == CORE).all()
+    border = border_of(task(0), shaken, arrays["faces"], arrays["ratio"])
+    assert len(border.rows) == 4 * CORE
+    on_high_x = np.unique(border.edges[border.walls == 1])
+    assert (border.cells[on_high_x, 0] == CORE).all()
 
 
 def test_a_wall_that_a_face_closes_is_no_border() -> None:

@@ -9,7 +9,7 @@ from terraport_pipeline.stages.atlas_maker import BakedAtlas
 from terraport_pipeline.stages.texture_sums import TextureSums, TextureTally
 
 
-def made(count: int, rng: np.random.Generator) -> BakedAtlas:
+def baked_atlas(count: int, rng: np.random.Generator) -> BakedAtlas:
     """A piece of so many faces of 1 to 2 m2, texels about 0.1 m; a third without a photo."""
     gsd_m = rng.uniform(0.05, 0.09, count)
     gsd_m[::3] = np.nan
@@ -22,18 +22,18 @@ def made(count: int, rng: np.random.Generator) -> BakedAtlas:
 
 def test_tallies_add_up() -> None:
     rng = np.random.default_rng(3)
-    whole, parts = TextureSums(900), []
+    whole, tallies = TextureSums(900), []
     for piece in range(3):
-        atlas = made(300, rng)
-        part = TextureSums(300)
-        part.add(np.arange(300), atlas)
-        parts.append(part.tally().arrays())
+        atlas = baked_atlas(300, rng)
+        sums = TextureSums(300)
+        sums.add(np.arange(300), atlas)
+        tallies.append(sums.tally().arrays())
         whole.add(np.arange(300) + 300 * piece, atlas)
-    told = TextureTally.total(parts).facts()
+    facts = TextureTally.total(tallies).facts()
     exact = whole.facts(np.array([[64, 32]] * 3), 15)
-    assert told["texel_m"] == pytest.approx(exact["texel_m"], rel=0.006)
-    assert told["gsd_m"] == pytest.approx(exact["gsd_m"], rel=0.006)
-    assert told["unseen_share"] == pytest.approx(exact["unseen_share"], abs=1e-3)
+    assert facts["texel_m"] == pytest.approx(exact["texel_m"], rel=0.006)
+    assert facts["gsd_m"] == pytest.approx(exact["gsd_m"], rel=0.006)
+    assert facts["unseen_share"] == pytest.approx(exact["unseen_share"], abs=1e-3)
     assert exact["charts"] == 15
     assert exact["cells_share"] == 0.5
 

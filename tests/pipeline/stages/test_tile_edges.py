@@ -23,8 +23,8 @@ def test_where_the_surface_ends_is_read_from_all_tiles() -> None:
     def raster() -> Occupancy:
         return Occupancy((0.0, 0.0), 0.5, 0.5, np.zeros((20, 20), np.float32))
 
-    one = [{"histogram": mode, **nothing}, {"histogram": plateau, **full}]
-    rule, base_rule = edge_rules(one, raster(), largest=4.0, spacing_m=0.5)
+    tiles = [{"histogram": mode, **nothing}, {"histogram": plateau, **full}]
+    rule, base_rule = edge_rules(tiles, raster(), largest=4.0, spacing_m=0.5)
     whole, _ = edge_rules(
         [{"histogram": mode + plateau, **full}], raster(), largest=4.0, spacing_m=0.5
     )

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from memory_tiles import MemoryTiles
-from tiled_place import chosen, context, gains, opened, place, scale, tiles
+from tiled_place import chosen, context, gains, opened, scale, site, tiles
 
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
@@ -33,10 +33,10 @@ def levels(along: int) -> tiled_texture.Levels:
 
 def finished(along: int, monkeypatch, tmp_path) -> list[ViewChoice]:
     """What every tile hands to the drawing of its atlases."""
-    found: list[ViewChoice] = []
+    choices: list[ViewChoice] = []
 
     def noted(mesh, pieces, views, photos, choice, *arguments, **named):
-        found.append(choice)
+        choices.append(choice)
         return whole(mesh, pieces, views, photos, choice, *arguments, **named)
 
     whole = tiled_texture.texture_mesh
@@ -47,15 +47,15 @@ def finished(along: int, monkeypatch, tmp_path) -> list[ViewChoice]:
             tiles(along), tile, segments, chosen(along), levels(along), opened(), gains(),
             scale(), Options(texel_m=0.3), context(tmp_path),
         )  # fmt: skip
-    return found
+    return choices
 
 
 def test_both_sides_of_a_border_are_corrected_alike(monkeypatch, tmp_path) -> None:
-    found = finished(2, monkeypatch, tmp_path)
+    choices = finished(2, monkeypatch, tmp_path)
     corrections: dict[tuple[int, int], list[np.ndarray]] = {}
     tiled = tiles(2)
-    for tile, choice in enumerate(found):
-        faces, shared = tiled.parts[tile].faces, tiled.shared[tiled.numbers[tile]]
+    for tile, choice in enumerate(choices):
+        faces, shared = tiled.meshes[tile].faces, tiled.shared[tiled.numbers[tile]]
         seen = {}
         for face, corner in zip(*np.nonzero(shared[faces]), strict=True):
             number = int(tiled.numbers[tile][faces[face, corner]])
@@ -85,24 +85,24 @@ def test_steps_across_borders_are_not_larger_than_within(monkeypatch, tmp_path) 
     assert means[1] < max(1.3 * means[0], 1.5)
     edges = sum(arrays["steps_edges"] for arrays in steps)
     assert edges[:, 0].sum() == pytest.approx(
-        len(face_pairs(place().mesh.faces, len(place().mesh.vertices))[0])
+        len(face_pairs(site().mesh.faces, len(site().mesh.vertices))[0])
     )
 
 
 def test_a_tile_that_no_photo_sees_keeps_the_clouds_colours(tmp_path) -> None:
-    view = place().views[0]
+    view = site().views[0]
     away = View(view.name, view.lens, view.rotation, view.position + np.array([0.0, 0.0, 1e4]))
-    blind = OpenPhotos((away,), place(), ())  # type: ignore[arg-type]
+    blind = OpenPhotos((away,), site(), ())  # type: ignore[arg-type]
     gains_of = neutral_gains(1)
-    part = MemoryTiles.of(place().mesh, 1)
-    made = tiled_views.choose(part, 0, place().mesh, blind, gains_of, scale(), context()).arrays
-    assert (made["view"] == -1).all()
-    cells = tiled_texture.level(part, 0, [made], gains_of, scale(), context()).arrays
-    found = tiled_texture.solve([cells])
-    assert not found.level.any()
-    segments = np.zeros(part.face_count(0), np.int32)
+    single = MemoryTiles.of(site().mesh, 1)
+    choice = tiled_views.choose(single, 0, site().mesh, blind, gains_of, scale(), context()).arrays
+    assert (choice["view"] == -1).all()
+    cells = tiled_texture.level(single, 0, [choice], gains_of, scale(), context()).arrays
+    solution = tiled_texture.solve([cells])
+    assert not solution.level.any()
+    segments = np.zeros(single.face_count(0), np.int32)
     drawn = tiled_texture.draw(
-        part, 0, segments, [made], found, blind, gains_of, scale(), Options(texel_m=0.5),
+        single, 0, segments, [choice], solution, blind, gains_of, scale(), Options(texel_m=0.5),
         context(tmp_path),
     )  # fmt: skip
     assert TextureTally.total([drawn.arrays]).facts()["unseen_share"] == 1.0

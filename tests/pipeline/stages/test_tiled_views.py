@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from memory_tiles import MemoryTiles
-from tiled_place import chosen, context, gains, opened, place, scale, tiles
+from tiled_place import chosen, context, gains, opened, scale, site, tiles
 
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.model import Mesh
@@ -14,7 +14,7 @@ from terraport_pipeline.stages.tiles import tiled_views
 
 def views_of(along: int) -> np.ndarray:
     """View of every face of the whole mesh."""
-    view = np.full(len(place().mesh.faces), -9, np.int64)
+    view = np.full(len(site().mesh.faces), -9, np.int64)
     for rows, arrays in zip(tiles(along).rows, chosen(along), strict=True):
         view[rows] = arrays["view"]
     return view
@@ -23,7 +23,7 @@ def views_of(along: int) -> np.ndarray:
 def test_tiles_choose_as_the_whole_does() -> None:
     whole, cut = views_of(1), views_of(2)
     assert (whole != cut).mean() < 0.1
-    pairs, _ = face_pairs(place().mesh.faces, len(place().mesh.vertices))
+    pairs, _ = face_pairs(site().mesh.faces, len(site().mesh.vertices))
     tile = np.empty(len(whole), np.int64)
     for number, rows in enumerate(tiles(2).rows):
         tile[rows] = number
@@ -34,20 +34,20 @@ def test_tiles_choose_as_the_whole_does() -> None:
 
 def test_what_lies_beyond_the_band_hides_what_is_behind_it() -> None:
     # the block of the place hides ground from some cameras; far from it stands the base for it
-    mesh = place().mesh
+    mesh = site().mesh
     only = Mesh(mesh.vertices, mesh.faces[:0], mesh.normals, mesh.colours)
-    parts = MemoryTiles.of(mesh, 4)
+    cut_tiles = MemoryTiles.of(mesh, 4)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tiled_views, "_BAND_EDGES", 1.0)
         counts = []
         for base in (mesh, only):
-            made = [
-                tiled_views.choose(parts, tile, base, opened(), gains(), scale(), context()).arrays[
-                    "candidate_view"
-                ]
+            views = [
+                tiled_views.choose(
+                    cut_tiles, tile, base, opened(), gains(), scale(), context()
+                ).arrays["candidate_view"]
                 for tile in range(16)
             ]
-            counts.append(sum(int((view >= 0).sum()) for view in made))
+            counts.append(sum(int((view >= 0).sum()) for view in views))
     whole = int((chosen(1)[0]["candidate_view"] >= 0).sum())
     assert counts[0] < counts[1]
     assert abs(counts[0] - whole) < 0.02 * whole

@@ -60,21 +60,23 @@ def cut(cleaned: Cleaned, half_m: float, *, threads: int = 1) -> TrimmedDetail:
 
 
 def test_the_surface_ends_with_its_samples_and_the_hem_beyond(cleaned: Cleaned) -> None:
-    found = cut(cleaned, 30.0)
-    reach_m = np.abs(found.vertices).max()
+    trimmed = cut(cleaned, 30.0)
+    reach_m = np.abs(trimmed.vertices).max()
     assert HALF_M - SPACING_M < reach_m < HALF_M + 1.5 * SPACING_M
-    hem_m = np.abs(found.wide[0]).max() - reach_m
+    hem_m = np.abs(trimmed.wide[0]).max() - reach_m
     assert 0.5 * HEM_SPACINGS * SPACING_M < hem_m < 2.0 * HEM_SPACINGS * SPACING_M
-    assert found.islands == 0
-    assert found.counts["outside_footprint_m2_after"] < found.counts["outside_footprint_m2_before"]
+    assert trimmed.islands == 0
+    assert (
+        trimmed.counts["outside_footprint_m2_after"] < trimmed.counts["outside_footprint_m2_before"]
+    )
 
 
 def test_threads_change_nothing(cleaned: Cleaned) -> None:
-    one, two = (cut(cleaned, 25.0, threads=threads) for threads in (1, 2))
-    assert np.array_equal(one.vertices, two.vertices)
-    assert np.array_equal(one.faces, two.faces)
-    assert all(np.array_equal(a, b) for a, b in zip(one.wide, two.wide, strict=True))
-    assert one.counts == two.counts
+    one_thread, two_threads = (cut(cleaned, 25.0, threads=threads) for threads in (1, 2))
+    assert np.array_equal(one_thread.vertices, two_threads.vertices)
+    assert np.array_equal(one_thread.faces, two_threads.faces)
+    assert all(np.array_equal(a, b) for a, b in zip(one_thread.wide, two_threads.wide, strict=True))
+    assert one_thread.counts == two_threads.counts
 
 
 def test_a_surface_far_from_all_samples_is_refused(cleaned: Cleaned) -> None:

@@ -32,10 +32,10 @@ def test_a_pixel_shows_the_ground_its_ray_meets(eye: CameraEye) -> None:
 
 
 def test_the_same_view_gives_the_same_bytes_on_one_thread(eye: CameraEye) -> None:
-    one = CameraEye(eye.options, 1.2, threads=1).look(view_of(eye))
-    two = eye.look(view_of(eye))
-    np.testing.assert_array_equal(one.colours, two.colours)
-    np.testing.assert_array_equal(one.what, two.what)
+    first = CameraEye(eye.options, 1.2, threads=1).look(view_of(eye))
+    second = eye.look(view_of(eye))
+    np.testing.assert_array_equal(first.colours, second.colours)
+    np.testing.assert_array_equal(first.what, second.what)
 
 
 def test_two_views_agree_about_a_place(eye: CameraEye) -> None:
@@ -72,8 +72,8 @@ def test_a_truck_and_its_shadow_stand_in_the_picture_only(eye: CameraEye) -> Non
 
 def test_materials_and_nothing_are_told_apart(eye: CameraEye) -> None:
     seen = [eye.look(view_of(eye, number)).what for number in (0, 6)]
-    found = set(np.unique(np.concatenate([one.ravel() for one in seen])).tolist())
-    assert {Material.GRASSLAND, Material.BENCH, Material.ROCK_FACE, NOTHING} <= found
+    seen_materials = set(np.unique(np.concatenate([pixels.ravel() for pixels in seen])).tolist())
+    assert {Material.GRASSLAND, Material.BENCH, Material.ROCK_FACE, NOTHING} <= seen_materials
 
 
 def test_colours_at_hits_are_those_of_the_surface(eye: CameraEye) -> None:

@@ -15,8 +15,8 @@ def test_the_offset_is_found_and_understood_by_the_reader(tmp_path) -> None:
     offset = np.array([641_000.0, 8_595_000.0, 0.0])
     write_colmap(tmp_path, [view], origin=origin, offset=(641_000.0, 8_595_000.0, 0.0))
     (tmp_path / "OFFSET.txt").write_text(offset_text(offset, 32735, "q.laz"))
-    (found,) = read_cameras(tmp_path, origin=origin, crs=None).views
-    np.testing.assert_allclose(found.position, view.position, atol=1e-6)
+    (restored,) = read_cameras(tmp_path, origin=origin, crs=None).views
+    np.testing.assert_allclose(restored.position, view.position, atol=1e-6)
 
 
 def test_points_are_numbered_and_coloured() -> None:

@@ -88,10 +88,10 @@ def test_files_that_are_there_stay_unless_told(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "told"), [("quarry.ply", "ends in .laz or .las"), ("no/a.laz", "no such folder")]
+    ("name", "message"), [("quarry.ply", "ends in .laz or .las"), ("no/a.laz", "no such folder")]
 )
-def test_bad_names_are_refused_before_work(tmp_path: Path, name: str, told: str) -> None:
-    with pytest.raises(OptionError, match=told):
+def test_bad_names_are_refused_before_work(tmp_path: Path, name: str, message: str) -> None:
+    with pytest.raises(OptionError, match=message):
         write_quarry(OPTIONS, tmp_path / name)
 
 

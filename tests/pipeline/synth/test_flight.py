@@ -59,7 +59,7 @@ def test_one_photo_is_a_flight() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "told"),
+    ("values", "message"),
     [
         ({"count": 0}, "photo count 0; expected 1 to 2000"),
         ({"width": 63}, "63 x 1500 pixels; expected sides of 64 to 16,384"),
@@ -68,8 +68,8 @@ def test_one_photo_is_a_flight() -> None:
         ({"exposure_drift_ev": float("nan")}, "exposure drift nan; expected 0 to 3"),
     ],
 )
-def test_what_no_camera_can_is_refused(values: dict[str, float], told: str) -> None:
-    with pytest.raises(OptionError, match=told):
+def test_what_no_camera_can_is_refused(values: dict[str, float], message: str) -> None:
+    with pytest.raises(OptionError, match=message):
         FlightOptions(**values)
 
 

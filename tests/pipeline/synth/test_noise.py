@@ -22,13 +22,13 @@ def test_smooth_a_step_of_a_thousandth_changes_little() -> None:
     x = np.linspace(-100, 100, 20_000)
     y = 0.37 * x
     here = fields()(x, y, wavelength=10.0)
-    there = fields()(x + 0.01, y, wavelength=10.0)
+    stepped = fields()(x + 0.01, y, wavelength=10.0)
     # Value noise changes by at most 2 x 1.875 per wavelength.
-    assert np.abs(there - here).max() < 0.01 / 10.0 * 3.75 + 1e-9
+    assert np.abs(stepped - here).max() < 0.01 / 10.0 * 3.75 + 1e-9
 
 
 def test_fields_are_unrelated() -> None:
     x, y = np.random.default_rng(1).uniform(-500, 500, (2, 20_000))
-    one = fields()(x, y, wavelength=7.0, field=1)
-    two = fields()(x, y, wavelength=7.0, field=2)
-    assert abs(np.corrcoef(one, two)[0, 1]) < 0.05
+    first = fields()(x, y, wavelength=7.0, field=1)
+    second = fields()(x, y, wavelength=7.0, field=2)
+    assert abs(np.corrcoef(first, second)[0, 1]) < 0.05

@@ -41,7 +41,7 @@ def test_json_round_trip(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "message"),
     [
         ("{", "cannot be read as JSON"),
         ("[1]", "expected a JSON object"),
@@ -51,10 +51,10 @@ def test_json_round_trip(tmp_path: Path) -> None:
         ('{"points": 2000.5}', "points is 2000.5, expected a whole number"),
     ],
 )
-def test_bad_json_is_named(tmp_path: Path, text: str, told: str) -> None:
+def test_bad_json_is_named(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "a.json"
     path.write_text(text)
     with pytest.raises(OptionError) as caught:
         QuarryOptions.from_json(path)
-    assert told in str(caught.value)
+    assert message in str(caught.value)
     assert str(path) in str(caught.value)

@@ -29,12 +29,12 @@ def digest(folder: Path) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("photos") / "set"
-    written = write_photos(QUARRY, FLIGHT, place, survey="q.laz")
+    photo_set = tmp_path_factory.mktemp("photos") / "set"
+    written = write_photos(QUARRY, FLIGHT, photo_set, survey="q.laz")
     assert written.photos == 4
     assert written.truck_photos >= 2
     assert written.bytes > 10_000
-    return place
+    return photo_set
 
 
 def test_everything_is_there_and_fits_together(folder: Path) -> None:
@@ -50,7 +50,7 @@ def test_everything_is_there_and_fits_together(folder: Path) -> None:
         assert (mask == 255).sum() == row["truck"]["pixels"]
         view = next(view for view in views if view.name == row["name"])
         e, n, h = np.array(row["truck"]["position"]) - truth["origin"]
-        (column, line), _ = (part[0] for part in view.project(np.array([[e, h, -n]])))
+        (column, line), _ = (projected[0] for projected in view.project(np.array([[e, h, -n]])))
         x0, y0, x1, y1 = row["truck"]["box_px"]
         assert x0 - 3 <= column <= x1 + 3
         assert y0 - 3 <= line <= y1 + 3

@@ -45,16 +45,16 @@ def test_icosphere_is_closed_and_round() -> None:
 
 
 def test_refine_bounds_every_edge_on_a_steep_surface_without_a_crack() -> None:
-    def place(parameters: np.ndarray) -> np.ndarray:
+    def position_of(parameters: np.ndarray) -> np.ndarray:
         u, v = parameters.T
         return np.stack([u, v, 6.0 * np.tanh(4.0 * u)], axis=1)
 
     places, faces = grid_triangles(3.0, 2.0, 1.0)
     before = places.copy()
-    parameters, positions, refined = refine(places, faces, place, 0.5)
+    parameters, positions, refined = refine(places, faces, position_of, 0.5)
     np.testing.assert_array_equal(places, before)
     np.testing.assert_array_equal(parameters[: len(places)], places)
-    np.testing.assert_array_equal(positions, place(parameters))
+    np.testing.assert_array_equal(positions, position_of(parameters))
     edges = directed_edges(refined)
     length = np.linalg.norm(positions[edges[:, 0]] - positions[edges[:, 1]], axis=1)
     assert length.max() <= 0.5

@@ -17,10 +17,10 @@ def test_families_are_what_the_eye_tells_apart():
     family = families("visible")
     rock = {Material.BENCH, Material.ROCK_FACE, Material.ROAD, Material.BOULDER}
     plants = {Material.GRASSLAND, Material.TREE, Material.BUSH}
-    for one in set(Material) - {Material.OUTLIER}:
+    for material in set(Material) - {Material.OUTLIER}:
         for other in set(Material) - {Material.OUTLIER}:
-            together = one == other or {one, other} <= rock or {one, other} <= plants
-            assert (family[one] == family[other]) == together, (one, other)
+            together = material == other or {material, other} <= rock or {material, other} <= plants
+            assert (family[material] == family[other]) == together, (material, other)
     assert families("material").tolist() == list(range(256))
 
 
@@ -45,8 +45,8 @@ def test_small_pieces_join_along_the_longest_border():
     row = [Material.GRASSLAND] * 5 + [Material.ROAD] + [Material.WATER] * 3
     mesh, pairs, edges = strip(row)
     assert len(np.unique(true_regions(mesh, pairs, edges, "material", least_share=0.0))) == 3
-    found = true_regions(mesh, pairs, edges, "material", least_share=0.2)
-    assert found.tolist() == [0] * 12 + [1] * 6  # equal borders: the lower piece
+    regions = true_regions(mesh, pairs, edges, "material", least_share=0.2)
+    assert regions.tolist() == [0] * 12 + [1] * 6  # equal borders: the lower piece
 
 
 def test_islands_join_what_stands_nearest():
@@ -61,12 +61,12 @@ def test_regions_of_a_quarry(kind):
     """None below the least share; every face has one; finer with more materials."""
     mesh = truth_mesh(QuarryOptions(seed=5, size_m=120.0), 3.0)
     pairs, edges = face_pairs(mesh.faces, len(mesh.vertices))
-    found = true_regions(mesh, pairs, edges, kind)
+    regions = true_regions(mesh, pairs, edges, kind)
     corners = mesh.vertices[mesh.faces].astype(float)
     area = np.linalg.norm(
         np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1
     )
-    share = np.bincount(found, weights=area) / area.sum()
+    share = np.bincount(regions, weights=area) / area.sum()
     assert share.min() >= 0.002
     assert 5 <= len(share) <= 60
-    assert components(len(found), pairs, labels=found)[1] >= len(share)
+    assert components(len(regions), pairs, labels=regions)[1] >= len(share)

@@ -54,9 +54,9 @@ def flight(lens):
     return names, np.array(turns), np.array(centres), lens
 
 
-def truth(known):
+def truth(cameras):
     """The same as views in the scene."""
-    names, turns, centres, lens = known
+    names, turns, centres, lens = cameras
     return tuple(
         View(name, lens, turn @ AXES.T, AXES @ (centre - ORIGIN))
         for name, turn, centre in zip(names, turns, centres, strict=True)
@@ -71,18 +71,18 @@ def ground():
     )
 
 
-def assert_same_pixels(views, known, within_px=0.01):
+def assert_same_pixels(views, cameras, within_px=0.01):
     """Every point falls where the known camera puts it."""
-    expected = {view.name: view for view in truth(known)}
+    expected = {view.name: view for view in truth(cameras)}
     assert sorted(view.name for view in views) == sorted(expected)
     points = ground()
     compared = 0
     for view in views:
-        found, depth_m = view.project(points)
-        wanted, wanted_depth_m = expected[view.name].project(points)
-        inside = (np.abs(wanted - (1000, 562)) < (1000, 562)).all(axis=1)
-        assert np.abs(found - wanted)[inside].max() < within_px
-        assert np.abs(depth_m - wanted_depth_m).max() < 1e-4
+        projected, depth_m = view.project(points)
+        true_px, true_depth_m = expected[view.name].project(points)
+        inside = (np.abs(true_px - (1000, 562)) < (1000, 562)).all(axis=1)
+        assert np.abs(projected - true_px)[inside].max() < within_px
+        assert np.abs(depth_m - true_depth_m).max() < 1e-4
         compared += int(inside.sum())
     assert compared > 1000
 
@@ -121,8 +121,8 @@ def colmap_parameters(lens):
     return "FULL_OPENCV", 6, [*common, *k[:2], *lens.tangential, k[2], 0, 0, 0]
 
 
-def write_colmap_text(folder, known, offset=OFFSET):
-    names, turns, centres, lens = known
+def write_colmap_text(folder, cameras, offset=OFFSET):
+    names, turns, centres, lens = cameras
     folder.mkdir(parents=True, exist_ok=True)
     model, _, values = colmap_parameters(lens)
     numbers = " ".join(map(repr, map(float, values)))
@@ -134,23 +134,23 @@ def write_colmap_text(folder, known, offset=OFFSET):
         lines.append(f"{index + 1} {numbers} 7 {name}")
         lines.append("" if index % 2 else "10.5 20.5 -1 30.0 40.0 17")
     (folder / "images.txt").write_text("\n".join(lines) + "\n")
-    told = ", ".join(map(str, offset))
-    (folder / "OFFSET.txt").write_text(f"World = COLMAP + ({told}), EPSG:32615 (UTM 15N)\n")
+    shift_text = ", ".join(map(str, offset))
+    (folder / "OFFSET.txt").write_text(f"World = COLMAP + ({shift_text}), EPSG:32615 (UTM 15N)\n")
 
 
-def write_colmap_binary(folder, known, offset=OFFSET):
-    names, turns, centres, lens = known
+def write_colmap_binary(folder, cameras, offset=OFFSET):
+    names, turns, centres, lens = cameras
     folder.mkdir(parents=True, exist_ok=True)
     _, number, values = colmap_parameters(lens)
     head = struct.pack("<QIiQQ", 1, 7, number, WIDTH, HEIGHT)
     (folder / "cameras.bin").write_bytes(head + struct.pack(f"<{len(values)}d", *values))
-    parts = [struct.pack("<Q", len(names))]
+    records = [struct.pack("<Q", len(names))]
     for index, (name, turn, centre) in enumerate(zip(names, turns, centres, strict=True)):
         shift = -turn @ (centre - offset)
-        parts.append(struct.pack("<I7dI", index + 1, *quaternion(turn), *shift, 7))
-        parts.append(name.encode() + b"\0" + struct.pack("<Q", index))
-        parts.append(struct.pack("<ddQ", 1.0, 2.0, 2**64 - 1) * index)
-    (folder / "images.bin").write_bytes(b"".join(parts))
+        records.append(struct.pack("<I7dI", index + 1, *quaternion(turn), *shift, 7))
+        records.append(name.encode() + b"\0" + struct.pack("<Q", index))
+        records.append(struct.pack("<ddQ", 1.0, 2.0, 2**64 - 1) * index)
+    (folder / "images.bin").write_bytes(b"".join(records))
 
 
 def opensfm_camera(lens):
@@ -176,8 +176,8 @@ def opensfm_camera(lens):
     }
 
 
-def write_opensfm(path, known, offset=OFFSET, reference=None):
-    names, turns, centres, lens = known
+def write_opensfm(path, cameras, offset=OFFSET, reference=None):
+    names, turns, centres, lens = cameras
     shots = {
         name: {
             "rotation": rotation_vector(turn),
@@ -186,15 +186,15 @@ def write_opensfm(path, known, offset=OFFSET, reference=None):
         }
         for name, turn, centre in zip(names, turns, centres, strict=True)
     }
-    part = {"cameras": {"v2 dji": opensfm_camera(lens)}, "shots": shots, "points": {}}
+    reconstruction = {"cameras": {"v2 dji": opensfm_camera(lens)}, "shots": shots, "points": {}}
     if reference is not None:
-        part["reference_lla"] = reference
+        reconstruction["reference_lla"] = reference
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(json.dumps([part]))
+    path.write_text(json.dumps([reconstruction]))
 
 
-def write_shots_geojson(folder, known):
-    names, turns, centres, lens = known
+def write_shots_geojson(folder, cameras):
+    names, turns, centres, lens = cameras
     features = [
         {
             "type": "Feature",
@@ -228,8 +228,8 @@ camera model m = K [R|-Rt] X
 """
 
 
-def write_pix4d(folder, known, offset=OFFSET):
-    names, turns, centres, lens = known
+def write_pix4d(folder, cameras, offset=OFFSET):
+    names, turns, centres, lens = cameras
     text = [PIX4D_HEADING]
     for name, turn, centre in zip(names, turns, centres, strict=True):
         rows = [
@@ -245,9 +245,9 @@ def write_pix4d(folder, known, offset=OFFSET):
     return path
 
 
-def write_pix4d_external(folder, known):
+def write_pix4d_external(folder, cameras):
     """As Pix4D: output coordinates and angles; lens in millimetres of a 12.8 x 7.2 mm sensor."""
-    names, turns, centres, lens = known
+    names, turns, centres, lens = cameras
     pixel_mm = 12.8 / WIDTH
     lines = ["imageName X Y Z Omega Phi Kappa"]
     for name, turn, centre in zip(names, turns, centres, strict=True):
@@ -273,23 +273,23 @@ def write_pix4d_external(folder, known):
     return path
 
 
-def write_agisoft(path, known, reference="", offset=OFFSET, chunk=None):
+def write_agisoft(path, cameras, reference="", offset=OFFSET, chunk=None):
     """Metashape's export: `chunk` = (scale, rotation, translation) of chunk to world."""
-    names, turns, centres, lens = known
+    names, turns, centres, lens = cameras
     scale, rotation, shift = chunk or (1.0, np.eye(3), np.zeros(3))
     k = [*lens.radial, 0, 0, 0, 0]
-    cameras = []
+    camera_tags = []
     for name, turn, centre in zip(names, turns, centres, strict=True):
         matrix = np.eye(4)
         matrix[:3, :3] = rotation.T @ turn.T
         matrix[:3, 3] = rotation.T @ (centre - offset - shift) / scale
         numbers = " ".join(map(repr, map(float, matrix.ravel())))
         label = name.removesuffix(".JPG")
-        cameras.append(
+        camera_tags.append(
             f'<camera id="1" sensor_id="0" label="{label}"><transform>{numbers}</transform>'
             "<orientation>1</orientation></camera>"
         )
-    cameras.append('<camera id="9" sensor_id="0" label="DJI_9999"/>')
+    camera_tags.append('<camera id="9" sensor_id="0" label="DJI_9999"/>')
     move = ""
     if chunk is not None:
         r, t = (" ".join(map(repr, map(float, np.ravel(v)))) for v in (rotation, shift))
@@ -309,14 +309,14 @@ def write_agisoft(path, known, reference="", offset=OFFSET, chunk=None):
 <b1>{lens.fx - lens.fy}</b1><b2>{lens.skew}</b2>
 <k1>{k[0]}</k1><k2>{k[1]}</k2><k3>{k[2]}</k3><k4>{k[3]}</k4>
 <p1>{lens.tangential[1]}</p1><p2>{lens.tangential[0]}</p2></calibration></sensor></sensors>
-<cameras next_id="9"><group id="0" label="flight">{"".join(cameras)}</group></cameras>
+<cameras next_id="9"><group id="0" label="flight">{"".join(camera_tags)}</group></cameras>
 {move}<reference>{reference}</reference></chunk></document>
 """
     )
 
 
-def write_bundler(folder, known, offset=OFFSET):
-    names, turns, centres, lens = known
+def write_bundler(folder, cameras, offset=OFFSET):
+    names, turns, centres, lens = cameras
     flip = np.diag([1.0, -1.0, -1.0])
     lines = ["# Bundle file v0.3", f"{len(names) + 1} 1"]
     for turn, centre in zip(turns, centres, strict=True):

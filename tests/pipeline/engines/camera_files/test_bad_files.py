@@ -46,30 +46,30 @@ def attempt(path):
 
 def written(folder, kind):
     """Write one format; return the file that is to be damaged and the path to read."""
-    known = flight(SQUARE if kind == "bundler" else BROWN)
+    cameras = flight(SQUARE if kind == "bundler" else BROWN)
     path = folder / "cameras.xml"
     if kind == "colmap text":
-        write_colmap_text(folder, known)
+        write_colmap_text(folder, cameras)
         return folder / "images.txt", folder
     if kind == "colmap lenses":
-        write_colmap_text(folder, known)
+        write_colmap_text(folder, cameras)
         return folder / "cameras.txt", folder
     if kind == "colmap binary":
-        write_colmap_binary(folder, known)
+        write_colmap_binary(folder, cameras)
         return folder / "images.bin", folder
     if kind == "opensfm":
         path = folder / "reconstruction.json"
-        write_opensfm(path, known)
+        write_opensfm(path, cameras)
     elif kind == "shots":
-        path = write_shots_geojson(folder, known)
+        path = write_shots_geojson(folder, cameras)
     elif kind == "pix4d":
-        path = write_pix4d(folder, known)
+        path = write_pix4d(folder, cameras)
     elif kind == "external":
-        path = write_pix4d_external(folder, known)
+        path = write_pix4d_external(folder, cameras)
     elif kind == "agisoft":
-        write_agisoft(path, known)
+        write_agisoft(path, cameras)
     else:
-        write_bundler(folder, known)
+        write_bundler(folder, cameras)
         path = folder / "bundle.out"
     return path, path
 
@@ -86,9 +86,9 @@ def test_a_file_cut_anywhere_is_an_error_or_fewer_cameras(tmp_path, kind):
     whole = damaged.read_bytes()
     for end in np.linspace(0, len(whole) - 1, 25).astype(int):
         damaged.write_bytes(whole[:end])
-        found, told = attempt(path)
+        camera_set, message = attempt(path)
         # text that ends between two cameras, or in the last number, cannot be told
-        assert len(told) < 1200 if found is None else 1 <= len(found.views) <= 6
+        assert len(message) < 1200 if camera_set is None else 1 <= len(camera_set.views) <= 6
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -98,15 +98,15 @@ def test_flipped_bytes_never_break_out(tmp_path, kind):
     rng = np.random.default_rng(11)
     for _ in range(30):
         data = bytearray(whole)
-        for place in rng.integers(0, len(whole), 3):
-            data[place] = rng.integers(0, 256)
+        for offset in rng.integers(0, len(whole), 3):
+            data[offset] = rng.integers(0, 256)
         damaged.write_bytes(bytes(data))
-        found, told = attempt(path)
-        assert found or str(tmp_path) in told or "do not look at the cloud" in told
+        camera_set, message = attempt(path)
+        assert camera_set or str(tmp_path) in message or "do not look at the cloud" in message
 
 
 @pytest.mark.parametrize(
-    ("kind", "old", "new", "told"),
+    ("kind", "old", "new", "message"),
     [
         ("colmap text", " 7 DJI_0003.JPG", " 8 DJI_0003.JPG", "line 8: DJI_0003.JPG has camera 8"),
         ("colmap text", "\n3 ", "\n3 nan ", "line 6"),
@@ -135,14 +135,14 @@ def test_flipped_bytes_never_break_out(tmp_path, kind):
         ("bundler", "7 1\n", "seven 1\n", "line 2: 'seven 1'"),
     ],
 )
-def test_the_error_names_the_place(tmp_path, kind, old, new, told):
+def test_the_error_names_the_place(tmp_path, kind, old, new, message):
     damaged, path = written(tmp_path, kind)
     text = damaged.read_text()
     assert old in text
     damaged.write_text(text.replace(old, new, 1))
-    with pytest.raises(ReadError, match=told) as caught:
+    with pytest.raises(ReadError, match=message) as caught:
         read(path)
-    assert str(damaged.parent if "two poses" in told else damaged) in str(caught.value)
+    assert str(damaged.parent if "two poses" in message else damaged) in str(caught.value)
 
 
 BOMB = """<?xml version="1.0"{encoding}?>
@@ -203,7 +203,7 @@ def test_a_reference_must_be_a_place(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (b"", "begins with"),
         (b"LASF\0\0", "b'LASF"),
@@ -212,10 +212,10 @@ def test_a_reference_must_be_a_place(tmp_path):
         (json.dumps({"v2": {"projection_type": "brown"}}).encode(), "without shots"),
     ],
 )
-def test_other_files_are_named(tmp_path, content, told):
+def test_other_files_are_named(tmp_path, content, message):
     path = tmp_path / "cameras.dat"
     path.write_bytes(content)
-    with pytest.raises(ReadError, match=told):
+    with pytest.raises(ReadError, match=message):
         read(path)
 
 

@@ -50,21 +50,21 @@ def read(path, **options):
 @LENSES
 @pytest.mark.parametrize("write", [write_colmap_text, write_colmap_binary])
 def test_colmap(tmp_path, lens, write):
-    known = flight(lens)
-    write(tmp_path / "sparse" / "0", known)
+    cameras = flight(lens)
+    write(tmp_path / "sparse" / "0", cameras)
     if write is write_colmap_binary:
         (tmp_path / "sparse" / "OFFSET.txt").write_text("576600 5188100 0\n")
-    found = read(tmp_path)
-    assert_same_pixels(found.views, known)
-    assert found.format == f"COLMAP ({'text' if write is write_colmap_text else 'binary'})"
-    assert "576,600.000, 5,188,100.000, 0.000" in found.frame
-    assert found.seen > 0.8
-    assert found.warnings == ()
+    camera_set = read(tmp_path)
+    assert_same_pixels(camera_set.views, cameras)
+    assert camera_set.format == f"COLMAP ({'text' if write is write_colmap_text else 'binary'})"
+    assert "576,600.000, 5,188,100.000, 0.000" in camera_set.frame
+    assert camera_set.seen > 0.8
+    assert camera_set.warnings == ()
 
 
 def test_colmap_reads_what_colmap_itself_writes(tmp_path):
-    known = flight(BROWN)
-    write_colmap_text(tmp_path / "text", known)
+    cameras = flight(BROWN)
+    write_colmap_text(tmp_path / "text", cameras)
     (tmp_path / "text" / "images.txt").write_text(
         # points that pycolmap would look for
         "\n".join(
@@ -78,24 +78,24 @@ def test_colmap_reads_what_colmap_itself_writes(tmp_path):
     for folder, write in (("a", model.write_text), ("b", model.write_binary)):
         (tmp_path / folder).mkdir()
         write(str(tmp_path / folder))
-        found = read(tmp_path / folder, offset=OFFSET)
-        assert_same_pixels(found.views, known)
+        camera_set = read(tmp_path / folder, offset=OFFSET)
+        assert_same_pixels(camera_set.views, cameras)
 
 
 @LENSES
 def test_opensfm_as_opendronemap_leaves_it(tmp_path, lens):
-    known = flight(lens)
+    cameras = flight(lens)
     write_opensfm(
         tmp_path / "opensfm" / "reconstruction.json",
-        known,
+        cameras,
         reference={"latitude": 46.8, "longitude": -92.0, "altitude": 0.0},
     )
     (tmp_path / "odm_georeferencing").mkdir()
     coords = tmp_path / "odm_georeferencing" / "coords.txt"
     coords.write_text("WGS84 UTM 15N\n576600 5188100\n1 2 3\n")
-    found = read(tmp_path)
-    assert_same_pixels(found.views, known)
-    assert "coords.txt" in found.frame
+    camera_set = read(tmp_path)
+    assert_same_pixels(camera_set.views, cameras)
+    assert "coords.txt" in camera_set.frame
 
 
 @pytest.mark.parametrize(
@@ -108,16 +108,16 @@ def test_opensfm_as_opendronemap_leaves_it(tmp_path, lens):
     ],
 )
 def test_opensfm_models_with_one_focal_length(tmp_path, kind, lens):
-    known = flight(lens)
+    cameras = flight(lens)
     path = tmp_path / "reconstruction.json"
-    write_opensfm(path, known, offset=(0, 0, 0))
+    write_opensfm(path, cameras, offset=(0, 0, 0))
     text = path.read_text().replace('"fisheye_opencv"', '"brown"')
     path.write_text(
         text.replace('"projection_type": "brown"', f'"projection_type": "{kind}"').replace(
             '"focal_x"', '"focal"'
         )
     )
-    assert_same_pixels(read(path).views, known)
+    assert_same_pixels(read(path).views, cameras)
 
 
 def a_place():
@@ -153,19 +153,19 @@ def scene_truth(local):
     up = to_degrees.transform(*(points @ turn.T + centre).T)[2]
     scene = (np.column_stack([east, north, up]) - origin) @ AXES.T
     pixels = {
-        name: lens.project((points - place) @ turn.T)
-        for name, turn, place in zip(names, turns, centres, strict=True)
+        name: lens.project((points - centre) @ turn.T)
+        for name, turn, centre in zip(names, turns, centres, strict=True)
     }
     return crs, origin, scene, pixels
 
 
 def assert_pixels(views, scene, pixels):
     for view in views:
-        found, _ = view.project(scene)
-        wanted = pixels[view.name if view.name in pixels else f"{view.name}.JPG"]
-        inside = (np.abs(wanted - (1000, 562)) < (1000, 562)).all(axis=1)
+        projected, _ = view.project(scene)
+        expected = pixels[view.name if view.name in pixels else f"{view.name}.JPG"]
+        inside = (np.abs(expected - (1000, 562)) < (1000, 562)).all(axis=1)
         assert inside.sum() > 50
-        assert np.abs(found - wanted)[inside].max() < 0.01
+        assert np.abs(projected - expected)[inside].max() < 0.01
 
 
 def test_opensfm_about_its_reference(tmp_path):
@@ -174,9 +174,9 @@ def test_opensfm_about_its_reference(tmp_path):
     path = tmp_path / "reconstruction.json"
     reference = {"latitude": 46.8, "longitude": -92.0, "altitude": 0.0}
     write_opensfm(path, local, offset=(0, 0, 0), reference=reference)
-    found = read(path, origin=origin, crs=crs, samples=scene)
-    assert "reference_lla" in found.frame
-    assert_pixels(found.views, scene, pixels)
+    camera_set = read(path, origin=origin, crs=crs, samples=scene)
+    assert "reference_lla" in camera_set.frame
+    assert_pixels(camera_set.views, scene, pixels)
 
 
 def test_agisoft_earth_centred(tmp_path):
@@ -184,35 +184,35 @@ def test_agisoft_earth_centred(tmp_path):
     crs, origin, scene, pixels = scene_truth(local)
     turn, centre = enu_to_ecef(46.8, -92.0, 0.0)
     names, turns, centres, lens = local
-    there = names, turns @ turn.T, centres @ turn.T + centre, lens
+    earth_centred = names, turns @ turn.T, centres @ turn.T + centre, lens
     path = tmp_path / "cameras.xml"
     chunk = (
         9.13,
         rotation_about(0, 20) @ rotation_about(2, 70),
         centre + np.array([5.0, 6.0, 7.0]),
     )
-    write_agisoft(path, there, CRS.from_epsg(4326).to_wkt("WKT1_GDAL"), (0, 0, 0), chunk)
-    found = read(path, origin=origin, crs=crs, samples=scene)
-    assert "Earth-centred" in found.frame
-    assert found.warnings == ("1 photos have no pose in cameras.xml; they are left out.",)
-    assert_pixels(found.views, scene, pixels)
+    write_agisoft(path, earth_centred, CRS.from_epsg(4326).to_wkt("WKT1_GDAL"), (0, 0, 0), chunk)
+    camera_set = read(path, origin=origin, crs=crs, samples=scene)
+    assert "Earth-centred" in camera_set.frame
+    assert camera_set.warnings == ("1 photos have no pose in cameras.xml; they are left out.",)
+    assert_pixels(camera_set.views, scene, pixels)
 
 
 @LENSES
 def test_agisoft_in_local_coordinates(tmp_path, lens):
-    known = flight(replace(lens, skew=0.3))
+    cameras = flight(replace(lens, skew=0.3))
     path = tmp_path / "cameras.xml"
-    write_agisoft(path, known, "LOCAL_CS[&quot;Local Coordinates (m)&quot;]")
-    found = read(tmp_path, offset=OFFSET)
-    known[0][:] = [name.removesuffix(".JPG") for name in known[0]]
-    assert_same_pixels(found.views, known)
+    write_agisoft(path, cameras, "LOCAL_CS[&quot;Local Coordinates (m)&quot;]")
+    camera_set = read(tmp_path, offset=OFFSET)
+    cameras[0][:] = [name.removesuffix(".JPG") for name in cameras[0]]
+    assert_same_pixels(camera_set.views, cameras)
 
 
 def test_agisoft_components_carry_their_own_transform(tmp_path):
-    known = flight(BROWN)
+    cameras = flight(BROWN)
     path = tmp_path / "cameras.xml"
     chunk = (2.0, rotation_about(2, 33), np.array([1.0, 2.0, 3.0]))
-    write_agisoft(path, known, chunk=chunk)
+    write_agisoft(path, cameras, chunk=chunk)
     text = path.read_text()
     move = text[text.index("<transform><rotation>") : text.index("<reference>")]
     text = text.replace(move, "").replace(
@@ -222,14 +222,14 @@ def test_agisoft_components_carry_their_own_transform(tmp_path):
         "<cameras", f'<components><component id="3">{move}</component></components><cameras'
     )
     path.write_text(text)
-    known[0][:] = [name.removesuffix(".JPG") for name in known[0]]
-    assert_same_pixels(read(path, offset=OFFSET).views, known)
+    cameras[0][:] = [name.removesuffix(".JPG") for name in cameras[0]]
+    assert_same_pixels(read(path, offset=OFFSET).views, cameras)
 
 
 def test_photoscan_before_1_2(tmp_path):
-    known = flight(BROWN)
+    cameras = flight(BROWN)
     path = tmp_path / "cameras.xml"
-    write_agisoft(path, known)
+    write_agisoft(path, cameras)
     text = path.read_text()
     start, end = text.index("<f>"), text.index("<k1>")
     p_start, p_end = text.index("<p1>"), text.index("</calibration>")
@@ -241,62 +241,62 @@ def test_photoscan_before_1_2(tmp_path):
         + f"<p1>{p1}</p1><p2>{p2}</p2>"
         + text[p_end:]
     )
-    known[0][:] = [name.removesuffix(".JPG") for name in known[0]]
-    assert_same_pixels(read(path, offset=OFFSET).views, known)
+    cameras[0][:] = [name.removesuffix(".JPG") for name in cameras[0]]
+    assert_same_pixels(read(path, offset=OFFSET).views, cameras)
 
 
 def test_opendronemap_shots(tmp_path):
-    known = flight(BROWN)
-    write_shots_geojson(tmp_path, known)
-    found = read(tmp_path)
-    assert_same_pixels(found.views, known)
-    assert found.format == "OpenDroneMap shots"
+    cameras = flight(BROWN)
+    write_shots_geojson(tmp_path, cameras)
+    camera_set = read(tmp_path)
+    assert_same_pixels(camera_set.views, cameras)
+    assert camera_set.format == "OpenDroneMap shots"
 
 
 def test_pix4d(tmp_path):
-    known = flight(BROWN)
-    write_pix4d(tmp_path / "1_initial" / "params", known)
-    found = read(tmp_path)
-    assert_same_pixels(found.views, known)
-    assert "beach_offset.xyz" in found.frame
+    cameras = flight(BROWN)
+    write_pix4d(tmp_path / "1_initial" / "params", cameras)
+    camera_set = read(tmp_path)
+    assert_same_pixels(camera_set.views, cameras)
+    assert "beach_offset.xyz" in camera_set.frame
 
 
 def test_pix4d_external_with_internal_lens(tmp_path):
-    known = flight(replace(BROWN, fy=BROWN.fx))
-    path = write_pix4d_external(tmp_path, known)
-    found = read(path)
-    scaled = [replace(view, lens=view.lens.scaled(WIDTH, HEIGHT)) for view in found.views]
-    assert_same_pixels(scaled, known)
+    cameras = flight(replace(BROWN, fy=BROWN.fx))
+    path = write_pix4d_external(tmp_path, cameras)
+    camera_set = read(path)
+    scaled = [replace(view, lens=view.lens.scaled(WIDTH, HEIGHT)) for view in camera_set.views]
+    assert_same_pixels(scaled, cameras)
 
 
 def test_bundler(tmp_path):
-    known = flight(SQUARE)
-    write_bundler(tmp_path, known)
-    asked = []
-    found = read(tmp_path, photo_size=lambda name: asked.append(name) or (WIDTH, HEIGHT))
-    assert asked == known[0]
-    assert_same_pixels(found.views, known)
-    assert found.warnings == ("1 of 7 photos were not aligned by Bundler.",)
+    cameras = flight(SQUARE)
+    write_bundler(tmp_path, cameras)
+    asked_names = []
+    camera_set = read(tmp_path, photo_size=lambda name: asked_names.append(name) or (WIDTH, HEIGHT))
+    assert asked_names == cameras[0]
+    assert_same_pixels(camera_set.views, cameras)
+    assert camera_set.warnings == ("1 of 7 photos were not aligned by Bundler.",)
 
 
 def test_bundler_leaves_out_cameras_whose_photo_is_gone(tmp_path):
-    known = flight(SQUARE)
-    write_bundler(tmp_path, known)
-    gone = known[0][1]
+    cameras = flight(SQUARE)
+    write_bundler(tmp_path, cameras)
+    gone = cameras[0][1]
 
     def size(name):
         if name == gone:
             raise PhotoError(f"photo {name} is not below photos, and its size is needed")
         return WIDTH, HEIGHT
 
-    found = read(tmp_path, photo_size=size)
-    assert [view.name for view in found.views] == [name for name in known[0] if name != gone]
-    assert found.warnings[1] == (
+    camera_set = read(tmp_path, photo_size=size)
+    assert [view.name for view in camera_set.views] == [name for name in cameras[0] if name != gone]
+    assert camera_set.warnings[1] == (
         f"1 of 7 photos are left out; the first: photo {gone} is not below photos, and its size is "
         "needed."
     )
-    known[0][:] = [gone] * len(known[0])
-    write_bundler(tmp_path, known)
+    cameras[0][:] = [gone] * len(cameras[0])
+    write_bundler(tmp_path, cameras)
     with pytest.raises(PhotoError, match="its size is needed"):
         read(tmp_path, photo_size=size)
 
@@ -304,21 +304,21 @@ def test_bundler_leaves_out_cameras_whose_photo_is_gone(tmp_path):
 @LENSES
 @pytest.mark.parametrize("ours", ["colmap", "opensfm"])
 def test_our_writers_are_read_again(tmp_path, lens, ours):
-    known = flight(lens)
+    cameras = flight(lens)
     if ours == "colmap":
-        our_colmap.write_colmap(tmp_path, truth(known), origin=ORIGIN, offset=OFFSET)
+        our_colmap.write_colmap(tmp_path, truth(cameras), origin=ORIGIN, offset=OFFSET)
     else:
-        our_opensfm.write_opensfm(tmp_path, truth(known), origin=ORIGIN, offset=OFFSET[:2])
-    assert_same_pixels(read(tmp_path).views, known, within_px=1e-6)
+        our_opensfm.write_opensfm(tmp_path, truth(cameras), origin=ORIGIN, offset=OFFSET[:2])
+    assert_same_pixels(read(tmp_path).views, cameras, within_px=1e-6)
 
 
 def test_pycolmap_reads_what_we_write(tmp_path):
-    known = flight(BROWN)
-    our_colmap.write_colmap(tmp_path, truth(known), origin=ORIGIN, offset=OFFSET)
+    cameras = flight(BROWN)
+    our_colmap.write_colmap(tmp_path, truth(cameras), origin=ORIGIN, offset=OFFSET)
     model = pycolmap.Reconstruction(str(tmp_path))
     points = ground()
     in_crs = points @ AXES + ORIGIN - OFFSET
-    for view in truth(known):
+    for view in truth(cameras):
         image = model.find_image_with_name(view.name)
         expected, depth_m = view.project(points)
         for point, pixel, depth in list(zip(in_crs, expected, depth_m, strict=True))[:50]:

@@ -24,29 +24,29 @@ from terraport_pipeline.model import Crs
 
 
 def test_the_user_has_the_last_word(tmp_path):
-    known = flight(BROWN)
-    write_colmap_text(tmp_path, known)
+    cameras = flight(BROWN)
+    write_colmap_text(tmp_path, cameras)
     (tmp_path / "OFFSET.txt").write_text("1 2 3\n")
-    found = read_cameras(tmp_path, origin=ORIGIN, crs=None, samples=ground(), offset=OFFSET)
-    assert_same_pixels(found.views, known)
-    assert "--camera-offset" in found.frame
+    camera_set = read_cameras(tmp_path, origin=ORIGIN, crs=None, samples=ground(), offset=OFFSET)
+    assert_same_pixels(camera_set.views, cameras)
+    assert "--camera-offset" in camera_set.frame
 
 
 def test_an_offset_already_applied_is_noticed(tmp_path):
-    known = flight(BROWN)
-    write_colmap_text(tmp_path, known, offset=(0.0, 0.0, 0.0))
+    cameras = flight(BROWN)
+    write_colmap_text(tmp_path, cameras, offset=(0.0, 0.0, 0.0))
     (tmp_path / "OFFSET.txt").write_text("{} {} {}\n".format(*OFFSET))
-    found = read_cameras(tmp_path, origin=ORIGIN, crs=None, samples=ground())
-    assert_same_pixels(found.views, known)
-    assert "own coordinates" in found.frame
+    camera_set = read_cameras(tmp_path, origin=ORIGIN, crs=None, samples=ground())
+    assert_same_pixels(camera_set.views, cameras)
+    assert "own coordinates" in camera_set.frame
 
 
 def test_without_samples_the_file_is_believed(tmp_path):
-    known = flight(BROWN)
-    write_colmap_text(tmp_path, known)
-    found = read_cameras(tmp_path, origin=ORIGIN, crs=None)
-    assert_same_pixels(found.views, known)
-    assert found.seen is None
+    cameras = flight(BROWN)
+    write_colmap_text(tmp_path, cameras)
+    camera_set = read_cameras(tmp_path, origin=ORIGIN, crs=None)
+    assert_same_pixels(camera_set.views, cameras)
+    assert camera_set.seen is None
 
 
 def test_an_offset_file_without_numbers_is_an_error(tmp_path):
@@ -61,12 +61,12 @@ def test_cameras_elsewhere_are_refused_with_all_that_is_known(tmp_path):
     (tmp_path / "OFFSET.txt").write_text("400000 5188100 0\n")
     with pytest.raises(PhotoError) as caught:
         read_cameras(tmp_path, origin=ORIGIN, crs=None, samples=ground())
-    told = str(caught.value)
-    assert "6 photos do not look at the cloud" in told
-    assert "400,000.000, 5,188,100.000, 0.000 m (OFFSET.txt): around E 400,1" in told
-    assert "0.0% seen" in told
-    assert "the cloud lies around E 576,7" in told
-    assert "--camera-offset E,N,H" in told
+    message = str(caught.value)
+    assert "6 photos do not look at the cloud" in message
+    assert "400,000.000, 5,188,100.000, 0.000 m (OFFSET.txt): around E 400,1" in message
+    assert "0.0% seen" in message
+    assert "the cloud lies around E 576,7" in message
+    assert "--camera-offset E,N,H" in message
 
 
 def test_a_camera_in_space_sees_no_cloud(tmp_path):
@@ -80,9 +80,9 @@ def test_a_camera_in_space_sees_no_cloud(tmp_path):
 def test_a_cloud_mostly_beyond_the_photos_is_told(tmp_path):
     write_colmap_text(tmp_path, flight(BROWN))
     wide = ground() * (5.0, 1.0, 5.0)
-    found = read_cameras(tmp_path, origin=ORIGIN, crs=None, samples=wide)
-    assert 0.01 < found.seen < 0.5
-    assert "of the cloud lies in any photo" in found.warnings[0]
+    camera_set = read_cameras(tmp_path, origin=ORIGIN, crs=None, samples=wide)
+    assert 0.01 < camera_set.seen < 0.5
+    assert "of the cloud lies in any photo" in camera_set.warnings[0]
 
 
 def test_earth_centred_cameras_need_a_survey_with_a_crs(tmp_path):
@@ -97,14 +97,14 @@ def test_earth_centred_cameras_need_a_survey_with_a_crs(tmp_path):
 def test_heights_above_a_geoid_are_warned_of(tmp_path):
     path = tmp_path / "reconstruction.json"
     reference = {"latitude": 46.84, "longitude": -91.99, "altitude": 160.0}
-    known = flight(BROWN)
-    write_opensfm(path, known, offset=ORIGIN, reference=reference)
+    cameras = flight(BROWN)
+    write_opensfm(path, cameras, offset=ORIGIN, reference=reference)
     compound = Crs(
         "UTM 15N + EGM96",
         CRS.from_user_input("EPSG:32615+5773").to_wkt(),
     )
-    found = read_cameras(path, origin=ORIGIN, crs=compound)
-    assert "above a geoid" in found.warnings[0]
+    camera_set = read_cameras(path, origin=ORIGIN, crs=compound)
+    assert "above a geoid" in camera_set.warnings[0]
 
 
 def test_utm_turns_north_and_shrinks_the_ground(tmp_path):
@@ -114,9 +114,9 @@ def test_utm_turns_north_and_shrinks_the_ground(tmp_path):
     local = names, turns, centres - ORIGIN, lens
     reference = {"latitude": 46.8, "longitude": -90.1, "altitude": 0.0}
     write_opensfm(path, local, offset=(0, 0, 0), reference=reference)
-    found = read_cameras(path, origin=ORIGIN, crs=UTM_15N)
-    forward = np.array([view.rotation[2] for view in found.views])
-    right = np.array([view.rotation[0] for view in found.views])
+    camera_set = read_cameras(path, origin=ORIGIN, crs=UTM_15N)
+    forward = np.array([view.rotation[2] for view in camera_set.views])
+    right = np.array([view.rotation[0] for view in camera_set.views])
     axes = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     expected = turns[:, 0] @ axes.T
     turned_deg = np.degrees(

@@ -61,7 +61,7 @@ def test_faces_are_read_and_turned_to_the_normals(tmp_path: Path, monkeypatch) -
 
 
 @pytest.mark.parametrize(
-    ("text", "code", "told"),
+    ("text", "code", "message"),
     [
         (VTK.replace("POINTS 4", "POINTS 3"), 0, "gave 3 points for 4 samples"),
         (VTK.replace("3 1 2 3", "4 1 2 3"), 0, "not triangles"),
@@ -69,8 +69,8 @@ def test_faces_are_read_and_turned_to_the_normals(tmp_path: Path, monkeypatch) -
         (VTK, 7, "exit code 7; it printed: it said this"),
     ],
 )
-def test_what_the_program_does_wrong_is_told(tmp_path, monkeypatch, text, code, told) -> None:
-    with pytest.raises(EngineError, match=told):
+def test_what_the_program_does_wrong_is_told(tmp_path, monkeypatch, text, code, message) -> None:
+    with pytest.raises(EngineError, match=message):
         GREEDY_PROJECTION.run(SAMPLES, program(tmp_path, monkeypatch, text, code))
 
 

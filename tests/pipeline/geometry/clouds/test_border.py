@@ -25,11 +25,11 @@ LEFT = Footprint((0.0, -5.0), 0.5, np.tile(2.5 - 0.5 * np.arange(40.0)[:, None],
 
 def test_border_edges_are_those_of_one_face_in_its_direction() -> None:
     vertices, faces = strip(3)
-    found = border_edges(faces, len(vertices))
+    border = border_edges(faces, len(vertices))
     directed = {(a, b) for f in faces.tolist() for a, b in zip(f, [*f[1:], f[0]], strict=True)}
     expected = sorted((a, b) for a, b in directed if (b, a) not in directed)
-    assert found.tolist() == [list(edge) for edge in expected]
-    assert len(found) == 8
+    assert border.tolist() == [list(edge) for edge in expected]
+    assert len(border) == 8
 
 
 def test_a_closed_surface_has_no_border() -> None:

@@ -51,9 +51,9 @@ def test_unknown_values_do_not_count_and_stay_unknown_alone(samples: np.ndarray)
     values[:200] = 5.0
     targets = samples + 0.01
     _, out = carry_values(cKDTree(samples), np.zeros((400, 3), np.uint8), {"v": values}, targets)
-    known = ~np.isnan(out["v"])
-    assert (out["v"][known] == 5.0).all()
-    assert 200 < known.sum() < 400
+    finite = ~np.isnan(out["v"])
+    assert (out["v"][finite] == 5.0).all()
+    assert 200 < finite.sum() < 400
 
 
 def test_fewer_samples_than_k() -> None:

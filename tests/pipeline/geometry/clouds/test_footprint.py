@@ -56,11 +56,11 @@ def test_counting_in_parts_and_in_any_order_is_the_same() -> None:
     local = np.random.default_rng(2).uniform(0.5, 5, len(points)).astype(np.float32)
     whole = plan_occupancy(points.min(axis=0), points.max(axis=0), 1.0)
     whole.add(points, local)
-    parts = plan_occupancy(points.min(axis=0), points.max(axis=0), 1.0)
+    accumulated = plan_occupancy(points.min(axis=0), points.max(axis=0), 1.0)
     for some in (slice(400, None), slice(0, 400)):
-        parts.add(points[some], local[some])
-    assert parts.spacing_m.tobytes() == whole.spacing_m.tobytes()
-    assert make_footprint(parts).field_m.tobytes() == make_footprint(whole).field_m.tobytes()
+        accumulated.add(points[some], local[some])
+    assert accumulated.spacing_m.tobytes() == whole.spacing_m.tobytes()
+    assert make_footprint(accumulated).field_m.tobytes() == make_footprint(whole).field_m.tobytes()
 
 
 def test_the_raster_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:

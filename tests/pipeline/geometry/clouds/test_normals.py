@@ -60,18 +60,18 @@ def test_an_overhang_is_oriented_out_of_the_rock(overhang: Any) -> None:
     normals, neighbours, spacing_m = normals_of(overhang.points)
     oriented, spread, _ = orient_normals(overhang.points, normals, neighbours, spacing_m=spacing_m)
     wrong = (oriented * overhang.normals).sum(axis=1) < 0
-    for part in range(5):
-        assert wrong[overhang.part == part].mean() < 0.005, f"part {part}"
+    for edge in range(5):
+        assert wrong[overhang.edge == edge].mean() < 0.005, f"edge {edge}"
     assert spread > 0
-    assert (oriented[overhang.part == 2, 1] < 0).mean() > 0.95
+    assert (oriented[overhang.edge == 2, 1] < 0).mean() > 0.95
 
 
 def test_under_a_roof_nothing_is_certain(overhang: Any) -> None:
     normals, _, spacing_m = normals_of(overhang.points)
     certain = certain_mask(overhang.points, normals, spacing_m=spacing_m)
-    assert not certain[overhang.part == 2].any()
-    assert certain[overhang.part == 4].mean() > 0.95
-    below = (overhang.part == 0) & (overhang.points[:, 0] > 1.5) & (overhang.points[:, 0] < 2.5)
+    assert not certain[overhang.edge == 2].any()
+    assert certain[overhang.edge == 4].mean() > 0.95
+    below = (overhang.edge == 0) & (overhang.points[:, 0] > 1.5) & (overhang.points[:, 0] < 2.5)
     assert not certain[below].any()
 
 

@@ -18,27 +18,27 @@ def grid(side: int, step_m: float) -> np.ndarray:
 
 def test_neighbours_are_the_nearest_others() -> None:
     points = np.random.default_rng(1).normal(size=(500, 3))
-    found = nearest_neighbours(points, 5)
+    neighbours = nearest_neighbours(points, 5)
     distance_m = np.linalg.norm(points[:, None] - points[None], axis=2)
     np.fill_diagonal(distance_m, np.inf)
     expected = np.sort(distance_m, axis=1)[:, :5]
-    assert np.allclose(found.distances, expected, rtol=1e-6)
-    assert (found.indices != np.arange(500)[:, None]).all()
+    assert np.allclose(neighbours.distances, expected, rtol=1e-6)
+    assert (neighbours.indices != np.arange(500)[:, None]).all()
 
 
 def test_a_point_is_never_its_own_neighbour_even_among_copies() -> None:
     points = np.repeat(np.random.default_rng(2).normal(size=(30, 3)), 4, axis=0)
-    found = nearest_neighbours(points, 3)
-    assert (found.indices != np.arange(120)[:, None]).all()
-    assert (found.distances[:, :3] == 0).all()
+    neighbours = nearest_neighbours(points, 3)
+    assert (neighbours.indices != np.arange(120)[:, None]).all()
+    assert (neighbours.distances[:, :3] == 0).all()
 
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_neighbours_do_not_depend_on_threads(workers: int) -> None:
     points = np.random.default_rng(3).normal(size=(2000, 3))
     expected = nearest_neighbours(points, 8, workers=1)
-    found = nearest_neighbours(points, 8, workers=workers)
-    assert (found.indices == expected.indices).all()
+    neighbours = nearest_neighbours(points, 8, workers=workers)
+    assert (neighbours.indices == expected.indices).all()
 
 
 def test_fewer_points_than_asked_give_what_there_is() -> None:

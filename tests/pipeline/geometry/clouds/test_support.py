@@ -33,8 +33,8 @@ def test_the_histogram_holds_all_area_and_adds_up_over_pieces() -> None:
     )
     assert whole.shape == (BINS,)
     assert whole.sum() == pytest.approx(0.5 * areas.sum())
-    parts = [support_histogram(vertices, part, ratio) for part in np.split(faces, [123])]
-    assert np.allclose(parts[0] + parts[1], whole)
+    histograms = [support_histogram(vertices, piece, ratio) for piece in np.split(faces, [123])]
+    assert np.allclose(histograms[0] + histograms[1], whole)
 
 
 def test_the_threshold_lies_where_the_flank_meets_the_plateau() -> None:
@@ -42,9 +42,9 @@ def test_the_threshold_lies_where_the_flank_meets_the_plateau() -> None:
     mode = 1e5 * np.exp(-(((middle - 0.5) / 0.6) ** 2))
     histogram = mode + 10.0
     histogram[-1] = 1e6  # everything farther out
-    found = support_threshold(histogram)
-    assert 2.0 <= found <= 2.5
-    assert mode[round(found * 10) + 1] < 10.0
+    threshold = support_threshold(histogram)
+    assert 2.0 <= threshold <= 2.5
+    assert mode[round(threshold * 10) + 1] < 10.0
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,12 @@ def sheet(low_m: float, high_m: float) -> tuple[Float32, Int32]:
     """Hilly ground between two places along x, 0 to 4 m along z, in cells of 0.25 m."""
     x = np.arange(low_m, high_m + CELL_M / 2, CELL_M)
     z = np.arange(0, 4 + CELL_M / 2, CELL_M)
-    place_x, place_z = np.meshgrid(x, z, indexing="ij")
-    height = np.sin(place_x) + 0.2 * place_z
-    at = np.arange(place_x.size).reshape(place_x.shape)
+    points_x, points_z = np.meshgrid(x, z, indexing="ij")
+    height = np.sin(points_x) + 0.2 * points_z
+    at = np.arange(points_x.size).reshape(points_x.shape)
     a, b, c, d = at[:-1, :-1], at[1:, :-1], at[1:, 1:], at[:-1, 1:]
     faces = np.concatenate([np.stack([a, c, b], -1), np.stack([a, d, c], -1)]).reshape(-1, 3)
-    vertices = np.stack([place_x, height, place_z], -1).reshape(-1, 3).astype(np.float32)
+    vertices = np.stack([points_x, height, points_z], -1).reshape(-1, 3).astype(np.float32)
     return vertices, faces.astype(np.int32)
 
 

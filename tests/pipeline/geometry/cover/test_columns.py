@@ -15,7 +15,7 @@ def arrays_of(mesh):
 
 
 def entered(starts, entries, cell):
-    """Faces of one cell."""
+    """Faces that are entered in one cell of the columns."""
     return set(entries[starts[cell] : starts[cell + 1]].tolist())
 
 

@@ -59,7 +59,7 @@ def two_resolutions(seed, *, per_face):
 def hidden_faces(cover, loaded):
     """The run-time rule: hidden iff the list is not empty and all of it is loaded."""
     lists = np.split(cover.segments, cover.offsets[1:-1])
-    return np.array([len(one) > 0 and bool(loaded[one].all()) for one in lists])
+    return np.array([len(segments) > 0 and bool(loaded[segments].all()) for segments in lists])
 
 
 def vertical_rays(seed, count):
@@ -74,13 +74,13 @@ def vertical_rays(seed, count):
 def count_holes(meets_base, meets_detail, segment, cover, seed, subsets=25):
     """Rays that met full detail and a base face, and meet neither loaded detail nor shown base."""
     rng = np.random.default_rng(seed)
-    asked = meets_detail.any(axis=1) & meets_base.any(axis=1)
+    probed = meets_detail.any(axis=1) & meets_base.any(axis=1)
     holes = 0
     for share in rng.uniform(0.05, 0.98, subsets):
         loaded = rng.random(segment.max() + 1) < share
         shown = ~hidden_faces(cover, loaded)
         solid = (meets_detail[:, loaded[segment]]).any(axis=1) | meets_base[:, shown].any(axis=1)
-        holes += np.count_nonzero(asked & ~solid)
+        holes += np.count_nonzero(probed & ~solid)
     return holes
 
 
@@ -206,7 +206,7 @@ def test_storeys_apart_with_a_gap():
     near = build_cover(*arrays, tolerance_m=0.1, max_gap_m=5.0)
     lists = np.split(near.segments, near.offsets[1:-1])
     # the tunnel is far from any base: rule 2 lists it nowhere, its distance being beyond all reach
-    assert {tuple(one.tolist()) for one in lists} == {(0,)}
+    assert {tuple(segments.tolist()) for segments in lists} == {(0,)}
 
 
 def test_deterministic_and_free_of_vertex_order():
@@ -215,13 +215,13 @@ def test_deterministic_and_free_of_vertex_order():
     order = np.random.default_rng(0).permutation(len(detail[0]))
     for array in (*base, *detail, segment):
         array.flags.writeable = False
-    one = build_cover(*base, *detail, segment, tolerance_m=0.15)
-    two = build_cover(
+    first = build_cover(*base, *detail, segment, tolerance_m=0.15)
+    second = build_cover(
         *base, detail[0][order], np.argsort(order)[detail[1]], segment, tolerance_m=0.15
     )
-    assert one.offsets.tobytes() == two.offsets.tobytes()
-    assert one.segments.tobytes() == two.segments.tobytes()
-    assert one.offsets.dtype == one.segments.dtype == np.uint32
+    assert first.offsets.tobytes() == second.offsets.tobytes()
+    assert first.segments.tobytes() == second.segments.tobytes()
+    assert first.offsets.dtype == first.segments.dtype == np.uint32
 
 
 def test_empty_and_degenerate_meshes():
@@ -246,13 +246,13 @@ def test_threads_change_no_byte():
     assert len(base_f) > 2**16
     assert len(detail_f) > 2**18
     segment = np.arange(len(detail_f)) // 5000
-    one, two = (
+    one_thread, two_threads = (
         build_cover(base_v, base_f, detail_v, detail_f, segment, tolerance_m=0.3, threads=threads)
         for threads in (1, 2)
     )
-    assert one.far_detail_faces == two.far_detail_faces > 0
-    assert one.offsets.tobytes() == two.offsets.tobytes()
-    assert one.segments.tobytes() == two.segments.tobytes()
+    assert one_thread.far_detail_faces == two_threads.far_detail_faces > 0
+    assert one_thread.offsets.tobytes() == two_threads.offsets.tobytes()
+    assert one_thread.segments.tobytes() == two_threads.segments.tobytes()
 
 
 def test_long_lists_are_ascending():

@@ -43,11 +43,11 @@ def test_far_faces_are_counted_and_listed_nearby():
     detail = as_kernel_input(detail_v, np.float64), as_kernel_input(detail_f, np.int32)
     grid = fit_grid([base, detail], 0.5, 0.5)
     segment = np.array([7, 9], np.int32)
-    found = far_detail(base, detail, segment, grid, reach_m=0.5, tolerance_m=0.2)
-    assert (found.far_faces, found.baseless_faces) == (1, 0)
-    assert set(found.segment.tolist()) == {9}
+    far = far_detail(base, detail, segment, grid, reach_m=0.5, tolerance_m=0.2)
+    assert (far.far_faces, far.baseless_faces) == (1, 0)
+    assert set(far.segment.tolist()) == {9}
     # the four nearest vertices are 0, 1, 3 and 4: every face but the last has one of them
-    assert np.diff(found.offsets).tolist() == [1, 1, 1, 1, 1, 1, 1, 0]
+    assert np.diff(far.offsets).tolist() == [1, 1, 1, 1, 1, 1, 1, 0]
 
 
 def test_detail_without_base_is_counted():
@@ -57,8 +57,8 @@ def test_detail_without_base_is_counted():
     base = as_kernel_input(corners, np.float64), face
     detail = as_kernel_input(np.add(corners, [50.0, 0, 50.0]), np.float64), face
     grid = fit_grid([base, detail], 1.0, 1.0)
-    found = far_detail(base, detail, np.array([0], np.int32), grid, reach_m=1.0, tolerance_m=0.1)
-    assert (found.far_faces, found.baseless_faces, found.offsets.tolist()) == (1, 1, [0, 0])
+    far = far_detail(base, detail, np.array([0], np.int32), grid, reach_m=1.0, tolerance_m=0.1)
+    assert (far.far_faces, far.baseless_faces, far.offsets.tolist()) == (1, 1, [0, 0])
 
 
 def test_median_edge():

@@ -14,9 +14,9 @@ def test_a_strip_hangs_from_every_border_edge_and_goes_again() -> None:
     assert (hem == VERTICES - np.array([0, 0.5, 0], np.float32)).all()
     # Every edge of the surface has two faces now; wound like the surface beside it.
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    there = {tuple(edge) for edge in edges.tolist()}
-    on_top = [(a, b) for a, b in there if a < 4 and b < 4]
-    assert all((b, a) in there for a, b in on_top)
+    directed_edges = {tuple(edge) for edge in edges.tolist()}
+    on_top = [(a, b) for a, b in directed_edges if a < 4 and b < 4]
+    assert all((b, a) in directed_edges for a, b in on_top)
     order = np.random.default_rng(1).permutation(len(vertices))
     number = np.argsort(order)
     kept = drop_skirt(vertices[order], number[faces].astype(np.int32), hem)

@@ -30,15 +30,15 @@ def by_samples(vertices: Float32, faces: Int32, cover: tuple[Float32, Int32]) ->
         steps + 1
     )
     plan, corners = vertices[:, ::2].astype(float), cover[0][:, ::2].astype(float)[cover[1]]
-    found = np.zeros(len(faces), bool)
+    uncovered = np.zeros(len(faces), bool)
     for f, (a, b, c) in enumerate(plan[faces]):
         points = a + shares[:, :1] * (b - a) + shares[:, 1:] * (c - a)
         inside = np.zeros(len(points), bool)
         for p, q, r in corners:
             sides = np.stack([_side(points, p, q), _side(points, q, r), _side(points, r, p)])
             inside |= (sides >= -1e-9).all(axis=0) | (sides <= 1e-9).all(axis=0)
-        found[f] = not inside.all()
-    return found
+        uncovered[f] = not inside.all()
+    return uncovered
 
 
 def _side(points: np.ndarray, start: np.ndarray, stop: np.ndarray) -> np.ndarray:

@@ -16,19 +16,19 @@ from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
 
 def literal(n_faces, pairs, difference, scale, least):
     """Algorithm 1 with sets: parts are sets, Int(C) is looked up in the joins made."""
-    part = [{i} for i in range(n_faces)]
-    inside = {id(p): 0.0 for p in part}
+    component = [{i} for i in range(n_faces)]
+    inside = {id(p): 0.0 for p in component}
     order = sorted(range(len(pairs)), key=lambda i: difference[i])
 
     def join(a, b):
         union = a | b
         for face in union:
-            part[face] = union
+            component[face] = union
         return union
 
-    keep = list(part)  # ids stay unique while the sets live
+    keep = list(component)  # ids stay unique while the sets live
     for i in order:
-        a, b = part[pairs[i][0]], part[pairs[i][1]]
+        a, b = component[pairs[i][0]], component[pairs[i][1]]
         if a is b:
             continue
         slack = min(inside[id(p)] + scale / len(p) for p in (a, b))
@@ -37,11 +37,11 @@ def literal(n_faces, pairs, difference, scale, least):
             keep.append(union)
             inside[id(union)] = float(difference[i])
     for i in order:
-        a, b = part[pairs[i][0]], part[pairs[i][1]]
+        a, b = component[pairs[i][0]], component[pairs[i][1]]
         if a is not b and min(len(a), len(b)) < least:
             keep.append(join(a, b))
     number = {}
-    return [number.setdefault(id(part[i]), len(number)) for i in range(n_faces)]
+    return [number.setdefault(id(component[i]), len(number)) for i in range(n_faces)]
 
 
 @pytest.mark.parametrize("seed", range(120))
@@ -53,9 +53,9 @@ def test_parts_are_the_papers(seed, scale, least, soup):
     difference, _ = neighbour_differences(
         SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours), pairs
     )
-    found, count = felzenszwalb(len(mesh.faces), pairs, difference, scale, least)
+    labels, count = felzenszwalb(len(mesh.faces), pairs, difference, scale, least)
     expected = literal(len(mesh.faces), pairs.tolist(), difference.tolist(), scale, least)
-    assert found.tolist() == expected
+    assert labels.tolist() == expected
     assert count == max(expected) + 1
 
 
@@ -81,20 +81,24 @@ def test_regions_of_a_terrain(terrain):
     mesh = terrain(3, cells=60, noise=0.0, holes=0.05)
     subject = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
     engine = FelzenszwalbSegmenter(region_share=0.01)
-    found, again = engine.segment(subject), engine.segment(subject)
-    assert found.regions.tobytes() == again.regions.tobytes()
-    assert found.fine.tobytes() == again.fine.tobytes()
-    assert 2 <= found.region_count <= 100
-    assert np.bincount(found.regions).min() >= 0.01 * len(mesh.faces)
-    assert len(np.bincount(found.regions)) == found.region_count
-    assert found.fine_count >= found.region_count
+    segmentation, again = engine.segment(subject), engine.segment(subject)
+    assert segmentation.regions.tobytes() == again.regions.tobytes()
+    assert segmentation.fine.tobytes() == again.fine.tobytes()
+    assert 2 <= segmentation.region_count <= 100
+    assert np.bincount(segmentation.regions).min() >= 0.01 * len(mesh.faces)
+    assert len(np.bincount(segmentation.regions)) == segmentation.region_count
+    assert segmentation.fine_count >= segmentation.region_count
 
 
 def test_no_faces():
     """An empty mesh has no parts."""
     empty = SegmenterMesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
-    found = FelzenszwalbSegmenter().segment(empty)
-    assert (found.region_count, found.fine_count, len(found.similarity)) == (0, 0, 0)
+    segmentation = FelzenszwalbSegmenter().segment(empty)
+    assert (segmentation.region_count, segmentation.fine_count, len(segmentation.similarity)) == (
+        0,
+        0,
+        0,
+    )
 
 
 @pytest.mark.parametrize(

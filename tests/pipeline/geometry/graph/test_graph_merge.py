@@ -95,9 +95,9 @@ def reference_merges(graph, weights, seed_faces):
         borders = weighed(graph, weights, members, lengths)
         if level is None:
             return merges + reference_heap(area, borders)
-        found, merged, faces = reference_rounds(area, borders, level, faces)
-        merges += found
-        for u, v, _ in found:
+        round_merges, merged, faces = reference_rounds(area, borders, level, faces)
+        merges += round_merges
+        for u, v, _ in round_merges:
             members[u] += members.pop(v)
         area = merged.area
         home = {f: u for u, all_of_it in members.items() for f in all_of_it}
@@ -132,11 +132,11 @@ def weighed(graph, weights, members, lengths):
 def merges_of(tree):
     """Names and costs of the tree's merges, as the reference lists them."""
     name = list(range(tree.leaf_count))
-    found = []
+    merges = []
     for (a, b), cost in zip(tree.children.tolist(), tree.cost.tolist(), strict=True):
-        found.append((name[a], name[b], cost))
+        merges.append((name[a], name[b], cost))
         name.append(min(name[a], name[b]))
-    return found
+    return merges
 
 
 def assert_like_reference(mesh, weights, seed_faces, *, colour=True):
@@ -185,8 +185,8 @@ def test_flat_ground_does_not_merge_in_chains(terrain):
     mesh = terrain(0, 64, noise=0.0)
     flat = mesh.vertices * np.array([1, 0, 1], np.float32)
     graph = face_graph(flat, mesh.faces)
-    found = merge_faces(graph, EdgeWeights(), (32,))
-    assert found.seed_count < len(mesh.faces) / 8
+    merged = merge_faces(graph, EdgeWeights(), (32,))
+    assert merged.seed_count < len(mesh.faces) / 8
 
 
 # --- properties ----------------------------------------------------------------------------------

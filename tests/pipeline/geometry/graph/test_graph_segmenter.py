@@ -57,9 +57,9 @@ def halves_agree(mesh, regions):
 def test_red_and_green_of_one_lightness_are_told_apart(noise):
     # Both are 42.5 from white: the Triangle Pool Algorithm cannot see this border.
     mesh = ground(two_colours([166, 102, 98], [93, 131, 78], noise))
-    found = GraphSegmenter(COARSE).segment(mesh)
-    assert found.region_count == 2
-    assert halves_agree(mesh, found.regions) > 0.94
+    segmentation = GraphSegmenter(COARSE).segment(mesh)
+    assert segmentation.region_count == 2
+    assert halves_agree(mesh, segmentation.regions) > 0.94
 
 
 def test_a_shadow_does_not_part_the_ground():
@@ -73,48 +73,50 @@ def test_a_shadow_does_not_part_the_ground():
 def test_shape_alone_parts_at_the_fold():
     mesh = ground(two_colours([128] * 3, [128] * 3), lambda x, z: np.abs(x - 0.5))
     shape = SegmenterMesh(mesh.vertices, mesh.faces)
-    found = GraphSegmenter(OPEN_SHAPE_GRAPH).segment(shape)
-    assert found.region_count == 2
-    assert halves_agree(mesh, found.regions) == 1.0
+    segmentation = GraphSegmenter(OPEN_SHAPE_GRAPH).segment(shape)
+    assert segmentation.region_count == 2
+    assert halves_agree(mesh, segmentation.regions) == 1.0
     ridge = replace(shape, vertices=mesh.vertices * np.array([1, -1, 1], np.float32))
     assert GraphSegmenter(OPEN_SHAPE_GRAPH).segment(ridge).region_count == 1, "a ridge is no border"
 
 
 def test_small_regions_join_and_islands_join_the_nearest(terrain):
     mesh = terrain(5, 30, holes=0.35)
-    given = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
+    subject = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
     options = replace(COLOUR_GRAPH, small_share=0.05)
-    found = GraphSegmenter(options).segment(given)
-    assert found.facts["region_islands"] > 0
+    segmentation = GraphSegmenter(options).segment(subject)
+    assert segmentation.facts["region_islands"] > 0
     corners = mesh.vertices[mesh.faces].astype(np.float64)
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(normal, axis=1)
-    share = np.bincount(found.regions, weights=area) / area.sum()
+    share = np.bincount(segmentation.regions, weights=area) / area.sum()
     assert share.min() >= 0.05 * (1 - 1e-6)
 
 
 def test_fine_pools_lie_in_regions_and_keep_their_bound(terrain):
     mesh = terrain(6, 30, holes=0.1)
-    found = GraphSegmenter(replace(COLOUR_GRAPH, fine_faces=50)).segment(
+    segmentation = GraphSegmenter(replace(COLOUR_GRAPH, fine_faces=50)).segment(
         SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
     )
-    assert np.bincount(found.fine).max() <= 50
-    both = set(zip(found.fine.tolist(), found.regions.tolist(), strict=True))
-    assert len(both) == found.fine_count
+    assert np.bincount(segmentation.fine).max() <= 50
+    both = set(zip(segmentation.fine.tolist(), segmentation.regions.tolist(), strict=True))
+    assert len(both) == segmentation.fine_count
     pairs, _ = face_pairs(mesh.faces, len(mesh.vertices))
-    assert components(len(mesh.faces), pairs, labels=found.fine)[1] == found.fine_count
+    assert (
+        components(len(mesh.faces), pairs, labels=segmentation.fine)[1] == segmentation.fine_count
+    )
 
 
 def test_renumbering_vertices_changes_nothing(terrain):
     mesh = terrain(8, 24, holes=0.1)
     order = np.random.default_rng(0).permutation(len(mesh.vertices))
     back = np.argsort(order).astype(np.int32)
-    one = GraphSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours))
-    other = GraphSegmenter().segment(
+    first = GraphSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours))
+    second = GraphSegmenter().segment(
         SegmenterMesh(mesh.vertices[order], back[mesh.faces], mesh.colours[order])
     )
-    assert one.regions.tobytes() == other.regions.tobytes()
-    assert one.fine.tobytes() == other.fine.tobytes()
+    assert first.regions.tobytes() == second.regions.tobytes()
+    assert first.fine.tobytes() == second.fine.tobytes()
 
 
 def test_seeds_are_bounded_both_ways():

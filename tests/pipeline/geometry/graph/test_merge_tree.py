@@ -83,8 +83,8 @@ def test_cut_by_size():
 
 
 @given(TREES, st.floats(-6, 6), st.floats(-6, 6))
-def test_cuts_by_cost_are_nested(tree, one, other):
-    low, high = sorted((one, other))
+def test_cuts_by_cost_are_nested(tree, first, second):
+    low, high = sorted((first, second))
     assert finer(tree.cut_by_cost(low)[0], tree.cut_by_cost(high)[0])
 
 
@@ -92,8 +92,8 @@ def test_cuts_by_cost_are_nested(tree, one, other):
 def test_cuts_by_count_are_nested_and_have_that_many(tree):
     before = None
     for count in range(tree.leaf_count, 0, -1):
-        labels, found = tree.cut_by_count(count)
-        assert found == len(set(labels.tolist())) == max(count, tree.root_count)
+        labels, region_count = tree.cut_by_count(count)
+        assert region_count == len(set(labels.tolist())) == max(count, tree.root_count)
         if before is not None:
             assert finer(before, labels)
         before = labels

@@ -36,9 +36,9 @@ def test_face_pairs_equal_the_dictionary(soup, seed):
     mesh = soup(seed)
     expected = pairs_by_dictionary(mesh.faces, 2)
     pairs, edges = face_pairs(mesh.faces, len(mesh.vertices))
-    found = dict(zip(map(tuple, pairs.tolist()), map(tuple, edges.tolist()), strict=True))
-    assert len(pairs) == len(found)
-    assert found == expected
+    edge_of_pair = dict(zip(map(tuple, pairs.tolist()), map(tuple, edges.tolist()), strict=True))
+    assert len(pairs) == len(edge_of_pair)
+    assert edge_of_pair == expected
     assert edges.tolist() == sorted(edges.tolist())
 
 
@@ -91,9 +91,9 @@ def test_components_equal_a_search(soup, seed):
                     expected[other] = count
                     front.append(other)
         count += 1
-    found, n_found = components(len(labels), pairs, labels=labels)
-    assert n_found == count
-    np.testing.assert_array_equal(found, expected)
+    component, n_components = components(len(labels), pairs, labels=labels)
+    assert n_components == count
+    np.testing.assert_array_equal(component, expected)
 
 
 def test_bad_index_names_the_face():

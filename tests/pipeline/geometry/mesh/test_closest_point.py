@@ -23,28 +23,28 @@ def test_equals_looking_at_every_triangle(seed: int) -> None:
     every = point_triangle_distances(
         np.repeat(points, len(faces), axis=0), np.tile(vertices[faces], (len(points), 1, 1))
     ).reshape(len(points), -1)
-    found = TriangleTree(vertices, faces).nearest(points)
-    assert found.distance_m == pytest.approx(every.min(axis=1), abs=1e-5)
-    assert (found.weights >= -1e-6).all()
-    assert found.weights.sum(axis=1) == pytest.approx(1, abs=1e-6)
-    feet = found.interpolate(faces, vertices)
-    assert np.linalg.norm(feet - points, axis=1) == pytest.approx(found.distance_m, abs=1e-4)
+    nearest = TriangleTree(vertices, faces).nearest(points)
+    assert nearest.distance_m == pytest.approx(every.min(axis=1), abs=1e-5)
+    assert (nearest.weights >= -1e-6).all()
+    assert nearest.weights.sum(axis=1) == pytest.approx(1, abs=1e-6)
+    feet = nearest.interpolate(faces, vertices)
+    assert np.linalg.norm(feet - points, axis=1) == pytest.approx(nearest.distance_m, abs=1e-4)
 
 
 def test_colours_are_interpolated_where_the_place_is() -> None:
     vertices = np.array([[0, 0, 0], [4, 0, 0], [0, 4, 0]], np.float32)
     faces = np.array([[0, 1, 2]], np.int32)
     colours = np.array([[0, 0, 0], [200, 0, 0], [0, 100, 0]], np.uint8)
-    found = TriangleTree(vertices, faces).nearest(np.array([[1.0, 1.0, 5.0]]))
-    assert found.interpolate(faces, colours).tolist() == [[50.0, 25.0, 0.0]]
+    nearest = TriangleTree(vertices, faces).nearest(np.array([[1.0, 1.0, 5.0]]))
+    assert nearest.interpolate(faces, colours).tolist() == [[50.0, 25.0, 0.0]]
 
 
 def test_triangles_without_area_are_lines_and_points() -> None:
     vertices = np.array([[0, 0, 0], [2, 0, 0], [4, 0, 0], [9, 9, 9]], np.float32)
     faces = np.array([[0, 1, 2], [3, 3, 3]], np.int32)
-    found = TriangleTree(vertices, faces).nearest(np.array([[3.0, 2.0, 0.0], [9.0, 9.0, 10.0]]))
-    assert found.distance_m.tolist() == [2.0, 1.0]
-    assert found.face.tolist() == [0, 1]
+    nearest = TriangleTree(vertices, faces).nearest(np.array([[3.0, 2.0, 0.0], [9.0, 9.0, 10.0]]))
+    assert nearest.distance_m.tolist() == [2.0, 1.0]
+    assert nearest.face.tolist() == [0, 1]
 
 
 def test_a_mesh_without_faces_is_refused() -> None:

@@ -13,19 +13,19 @@ def test_distance_equals_a_dense_sampling_of_the_triangle() -> None:
     u, v = np.meshgrid(np.linspace(0, 1, 150), np.linspace(0, 1, 150))
     inside = u + v <= 1
     u, v = u[inside], v[inside]
-    for point, (a, b, c), found in zip(
+    for point, (a, b, c), distance in zip(
         points, triangles, point_triangle_distances(points, triangles), strict=True
     ):
         surface = a + u[:, None] * (b - a) + v[:, None] * (c - a)
         expected = np.linalg.norm(surface - point, axis=1).min()
-        assert found <= expected + 1e-9
-        assert found == pytest.approx(expected, abs=0.03)
+        assert distance <= expected + 1e-9
+        assert distance == pytest.approx(expected, abs=0.03)
 
 
 def test_triangles_without_area_count_as_edges_and_points() -> None:
     triangles = np.array([[[0.0, 0, 0], [1, 0, 0], [2, 0, 0]], [[1.0, 1, 1]] * 3])
-    found = point_triangle_distances(np.array([[1.5, 2.0, 0], [1, 1, 4]]), triangles)
-    assert found.tolist() == [2.0, 3.0]
+    distances = point_triangle_distances(np.array([[1.5, 2.0, 0], [1, 1, 4]]), triangles)
+    assert distances.tolist() == [2.0, 3.0]
 
 
 def test_distance_to_a_mesh_takes_the_nearest_face() -> None:

@@ -10,13 +10,13 @@ from terraport_pipeline.geometry.mesh.thin_cells import thin_by_cells
 
 
 def test_thinned_pieces_still_meet() -> None:
-    parts = [part for part, _ in cut_mesh(ground(40), 2)]
+    pieces = [piece for piece, _ in cut_mesh(ground(40), 2)]
     area = 0.0
-    for part in parts:
-        kept, faces, origin = thin_by_cells(part.vertices, part.faces, 8.0)
-        assert len(faces) == len(origin) < 0.5 * len(part.faces)
+    for piece in pieces:
+        kept, faces, origin = thin_by_cells(piece.vertices, piece.faces, 8.0)
+        assert len(faces) == len(origin) < 0.5 * len(piece.faces)
         assert faces.max() < len(kept)
-        corner = part.vertices[kept][faces][:, :, [0, 2]].astype(float)
+        corner = piece.vertices[kept][faces][:, :, [0, 2]].astype(float)
         side, other = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
         area += float((0.5 * (side[:, 1] * other[:, 0] - side[:, 0] * other[:, 1])).sum())
     assert abs(area - 3600.0) < 1e-2  # seen from above, no gap and no overlap

@@ -68,7 +68,7 @@ def test_random_labels_against_plain_loops(seed):
             expected[u][v] = expected[u].get(v, 0) + length
             expected[v][u] = expected[v].get(u, 0) + length
     sorted_rows = [sorted((int(v), n) for v, n in row.items()) for row in expected]
-    found = combine_rows(*rows_of_labels(labels, count, pairs, lengths))
-    assert as_lists(found) == sorted_rows
+    combined = combine_rows(*rows_of_labels(labels, count, pairs, lengths))
+    assert as_lists(combined) == sorted_rows
     single = rows_of_pairs(items, pairs, lengths)
     assert as_lists(contract_rows(*single, labels, count)) == sorted_rows

@@ -19,8 +19,8 @@ from terraport_pipeline.geometry.photos.view_kernels import QUALITY_STEPS, SLOTS
 def places(*rows: list[int]) -> np.ndarray:
     """Views of each face, the places behind them empty."""
     views = np.full((len(rows), SLOTS), -1, np.int16)
-    for row, known in zip(views, rows, strict=True):
-        row[: len(known)] = known
+    for row, listed in zip(views, rows, strict=True):
+        row[: len(listed)] = listed
     return views
 
 

@@ -80,9 +80,9 @@ def test_project_agrees_with_colmap(both):
     theirs, lens = both
     points = points_before(lens)
     expected = theirs.img_from_cam(points)
-    found = lens.project(points)
-    assert not np.isnan(found).any()
-    assert np.abs(found - expected).max() < 1e-6
+    pixels = lens.project(points)
+    assert not np.isnan(pixels).any()
+    assert np.abs(pixels - expected).max() < 1e-6
 
 
 def test_unproject_inverts_project_in_the_whole_picture(both):
@@ -111,9 +111,9 @@ def test_beyond_the_fold_nothing_is_projected():
     fold = np.sqrt(1.0 / 0.9)
     assert valid_radius(lens) == pytest.approx(fold, rel=1e-12)
     tangents = np.array([0.99, 1.01, 1.7]) * fold
-    found = lens.project(np.column_stack([tangents, 0.0 * tangents, 1.0 + 0.0 * tangents]))
-    assert np.isfinite(found[0]).all()
-    assert np.isnan(found[1:]).all()
+    pixels = lens.project(np.column_stack([tangents, 0.0 * tangents, 1.0 + 0.0 * tangents]))
+    assert np.isfinite(pixels[0]).all()
+    assert np.isnan(pixels[1:]).all()
     # and the pixel further out than the fold's has no ray
     edge = 500.0 + 500.0 * fold * (1 - 0.3 * fold**2)
     rays = lens.unproject(np.array([[edge - 0.5, 500.0], [edge + 0.5, 500.0]]))
@@ -211,7 +211,7 @@ def test_kernels_give_the_same():
 
 
 @pytest.mark.parametrize(
-    ("changed", "told"),
+    ("changed", "message"),
     [
         ({"fx": np.nan}, "finite"),
         ({"fy": 0.0}, "above 0"),
@@ -222,14 +222,14 @@ def test_kernels_give_the_same():
         ({"tangential": (0.0,)}, "two tangential"),
     ],
 )
-def test_what_is_no_lens_is_refused(changed, told):
+def test_what_is_no_lens_is_refused(changed, message):
     fields = {"width": 100, "height": 80, "fx": 50.0, "fy": 50.0, "cx": 50.0, "cy": 40.0}
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         Lens(**{**fields, **changed})
 
 
 @pytest.mark.parametrize(
-    ("rotation", "position", "told"),
+    ("rotation", "position", "message"),
     [
         (np.eye(3) * 1.1, np.zeros(3), "without mirroring"),
         (np.diag([1.0, 1.0, -1.0]), np.zeros(3), "without mirroring"),
@@ -238,7 +238,7 @@ def test_what_is_no_lens_is_refused(changed, told):
         (np.eye(4), np.zeros(3), r"\(3, 3\)"),
     ],
 )
-def test_what_is_no_view_is_refused(rotation, position, told):
+def test_what_is_no_view_is_refused(rotation, position, message):
     lens = CASES["PINHOLE"][1]
-    with pytest.raises(ValueError, match=told):
+    with pytest.raises(ValueError, match=message):
         View("a.jpg", lens, rotation, position)

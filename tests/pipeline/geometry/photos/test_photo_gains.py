@@ -39,11 +39,11 @@ LENSES = np.zeros(4, np.int32)
 
 
 def test_exposures_come_back_and_the_cloud_stays() -> None:
-    found = solve_gains(sightings(), 4, LENSES, vignetting=False)
-    assert found.gains[:4, :3] == pytest.approx((1 / EXPOSURE)[:, None].repeat(3, 1), rel=0.01)
-    assert (found.gains[4] == neutral_gains(0)[-1]).all()
-    assert found.sightings == 1600
-    assert found.spread_after < 0.1 * found.spread_before
+    solution = solve_gains(sightings(), 4, LENSES, vignetting=False)
+    assert solution.gains[:4, :3] == pytest.approx((1 / EXPOSURE)[:, None].repeat(3, 1), rel=0.01)
+    assert (solution.gains[4] == neutral_gains(0)[-1]).all()
+    assert solution.sightings == 1600
+    assert solution.spread_after < 0.1 * solution.spread_before
 
 
 def test_trucks_do_not_count() -> None:
@@ -52,56 +52,56 @@ def test_trucks_do_not_count() -> None:
     truck = rng.random(seen.view.shape) < 0.15
     truck[:, 3] = False  # the cloud has none
     seen.level[truck] = rng.integers(10, 240, (int(truck.sum()), 3))
-    found = solve_gains(seen, 4, LENSES, vignetting=False)
-    assert found.gains[:4, :3] == pytest.approx((1 / EXPOSURE)[:, None].repeat(3, 1), rel=0.02)
+    solution = solve_gains(seen, 4, LENSES, vignetting=False)
+    assert solution.gains[:4, :3] == pytest.approx((1 / EXPOSURE)[:, None].repeat(3, 1), rel=0.02)
 
 
 def test_clipped_levels_say_nothing() -> None:
     seen = sightings()
     seen.level[::2, 0] = 255
     seen.level[1::4, 1] = 0
-    found = solve_gains(seen, 4, LENSES, vignetting=False)
-    assert found.gains[:4, :3] == pytest.approx((1 / EXPOSURE)[:, None].repeat(3, 1), rel=0.01)
-    assert found.sightings == 1600 - 200 - 100
+    solution = solve_gains(seen, 4, LENSES, vignetting=False)
+    assert solution.gains[:4, :3] == pytest.approx((1 / EXPOSURE)[:, None].repeat(3, 1), rel=0.01)
+    assert solution.sightings == 1600 - 200 - 100
 
 
 def test_without_a_cloud_the_photos_keep_their_mean() -> None:
-    found = solve_gains(sightings(cloud=None), 4, LENSES, vignetting=False)
-    logarithm = np.log(found.gains[:4, 0] * EXPOSURE)
+    solution = solve_gains(sightings(cloud=None), 4, LENSES, vignetting=False)
+    logarithm = np.log(solution.gains[:4, 0] * EXPOSURE)
     assert np.ptp(logarithm) < 0.01
-    assert abs(np.log(found.gains[:4, :3]).mean()) < 0.01
+    assert abs(np.log(solution.gains[:4, :3]).mean()) < 0.01
 
 
 @pytest.mark.parametrize(("light", "follows"), [(0.8, True), (0.6, False)])
 def test_a_cloud_of_another_light_is_followed_only_so_far(light: float, follows: bool) -> None:
-    found = solve_gains(sightings(cloud=light), 4, LENSES, vignetting=False)
-    cloud = float(found.gains[4, 0])
+    solution = solve_gains(sightings(cloud=light), 4, LENSES, vignetting=False)
+    cloud = float(solution.gains[4, 0])
     assert (cloud == pytest.approx(1.0, abs=1e-6)) == follows
     # either way photos and cloud end up alike
-    assert found.gains[:4, 0] * EXPOSURE == pytest.approx(cloud * light, rel=0.02)
+    assert solution.gains[:4, 0] * EXPOSURE == pytest.approx(cloud * light, rel=0.02)
 
 
 def test_vignetting_comes_back() -> None:
-    found = solve_gains(sightings(2000, darkening=0.2), 4, LENSES)
+    solution = solve_gains(sightings(2000, darkening=0.2), 4, LENSES)
     square = np.linspace(0, 1, 5)[:, None]
-    gain = 1 + square * (found.gains[:4, 3] + square * found.gains[:4, 4])
+    gain = 1 + square * (solution.gains[:4, 3] + square * solution.gains[:4, 4])
     assert gain == pytest.approx((1 / (1 - 0.2 * square)).repeat(4, 1), rel=0.02)
-    assert (found.gains[4, 3:] == 0).all()
+    assert (solution.gains[4, 3:] == 0).all()
 
 
 def test_a_place_seen_once_compares_nothing() -> None:
     seen = sightings(20)
     seen.view[:, 1:] = -1
-    found = solve_gains(seen, 4, LENSES)
-    assert (found.gains == neutral_gains(4)).all()
-    assert found.sightings == 0
+    solution = solve_gains(seen, 4, LENSES)
+    assert (solution.gains == neutral_gains(4)).all()
+    assert solution.sightings == 0
 
 
 def test_a_photo_that_sees_nothing_is_left_as_it_is() -> None:
     seen = sightings()
     seen.view[seen.view == 2] = -1
-    found = solve_gains(seen, 4, LENSES, vignetting=False)
-    assert (found.gains[2] == neutral_gains(0)[-1]).all()
+    solution = solve_gains(seen, 4, LENSES, vignetting=False)
+    assert (solution.gains[2] == neutral_gains(0)[-1]).all()
 
 
 def test_more_photos_than_the_matrix_holds_are_refused() -> None:

@@ -53,13 +53,14 @@ def rated(
     seen = visible_blocks(blocks, ABOVE)
     uv = np.empty((len(blocks.vertices), 2), np.float32)
     project_blocks(blocks, packed, seen, uv)
-    found = rate_faces(
+    rating = rate_faces(
         blocks, packed, seen, uv, sharpness, candidates or new_candidates(len(blocks.faces)),
         min_cosine=min_cosine,
     )  # fmt: skip
-    old = blocks.face_order[found.face]
+    old = blocks.face_order[rating.face]
     return {
-        int(f): (float(q), float(a)) for f, q, a in zip(old, found.quality, found.area, strict=True)
+        int(f): (float(q), float(a))
+        for f, q, a in zip(old, rating.quality, rating.area, strict=True)
     }
 
 
@@ -139,8 +140,8 @@ def test_the_best_stay() -> None:
         visible[view, np.setdiff1d(np.arange(40), some)] = False
     sorted_by_view(candidates, threads=2)
     for f in range(40):
-        known = [v for v in range(n_views) if visible[v, f]]
-        best = sorted(sorted(known, key=lambda v: (-quality[v, f], v))[:SLOTS])
+        seen = [v for v in range(n_views) if visible[v, f]]
+        best = sorted(sorted(seen, key=lambda v: (-quality[v, f], v))[:SLOTS])
         assert candidates.view[f].tolist() == best + [-1] * (SLOTS - len(best))
         assert candidates.quality[f, : len(best)].tolist() == [
             quality_level(float(quality[v, f])) for v in best

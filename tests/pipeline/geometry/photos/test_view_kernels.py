@@ -24,10 +24,10 @@ def test_a_level_is_a_logarithm_in_steps() -> None:
     assert (np.diff(levels) > 0).all()
 
 
-@pytest.mark.parametrize(("view", "place"), [(7, 0), (-1, 1), (3, 2), (9, 3), (5, 3)])
-def test_a_view_is_found_among_those_seen(view: int, place: int) -> None:
+@pytest.mark.parametrize(("view", "slot"), [(7, 0), (-1, 1), (3, 2), (9, 3), (5, 3)])
+def test_a_view_is_found_among_those_seen(view: int, slot: int) -> None:
     seen = np.array([7, -1, 3, 5, 9], np.int64)
-    assert index_of_view(seen, 3, view) == place  # what lies behind the first three is left over
+    assert index_of_view(seen, 3, view) == slot  # what lies behind the first three is left over
 
 
 def test_places_are_sorted_with_what_belongs_to_them_and_empty_ones_last() -> None:

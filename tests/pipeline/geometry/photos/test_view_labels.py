@@ -21,12 +21,12 @@ def noisy(cells: int = 24, views: int = 3, seed: int = 1):
     """A sheet whose best view changes from left to right, and noise."""
     vertices, faces = ground(cells)
     rng = np.random.default_rng(seed)
-    place = vertices[faces].mean(axis=1)[:, 0] / 40.0
+    along = vertices[faces].mean(axis=1)[:, 0] / 40.0
     view = np.full((len(faces), SLOTS), -1, np.int16)
     quality = np.zeros((len(faces), SLOTS), np.uint16)
     for v in range(views):
         view[:, v] = v
-        good = 30_000 - 4000 * np.abs(place - (v + 0.5) / views)
+        good = 30_000 - 4000 * np.abs(along - (v + 0.5) / views)
         quality[:, v] = good + rng.normal(0, 800, len(faces))
     candidates = Candidates(view, quality, np.zeros((len(faces), SLOTS, 3), np.uint8))
     view_costs(candidates)
@@ -46,26 +46,28 @@ def test_costs_are_relative_to_the_best() -> None:
 
 def test_without_smoothness_every_face_has_its_best() -> None:
     candidates, neighbours, vertices, faces = noisy()
-    found = label_faces(candidates, neighbours, face_cells(vertices, faces, 16.0), smoothness=0.0)
-    assert (found.slot == candidates.quality.argmin(axis=1)).all()
-    assert len(found.energies) == 1
+    labelling = label_faces(
+        candidates, neighbours, face_cells(vertices, faces, 16.0), smoothness=0.0
+    )
+    assert (labelling.slot == candidates.quality.argmin(axis=1)).all()
+    assert len(labelling.energies) == 1
 
 
 @pytest.mark.parametrize("smoothness", [0.3, 4.0])
 def test_the_energy_never_rises_and_ends_below_iterated_modes(smoothness: float) -> None:
     candidates, neighbours, vertices, faces = noisy()
     cells = face_cells(vertices, faces, 8.0)
-    found = label_faces(
+    labelling = label_faces(
         candidates, neighbours, cells, smoothness=smoothness, max_rounds=12, min_gain=0.0
     )
-    assert (np.diff(found.energies) <= 1e-6 * found.energies[0]).all()
-    assert found.energies[-1] == pytest.approx(
-        brute_energy(candidates, neighbours, found.slot, smoothness), rel=1e-5
+    assert (np.diff(labelling.energies) <= 1e-6 * labelling.energies[0]).all()
+    assert labelling.energies[-1] == pytest.approx(
+        brute_energy(candidates, neighbours, labelling.slot, smoothness), rel=1e-5
     )
     slot = candidates.quality.argmin(axis=1).astype(np.int8)
     for _ in range(5):
         iterate_modes(candidates, neighbours, slot, smoothness)
-    assert found.energies[-1] < energy(candidates, neighbours, slot, smoothness=smoothness)
+    assert labelling.energies[-1] < energy(candidates, neighbours, slot, smoothness=smoothness)
 
 
 def brute_energy(
@@ -104,17 +106,19 @@ def test_a_chain_of_faces_is_solved_exactly() -> None:
     row = FaceNeighbours(neighbour, (neighbour >= 0).astype(np.float32), np.ones(n, np.float32))
     candidates = Candidates(view, cost, np.zeros((n, SLOTS, 3), np.uint8))
     alone = (np.arange(n, dtype=np.int32), np.arange(n + 1))
-    found = label_faces(candidates, row, alone, smoothness=0.4)
+    labelling = label_faces(candidates, row, alone, smoothness=0.4)
     choices = (np.arange(2**n)[:, None] >> np.arange(n)) & 1
     best = min(brute_energy(candidates, row, choice, 0.4) for choice in choices)
-    assert found.energies[1] == pytest.approx(best, rel=1e-6)
+    assert labelling.energies[1] == pytest.approx(best, rel=1e-6)
 
 
 def test_faces_without_views_stay_without() -> None:
     candidates, neighbours, vertices, faces = noisy()
     candidates.view[::3] = -1
-    found = label_faces(candidates, neighbours, face_cells(vertices, faces, 16.0), smoothness=2.0)
-    chosen = chosen_views(candidates, found.slot)
+    labelling = label_faces(
+        candidates, neighbours, face_cells(vertices, faces, 16.0), smoothness=2.0
+    )
+    chosen = chosen_views(candidates, labelling.slot)
     assert (chosen[::3] == -1).all()
     assert (np.delete(chosen, np.s_[::3]) >= 0).all()
 
@@ -122,9 +126,9 @@ def test_faces_without_views_stay_without() -> None:
 def test_threads_change_nothing() -> None:
     candidates, neighbours, vertices, faces = noisy(cells=40)
     cells = face_cells(vertices, faces, 16.0)
-    one, two = (
+    one_thread, two_threads = (
         label_faces(candidates, neighbours, cells, smoothness=1.0, threads=threads)
         for threads in (1, 2)
     )
-    assert (one.slot == two.slot).all()
-    assert one.energies == two.energies
+    assert (one_thread.slot == two_threads.slot).all()
+    assert one_thread.energies == two_threads.energies

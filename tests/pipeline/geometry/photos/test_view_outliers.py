@@ -125,11 +125,11 @@ def test_threads_change_nothing() -> None:
     colour[: len(faces) // 3, 1] = 220
     results = []
     for threads in (1, 2):
-        made = Candidates(
+        candidates_copy = Candidates(
             views.copy(), np.where(views >= 0, 20_000, 0).astype(np.uint16), colour.copy()
         )
-        drop_outliers(made, vertices, faces, None, threads=threads)
-        results.append(made)
+        drop_outliers(candidates_copy, vertices, faces, None, threads=threads)
+        results.append(candidates_copy)
     np.testing.assert_array_equal(results[0].view, results[1].view)
     np.testing.assert_array_equal(results[0].quality, results[1].quality)
 

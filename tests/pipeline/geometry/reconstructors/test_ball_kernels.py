@@ -21,9 +21,9 @@ def test_all_points_within_reach_and_no_others(reach: float) -> None:
     points = np.random.default_rng(0).random((800, 3))
     grid = grid_points(points, reach)
     out = np.empty(800, np.int64)
-    for place in np.random.default_rng(1).uniform(-0.2, 1.2, (40, 3)):
-        count = points_around(*place, reach, points, grid, out)
-        away = ((points - place) ** 2).sum(axis=1)
+    for centre in np.random.default_rng(1).uniform(-0.2, 1.2, (40, 3)):
+        count = points_around(*centre, reach, points, grid, out)
+        away = ((points - centre) ** 2).sum(axis=1)
         assert sorted(out[:count].tolist()) == np.flatnonzero(away <= reach * reach).tolist()
 
 

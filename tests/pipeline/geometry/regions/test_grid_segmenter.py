@@ -13,10 +13,10 @@ from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
 def test_cells_are_squares_in_plan(terrain):
     """Same cell exactly where both plan coordinates fall into the same square."""
     mesh = terrain(1, cells=9)
-    found = grid_cells(mesh.vertices, mesh.faces, 5.0)
+    cells = grid_cells(mesh.vertices, mesh.faces, 5.0)
     low = mesh.vertices.min(axis=0)
     number = {}
-    for face, cell in zip(mesh.faces, found, strict=True):
+    for face, cell in zip(mesh.faces, cells, strict=True):
         middle = mesh.vertices[face].astype(float).mean(axis=0)
         square = (int((middle[0] - low[0]) // 5.0), int((middle[2] - low[2]) // 5.0))
         assert number.setdefault(square, cell) == cell
@@ -27,22 +27,22 @@ def test_pieces_of_a_cell_that_do_not_touch_are_apart(terrain):
     """A region is a connected piece of one cell; all cells are covered."""
     mesh = terrain(2, cells=30, holes=0.3)
     subject = SegmenterMesh(mesh.vertices, mesh.faces)
-    found = GridSegmenter(region_cell_m=8.0, fine_cell_m=4.0).segment(subject)
+    segmentation = GridSegmenter(region_cell_m=8.0, fine_cell_m=4.0).segment(subject)
     cells = grid_cells(mesh.vertices, mesh.faces, 8.0)
     pairs, _ = face_pairs(mesh.faces, len(mesh.vertices))
     pieces, count = components(len(mesh.faces), pairs, labels=cells)
-    assert found.regions.tolist() == pieces.tolist()
-    assert found.region_count == count > 16
-    assert found.fine_count >= 64
-    assert (found.similarity == 0.0).all()
+    assert segmentation.regions.tolist() == pieces.tolist()
+    assert segmentation.region_count == count > 16
+    assert segmentation.fine_count >= 64
+    assert (segmentation.similarity == 0.0).all()
 
 
 def test_automatic_cells(terrain):
     """About twenty regions; fine pools of about 8,000 faces, here the whole mesh."""
     mesh = terrain(4, cells=40)
-    found = GridSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces))
-    assert 16 <= found.region_count <= 30
-    assert found.fine_count == 1
+    segmentation = GridSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces))
+    assert 16 <= segmentation.region_count <= 30
+    assert segmentation.fine_count == 1
 
 
 def test_limits():

@@ -21,9 +21,9 @@ def exact_cost(values, borders):
     """Sum of squares about the means of the intervals, as a fraction."""
     total = Fraction(0)
     for i, j in zip((0, *borders), (*borders, len(values)), strict=True):
-        part = [Fraction(float(v)) for v in values[i:j]]
-        mean = sum(part) / len(part)
-        total += sum((v - mean) ** 2 for v in part)
+        cluster = [Fraction(float(v)) for v in values[i:j]]
+        mean = sum(cluster) / len(cluster)
+        total += sum((v - mean) ** 2 for v in cluster)
     return total
 
 

@@ -23,6 +23,7 @@ from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh, segment
 
 def literal(mesh, engine):
     """Rounds over sets of faces; differences from sums over the faces each time."""
+    # Borders in steps of length, colours in steps of Lab; the limit follows the colours' spread.
     n = len(mesh.faces)
     pairs, edges = face_pairs(mesh.faces, len(mesh.vertices))
     border = {}
@@ -36,6 +37,7 @@ def literal(mesh, engine):
     units = [frozenset([i]) for i in range(n)]
     mean_step = sum(border.values()) // max(len(border), 1)
 
+    # Lengths of the border between two units, and of all of one unit's border.
     def between(u, v):
         return sum(border.get((a, b), 0) for a in u for b in v)
 
@@ -46,6 +48,7 @@ def literal(mesh, engine):
         nonlocal units
         while True:
             choice = {}
+            # Every unit chooses its nearest neighbour within the limit; ties by scrambled name.
             for u in units:
                 options = []
                 for v in units:
@@ -69,6 +72,7 @@ def literal(mesh, engine):
                         options.append((d, int(scramble(min(u), min(v))), min(v), v))
                 if options:
                     choice[u] = min(options, key=lambda o: o[:3])[3]
+            # Those that chose each other unite; a unit also joins one four times as large.
             mutual = {u for u, v in choice.items() if choice.get(v) == u}
             star = {u for u, v in choice.items() if u not in mutual and len(v) >= 4 * len(u)}
             united = {u: {u} for u in units}
@@ -82,6 +86,7 @@ def literal(mesh, engine):
                 return
             units = new
 
+    # Eight rounds of growing limits; the units after the second are the fine pools.
     for level in range(1, 9):
         rounds(limit * level / 8, False)
         if level == 2:
@@ -107,17 +112,17 @@ def test_units_are_the_literal_ones(seed, engine, soup):
     """Identical on soups with non-manifold edges, repeated faces, islands and ties."""
     mesh = soup(seed)
     subject = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
-    found = engine.segment(subject)
+    segmentation = engine.segment(subject)
     fine, units, least = literal(mesh, engine)
-    assert as_sets(found.fine) == set(fine)
+    assert as_sets(segmentation.fine) == set(fine)
     small = {unit for unit in units if len(unit) < least}
-    assert found.facts["region_islands"] == len(small)
+    assert segmentation.facts["region_islands"] == len(small)
     if not small or len(small) == len(units):
-        assert as_sets(found.regions) == set(units)
+        assert as_sets(segmentation.regions) == set(units)
     else:  # islands went to the nearest: every other region holds its unit
-        assert found.region_count == len(units) - len(small)
+        assert segmentation.region_count == len(units) - len(small)
         for unit in set(units) - small:
-            assert len({int(found.regions[face]) for face in unit}) == 1
+            assert len({int(segmentation.regions[face]) for face in unit}) == 1
 
 
 def patches(terrain, seed, *, shade=0.0, noise=0.0):
@@ -129,29 +134,29 @@ def patches(terrain, seed, *, shade=0.0, noise=0.0):
     colours *= np.where(shadow, 1.0 - shade, 1.0)[:, None]
     colours += np.random.default_rng(seed).normal(0.0, noise, colours.shape)
     colours = np.clip(np.rint(colours), 0, 255).astype(np.uint8)
-    found = MeanColourSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces, colours))
+    segmentation = MeanColourSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces, colours))
     clean = np.where(green[:, None], [70, 105, 50], [140, 120, 95]).astype(np.uint8)
     truth = MeanColourSegmenter(difference=10.0).segment(
         SegmenterMesh(mesh.vertices, mesh.faces, clean)
     )
-    return found, truth
+    return segmentation, truth
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
 @pytest.mark.parametrize(("shade", "noise"), [(0.0, 0.0), (0.3, 0.0), (0.0, 12.0), (0.3, 8.0)])
 def test_shadow_and_noise_do_not_part_a_material(terrain, seed, shade, noise):
     """Patches of two materials come out under a shadow and sensor noise."""
-    found, truth = patches(terrain, seed, shade=shade, noise=noise)
+    segmentation, truth = patches(terrain, seed, shade=shade, noise=noise)
     assert truth.region_count >= 2
-    assert rand_error(found.regions, truth.regions) < 0.06
+    assert rand_error(segmentation.regions, truth.regions) < 0.06
 
 
 def test_lightness_alone_still_parts_greys(terrain):
     """A grey survey has no chroma: the spread, and so the limit, is that of lightness."""
     mesh = terrain(5, cells=50, noise=0.0)
     grey = np.repeat((mesh.colours[:, :1] // 2 + 60), 3, axis=1).astype(np.uint8)
-    found = MeanColourSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces, grey))
-    assert found.region_count >= 2
+    segmentation = MeanColourSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces, grey))
+    assert segmentation.region_count >= 2
 
 
 def test_renumbering_vertices_changes_nothing(terrain):
@@ -160,9 +165,9 @@ def test_renumbering_vertices_changes_nothing(terrain):
     subject = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
     first, again = (MeanColourSegmenter().segment(subject) for _ in range(2))
     order = np.random.default_rng(0).permutation(len(mesh.vertices))
-    place = np.argsort(order).astype(np.int32)
+    rank = np.argsort(order).astype(np.int32)
     turned = MeanColourSegmenter().segment(
-        SegmenterMesh(mesh.vertices[order], place[mesh.faces], mesh.colours[order])
+        SegmenterMesh(mesh.vertices[order], rank[mesh.faces], mesh.colours[order])
     )
     for other in (again, turned):
         assert other.regions.tobytes() == first.regions.tobytes()
@@ -173,11 +178,13 @@ def test_bounds_and_nesting(terrain):
     """No region below its share; every fine pool lies in one unit of its own limit or coarser."""
     mesh = terrain(9, cells=50, noise=6.0, holes=0.15)
     subject = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
-    found = MeanColourSegmenter(small_share=0.01).segment(subject)
-    assert np.bincount(found.regions).min() >= 0.01 * len(mesh.faces)
-    assert len(np.unique(found.regions)) == found.region_count
-    keys = np.unique(found.fine.astype(np.int64) * found.region_count + found.regions)
-    assert len(keys) == found.fine_count
+    segmentation = MeanColourSegmenter(small_share=0.01).segment(subject)
+    assert np.bincount(segmentation.regions).min() >= 0.01 * len(mesh.faces)
+    assert len(np.unique(segmentation.regions)) == segmentation.region_count
+    keys = np.unique(
+        segmentation.fine.astype(np.int64) * segmentation.region_count + segmentation.regions
+    )
+    assert len(keys) == segmentation.fine_count
 
 
 def test_one_colour_is_one_region_and_a_scalar_counts_first(terrain):
@@ -187,8 +194,8 @@ def test_one_colour_is_one_region_and_a_scalar_counts_first(terrain):
     assert MeanColourSegmenter().segment(bare).region_count == 1
     side = (mesh.vertices[mesh.faces].mean(axis=1)[:, 0] > 16).astype(np.float32)
     scalar = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours, side)
-    found = MeanColourSegmenter().segment(scalar)
-    assert rand_error(found.regions, side.astype(int)) == 0.0
+    segmentation = MeanColourSegmenter().segment(scalar)
+    assert rand_error(segmentation.regions, side.astype(int)) == 0.0
     broken = replace(scalar, scalar=np.where(side > 0, np.nan, side))
     with pytest.raises(ValueError, match="scalar of face"):
         MeanColourSegmenter().segment(broken)
@@ -199,8 +206,8 @@ def test_no_faces_and_its_name():
     empty = SegmenterMesh(
         np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32), np.zeros((0, 3), np.uint8)
     )
-    found = segmenter_by_name("means").segment(empty)
-    assert (found.region_count, found.fine_count) == (0, 0)
+    segmentation = segmenter_by_name("means").segment(empty)
+    assert (segmentation.region_count, segmentation.fine_count) == (0, 0)
 
 
 @pytest.mark.parametrize(

@@ -18,16 +18,16 @@ def colour():
 
 def test_parts_add_up(colour) -> None:
     whole = ColourTotals.of(colour)
-    parts = ColourTotals.of(colour[:300]).plus(ColourTotals.of(colour[300:]))
-    assert parts.faces == whole.faces == 1000
-    assert_array_equal(parts.whole, whole.whole)
-    assert_array_equal(parts.products, whole.products)
-    assert parts.spread(WEIGHT) == whole.spread(WEIGHT)
+    joined = ColourTotals.of(colour[:300]).plus(ColourTotals.of(colour[300:]))
+    assert joined.faces == whole.faces == 1000
+    assert_array_equal(joined.whole, whole.whole)
+    assert_array_equal(joined.products, whole.products)
+    assert joined.spread(WEIGHT) == whole.spread(WEIGHT)
 
 
 def test_the_spread_is_the_root_of_the_summed_variances(colour) -> None:
-    wanted = np.sqrt(((colour * WEIGHT).var(axis=0)).sum())
-    assert ColourTotals.of(colour).spread(WEIGHT) == pytest.approx(wanted, rel=1e-12)
+    spread = np.sqrt(((colour * WEIGHT).var(axis=0)).sum())
+    assert ColourTotals.of(colour).spread(WEIGHT) == pytest.approx(spread, rel=1e-12)
     assert ColourTotals.of(colour[:0]).spread(WEIGHT) == 0.0
 
 

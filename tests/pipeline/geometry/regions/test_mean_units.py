@@ -23,26 +23,26 @@ def row_of(colours: list[int], outer: list[int] | None = None) -> MeanUnits:
     )
 
 
-ONE = np.ones(1)
+ONE_WEIGHT = np.ones(1)
 
 
 def test_alike_units_are_united_and_the_limit_holds() -> None:
-    made = unite(row_of([0, 1, 50, 51, 0]), ONE, 5.0, 1, 0.0, 0)
-    assert_array_equal(made.labels, [0, 0, 1, 1, 2])
-    assert_array_equal(made.faces, [2, 2, 1])
-    assert_array_equal(made.sums[:, 0], [1, 101, 0])
-    assert_array_equal(made.name, [0, 2, 4])
+    units = unite(row_of([0, 1, 50, 51, 0]), ONE_WEIGHT, 5.0, 1, 0.0, 0)
+    assert_array_equal(units.labels, [0, 0, 1, 1, 2])
+    assert_array_equal(units.faces, [2, 2, 1])
+    assert_array_equal(units.sums[:, 0], [1, 101, 0])
+    assert_array_equal(units.name, [0, 2, 4])
 
 
 def test_a_long_border_elsewhere_keeps_units_apart() -> None:
-    assert len(unite(row_of([0, 4]), ONE, 5.0, 1, 0.5, 0).faces) == 1
-    made = unite(row_of([0, 4], [90, 90]), ONE, 5.0, 1, 0.5, 0)
-    assert len(made.faces) == 2  # ten times the common border: 4 counts as 12
-    assert made.outer is not None
-    assert_array_equal(made.outer, [90, 90])
+    assert len(unite(row_of([0, 4]), ONE_WEIGHT, 5.0, 1, 0.5, 0).faces) == 1
+    units = unite(row_of([0, 4], [90, 90]), ONE_WEIGHT, 5.0, 1, 0.5, 0)
+    assert len(units.faces) == 2  # ten times the common border: 4 counts as 12
+    assert units.outer is not None
+    assert_array_equal(units.outer, [90, 90])
 
 
 def test_outer_borders_add_up() -> None:
-    made = unite(row_of([0, 0, 90], [1, 2, 4]), ONE, 5.0, 1, 0.0, 0)
-    assert made.outer is not None
-    assert_array_equal(made.outer, [3, 4])
+    units = unite(row_of([0, 0, 90], [1, 2, 4]), ONE_WEIGHT, 5.0, 1, 0.0, 0)
+    assert units.outer is not None
+    assert_array_equal(units.outer, [3, 4])

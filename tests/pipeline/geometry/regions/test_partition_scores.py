@@ -40,25 +40,25 @@ def literal_rand_error(a, b, weights):
 def literal_consistency(a, b, weights):
     """Refinement errors of every face, as fractions."""
 
-    def outside(one, other, i):
-        part = [j for j in range(len(one)) if one[j] == one[i]]
-        whole = sum(Fraction(weights[j]) for j in part)
-        return sum(Fraction(weights[j]) for j in part if other[j] != other[i]) / whole
+    def outside(first, second, i):
+        region = [j for j in range(len(first)) if first[j] == first[i]]
+        whole = sum(Fraction(weights[j]) for j in region)
+        return sum(Fraction(weights[j]) for j in region if second[j] != second[i]) / whole
 
     faces = [i for i in range(len(a)) if weights[i] > 0]
     total = sum(Fraction(weights[i]) for i in faces)
     if not total:
         return 0.0, 0.0
-    one = [(Fraction(weights[i]), outside(a, b, i), outside(b, a, i)) for i in faces]
-    gce = min(sum(w * x for w, x, _ in one), sum(w * y for w, _, y in one)) / total
-    return float(gce), float(sum(w * min(x, y) for w, x, y in one) / total)
+    errors = [(Fraction(weights[i]), outside(a, b, i), outside(b, a, i)) for i in faces]
+    gce = min(sum(w * x for w, x, _ in errors), sum(w * y for w, _, y in errors)) / total
+    return float(gce), float(sum(w * min(x, y) for w, x, y in errors) / total)
 
 
 @settings(max_examples=300)
 @given(PARTITIONS)
 def test_scores_are_their_definitions(partitions):
     """Weighted and not, against loops over pairs and faces."""
-    a, b, weights = (np.array(part) for part in partitions)
+    a, b, weights = (np.array(values) for values in partitions)
     ones = np.ones(len(a))
     assert rand_error(a, b) == literal_rand_error(a, b, ones)
     assert rand_error(a, b, weights) == pytest.approx(literal_rand_error(a, b, weights), abs=1e-12)
@@ -71,7 +71,7 @@ def test_scores_are_their_definitions(partitions):
 @given(PARTITIONS)
 def test_scores_do_not_depend_on_sides_or_names(partitions):
     """Symmetric; other label values change nothing; a partition agrees with itself."""
-    a, b, weights = (np.array(part) for part in partitions)
+    a, b, weights = (np.array(values) for values in partitions)
     assert rand_error(a, b) == rand_error(b, a) == rand_error(-7 * a, b + 100)
     assert rand_error(a, a, weights) == 0.0
     assert consistency_errors(a, a, weights) == (0.0, 0.0)
@@ -103,7 +103,7 @@ def test_no_faces_and_one_face_agree():
 
 
 @pytest.mark.parametrize(
-    ("a", "b", "weights", "said"),
+    ("a", "b", "weights", "message"),
     [
         (np.zeros(3, int), np.zeros(4, int), None, "two"),
         (np.zeros(3, int), np.zeros(3, int), np.ones(2), "weights"),
@@ -111,9 +111,9 @@ def test_no_faces_and_one_face_agree():
         (np.zeros(2, int), np.zeros(2, int), np.array([np.nan, 1.0]), "face 0"),
     ],
 )
-def test_wrong_input_is_named(a, b, weights, said):
+def test_wrong_input_is_named(a, b, weights, message):
     """Each message says what came."""
-    with pytest.raises(ValueError, match=said):
+    with pytest.raises(ValueError, match=message):
         rand_error(a, b, weights)
 
 
@@ -153,22 +153,22 @@ def test_no_border_at_all():
     """Nothing to find is found; nothing found of something is 0."""
     vertices, faces, middle = grid(4)
     pairs, edges = face_pairs(faces, len(vertices))
-    one, two = np.zeros(len(faces), int), (middle[:, 0] > 2).astype(int)
-    nothing = boundary_score(vertices, pairs, edges, one, one, 1.0)
+    one_region, two_regions = np.zeros(len(faces), int), (middle[:, 0] > 2).astype(int)
+    nothing = boundary_score(vertices, pairs, edges, one_region, one_region, 1.0)
     assert (nothing.recall, nothing.precision) == (1.0, 1.0)
-    missed = boundary_score(vertices, pairs, edges, two, one, 1.0)
+    missed = boundary_score(vertices, pairs, edges, two_regions, one_region, 1.0)
     assert (missed.recall, missed.precision) == (0.0, 1.0)
-    assert boundary_score(vertices, pairs, edges, one, two, 1.0).precision == 0.0
+    assert boundary_score(vertices, pairs, edges, one_region, two_regions, 1.0).precision == 0.0
 
 
 def test_faces_without_truth_do_not_count():
     """Borders of the unknown part are neither asked for nor held against the found ones."""
     vertices, faces, middle = grid(8)
     pairs, edges = face_pairs(faces, len(vertices))
-    known = middle[:, 1] < 4
-    true = np.where(known, (middle[:, 0] > 4).astype(int), 9)
-    found = (middle[:, 0] > 4) + 2 * (~known & (middle[:, 0] > 6))
-    score = boundary_score(vertices, pairs, edges, true, found, 0.1, scored=known)
+    scored = middle[:, 1] < 4
+    true = np.where(scored, (middle[:, 0] > 4).astype(int), 9)
+    labels = (middle[:, 0] > 4) + 2 * (~scored & (middle[:, 0] > 6))
+    score = boundary_score(vertices, pairs, edges, true, labels, 0.1, scored=scored)
     assert (score.recall, score.precision) == (1.0, 1.0)
     assert score.true_length == pytest.approx(4.0)
 
@@ -187,11 +187,11 @@ def test_recall_lies_between_exact_bounds(seed, terrain):
     pairs, edges = face_pairs(mesh.faces, len(mesh.vertices))
     rng = np.random.default_rng(seed)
     true = mesh.colours[mesh.faces[:, 0], 0].astype(int) // 40
-    found = rng.integers(0, 2, len(mesh.faces)) * (rng.random(len(mesh.faces)) < 0.1)
+    labels = rng.integers(0, 2, len(mesh.faces)) * (rng.random(len(mesh.faces)) < 0.1)
     distance = 3.0
-    score = boundary_score(mesh.vertices, pairs, edges, true, found, distance)
+    score = boundary_score(mesh.vertices, pairs, edges, true, labels, distance)
     spots = mesh.vertices.astype(float)
-    other = [spots[edge] for edge in border_edges(found, pairs, edges)]
+    other = [spots[edge] for edge in border_edges(labels, pairs, edges)]
     near = {distance: 0.0, distance * 15 / 16: 0.0}
     total = 0.0
     for edge in border_edges(true, pairs, edges):

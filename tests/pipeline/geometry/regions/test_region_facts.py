@@ -97,9 +97,9 @@ def test_bad_input_is_named():
 
 def literal_facts(vertices, faces, colours, regions, values):
     """Face by face, as the docstring says it: areas and means."""
-    found = []
+    rows = []
     for region in range(regions.max() + 1):
-        weights, slopes, tints, known, shares = [], [], [], [], []
+        weights, slopes, tints, samples, shares = [], [], [], [], []
         for face in faces[regions == region]:
             a, b, c = vertices[face].astype(float)
             normal = 0.5 * np.cross(b - a, c - a)
@@ -110,22 +110,22 @@ def literal_facts(vertices, faces, colours, regions, values):
             tints.append(colours[face].astype(float).mean(axis=0))
             for vertex in face:
                 if np.isfinite(values[vertex]):
-                    known.append(values[vertex])
+                    samples.append(values[vertex])
                     shares.append(area)
         total = sum(weights)
         if total == 0:
             weights = [1.0] * len(weights)
         if sum(shares) == 0:
             shares = [1.0] * len(shares)
-        found.append(
+        rows.append(
             {
                 "area": total,
                 "colour": np.average(tints, axis=0, weights=weights),
                 "slope": np.average(slopes, weights=weights),
-                "mean": np.average(known, weights=shares) if known else None,
+                "mean": np.average(samples, weights=shares) if samples else None,
             }
         )
-    return found
+    return rows
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 30), st.integers(1, 4))
@@ -141,9 +141,9 @@ def test_equal_to_a_literal_loop(seed, n_faces, n_regions):
     regions = regions.astype(np.int32)
     for array in (vertices, faces, colours, values, regions):
         array.flags.writeable = False
-    told = region_facts(vertices, faces, colours, regions, attributes={"grade": values})
+    document = region_facts(vertices, faces, colours, regions, attributes={"grade": values})
     expected = literal_facts(vertices, faces, colours, regions, values)
-    for row, truth in zip(told["regions"], expected, strict=True):
+    for row, truth in zip(document["regions"], expected, strict=True):
         assert row["area_m2"] == pytest.approx(truth["area"], abs=0.00051)
         assert row["mean_colour"] == pytest.approx(list(truth["colour"]), abs=0.051)
         assert row["slope_deg"]["mean"] == pytest.approx(truth["slope"], abs=0.051)
@@ -151,7 +151,7 @@ def test_equal_to_a_literal_loop(seed, n_faces, n_regions):
             assert row["attributes"] == {}
         else:
             assert row["attributes"]["grade"]["mean"] == pytest.approx(truth["mean"])
-    json.dumps(told, allow_nan=False)
+    json.dumps(document, allow_nan=False)
 
 
 def test_slopes_of_one_region_in_order():

@@ -45,8 +45,8 @@ def test_overlaps_written_out():
     """Old 000011, new 0aaab.: the second place is a metre apart and out of reach."""
     old = line([0, 0, 0, 0, 1, 1])
     new = line([0, 1, 1, 1, 2])
-    found = as_dict(region_overlaps(new, old, max_distance_m=0.5))
-    assert found == {
+    overlaps = as_dict(region_overlaps(new, old, max_distance_m=0.5))
+    assert overlaps == {
         (0, 0): (1.0, pytest.approx(1 / 4)),
         (1, 0): (3.0, pytest.approx(3 / 4)),
         (2, 1): (1.0, pytest.approx(1 / 2)),
@@ -78,19 +78,19 @@ def test_below_the_threshold_nothing_is_the_same():
 def literal_overlaps(new, old, limit):
     """Every sample's nearest by a loop over all; pairs in a dictionary."""
     common: dict[tuple[int, int], float] = {}
-    for here, there, turned in ((new, old, False), (old, new, True)):
-        for point, label, area in zip(here.points, here.labels, here.areas, strict=True):
-            distances = np.linalg.norm(there.points - point, axis=1)
+    for source, target, turned in ((new, old, False), (old, new, True)):
+        for point, label, area in zip(source.points, source.labels, source.areas, strict=True):
+            distances = np.linalg.norm(target.points - point, axis=1)
             if len(distances) == 0 or distances.min() > limit:
                 continue
-            other = int(there.labels[int(np.argmin(distances))])
+            other = int(target.labels[int(np.argmin(distances))])
             key = (other, int(label)) if turned else (int(label), other)
             common[key] = common.get(key, 0.0) + area / 2
-    found = {}
+    overlaps = {}
     for (a, b), area in common.items():
         both = new.areas[new.labels == a].sum() + old.areas[old.labels == b].sum()
-        found[a, b] = (area, area / (both - area))
-    return found
+        overlaps[a, b] = (area, area / (both - area))
+    return overlaps
 
 
 @st.composite
@@ -109,16 +109,16 @@ def surfaces(draw):
 @settings(max_examples=80)
 def test_equal_to_a_literal_loop(pair, limit):
     new, old = pair
-    found, expected = (
+    overlaps, expected = (
         as_dict(region_overlaps(new, old, max_distance_m=limit)),
         literal_overlaps(new, old, limit),
     )
-    assert found.keys() == expected.keys()
+    assert overlaps.keys() == expected.keys()
     for key, row in expected.items():
-        assert found[key] == pytest.approx(row)
-        assert 0 < found[key][1] <= 1
+        assert overlaps[key] == pytest.approx(row)
+        assert 0 < overlaps[key][1] <= 1
     turned = as_dict(region_overlaps(old, new, max_distance_m=limit))
-    assert {(b, a): pytest.approx(row) for (a, b), row in turned.items()} == found
+    assert {(b, a): pytest.approx(row) for (a, b), row in turned.items()} == overlaps
 
 
 @given(surfaces(), st.floats(0.05, 0.9))
@@ -147,18 +147,18 @@ def test_the_numbering_of_the_new_regions_does_not_matter(pair, random):
     renamed = SurfaceSamples(new.points, np.array(names, np.int32)[new.labels], new.areas)
     a, b = match_regions(region_overlaps(new, old, max_distance_m=1.0))
     c, d = match_regions(region_overlaps(renamed, old, max_distance_m=1.0))
-    one = {names[x]: y for x, y in zip(a.tolist(), b.tolist(), strict=True)}
-    assert one == dict(zip(c.tolist(), d.tolist(), strict=True))
+    renumbered = {names[x]: y for x, y in zip(a.tolist(), b.tolist(), strict=True)}
+    assert renumbered == dict(zip(c.tolist(), d.tolist(), strict=True))
 
 
 @given(surfaces())
 @settings(max_examples=50)
 def test_a_surface_matches_itself(pair):
     """Every region, with similarity 1: a rebuild of the same survey changes no number."""
-    one, _ = pair
-    overlaps = region_overlaps(one, one)
+    surface, _ = pair
+    overlaps = region_overlaps(surface, surface)
     new, old = match_regions(overlaps)
-    assert new.tolist() == old.tolist() == sorted(set(one.labels.tolist()))
+    assert new.tolist() == old.tolist() == sorted(set(surface.labels.tolist()))
     assert overlaps.similarity == pytest.approx(np.ones(len(new)))
 
 

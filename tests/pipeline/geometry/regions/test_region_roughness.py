@@ -90,10 +90,10 @@ def test_equal_to_quadrature(seed, n_faces, scale_m):
     regions = rng.integers(0, 3, n_faces).astype(np.int32)
     for array in (vertices, faces, regions):
         array.flags.writeable = False
-    found = region_roughness(vertices, faces, regions, scale_m)
-    assert found == pytest.approx(literal(vertices, faces, regions, scale_m), abs=1e-6)
+    roughness = region_roughness(vertices, faces, regions, scale_m)
+    assert roughness == pytest.approx(literal(vertices, faces, regions, scale_m), abs=1e-6)
     half = region_roughness(vertices * np.float32(0.5), faces, regions, scale_m / 2)
-    assert half == pytest.approx(found / 2, abs=1e-9)
+    assert half == pytest.approx(roughness / 2, abs=1e-9)
 
 
 def test_many_cubes():

@@ -25,24 +25,27 @@ def test_facts_over_tiles_are_those_of_the_whole() -> None:
     mesh.attributes["height"][::7] = np.nan
     regions = (mesh.vertices[mesh.faces[:, 0], 0] // 16).astype(np.int32)
     count = int(regions.max()) + 1
+    # The facts of the mesh in one piece.
     whole = region_facts(
         mesh.vertices, mesh.faces, mesh.colours, regions, attributes=mesh.attributes,
         roughness_scale_m=4.0,
     )  # fmt: skip
-    parts = cut_mesh(mesh, 3)
+    # Totals of nine pieces, added up; each numbers its regions densely by itself.
+    pieces = cut_mesh(mesh, 3)
     totals, edges, labels = None, [], []
-    for part, rows in parts:
-        pairs = face_pairs(part.faces, len(part.vertices))
+    for piece, rows in pieces:
+        pairs = face_pairs(piece.faces, len(piece.vertices))
         present, dense = np.unique(regions[rows], return_inverse=True)
-        found = tile_totals(
-            part.vertices, part.faces, part.colours, dense.astype(np.int32), len(present),
-            attributes=part.attributes, pairs=pairs, roughness_scale_m=4.0, bins=slope_bins(count),
+        piece_totals = tile_totals(
+            piece.vertices, piece.faces, piece.colours, dense.astype(np.int32), len(present),
+            attributes=piece.attributes, pairs=pairs, roughness_scale_m=4.0, bins=slope_bins(count),
         )  # fmt: skip
-        found = spread_totals(found, present.astype(np.int32), count)
-        totals = found if totals is None else add_totals(totals, found)
-        edges.append(open_edges(part.vertices, part.faces, pairs))
+        piece_totals = spread_totals(piece_totals, present.astype(np.int32), count)
+        totals = piece_totals if totals is None else add_totals(totals, piece_totals)
+        edges.append(open_edges(piece.vertices, piece.faces, pairs))
         labels.append(regions[rows])
     assert totals is not None
+    # Borders that run along seams are in no piece: add them.
     seams = match_seams(edges)
     sides = np.array(
         [
@@ -56,10 +59,13 @@ def test_facts_over_tiles_are_those_of_the_whole() -> None:
         np.concatenate([totals.touching, sides[crossing]]),
         np.concatenate([totals.border_m, seams.length_m[crossing]]),
     )
-    told = totals_document(replace(totals, touching=touching, border_m=border_m), ["height"], 4.0)
-    assert told["roughness_scale_m"] == 4.0
-    assert len(told["regions"]) == len(whole["regions"]) == count
-    for mine, theirs in zip(told["regions"], whole["regions"], strict=True):
+    # Counts and bounds are equal, sums to rounding, the slope's percentile to about a bin.
+    document = totals_document(
+        replace(totals, touching=touching, border_m=border_m), ["height"], 4.0
+    )
+    assert document["roughness_scale_m"] == 4.0
+    assert len(document["regions"]) == len(whole["regions"]) == count
+    for mine, theirs in zip(document["regions"], whole["regions"], strict=True):
         assert list(mine) == list(theirs)
         for name in ("id", "faces", "bounds", "mean_colour"):
             assert mine[name] == theirs[name]

@@ -23,13 +23,15 @@ from terraport_pipeline.geometry.regions.triangle_pool import (
 
 def test_tpa_gives_what_two_runs_give(terrain):
     mesh = terrain(1)
-    found = TriangleSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours))
+    segmentation = TriangleSegmenter().segment(
+        SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
+    )
     regions = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, options=REGION_POOLS)
     fine = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, options=FINE_POOLS)
-    assert found.regions.tobytes() == regions.labels.tobytes()
-    assert found.fine.tobytes() == fine.labels.tobytes()
-    assert found.similarity.tobytes() == fine.similarity.tobytes()
-    assert (found.region_count, found.fine_count) == (regions.count, fine.count)
+    assert segmentation.regions.tobytes() == regions.labels.tobytes()
+    assert segmentation.fine.tobytes() == fine.labels.tobytes()
+    assert segmentation.similarity.tobytes() == fine.similarity.tobytes()
+    assert (segmentation.region_count, segmentation.fine_count) == (regions.count, fine.count)
 
 
 @pytest.mark.parametrize(
@@ -41,7 +43,7 @@ def test_tpa_gives_what_two_runs_give(terrain):
 )
 def test_tpa_with_options_that_share_nothing(terrain, fine):
     mesh = terrain(2, holes=0.2)
-    found = TriangleSegmenter(fine=fine).segment(
+    segmentation = TriangleSegmenter(fine=fine).segment(
         SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
     )
     pairs = (
@@ -52,8 +54,8 @@ def test_tpa_with_options_that_share_nothing(terrain, fine):
     alone = triangle_pools(
         mesh.vertices, mesh.faces, colours=mesh.colours, options=fine, pairs=pairs
     )
-    assert found.fine.tobytes() == alone.labels.tobytes()
-    assert found.similarity.tobytes() == alone.similarity.tobytes()
+    assert segmentation.fine.tobytes() == alone.labels.tobytes()
+    assert segmentation.similarity.tobytes() == alone.similarity.tobytes()
 
 
 def test_similarity_is_computed_once_where_the_options_agree(terrain, monkeypatch):
@@ -83,14 +85,18 @@ def test_scalar_stands_for_colour(terrain):
 
 def test_mesh_without_colour_is_one_region(terrain):
     mesh = terrain(5)
-    found = TriangleSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces))
-    assert found.region_count == 1
+    segmentation = TriangleSegmenter().segment(SegmenterMesh(mesh.vertices, mesh.faces))
+    assert segmentation.region_count == 1
 
 
 def test_no_faces():
     mesh = SegmenterMesh(np.zeros((0, 3), np.float32), np.zeros((0, 3), np.int32))
-    found = TriangleSegmenter().segment(mesh)
-    assert (found.region_count, found.fine_count, len(found.regions)) == (0, 0, 0)
+    segmentation = TriangleSegmenter().segment(mesh)
+    assert (segmentation.region_count, segmentation.fine_count, len(segmentation.regions)) == (
+        0,
+        0,
+        0,
+    )
 
 
 def test_arrays_that_do_not_belong_together_are_refused(terrain):
@@ -106,19 +112,19 @@ def test_arrays_that_do_not_belong_together_are_refused(terrain):
 @pytest.mark.parametrize("name", SEGMENTERS)
 def test_every_engine_keeps_the_interface(terrain, name):
     mesh = terrain(7, 24, holes=0.05)
-    given = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
+    subject = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
     engine = segmenter_by_name(name)
     assert engine.name == name
-    found = engine.segment(given)
-    for labels in (found.regions, found.fine):
+    segmentation = engine.segment(subject)
+    for labels in (segmentation.regions, segmentation.fine):
         first = np.unique(labels, return_index=True)[1]
         assert (labels.dtype, labels.shape) == (np.int32, (len(mesh.faces),))
         assert (labels[np.sort(first)] == np.arange(len(first))).all(), "numbered by first face"
-    assert found.region_count == found.regions.max() + 1
-    assert found.similarity.dtype == np.float32
-    again = segmenter_by_name(name).segment(given)
-    assert found.regions.tobytes() == again.regions.tobytes()
-    assert found.fine.tobytes() == again.fine.tobytes()
+    assert segmentation.region_count == segmentation.regions.max() + 1
+    assert segmentation.similarity.dtype == np.float32
+    again = segmenter_by_name(name).segment(subject)
+    assert segmentation.regions.tobytes() == again.regions.tobytes()
+    assert segmentation.fine.tobytes() == again.fine.tobytes()
 
 
 def test_unknown_engine_is_refused():

@@ -25,15 +25,15 @@ def test_cones_that_are_none_are_refused(rays, opening):
 
 
 def test_thin_and_thick_stay_apart():
-    found = shape_index(np.array([1.0, 1.1, 9.0, 9.1]), ROW)
-    assert found[0] < 0.1
-    assert found[3] > 0.9
-    assert found[0] <= found[1] < found[2] <= found[3]
+    index = shape_index(np.array([1.0, 1.1, 9.0, 9.1]), ROW)
+    assert index[0] < 0.1
+    assert index[3] > 0.9
+    assert index[0] <= index[1] < index[2] <= index[3]
 
 
 def test_faces_without_a_diameter_count_as_the_thickest():
-    found = shape_index(np.array([1.0, np.nan, 5.0]), np.zeros((0, 2), np.int32))
-    assert found.tolist() == [0.0, 1.0, 1.0]
+    index = shape_index(np.array([1.0, np.nan, 5.0]), np.zeros((0, 2), np.int32))
+    assert index.tolist() == [0.0, 1.0, 1.0]
 
 
 @pytest.mark.parametrize("values", [[np.nan, np.nan], [2.0, 2.0], []])

@@ -46,12 +46,12 @@ def test_formula(terrain, kind, origin, normalise):
         index = white_distance_of_sums(face_colour_sums(mesh.colours, mesh.faces), 3)
     else:
         index = scalar = rng.normal(-1.0, 3.0, len(mesh.faces)).astype(kind)
-    found = similarity_index(
+    similarity = similarity_index(
         mesh.vertices, mesh.faces, scalar=scalar,
         colours=mesh.colours if kind == "colour" else None, **options,
     )  # fmt: skip
     expected = formula(mesh.vertices, mesh.faces, index, **options)
-    np.testing.assert_allclose(found, expected, rtol=3e-7, atol=1e-7)
+    np.testing.assert_allclose(similarity, expected, rtol=3e-7, atol=1e-7)
 
 
 @pytest.mark.parametrize("origin", ["min_corner", "first", "centroid"])
@@ -63,16 +63,16 @@ def test_threads_change_no_byte(terrain, origin):
         "colours": mesh.colours, "scalar": None, "mu": 1.0, "tau": 0.1, "normalise": "minmax",
         "attribute_range": 1.0, "origin": origin,
     }  # fmt: skip
-    one = similarity_index(mesh.vertices, mesh.faces, threads=1, **options)
-    two = similarity_index(mesh.vertices, mesh.faces, threads=2, **options)
-    assert one.tobytes() == two.tobytes()
+    one_thread = similarity_index(mesh.vertices, mesh.faces, threads=1, **options)
+    many_threads = similarity_index(mesh.vertices, mesh.faces, threads=2, **options)
+    assert one_thread.tobytes() == many_threads.tobytes()
 
 
 def test_constant_values_and_one_place():
     faces = np.array([[0, 1, 2], [2, 1, 0]])
     options = {"mu": 1.0, "tau": 0.1, "normalise": "minmax", "attribute_range": 1.0}
     for origin in ("first", "centroid", "min_corner"):
-        found = similarity_index(
+        similarity = similarity_index(
             np.ones((3, 3)), faces, colours=None, scalar=np.full(2, 7.0), origin=origin, **options
         )
-        assert found.tolist() == [0.0, 0.0]
+        assert similarity.tolist() == [0.0, 0.0]

@@ -123,13 +123,13 @@ def reference_level3(level2, near):
         if pool[seed] >= 0:
             continue
         pool[seed] = count
-        found = [seed]
-        while found:
-            face = found.pop()
+        stack = [seed]
+        while stack:
+            face = stack.pop()
             for other in near[face]:
                 if pool[other] < 0 and level2[other] == level2[face]:
                     pool[other] = count
-                    found.append(other)
+                    stack.append(other)
         count += 1
     return pool
 
@@ -159,6 +159,7 @@ def reference_refine(mesh, pool, near, similarity, options):
         names = {}
         return [names.setdefault(mapping[p], len(names)) for p in pool]
 
+    # Rounds: small pools join large ones; small ones among themselves unite and go again.
     while True:
         size, mean = sizes_and_means()
         contacts = touching()
@@ -172,6 +173,7 @@ def reference_refine(mesh, pool, near, similarity, options):
             if not joins:
                 break
             settled.update(joins)
+        # Pools that touch no large one unite with the most similar of their kind.
         loose = [p for p in size if p not in settled]
         choice = {}
         for p in loose:
@@ -187,6 +189,7 @@ def reference_refine(mesh, pool, near, similarity, options):
                 if name == max(a, b):
                     union[r] = min(a, b)
         pool = renumber(union)
+    # Islands are left: small pools that touch nothing; the option says what becomes of them.
     pool = [settled.get(p, p) for p in pool]
     lost = set(loose)
     kept = [f for f in range(n_faces) if pool[f] not in lost]
@@ -267,12 +270,12 @@ def test_every_combination_of_options_equals_the_reference(soup, terrain, number
         # raw colour runs to 100: chain it at a scale where pools form
         scale = 30.0 if options.normalise == "raw" else 1.0
         scalar = rng.choice([-2.0, -0.5, 0.0, 0.25, 1.0], len(mesh.faces))
-        for given in ({"colours": mesh.colours}, {"scalar": scalar}):
+        for source in ({"colours": mesh.colours}, {"scalar": scalar}):
             mine = replace(options, threshold=options.threshold * (scale if seed % 2 else 1.0))
-            result = triangle_pools(mesh.vertices, mesh.faces, options=mine, **given)
+            result = triangle_pools(mesh.vertices, mesh.faces, options=mine, **source)
             expected = reference_pools(mesh, result.similarity, mine)
             assert (result.labels.tolist(), result.k, result.level3_count) == expected
-            index = scalar if "scalar" in given else reference_index(mesh)
+            index = scalar if "scalar" in source else reference_index(mesh)
             formula = reference_similarity(mesh, mine, list(index))
             np.testing.assert_allclose(
                 result.similarity, np.array(formula, np.float32), rtol=3e-7, atol=2e-6
@@ -326,11 +329,11 @@ def test_many_at_once_and_threads_change_no_byte(terrain, seed):
         many = triangle_pools_many(
             mesh.vertices, mesh.faces, sets, colours=mesh.colours, threads=threads
         )
-        for options, found in zip(sets, many, strict=True):
+        for options, pools in zip(sets, many, strict=True):
             alone = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, options=options)
-            assert found.labels.tobytes() == alone.labels.tobytes()
-            assert found.similarity.tobytes() == alone.similarity.tobytes()
-            assert (found.k, found.level3_count, found.count, found.islands) == (
+            assert pools.labels.tobytes() == alone.labels.tobytes()
+            assert pools.similarity.tobytes() == alone.similarity.tobytes()
+            assert (pools.k, pools.level3_count, pools.count, pools.islands) == (
                 alone.k, alone.level3_count, alone.count, alone.islands,
             )  # fmt: skip
     assert many[0].similarity is many[1].similarity
@@ -367,9 +370,9 @@ def test_similarity_equals_the_formula(terrain, normalise, origin):
     options = TrianglePoolOptions(
         normalise=normalise, origin=origin, mu=0.7, tau=0.3, attribute_range=2.0
     )
-    found = face_similarity(mesh.vertices, mesh.faces, scalar=values, options=options)
+    similarity = face_similarity(mesh.vertices, mesh.faces, scalar=values, options=options)
     expected = reference_similarity(mesh, options, values.tolist())
-    np.testing.assert_allclose(found, np.array(expected, np.float32), rtol=2e-7, atol=1e-7)
+    np.testing.assert_allclose(similarity, np.array(expected, np.float32), rtol=2e-7, atol=1e-7)
 
 
 def test_chaining_at_equality_stays_in_the_bin():
@@ -402,12 +405,12 @@ def test_vertex_numbering_changes_nothing(terrain, seed):
     order = np.random.default_rng(seed).permutation(len(mesh.vertices))
     number = np.argsort(order)
     for options in OPTIONS.values():
-        one = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, options=options)
-        two = triangle_pools(
+        first = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, options=options)
+        second = triangle_pools(
             mesh.vertices[order], number[mesh.faces], colours=mesh.colours[order], options=options
         )
-        assert one.labels.tobytes() == two.labels.tobytes()
-        assert one.similarity.tobytes() == two.similarity.tobytes()
+        assert first.labels.tobytes() == second.labels.tobytes()
+        assert first.similarity.tobytes() == second.similarity.tobytes()
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -420,26 +423,26 @@ def test_rigid_motion_changes_nothing(terrain, origin, seed):
     turn *= np.sign(np.linalg.det(turn))
     moved = mesh.vertices.astype(np.float64) @ turn.T + rng.normal(0, 50, 3)
     options = TrianglePoolOptions(threshold=0.2, small_threshold=0.02, origin=origin)
-    one = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, options=options)
-    two = triangle_pools(moved, mesh.faces, colours=mesh.colours, options=options)
-    np.testing.assert_array_equal(one.labels, two.labels)
+    first = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, options=options)
+    second = triangle_pools(moved, mesh.faces, colours=mesh.colours, options=options)
+    np.testing.assert_array_equal(first.labels, second.labels)
 
 
 def test_moving_keeps_the_default_origin(terrain):
     """The least corner moves with the mesh: a shift by whole metres changes no byte."""
     mesh = terrain(2)
-    one = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours)
-    two = triangle_pools(mesh.vertices + np.float32(256), mesh.faces, colours=mesh.colours)
-    assert one.labels.tobytes() == two.labels.tobytes()
+    first = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours)
+    second = triangle_pools(mesh.vertices + np.float32(256), mesh.faces, colours=mesh.colours)
+    assert first.labels.tobytes() == second.labels.tobytes()
 
 
 def test_given_pairs_and_repeated_runs_give_the_same_bytes(terrain):
     """Precomputed neighbours are only a saving."""
     mesh = terrain(7, holes=0.1)
     pairs, _ = face_pairs(mesh.faces, len(mesh.vertices))
-    one = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours)
-    two = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, pairs=pairs)
-    assert one.labels.tobytes() == two.labels.tobytes()
+    first = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours)
+    second = triangle_pools(mesh.vertices, mesh.faces, colours=mesh.colours, pairs=pairs)
+    assert first.labels.tobytes() == second.labels.tobytes()
 
 
 def test_degenerate_meshes():
@@ -448,8 +451,8 @@ def test_degenerate_meshes():
     square = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1], [1, 0, 1]], np.float32)
     none = triangle_pools(square, np.zeros((0, 3), np.int32), colours=grey)
     assert (none.labels.shape, none.k, none.count) == ((0,), 0, 0)
-    one = triangle_pools(square, np.array([[0, 1, 2]]), colours=grey)
-    assert (one.labels.tolist(), one.k, one.count) == ([0], 1, 1)
+    single = triangle_pools(square, np.array([[0, 1, 2]]), colours=grey)
+    assert (single.labels.tolist(), single.k, single.count) == ([0], 1, 1)
     flat = triangle_pools(
         np.zeros((4, 3)), np.array([[0, 1, 2], [2, 1, 3], [3, 3, 3]]), colours=grey
     )

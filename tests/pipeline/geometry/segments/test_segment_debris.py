@@ -16,11 +16,11 @@ def gather(x, sizes, touching, **bounds):
     high = (centre + 0.5).astype(np.float32)
     size = np.array(sizes, np.int64)
     units = Units(size, size.astype(float), np.zeros(len(x), np.int32), low, high)
-    found, counts = join_debris(
+    groups, counts = join_debris(
         labels, units, np.array(touching), low[labels], high[labels], min_faces=5, **bounds
     )
     first = np.cumsum(sizes) - sizes
-    return found[first].tolist(), counts
+    return groups[first].tolist(), counts
 
 
 def test_nearest_segment_that_has_room():

@@ -55,10 +55,10 @@ def check_invariants(mesh, regions, result, options):
     high = np.array([corners[labels == s].max(axis=(0, 1)) for s in range(result.count)])
     np.testing.assert_array_equal(result.bounds, np.concatenate([low, high], axis=1))
     wide = (high - low).max(axis=1) > result.max_extent_m
-    told = result.exceptions
-    assert told.below_min_faces == np.count_nonzero(counts < options.min_faces)
-    assert told.above_max_faces == np.count_nonzero(counts > options.max_faces) == 0
-    assert told.above_max_extent == np.count_nonzero(wide)
+    exceptions = result.exceptions
+    assert exceptions.below_min_faces == np.count_nonzero(counts < options.min_faces)
+    assert exceptions.above_max_faces == np.count_nonzero(counts > options.max_faces) == 0
+    assert exceptions.above_max_extent == np.count_nonzero(wide)
     assert (counts[wide] == 1).all(), "only single faces may be wider than the bound"
     # regions
     share = Counter(zip(labels.tolist(), regions.tolist(), strict=True))
@@ -66,7 +66,7 @@ def check_invariants(mesh, regions, result, options):
         mine = {r: n for (t, r), n in share.items() if t == s}
         assert result.region_counts[s] == len(mine)
         assert result.main_region[s] == min(mine, key=lambda r: (-mine[r], r))
-    assert told.across_regions == np.count_nonzero(result.region_counts > 1)
+    assert exceptions.across_regions == np.count_nonzero(result.region_counts > 1)
     # a segment crosses a region border only for pieces below min_faces: at most one piece is not
     pairs, _ = face_pairs(mesh.faces, len(mesh.vertices))
     both = labels.astype(np.int64) * (int(regions.max()) + 1) + regions
@@ -78,16 +78,16 @@ def check_invariants(mesh, regions, result, options):
             in_segment = np.unique(piece[labels == s])
             assert np.count_nonzero(size[in_segment] >= options.min_faces) <= 1
     # connected, except for debris that touches nothing
-    part, n_parts = components(n_faces, pairs, labels=labels)
+    component, n_components = components(n_faces, pairs, labels=labels)
     whole, n_wholes = components(n_faces, pairs)
     whole_size = np.bincount(whole, minlength=n_wholes)
-    part_size = np.bincount(part, minlength=n_parts)
-    first = np.array([np.flatnonzero(part == p)[0] for p in range(n_parts)])
+    part_size = np.bincount(component, minlength=n_components)
+    first = np.array([np.flatnonzero(component == p)[0] for p in range(n_components)])
     parts_of = np.bincount(labels[first], minlength=result.count)
-    assert told.disconnected == np.count_nonzero(parts_of > 1)
+    assert exceptions.disconnected == np.count_nonzero(parts_of > 1)
     for s in np.flatnonzero(parts_of > 1):
         mine = first[labels[first] == s]
-        is_debris = (part_size[part[mine]] == whole_size[whole[mine]]) & (
+        is_debris = (part_size[component[mine]] == whole_size[whole[mine]]) & (
             whole_size[whole[mine]] < options.min_faces
         )
         assert np.count_nonzero(~is_debris) <= 1
@@ -121,9 +121,17 @@ def test_whole_terrain_has_no_exceptions(terrain, seed):
     """On a connected mesh with room between the bounds nothing is too small or too big."""
     mesh = terrain(seed, cells=40, noise=15.0)
     result = segment(mesh, SegmentOptions(min_faces=50, max_faces=500))
-    told = result.exceptions
-    assert (told.below_min_faces, told.above_max_faces, told.above_max_extent) == (0, 0, 0)
-    assert (told.across_regions, told.disconnected, told.debris_alone) == (0, 0, 0)
+    exceptions = result.exceptions
+    assert (
+        exceptions.below_min_faces,
+        exceptions.above_max_faces,
+        exceptions.above_max_extent,
+    ) == (0, 0, 0)
+    assert (exceptions.across_regions, exceptions.disconnected, exceptions.debris_alone) == (
+        0,
+        0,
+        0,
+    )
     assert result.count <= len(mesh.faces) // 50
 
 
@@ -135,18 +143,18 @@ def test_vertex_numbering_changes_nothing(terrain, seed):
     order = np.random.default_rng(seed).permutation(len(mesh.vertices))
     shuffled = np.argsort(order)[mesh.faces]
     options = SegmentOptions(min_faces=20, max_faces=100)
-    one = build_segments(mesh.vertices, mesh.faces, fine, similarity, regions, options)
+    first = build_segments(mesh.vertices, mesh.faces, fine, similarity, regions, options)
     again = build_segments(mesh.vertices, mesh.faces, fine, similarity, regions, options)
-    two = build_segments(mesh.vertices[order], shuffled, fine, similarity, regions, options)
-    assert one.labels.tobytes() == again.labels.tobytes() == two.labels.tobytes()
-    assert one.bounds.tobytes() == two.bounds.tobytes()
+    second = build_segments(mesh.vertices[order], shuffled, fine, similarity, regions, options)
+    assert first.labels.tobytes() == again.labels.tobytes() == second.labels.tobytes()
+    assert first.bounds.tobytes() == second.bounds.tobytes()
 
 
 def test_threads_and_reruns_change_no_byte(terrain):
     """Adjacency, regions, fine pools and segments of more faces than one piece of work holds."""
     mesh = terrain(3, cells=400, noise=12.0, holes=0.02)
     assert len(mesh.faces) > CHUNK
-    found = set()
+    outputs = set()
     for threads in (1, 2, 2):
         pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=threads)
         coarse, fine = triangle_pools_many(
@@ -157,8 +165,8 @@ def test_threads_and_reruns_change_no_byte(terrain):
             SegmentOptions(min_faces=500, max_faces=5000), pairs=pairs, threads=threads,
         )  # fmt: skip
         arrays = (*pairs, coarse.labels, fine.labels, fine.similarity, segments.labels)
-        found.add(b"".join(a.tobytes() for a in (*arrays, segments.bounds, segments.main_region)))
-    assert len(found) == 1
+        outputs.add(b"".join(a.tobytes() for a in (*arrays, segments.bounds, segments.main_region)))
+    assert len(outputs) == 1
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -168,9 +176,9 @@ def test_moving_changes_nothing(terrain, seed):
     pools = pools_of(mesh)
     options = SegmentOptions(min_faces=20, max_faces=100)
     moved = mesh.vertices + np.array([512, -64, 1024], np.float32)
-    one = build_segments(mesh.vertices, mesh.faces, *pools, options)
-    two = build_segments(moved, mesh.faces, *pools, options)
-    assert one.labels.tobytes() == two.labels.tobytes()
+    first = build_segments(mesh.vertices, mesh.faces, *pools, options)
+    second = build_segments(moved, mesh.faces, *pools, options)
+    assert first.labels.tobytes() == second.labels.tobytes()
 
 
 def strip(n):
@@ -244,9 +252,13 @@ def test_debris_joins_the_nearest_segment_within_reach():
     assert result.count == 2
     assert result.labels[40] == result.labels[0]
     assert result.labels[41] == result.labels[42] != result.labels[0]
-    told = result.exceptions
-    assert (told.debris_joined, told.debris_alone, told.below_min_faces) == (3, 0, 1)
-    assert told.disconnected == 2
+    exceptions = result.exceptions
+    assert (exceptions.debris_joined, exceptions.debris_alone, exceptions.below_min_faces) == (
+        3,
+        0,
+        1,
+    )
+    assert exceptions.disconnected == 2
 
 
 def test_scattered_debris_does_not_make_a_segment_each(terrain):
@@ -285,8 +297,14 @@ def test_degenerate_meshes():
     )
     assert (result.count, result.bounds.shape, result.labels.shape) == (0, (0, 6), (0,))
     zeros = np.zeros(1, np.int32)
-    one = build_segments(np.eye(3), np.array([[0, 1, 2]]), zeros, zeros.astype(np.float32), zeros)
-    assert (one.count, one.exceptions.below_min_faces, one.exceptions.debris_alone) == (1, 1, 1)
+    single = build_segments(
+        np.eye(3), np.array([[0, 1, 2]]), zeros, zeros.astype(np.float32), zeros
+    )
+    assert (single.count, single.exceptions.below_min_faces, single.exceptions.debris_alone) == (
+        1,
+        1,
+        1,
+    )
     zeros = np.zeros(30, np.int32)
     point = build_segments(
         np.zeros((3, 3)), np.tile([0, 1, 2], (30, 1)), zeros, zeros.astype(np.float32), zeros,

@@ -29,13 +29,13 @@ def contacts_by_dictionary(labels, pairs, lengths):
 
 def contacts(graph):
     """The same of a graph; rows must be sorted and hold each neighbour once."""
-    found = {}
+    borders = {}
     for u in range(len(graph.offsets) - 1):
         row = graph.neighbours[graph.offsets[u] : graph.offsets[u + 1]].tolist()
         assert row == sorted(set(row))
         for v, border in zip(row, graph.border[graph.offsets[u] :].tolist(), strict=False):
-            found[u, v] = border
-    return found
+            borders[u, v] = border
+    return borders
 
 
 def random_contacts(seed):

@@ -16,7 +16,7 @@ TWO = np.array([[[0, 0], [32, 0], [0, 32]], [[32, 0], [32, 32], [0, 32]]], dtype
 """A square of 32 texels as two faces."""
 
 
-def colours(faces: int, **given: np.ndarray) -> FaceColours:
+def colours(faces: int, **overrides: np.ndarray) -> FaceColours:
     values = {
         "view": np.zeros(faces, np.int32),
         "blend_view": np.full(faces, -1, np.int32),
@@ -24,7 +24,7 @@ def colours(faces: int, **given: np.ndarray) -> FaceColours:
         "correction": np.zeros((faces, 3, 3), np.float32),
         "colours": np.full((faces, 3, 3), 90, np.uint8),
     }
-    return FaceColours(**(values | given))
+    return FaceColours(**(values | overrides))
 
 
 def ramp(width: int = 64, height: int = 48) -> np.ndarray:
@@ -58,7 +58,7 @@ def test_gain_correction_and_second_photo_are_as_the_choice_of_views_says() -> N
     photo, other = np.full((48, 64, 3), 100, np.uint8), np.full((48, 64, 3), 160, np.uint8)
     gains = neutral_gains(2)
     gains[0, :3] = 1.2
-    given = colours(
+    face_colours = colours(
         2,
         blend_weight=np.full((2, 3), 0.25, np.float32),
         correction=np.full((2, 3, 3), -7.0, np.float32),
@@ -66,8 +66,8 @@ def test_gain_correction_and_second_photo_are_as_the_choice_of_views_says() -> N
     points = np.zeros((2, 3, 3))
     points[:, :, 2] = 1.0
     bake_photo_faces(
-        image, covered, TWO, TWO.astype(np.float32), BOTH, given, photo, VIEW.packed(), gains[0],
-        (other, VIEW.packed(), gains[1], points),
+        image, covered, TWO, TWO.astype(np.float32), BOTH, face_colours, photo, VIEW.packed(),
+        gains[0], (other, VIEW.packed(), gains[1], points),
     )  # fmt: skip
     first = (100 + SRGB_OFFSET) * 1.2 - SRGB_OFFSET
     expected = round(0.75 * first + 0.25 * 160 - 7)
@@ -77,10 +77,10 @@ def test_gain_correction_and_second_photo_are_as_the_choice_of_views_says() -> N
 def test_levels_are_clipped() -> None:
     for level, add, expected in ((250, 40.0, 255), (5, -40.0, 0)):
         image, covered = empty()
-        given = colours(2, correction=np.full((2, 3, 3), add, np.float32))
+        face_colours = colours(2, correction=np.full((2, 3, 3), add, np.float32))
         photo = np.full((48, 64, 3), level, np.uint8)
         bake_photo_faces(
-            image, covered, TWO, TWO.astype(np.float32), BOTH, given, photo, VIEW.packed(),
+            image, covered, TWO, TWO.astype(np.float32), BOTH, face_colours, photo, VIEW.packed(),
             neutral_gains(1)[0],
         )  # fmt: skip
         assert (image == expected).all()

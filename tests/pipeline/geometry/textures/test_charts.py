@@ -61,8 +61,8 @@ def test_texels_are_as_long_as_asked_but_no_shorter_than_pixels(
     vertices, faces = grid(8, 10.0)
     packed = down().packed()[None]
     charts = make_charts(vertices, faces, np.zeros(len(faces), int), packed, texel_m=texel_m)
-    found = np.sqrt(charts.surface_m2.sum() / charts.texels.sum())
-    assert found == pytest.approx(expected, rel=0.02)
+    side_m = np.sqrt(charts.surface_m2.sum() / charts.texels.sum())
+    assert side_m == pytest.approx(expected, rel=0.02)
 
 
 def test_faces_that_the_photo_does_not_show_whole_are_without_photo() -> None:

@@ -19,9 +19,9 @@ def test_gutters_take_their_own_chart_s_colour_and_mips_mix_nothing() -> None:
     level = np.where(np.arange(12) % 2, 255, 0).astype(np.uint8)
     uvs = np.array([[[0, 0], [w, 0], [0, h]] for w, h in sizes])
     texels = atlas.to_texels(uvs, np.arange(12, dtype=np.int32))
-    given = colours(12, colours=np.repeat(level, 9).reshape(12, 3, 3))
+    face_colours = colours(12, colours=np.repeat(level, 9).reshape(12, 3, 3))
     which = np.arange(12, dtype=np.int32)
-    bake_plain_faces(image, covered, texels, which, given, neutral_gains(0)[0])
+    bake_plain_faces(image, covered, texels, which, face_colours, neutral_gains(0)[0])
     fill_cells(image, covered, atlas.cells)
     mip = image[..., 0].astype(float)
     step = 1

@@ -24,8 +24,8 @@ def sheet() -> tuple[np.ndarray, np.ndarray, Nodes, Seams]:
     Its faces are sorted along x, so that a slice of them is a piece of the sheet.
     """
     vertices, faces = ground(48)
-    place = vertices[faces].mean(axis=1)
-    faces = faces[np.argsort(place[:, 0], kind="stable")]
+    centres = vertices[faces].mean(axis=1)
+    faces = faces[np.argsort(centres[:, 0], kind="stable")]
     view = np.clip((vertices[faces].mean(axis=1)[:, 2] / 14.0).astype(np.int32), 0, 2)
     views = np.full((len(faces), SLOTS), -1, np.int16)
     colour = np.zeros((len(faces), SLOTS, 3), np.uint8)
@@ -44,14 +44,14 @@ def sheet() -> tuple[np.ndarray, np.ndarray, Nodes, Seams]:
 
 def pieces(vertices, faces, nodes, seams, grid):
     """Sums of two pieces of the sheet, each with all of it around."""
-    parts = []
+    piece_sums = []
     for own in (slice(0, len(faces) // 2), slice(len(faces) // 2, len(faces))):
         is_own = np.zeros(len(faces))
         is_own[own] = 1.0
         share = 0.5 * is_own[seams.face].sum(axis=1)
         sums, _ = level_sums(vertices, nodes, seams, grid, own=own, share=share)
-        parts.append(shorter_sums(sums))
-    return parts
+        piece_sums.append(shorter_sums(sums))
+    return piece_sums
 
 
 def test_pieces_add_up_to_the_whole() -> None:
@@ -64,10 +64,10 @@ def test_pieces_add_up_to_the_whole() -> None:
         assert getattr(joined, name).sum() == pytest.approx(getattr(whole, name).sum())
     # vertices on the border between the pieces count in both
     assert 0 <= joined.nodes.sum() - whole.nodes.sum() < 60
-    one, _ = solve_levels(whole)
-    two, _ = solve_levels(joined)
-    assert np.abs(one).max() > 2.0
-    assert np.abs(one - two).max() < 0.05
+    whole_level, _ = solve_levels(whole)
+    joined_level, _ = solve_levels(joined)
+    assert np.abs(whole_level).max() > 2.0
+    assert np.abs(whole_level - joined_level).max() < 0.05
     assert len(cell) == len(nodes.vertex)
 
 
@@ -84,9 +84,9 @@ def test_a_piece_takes_its_part_of_the_field() -> None:
     used = np.unique(nodes.corner[some])
     row = np.zeros(len(nodes.vertex), np.int32)
     row[used] = np.arange(len(used))
-    part = Nodes(row[nodes.corner[some]], nodes.vertex[used], nodes.view[used])
-    field, place = field_of_piece(vertices, part, grid, whole.keys, level)
-    assert (node_levels(field, vertices, part, place) == expected[used]).all()
+    piece_nodes = Nodes(row[nodes.corner[some]], nodes.vertex[used], nodes.view[used])
+    field, piece_cell = field_of_piece(vertices, piece_nodes, grid, whole.keys, level)
+    assert (node_levels(field, vertices, piece_nodes, piece_cell) == expected[used]).all()
 
 
 def test_cells_that_were_not_solved_have_no_correction() -> None:

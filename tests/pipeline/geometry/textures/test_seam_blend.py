@@ -15,8 +15,8 @@ from terraport_pipeline.geometry.textures.seams import Nodes, Seams, find_seams,
 def two_views(step: int = 12, *, shared: bool = True):
     """A sheet coloured by view 0 on its left half and 1 on its right, which is brighter."""
     vertices, faces = ground(40)
-    place = vertices[faces].mean(axis=1)[:, 0]
-    view = (place > 20.0).astype(np.int32)
+    centre_x = vertices[faces].mean(axis=1)[:, 0]
+    view = (centre_x > 20.0).astype(np.int32)
     views = np.full((len(faces), SLOTS), -1, np.int16)
     colour = np.zeros((len(faces), SLOTS, 3), np.uint8)
     views[:, :2] = 0, 1
@@ -54,11 +54,11 @@ def test_seams_lie_where_views_meet_and_know_the_step() -> None:
 
 def test_the_smooth_field_closes_most_of_an_even_step() -> None:
     _, seams, levels, _, _ = finish()
-    one, two = seams.node[:, 0, 0], seams.node[:, 0, 1]
-    left = seams.step + levels[one] - levels[two]
+    first, second = seams.node[:, 0, 0], seams.node[:, 0, 1]
+    left = seams.step + levels[first] - levels[second]
     assert np.abs(left).mean() < 0.5 * 12
     # each side comes half way
-    assert abs(levels[one].mean() + levels[two].mean()) < 0.5
+    assert abs(levels[first].mean() + levels[second].mean()) < 0.5
 
 
 def test_blending_closes_the_rest() -> None:

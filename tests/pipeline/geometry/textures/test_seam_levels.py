@@ -66,16 +66,16 @@ def test_twice_the_step_is_twice_the_correction() -> None:
     # of one trust: what a seam is worth does not change with the step here
     vertices, nodes, seams = sheet(4)
     seams.trust[:] = 1.0
-    one = levels_of(vertices, nodes, seams)
+    level = levels_of(vertices, nodes, seams)
     seams.step[:] *= 2
-    assert levels_of(vertices, nodes, seams) == pytest.approx(2 * one, abs=0.01)
+    assert levels_of(vertices, nodes, seams) == pytest.approx(2 * level, abs=0.01)
 
 
 def test_where_the_sheet_lies_does_not_matter_nor_do_threads() -> None:
-    here, there = sheet(10), sheet(10, at_m=1024.0)
-    one = levels_of(*here)
-    assert levels_of(*there) == pytest.approx(one, abs=0.02)
-    assert levels_of(*here, threads=2).tobytes() == one.tobytes()
+    near_sheet, far_sheet = sheet(10), sheet(10, at_m=1024.0)
+    level = levels_of(*near_sheet)
+    assert levels_of(*far_sheet) == pytest.approx(level, abs=0.02)
+    assert levels_of(*near_sheet, threads=2).tobytes() == level.tobytes()
 
 
 def test_a_seam_of_no_trust_pulls_nothing() -> None:

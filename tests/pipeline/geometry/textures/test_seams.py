@@ -15,10 +15,10 @@ FACES = np.array([[0, 1, 2], [2, 1, 3], [2, 3, 4], [4, 3, 5]], np.int32)
 """A strip: the faces meet at the edges (1, 2), (2, 3), (3, 4)."""
 
 
-def shown(*known: dict[int, int]) -> Candidates:
+def shown(*seen_levels: dict[int, int]) -> Candidates:
     """Grey levels of each face by view."""
-    candidates = new_candidates(len(known))
-    for f, levels in enumerate(known):
+    candidates = new_candidates(len(seen_levels))
+    for f, levels in enumerate(seen_levels):
         for s, view in enumerate(sorted(levels)):
             candidates.view[f, s] = view
             candidates.colour[f, s] = levels[view]
@@ -80,10 +80,10 @@ def test_faces_that_no_view_shares_are_compared_with_little_trust() -> None:
 
 def test_large_steps_are_clipped_and_trusted_less() -> None:
     steps = (0, 12, 24, 200)
-    found = [seams_of([0, 0, 1, 1], shown(*[{0: 20, 1: 20 + step}] * 4)) for step in steps]
-    assert [seams.step[0, 0] for seams in found] == [0, -12, -24, -48]
-    assert [seams.raw_step[0, 0] for seams in found] == [0, -12, -24, -200]
-    assert [seams.trust[0] for seams in found] == pytest.approx([1, 1 / 2, 1 / 5, 1 / 17])
+    seams_by_step = [seams_of([0, 0, 1, 1], shown(*[{0: 20, 1: 20 + step}] * 4)) for step in steps]
+    assert [seams.step[0, 0] for seams in seams_by_step] == [0, -12, -24, -48]
+    assert [seams.raw_step[0, 0] for seams in seams_by_step] == [0, -12, -24, -200]
+    assert [seams.trust[0] for seams in seams_by_step] == pytest.approx([1, 1 / 2, 1 / 5, 1 / 17])
 
 
 def test_gains_are_undone_in_the_raw_step() -> None:

@@ -16,35 +16,35 @@ def edges_of(mesh) -> OpenEdges:
 
 def test_the_open_edges_of_a_square_are_its_rim() -> None:
     mesh = ground(4)
-    found = edges_of(mesh)
-    assert len(found.face) == 16
+    edges = edges_of(mesh)
+    assert len(edges.face) == 16
     # Every end lies on the rim, and the lower end comes first.
-    on_rim = (found.ends.reshape(-1, 3)[:, [0, 2]] % 60.0 == 0.0).any(axis=1)
+    on_rim = (edges.ends.reshape(-1, 3)[:, [0, 2]] % 60.0 == 0.0).any(axis=1)
     assert on_rim.all()
-    assert (found.ends[:, 0] <= found.ends[:, 3]).all()
-    assert_allclose(found.lengths_m().sum(), 240.0, rtol=0.05)
+    assert (edges.ends[:, 0] <= edges.ends[:, 3]).all()
+    assert_allclose(edges.lengths_m().sum(), 240.0, rtol=0.05)
 
 
 def test_the_seams_of_tiles_are_the_pairs_that_the_cut_parted() -> None:
     mesh = ground(12)
-    parts = cut_mesh(mesh, 3)
-    seams = match_seams([edges_of(part) for part, _ in parts])
+    pieces = cut_mesh(mesh, 3)
+    seams = match_seams([edges_of(piece) for piece, _ in pieces])
     tile = np.empty(len(mesh.faces), np.int64)
-    for number, (_, rows) in enumerate(parts):
+    for number, (_, rows) in enumerate(pieces):
         tile[rows] = number
     pairs, _ = face_pairs(mesh.faces, len(mesh.vertices))
-    wanted = np.sort(pairs[tile[pairs[:, 0]] != tile[pairs[:, 1]]], axis=1)
-    found = np.stack(
+    cut_pairs = np.sort(pairs[tile[pairs[:, 0]] != tile[pairs[:, 1]]], axis=1)
+    seam_pairs = np.stack(
         [
             [
-                parts[t][1][f]
+                pieces[t][1][f]
                 for t, f in zip(seams.tiles[:, side], seams.faces[:, side], strict=True)
             ]
             for side in (0, 1)
         ],
         axis=1,
     )
-    assert_array_equal(np.unique(np.sort(found, axis=1), axis=0), np.unique(wanted, axis=0))
+    assert_array_equal(np.unique(np.sort(seam_pairs, axis=1), axis=0), np.unique(cut_pairs, axis=0))
     faces, lengths = seams.of(4)  # the tile in the middle has seams all around
     assert len(faces) == len(lengths) == int((seams.tiles == 4).sum())
 
@@ -57,9 +57,9 @@ def test_rims_without_a_partner_are_no_seams() -> None:
 
 def test_minus_zero_is_zero() -> None:
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 0, 1]], np.float32)
-    one = edges_of_faces(corners)
-    other = edges_of_faces(np.array([[-0.0, 0, 0], [1, 0, 0], [0, 0, -1]], np.float32))
-    assert len(match_seams([one, other]).faces) == 1
+    first = edges_of_faces(corners)
+    second = edges_of_faces(np.array([[-0.0, 0, 0], [1, 0, 0], [0, 0, -1]], np.float32))
+    assert len(match_seams([first, second]).faces) == 1
 
 
 def edges_of_faces(corners) -> OpenEdges:

@@ -49,7 +49,7 @@ def test_vertices_on_the_same_lattice_lines_become_one_in_the_middle() -> None:
     assert seams.cells[:, 1] == pytest.approx([y + 0.01 for y, _ in PLACES])
     assert seams.tile_rows[0].tolist() == seams.tile_rows[1].tolist() == [0, 2, 4, 6, 8]
     assert seams.tile_ids[0].tolist() == seams.tile_ids[1].tolist() == [0, 1, 2, 3, 4]
-    assert [len(part) for part in seams.fillers] == [0, 0]
+    assert [len(filler) for filler in seams.fillers] == [0, 0]
     assert seams.gaps == pytest.approx([0.02] * 5)
     assert (seams.unmatched, seams.open_edges) == (0, 0)
     assert seams.owner_tile.tolist() == [0] * 5
@@ -88,8 +88,8 @@ def test_the_least_support_ratio_of_a_class_counts() -> None:
 
 
 def test_a_vertex_that_one_side_lacks_is_bridged_by_a_triangle() -> None:
-    seams = weld([place for place in PLACES if place != (5.6, 2.0)])
-    assert [len(part) for part in seams.fillers] == [1, 0]
+    seams = weld([point for point in PLACES if point != (5.6, 2.0)])
+    assert [len(filler) for filler in seams.fillers] == [1, 0]
     assert seams.open_edges == 0
     assert seams.unmatched == 1
     # Tile 0 runs 0-1-2-3-4 along z; the filler must run against it: 2 after 3 after 1.
@@ -114,7 +114,7 @@ def test_fillers_bring_vertices_of_the_other_tile() -> None:
 
 def test_where_one_side_ends_the_rest_is_a_rim() -> None:
     seams = weld(PLACES[:3])
-    assert [len(part) for part in seams.fillers] == [0, 0]
+    assert [len(filler) for filler in seams.fillers] == [0, 0]
     assert seams.open_edges == 2
     assert seams.unmatched == 2
 
@@ -128,7 +128,7 @@ def test_a_small_bubble_of_one_side_is_capped() -> None:
     )
     nothing = polyline([(9.0, 9.0)], wall=HIGH, backwards=True)
     seams = weld_tiles([border, nothing], PAIR)
-    assert [len(part) for part in seams.fillers] == [2, 0]
+    assert [len(filler) for filler in seams.fillers] == [2, 0]
 
 
 def test_two_vertices_of_one_tile_never_become_one() -> None:

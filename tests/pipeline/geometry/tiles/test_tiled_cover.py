@@ -13,31 +13,33 @@ from terraport_pipeline.geometry.tiles.tiled_cover import tile_cover, unite_cove
 
 def test_every_base_face_lists_what_the_whole_lists() -> None:
     base, detail = ground(10, low=-2.0, high=62.0), ground(48)
-    parts = cut_mesh(detail, 3)
+    pieces = cut_mesh(detail, 3)
     segment = np.empty(len(detail.faces), np.int64)
-    made, first = [], 0
-    for part, rows in parts:
+    covers, first = [], 0
+    for piece, rows in pieces:
         own = (np.arange(len(rows)) * 3 // len(rows)).astype(np.int32)
         segment[rows] = own + first
         cover = tile_cover(
-            base.vertices, base.faces, part.vertices, part.faces, own, tolerance_m=0.5
+            base.vertices, base.faces, piece.vertices, piece.faces, own, tolerance_m=0.5
         )
         assert cover.baseless_faces == 0
-        made.append((cover.base_face, cover.segment + np.int32(first)))
+        covers.append((cover.base_face, cover.segment + np.int32(first)))
         first += 3
-    offsets, segments = unite_covers(made, len(base.faces))
+    offsets, segments = unite_covers(covers, len(base.faces))
     whole = build_cover(
         base.vertices, base.faces, detail.vertices, detail.faces, segment,
         tolerance_m=0.5, hide_partly_covered=True,
     )  # fmt: skip
     assert len(offsets) == len(base.faces) + 1
     lists = [set(segments[a:b].tolist()) for a, b in pairwise(offsets)]
-    wanted = [set(whole.segments[a:b].tolist()) for a, b in pairwise(whole.offsets)]
+    expected = [set(whole.segments[a:b].tolist()) for a, b in pairwise(whole.offsets)]
     # Grids lie elsewhere, so lists at the rim of a segment may differ by a cell's breadth; what
     # lies over the base face's own inside is in both.
-    differing = sum(a != b for a, b in zip(lists, wanted, strict=True))
+    differing = sum(a != b for a, b in zip(lists, expected, strict=True))
     assert differing < 0.15 * len(lists)
-    assert sum(len(a - b) + len(b - a) for a, b in zip(lists, wanted, strict=True)) <= 2 * differing
+    assert (
+        sum(len(a - b) + len(b - a) for a, b in zip(lists, expected, strict=True)) <= 2 * differing
+    )
     assert all((np.diff(segments[a:b].astype(int)) > 0).all() for a, b in pairwise(offsets))
 
 

@@ -22,33 +22,33 @@ from terraport_pipeline.geometry.tiles.tiled_means import (
 
 
 def regions_by_tiles(mesh, along: int):
-    parts = cut_mesh(mesh, along)
-    pairs = [face_pairs(part.faces, len(part.vertices)) for part, _ in parts]
+    pieces = cut_mesh(mesh, along)
+    pairs = [face_pairs(piece.faces, len(piece.vertices)) for piece, _ in pieces]
     seams = match_seams(
-        [open_edges(m.vertices, m.faces, p) for (m, _), p in zip(parts, pairs, strict=True)]
+        [open_edges(m.vertices, m.faces, p) for (m, _), p in zip(pieces, pairs, strict=True)]
     )
-    totals = ColourTotals.of(colours_of_faces(parts[0][0].colours, parts[0][0].faces))
-    for part, _ in parts[1:]:
-        totals = totals.plus(ColourTotals.of(colours_of_faces(part.colours, part.faces)))
-    longest = max(longest_edge(m.vertices, p[1]) for (m, _), p in zip(parts, pairs, strict=True))
+    totals = ColourTotals.of(colours_of_faces(pieces[0][0].colours, pieces[0][0].faces))
+    for piece, _ in pieces[1:]:
+        totals = totals.plus(ColourTotals.of(colours_of_faces(piece.colours, piece.faces)))
+    longest = max(longest_edge(m.vertices, p[1]) for (m, _), p in zip(pieces, pairs, strict=True))
     longest = max(longest, float(seams.length_m.max(initial=0.0)))
     scale = MeansScale(MeanColourSegmenter(), totals, longest)
-    made = [
+    units_of_tiles = [
         tile_units(m.vertices, m.faces, m.colours, p, seams.of(i), scale)
-        for i, ((m, _), p) in enumerate(zip(parts, pairs, strict=True))
+        for i, ((m, _), p) in enumerate(zip(pieces, pairs, strict=True))
     ]
     at_seams = np.array(
         [
-            [made[t].labels[f] for t, f in zip(tiles, faces, strict=True)]
+            [units_of_tiles[t].labels[f] for t, f in zip(tiles, faces, strict=True)]
             for tiles, faces in zip(seams.tiles, seams.faces, strict=True)
         ],
         np.int32,
     ).reshape(-1, 2)
-    joined = join_tiles(made, at_seams, seams, scale)
-    found = np.empty(len(mesh.faces), np.int32)
-    for (_, rows), units, region in zip(parts, made, joined.region, strict=True):
-        found[rows] = region[units.labels]
-    return found, joined
+    joined = join_tiles(units_of_tiles, at_seams, seams, scale)
+    regions = np.empty(len(mesh.faces), np.int32)
+    for (_, rows), units, region in zip(pieces, units_of_tiles, joined.region, strict=True):
+        regions[rows] = region[units.labels]
+    return regions, joined
 
 
 @pytest.fixture(scope="module")
@@ -62,20 +62,20 @@ def whole(mesh):
 
 
 def test_one_tile_gives_the_whole_to_the_last_bit(mesh, whole) -> None:
-    found, joined = regions_by_tiles(mesh, 1)
-    assert_array_equal(found, whole.regions)
+    regions, joined = regions_by_tiles(mesh, 1)
+    assert_array_equal(regions, whole.regions)
     assert joined.count == whole.region_count
     assert joined.pools == whole.facts["region_pools"]
 
 
 @pytest.mark.parametrize("along", [2, 4])
 def test_regions_run_across_the_borders_of_tiles(mesh, whole, along: int) -> None:
-    found, joined = regions_by_tiles(mesh, along)
+    regions, joined = regions_by_tiles(mesh, along)
     assert joined.count == whole.region_count == 3
     # The same partition but for a few faces: each region's main partner holds nearly all of it.
     table = np.zeros((3, 3))
-    np.add.at(table, (found, whole.regions), 1)
-    assert table.max(axis=1).sum() / len(found) > 0.998
+    np.add.at(table, (regions, whole.regions), 1)
+    assert table.max(axis=1).sum() / len(regions) > 0.998
 
 
 def test_an_island_joins_the_nearest_region() -> None:
@@ -88,7 +88,7 @@ def test_an_island_joins_the_nearest_region() -> None:
     vertices = np.concatenate([mesh.vertices, island]).astype(np.float32)
     colours = np.concatenate([mesh.colours, np.full((9, 3), 250, np.uint8)])
     loose = type(mesh)(vertices, faces, np.zeros_like(vertices), colours, {})
-    found, joined = regions_by_tiles(loose, 2)
+    regions, joined = regions_by_tiles(loose, 2)
     assert joined.islands >= 1
     assert joined.count == 3
-    assert set(found[-3:]) <= set(found[rows])
+    assert set(regions[-3:]) <= set(regions[rows])

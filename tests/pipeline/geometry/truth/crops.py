@@ -71,7 +71,9 @@ def load_crop(name: str, data: Path = SHARED_DATA) -> TruthCrop | None:
     faces = Delaunay(plan).simplices.astype(np.int32)
     corners = plan[faces]
     edges = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2)
-    corners, faces = (part[edges.max(axis=1) < _LONGEST_CELLS * cell] for part in (corners, faces))
+    corners, faces = (
+        array[edges.max(axis=1) < _LONGEST_CELLS * cell] for array in (corners, faces)
+    )
     middles = corners.mean(axis=1) + np.array([west, south])
     truth = np.full(len(faces), -1, np.int32)
     for number, feature in enumerate(drawn["features"]):
