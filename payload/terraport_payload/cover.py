@@ -174,7 +174,7 @@ class Cover:
 
     def _row_changes(self) -> Bool:
         """(B,) whether the row of a face is another than that of the face before it."""
-        lengths = np.diff(self.offsets.astype(np.int64))
+        lengths = np.diff(self.offsets).astype(np.int64)
         changes = np.ones(self.base_faces, dtype=bool)
         changes[1:] = lengths[1:] != lengths[:-1]
         face_of_entry = np.repeat(np.arange(self.base_faces), lengths)
