@@ -72,7 +72,7 @@ function readRows(steps: StepReader, rows: number, entries: number, segmentCount
       throw new PayloadError(`${run} base faces of ${row.length} segments, expected ${left} at most`, at);
     }
     for (const last = face + run; face < last; face += 1) {
-      segments.set(row, end);
+      for (let entry = 0; entry < row.length; entry += 1) segments[end + entry] = row[entry]!;
       end += row.length;
       offsets[face + 1] = end;
     }
