@@ -1,4 +1,4 @@
-"""A file of named arrays: ``segments.idx`` and ``base.cover`` are such.
+"""A file of named arrays: ``segments.idx`` is one.
 
 Layout (little-endian; byte diagram in ``spec/scene-format.md``, section "Flat file")::
 

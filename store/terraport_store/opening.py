@@ -167,7 +167,7 @@ def open_pack(
 
 
 def check_agreement(manifest: Manifest, indexes: dict[str, SegmentIndex], cover: Cover) -> None:
-    """Check that manifest, indexes and cover count the same segments and base faces."""
+    """Check that manifest, indexes and cover count the same segments."""
     segments = manifest.counts.segments
     for name, index in indexes.items():
         if len(index) != segments:
@@ -177,11 +177,6 @@ def check_agreement(manifest: Manifest, indexes: dict[str, SegmentIndex], cover:
                 f"{len(index)} segments, expected {segments} by scene.json",
             )
     path = manifest.files[COVER].path
-    if cover.base_faces != manifest.counts.base_faces:
-        raise DamagedSceneError(
-            path,
-            f"{cover.base_faces} base faces, expected {manifest.counts.base_faces} by scene.json",
-        )
     if len(cover.segments) and int(cover.segments.max()) >= segments:
         raise DamagedSceneError(
             path, f"segment {int(cover.segments.max())}, expected below {segments}"

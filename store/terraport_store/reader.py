@@ -19,6 +19,7 @@ import numpy as np
 import xxhash
 
 from terraport_payload import Cover
+from terraport_payload.cover import MAX_COVER_BYTES
 from terraport_payload.types import Int64
 from terraport_store.errors import (
     CorruptPayloadError,
@@ -160,7 +161,13 @@ class Scene:
                 )
                 for name, info in manifest.encodings.items()
             }
-            cover = read_parsed(files, manifest, COVER, MAX_INDEX_BYTES, Cover.from_bytes)
+            cover = read_parsed(
+                files,
+                manifest,
+                COVER,
+                MAX_COVER_BYTES,
+                lambda data: Cover.from_bytes(data, manifest.counts.base_faces),
+            )
             check_agreement(manifest, indexes, cover)
             sources: dict[str, PayloadSource] = {}
             for name, info in manifest.encodings.items():

@@ -175,7 +175,7 @@ class SceneWriter:
         OutOfSpaceError
             When the disk is full; everything written so far is deleted.
         PayloadError
-            When the GLB cannot be decoded.
+            When the GLB cannot be decoded, or the cover is beyond the format's limits.
         PublishError
             When the cover has another number of faces, or a base was set before.
         """

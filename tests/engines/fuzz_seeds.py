@@ -31,7 +31,7 @@ def seeds_of(target: str) -> Iterator[bytes]:
             for path in filter(_is_good, _glbs()):
                 yield from _streams(path.read_bytes())
         case "cover":
-            yield from _files("scene/*/v-*/base.cover")
+            yield from _files("scene/*/v-*/base.cover", "scene/cover/*.cover")
         case "manifest":
             yield from _files(
                 "scene/*/scene.json", "scene/*/v-*/regions.json", "scene/*/labels.json"

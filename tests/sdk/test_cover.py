@@ -62,6 +62,7 @@ def test_a_cover_without_faces_or_entries_is_fine() -> None:
         ([0, 1], [0, 1], "run 0..1, expected 0..2"),
         ([0, 2], [1, 1], "expected them ascending"),
         ([0, 2], [-1, 1], "names segment -1"),
+        ([0, 1], [2**25], "names segment 33554432, expected below 33554432"),
     ],
 )
 def test_arrays_that_are_no_cover_are_refused(offsets, segments, text: str) -> None:

@@ -138,7 +138,7 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path, base: BaseMesh) -> N
 
 def test_base_and_cover_must_belong_together() -> None:
     glb = encode_glb(tile(0), step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True)
-    with pytest.raises(ProtocolViolationError, match="32 rows, expected 72"):
+    with pytest.raises(ProtocolViolationError, match="32 base faces, expected 72"):
         BaseMesh.of("v", glb, base_cover().to_bytes())
     with pytest.raises(ProtocolViolationError, match="base mesh: "):
         BaseMesh.of("v", glb[:-8], base_cover().to_bytes())

@@ -285,7 +285,7 @@ def test_cover_that_names_too_much_or_too_little(tiny: TinyScene) -> None:
     short = Cover(np.zeros(32, dtype=np.uint32), np.zeros(0, dtype=np.uint32))
     forger.file("base.cover").write_bytes(short.to_bytes())
     (finding,) = forger.seal()
-    assert (finding.code, finding.message[:13]) == ("open", "31 base faces")
+    assert (finding.code, finding.message[:13]) == ("open", "cover of 31 b")
 
 
 @pytest.mark.parametrize("data", [b"[]", b"{", b"\xff"])

@@ -36,13 +36,10 @@ class BaseMesh:
             One of them cannot be decoded, or they do not belong together.
         """
         try:
-            mesh, rows = decode_glb(glb), Cover.from_bytes(cover)
+            mesh = decode_glb(glb)
+            rows = Cover.from_bytes(cover, len(mesh.faces))
         except PayloadError as error:
             raise ProtocolViolationError(f"base mesh: {error}") from error
-        if rows.base_faces != len(mesh.faces):
-            raise ProtocolViolationError(
-                f"base.cover has {rows.base_faces} rows, expected {len(mesh.faces)}: one a face"
-            )
         return cls(version, mesh, rows, CoverCounters.of(rows))
 
     def hidden_faces(self, loaded: Iterable[int]) -> Bool:

@@ -26,6 +26,9 @@ __all__ = ["CoverCounters"]
 _COUNTER: Final = np.int32
 """Wide enough for any count: a face can have no more segments over it than the scene has."""
 
+_MAX_SEGMENTS: Final = 1 << 25
+"""More than an index of 1 GiB has rows: nothing is allocated by an id beyond it."""
+
 
 class CoverCounters:
     """Incremental hidden-face mask of one base mesh.
@@ -186,6 +189,10 @@ def _validate_csr(offsets: npt.ArrayLike, segments: npt.ArrayLike) -> tuple[Int6
         )
     if len(ids) and ids.min() < 0:
         raise ProtocolViolationError(f"cover names segment {ids.min()}, expected 0 or more")
+    if len(ids) and ids.max() >= _MAX_SEGMENTS:
+        raise ProtocolViolationError(
+            f"cover names segment {ids.max()}, expected below {_MAX_SEGMENTS}"
+        )
     rising = np.diff(ids) > 0
     borders = starts[1:-1]
     rising[borders[(borders > 0) & (borders < len(ids))] - 1] = True

@@ -4,13 +4,18 @@
 #include "LittleEndian.h"
 #include "Terraport/CoverCounters.h"
 #include "Terraport/CoverFile.h"
-#include "flat_input.h"
+#include "cover_input.h"
 #include "mesh_walk.h"
 
 extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size) {
   constexpr std::uint32_t kSegments = 4096;
-  const std::vector<std::uint8_t> file = terraport_fuzz::flatInput(data, size);
-  const std::uint32_t faces = size >= 48 ? terraport::readU32(file.data() + 40) : 0;
+  // More faces, or more entries, would only take the fuzzer's time.
+  constexpr std::uint32_t kMostRows = 1U << 16;
+  const std::vector<std::uint8_t> file = terraport_fuzz::coverInput(data, size);
+  if (size >= 32 && terraport::readU32(file.data() + 28) > kMostRows) {
+    return 0;
+  }
+  const std::uint32_t faces = size >= 32 ? std::min(terraport::readU32(file.data() + 24), kMostRows) : 0;
   terraport::Cover cover;
   if (!terraport::decodeCover(terraport::viewOf(file), faces, kSegments, cover).isOk()) {
     return 0;

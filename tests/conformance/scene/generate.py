@@ -23,6 +23,7 @@ if __name__ == "__main__":  # run as a script: the packages imported below lie i
     sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from conformance.scene.axes_scene import write_axes_scene
+from conformance.scene.covers import write_covers
 from payload.images import ktx2, pillow, png
 from store.tiny_scene import SCALES, STEP_M, lattice_mesh, textured, write_tiny_scene
 
@@ -40,7 +41,7 @@ HERE = Path(__file__).resolve().parent
 
 def main() -> None:
     """Write all of it anew."""
-    for name in ("axes", "tiny", "tiny-textured", "payload"):
+    for name in ("axes", "tiny", "tiny-textured", "payload", "cover"):
         shutil.rmtree(HERE / name, ignore_errors=True)
     write_axes_scene(HERE / "axes")
     write_tiny_scene(HERE / "tiny", stable_ids=(5, 2, 9))
@@ -50,6 +51,7 @@ def main() -> None:
     write_good()
     write_bad()
     write_bad_textures()
+    write_covers(HERE / "cover")
 
 
 def write_good() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -12,13 +13,14 @@ import numpy as np
 import pytest
 from conformance.scene.axes_scene import NAMES, board_picture
 
-from terraport_payload import PayloadError, decode_glb
+from terraport_payload import Cover, PayloadError, decode_glb
 from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
 
 HERE = Path(__file__).resolve().parent
 SCENES = ("tiny", "tiny-textured", "axes")
 """One with names, one with textures, and one to see axes by."""
 DAMAGED = json.loads((HERE / "damaged.json").read_text())
+COVERS = sorted((HERE / "cover").glob("*.cover"))
 PAYLOADS = sorted(p for p in (HERE / "payload").iterdir() if p.suffix != ".json")
 
 
@@ -174,6 +176,19 @@ def test_payload(path: Path) -> None:
     for name, values in expected["attributes"].items():
         decoded = [None if np.isnan(value) else float(value) for value in mesh.attributes[name]]
         assert decoded == values
+
+
+@pytest.mark.parametrize("path", COVERS, ids=[p.name for p in COVERS])
+def test_cover(path: Path) -> None:
+    expected = json.loads(path.with_suffix(".json").read_text())
+    if "error" in expected:
+        with pytest.raises(PayloadError, match=re.escape(expected["error"])):
+            Cover.from_bytes(path.read_bytes(), expected["base_faces"])
+        return
+    cover = Cover.from_bytes(path.read_bytes(), expected["base_faces"])
+    assert cover.offsets.tolist() == expected["offsets"]
+    assert cover.segments.tolist() == expected["segments"]
+    assert int(cover.segments.max(initial=0)) < expected["segment_count"]
 
 
 def test_every_payload_has_its_pair() -> None:

@@ -85,7 +85,7 @@ namespace Terraport
                 DeviationM = ReadDeviation(json["hand_off"]),
                 Encodings = NamesOf(encodings),
                 BaseFile = ReadFile(files, "base.glb", 1 << 30),
-                CoverFile = ReadFile(files, "base.cover", 1 << 30),
+                CoverFile = ReadFile(files, "base.cover", 1 << 26),
                 RegionsFile = ReadFile(files, "regions.json", 1 << 28),
             };
             // Each corner was checked by itself; together they must be a box.

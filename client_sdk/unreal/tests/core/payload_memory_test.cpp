@@ -5,11 +5,9 @@
 #include <map>
 #include <thread>
 
-#include "FlatFile.h"
 #include "LittleEndian.h"
 #include "Terraport/DecodeThreads.h"
 #include "Terraport/Json.h"
-#include "Terraport/Xxh3.h"
 #include "counting_new.h"
 #include "test_files.h"
 
@@ -18,32 +16,21 @@ using namespace terraport_tests;
 
 namespace {
 
-/// Payloads of a scene, by its index.
+/// Payloads of a scene, as they lie in its pack: GLBs, each with its length, at multiples of 64.
 std::vector<SharedPayload> payloadsOf(const std::filesystem::path& scene) {
   const std::string text = readText(scene / "scene.json");
   JsonDocument document;
   REQUIRE(document.read(text).isOk());
-  const JsonValue files = document.root().member("files");
-  const auto fileOf = [&](const std::string& key) {
-    const auto path = files.member(key).member("path").text();
-    return path ? readFile(scene / std::string(*path)) : std::vector<std::uint8_t>();
-  };
-  const std::vector<std::uint8_t> pack = fileOf("segments.pack");
-  const std::vector<std::uint8_t> index = fileOf("segments.idx");
-  FlatFile flat;
-  REQUIRE(flat.read(viewOf(index), "TPSEGIDX").isOk());
-  const FlatField* offsets = flat.find("offset");
-  const FlatField* lengths = flat.find("length");
-  const FlatField* hashes = flat.find("xxh3");
-  REQUIRE((offsets != nullptr && lengths != nullptr && hashes != nullptr));
+  const auto path = document.root().member("files").member("segments.pack").member("path").text();
+  REQUIRE(path);
+  const std::vector<std::uint8_t> pack = readFile(scene / std::string(*path));
   std::vector<SharedPayload> payloads;
-  for (std::uint32_t row = 0; row < flat.rows(); ++row) {
-    const auto first = pack.begin() + static_cast<std::ptrdiff_t>(readU64(offsets->bytes.data + row * std::size_t{8}));
-    const std::uint32_t length = readU32(lengths->bytes.data + row * std::size_t{4});
-    auto bytes = std::make_shared<std::vector<std::uint8_t>>(first, first + static_cast<std::ptrdiff_t>(length));
-    CHECK(xxh3Hash64(viewOf(*bytes)) == readU64(hashes->bytes.data + row * std::size_t{8}));
-    payloads.push_back(std::move(bytes));
+  for (std::size_t at = 64; at + 12 <= pack.size(); at = (at + readU32(&pack[at + 8]) + 63) / 64 * 64) {
+    const std::size_t end = at + readU32(&pack[at + 8]);
+    REQUIRE((pack[at] == 'g' && end <= pack.size()));
+    payloads.push_back(std::make_shared<std::vector<std::uint8_t>>(&pack[at], pack.data() + end));
   }
+  CHECK(payloads.size() >= 4);
   return payloads;
 }
 

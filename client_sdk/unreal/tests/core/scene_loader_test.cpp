@@ -1,10 +1,8 @@
 #include <doctest/doctest.h>
 
-#include <cstring>
 #include <map>
 
 #include "Manifest.h"
-#include "Terraport/CoverFile.h"
 #include "Terraport/SceneLoader.h"
 #include "test_files.h"
 
@@ -267,22 +265,5 @@ TEST_SUITE("scene loader") {
     }
     CHECK_FALSE(readManifestText("").isOk());
     CHECK_FALSE(readManifestText("[]").isOk());
-  }
-
-  TEST_CASE("covers of the corpus, and what is none") {
-    for (const auto& entry : std::filesystem::recursive_directory_iterator(conformance() / "scene")) {
-      if (entry.path().filename() != "base.cover") {
-        continue;
-      }
-      std::vector<std::uint8_t> file = readFile(entry.path());
-      std::uint32_t faces = 0;
-      std::memcpy(&faces, file.data() + 40, 4);
-      Cover cover;
-      CHECK(decodeCover(viewOf(file), faces, 6, cover).isOk());
-      CHECK_FALSE(decodeCover(viewOf(file), faces + 1, 6, cover).isOk());
-      CHECK_FALSE(decodeCover(viewOf(file), faces, 1, cover).isOk());
-      file[file.size() - 3] ^= 1;
-      CHECK_FALSE(decodeCover(viewOf(file), faces, 6, cover).isOk());
-    }
   }
 }

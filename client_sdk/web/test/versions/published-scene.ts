@@ -1,8 +1,9 @@
 /** One scene in several versions, and a service that serves them over a fake `fetch`. */
 
 import { readFileSync } from "node:fs";
+import { decodeCover } from "../../src/core/payload/cover.ts";
 import { xxh3 } from "../../src/core/payload/engines.ts";
-import { decodeFlat } from "../../src/core/payload/flat.ts";
+import { coverBytes } from "../cover-bytes.ts";
 
 const CORPUS = new URL("../../../../tests/conformance/scene/", import.meta.url);
 /** The files that belong to one version, as clients name them. */
@@ -26,29 +27,32 @@ export function filesOfVersion(version: number): Files {
   const folder = new URL(version % 2 === 1 ? "tiny/" : "tiny-textured/", CORPUS);
   const manifest = JSON.parse(readFileSync(new URL("scene.json", folder), "utf-8")) as {
     version: string;
-    counts: { segments: number };
-    files: Record<string, { path: string; xxh3: string }>;
+    counts: { base_faces: number; segments: number };
+    files: Record<string, { path: string; bytes: number; xxh3: string }>;
   };
   const files = new Map<string, Uint8Array<ArrayBuffer>>();
   manifest.version = versionText(version);
   for (const name of VERSIONED_FILES) {
     const row = manifest.files[name]!;
     let bytes = Uint8Array.from(readFileSync(new URL(row.path, folder)));
-    if (name === "base.cover") bytes = withShiftedIds(bytes, version, manifest.counts.segments);
+    if (name === "base.cover") bytes = withShiftedIds(bytes, version, manifest.counts);
+    row.bytes = bytes.length;
     row.xxh3 = xxh3(bytes).toString(16).padStart(16, "0");
     files.set(name, bytes);
   }
   return files.set("scene.json", new TextEncoder().encode(JSON.stringify(manifest)));
 }
 
-function withShiftedIds(cover: Uint8Array<ArrayBuffer>, shift: number, segmentCount: number): Uint8Array<ArrayBuffer> {
-  const { fields } = decodeFlat(cover, "TPCOVER1");
-  const offsets = fields.get("offsets")!.values as Uint32Array;
-  const segments = fields.get("segments")!.values as Uint32Array; // a view of `cover`
-  segments.set(segments.map((segment) => (segment + shift) % segmentCount));
-  for (let face = 0; face + 1 < offsets.length; face += 1) segments.subarray(offsets[face], offsets[face + 1]).sort();
-  new DataView(cover.buffer).setBigUint64(8, xxh3(cover.subarray(16)), true);
-  return cover;
+function withShiftedIds(
+  cover: Uint8Array<ArrayBuffer>,
+  shift: number,
+  counts: { readonly base_faces: number; readonly segments: number },
+): Uint8Array<ArrayBuffer> {
+  const { offsets, segments } = decodeCover(cover, counts.base_faces, counts.segments);
+  const shifted = segments.map((segment) => (segment + shift) % counts.segments);
+  return coverBytes(
+    Array.from({ length: counts.base_faces }, (_, face) => [...shifted.slice(offsets[face], offsets[face + 1]).sort()]),
+  );
 }
 
 /** Which version a file is answered of; null answers 404. `requested` is null for a request without `?v=`. */

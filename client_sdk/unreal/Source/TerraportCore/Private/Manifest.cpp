@@ -9,7 +9,8 @@ namespace terraport {
 namespace {
 
 /// Scene format, section 12.
-constexpr std::uint64_t kMaxFileBytes = std::uint64_t{1} << 30;
+constexpr std::uint64_t kMaxBaseBytes = std::uint64_t{1} << 30;
+constexpr std::uint64_t kMaxCoverBytes = std::uint64_t{1} << 26;
 /// A bound for arithmetic: faces are counted in 32 bits.
 constexpr std::uint64_t kMaxCount = (std::uint64_t{1} << 31) - 1;
 constexpr std::uint32_t kMaxSceneAttributes = 4096;
@@ -197,8 +198,8 @@ Status readKeys(JsonValue json, CheckedManifest& out) {
   TERRAPORT_RETURN_IF_ERROR(readTextures(json.member("textures"), manifest));
   const JsonValue files = json.member("files");
   TERRAPORT_RETURN_IF_ERROR(expectMap(files, "files"));
-  TERRAPORT_RETURN_IF_ERROR(readFile(files, "base.glb", kMaxFileBytes, out.baseGlb));
-  TERRAPORT_RETURN_IF_ERROR(readFile(files, "base.cover", kMaxFileBytes, out.baseCover));
+  TERRAPORT_RETURN_IF_ERROR(readFile(files, "base.glb", kMaxBaseBytes, out.baseGlb));
+  TERRAPORT_RETURN_IF_ERROR(readFile(files, "base.cover", kMaxCoverBytes, out.baseCover));
   return readFile(files, "regions.json", kMaxRegionsBytes, out.regionsJson);
 }
 

@@ -5,7 +5,7 @@ import { prepareDecoders, xxh3 } from "../payload/engines.ts";
 import { PayloadError } from "../payload/errors.ts";
 import type { DecodeImage } from "../payload/glb.ts";
 import { decodeGlb } from "../payload/glb.ts";
-import type { Cover, SceneFiles } from "../types.ts";
+import type { SceneFiles } from "../types.ts";
 import { StreamError } from "./errors.ts";
 import type { HttpOptions } from "./http.ts";
 import { fetchBytes, fetchJson, parseJson } from "./http.ts";
@@ -109,22 +109,13 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
     if (base.faceCount !== checked.baseFaces) {
       throw new PayloadError(`base of ${base.faceCount} faces, expected ${checked.baseFaces} by the manifest`);
     }
-    const cover = decodeCover(rows, base.faceCount);
-    checkSegments(cover, manifest.segmentCount);
+    const cover = decodeCover(rows, base.faceCount, manifest.segmentCount);
     return { manifest, base, cover, regions: readRegions(parseJson(regions, `${url}/regions.json`), labels) };
   } catch (error) {
     abort.abort();
     if (!(error instanceof PayloadError)) throw error;
     const text = `scene ${manifest.id}, version ${manifest.version}: ${error.message}; it must be published anew`;
     throw new StreamError("damaged", text, undefined, { cause: error });
-  }
-}
-
-function checkSegments(cover: Cover, segmentCount: number): void {
-  for (const segment of cover.segments) {
-    if (segment >= segmentCount) {
-      throw new PayloadError(`segment ${segment} in the cover, expected below ${segmentCount}`);
-    }
   }
 }
 

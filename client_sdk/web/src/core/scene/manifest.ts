@@ -25,7 +25,7 @@ export interface CheckedManifest {
 /** Section 12. */
 const MAX_FILE_BYTES: Readonly<Record<LoadedFile, number>> = {
   "base.glb": 2 ** 30,
-  "base.cover": 2 ** 30,
+  "base.cover": 2 ** 26,
   "regions.json": 2 ** 28,
 };
 const MAJOR = "1";
