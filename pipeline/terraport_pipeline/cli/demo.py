@@ -73,8 +73,8 @@ def demo(
 ) -> None:
     """Make a sample quarry, build it, serve it, land in it three times, and show it.
 
-    Everything that terraport does, on data of its own: at most three minutes on two cores. The
-    third landing goes back to where the first was, and costs no byte.
+    Everything that terraport does, on data of its own: one to four minutes on two cores, the
+    first time longest. The third landing goes back to where the first was, and costs no byte.
 
     For example:
 
