@@ -20,7 +20,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parent))
 from selection import Selection, Tree
 
 ROOT = Path(__file__).resolve().parents[1]
-PRODUCT = ("client_sdk/python/terraport/", "payload/", "pipeline/", "server/", "store/", "wire/")
+PRODUCT = (
+    "client_sdk/python/terraport/",
+    *("payload/", "pipeline/", "research/", "server/", "store/", "wire/"),
+)  # fmt: skip
 WEB = "client_sdk/web/"
 WEB_SOURCES = (f"{WEB}src/", f"{WEB}test/")
 CORPUS = "tests/conformance/"

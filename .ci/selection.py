@@ -22,7 +22,7 @@ from terraport_pipeline.import_graph import Needs, modules_needed, needs_of
 __all__ = ["RULES", "Selected", "Selection", "Tree"]
 
 ROOTS: Final = (
-    "client_sdk/python", "payload", "pipeline", "server", "store", "wire",
+    "client_sdk/python", "payload", "pipeline", "research", "server", "store", "wire",
     "tests", "benchmarks", "fuzz", "docker", ".ci",
 )  # fmt: skip
 """Folders from which modules are imported."""

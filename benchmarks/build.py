@@ -17,10 +17,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from terraport_pipeline.build.flow import BuildOptions, build
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.workflow.build import BuildOptions, build
 
 
 def main() -> int:

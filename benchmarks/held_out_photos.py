@@ -33,8 +33,6 @@ import numpy as np
 from PIL import Image
 
 from terraport_payload.types import Bool, Float64, UInt8
-from terraport_pipeline.build.flow import BuildOptions, build
-from terraport_pipeline.build.photo_input import Texturing
 from terraport_pipeline.engines.cameras import PhotoCamera
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import RayScene
@@ -48,6 +46,8 @@ from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, seen_by
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.photo_files import write_photos
+from terraport_pipeline.workflow.build import BuildOptions, build
+from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_store import Scene
 
 THREADS: Final = max(1, min(os.cpu_count() or 1, 2))

@@ -26,7 +26,7 @@ from terraport_store.validate import validate_scene
 RUN = """
 import sys
 from pathlib import Path
-from terraport_pipeline.build.flow import BuildOptions, build
+from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_pipeline.stages import reconstruct, segment
 print("ready", flush=True)
 build(BuildOptions(

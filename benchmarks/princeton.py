@@ -40,10 +40,10 @@ from terraport_pipeline.geometry.graph.graph_segmenter import (
     merge_graph,
 )
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
-from terraport_pipeline.geometry.regions.partition_scores import rand_error
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
 from terraport_pipeline.geometry.regions.shape_index import shape_index
 from terraport_pipeline.geometry.regions.triangle_pool import TrianglePoolOptions, triangle_pools
+from terraport_research.partition_scores import rand_error
 
 ARCHIVE = Path(__file__).resolve().parents[2] / "shared/data/psb/psb_odd_models.tar.xz"
 CLASSES = (

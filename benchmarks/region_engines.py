@@ -37,16 +37,16 @@ from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.regions.colour import face_lab
 from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter
 from terraport_pipeline.geometry.regions.mean_colour import MeanColourSegmenter
-from terraport_pipeline.geometry.regions.partition_scores import (
-    boundary_score,
-    consistency_errors,
-    rand_error,
-)
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
 from terraport_pipeline.geometry.regions.triangle_pool import TrianglePoolOptions, triangle_pools
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 from terraport_pipeline.synth.truth_regions import true_regions
+from terraport_research.partition_scores import (
+    boundary_score,
+    consistency_errors,
+    rand_error,
+)
 
 SEEDS: Final = (11, 12, 13)
 EDGE_M: Final = 2.6

@@ -32,7 +32,6 @@ from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.mesh.face_measures import automatic_extent, face_centres
 from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter, grid_cells
 from terraport_pipeline.geometry.regions.mean_colour import MeanColourSegmenter
-from terraport_pipeline.geometry.regions.partition_scores import boundary_score
 from terraport_pipeline.geometry.regions.segmenter import (
     Segmentation,
     SegmenterMesh,
@@ -42,6 +41,7 @@ from terraport_pipeline.geometry.segments.segments import SegmentOptions, Segmen
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 from terraport_pipeline.synth.truth_regions import true_regions
+from terraport_research.partition_scores import boundary_score
 
 SEEDS: Final = (11, 12)
 LANDINGS: Final = 1000

@@ -48,7 +48,6 @@ from parts.texture_scores import (
 from PIL import Image
 
 from terraport_payload.types import Float64
-from terraport_pipeline.build.flow import BuildOptions, build
 from terraport_pipeline.engines.camera_files import read_cameras
 from terraport_pipeline.engines.photos import OpenPhotos, open_photos
 from terraport_pipeline.engines.rays import RayScene
@@ -66,6 +65,7 @@ from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, plan_flight, seen_by
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.photo_files import photo_edge_m, write_photos
+from terraport_pipeline.workflow.build import BuildOptions, build
 
 THREADS: Final = max(1, min(os.cpu_count() or 1, 2))
 MAX_OPEN3D_FACES: Final = 50_000

@@ -32,7 +32,7 @@ STARTS_FIRST: Final = (
     "end_to_end/test_labels.py",
     "end_to_end/test_whole_path.py",
     "browser/test_headset.py",
-    "pipeline/build/test_build.py",
+    "pipeline/workflow/test_build.py",
     "engines/test_unity_api.py",
     "browser/test_faults.py",
     "engines/test_engine_layers.py",

@@ -7,9 +7,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-from terraport_pipeline.build.flow import BuildOptions, build
-from terraport_pipeline.build.photo_input import Texturing
-from terraport_pipeline.build.report import BuildReport
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.report.input_cloud import find_input_cloud
@@ -20,6 +17,9 @@ from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, seen_by
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.photo_files import WrittenPhotos, write_photos
+from terraport_pipeline.workflow.build import BuildOptions, build
+from terraport_pipeline.workflow.photo_input import Texturing
+from terraport_pipeline.workflow.report import BuildReport
 
 __all__ = ["FLIGHT", "SCENE_ID", "DemoScene", "prepare_demo"]
 

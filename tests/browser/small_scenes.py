@@ -8,13 +8,13 @@ from typing import Final
 
 from eventually import eventually
 
-from terraport_pipeline.build.flow import BuildOptions, build
-from terraport_pipeline.build.photo_input import Texturing
 from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, seen_by
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.photo_files import write_photos
+from terraport_pipeline.workflow.build import BuildOptions, build
+from terraport_pipeline.workflow.photo_input import Texturing
 
 __all__ = ["PHOTOGRAPHED", "SMALL", "small_scenes"]
 

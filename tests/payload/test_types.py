@@ -9,7 +9,14 @@ import pytest
 from terraport_payload import types
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ["client_sdk/python", "payload", "pipeline", "server", "store"]  # the wire has its own
+PACKAGES = [
+    "client_sdk/python",
+    "payload",
+    "pipeline",
+    "research",
+    "server",
+    "store",
+]  # the wire has its own
 SPELLED_OUT = re.compile(
     r"NDArray\[\s*(?:Any|np\.(?:bool_|u?int(?:8|16|32|64)|float(?:16|32|64)|integer|floating))\b"
 )

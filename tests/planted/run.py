@@ -31,7 +31,9 @@ from planted.table import FAULTS, Fault
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 COPY: Final = Path(tempfile.gettempdir(), f"terraport-planted-{os.getuid()}")
-PACKAGES: Final = ("client_sdk/python", "payload", "pipeline", "server", "store", "wire")
+PACKAGES: Final = (
+    "client_sdk/python", "payload", "pipeline", "research", "server", "store", "wire",
+)  # fmt: skip
 BUILT: Final = ("client_sdk/web/node_modules", "server/terraport_server/page")
 """What a checkout has and git has not."""
 NEAREST: Final = (3, 24)

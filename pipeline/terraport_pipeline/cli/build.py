@@ -8,10 +8,6 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from terraport_pipeline.build.flow import BuildOptions, default_work_directory
-from terraport_pipeline.build.flow import build as run_build
-from terraport_pipeline.build.photo_input import Texturing
-from terraport_pipeline.build.report import BuildReport
 from terraport_pipeline.cli.edge import watching
 from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.engines.photos import OpenPhotos
@@ -22,6 +18,10 @@ from terraport_pipeline.report.input_cloud import find_input_cloud
 from terraport_pipeline.report.report import REPORT_NAME, write_report
 from terraport_pipeline.report.textures import open_scene_photos
 from terraport_pipeline.unforeseen import stage_failed
+from terraport_pipeline.workflow.build import BuildOptions, default_work_directory
+from terraport_pipeline.workflow.build import build as run_build
+from terraport_pipeline.workflow.photo_input import Texturing
+from terraport_pipeline.workflow.report import BuildReport
 from terraport_store import StoreError
 
 __all__ = ["build", "register"]

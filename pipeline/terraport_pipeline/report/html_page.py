@@ -13,8 +13,13 @@ from terraport_pipeline.report.facts import format_bytes
 __all__ = ["page_templates", "replace_page"]
 
 
-def page_templates() -> Environment:
-    """Open the package's templates.
+def page_templates(package: str) -> Environment:
+    """Open the templates of a package.
+
+    Parameters
+    ----------
+    package : str
+        Dotted name; its folder ``templates`` holds them.
 
     Returns
     -------
@@ -23,7 +28,7 @@ def page_templates() -> Environment:
         (of bytes), ``bytes`` (amounts with a unit) and ``amount`` (whole numbers with commas).
     """
     environment = Environment(
-        loader=PackageLoader("terraport_pipeline.report"),
+        loader=PackageLoader(package),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

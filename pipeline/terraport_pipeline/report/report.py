@@ -133,7 +133,7 @@ def write_report(
             overview, landing, proof = _look_at(scene, points, chosen, watcher, beside)
     # (3) One page with everything inside, put in its place in one step.
     page = (
-        page_templates()
+        page_templates("terraport_pipeline.report")
         .get_template("report.html.j2")
         .render(
             facts=facts,

@@ -8,11 +8,11 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from terraport_pipeline.build.flow import BuildOptions
 from terraport_pipeline.cli.build import register
 from terraport_pipeline.cli.from_options import command_of, options_of
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.option import COMMON, COUNT, Option, Section, check_options
+from terraport_pipeline.workflow.build import BuildOptions
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,8 +11,8 @@ import pytest
 import typer
 
 from terraport.cli.lazy import VERBS
-from terraport_pipeline.build.flow import BuildOptions
 from terraport_pipeline.cli.from_options import options_of
+from terraport_pipeline.workflow.build import BuildOptions
 
 ROOT = Path(__file__).parents[3]
 PAGES = sorted([*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")])

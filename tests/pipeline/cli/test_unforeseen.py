@@ -11,11 +11,11 @@ import typer
 from pipeline.flat_photos import write_field
 from typer.testing import CliRunner
 
-from terraport_pipeline.build import tile_steps
 from terraport_pipeline.cli import build, demo, report
 from terraport_pipeline.stages import atlas_maker, clean, texture
 from terraport_pipeline.stages.tiles import tiled_views
 from terraport_pipeline.unforeseen import FAILURE_NAME
+from terraport_pipeline.workflow import tile_steps
 from terraport_store.validate import validate_scene
 
 SMALL = ("--min-faces", "300", "--max-faces", "1500", "--base-faces", "600", "--no-report")

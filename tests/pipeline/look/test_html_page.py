@@ -11,7 +11,7 @@ from terraport_pipeline.report.html_page import page_templates, replace_page
 
 
 def drawn(text: str, **values: object) -> str:
-    return page_templates().from_string(text).render(**values)
+    return page_templates("terraport_pipeline.report").from_string(text).render(**values)
 
 
 def test_what_is_inserted_is_escaped() -> None:

@@ -101,8 +101,8 @@ VERBS: Final = (
     ),
     Verb(
         "evaluate",
-        "terraport_pipeline.cli.evaluate",
-        "pipeline",
+        "terraport_research.cli",
+        "research",
         "Compare algorithms with each other and with the thesis, for researchers.",
     ),
 )

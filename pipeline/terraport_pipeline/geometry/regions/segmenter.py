@@ -158,13 +158,13 @@ class TriangleSegmenter:
 
 
 SEGMENTERS: Final = {
-    "tpa": ("segmenter", "TriangleSegmenter"),
-    "graph": ("graph_segmenter", "GraphSegmenter"),
-    "grid": ("grid_segmenter", "GridSegmenter"),
-    "felzenszwalb": ("felzenszwalb", "FelzenszwalbSegmenter"),
-    "means": ("mean_colour", "MeanColourSegmenter"),
+    "tpa": ("terraport_pipeline.geometry.regions.segmenter", "TriangleSegmenter"),
+    "graph": ("terraport_pipeline.geometry.graph.graph_segmenter", "GraphSegmenter"),
+    "grid": ("terraport_pipeline.geometry.regions.grid_segmenter", "GridSegmenter"),
+    "felzenszwalb": ("terraport_pipeline.geometry.graph.felzenszwalb", "FelzenszwalbSegmenter"),
+    "means": ("terraport_pipeline.geometry.regions.mean_colour", "MeanColourSegmenter"),
 }
-"""Module of this package and class of every engine, by name."""
+"""Module and class of every engine, by name."""
 
 
 def segmenter_by_name(name: str, **options: Any) -> Segmenter:
@@ -196,6 +196,6 @@ def segmenter_by_name(name: str, **options: Any) -> Segmenter:
         raise ValueError(msg)
     module, kind = SEGMENTERS[name]
     # Imported here: every engine imports this module for the interface.
-    engine = getattr(import_module(f"{__package__}.{module}"), kind)
+    engine = getattr(import_module(module), kind)
     segmenter: Segmenter = engine(**options)
     return segmenter

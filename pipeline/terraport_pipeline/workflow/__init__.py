@@ -1,0 +1,1 @@
+"""The flow of a build: its stages, their results on disk, publication."""

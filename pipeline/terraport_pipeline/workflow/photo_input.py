@@ -1,0 +1,240 @@
+"""The photos and cameras that a build is given: found, hashed, opened."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, astuple, dataclass, field, replace
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Final, TypeVar
+
+import numpy as np
+import xxhash
+
+from terraport_payload.types import Float32, Float64, UInt8
+from terraport_pipeline.engines.camera_files import has_cameras, read_cameras, read_raw_cameras
+from terraport_pipeline.engines.camera_files.raw_cameras import RawCameras
+from terraport_pipeline.engines.photo_store import photo_size
+from terraport_pipeline.engines.photos import (
+    OpenPhotos,
+    find_photos,
+    fit_lens,
+    none_usable,
+    open_photos,
+)
+from terraport_pipeline.errors import OptionError, PhotoError
+from terraport_pipeline.model import Crs, Survey, to_scene
+from terraport_pipeline.option import COMMON, OFFSET, Option
+from terraport_pipeline.progress import Progress
+from terraport_pipeline.stages import texture
+from terraport_pipeline.workflow.photo_check import checked_photos
+from terraport_pipeline.workflow.workdir import file_digest
+
+__all__ = ["LocatedPhotos", "Texturing", "camera_samples"]
+
+_MAX_SAMPLES: Final = 20_000
+"""Points of the cloud that the cameras are tried on."""
+
+
+@dataclass(frozen=True, slots=True)
+class Texturing:
+    """What a build is asked for in the way of textures."""
+
+    options: texture.Options = field(default_factory=texture.Options)
+    photos: Annotated[Path | None, Option(heading=COMMON)] = None
+    """Folder of the survey's photos: the scene gets textures from them."""
+    cameras: Annotated[
+        Path | None, Option(heading=COMMON, unset="looked for in the photos' folder and above it")
+    ] = None
+    """Where the photos were taken: file or project folder of COLMAP, OpenSfM, OpenDroneMap, Pix4D,
+    Metashape or Bundler."""
+    camera_offset: Annotated[
+        tuple[float, float, float] | None,
+        Option(notation=OFFSET, unset="found where the cameras' files state it"),
+    ] = None
+    """Metres east, north and up to add to the cameras' coordinates."""
+
+    def __post_init__(self) -> None:
+        if self.options.source == "vertex" and (self.photos or self.cameras):
+            raise OptionError(
+                "photos for textures from vertex colours; expected one or the other: leave out "
+                "--photos, or --texture-from vertex"
+            )
+        if self.options.source == "photos" and self.photos is None:
+            raise OptionError(
+                "options of cameras or textures without photos; expected the folder of the photos "
+                "with --photos, or --texture-from vertex"
+            )
+
+    def find(self, progress: Progress) -> LocatedPhotos | None:
+        """Find cameras and photos and hash them; None with textures from vertex colours.
+
+        Raises
+        ------
+        OptionError
+            No cameras are given, and none are beside the photos.
+        ReadError
+            The cameras cannot be read.
+        PhotoError
+            No photo of the cameras is there, or none can be used.
+        """
+        if self.photos is None:
+            return None
+        if not self.photos.is_dir():
+            raise PhotoError(f"{self.photos} is no folder; give the folder of the original photos")
+        cameras = self.cameras or _beside(self.photos)
+        raw = read_raw_cameras(cameras, partial(_size_of, self.photos))
+        # Names and sizes are all that is looked at; poses in the scene need the cloud.
+        path_of_photo = find_photos(self.photos, raw.cameras)
+        refused: dict[str, PhotoError] = {}
+        for camera in raw.cameras:
+            if camera.name in path_of_photo:
+                try:
+                    fit_lens(camera.lens, path_of_photo[camera.name])
+                except PhotoError as error:
+                    refused[camera.name] = error
+        if len(refused) == len(path_of_photo):
+            raise none_usable(refused)
+        progress.start("texture: checksum of the photos", float(len(path_of_photo)), "photos")
+        digest = xxhash.xxh3_64()
+        for name in sorted(path_of_photo):
+            digest.update(f"{name}\0{file_digest(path_of_photo[name])}\0".encode())
+            progress.advance(1)
+        left_out = len(raw.cameras) - len(path_of_photo) + len(refused)
+        progress.done({"photos": len(path_of_photo) - len(refused), "left out": left_out})
+        return LocatedPhotos(
+            self,
+            cameras,
+            len(path_of_photo),
+            digest.hexdigest(),
+            _digest_of_cameras(raw),
+            raw.format,
+        )
+
+    def recorded(self, photos: LocatedPhotos | None) -> dict[str, Any]:
+        """Return what changes the published bytes, as the manifest records it."""
+        values: dict[str, Any] = asdict(self.options)
+        if photos is not None:
+            values["photos"] = {"count": photos.count, "xxh3": photos.photos_xxh3}
+            values["cameras"] = {"format": photos.format, "xxh3": photos.cameras_xxh3}
+            values["camera_offset"] = None if self.camera_offset is None else [*self.camera_offset]
+        return values
+
+
+@dataclass(frozen=True, slots=True)
+class LocatedPhotos:
+    """Cameras whose photos were located and hashed, before they are placed in a scene."""
+
+    asked: Texturing
+    cameras: Path
+    count: int
+    photos_xxh3: str
+    cameras_xxh3: str
+    format: str
+
+    def open(
+        self,
+        points: Float32,
+        colours: UInt8 | None,
+        origin: Float64,
+        crs: Crs | None,
+        *,
+        max_bytes: int,
+    ) -> OpenPhotos:
+        """Place the cameras in the scene and open the photos that show it.
+
+        Parameters
+        ----------
+        points : ndarray of shape (N, 3), float32
+            Of the survey, scene frame: the cameras must look at them.
+        colours : ndarray of shape (N, 3), uint8, or None
+            Theirs; None where the survey has none.
+        origin : ndarray of shape (3,), float64
+            The scene's.
+        crs : Crs or None
+            The survey's.
+        max_bytes : int
+            Bound of the decoded photos that are kept.
+
+        Raises
+        ------
+        ReadError, PhotoError
+            As :func:`~terraport_pipeline.engines.camera_files.read_cameras` and
+            :func:`~terraport_pipeline.engines.photos.open_photos`.
+        """
+        folder = self.asked.photos
+        assert folder is not None
+        samples = camera_samples(points)
+        placed = read_cameras(
+            self.cameras,
+            origin=origin,
+            crs=crs,
+            offset=self.asked.camera_offset,
+            samples=samples.astype(np.float64),
+            photo_size=partial(_size_of, folder),
+        )
+        opened = open_photos(placed.views, folder, max_bytes=max_bytes)
+        checked = checked_photos(
+            opened, samples, None if colours is None else camera_samples(colours)
+        )
+        return replace(checked, warnings=(*placed.warnings, *checked.warnings))
+
+    def try_on(self, survey: Survey, progress: Progress) -> None:
+        """Say at once, before hours of work, whether cameras and photos show the survey.
+
+        Raises
+        ------
+        ReadError, PhotoError
+            As :meth:`open`: the cameras look elsewhere.
+        """
+        progress.start("texture: do the photos show the survey", None, "photos")
+        points = camera_samples(survey.points)
+        origin = np.floor(points.mean(axis=0))
+        colours = None if survey.colours is None else camera_samples(survey.colours)
+        opened = self.open(
+            to_scene(points, origin).astype(np.float32), colours, origin, survey.crs, max_bytes=0
+        )
+        progress.done({"photos": len(opened.views), "left out": opened.left_out})
+
+
+_Rows = TypeVar("_Rows", Float32, Float64, UInt8)
+
+
+def camera_samples(rows: _Rows) -> _Rows:
+    """Thin points, or what belongs to them, to what cameras and photos are tried on."""
+    return rows[:: max(1, len(rows) // _MAX_SAMPLES)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Named:
+    """As much of a view as finding its photo needs."""
+
+    name: str
+
+
+def _size_of(photos: Path, name: str) -> tuple[int, int]:
+    """Width and height of a photo whose camera does not say them (Bundler's)."""
+    return photo_size(find_photos(photos, [_Named(name)])[name])
+
+
+def _beside(photos: Path) -> Path:
+    """Look for cameras where the photos are, or one folder up."""
+    for folder in (photos, photos.absolute().parent):
+        if has_cameras(folder):
+            return folder
+    raise OptionError(
+        f"photos without cameras: no file of cameras is in {photos} or the folder above; give the "
+        "project of COLMAP, OpenDroneMap, Pix4D, Metashape or Bundler that aligned the photos with "
+        "--cameras"
+    )
+
+
+def _digest_of_cameras(raw: RawCameras) -> str:
+    """Hash lenses, poses and frames to the last bit: a key for the textures."""
+    digest = xxhash.xxh3_64()
+    for camera in raw.cameras:
+        digest.update(f"{camera.name}\0{astuple(camera.lens)!r}\0".encode())
+        digest.update(np.ascontiguousarray(camera.rotation, dtype="<f8").tobytes())
+        digest.update(np.ascontiguousarray(camera.centre, dtype="<f8").tobytes())
+    for frame in raw.frames:
+        digest.update(repr((frame.kind, frame.offset, frame.geodetic, frame.crs)).encode())
+    return digest.hexdigest()

@@ -1,0 +1,152 @@
+"""What a build did, for people (a table) and for tools (``build.json``)."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from rich.table import Table
+
+from terraport_pipeline.stages.contract import Facts
+from terraport_pipeline.workflow.workdir import Cost
+
+__all__ = ["BUILD_REPORT_NAME", "BuildReport", "StageReport", "write_build_report"]
+
+BUILD_REPORT_NAME: Final = "build.json"
+"""Beside ``scene.json``. It holds times, so it is no part of the published version."""
+
+_SHOWN: Final = {
+    "read": ("points", "attributes"),
+    "clean": ("points", "duplicates", "outliers", "spacing_m"),
+    "reconstruct": ("base_from", "detail_depth", "base_faces", "detail_faces", "deviation_p99_m"),
+    "segment": ("regions", "segments", "max_extent_m", "base_faces_beyond"),
+    "texture": (
+        "image_bytes",
+        "texel_m",
+        "gsd_m",
+        "longest_side",
+        "charts",
+        "faces_per_chart",
+        "unseen_share",
+        "borrowed_share",
+        "crowded_share",
+        "photos_left_out",
+    ),
+    "pack": ("payload_bytes", "bytes_per_face", "base_bytes", "step_m"),
+}
+"""Counts of each stage that the table shows."""
+
+
+@dataclass(frozen=True, slots=True)
+class StageReport:
+    """What one stage of a build cost and reported, and whether its result was taken up."""
+
+    name: str
+    taken_up: bool
+    """The result was there from an earlier build; cost is what it took then."""
+    cost: Cost
+    facts: Facts
+
+
+@dataclass(frozen=True, slots=True)
+class BuildReport:
+    """Outcome of one build: the published version, and a report of every stage."""
+
+    scene: Path
+    version: str
+    published: bool
+    """False when the scene already was this version."""
+    stages: tuple[StageReport, ...]
+    seconds: float
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """All stages' warnings in their order."""
+        return tuple(text for stage in self.stages for text in stage.facts.warnings)
+
+    @property
+    def peak_bytes(self) -> int:
+        """Largest memory of any stage that ran."""
+        return max(
+            (stage.cost.peak_bytes for stage in self.stages if not stage.taken_up), default=0
+        )
+
+    def table(self) -> Table:
+        """Make a table of the stages for the terminal: time, memory, facts."""
+        table = Table(title=f"{self.scene.name} {self.version[:12]}")
+        table.add_column("stage")
+        table.add_column("time", justify="right")
+        table.add_column("peak memory", justify="right")
+        table.add_column("result")
+        for stage in self.stages:
+            time = "taken up" if stage.taken_up else f"{stage.cost.seconds:.1f} s"
+            memory = "" if stage.taken_up else f"{stage.cost.peak_bytes / 2**20:,.0f} MiB"
+            table.add_row(stage.name, time, memory, _shown_facts(stage))
+        table.add_row("all", f"{self.seconds:.1f} s", f"{self.peak_bytes / 2**20:,.0f} MiB", "")
+        return table
+
+    def to_json(self) -> dict[str, Any]:
+        """Convert to the plain values of ``build.json``."""
+        return {
+            "format": "terraport-build",
+            "version": self.version,
+            "published": self.published,
+            "seconds": round(self.seconds, 3),
+            "peak_bytes": self.peak_bytes,
+            "stages": [
+                {
+                    "name": stage.name,
+                    "taken_up": stage.taken_up,
+                    "seconds": round(stage.cost.seconds, 3),
+                    "peak_bytes": stage.cost.peak_bytes,
+                    "steps": [
+                        {
+                            "name": step.name,
+                            "seconds": round(step.seconds, 3),
+                            "cpu_seconds": round(step.cpu_seconds, 3),
+                        }
+                        for step in stage.cost.steps
+                    ],
+                    "counts": stage.facts.counts,
+                    "warnings": list(stage.facts.warnings),
+                }
+                for stage in self.stages
+            ],
+        }
+
+
+def write_build_report(report: BuildReport) -> Path:
+    """Write ``build.json`` into the scene; readers never see half of it."""
+    path = report.scene / BUILD_REPORT_NAME
+    beside = path.with_name(f".{BUILD_REPORT_NAME}.tmp")
+    with beside.open("w", encoding="utf-8") as file:
+        json.dump(report.to_json(), file, indent=1)
+        file.write("\n")
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(path)
+    return path
+
+
+def _shown_facts(stage: StageReport) -> str:
+    counts = stage.facts.counts
+    return "  ".join(_fact(name, counts[name]) for name in _available(stage.name, counts))
+
+
+def _available(stage: str, counts: dict[str, Any]) -> Iterable[str]:
+    return (name for name in _SHOWN.get(stage, ()) if counts.get(name) is not None)
+
+
+def _fact(name: str, value: Any) -> str:
+    words = name.replace("_", " ")
+    if isinstance(value, str):
+        return f"{words} {value}"
+    if name.endswith("_m"):
+        return f"{words[:-2]} {value:.3g} m"
+    if name == "bytes_per_face" or not name.endswith("bytes"):
+        return f"{words} {value:,}"
+    return f"{words[:-6]} {value / 2**20:,.1f} MiB"

@@ -1,0 +1,210 @@
+"""``terraport evaluate``: algorithms side by side, on data whose truth is known."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from terraport_pipeline.cli.edge import watching
+from terraport_pipeline.cli.from_options import command_of
+from terraport_pipeline.report.facts import format_bytes
+from terraport_research.page import write_page
+from terraport_research.reconstruction import (
+    Compared,
+    Evaluation,
+    Options,
+    evaluate,
+    to_json,
+)
+
+__all__ = ["reconstruction", "register"]
+
+_QUICK_POINTS: Final = 5_000
+_QUICK_DEPTHS: Final = (6, 7, 8)
+
+_app = typer.Typer(
+    name="evaluate",
+    help="Compare algorithms with each other and with the thesis, on data whose truth is known.",
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+)
+
+
+def register(app: typer.Typer) -> None:
+    """Add ``terraport evaluate`` and its commands to the command line `app`."""
+    app.add_typer(_app, name="evaluate")
+
+
+@_app.callback()
+def _group() -> None:
+    """Keep `evaluate` a group while it has one command."""
+
+
+def reconstruction(
+    options: Options,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder for reconstruction.html, .json, pictures."),
+    ] = Path("evaluation"),
+    quick: Annotated[
+        bool, typer.Option("--quick", help="5,000 points, depths 6 to 8: a look in a minute.")
+    ] = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no tables.")] = False,
+) -> None:
+    """Compare six reconstruction algorithms: colour, holes, accuracy, time, memory.
+
+    Delaunay triangulation, marching cubes, Voronoi filtering, ball pivoting, Poisson and greedy
+    projection, on models and a synthetic quarry whose surfaces are known, as the thesis's Tables
+    3.1 and 3.2; and Poisson's faces against its octree depth, as its Figure 5.8. Three to four
+    minutes on two cores.
+
+    For example:
+
+        terraport evaluate reconstruction --quick
+
+        terraport evaluate reconstruction --data data --algorithms poisson,ball-pivoting
+
+        terraport evaluate reconstruction --algorithms none --scenes pit.laz --depth-points 500k
+    """
+    errors, console = Console(stderr=True, soft_wrap=True), Console()
+    if quick:
+        options = replace(
+            options, points=_QUICK_POINTS, depths=_QUICK_DEPTHS, depth_points=_QUICK_POINTS
+        )
+    output.mkdir(parents=True, exist_ok=True)
+    # Minutes of work; an algorithm that fails or takes too long is a result, no error.
+    with watching(errors, quiet=quiet) as progress:
+        evaluation = evaluate(options, progress)
+    # Files first, so that nothing is lost to a closed terminal.
+    _write(evaluation, output)
+    if not quiet:
+        _print_tables(console, evaluation)
+        console.print(f"written: {output / 'reconstruction.html'}", highlight=False)
+
+
+_app.command("reconstruction")(command_of(reconstruction))
+
+
+def _write(evaluation: Evaluation, output: Path) -> None:
+    write_page(evaluation, output / "reconstruction.html")
+    (output / "reconstruction.json").write_text(to_json(evaluation), encoding="utf-8")
+    pictures = output / "pictures"
+    pictures.mkdir(exist_ok=True)
+    for compared in (*([evaluation.ground] if evaluation.ground else []), *evaluation.models):
+        for name, jpeg in (("cloud", compared.picture), ("truth", compared.truth_picture)):
+            if jpeg is not None:
+                (pictures / f"{compared.key}-{name}.jpg").write_bytes(jpeg)
+        for result in compared.results:
+            if result.picture is not None:
+                (pictures / f"{compared.key}-{result.algorithm}.jpg").write_bytes(result.picture)
+
+
+def _print_tables(console: Console, evaluation: Evaluation) -> None:
+    for reason in (*evaluation.skipped, *evaluation.missing.values()):
+        console.print(Text(f"not run: {reason}", style="yellow"))
+    if evaluation.ground is not None:
+        console.print(_colour_table(evaluation))
+        console.print(_measured(evaluation.ground))
+    if evaluation.models:
+        console.print(_shape_table(evaluation))
+        for compared in evaluation.models:
+            console.print(_measured(compared))
+    if evaluation.scenes:
+        console.print(_depth_table(evaluation))
+
+
+def _table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left")
+    for number, name in enumerate(columns):
+        table.add_column(name, justify="right" if number else "left", no_wrap=number == 0)
+    return table
+
+
+def _yes(value: bool) -> str:
+    return "yes" if value else "no"
+
+
+def _colour_table(evaluation: Evaluation) -> Table:
+    table = _table(
+        "Is the colour kept? (Table 3.1, grey levels)",
+        *("algorithm", "95 % differ by", "allowed", "lost", "kept", "thesis: kept"),
+    )
+    for key, row in evaluation.colour.items():
+        table.add_row(
+            key,
+            f"{row.difference_p95:.0f}",
+            f"{row.allowed_p95:.0f}",
+            f"{100 * row.lost:.2f} %",
+            _yes(row.kept),
+            _yes(row.thesis_kept),
+        )
+    return table
+
+
+def _shape_table(evaluation: Evaluation) -> Table:
+    table = _table(
+        "Holes and likeness on all models (Table 3.2, distances in spacings)",
+        *("algorithm", "holes", "to truth p95", "from truth p95", "verdict", "thesis"),
+    )
+    for key, row in evaluation.shape.items():
+        thesis = "not tried"
+        if row.thesis is not None:
+            thesis = "proceed" if row.thesis[1] and not row.thesis[0] else "eliminated"
+        table.add_row(
+            key,
+            f"{row.holes:,}",
+            f"{row.worst_to_truth_p95:.2f}",
+            f"{row.worst_from_truth_p95:.2f}",
+            "proceed" if row.proceed else "eliminated",
+            thesis,
+        )
+    return table
+
+
+def _measured(compared: Compared) -> Table:
+    table = _table(
+        f"{compared.title}: {compared.points:,} samples, distances in spacings",
+        *("algorithm", "faces", "to truth p95", "from truth p95", "most", "holes"),
+        *("CPU s", "memory"),
+    )
+    for result in compared.results:
+        scores = result.scores
+        if scores is None:
+            table.add_row(result.algorithm, *["-"] * 7)
+            continue
+        table.add_row(
+            result.algorithm,
+            f"{scores.faces:,}",
+            f"{scores.to_truth.p95:.2f}",
+            f"{scores.from_truth.p95:.2f}",
+            f"{scores.hausdorff:.1f}",
+            f"{scores.holes:,}",
+            f"{result.run.cpu_s:.1f}",
+            format_bytes(result.run.added_bytes),
+        )
+    return table
+
+
+def _depth_table(evaluation: Evaluation) -> Table:
+    table = _table(
+        "Poisson by octree depth (Figure 5.8; * what a build takes)",
+        *("scene", "depth", "faces", "per point", "CPU s", "memory"),
+    )
+    for scene in evaluation.scenes:
+        for row in scene.rows:
+            mark = " *" if row.depth == scene.our_depth else ""
+            table.add_row(
+                scene.title,
+                f"{row.depth}{mark}",
+                row.error or f"{row.faces:,}",
+                f"{row.faces / scene.points:.1f}",
+                f"{row.cpu_s:.1f}",
+                format_bytes(row.memory_bytes),
+            )
+    return table

@@ -1,0 +1,372 @@
+"""``terraport evaluate reconstruction``: six algorithms on clouds with truth; Poisson by depth."""
+
+from __future__ import annotations
+
+import dataclasses
+import importlib.metadata
+import json
+import os
+import platform
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+from terraport_pipeline.errors import OptionError, PipelineError
+from terraport_pipeline.option import COUNT, Notation, Option, check_options
+from terraport_pipeline.progress import NullProgress, Progress
+from terraport_research.depth_sweep import DepthScene, sweep
+from terraport_research.pictures import picture_of_mesh, picture_of_samples
+from terraport_research.reconstructors import RECONSTRUCTORS
+from terraport_research.reconstructors.greedy_projection import PROGRAM
+from terraport_research.runs import TIME_LIMIT_S, Run, run
+from terraport_research.scores import Scores, score
+from terraport_research.subjects import STANFORD, Subject, body, quarry, stanford
+from terraport_research.verdicts import (
+    RULES,
+    ColourVerdict,
+    ShapeVerdict,
+    judge_colour,
+    judge_shape,
+)
+
+__all__ = ["MODELS", "Evaluation", "Options", "Result", "evaluate", "to_json"]
+
+MODELS: Final = ("bunny", "armadillo", "block", "gear")
+"""Four models, as the thesis had four: two of its own, and two with sharp edges."""
+
+_LEAST_POINTS: Final = 1000
+_MOST_POINTS: Final = 2_000_000
+"""Voronoi filtering takes 30 GB and an hour beyond it."""
+
+_PACKAGES: Final = ("terraport", "numpy", "scipy", "numba", "pycolmap", "embreex")
+
+
+def _parse_names(text: str, what: str) -> tuple[str, ...]:  # noqa: ARG001  any words are names
+    names = tuple(word.strip() for word in text.split(",") if word.strip())
+    return () if names == ("none",) else names
+
+
+def _parse_depths(text: str, what: str) -> tuple[int, ...]:
+    try:
+        return tuple(sorted({int(word) for word in _parse_names(text, what)}))
+    except ValueError as error:
+        raise OptionError(f"{what} {text!r}; expected whole numbers, for example 8,9,10") from error
+
+
+_NAMES: Final = Notation("NAME,NAME", _parse_names, lambda names: ", ".join(names) or "none")
+_DEPTHS: Final = Notation(
+    "DEPTH,DEPTH", _parse_depths, lambda depths: ", ".join(map(str, depths)) or "none"
+)
+
+
+@dataclass(frozen=True, slots=True)
+class Options:
+    """Algorithms, models, sizes and limits of a comparison."""
+
+    algorithms: Annotated[tuple[str, ...], Option(notation=_NAMES)] = tuple(RECONSTRUCTORS)
+    """Algorithms to compare, by commas; none: only the depths."""
+    models: Annotated[tuple[str, ...], Option(notation=_NAMES)] = MODELS
+    """Models with truth, by commas: bunny, armadillo, block, gear, stairs, torus, sphere."""
+    points: Annotated[int, Option(least=_LEAST_POINTS, most=_MOST_POINTS, notation=COUNT)] = 20_000
+    """Samples of each model and of the quarry: 20k."""
+    depths: Annotated[tuple[int, ...], Option(notation=_DEPTHS)] = (8, 9, 10, 11, 12, 13)
+    """Octree depths of Poisson in the figure, 4 to 16, by commas; none: only the algorithms."""
+    depth_points: Annotated[int, Option(least=_LEAST_POINTS, most=_MOST_POINTS, notation=COUNT)] = (
+        60_000
+    )
+    """Points of each scene that the depths are tried on."""
+    scenes: Annotated[tuple[str, ...], Option(notation=_NAMES)] = (
+        "quarry",
+        "red_rocks",
+        "apaxco_quarry",
+    )
+    """Scenes that the depths are tried on, by commas: these, or paths of surveys."""
+    data: Annotated[Path | None, Option(unset="none: models and scenes made here")] = None
+    """Folder with real data: stanford/bunny.ply, stanford/armadillo.obj, red_rocks/red_rocks.laz,
+    apaxco_quarry/apaxco_quarry_500k.laz. What is not there is left out, and said."""
+    threads: Annotated[int | None, Option(least=1, most=64, unset="all cores")] = None
+    """Algorithms at once; each runs on one thread."""
+    time_limit_s: Annotated[float, Option(flags=("--time-limit",), above=0, unit="s")] = (
+        TIME_LIMIT_S
+    )
+    """Stop an algorithm after this many seconds."""
+    pictures: bool = True
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        for name in self.algorithms:
+            if name not in RECONSTRUCTORS:
+                raise OptionError(
+                    f"algorithm {name!r}; expected one of {', '.join(RECONSTRUCTORS)}"
+                )
+        for depth in self.depths:
+            if not 4 <= depth <= 16:
+                raise OptionError(f"depth {depth}; expected 4 to 16")
+        if self.data is not None and not self.data.is_dir():
+            raise OptionError(f"--data {self.data}; expected an existing folder")
+
+    @property
+    def workers(self) -> int:
+        """Algorithms at once, counted."""
+        return self.threads or os.cpu_count() or 1
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Result:
+    """Run and scores of one algorithm on one cloud."""
+
+    algorithm: str
+    run: Run
+    scores: Scores | None
+    picture: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compared:
+    """One cloud and the results of all algorithms on it."""
+
+    key: str
+    title: str
+    points: int
+    spacing_m: float
+    origin: str
+    neighbour_colour_p95: float
+    results: tuple[Result, ...]
+    picture: bytes | None = None
+    truth_picture: bytes | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evaluation:
+    """Results of a comparison: all algorithms on all clouds, verdicts, and what was left out."""
+
+    options: Options
+    ground: Compared | None
+    """The quarry: Table 3.1."""
+    models: tuple[Compared, ...]
+    """Subjects of Table 3.2, with the results of every algorithm."""
+    colour: dict[str, ColourVerdict]
+    shape: dict[str, ShapeVerdict]
+    scenes: tuple[DepthScene, ...]
+    missing: dict[str, str]
+    """Algorithms that cannot run here, and why."""
+    skipped: tuple[str, ...]
+    """Clouds that are not there, and why."""
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+def evaluate(options: Options, progress: Progress | None = None) -> Evaluation:
+    """Compare reconstruction algorithms.
+
+    Parameters
+    ----------
+    options : Options
+    progress : Progress, optional
+        Advances by reconstructions.
+
+    Returns
+    -------
+    Evaluation
+        What is missing (an algorithm's program, a data file) is part of the result.
+
+    Raises
+    ------
+    OptionError
+        Before any work.
+    """
+    watcher = progress or NullProgress()
+    missing = {
+        key: reason for key in options.algorithms if (reason := RECONSTRUCTORS[key].missing())
+    }
+    skipped: list[str] = []
+    compared: list[Compared] = []
+    with tempfile.TemporaryDirectory(prefix="terraport-evaluate-") as folder:
+        scratch = Path(folder)
+        for make in _subjects(options, scratch) if options.algorithms else []:
+            try:
+                subject = make()
+            except PipelineError as error:
+                skipped.append(str(error))
+                continue
+            compared.append(_compare(subject, options, scratch, watcher))
+        scenes = _sweeps(options, scratch, watcher, skipped)
+    ground = next((one for one in compared if one.key == "quarry"), None)
+    models = tuple(one for one in compared if one is not ground)
+    return Evaluation(
+        options,
+        ground,
+        models,
+        _colour_table(ground),
+        _shape_table(options, models),
+        scenes,
+        missing,
+        tuple(skipped),
+        _versions(),
+    )
+
+
+def _subjects(options: Options, scratch: Path) -> list[Callable[[], Subject]]:
+    makers: list[Callable[[], Subject]] = [partial(quarry, options.points, scratch)]
+    for name in options.models:
+        if name in STANFORD:
+            makers.append(partial(stanford, name, options.data, options.points))
+        else:
+            makers.append(partial(body, name, options.points))
+    return makers
+
+
+def _compare(subject: Subject, options: Options, scratch: Path, watcher: Progress) -> Compared:
+    """Run every algorithm on one cloud, several at once, and measure what they made."""
+    watcher.start(f"{subject.title}: algorithms", float(len(options.algorithms)), "algorithms")
+
+    def one(key: str) -> Run:
+        return run(key, subject.samples, scratch, time_limit_s=options.time_limit_s)
+
+    results = []
+    with ThreadPoolExecutor(options.workers) as pool:
+        started: list[tuple[str, Future[Run]]] = [
+            (key, pool.submit(one, key)) for key in options.algorithms
+        ]
+        for key, future in started:
+            results.append(_measured(key, future.result(), subject, options))
+            watcher.advance(1)
+    watcher.done({"points": len(subject.samples.points)})
+    cloud = picture_of_samples(subject) if options.pictures else None
+    truth = (
+        picture_of_mesh(subject, subject.truth_vertices, subject.truth_faces, None)
+        if options.pictures and subject.closed
+        else None
+    )
+    return Compared(
+        subject.key,
+        subject.title,
+        len(subject.samples.points),
+        subject.samples.spacing_m,
+        subject.origin,
+        subject.neighbour_colour_p95,
+        tuple(results),
+        cloud,
+        truth,
+    )
+
+
+def _measured(key: str, outcome: Run, subject: Subject, options: Options) -> Result:
+    if outcome.surface is None or outcome.colours is None:
+        return Result(key, outcome, None)
+    picture = None
+    if options.pictures:
+        picture = picture_of_mesh(
+            subject, outcome.surface.vertices, outcome.surface.faces, outcome.colours
+        )
+    return Result(key, outcome, score(outcome.surface, outcome.colours, subject), picture)
+
+
+def _sweeps(
+    options: Options, scratch: Path, watcher: Progress, skipped: list[str]
+) -> tuple[DepthScene, ...]:
+    scenes = []
+    for name in options.scenes if options.depths else ():
+        watcher.start(f"{Path(name).name}: octree depths", float(len(options.depths)), "depths")
+        try:
+            scene = sweep(
+                name,
+                options.data,
+                options.depths,
+                options.depth_points,
+                scratch,
+                threads=options.workers,
+                progress=watcher,
+            )
+        except PipelineError as error:
+            skipped.append(str(error))
+        else:
+            scenes.append(scene)
+        watcher.done({})
+    return tuple(scenes)
+
+
+def _colour_table(ground: Compared | None) -> dict[str, ColourVerdict]:
+    if ground is None:
+        return {}
+    return {
+        one.algorithm: judge_colour(one.algorithm, one.scores, ground.neighbour_colour_p95)
+        for one in ground.results
+        if one.scores is not None
+    }
+
+
+def _shape_table(options: Options, models: tuple[Compared, ...]) -> dict[str, ShapeVerdict]:
+    """Judge algorithms that came through on every model."""
+    table = {}
+    for key in options.algorithms:
+        scores = [one.scores for model in models for one in model.results if one.algorithm == key]
+        valid = [one for one in scores if one is not None]
+        if valid and len(valid) == len(scores):
+            table[key] = judge_shape(key, valid)
+    return table
+
+
+def _versions() -> dict[str, str]:
+    versions = {"python": platform.python_version(), "cores": str(os.cpu_count())}
+    for name in _PACKAGES:
+        try:
+            versions[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            versions[name] = "not installed"
+    if shutil.which(PROGRAM) and shutil.which("dpkg-query"):
+        asked = ["dpkg-query", "-W", "-f", "${Version}", "pcl-tools"]
+        done = subprocess.run(asked, capture_output=True, text=True, check=False)
+        if done.returncode == 0:
+            versions["pcl-tools"] = done.stdout
+    return versions
+
+
+def to_json(evaluation: Evaluation) -> str:
+    """Write everything measured as JSON (no pictures), lengths in metres, shares of one."""
+
+    def compared(one: Compared) -> dict[str, Any]:
+        return {
+            "key": one.key,
+            "title": one.title,
+            "origin": one.origin,
+            "points": one.points,
+            "spacing_m": one.spacing_m,
+            "neighbour_colour_p95": one.neighbour_colour_p95,
+            "results": [
+                {
+                    "algorithm": result.algorithm,
+                    "made_by": result.run.algorithm.implementation,
+                    "note": result.run.surface.note if result.run.surface else "",
+                    "error": result.run.error,
+                    "cpu_s": round(result.run.cpu_s, 3),
+                    "wall_s": round(result.run.wall_s, 3),
+                    "added_bytes": result.run.added_bytes,
+                    "scores": None if result.scores is None else dataclasses.asdict(result.scores),
+                }
+                for result in one.results
+            ],
+        }
+
+    content = {
+        "rules": RULES,
+        "points": evaluation.options.points,
+        "depth_points": evaluation.options.depth_points,
+        "ground": None if evaluation.ground is None else compared(evaluation.ground),
+        "models": [compared(one) for one in evaluation.models],
+        "table_3_1": {key: dataclasses.asdict(one) for key, one in evaluation.colour.items()},
+        "table_3_2": {
+            key: {**dataclasses.asdict(one), "proceed": one.proceed}
+            for key, one in evaluation.shape.items()
+        },
+        "figure_5_8": [dataclasses.asdict(scene) for scene in evaluation.scenes],
+        "missing": evaluation.missing,
+        "skipped": evaluation.skipped,
+        "versions": evaluation.versions,
+    }
+    return json.dumps(content, indent=1) + "\n"

@@ -1,0 +1,138 @@
+"""Textures of a build by tiles: one scene, whatever the threads and kills."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from memory_tiles import MemoryTiles
+from photo_scene import PhotoScene, photo_scene
+
+from terraport_payload import decode_glb
+from terraport_pipeline.engines.photos import OpenPhotos
+from terraport_pipeline.progress import NullProgress
+from terraport_pipeline.stages import pack, segment, texture
+from terraport_pipeline.workflow import tiled_textures as build_tiled_textures
+from terraport_pipeline.workflow.stage_runner import StageRunner
+from terraport_pipeline.workflow.tiled import TiledSurface, segment_and_pack
+from terraport_pipeline.workflow.tiled_textures import TiledTexturing
+from terraport_pipeline.workflow.workdir import WorkDirectory
+from terraport_store import BuildInfo, InputInfo, Scene
+from terraport_store.validate import validate_scene
+
+SEGMENT = segment.Options(min_faces=150, max_faces=900)
+OPTIONS = texture.Options(texel_m=0.2, max_side=512, base_side=512)
+BUILD = BuildInfo(
+    terraport="0", options={}, input=InputInfo(name="a.laz", bytes=1, xxh3="0" * 16),
+    warnings=(), stages=(),
+)  # fmt: skip
+
+
+@cache
+def site() -> PhotoScene:
+    return photo_scene()
+
+
+def surface() -> TiledSurface:
+    mesh = site().mesh
+    return TiledSurface(mesh, MemoryTiles.of(mesh, 2), (0.1, 0.2, 0.5, 0.6), "d2")
+
+
+def photos() -> TiledTexturing:
+    return TiledTexturing(
+        OPTIONS,
+        {"photos": "p", "cameras": "c"},
+        lambda: OpenPhotos(tuple(site().views), site(), ("a warning.",)),  # type: ignore[arg-type]
+    )
+
+
+def build(folder: Path, texturing: TiledTexturing, *, threads: int = 2) -> StageRunner:
+    work = folder / ".work"
+    work.mkdir(parents=True, exist_ok=True)
+    runner = StageRunner(WorkDirectory(work), True, NullProgress(), threads, 2**31)
+    segment_and_pack(
+        runner,
+        folder / "scene",
+        surface(),
+        SEGMENT,
+        pack.Options("place"),
+        lambda: pack.About(np.array([500000.0, 8e6, 100.0]), None, 99, True, BUILD),
+        texturing,
+    )
+    return runner
+
+
+def published(folder: Path) -> dict[str, bytes]:
+    with Scene.open(folder / "scene") as opened:
+        return {
+            key: (opened.path / file.path).read_bytes()
+            for key, file in opened.manifest.files.items()
+        }
+
+
+@pytest.fixture(scope="module")
+def scene(tmp_path_factory) -> tuple[Path, StageRunner]:
+    folder = tmp_path_factory.mktemp("tiled-textures")
+    return folder, build(folder, photos())
+
+
+def test_every_segment_and_the_base_have_an_image(scene) -> None:
+    folder, _ = scene
+    assert list(validate_scene(folder / "scene")) == []
+    with Scene.open(folder / "scene") as opened:
+        textures = opened.manifest.textures
+        assert textures is not None
+        assert not opened.manifest.has_colour
+        assert textures.segments == opened.manifest.counts.segments > 4
+        assert textures.texel_m == pytest.approx(0.2, rel=0.3)
+        for number in range(textures.segments):
+            mesh = decode_glb(opened.payload(number))
+            assert mesh.texture is not None
+            assert mesh.colours is None
+
+
+def test_one_stage_is_told_with_its_warnings(scene) -> None:
+    folder, runner = scene
+    names = [report.name for report in runner.reports]
+    assert names == ["segment", "texture", "pack"]
+    facts = runner.reports[1].facts
+    assert facts.warnings == ("a warning.",)
+    assert facts.counts["choice_faces_unseen"] < 0.2 * len(site().mesh.faces)
+    assert 0 < facts.counts["choice_seam_share_across_tiles"] < 0.3
+    assert (
+        facts.counts["choice_seam_step_local_across_tiles"]
+        < facts.counts["choice_seam_step_photos_across_tiles"]
+    )
+    again = build(folder, photos())
+    assert [report.taken_up for report in again.reports] == [True, True, True]
+
+
+def test_threads_and_kills_change_nothing(scene, tmp_path, monkeypatch) -> None:
+    whole, seen = build_tiled_textures.tiled_texture.draw, []
+
+    def dies(*arguments, **named):
+        if len(seen) == 2:
+            raise KeyboardInterrupt
+        seen.append(1)
+        return whole(*arguments, **named)
+
+    monkeypatch.setattr(build_tiled_textures.tiled_texture, "draw", dies)
+    with pytest.raises(KeyboardInterrupt):
+        build(tmp_path, photos(), threads=1)
+    assert not (tmp_path / "scene").exists()
+    monkeypatch.undo()
+    build(tmp_path, photos(), threads=1)
+    assert published(tmp_path) == published(scene[0])
+
+
+def test_vertex_colours_are_drawn_without_photos(tmp_path) -> None:
+    texturing = TiledTexturing(texture.Options(source="vertex", max_side=512, base_side=512), {})
+    runner = build(tmp_path, texturing)
+    assert list(validate_scene(tmp_path / "scene")) == []
+    with Scene.open(tmp_path / "scene") as opened:
+        assert opened.manifest.textures is not None
+        assert opened.manifest.textures.source == "vertex"
+        assert opened.manifest.textures.gsd_m is None
+    assert runner.reports[1].facts.warnings == ()
