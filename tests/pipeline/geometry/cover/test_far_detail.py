@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.cover.columns import fit_grid
 from terraport_pipeline.geometry.cover import far_detail as module
+from terraport_pipeline.geometry.cover.columns import fit_grid
 from terraport_pipeline.geometry.cover.far_detail import far_detail, median_edge
 from terraport_pipeline.geometry.mesh.adjacency import as_kernel_input
 
