@@ -18,6 +18,7 @@ from terraport_pipeline.geometry.photos.view_cover import cover_points
 from terraport_pipeline.model import to_scene
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.survey_files import SurveyFiles
 
 __all__ = ["inspect_cameras", "inspect_photos"]
 
@@ -67,7 +68,7 @@ def inspect_cameras(path: Path, photos: Path | None = None) -> dict[str, Any]:
 
 
 def inspect_photos(
-    survey_path: Path,
+    files: SurveyFiles | Path,
     cameras: Path,
     *,
     photos: Path | None = None,
@@ -78,7 +79,8 @@ def inspect_photos(
 
     Parameters
     ----------
-    survey_path : Path
+    files : SurveyFiles or Path
+        The survey.
     cameras : Path
     photos : Path, optional
         Folder of the photos; with it sizes are checked and colours are compared.
@@ -102,7 +104,7 @@ def inspect_photos(
         Also when the cameras do not look at the cloud.
     """
     # (1) The survey's samples, in the scene's frame.
-    survey = read_survey(survey_path, max_points=MAX_POINTS, progress=progress)
+    survey = read_survey(files, max_points=MAX_POINTS, progress=progress)
     origin = np.floor(survey.points.min(axis=0))
     points = to_scene(survey.points, origin).astype(np.float64)
     placed = read_cameras(

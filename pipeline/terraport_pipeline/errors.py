@@ -5,6 +5,7 @@
     PipelineError
     ├── SurveyError          the input file or its content cannot be used
     │   └── ReadError        the file cannot be read; carries path and place
+    │       └── NoPointsError    the file is whole and says itself that it has no points
     ├── PhotoError           photos or cameras fit neither each other nor the survey
     ├── LabelFileError       a table of labels cannot be used; carries path and line
     ├── OptionError          an option is out of range or contradicts another
@@ -26,6 +27,7 @@ __all__ = [
     "BuildLockedError",
     "EngineError",
     "LabelFileError",
+    "NoPointsError",
     "OptionError",
     "PhotoError",
     "PipelineError",
@@ -70,6 +72,10 @@ class ReadError(SurveyError):
     def __str__(self) -> str:
         where = f" at {self.location}" if self.location else ""
         return f"{self.path}{where}: {self.reason}; {self.advice}"
+
+
+class NoPointsError(ReadError):
+    """The file is whole and says itself that it has no points: a tile beside the ground."""
 
 
 class PhotoError(PipelineError, ValueError):

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from terraport_payload.types import Int64
 from terraport_pipeline.region_table import region_rows
+from terraport_pipeline.report.facts import read_build_record
 from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
 
@@ -39,8 +40,9 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
         Plain values, ready for JSON: ``name``, ``version``, ``format``, ``place`` (crs, origin,
         bounds, size), ``counts``, ``segments`` (distribution of ``faces``, ``bytes``, ``extent_m``,
         ``bytes_per_face``), ``regions`` (the largest, and how many have labels), ``cover``,
-        ``hand_off``, ``attributes``, ``files``, ``encodings``, ``limits``, ``build`` and
-        ``versions_on_disk``.
+        ``hand_off``, ``attributes``, ``files``, ``encodings``, ``limits``, ``build``,
+        ``inputs`` and ``left_out`` (the survey's files, from ``build.json``; empty where that is
+        not there) and ``versions_on_disk``.
 
     Raises
     ------
@@ -54,6 +56,7 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
         sides = (index.bounds[:, 3:] - index.bounds[:, :3]).max(axis=1)
         offsets = scene.cover.offsets.astype(np.int64)
         over = offsets[1:] - offsets[:-1]
+        record = read_build_record(scene_path)
         return {
             "name": manifest.name,
             "version": manifest.version,
@@ -80,6 +83,8 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
             "bytes": sum(info.bytes for info in manifest.files.values()),
             "limits": manifest.limits.model_dump(),
             "build": manifest.build.model_dump(mode="json"),
+            "inputs": record.get("inputs", []),
+            "left_out": record.get("left_out", []),
             "versions_on_disk": sorted(path.name for path in scene_path.glob("v-*")),
         }
 

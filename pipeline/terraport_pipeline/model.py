@@ -54,7 +54,7 @@ class Crs:
 class Survey:
     """A coloured point cloud as read from file, nothing changed.
 
-    All arrays have one row per point, in file order.
+    All arrays have one row per point.
     """
 
     points: Float64
@@ -68,6 +68,8 @@ class Survey:
     """Reader that produced it: ``"las"``, ``"ply"``, ``"e57"``, ``"xyz"`` or ``"pcd"``."""
     warnings: tuple[str, ...] = ()
     """What the reader noticed and the user should know, whole sentences."""
+    whole: tuple[str, ...] = ()
+    """Attributes that are whole numbers although floats: NaN where a file does not have them."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -142,6 +142,8 @@ class Option:
     """Names on the command line, the long one first, where the field's own would not do."""
     is_argument: bool = False
     """Given by its place, not by a name."""
+    many: bool = False
+    """May be given several times: the field's value is a tuple."""
     heading: str = ""
     """That it stands under in the help, where not its section's; :data:`COMMON` is the first."""
     unset: str = ""
@@ -248,6 +250,8 @@ class OptionField:
     def read(self, value: Any) -> Any:
         """Read what was written on the command line."""
         notation = self.option.notation
+        if self.option.many:
+            return tuple(value)
         return value if notation is None or value is None else notation.parse(value, self.words)
 
     def stated(self, value: Any) -> str:
@@ -314,6 +318,8 @@ def _mark(hint: Any) -> Option | None:
 def _option_field(name: str, hint: Any, default: Any, text: str) -> OptionField:
     mark, type_ = _mark(hint), get_args(hint)[0]
     assert mark is not None
+    if mark.many:  # one value or a tuple of them: the type of one
+        type_ = get_args(type_)[0]
     if get_origin(type_) is not Literal and type(None) in get_args(type_):
         [type_] = [member for member in get_args(type_) if member is not type(None)]
     choices = get_args(type_) if get_origin(type_) is Literal else ()

@@ -136,7 +136,7 @@ class Limits(_Frozen):
 
 
 class InputInfo(_Frozen):
-    """The survey's file."""
+    """The survey's points as they were read, whichever files they came in."""
 
     name: str
     bytes: _Count

@@ -48,11 +48,17 @@ def build(
 
         terraport build pit.laz -o scenes/pit
 
+        terraport build delivery/ -o scenes/pit
+
+        terraport build 'tiles/*.laz' -o scenes/pit
+
         terraport build pit.laz -o scenes/pit --photos flight/images
     """
     console = Console(stderr=True, soft_wrap=True)
     with watching(console, quiet=quiet) as progress:
         built = _build(options, console, progress, with_report=report)
+    for text in () if quiet else built.notes:
+        console.print(text, markup=False, highlight=False)
     for text in built.warnings:
         console.print(f"warning: {text}", markup=False, highlight=False)
     if not quiet:

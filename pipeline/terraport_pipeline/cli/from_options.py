@@ -127,6 +127,7 @@ def _parameter(field: OptionField, heading: str) -> inspect.Parameter:
             rich_help_panel=heading,
         )
     kind = str if option.notation is not None else field.type
+    kind = list[kind] if option.many else kind  # type: ignore[valid-type]
     kind = kind | None if default is None else kind
     return _keyword(
         field.key,

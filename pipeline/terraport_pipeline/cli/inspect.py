@@ -1,4 +1,4 @@
-"""``terraport inspect``: what is in a scene, and whether cameras fit a survey."""
+"""``terraport inspect``: what is in a scene or a survey, and whether cameras fit it."""
 
 from __future__ import annotations
 
@@ -16,13 +16,17 @@ from terraport_pipeline.camera_inspection import inspect_cameras, inspect_photos
 from terraport_pipeline.cli.camera_tables import camera_tables
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.label import regions_table
+from terraport_pipeline.cli.survey_tables import survey_tables
 from terraport_pipeline.engines.camera_files import has_cameras
-from terraport_pipeline.errors import OptionError
+from terraport_pipeline.engines.readers.survey_format import is_binary_survey
+from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.inspection import inspect_scene
 from terraport_pipeline.option import parse_offset
 from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.report.facts import format_bytes
+from terraport_pipeline.report.facts import input_line
 from terraport_pipeline.report.scene_colour import SceneColour
+from terraport_pipeline.survey_files import find_survey
+from terraport_pipeline.survey_inspection import inspect_survey
 from terraport_store import SceneNotFoundError
 
 __all__ = ["inspect", "register"]
@@ -38,9 +42,10 @@ def register(app: typer.Typer) -> None:
 
 def inspect(
     target: Annotated[
-        Path,
+        list[Path],
         typer.Argument(
-            help="Scene directory; a survey, with --cameras; or cameras alone.",
+            help="Scene directory; a survey (a file, several, a folder, a pattern), alone or with "
+            "--cameras; or cameras alone.",
             show_default=False,
         ),
     ],
@@ -61,10 +66,12 @@ def inspect(
     ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
-    """Show what is in a scene, or whether the cameras of photos fit a survey.
+    """Show what is in a scene or a survey, or whether the cameras of photos fit a survey.
 
     Of a scene: counts, sizes, regions, segments, attributes, coordinates. Reads manifest, index and
     region facts only, so it answers at once however large the scene is.
+
+    Of a survey: files, points, extent and CRS by their headers, and files that cannot be read.
 
     Of a survey with --cameras: format, lenses, pixel size on the ground, how much of the cloud the
     photos show, and with --photos whether their colours agree with the cloud's.
@@ -75,6 +82,8 @@ def inspect(
 
         terraport inspect scenes/quarry --json | jq .segments.faces
 
+        terraport inspect delivery/
+
         terraport inspect survey.laz --cameras colmap/ --photos images/
     """
     console = Console(stderr=True)
@@ -84,7 +93,7 @@ def inspect(
             offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
             with RichProgress(console) as progress:
                 facts = inspect_photos(
-                    target,
+                    find_survey(target),
                     cameras,
                     photos=photos,
                     offset=offset,
@@ -94,24 +103,38 @@ def inspect(
         elif camera_offset is not None:
             raise OptionError("--camera-offset needs --cameras and the survey")
         else:
-            facts, tables = _scene_or_cameras(target, photos)
+            facts, tables = _facts_of(target, photos)
     if as_json:
         typer.echo(json.dumps(facts, indent=1))
     else:
         Console().print(tables)
 
 
-def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any], Group]:
-    """Gather and draw the facts of a scene or of cameras: a folder may be either."""
-    if not target.is_file():
+def _facts_of(targets: list[Path], photos: Path | None) -> tuple[dict[str, Any], Group]:
+    """Gather and draw the facts of a scene, of cameras or of a survey: a folder may be any."""
+    target = targets[0]
+    alone = len(targets) == 1
+    # (1) A folder of its own kind: a scene, or a project of cameras.
+    no_scene: SceneNotFoundError | None = None
+    if alone and not target.is_file():
         try:
             facts = inspect_scene(target)
             return facts, _tables(facts)
-        except SceneNotFoundError:
-            if not has_cameras(target):
-                raise
-    facts = inspect_cameras(target, photos)
-    return facts, camera_tables(facts, target.name)
+        except SceneNotFoundError as error:
+            no_scene = error
+    # (2) Cameras: in a folder, or a text, which a survey may be too.
+    if alone and (has_cameras(target) or (target.is_file() and not is_binary_survey(target))):
+        facts = inspect_cameras(target, photos)
+        return facts, camera_tables(facts, target.name)
+    # (3) A survey. Damage is listed, not refused: this is what is asked.
+    try:
+        survey = find_survey(targets, skip_damaged=True)
+    except SurveyError:
+        if no_scene is not None:
+            raise no_scene from None
+        raise
+    facts = inspect_survey(survey)
+    return facts, survey_tables(facts)
 
 
 def _tables(facts: Mapping[str, Any]) -> Group:
@@ -173,7 +196,7 @@ def _summary(facts: Mapping[str, Any]) -> Table:
     table.add_row("grid step", f"{location['grid_step_m'] * 1000:.4g} mm")
     # (4) where it comes from
     source = facts["build"]["input"]
-    table.add_row("input", f"{source['name']}, {format_bytes(source['bytes'])}" if source else "-")
+    table.add_row("input", input_line(facts) or (source["name"] if source else "-"))
     table.add_row("built by", f"terraport {facts['build']['terraport']}")
     table.add_row("on disk", ", ".join(facts["versions_on_disk"]))
     return table

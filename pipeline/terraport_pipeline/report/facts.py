@@ -16,13 +16,16 @@ from terraport_pipeline.report.histogram import Histogram, histogram
 from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_store import DamagedSceneError, RegionNames, Scene, read_labels
 
-__all__ = ["ReportFacts", "collect_facts", "format_bytes", "read_build_record"]
+__all__ = ["ReportFacts", "collect_facts", "format_bytes", "input_line", "read_build_record"]
 
 MAX_REGIONS: Final = 20
 """Largest regions that the table lists."""
 
 MAX_RECORD_BYTES: Final = 4 << 20
 """Largest build.json that is read."""
+
+MAX_INPUTS: Final = 20
+"""Files of the survey that are named; build.json has all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +132,50 @@ def read_build_record(scene_path: Path) -> dict[str, Any]:
     except (OSError, ValueError, RecursionError):
         return {}
     return record if isinstance(record, dict) else {}
+
+
+def input_line(record: Mapping[str, Any]) -> str:
+    """Say which files a scene was built from; empty where ``build.json`` does not say it.
+
+    Parameters
+    ----------
+    record : mapping
+        With ``inputs``, as :func:`terraport_pipeline.workflow.read_step.inputs_of` makes them.
+    """
+    files = _rows(record, "inputs")
+    if not files:
+        return ""
+    size = format_bytes(sum(_number(file.get("bytes"), 0.0) for file in files))
+    if len(files) == 1:
+        return f"{files[0].get('name')}, {size}"
+    points = sum(_number(file.get("points"), 0.0) for file in files)
+    repeats = sum(_number(file.get("repeats"), 0.0) for file in files)
+    names = [str(file.get("name")) for file in files[:MAX_INPUTS]]
+    more = f" and {len(files) - MAX_INPUTS:,} more" if len(files) > MAX_INPUTS else ""
+    return (
+        f"{len(files):,} files, {size}, {points:,.0f} points ({repeats:,.0f} of them in several, "
+        f"taken once): {', '.join(names)}{more}"
+    )
+
+
+def _files_beside(record: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Rows on files that were not read: damaged ones, and what is no survey."""
+    rows = []
+    for title, damaged in (("damaged files, left out", True), ("files not read", False)):
+        each = [
+            f"{file.get('name')} ({file.get('reason')})"
+            for file in _rows(record, "left_out")
+            if bool(file.get("damaged")) == damaged
+        ]
+        if each:
+            more = f" and {len(each) - MAX_INPUTS:,} more" if len(each) > MAX_INPUTS else ""
+            rows.append((title, "; ".join(each[:MAX_INPUTS]) + more))
+    return rows
+
+
+def _rows(record: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
+    listed = record.get(key)
+    return [row for row in listed if isinstance(row, Mapping)] if isinstance(listed, list) else []
 
 
 def format_bytes(count: float) -> str:
@@ -283,7 +330,8 @@ def _details(scene: Scene, record: Mapping[str, Any]) -> tuple[dict[str, str], .
     origin = ", ".join(f"{value:,.3f}" for value in manifest.origin)
     rows = [
         ("version", manifest.version),
-        ("input", f"{source.name}, {format_bytes(source.bytes)}" if source else "not stated"),
+        ("input", input_line(record) or (source.name if source else "not stated")),
+        *_files_beside(record),
         ("colour", str(SceneColour.of(manifest))),
         ("coordinate reference system", _crs(scene)),
         ("origin (east, north, height)", f"{origin} m"),

@@ -6,7 +6,7 @@ ground. Memory: about 510 bytes per point beside the survey.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Final
 
@@ -144,7 +144,7 @@ def run(survey: Survey, options: Options, context: Context) -> Cleaned:
             "the survey is wider than 8 km: coordinates far from its middle keep less than half a "
             "millimetre; split it"
         )
-    attributes, codes, notes = _convert_attributes(survey.attributes, stays)
+    attributes, codes, notes = _convert_attributes(survey.attributes, stays, survey.whole)
     warnings += notes
     return Cleaned(
         cloud=Cloud(
@@ -281,7 +281,7 @@ def _noise_m(neighbours: Neighbours, curvature: Float32) -> float:
 
 
 def _convert_attributes(
-    attributes: Mapping[str, npt.NDArray[np.generic]], stays: Int64
+    attributes: Mapping[str, npt.NDArray[np.generic]], stays: Int64, whole: Collection[str] = ()
 ) -> tuple[dict[str, Float32], tuple[str, ...], list[str]]:
     """Convert attributes to float32; find those that hold codes; tell of what loses precision."""
     out: dict[str, Float32] = {}
@@ -296,10 +296,11 @@ def _convert_attributes(
             continue
         converted = values.astype(np.float32)
         converted[~np.isfinite(converted)] = np.nan
-        if values.dtype.kind in "biu":
-            if len(values) and int(np.abs(values.astype(np.int64)).max()) > _EXACT_INTEGER:
+        if values.dtype.kind in "biu" or name in whole:
+            present = values[np.isfinite(values)] if name in whole else values
+            if len(present) and int(np.abs(present.astype(np.int64)).max()) > _EXACT_INTEGER:
                 notes.append(f"attribute {name!r} exceeds 2^24: its last digits are lost")
-            if len(np.unique(values)) <= _CODE_VALUES:
+            if len(np.unique(present)) <= _CODE_VALUES:
                 codes.append(name)
         elif _is_coarse(values, converted):
             notes.append(

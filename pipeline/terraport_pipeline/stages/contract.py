@@ -39,6 +39,8 @@ class Facts:
     """Numbers by name, units in the names."""
     warnings: tuple[str, ...] = ()
     """Whole sentences for the person who builds."""
+    notes: dict[str, Json] = field(default_factory=dict)
+    """For the build's report alone: what is no part of the result, such as the files it came in."""
 
 
 @dataclass(frozen=True, slots=True)

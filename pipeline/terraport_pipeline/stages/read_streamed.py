@@ -1,48 +1,92 @@
-"""Read a survey that does not fit into memory: file to columns on disk, a part at a time.
+"""Read a survey, whatever files it comes in, to columns on disk in bounded memory.
 
-The result is what :mod:`~terraport_pipeline.stages.read` makes of the same file, bit for bit:
-points without finite coordinates are dropped and counted, feet become metres, unset fields are left
-out. What only the whole survey decides is found on the way and applied in a second pass over the
-columns that need it. Memory: one part (about 100 MB), whatever the survey.
+The result depends on the points alone: not on how they lie in files, in which order, or whether
+some lie in several (tiles with a margin). Points without finite coordinates are dropped and
+counted, feet become metres, fields that say nothing are left out, records that repeat another in
+every value are taken once, and all are put along a curve through the survey's box.
+
+Three passes, each over blocks: files to raw rows on disk, these to buckets that are consecutive
+along the curve, buckets to sorted columns. Memory: one part of a file or one bucket (about 200 MB),
+24 bytes for every 2,000th point, and what is noted of each file. Disk: the points twice.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 
-from terraport_payload.types import AnyArray, Bool, Float64
+from terraport_payload.types import AnyArray, Bool, Float64, Int64
 from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter
+from terraport_pipeline.engines.readers.point_order import (
+    HashThinning,
+    curve_keys,
+    order_rows,
+    point_hashes,
+)
 from terraport_pipeline.engines.readers.raw_survey import (
+    Depth,
     StreamChunk,
     apply_depth,
     choose_depth,
     tell_precision,
+    thinning_rows,
 )
 from terraport_pipeline.engines.readers.survey_crs import metre_factors
 from terraport_pipeline.engines.readers.survey_stream import SurveyStream, open_stream
-from terraport_pipeline.errors import ReadError
+from terraport_pipeline.errors import NoPointsError, OptionError, ReadError, SurveyError
+from terraport_pipeline.model import Crs
 from terraport_pipeline.stages.contract import Context, Facts, Json
-from terraport_pipeline.stages.read import MAX_SPAN_M, find_format
+from terraport_pipeline.survey_files import (
+    SurveyFile,
+    SurveyFiles,
+    damage_of,
+    listed,
+    one_crs,
+    refuse_far,
+)
 
-__all__ = ["NAME", "run"]
+__all__ = ["MAX_SPAN_M", "NAME", "run"]
 
 NAME: Final = "read"
 
-_BLOCK_ROWS: Final = 1_000_000
-"""Rows of one column that the second pass holds: 24 MB at most."""
+MAX_SPAN_M: Final = 1e7
+"""No survey is wider than a quarter of the Earth: larger spans are damaged coordinates."""
+
+_BLOCK_ROWS: Final = 500_000
+"""Rows in memory at once while they are handed out to buckets."""
+
+_BUCKET_ROWS: Final = 1_000_000
+"""Rows of a bucket, about; a bucket is sorted in memory."""
+
+_SAMPLE_STEP: Final = 2000
+"""One point in so many says where buckets begin: 500 samples a bucket make them equal to 5 %."""
+
+_THINNED_FROM: Final = 4
+"""Points that are sorted for each that is kept: chosen by hash they lie at random, and one of four
+neighbours along the curve is spread twice as evenly."""
+
+_COLOUR: Final = "\0colour"
+"""Name of the colour columns as one: no field can be called so."""
+
+_GREY: Final = 160
+"""sRGB of points whose file has no colour, in a survey that has; as the clean stage paints."""
+
+_MAX_EIGHT_BIT: Final = 255
 
 
 @dataclass(slots=True)
 class _Column:
-    """What is known of a column after all parts."""
+    """What is known of a column after all parts of a file, or of all files."""
 
-    writer: NpyWriter
+    dtype: np.dtype[Any]
+    unset: tuple[int, ...] = ()
+    """Values that say nothing where every point has the same one of them."""
+    narrow: bool = False
+    """Whole numbers get an integer type."""
     low: float = np.inf
     high: float = -np.inf
     first: Any = None
@@ -51,6 +95,7 @@ class _Column:
     """Finite whole numbers only."""
 
     def look(self, values: AnyArray) -> None:
+        """Take further values into account."""
         if not len(values):
             return
         if self.first is None:
@@ -66,96 +111,280 @@ class _Column:
             self.low = min(self.low, float(finite.min()))
             self.high = max(self.high, float(finite.max()))
 
+    def join(self, other: _Column) -> None:
+        """Take the column of another file into account."""
+        self.dtype = np.result_type(self.dtype, other.dtype)
+        self.unset = tuple(value for value in self.unset if value in other.unset)
+        self.narrow = self.narrow and other.narrow
+        self.low, self.high = min(self.low, other.low), max(self.high, other.high)
+        self.whole = self.whole and other.whole
+        self.constant = self.constant and other.constant and bool(self.first == other.first)
+
+    @property
+    def says_nothing(self) -> bool:
+        """Whether the format fills the column with a default, and nobody changed it."""
+        return self.constant and self.first in self.unset
+
+    @property
+    def narrowed(self) -> np.dtype[Any]:
+        """Type that it is stored in."""
+        if self.narrow and self.dtype.kind == "f" and self.whole and self.first is not None:
+            for code in (np.uint8, np.uint16, np.int32):
+                if np.iinfo(code).min <= self.low and self.high <= np.iinfo(code).max:
+                    return np.dtype(code)
+        return self.dtype.newbyteorder("=")
+
 
 @dataclass(slots=True)
-class _Points:
-    """What is known of the coordinates."""
+class _Spooled:
+    """One file as rows on disk, and what is known of it."""
 
+    file: SurveyFile
+    path: Path
+    stream: SurveyStream
+    fields: dict[str, str]
+    """Name of every column's field in the rows."""
+    columns: dict[str, _Column]
     writer: NpyWriter
     read: int = 0
+    kept: int = 0
     low: Float64 = field(default_factory=lambda: np.full(3, np.inf))
     high: Float64 = field(default_factory=lambda: np.full(3, -np.inf))
     single: Bool = field(default_factory=lambda: np.ones(3, dtype=bool))
+    warnings: tuple[str, ...] = ()
+    samples: list[Float64] = field(default_factory=list)
+    repeats: int = 0
+    """Its points that a file before it has, too, or that are in it twice."""
 
     def look(self, points: Float64) -> None:
+        """Take further finite points into account."""
+        self.kept += len(points)
         if len(points):
             self.low = np.minimum(self.low, points.min(axis=0))
             self.high = np.maximum(self.high, points.max(axis=0))
             self.single &= np.array([(p.astype(np.float32) == p).all() for p in points.T])
 
 
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    """What the whole survey's rows hold, decided when all files were read."""
+
+    names: list[str]
+    """Attributes in their order."""
+    dtypes: list[np.dtype[Any]]
+    fills: list[float]
+    """Value of each where a file does not have it."""
+    whole: list[str]
+    """Attributes of whole numbers that are floats because some files do not have them."""
+    has_colour: bool
+    depths: list[Depth | None]
+    """For every file how its colours become 0..255; None where it has none."""
+
+    @property
+    def row(self) -> np.dtype[Any]:
+        """Type of a row in a bucket."""
+        fields: list[Any] = [("key", "<u8"), ("file", "<u2"), ("position", "<f8", (3,))]
+        if self.has_colour:
+            fields.append(("colour", "u1", (3,)))
+        return np.dtype([*fields, *((f"a{i}", dtype) for i, dtype in enumerate(self.dtypes))])
+
+
 def run(
-    path: Path, folder: Path, context: Context, *, max_points: int | None = None
+    survey: SurveyFiles | Path,
+    folder: Path,
+    context: Context,
+    *,
+    max_points: int | None = None,
+    bounded: bool = True,
 ) -> tuple[Mapping[str, Json], Facts]:
     """Read a survey into a folder.
 
     Parameters
     ----------
-    path : pathlib.Path
-        The survey.
+    survey : SurveyFiles or pathlib.Path
     folder : pathlib.Path
         Gets ``points.npy``, ``colours.npy`` and ``attribute-<i>.npy``, as
         :mod:`~terraport_pipeline.stages.survey_store` names them.
     context : Context
     max_points : int, optional
-        Thin to this many points.
+        Thin to this many points, evenly over the ground, the same ones each time. At least 1.
+    bounded : bool
+        Refuse files that can only be read whole.
 
     Returns
     -------
     values, facts
-        As :func:`terraport_pipeline.stages.survey_store.store` and ``facts_of`` make them, and the
-        box in ``low`` and ``high``.
+        As :mod:`~terraport_pipeline.stages.survey_store` makes them, and the box in ``low`` and
+        ``high``. What depends on the files stands in the facts' notes: ``files`` (xxh3,
+        points, repeats), and of what reading found ``empty`` (names) and ``damaged`` (name and
+        reason).
 
     Raises
     ------
     ReadError
-        As :func:`terraport_pipeline.stages.read.read_survey`, or the format cannot be read in
-        parts.
+        A file is damaged, without x, y, z, without one finite point or in degrees, or cannot be
+        read in parts.
+    SurveyError
+        The files are no one survey.
+    OptionError
+        `max_points` is not positive.
     """
-    name = find_format(path)
+    if max_points is not None and max_points < 1:
+        raise OptionError(f"max_points is {max_points}, expected at least 1; leave it out for all")
+    survey = SurveyFiles.of(survey)
+    thinning = None if max_points is None else HashThinning(_THINNED_FROM * max_points)
     try:
-        with open_stream(path, name, max_points=max_points) as stream:
-            points, columns = _spool(stream, path, folder, context)
-            return _finish(path, stream, points, columns, folder)
+        spooled, empty, damaged = _spool_all(survey, folder, context, thinning, bounded)
+        crs = one_crs([(part.file.name, part.stream.crs) for part in spooled])
+        layout, decided = _decide(spooled, survey)
+        low = np.min([part.low for part in spooled], axis=0)
+        high = np.max([part.high for part in spooled], axis=0)
+        _check_box(spooled, low, high)
+        factors, metre_crs, notes = metre_factors(survey.files[0].path, low, high, crs)
+        warnings = [
+            *_reader_warnings(spooled),
+            *decided,
+            *_point_warnings(spooled),
+            *notes,
+            *_file_warnings(spooled, [*survey.damaged, *damaged]),
+        ]
+        if not layout.has_colour:
+            warnings.append("The survey has no colour (RGB): what no photo shows will be grey.")
+        buckets = _distribute(spooled, layout, low, high, folder, context, thinning)
+        columns = _Columns(folder, layout, factors)
+        _finish(buckets, spooled, columns, folder, context, max_points)
     except OSError as error:
         if error.errno is not None and error.filename is None:
             raise  # our own writing: a full disk, named by the caller
+        path = survey.files[0].path if error.filename is None else Path(str(error.filename))
         raise ReadError(path, f"the file cannot be read ({error})", "check the disk") from error
+    return _result(columns, spooled, metre_crs, warnings, empty, damaged)
+
+
+def _spool_all(
+    survey: SurveyFiles,
+    folder: Path,
+    context: Context,
+    thinning: HashThinning | None,
+    bounded: bool,
+) -> tuple[list[_Spooled], list[tuple[str, str]], list[tuple[str, str]]]:
+    """Write every file down; return them, and names and reasons of empty and of damaged ones."""
+    spooled: list[_Spooled] = []
+    empty: list[tuple[str, str]] = []
+    damaged: list[tuple[str, str]] = []
+    alone = len(survey.files) == 1
+    reading = _Reading(survey, context)
+    for number, file in enumerate(survey.files):
+        path = folder / f"raw-{number}.npy"
+        try:
+            spooled.append(_spool(file, path, thinning, reading, bounded=bounded))
+        except NoPointsError:
+            if alone:
+                raise
+            empty.append((file.name, "has no points"))
+        except ReadError as error:
+            if alone:
+                raise
+            if not survey.skip_damaged:
+                raise damage_of([error], len(survey.files)) from error
+            damaged.append((file.name, error.reason))
+            path.unlink(missing_ok=True)
+    points = sum(part.kept for part in spooled)
+    files = {} if alone else {"files": len(spooled)}
+    context.progress.done({"points": points, **files})
+    if not spooled:
+        names = listed([name for name, _ in (*damaged, *empty)])
+        raise SurveyError(f"{survey.title}: not one of its files can be used: {names}")
+    return spooled, empty, damaged
+
+
+class _Reading:
+    """Progress of reading: of one file in its own unit, of several in their bytes."""
+
+    def __init__(self, survey: SurveyFiles, context: Context) -> None:
+        self._progress, self._alone = context.progress, len(survey.files) == 1
+        if not self._alone:
+            title = f"read {len(survey.files)} files"
+            self._progress.start(title, float(survey.size_bytes), "bytes")
+
+    def start(self, file: SurveyFile, stream: SurveyStream) -> None:
+        """Begin a file."""
+        if self._alone:
+            self._progress.start(f"read {file.name}", stream.total, stream.unit)
+
+    def advance(self, file: SurveyFile, stream: SurveyStream, read: int) -> None:
+        """Tell of a part of a file."""
+        share = 1.0 if self._alone else file.bytes / max(stream.total, 1)
+        self._progress.advance(read * share)
 
 
 def _spool(
-    stream: SurveyStream, path: Path, folder: Path, context: Context
-) -> tuple[_Points, dict[str, _Column]]:
-    """Write everything down as the file has it."""
-    context.progress.start(f"read {path.name}", stream.total, stream.unit)
-    points = _Points(NpyWriter(folder / "raw-points.npy", np.float64, (3,)))
-    columns: dict[str, _Column] = {}
-    for chunk in stream.chunks():
-        finite = np.isfinite(chunk.points).all(axis=1)
-        good = chunk.points if finite.all() else chunk.points[finite]
-        points.read += len(chunk.points)
-        points.look(good)
-        points.writer.append(good)
-        for name, values in _columns_of(chunk, stream).items():
-            if name not in columns:
-                target = folder / f"raw-{len(columns)}.npy"
-                columns[name] = _Column(NpyWriter(target, values.dtype, values.shape[1:]))
-            columns[name].look(values)
-            columns[name].writer.append(values if finite.all() else values[finite])
-        context.progress.advance(chunk.read)
-    points.writer.close()
-    for column in columns.values():
-        column.writer.close()
-    context.progress.done({"points": points.writer.rows})
-    return points, columns
+    file: SurveyFile,
+    path: Path,
+    thinning: HashThinning | None,
+    reading: _Reading,
+    *,
+    bounded: bool,
+) -> _Spooled:
+    """Write a file's points down as it has them, without those that are not finite."""
+    part: _Spooled | None = None
+    with open_stream(file.path, file.format, bounded=bounded) as stream:
+        reading.start(file, stream)
+        for chunk in stream.chunks():
+            columns = _columns_of(chunk, stream)
+            if part is None:
+                part = _open_rows(file, path, stream, columns)
+            finite = np.isfinite(chunk.points).all(axis=1)
+            points = (chunk.points if finite.all() else chunk.points[finite]) + 0.0  # no -0.0
+            part.read += len(chunk.points)
+            part.look(points)
+            rows: AnyArray = np.empty(len(points), part.writer.dtype)
+            rows["position"] = points
+            for name, values in columns.items():
+                good = values if finite.all() else values[finite]
+                part.columns[name].look(good)
+                rows[part.fields[name]] = good
+            if thinning is not None:
+                hashes = point_hashes(points)
+                thinning.look(hashes)
+                rows = rows[hashes <= np.uint64(thinning.limit)]
+            part.samples.append(rows["position"][::_SAMPLE_STEP].copy())
+            part.writer.append(rows)
+            reading.advance(file, stream, chunk.read)
+        late = stream.late_warnings()
+    if part is None or not part.kept:
+        count = 0 if part is None else part.read
+        raise ReadError(
+            file.path,
+            f"not one of {count:,} points has finite coordinates",
+            "export the survey again",
+        )
+    part.writer.close()
+    part.warnings = (*late, *stream.warnings)
+    return part
 
 
-_COLOURS: Final = "\0colours"
-"""Name of the three colour columns as one: no field can be called so."""
+def _open_rows(
+    file: SurveyFile, path: Path, stream: SurveyStream, columns: Mapping[str, AnyArray]
+) -> _Spooled:
+    fields = {name: f"f{number}" for number, name in enumerate(columns)}
+    row: list[Any] = [("position", "<f8", (3,))]
+    row += [(fields[name], values.dtype, values.shape[1:]) for name, values in columns.items()]
+    known = {
+        name: _Column(values.dtype, tuple(stream.unset.get(name, ())), stream.narrow)
+        for name, values in columns.items()
+    }
+    # What the stream was made of must not outlive it: thousands of files are kept so.
+    bare = replace(stream, chunks=_no_chunks, late_warnings=tuple)
+    return _Spooled(file, path, bare, fields, known, NpyWriter(path, np.dtype(row)))
+
+
+def _no_chunks() -> Iterator[StreamChunk]:
+    return iter(())
 
 
 def _columns_of(chunk: StreamChunk, stream: SurveyStream) -> dict[str, AnyArray]:
-    """Take the colours together; give each part of a vector field its own name."""
+    """Take the colours together; give each component of a vector field its own name."""
     out: dict[str, AnyArray] = {}
     has_colour = bool(stream.colours) and all(name in chunk.columns for name in stream.colours)
     if has_colour:
@@ -164,7 +393,7 @@ def _columns_of(chunk: StreamChunk, stream: SurveyStream) -> dict[str, AnyArray]
         if wide.dtype.kind == "f":
             valid: Bool = np.all(np.isfinite(wide), axis=1)
             wide = np.where(valid[:, None], wide, wide.dtype.type(0))
-        out[_COLOURS] = wide
+        out[_COLOUR] = wide
     for name, values in chunk.columns.items():
         if has_colour and name in stream.colours:
             continue
@@ -176,114 +405,339 @@ def _columns_of(chunk: StreamChunk, stream: SurveyStream) -> dict[str, AnyArray]
     return out
 
 
-def _finish(
-    path: Path,
-    stream: SurveyStream,
-    points: _Points,
-    columns: dict[str, _Column],
-    folder: Path,
-) -> tuple[Mapping[str, Json], Facts]:
-    """Decide what only the whole survey can decide, and bring the columns to their last form."""
-    # (1) Refuse a survey without a single point.
-    warnings = [*stream.late_warnings(), *stream.warnings]
-    count = points.writer.rows
-    if not count:
-        raise ReadError(
-            path,
-            f"not one of {points.read:,} points has finite coordinates",
-            "export the survey again",
-        )
-    # (2) Colours and attributes; columns that the format fills with its default are dropped.
-    colours = columns.pop(_COLOURS, None)
-    has_colour = False
-    if colours is not None:
-        has_colour = _finish_colours(stream, colours, folder, warnings)
-    names: list[str] = []
-    for name, column in columns.items():
-        unset = name in stream.unset and column.first in stream.unset[name]
-        if not (unset and column.constant):
-            target = folder / f"attribute-{len(names)}.npy"
-            _rewrite(column.writer.path, target, _narrowed(column) if stream.narrow else None)
-            names.append(name)
-        column.writer.path.unlink(missing_ok=True)
-    # (3) Positions: damaged, too coarse, or in another unit than the metre.
-    if points.read > count:
-        lost = points.read - count
-        warnings.append(f"{lost:,} of {points.read:,} points have no finite coordinates: dropped.")
-    span = float((points.high - points.low).max())
+def _decide(spooled: Sequence[_Spooled], survey: SurveyFiles) -> tuple[_Layout, list[str]]:
+    """Decide what only the whole survey can: columns, their types, depth of the colours."""
+    depths, warnings = _colour_depths(spooled)
+    # (1) The union of all files' columns, each by what all its files hold.
+    joined: dict[str, _Column] = {}
+    lacking: dict[str, list[str]] = {}
+    for part in spooled:
+        for name, column in part.columns.items():
+            if name == _COLOUR:
+                continue
+            if name in joined:
+                joined[name].join(column)
+            else:
+                joined[name] = _Column(**{key: getattr(column, key) for key in _COLUMN_KEYS})
+    for name in joined:
+        without = [part.file.name for part in spooled if name not in part.columns]
+        if without:
+            lacking[name] = without
+    # (2) Types, and what stands where a file lacks the column: the format's own "not set" where it
+    # has one, else NaN. Whole numbers become float64 for that, which the clean stage knows of.
+    names, dtypes, fills = [], [], []
+    whole: list[str] = []
+    gaps: dict[str, list[str]] = {}
+    for name, column in joined.items():
+        if column.says_nothing:
+            continue
+        dtype, fill = column.narrowed, 0.0
+        if name in lacking:
+            if column.unset:
+                fill = float(column.unset[0])
+            else:
+                if dtype.kind != "f":
+                    whole.append(name)
+                dtype, fill = _with_gaps(name, dtype, survey), np.nan
+                gaps[name] = lacking[name]
+        names.append(name)
+        dtypes.append(dtype)
+        fills.append(fill)
+    for name, without in gaps.items():
+        warnings.append(f"Attribute {name!r} is not in {listed(without)}: it has no value there.")
+    has_colour = any(depth is not None for depth in depths)
+    return _Layout(names, dtypes, fills, whole, has_colour, depths), warnings
+
+
+_COLUMN_KEYS: Final = tuple(_Column.__dataclass_fields__)
+
+
+def _with_gaps(name: str, dtype: np.dtype[Any], survey: SurveyFiles) -> np.dtype[Any]:
+    """Type that holds a column's values and NaN; whole numbers of 64 bits have none."""
+    if dtype.kind == "f":
+        return dtype
+    if dtype.itemsize < np.dtype(np.int64).itemsize:
+        return np.dtype(np.float64)
+    raise SurveyError(
+        f"{survey.title}: attribute {name!r} holds whole numbers of 64 bits in some files and is "
+        "missing in others, and no value stands for missing; remove it, or build the files apart"
+    )
+
+
+def _colour_depths(spooled: Sequence[_Spooled]) -> tuple[list[Depth | None], list[str]]:
+    """Decide for every file how its colours become 0..255.
+
+    Files of one format and type go together, as if they were one file; but one that holds nothing
+    above 255 beside others that use 16 bits was written with 8 (a photo is never that dark).
+    """
+    groups: dict[tuple[str, str], list[_Spooled]] = {}
+    for part in spooled:
+        if _COLOUR in part.columns:
+            groups.setdefault((part.stream.format, part.columns[_COLOUR].dtype.str), []).append(
+                part
+            )
+    rules: dict[int, Depth | None] = {}
+    warnings: list[str] = []
+    for (form, _), parts in groups.items():
+        columns = [part.columns[_COLOUR] for part in parts]
+        low, high = min(c.low for c in columns), max(c.high for c in columns)
+        where = ", ".join(parts[0].stream.colours)
+        rule, notes = choose_depth(low, high, columns[0].dtype, where=where)
+        warnings += notes
+        few = "The colours use only 8 of the 16 bits that LAS gives them"
+        if form == "las" and rule == "eight":
+            warnings.append(f"{few}; they are taken as 0..255.")
+        dark: list[str] = []
+        for part, column in zip(parts, columns, strict=True):
+            rules[id(part)] = rule
+            if rule == "sixteen" and 0 < column.high <= _MAX_EIGHT_BIT:
+                rules[id(part)] = "eight"
+                dark.append(part.file.name)
+        if dark:
+            warnings.append(f"{few} in {listed(dark)}; there they are taken as 0..255.")
+    without = [part.file.name for part in spooled if rules.get(id(part)) is None]
+    if without and len(without) < len(spooled):
+        warnings.append(f"There is no colour (RGB) in {listed(without)}: its points are grey.")
+    return [rules.get(id(part)) for part in spooled], warnings
+
+
+def _check_box(spooled: Sequence[_Spooled], low: Float64, high: Float64) -> None:
+    """Refuse damaged coordinates, and files that lie far from the others."""
+    span = float((high - low).max())
     if span > MAX_SPAN_M:
+        wide = max(spooled, key=lambda part: float(np.abs([part.low, part.high]).max()))
         raise ReadError(
-            path,
+            wide.file.path,
             f"the coordinates span {span:.3g}, expected less than {MAX_SPAN_M:.0e} metres",
             "some are damaged: remove them or export the survey again",
         )
-    if not stream.stated_step:
-        warnings += tell_precision(
-            points.single, np.maximum(np.abs(points.low), np.abs(points.high))
+    names = [part.file.name for part in spooled]
+    refuse_far(names, [((part.low + part.high) / 2).tolist() for part in spooled])
+
+
+def _reader_warnings(spooled: Sequence[_Spooled]) -> list[str]:
+    """Tell what the readers noticed: once where all files have it, else with their names."""
+    by_text: dict[str, list[str]] = {}
+    for part in spooled:
+        for text in part.warnings:
+            by_text.setdefault(text, []).append(part.file.name)
+    return [
+        text if len(names) == len(spooled) else f"{text} (In {listed(names)}.)"
+        for text, names in by_text.items()
+    ]
+
+
+def _point_warnings(spooled: Sequence[_Spooled]) -> list[str]:
+    """Tell of points that were dropped, and of coordinates that are too coarse."""
+    warnings: list[str] = []
+    read, kept = sum(part.read for part in spooled), sum(part.kept for part in spooled)
+    if read > kept:
+        warnings.append(f"{read - kept:,} of {read:,} points have no finite coordinates: dropped.")
+    coarse = [part for part in spooled if not part.stream.stated_step]
+    if coarse:
+        single = np.all([part.single for part in coarse], axis=0)
+        top = np.max([np.abs([part.low, part.high]).max(axis=0) for part in coarse], axis=0)
+        warnings += tell_precision(single, top)
+    return warnings
+
+
+def _file_warnings(spooled: Sequence[_Spooled], damaged: Sequence[tuple[str, str]]) -> list[str]:
+    """Tell of files that differ from the others, and of those that are left out."""
+    warnings: list[str] = []
+    stated = [part.stream.crs for part in spooled if part.stream.crs is not None]
+    if stated and len(stated) < len(spooled):
+        without = [part.file.name for part in spooled if part.stream.crs is None]
+        warnings.append(
+            f"No coordinate reference system is stated in {listed(without)}: taken to be in "
+            f"that of the others ({stated[0].name})."
         )
-    factors, crs, notes = metre_factors(path, points.low, points.high, stream.crs)
-    warnings += notes
-    # (4) The positions' file, scaled block by block where the unit is not the metre.
-    low, high = points.low, points.high
-    if factors is None:
-        points.writer.path.rename(folder / "points.npy")
+    if damaged:
+        each = "; ".join(f"{name} ({reason})" for name, reason in damaged)
+        warnings.append(f"Left out, as they cannot be read: {each}.")
+    return warnings
+
+
+def _distribute(
+    spooled: Sequence[_Spooled],
+    layout: _Layout,
+    low: Float64,
+    high: Float64,
+    folder: Path,
+    context: Context,
+    thinning: HashThinning | None,
+) -> list[NpyWriter]:
+    """Hand the rows out to buckets that follow one another along the curve."""
+    # (1) Where buckets begin, from a sample. It decides their size, not what comes out.
+    samples = np.concatenate([sample for part in spooled for sample in part.samples])
+    keys = np.sort(curve_keys(samples, low, high))
+    total = sum(part.writer.rows for part in spooled)
+    count = max(1, -(-total // _BUCKET_ROWS))
+    starts = keys[np.arange(1, count) * len(keys) // count] if len(keys) else keys
+    buckets = [NpyWriter(folder / f"bucket-{i}.npy", layout.row) for i in range(len(starts) + 1)]
+    # (2) Block by block. Invariant: every row of the files so far is in its bucket, and the raw
+    # rows of files that are done are deleted.
+    context.progress.start("read: order", float(2 * total), "points")
+    for number, part in enumerate(spooled):
+        for _, raw in NpyReader(part.path).blocks(_BLOCK_ROWS):
+            context.progress.advance(len(raw))
+            if thinning is not None:  # the limit has fallen since
+                raw = raw[point_hashes(raw["position"]) <= np.uint64(thinning.limit)]
+            rows = _converted(raw, number, part, layout)
+            rows["key"] = curve_keys(rows["position"], low, high)
+            if not len(starts):
+                buckets[0].append(rows)
+                continue
+            bucket = np.searchsorted(starts, rows["key"], side="right")
+            order = np.argsort(bucket, kind="stable")
+            edges = np.searchsorted(bucket[order], np.arange(len(buckets) + 1))
+            for i in np.flatnonzero(np.diff(edges)):
+                buckets[i].append(rows[order[edges[i] : edges[i + 1]]])
+        part.path.unlink()
+    for writer in buckets:
+        writer.close()
+    return buckets
+
+
+def _converted(raw: AnyArray, number: int, part: _Spooled, layout: _Layout) -> AnyArray:
+    """Bring a file's rows to the survey's columns."""
+    rows: AnyArray = np.empty(len(raw), layout.row)
+    rows["file"] = number
+    rows["position"] = raw["position"]
+    if layout.has_colour:
+        depth = layout.depths[number]
+        if depth is None:
+            rows["colour"] = _GREY
+        else:
+            rows["colour"] = apply_depth(raw[part.fields[_COLOUR]], depth)
+    for i, name in enumerate(layout.names):
+        rows[f"a{i}"] = raw[part.fields[name]] if name in part.fields else layout.fills[i]
+    return rows
+
+
+class _Columns:
+    """The survey's columns, written row by row in metres."""
+
+    def __init__(self, folder: Path, layout: _Layout, factors: Float64 | None) -> None:
+        self.layout, self._factors = layout, factors
+        self._points = NpyWriter(folder / "points.npy", np.float64, (3,))
+        self._colours = (
+            NpyWriter(folder / "colours.npy", np.uint8, (3,)) if layout.has_colour else None
+        )
+        self._attributes = [
+            NpyWriter(folder / f"attribute-{i}.npy", dtype) for i, dtype in enumerate(layout.dtypes)
+        ]
+        self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
+
+    @property
+    def rows(self) -> int:
+        """Points written."""
+        return self._points.rows
+
+    def append(self, rows: AnyArray) -> None:
+        """Write further rows."""
+        if not len(rows):
+            return
+        points = np.ascontiguousarray(rows["position"])
+        if self._factors is not None:
+            points = points * self._factors
+        self.low = np.minimum(self.low, points.min(axis=0))
+        self.high = np.maximum(self.high, points.max(axis=0))
+        self._points.append(points)
+        if self._colours is not None:
+            self._colours.append(rows["colour"])
+        for i, writer in enumerate(self._attributes):
+            writer.append(rows[f"a{i}"])
+
+    def close(self) -> None:
+        """Finish all files."""
+        for writer in (self._points, self._colours, *self._attributes):
+            if writer is not None:
+                writer.close()
+
+
+def _finish(
+    buckets: Sequence[NpyWriter],
+    spooled: Sequence[_Spooled],
+    columns: _Columns,
+    folder: Path,
+    context: Context,
+    max_points: int | None,
+) -> None:
+    """Sort every bucket, take repeats once, thin, and write the columns."""
+    if max_points is None or sum(bucket.rows for bucket in buckets) <= max_points:
+        for rows in _sorted(buckets, spooled, columns.layout, context):
+            columns.append(rows)
     else:
-        low, high = low * factors, high * factors
-        with NpyWriter(folder / "points.npy", np.float64, (3,)) as scaled:
-            for _, block in NpyReader(points.writer.path).blocks(_BLOCK_ROWS):
-                scaled.append(block * factors)
-        points.writer.path.unlink()
-    if not has_colour:
-        warnings.append("The survey has no colour (RGB): what no photo shows will be grey.")
+        # How many there are without repeats is known only after all are sorted.
+        whole = NpyWriter(folder / "sorted.npy", columns.layout.row)
+        for rows in _sorted(buckets, spooled, columns.layout, context):
+            whole.append(rows)
+        whole.close()
+        chosen = thinning_rows(whole.rows, max_points)
+        for first, block in NpyReader(whole.path).blocks(_BLOCK_ROWS):
+            if chosen is not None:
+                begin, end = np.searchsorted(chosen, (first, first + len(block)))
+                block = block[chosen[begin:end] - first]
+            columns.append(block)
+        whole.path.unlink()
+    columns.close()
+    context.progress.done({"points": columns.rows})
+
+
+def _sorted(
+    buckets: Sequence[NpyWriter],
+    spooled: Sequence[_Spooled],
+    layout: _Layout,
+    context: Context,
+) -> Iterator[AnyArray]:
+    """Yield the rows of all buckets in order, each once; count repeats by file."""
+    repeats: Int64 = np.zeros(len(spooled), np.int64)
+    for bucket in buckets:
+        rows = NpyReader(bucket.path).read(0, bucket.rows)
+        bucket.path.unlink()
+        values = [*rows["position"].T]
+        if layout.has_colour:
+            values += [*rows["colour"].T]
+        values += [rows[f"a{i}"] for i in range(len(layout.names))]
+        order, again = order_rows(rows["key"], values, rows["file"])
+        repeats += np.bincount(rows["file"][order[again]], minlength=len(spooled))
+        context.progress.advance(len(rows))
+        yield rows[order[~again]]
+    for part, count in zip(spooled, repeats, strict=True):
+        part.repeats = int(count)
+
+
+def _result(
+    columns: _Columns,
+    spooled: Sequence[_Spooled],
+    crs: Crs | None,
+    warnings: list[str],
+    empty: Sequence[tuple[str, str]],
+    damaged: Sequence[tuple[str, str]],
+) -> tuple[Mapping[str, Json], Facts]:
+    layout = columns.layout
+    formats = sorted({part.stream.format for part in spooled})
     values = {
-        "attributes": names,
+        "attributes": layout.names,
         "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,
-        "format": stream.format,
+        "format": ", ".join(formats),
+        **({"whole": layout.whole} if layout.whole else {}),
     }
     counts = {
-        "points": count,
-        "has_colour": has_colour,
-        "attributes": len(names),
-        "format": stream.format,
+        "points": columns.rows,
+        "has_colour": layout.has_colour,
+        "attributes": len(layout.names),
+        "format": values["format"],
         "crs": crs.name if crs else None,
-        "low": low.tolist(),
-        "high": high.tolist(),
+        "low": columns.low.tolist(),
+        "high": columns.high.tolist(),
     }
-    return values, Facts(counts, tuple(warnings))
-
-
-def _finish_colours(
-    stream: SurveyStream, column: _Column, folder: Path, warnings: list[str]
-) -> bool:
-    where = ", ".join(stream.colours)
-    rule, notes = choose_depth(column.low, column.high, column.writer.dtype, where=where)
-    if stream.format == "las" and rule == "eight":
-        notes = (
-            *notes,
-            "The colours use only 8 of the 16 bits that LAS gives them; they are taken as 0..255.",
-        )
-    warnings += notes
-    if rule is not None:
-        with NpyWriter(folder / "colours.npy", np.uint8, (3,)) as scaled:
-            for _, block in NpyReader(column.writer.path).blocks(_BLOCK_ROWS):
-                scaled.append(apply_depth(block, rule))
-    column.writer.path.unlink()
-    return rule is not None
-
-
-def _narrowed(column: _Column) -> npt.DTypeLike | None:
-    """Smallest integer type of a column of whole numbers; None when it stays as it is."""
-    if column.writer.dtype.kind == "f" and column.whole and column.first is not None:
-        for code in (np.uint8, np.uint16, np.int32):
-            if np.iinfo(code).min <= column.low and column.high <= np.iinfo(code).max:
-                return code
-    return None
-
-
-def _rewrite(source: Path, target: Path, dtype: npt.DTypeLike | None) -> None:
-    if dtype is None:
-        source.rename(target)
-        return
-    with NpyWriter(target, dtype) as writer:
-        for _, block in NpyReader(source).blocks(_BLOCK_ROWS):
-            writer.append(block.astype(dtype))
+    notes = {
+        "files": [
+            {"xxh3": part.file.xxh3, "points": part.read, "repeats": part.repeats}
+            for part in spooled
+        ],
+        "empty": [name for name, _ in empty],
+        "damaged": [[name, reason] for name, reason in damaged],
+    }
+    return values, Facts(counts, tuple(warnings), notes)

@@ -14,33 +14,38 @@ from typing import Annotated, Any, Final, TypeVar
 
 import psutil
 
-from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.ktx2 import require_encoder
-from terraport_pipeline.engines.readers.survey_stream import survey_size
-from terraport_pipeline.errors import OptionError, PipelineError, SurveyError
+from terraport_pipeline.engines.readers.survey_stream import FileHead, survey_size
+from terraport_pipeline.errors import OptionError, PipelineError
 from terraport_pipeline.kernel_threads import limit_threads
-from terraport_pipeline.model import Survey
 from terraport_pipeline.option import BYTES, COMMON, COUNT, Option, Section, check_options
 from terraport_pipeline.progress import NullProgress, Progress
-from terraport_pipeline.stages import clean, pack, reconstruct, segment, survey_store
+from terraport_pipeline.stages import clean, pack, reconstruct, segment
 from terraport_pipeline.stages.contract import Context
-from terraport_pipeline.stages.read import find_format, read_survey
 from terraport_pipeline.stages.region_engine import check_segment_by
+from terraport_pipeline.survey_files import SurveyFiles, find_survey
 from terraport_pipeline.unforeseen import build_failed
 from terraport_pipeline.workflow import tiled_reconstruct
 from terraport_pipeline.workflow.photo_input import LocatedPhotos, Texturing
 from terraport_pipeline.workflow.publish_step import build_info, pack_once
+from terraport_pipeline.workflow.read_step import (
+    input_info,
+    inputs_of,
+    look_at_survey,
+    read_once,
+    survey_in_memory,
+)
 from terraport_pipeline.workflow.report import BuildReport, write_build_report
 from terraport_pipeline.workflow.scene_lock import scene_locked
-from terraport_pipeline.workflow.stage_runner import StageRunner, Step, key_of
+from terraport_pipeline.workflow.stage_runner import StageRunner, key_of
 from terraport_pipeline.workflow.texture_step import texture_step, tiled_texturing
 from terraport_pipeline.workflow.tile_memory import MemoryPlan, plan_memory
 from terraport_pipeline.workflow.tiled import TiledSurface, check_tiled, segment_and_pack
 from terraport_pipeline.workflow.tiled_reconstruct import TileOptions
-from terraport_pipeline.workflow.workdir import WorkDirectory, file_digest
+from terraport_pipeline.workflow.workdir import StageRecord, WorkDirectory
 from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
-from terraport_store.manifest import CrsInfo, InputInfo
+from terraport_store.manifest import CrsInfo
 
 __all__ = ["BuildOptions", "available_memory_bytes", "build", "default_work_directory"]
 
@@ -57,8 +62,9 @@ T = TypeVar("T")
 class BuildOptions:
     """Inputs and options of a build, one group a stage."""
 
-    survey: Annotated[Path, Option(is_argument=True)]
-    """Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57."""
+    survey: Annotated[Path | tuple[Path, ...], Option(is_argument=True, many=True)]
+    """Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57. A file, several, a folder of them, or
+    a pattern in quotes."""
     scene: Annotated[Path, Option(flags=("--output", "-o"))]
     """Scene directory to publish, or to renew."""
     name: Annotated[str | None, Option(unset="the scene directory's name")] = None
@@ -67,6 +73,9 @@ class BuildOptions:
         int | None, Option(least=clean.MIN_POINTS, notation=COUNT, unset="all of them")
     ] = None
     """Thin the survey to this many points while reading: 500k, 5M."""
+    skip_damaged: Annotated[bool, Option(heading="Surface")] = False
+    """Of a survey in several files, go on without those that cannot be read; the report names
+    them."""
     clean: Annotated[clean.Options, Section("Surface")] = field(default_factory=clean.Options)
     reconstruct: Annotated[reconstruct.Options, Section("Surface")] = field(
         default_factory=reconstruct.Options
@@ -101,6 +110,11 @@ class BuildOptions:
     def __post_init__(self) -> None:
         check_options(self)
         self.pack_options()  # refused before any work, not after an hour
+
+    @property
+    def inputs(self) -> tuple[Path, ...]:
+        """What was given as the survey: files, folders, patterns."""
+        return (self.survey,) if isinstance(self.survey, Path) else self.survey
 
     def pack_options(self) -> pack.Options:
         """Options of the pack stage, made from the scene's name."""
@@ -166,8 +180,8 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
         Publishing failed; the scene that was published before stands.
     """
     started = time.monotonic()
-    _check(options)
-    survey, scene = options.survey.absolute(), options.scene.absolute()
+    survey = _check(options)
+    scene = options.scene.absolute()
     with scene_locked(scene):
         threads = options.threads or _cores()
         limit_threads(threads)
@@ -180,9 +194,14 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
             or int(_MEMORY_SHARE * available_memory_bytes()),
         )
         try:
-            version_of, published = _run_stages(runner, survey, scene, options)
+            version_of, published, files = _run_stages(runner, survey, scene, options)
             report = BuildReport(
-                scene, version_of, published, tuple(runner.reports), time.monotonic() - started
+                scene,
+                version_of,
+                published,
+                tuple(runner.reports),
+                time.monotonic() - started,
+                **files,
             )
             write_build_report(report)
         except (PipelineError, StoreError, OSError):
@@ -198,22 +217,36 @@ def _cores() -> int:
 
 
 def _run_stages(
-    runner: StageRunner, survey: Path, scene: Path, options: BuildOptions
-) -> tuple[str, bool]:
-    """Run all stages; return the scene's version and whether it was published now."""
+    runner: StageRunner, survey: SurveyFiles, scene: Path, options: BuildOptions
+) -> tuple[str, bool, dict[str, Any]]:
+    """Run all stages; return the scene's version, whether it was published now, and its files."""
     # Photos that are not there are told of now, not after the reconstruction.
     photos = None if options.texture is None else options.texture.find(runner.progress)
     # (1) What the survey is, and whether it fits into memory; if not, all goes by tiles.
-    runner.progress.start("read: checksum", None, "bytes")
-    input_info = InputInfo(name=survey.name, bytes=survey.stat().st_size, xxh3=file_digest(survey))
-    runner.progress.done({})
-    plan = _plan_memory(runner, survey, options)
+    survey, heads = look_at_survey(runner, survey)
+    plan = _plan_memory(runner, heads, options)
     if plan.tiled:
-        return _run_tiled(runner, survey, scene, options, input_info, plan, photos)
+        check_tiled(options.segment)  # refused now what cannot be done by tiles
+        runner.progress.start("plan", None, "")
+        runner.progress.done({"tiles": plan.why})
+    record = read_once(runner, survey, max_points=options.max_points, bounded=plan.tiled)
+    run = _run_tiled if plan.tiled else _run_whole
+    return (*run(runner, record, scene, options, photos), inputs_of(survey, record))
+
+
+def _run_whole(
+    runner: StageRunner,
+    record: StageRecord,
+    scene: Path,
+    options: BuildOptions,
+    photos: LocatedPhotos | None,
+) -> tuple[str, bool]:
+    """Run all stages after reading on the survey in one piece."""
+    # (1) The points, in memory when asked for.
+    read = survey_in_memory(runner, record)
     # (2) Cloud, meshes, segments. Invariant: a stage's key holds its options and the digest of
     # its input, so a stage whose key is unchanged is taken up and its value is never loaded
     # unless asked for.
-    read = _read(runner, survey, input_info, options)
     if photos is not None and not runner.reports[-1].taken_up:
         photos.try_on(read.value(), runner.progress)
     cleaned = runner.step(
@@ -260,7 +293,7 @@ def _run_stages(
         textured = texture_step(
             runner, options.texture, photos, crs, cleaned, reconstructed, segmented
         )
-    info = build_info(recorded, input_info, runner.reports)
+    info = build_info(recorded, input_info(record), runner.reports)
     # (4) Pack; its key holds everything that the manifest says.
     pack_options = options.pack_options()
 
@@ -298,9 +331,11 @@ def _run_stages(
     return pack_once(runner, scene, key, publish)
 
 
-def _plan_memory(runner: StageRunner, survey: Path, options: BuildOptions) -> MemoryPlan:
-    """Decide by the survey's header whether it is built in one piece."""
-    size = survey_size(survey, find_format(survey))
+def _plan_memory(
+    runner: StageRunner, heads: tuple[FileHead, ...], options: BuildOptions
+) -> MemoryPlan:
+    """Decide by the files' headers whether the survey is built in one piece."""
+    size = survey_size(heads)
     points = min(size.points, options.max_points or size.points)
     return plan_memory(
         points,
@@ -314,23 +349,16 @@ def _plan_memory(runner: StageRunner, survey: Path, options: BuildOptions) -> Me
 
 def _run_tiled(
     runner: StageRunner,
-    survey: Path,
+    read: StageRecord,
     scene: Path,
     options: BuildOptions,
-    input_info: InputInfo,
-    plan: MemoryPlan,
     photos: LocatedPhotos | None,
 ) -> tuple[str, bool]:
-    """Run all stages over tiles; as :func:`_run_stages`."""
-    # (1) Refuse now what cannot be done by tiles; then everything up to tiles and base.
-    check_tiled(options.segment)
-    runner.progress.start("plan", None, "")
-    runner.progress.done({"tiles": plan.why})
+    """Run all stages after reading over tiles; as :func:`_run_whole`."""
+    # (1) Everything up to tiles and base.
     reconstructed = tiled_reconstruct.run(
         runner,
-        survey,
-        f"{input_info.bytes}-{input_info.xxh3}",
-        max_points=options.max_points,
+        read,
         clean_options=options.clean,
         options=options.reconstruct,
         tiles=options.tiles,
@@ -347,7 +375,7 @@ def _run_tiled(
             crs=CrsInfo(name=crs.name, wkt=crs.wkt, epsg=crs.epsg) if crs else None,
             points=reconstructed.points,
             has_colour=reconstructed.has_colour,
-            build=build_info(recorded, input_info, runner.reports),
+            build=build_info(recorded, input_info(read), runner.reports),
         )
 
     # (2) Segments, textures and the scene, tile by tile.
@@ -369,38 +397,10 @@ def _run_tiled(
     )
 
 
-def _read(
-    runner: StageRunner, survey: Path, input_info: InputInfo, options: BuildOptions
-) -> Step[Survey]:
-    return runner.step(
-        survey_store.NAME,
-        key_of(
-            survey_store.NAME,
-            {
-                "max_points": options.max_points,
-                "suffix": survey.suffix.lower(),
-                "store": code_digest(survey_store.__name__),
-            },
-            {"file": f"{input_info.bytes}-{input_info.xxh3}"},
-        ),
-        lambda context: read_survey(
-            survey, progress=context.progress, max_points=options.max_points
-        ),
-        survey_store.facts_of,
-        survey_store.store,
-        survey_store.restore,
-    )
-
-
-def _check(options: BuildOptions) -> None:
-    """Refuse at once what would end the build after an hour."""
-    survey, scene = options.survey, options.scene.absolute()
-    if not survey.exists():
-        raise SurveyError(f"no file {survey}")
-    if survey.is_dir():
-        raise SurveyError(f"{survey} is a directory; expected one point cloud file")
-    if not survey.stat().st_size:
-        raise SurveyError(f"{survey} is empty (0 bytes)")
+def _check(options: BuildOptions) -> SurveyFiles:
+    """Refuse at once what would end the build after an hour; return the survey's files."""
+    scene = options.scene.absolute()
+    survey = find_survey(options.inputs, skip_damaged=options.skip_damaged)
     try:
         scene.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -418,3 +418,4 @@ def _check(options: BuildOptions) -> None:
             )
     if options.texture is not None and options.texture.options.kind == "ktx2":
         require_encoder()
+    return survey

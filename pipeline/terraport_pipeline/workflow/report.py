@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -41,6 +41,10 @@ _SHOWN: Final = {
 """Counts of each stage that the table shows."""
 
 
+_NAMED: Final = 8
+"""Files that were not read and are named on the terminal; build.json has them all."""
+
+
 @dataclass(frozen=True, slots=True)
 class StageReport:
     """What one stage of a build cost and reported, and whether its result was taken up."""
@@ -62,11 +66,32 @@ class BuildReport:
     """False when the scene already was this version."""
     stages: tuple[StageReport, ...]
     seconds: float
+    inputs: Sequence[Mapping[str, Any]] = ()
+    """The survey's files, as :func:`terraport_pipeline.workflow.read_step.inputs_of` lists them."""
+    left_out: Sequence[Mapping[str, Any]] = ()
+    """Files beside them that are no part of the survey, or damaged."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
         """All stages' warnings in their order."""
         return tuple(text for stage in self.stages for text in stage.facts.warnings)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What to know of the survey's files: none for a single one with nothing beside it."""
+        notes = []
+        repeats = sum(file["repeats"] for file in self.inputs)
+        if len(self.inputs) > 1:
+            points = sum(file["points"] for file in self.inputs)
+            notes.append(
+                f"{len(self.inputs)} files with {points:,} points; {repeats:,} lie in several and "
+                "were taken once"
+            )
+        ignored = [f"{f['name']} ({f['reason']})" for f in self.left_out if not f["damaged"]]
+        if ignored:
+            more = f" and {len(ignored) - _NAMED} more" if len(ignored) > _NAMED else ""
+            notes.append(f"not read: {', '.join(ignored[:_NAMED])}{more}")
+        return tuple(notes)
 
     @property
     def peak_bytes(self) -> int:
@@ -97,6 +122,8 @@ class BuildReport:
             "published": self.published,
             "seconds": round(self.seconds, 3),
             "peak_bytes": self.peak_bytes,
+            "inputs": list(self.inputs),
+            "left_out": list(self.left_out),
             "stages": [
                 {
                     "name": stage.name,

@@ -114,10 +114,11 @@ class StageRunner:
         record = self.work.find(name, key) if self.resume else None
         taken_up = record is not None
         if record is None:
+            clock = StepClock(self.progress)
             with self.at(name), self.work.beside(name) as folder:
                 with Measure() as measure, self.work.scratch() as scratch:
-                    values, facts = fill(folder, self.context(scratch))
-                cost = Cost(measure.seconds, measure.peak_bytes)
+                    values, facts = fill(folder, replace(self.context(scratch), progress=clock))
+                cost = Cost(measure.seconds, measure.peak_bytes, tuple(clock.steps))
                 record = self.work.seal(folder, name, key, values, facts, cost)
         self.reports.append(StageReport(name, taken_up, record.cost, record.facts))
         return record

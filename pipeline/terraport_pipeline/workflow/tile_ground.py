@@ -1,6 +1,6 @@
 """Everything about a survey in tiles that is known before the first tile is worked on.
 
-Reads the survey in parts, thins a copy, measures, plans the tiles, hands the samples out; each step
+Thins a copy of the survey as read, measures, plans the tiles, hands the samples out; each step
 a result in the work directory.
 """
 
@@ -22,7 +22,7 @@ from terraport_pipeline.geometry.clouds.footprint import Occupancy, plan_occupan
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
 from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.option import Option, check_options
-from terraport_pipeline.stages import clean, measure_survey, partition, read_streamed, reconstruct
+from terraport_pipeline.stages import clean, measure_survey, partition, reconstruct
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.tiles import solve_tile
 from terraport_pipeline.stages.trim_detail import BASE_GAP_SPACINGS
@@ -81,9 +81,7 @@ class Ground:
 
 def prepare(
     runner: StageRunner,
-    survey: Path,
-    file_key: str,
-    max_points: int | None,
+    read: StageRecord,
     clean_options: clean.Options,
     options: reconstruct.Options,
     tiles: TileOptions,
@@ -92,20 +90,10 @@ def prepare(
 
     Parameters
     ----------
-    runner, survey, file_key, max_points, clean_options, options, tiles
+    runner, read, clean_options, options, tiles
         As :func:`terraport_pipeline.workflow.tiled_reconstruct.run`.
     """
-    # (1) The survey as columns on disk.
-    read = runner.folder_step(
-        read_streamed.NAME,
-        stage_key(
-            read_streamed.NAME,
-            code_digest(read_streamed.__name__),
-            {"max_points": max_points, "suffix": survey.suffix.lower()},
-            {"file": file_key},
-        ),
-        lambda folder, context: read_streamed.run(survey, folder, context, max_points=max_points),
-    )
+    # (1) The survey's columns on disk.
     source = runner.work.path / read.name
     # (2) A thinned copy in memory, for the origin, colours and the scene's frame.
     cleaned = runner.step(
@@ -184,6 +172,7 @@ def _thinned(source: Path, read: StageRecord) -> Survey:
         {name: column(f"attribute-{i}") for i, name in enumerate(read.values["attributes"])},
         Crs(**crs) if crs else None,
         read.values["format"],
+        whole=tuple(read.values.get("whole", ())),
     )
 
 

@@ -1,8 +1,8 @@
-"""Reconstruction of a survey that does not fit into memory: read, thin, plan, tiles, join, base.
+"""Reconstruction of a survey that does not fit into memory: thin, plan, tiles, join, base.
 
-The steps, each a result in the work directory:
+It begins with the survey's columns on disk (``read``). The steps, each a result in the work
+directory:
 
-``read``            the survey's columns on disk, a part at a time
 ``clean``           a thinned copy of it, cleaned as a small survey is: origin, base, codes
 ``measure_survey``  spacing and what is usual, in full density
 ``partition``       every tile's samples
@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from pathlib import Path
 
 from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.code_digest import code_digest
@@ -30,7 +29,7 @@ from terraport_pipeline.workflow.photo_input import camera_samples
 from terraport_pipeline.workflow.stage_runner import StageRunner
 from terraport_pipeline.workflow.tile_ground import TileOptions, prepare, tile_tasks
 from terraport_pipeline.workflow.tile_steps import join_all, solve_all
-from terraport_pipeline.workflow.workdir import stage_key
+from terraport_pipeline.workflow.workdir import StageRecord, stage_key
 
 __all__ = ["TileOptions", "TiledReconstructed", "run"]
 
@@ -64,10 +63,8 @@ class TiledReconstructed:
 
 def run(
     runner: StageRunner,
-    survey: Path,
-    file_key: str,
+    read: StageRecord,
     *,
-    max_points: int | None,
     clean_options: clean.Options,
     options: reconstruct.Options,
     tiles: TileOptions,
@@ -79,11 +76,8 @@ def run(
     ----------
     runner : StageRunner
         Keeps the results; its reports get one entry per step.
-    survey : pathlib.Path
-    file_key : str
-        Identifies the survey's bytes.
-    max_points : int or None
-        Thin the survey to this many samples while reading.
+    read : StageRecord
+        The survey's columns on disk, from :func:`terraport_pipeline.workflow.read_step.read_once`.
     clean_options, options, tiles
         As of the build.
     check : callable
@@ -95,15 +89,15 @@ def run(
 
     Raises
     ------
-    SurveyError, ReadError
-        The survey cannot be used, or its format cannot be read in parts.
+    SurveyError
+        The survey cannot be used.
     ResourceError
         Not even a small tile fits the memory allowed, or the disk is full.
     EngineError
         The solver failed twice on a tile, or a worker was lost twice.
     """
     # (1) Everything known before the first tile.
-    ground = prepare(runner, survey, file_key, max_points, clean_options, options, tiles)
+    ground = prepare(runner, read, clean_options, options, tiles)
     check(tuple(ground.cleaned.record.values["attributes"]))
     # (2) Solve and join tiles, in processes of their own.
     tasks = tile_tasks(ground, clean_options, options)

@@ -20,7 +20,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -174,7 +174,7 @@ class WorkDirectory:
             The disk is full; the older result stands.
         """
         values = json.loads(json.dumps(dict(stored.values), allow_nan=False))
-        plain_facts = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        plain_facts = json.loads(json.dumps(asdict(facts)))
         digests = {f"{n}.npy": _array_digest(array) for n, array in stored.arrays.items()}
         whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
         with self.beside(name) as folder:
@@ -206,7 +206,7 @@ class WorkDirectory:
             As in :meth:`save`; the digest is the one that :meth:`save` computes.
         """
         values = json.loads(json.dumps(dict(values), allow_nan=False))
-        plain_facts = json.loads(json.dumps({"counts": facts.counts, "warnings": facts.warnings}))
+        plain_facts = json.loads(json.dumps(asdict(facts)))
         digests, files = {}, {}
         for path in sorted(folder.glob("*.npy")):
             digests[path.name] = _npy_digest(path)
@@ -306,12 +306,17 @@ def _map(path: Path) -> AnyArray:
     return array
 
 
-def file_digest(path: Path) -> str:
-    """Compute the XXH3-64 of a file's bytes, 16 hexadecimal digits."""
+def file_digest(path: Path, advance: Callable[[int], None] | None = None) -> str:
+    """Compute the XXH3-64 of a file's bytes, 16 hexadecimal digits.
+
+    `advance` is told how many bytes were read since it was last.
+    """
     digest = xxhash.xxh3_64()
     with path.open("rb") as file:
         while block := file.read(1 << 22):
             digest.update(block)
+            if advance is not None:
+                advance(len(block))
     return digest.hexdigest()
 
 
@@ -360,7 +365,7 @@ def _parse(document: Any) -> StageRecord:
         name=document["name"],
         key=document["key"],
         digest=document["digest"],
-        facts=Facts(facts["counts"], tuple(facts["warnings"])),
+        facts=Facts(facts["counts"], tuple(facts["warnings"]), facts["notes"]),
         cost=Cost(
             float(cost["seconds"]),
             int(cost["peak_bytes"]),

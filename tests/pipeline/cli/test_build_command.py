@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 import typer
+from pipeline.laz_files import Hill, write_tiles
 from typer.testing import CliRunner
 
 from terraport_pipeline.cli import build as command
@@ -29,6 +30,26 @@ def test_a_survey_becomes_a_scene_with_a_table(hill_file: Path, tmp_path: Path) 
         assert word in output
     assert "warning" not in output  # nothing was asked for that was not done
     assert not (tmp_path / "hill" / "report.html").exists()
+
+
+def test_a_folder_and_a_pattern_become_a_scene_and_say_what_was_read(tmp_path: Path) -> None:
+    tiles = write_tiles(tmp_path / "tiles", Hill(3000), tiles=2, margin_m=1.0)
+    (tmp_path / "tiles" / "README.txt").write_text("Delivered on Monday.\n")
+    tiles[3].write_bytes(b"")
+    folder, pattern = tmp_path / "tiles", tmp_path / "tiles" / "*.laz"
+    options = ("-o", tmp_path / "hill", "--min-faces", 150, "--base-faces", "1k", "--no-report")
+    code, said = run(folder, *options)
+    assert code == 1
+    assert "tile_4.laz: the file is empty (0 bytes)" in said
+    assert "or go on without the file: --skip-damaged" in said
+    code, said = run(folder, *options, "--skip-damaged")
+    assert code == 0, said
+    assert "3 files with " in said
+    assert "not read: README.txt (is text beside a survey" in said
+    assert "warning: Left out, as they cannot be read: tile_4.laz (" in said
+    code, said = run(pattern, *options, "--skip-damaged")
+    assert code == 0, said
+    assert "is up to date" in said
 
 
 @pytest.mark.parametrize(

@@ -77,3 +77,27 @@ def test_how_fine_the_surface_was_solved_is_said(tmp_path: Path) -> None:
     assert {row["label"]: row["value"] for row in details}["reconstruction"] == (
         "cells of 1.55 m (octree depth 8); a sample every 1.54 m"
     )
+
+
+def test_the_files_of_a_survey_are_listed_and_what_was_not_read(tmp_path: Path) -> None:
+    scene = write_tiny_scene(tmp_path / "s").path
+    record = {
+        "inputs": [
+            {"name": f"tile_{n}.laz", "bytes": 1000, "points": 10, "repeats": n} for n in range(30)
+        ],
+        "left_out": [
+            {"name": "README.txt", "reason": "is no survey", "damaged": False},
+            {"name": "tile_31.laz", "reason": "it is cut off", "damaged": True},
+        ],
+    }
+    (scene / "build.json").write_text(json.dumps(record))
+    with Scene.open(scene) as opened:
+        details = {
+            row["label"]: row["value"] for row in collect_facts(opened, has_input=False).details
+        }
+    assert details["input"].startswith(
+        "30 files, 30 kB, 300 points (435 of them in several, taken once): tile_0.laz, tile_1"
+    )
+    assert details["input"].endswith("tile_19.laz and 10 more")
+    assert details["damaged files, left out"] == "tile_31.laz (it is cut off)"
+    assert details["files not read"] == "README.txt (is no survey)"

@@ -94,9 +94,9 @@ def test_feet_are_converted(tmp_path: Path) -> None:
 def test_progress_counts_every_point(tmp_path: Path) -> None:
     progress = Recorder()
     read_survey(ply(tmp_path / "a.ply", ["1 2 3"] * 9), progress=progress)
-    assert progress.steps == [("read a.ply", 9, "points")]
-    assert progress.amount == 9
-    assert progress.facts == {"points": 9, "attributes": 0}
+    assert progress.steps == [("read a.ply", 9, "points"), ("read: order", 18, "points")]
+    assert progress.amount == 27
+    assert progress.facts == {"points": 1}  # eight repeat the first
 
 
 def test_max_points(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Read in parts, a survey is what the whole reader makes of it, bit for bit."""
+"""Read in parts and put into order, a survey is what the whole reader makes of it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from pyproj import CRS
 
 from terraport_pipeline.engines.readers import read_e57, read_las, read_pcd, read_ply, read_xyz
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.stages import read_streamed, survey_store
+from terraport_pipeline.stages import read_streamed
 from terraport_pipeline.stages.contract import Context
-from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.stages.read import find_format, read_survey
 
 COUNT = 700
 rng = np.random.default_rng(5)
@@ -34,6 +34,8 @@ def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(read_ply, "_ASCII_CHUNK", 150)
     monkeypatch.setattr(read_xyz, "_BLOCK_BYTES", 4096)
     monkeypatch.setattr(read_streamed, "_BLOCK_ROWS", 128)
+    monkeypatch.setattr(read_streamed, "_BUCKET_ROWS", 200)
+    monkeypatch.setattr(read_streamed, "_SAMPLE_STEP", 7)
 
 
 def write_las(path: Path, *, epsg: int = 32735, widen: int = 257) -> None:
@@ -142,29 +144,76 @@ WRITERS: list[tuple[str, Callable[[Path], None]]] = [
 ]
 
 
+READERS = {
+    "las": read_las.read_las,
+    "ply": read_ply.read_ply,
+    "pcd": read_pcd.read_pcd,
+    "e57": read_e57.read_e57,
+    "xyz": read_xyz.read_xyz,
+}
+
+
+def rows_of(points: np.ndarray, colours: np.ndarray, attributes: list[np.ndarray]) -> np.ndarray:
+    """All values of every point as one row of float64, sorted: a survey without its order."""
+    table = np.column_stack([points, colours, *attributes]).astype(np.float64)
+    return table[np.lexsort(table.T)]
+
+
 @pytest.mark.parametrize(("name", "write"), WRITERS, ids=[name for name, _ in WRITERS])
-@pytest.mark.parametrize("max_points", [None, 200])
-def test_the_same_as_the_whole_reader(
-    tmp_path: Path, name: str, write: Callable[[Path], None], max_points: int | None
+def test_the_same_points_as_the_whole_reader(
+    tmp_path: Path, name: str, write: Callable[[Path], None]
 ) -> None:
     path = tmp_path / name
     write(path)
-    folder = tmp_path / "out"
-    folder.mkdir()
-    values, facts = read_streamed.run(path, folder, Context(tmp_path), max_points=max_points)
-    whole = read_survey(path, max_points=max_points)
-    stored = survey_store.store(whole)
-    assert values == stored.values
-    assert sorted(p.stem for p in folder.glob("*.npy")) == sorted(stored.arrays)
-    for column, expected in stored.arrays.items():
-        loaded = np.load(folder / f"{column}.npy")
-        assert loaded.dtype == expected.dtype, column
-        np.testing.assert_array_equal(loaded, expected)
-    expected_facts = survey_store.facts_of(whole)
-    assert {key: facts.counts[key] for key in expected_facts.counts} == expected_facts.counts
-    assert set(facts.warnings) == set(expected_facts.warnings)
-    assert facts.counts["low"] == whole.points.min(axis=0).tolist()
-    assert facts.counts["high"] == whole.points.max(axis=0).tolist()
+    raw = READERS[find_format(path)](path, advance=lambda _read, _total: None)
+    survey = read_survey(path)
+    finite = np.isfinite(raw.points).all(axis=1)
+    factor = 0.3048006096012192 if name == "feet.las" else 1.0
+    assert list(survey.attributes) == list(raw.attributes)
+    for column, values in survey.attributes.items():
+        assert values.dtype == raw.attributes[column].dtype.newbyteorder("="), column
+    assert (survey.colours is None) == (raw.colours is None)
+    none = np.zeros((int(finite.sum()), 0))
+    np.testing.assert_allclose(
+        rows_of(
+            survey.points,
+            none if survey.colours is None else survey.colours,
+            list(survey.attributes.values()),
+        ),
+        rows_of(
+            raw.points[finite] * factor,
+            none if raw.colours is None else raw.colours[finite],
+            [values[finite] for values in raw.attributes.values()],
+        ),
+        rtol=1e-15,
+    )
+    assert set(raw.warnings) <= set(survey.warnings)
+
+
+@pytest.mark.parametrize(("name", "write"), WRITERS, ids=[name for name, _ in WRITERS])
+def test_thinned_points_are_of_the_survey_and_spread(
+    tmp_path: Path, name: str, write: Callable[[Path], None]
+) -> None:
+    path = tmp_path / name
+    write(path)
+    whole, thin = read_survey(path), read_survey(path, max_points=200)
+    assert len(thin.points) == 200
+    assert {tuple(point) for point in thin.points} <= {tuple(point) for point in whole.points}
+    # Every octant of the box keeps its share.
+    middle = np.median(whole.points, axis=0)
+    octants = [
+        np.bincount((survey.points > middle) @ [1, 2, 4], minlength=8) / len(survey.points)
+        for survey in (whole, thin)
+    ]
+    assert np.abs(octants[0] - octants[1]).max() < 0.05
+
+
+def test_neighbours_in_the_order_are_near_in_space(tmp_path: Path) -> None:
+    write_las(tmp_path / "a.las")
+    points = read_survey(tmp_path / "a.las").points
+    steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    shuffled = np.linalg.norm(np.diff(rng.permutation(points), axis=0), axis=1)
+    assert np.median(steps) < 0.4 * np.median(shuffled)
 
 
 def test_a_compressed_pcd_says_how_to_convert_it(tmp_path: Path) -> None:

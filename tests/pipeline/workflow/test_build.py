@@ -24,6 +24,7 @@ from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.workflow.build import BuildOptions, build, default_work_directory
 from terraport_pipeline.workflow.scene_lock import scene_locked
+from terraport_pipeline.workflow.workdir import file_digest
 from terraport_store.reader import Scene
 from terraport_store.validate import validate_scene
 
@@ -194,7 +195,19 @@ def test_the_report_has_times_and_the_scene_has_none(built: Path) -> None:
     assert "seconds" not in text
     assert str(built) not in text
     assert manifest["build"]["options"]["reconstruct"]["base_faces"] == 800
-    assert manifest["build"]["input"]["name"] == "hill.xyz"
+    # Which points stands in the manifest, which files beside it.
+    assert manifest["build"]["input"]["name"] == "survey"
+    [file] = document["inputs"]
+    survey = built / "hill.xyz"
+    assert file == {
+        "name": "hill.xyz",
+        "format": "xyz",
+        "bytes": survey.stat().st_size,
+        "xxh3": file_digest(survey),
+        "points": 3000,
+        "repeats": 0,
+    }
+    assert document["left_out"] == []
 
 
 def test_the_table_names_every_stage(copy: Path) -> None:
@@ -241,8 +254,9 @@ def test_a_bad_survey_leaves_the_old_scene(copy: Path) -> None:
 def test_paths_that_cannot_be(tmp_path: Path, hill_file: Path) -> None:
     with pytest.raises(SurveyError, match="no file"):
         build(options_for(tmp_path / "none.laz", tmp_path / "scene"))
-    with pytest.raises(SurveyError, match="is a directory"):
-        build(options_for(tmp_path, tmp_path / "scene"))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(SurveyError, match="empty is empty"):
+        build(options_for(tmp_path / "empty", tmp_path / "scene"))
     with pytest.raises(OptionError, match="for the scene to stand in"):
         build(options_for(hill_file, hill_file / "scene"))
     with pytest.raises(OptionError, match="is a file"):

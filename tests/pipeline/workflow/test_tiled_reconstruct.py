@@ -19,9 +19,11 @@ from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import clean, reconstruct
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.survey_files import SurveyFiles
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.workflow import tile_ground, tiled_reconstruct
+from terraport_pipeline.workflow.read_step import read_once
 from terraport_pipeline.workflow.stage_runner import StageRunner
 from terraport_pipeline.workflow.tiled_reconstruct import TiledReconstructed, TileOptions
 from terraport_pipeline.workflow.workdir import WorkDirectory
@@ -56,9 +58,7 @@ def build(
     runner = StageRunner(WorkDirectory(work), True, NullProgress(), 1, 8 << 30)
     return tiled_reconstruct.run(
         runner,
-        survey,
-        "survey",
-        max_points=None,
+        read_once(runner, SurveyFiles.of(survey), max_points=None, bounded=True),
         clean_options=clean.Options(),
         options=options,
         tiles=TileOptions(force=True, depth=7, cluster=cluster),
@@ -237,9 +237,7 @@ def test_a_plan_that_does_not_fit_is_refused(survey: Path, work: Path, tmp_path:
     with pytest.raises(ResourceError, match=r"0\.2 GiB are too little even for the smallest tile"):
         tiled_reconstruct.run(
             runner,
-            survey,
-            "survey",
-            max_points=None,
+            read_once(runner, SurveyFiles.of(survey), max_points=None, bounded=True),
             clean_options=clean.Options(),
             options=OPTIONS,
             tiles=TileOptions(force=True),

@@ -19,7 +19,7 @@ import lazrs
 import numpy as np
 from pyproj.exceptions import CRSError
 
-from terraport_payload.types import AnyArray
+from terraport_payload.types import AnyArray, Float64
 from terraport_pipeline.engines.readers.raw_survey import (
     Advance,
     RawSurvey,
@@ -27,7 +27,7 @@ from terraport_pipeline.engines.readers.raw_survey import (
     thinning_rows,
     to_eight_bits,
 )
-from terraport_pipeline.errors import ReadError
+from terraport_pipeline.errors import NoPointsError, ReadError
 
 __all__ = ["UNSET", "LasStream", "open_las", "read_las"]
 
@@ -45,6 +45,11 @@ _EXTENDED_RECORD_BYTES: Final = 60
 """Sizes of LAS 1.4: public header block, and the heads of variable length records."""
 
 _MAX_POINTS_PER_BYTE: Final = 2000
+
+_MOST_STEPS: Final = 2.0**52
+_STEP_ERROR: Final = 1e-6
+"""Scale and offset count as whole numbers of steps of 1/k up to 2^52 of them, within a millionth of
+one: what is left of a decimal fraction in float64."""
 
 _DAMAGED: Final = (
     laspy.LaspyException,
@@ -120,8 +125,15 @@ class LasStream:
     """Dimensions that the standard names; they are left out where they hold nothing."""
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
-    sides: tuple[float, float, float]
-    """Of the box that the header states, in the file's unit; may be nonsense."""
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+    """Corners of the box that the header states, in the file's unit; may be nonsense."""
+
+    @property
+    def sides(self) -> tuple[float, float, float]:
+        """Sides of that box."""
+        (a, b, c), (x, y, z) = self.low, self.high
+        return x - a, y - b, z - c
 
 
 @contextlib.contextmanager
@@ -158,7 +170,7 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
         header = reader.header
         count = int(header.point_count)
         if count == 0:
-            raise ReadError(path, "the header says 0 points", "export the survey again")
+            raise NoPointsError(path, "the header says 0 points", "export the survey again")
         _check_size(path, header)
         if header.are_points_compressed and _has_whole_table(path, header):
             reader = stack.enter_context(
@@ -184,12 +196,10 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
                     low, high = np.searchsorted(rows, (first, first + len(chunk)))
                     wanted = rows[low:high] - first
                 ticks = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
-                with np.errstate(over="ignore", invalid="ignore"):  # a damaged scale; dropped later
-                    points = ticks * header.scales + header.offsets
+                points = _placed(ticks, header.scales, header.offsets)
                 columns = {name: np.asarray(chunk[name])[wanted] for name in names}
                 yield StreamChunk(points, columns, len(chunk))
 
-        sides = header.maxs - header.mins
         yield LasStream(
             count,
             count if rows is None else len(rows),
@@ -197,8 +207,41 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             warnings,
             frozenset(header.point_format.standard_dimension_names),
             chunks,
-            (float(sides[0]), float(sides[1]), float(sides[2])),
+            _corner(header.mins),
+            _corner(header.maxs),
         )
+
+
+def _placed(ticks: AnyArray, scales: Float64, offsets: Float64) -> Float64:
+    """Turn stored integers (n, 3) into coordinates that do not depend on the file's offset.
+
+    Tilers give every tile an offset of its own, and ``tick * scale + offset`` in floating point
+    then differs in the last bit for one and the same point. Where the offset is a whole number of
+    steps of 1/k, which it nearly always is, the sum is done in integers and divided once: the
+    nearest float64 to the decimal number that is meant.
+    """
+    points = np.empty(ticks.shape)
+    with np.errstate(over="ignore", invalid="ignore"):  # a damaged scale; dropped later
+        for axis in range(3):
+            scale, offset = float(scales[axis]), float(offsets[axis])
+            steps = np.rint(1.0 / scale) if scale > 0 else 0.0
+            first = np.rint(offset * steps)
+            whole = (
+                1.0 <= steps < _MOST_STEPS
+                and abs(scale * steps - 1.0) < _STEP_ERROR
+                and abs(first) < _MOST_STEPS
+                and abs(offset * steps - first) <= max(_STEP_ERROR, float(np.spacing(abs(first))))
+            )
+            if whole:
+                points[:, axis] = (ticks[:, axis].astype(np.int64) + int(first)) / steps
+            else:
+                points[:, axis] = ticks[:, axis] * scale + offset
+    return points
+
+
+def _corner(values: Any) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    return x, y, z
 
 
 def _check_records(path: Path) -> None:

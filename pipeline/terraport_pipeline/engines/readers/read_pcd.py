@@ -27,9 +27,9 @@ from terraport_pipeline.engines.readers.raw_survey import (
     thinning_rows,
     to_eight_bits,
 )
-from terraport_pipeline.errors import ReadError
+from terraport_pipeline.errors import NoPointsError, ReadError
 
-__all__ = ["PcdStream", "read_pcd", "stream_pcd"]
+__all__ = ["PcdStream", "is_binary_pcd", "read_pcd", "stream_pcd"]
 
 _MAX_HEADER_BYTES: Final = 1 << 14
 
@@ -128,6 +128,12 @@ def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
     return PcdStream(meta.points, colours, chunks)
 
 
+def is_binary_pcd(path: Path) -> bool:
+    """Whether the points are plain binary, which :func:`stream_pcd` needs."""
+    meta, _ = _check_header(path)
+    return bool(meta.data == Encoding.BINARY)
+
+
 def _unpacked(values: AnyArray) -> UInt8:
     """Unpack 0x00RRGGBB to red, green, blue (n, 3)."""
     bits = np.ascontiguousarray(values).view(np.uint32)
@@ -138,7 +144,7 @@ def _check_header(path: Path) -> tuple[Any, int]:
     """Read the header and check all that it says; with where the points begin."""
     meta, start = _read_header(path)
     if meta.points == 0:
-        raise ReadError(path, "the header says 0 points", "export the survey again")
+        raise NoPointsError(path, "the header says 0 points", "export the survey again")
     single = {name for name, count in zip(meta.fields, meta.count, strict=True) if count == 1}
     missing = [axis for axis in "xyz" if axis not in single]
     if missing:

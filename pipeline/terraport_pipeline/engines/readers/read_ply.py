@@ -26,7 +26,7 @@ from terraport_pipeline.engines.readers.raw_survey import (
 )
 from terraport_pipeline.errors import ReadError
 
-__all__ = ["PlyStream", "read_ply", "stream_ply"]
+__all__ = ["PlyStream", "has_faces", "read_ply", "stream_ply"]
 
 _MAX_HEADER_BYTES: Final = 1 << 16
 """A header of 64 KiB has a thousand properties; more is no PLY."""
@@ -144,6 +144,16 @@ def stream_ply(path: Path, *, max_points: int | None = None) -> PlyStream:
             yield StreamChunk(points, columns, read)
 
     return PlyStream(vertex.count, _ignored(others), find_colours(names) or (), chunks)
+
+
+def has_faces(path: Path) -> bool:
+    """Whether a file is a mesh by its header; False where that cannot be read."""
+    try:
+        with path.open("rb") as file:
+            header = _read_header(path, file)
+    except (OSError, ReadError):
+        return False
+    return any(element.name == "face" and element.count for element in header.elements)
 
 
 def _ignored(others: list[_Element]) -> tuple[str, ...]:

@@ -35,7 +35,7 @@ from terraport_pipeline.engines.readers.text_columns import (
 )
 from terraport_pipeline.errors import ReadError
 
-__all__ = ["XyzStream", "read_xyz", "stream_xyz"]
+__all__ = ["XyzStream", "is_table", "read_xyz", "stream_xyz"]
 
 _SAMPLE_BYTES: Final = 1 << 16
 _SAMPLE_ROWS: Final = 200
@@ -147,6 +147,15 @@ def stream_xyz(path: Path, *, max_points: int | None = None) -> XyzStream:
             first += batch.num_rows
 
     return XyzStream(path.stat().st_size, tuple(warnings), _COLOURS if has_colour else (), chunks)
+
+
+def is_table(path: Path) -> bool:
+    """Whether a text begins as a table of points does."""
+    try:
+        _find_layout(path)
+    except (OSError, ReadError):
+        return False
+    return True
 
 
 def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], int]:

@@ -8,7 +8,7 @@ deep the colours are) is written down as rules for whoever puts the parts togeth
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -16,19 +16,28 @@ from typing import Any, Final
 from terraport_pipeline.engines.readers.raw_survey import StreamChunk
 from terraport_pipeline.engines.readers.read_e57 import open_e57
 from terraport_pipeline.engines.readers.read_las import UNSET, open_las
-from terraport_pipeline.engines.readers.read_pcd import stream_pcd
+from terraport_pipeline.engines.readers.read_pcd import is_binary_pcd, read_pcd, stream_pcd
 from terraport_pipeline.engines.readers.read_ply import stream_ply
 from terraport_pipeline.engines.readers.read_xyz import stream_xyz
+from terraport_pipeline.engines.readers.survey_format import find_format
 
-__all__ = ["SurveySize", "SurveyStream", "open_stream", "survey_size"]
+__all__ = [
+    "FileHead",
+    "SurveySize",
+    "SurveyStream",
+    "open_stream",
+    "read_head",
+    "survey_size",
+]
 
 _LAS_COLOURS: Final = ("red", "green", "blue")
+_PCD_COLOUR: Final = "rgb"
 
 
 _WIDEST: Final = 1e7
 """A header that states a wider box is wrong."""
 
-_BYTES_PER_POINT: Final = {"xyz": 40, "e57": 20, "pcd": 20, "ply": 27}
+_BYTES_PER_POINT: Final = {"xyz": 40, "pcd": 20}
 """Of usual coloured files; only decides early whether a survey might not fit."""
 
 
@@ -60,68 +69,97 @@ class SurveyStream:
 
 
 @dataclass(frozen=True, slots=True)
+class FileHead:
+    """What a file's header says, without its points."""
+
+    points: int
+    """By the header; for text, and formats whose header is not looked at, by the file's size."""
+    crs: Any | None = None
+    """pyproj.CRS as the file states it."""
+    low: tuple[float, float, float] | None = None
+    high: tuple[float, float, float] | None = None
+    """Corners of its box, in the file's unit; None where the header does not say them."""
+
+
+@dataclass(frozen=True, slots=True)
 class SurveySize:
-    """What a survey's header says of its size."""
+    """How large a survey is by the headers of its files."""
 
     points: int
     extent: float | None = None
-    """Longest side, in the file's unit; None where the header does not say it."""
+    """Longest side, in the files' unit; None where a header does not say it."""
     area: float | None = None
     """Of the box seen from above, in the same unit squared."""
 
 
-def survey_size(path: Path, name: str) -> SurveySize:
-    """Read how large a survey is, without its points.
+def read_head(path: Path, name: str) -> FileHead:
+    """Read what a file's header says.
 
     Parameters
     ----------
     path : pathlib.Path
     name : str
-        Format, from :func:`terraport_pipeline.stages.read.find_format`.
-
-    Returns
-    -------
-    SurveySize
-        By its header; for text, and for formats that are not read in parts, by the file's size.
+        Format, from :func:`~terraport_pipeline.engines.readers.survey_format.find_format`; empty where
+        that refused the file: it does so again here.
 
     Raises
     ------
     ReadError
         The header is damaged.
     """
+    name = name or find_format(path)
     if name == "las":
-        with open_las(path) as stream:
-            x, y, z = stream.sides
-            if all(0 < side < _WIDEST for side in stream.sides):
-                return SurveySize(stream.count, max(x, y, z), x * y)
-            return SurveySize(stream.count)
-    return SurveySize(path.stat().st_size // _BYTES_PER_POINT.get(name, 30))
+        with open_las(path) as las:
+            sane = all(0 < side < _WIDEST for side in las.sides)  # some writers leave it 0
+            corners = (las.low, las.high) if sane else (None, None)
+            return FileHead(las.count, las.crs, *corners)
+    if name == "e57":
+        with open_e57(path) as e57:
+            return FileHead(e57.count, e57.crs)
+    if name == "ply":
+        return FileHead(stream_ply(path).count)
+    return FileHead(path.stat().st_size // _BYTES_PER_POINT[name])
+
+
+def survey_size(heads: Sequence[FileHead]) -> SurveySize:
+    """Say how large a survey of so many files is."""
+    points = sum(head.points for head in heads)
+    boxes = [(h.low, h.high) for h in heads if h.low is not None and h.high is not None]
+    if len(boxes) < len(heads):
+        return SurveySize(points)
+    sides = [
+        max(high[axis] for _, high in boxes) - min(low[axis] for low, _ in boxes)
+        for axis in range(3)
+    ]
+    if not all(0 < side < _WIDEST for side in sides):
+        return SurveySize(points)
+    return SurveySize(points, max(sides), sides[0] * sides[1])
 
 
 @contextlib.contextmanager
-def open_stream(path: Path, name: str, *, max_points: int | None = None) -> Iterator[SurveyStream]:
+def open_stream(path: Path, name: str, *, bounded: bool = True) -> Iterator[SurveyStream]:
     """Open a survey for reading in parts.
 
     Parameters
     ----------
     path : pathlib.Path
     name : str
-        Format, from :func:`terraport_pipeline.stages.read.find_format`.
-    max_points : int, optional
-        Thin to this many points.
+        Format, from :func:`~terraport_pipeline.engines.readers.survey_format.find_format`.
+    bounded : bool
+        Refuse what can only be read whole; otherwise it comes as one part.
 
     Raises
     ------
     ReadError
         The file is damaged, or of a kind that cannot be read in parts; says how to convert it.
     """
-    with _OPENERS[name](path, max_points) as stream:
+    with _OPENERS[name](path, bounded) as stream:
         yield stream
 
 
 @contextlib.contextmanager
-def _open_las(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
-    with open_las(path, max_points=max_points) as stream:
+def _open_las(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
+    with open_las(path) as stream:
         unset = {name: UNSET.get(name, (0,)) for name in stream.standard}
         yield SurveyStream(
             "las",
@@ -137,30 +175,48 @@ def _open_las(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
 
 
 @contextlib.contextmanager
-def _open_ply(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
-    ply = stream_ply(path, max_points=max_points)
+def _open_ply(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
+    ply = stream_ply(path)
     yield SurveyStream(
         "ply", ply.count, "points", ply.chunks, warnings=ply.warnings, colours=ply.colours
     )
 
 
 @contextlib.contextmanager
-def _open_pcd(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
-    pcd = stream_pcd(path, max_points=max_points)
+def _open_pcd(path: Path, bounded: bool) -> Iterator[SurveyStream]:
+    if not bounded and not is_binary_pcd(path):
+        yield _whole_pcd(path)
+        return
+    pcd = stream_pcd(path)
     yield SurveyStream("pcd", pcd.count, "points", pcd.chunks, colours=pcd.colours)
 
 
+def _whole_pcd(path: Path) -> SurveyStream:
+    """Read a PCD of text or compressed points whole, and give it as one part."""
+    raw = read_pcd(path, advance=lambda _read, _total: None)
+    colours = {} if raw.colours is None else {_PCD_COLOUR: raw.colours}
+    part = StreamChunk(raw.points, {**raw.attributes, **colours}, len(raw.points))
+    return SurveyStream(
+        "pcd",
+        len(raw.points),
+        "points",
+        lambda: iter((part,)),
+        warnings=raw.warnings,
+        colours=tuple(colours),
+    )
+
+
 @contextlib.contextmanager
-def _open_xyz(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
-    text = stream_xyz(path, max_points=max_points)
+def _open_xyz(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
+    text = stream_xyz(path)
     yield SurveyStream(
         "xyz", text.size, "bytes", text.chunks, warnings=text.warnings, colours=text.colours
     )
 
 
 @contextlib.contextmanager
-def _open_e57(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
-    with open_e57(path, max_points=max_points) as stream:
+def _open_e57(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
+    with open_e57(path) as stream:
         yield SurveyStream(
             "e57",
             stream.count,
@@ -175,7 +231,7 @@ def _open_e57(path: Path, max_points: int | None) -> Iterator[SurveyStream]:
         )
 
 
-_OPENERS: Final[dict[str, Callable[[Path, int | None], Any]]] = {
+_OPENERS: Final[dict[str, Callable[[Path, bool], Any]]] = {
     "las": _open_las,
     "ply": _open_ply,
     "pcd": _open_pcd,

@@ -1,0 +1,93 @@
+"""Which reader a survey's file needs: by its first bytes, and by its name only where it is text."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Final
+
+from terraport_pipeline.errors import ReadError
+
+__all__ = ["FORMATS", "find_format", "is_binary_survey"]
+
+FORMATS: Final[dict[str, tuple[str, ...]]] = {
+    "las": (".las", ".laz"),
+    "ply": (".ply",),
+    "pcd": (".pcd",),
+    "e57": (".e57",),
+    "xyz": (".xyz", ".csv", ".txt", ".asc", ".pts", ".xyzrgb", ".dat"),
+}
+"""Readers and the file name endings that belong to them."""
+
+_MAGIC: Final = {
+    "las": (b"LASF",),
+    "ply": (b"ply\n", b"ply\r", b"ply "),
+    "pcd": (b"# .PCD", b"VERSION .7", b"VERSION 0.7"),
+    "e57": (b"ASTM-E57",),
+}
+
+_FOREIGN: Final = (
+    (b"version https://git-lfs", "a Git LFS pointer", "fetch the file itself: git lfs pull"),
+    (b"PK\x03\x04", "a ZIP archive", "unpack it and give the survey in it"),
+    (b"\x1f\x8b", "a gzip archive", "unpack it and give the survey in it"),
+    (b"<!DOCTYPE", "a web page", "download the file itself"),
+    (b"<html", "a web page", "download the file itself"),
+)
+
+
+def find_format(path: Path) -> str:
+    """Say which reader a file needs: a key of :data:`FORMATS`.
+
+    Raises
+    ------
+    ReadError
+        When there is no such file, it is empty, or nothing here reads it.
+    """
+    # (1) Something to read.
+    if not path.exists():
+        raise ReadError(path, "there is no such file", "check the name")
+    if not path.is_file():
+        raise ReadError(path, "this is a folder, expected one file", "name the survey in it")
+    try:
+        with path.open("rb") as file:
+            head = file.read(4096)
+    except OSError as error:
+        raise ReadError(path, f"the file cannot be opened ({error})", "check its rights") from error
+    if not head:
+        raise ReadError(path, "the file is empty (0 bytes)", "copy or export it again")
+    # (2) By content: first bytes of the formats, and of files that people give by mistake.
+    for name, starts in _MAGIC.items():
+        if head.startswith(starts):
+            return name
+    for start, what, advice in _FOREIGN:
+        if head.startswith(start):
+            raise ReadError(path, f"this is {what}, no survey", advice)
+    if head.lstrip().startswith(b"# .PCD") or b"\nFIELDS" in head[:512]:
+        return "pcd"
+    # (3) By name, only for text, which has no first bytes of its own.
+    suffix = path.suffix.lower()
+    if suffix in FORMATS["xyz"]:
+        return "xyz"
+    for name, suffixes in FORMATS.items():
+        if suffix in suffixes:
+            raise ReadError(
+                path,
+                f"the file starts with {head[:8]!r}, expected {_MAGIC[name][0]!r} of a {suffix} "
+                "file",
+                "it is damaged or has the wrong name: export it again",
+                "byte 0",
+            )
+    readable = ", ".join(ending for endings in FORMATS.values() for ending in endings)
+    raise ReadError(
+        path,
+        f"{suffix or 'a name without ending'} is no known kind of survey (the file starts with "
+        f"{head[:8]!r})",
+        f"terraport reads {readable}",
+    )
+
+
+def is_binary_survey(path: Path) -> bool:
+    """Whether a file's first bytes are those of a survey; a text is none by its bytes."""
+    try:
+        return find_format(path) != "xyz"
+    except ReadError:
+        return False

@@ -1,0 +1,458 @@
+"""The files of a survey: one, several, or a delivery in a folder, found and told apart.
+
+What a user gives (files, folders, patterns) becomes one value that every reader takes. Their order
+is natural (``tile_2`` before ``tile_10``) and only matters to the eye: points are put into an order
+of their own when they are read.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any, Final
+
+import xxhash
+
+from terraport_pipeline.engines.readers.read_ply import has_faces
+from terraport_pipeline.engines.readers.read_xyz import is_table
+from terraport_pipeline.engines.readers.survey_format import FORMATS, find_format
+from terraport_pipeline.engines.readers.survey_stream import FileHead, read_head
+from terraport_pipeline.errors import NoPointsError, ReadError, SurveyError
+from terraport_pipeline.progress import Progress
+
+__all__ = [
+    "MAX_FILES",
+    "SurveyFile",
+    "SurveyFiles",
+    "damage_of",
+    "find_survey",
+    "listed",
+    "one_crs",
+    "refuse_far",
+]
+
+MAX_FILES: Final = 10_000
+"""Files of one survey."""
+
+_MAX_ENTRIES: Final = 1_000_000
+"""Entries of a folder that are looked at, folders within it included."""
+
+_LISTED: Final = 3
+"""Names in a message; of the others the number."""
+
+_TEXT: Final = "xyz"
+
+_UNSURE_TEXT: Final = frozenset({".txt", ".csv", ".dat"})
+"""Endings of text that is as often something else."""
+
+_SCENE: Final = "scene.json"
+
+_FAR: Final = 100_000.0
+"""Files of one survey lie nearer to each other than this, in metres or the CRS's unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyFile:
+    """One file of a survey."""
+
+    path: Path
+    name: str
+    """For people: relative to the folder that was given, else the file's own name."""
+    format: str
+    """Key of :data:`~terraport_pipeline.engines.readers.survey_format.FORMATS`."""
+    bytes: int
+    xxh3: str = ""
+    """XXH3-64 of its bytes; empty until it was computed."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyFiles:
+    """Files that are one survey, in natural order, and what was left out."""
+
+    title: str
+    """For people: the file's name, the folder's, or ``9 files``."""
+    files: tuple[SurveyFile, ...]
+    ignored: tuple[tuple[str, str], ...] = ()
+    """Name and reason of what is no part of the survey."""
+    damaged: tuple[tuple[str, str], ...] = ()
+    """Name and reason of files that cannot be read and are left out because that was asked for."""
+    skip_damaged: bool = False
+    """Leave out what cannot be read, where anything is left."""
+
+    @classmethod
+    def of(cls, path: Path | str | SurveyFiles) -> SurveyFiles:
+        """Make the value of a single file; a value stays as it is."""
+        if isinstance(path, SurveyFiles):
+            return path
+        path = Path(path)
+        file = SurveyFile(path, path.name, find_format(path), path.stat().st_size)
+        return cls(path.name, (file,))
+
+    @property
+    def size_bytes(self) -> int:
+        """Bytes of all files together."""
+        return sum(file.bytes for file in self.files)
+
+    @property
+    def key(self) -> str:
+        """What identifies the files' bytes, whatever their names and order."""
+        each = sorted(f"{f.bytes}-{f.xxh3}-{_suffix(f)}" for f in self.files)
+        return (
+            "+".join(each) if len(each) == 1 else xxhash.xxh3_128_hexdigest("+".join(each).encode())
+        )
+
+    def heads(self, progress: Progress) -> tuple[SurveyFiles, tuple[FileHead, ...]]:
+        """Read every file's header, and refuse what cannot be one survey, before any point is read.
+
+        Returns
+        -------
+        survey : SurveyFiles
+            Without files that say they have no points and, if asked for, without damaged ones.
+        heads : tuple of FileHead
+            One for each file that is left.
+
+        Raises
+        ------
+        ReadError
+            A file is damaged.
+        SurveyError
+            Several are; or the files are in different coordinate reference systems, or far apart.
+        """
+        # (1) Every header. Of a single file all errors stand as they are.
+        alone = len(self.files) == 1
+        heads: dict[SurveyFile, FileHead] = {}
+        empty: list[tuple[str, str]] = []
+        damaged: list[tuple[SurveyFile, ReadError]] = []
+        if not alone:
+            progress.start("read: headers", float(len(self.files)), "files")
+        for file in self.files:
+            try:
+                heads[file] = read_head(file.path, file.format)
+            except NoPointsError:
+                if alone:
+                    raise
+                empty.append((file.name, "has no points"))
+            except ReadError as error:
+                if alone:
+                    raise
+                damaged.append((file, error))
+            if not alone:
+                progress.advance(1)
+        if not alone:
+            points = sum(head.points for head in heads.values())
+            left = len(self.ignored) + len(empty) + len(damaged)
+            progress.done({"files": len(heads), "points": points, "left out": left})
+        # (2) Damage: refused with all names at once, or left out.
+        if damaged and not self.skip_damaged:
+            raise damage_of([error for _, error in damaged], len(self.files))
+        if not heads:
+            raise SurveyError(
+                f"{self.title}: none of {len(self.files)} files can be used: "
+                f"{listed([*(f.name for f, _ in damaged), *(name for name, _ in empty)])}"
+            )
+        kept = tuple(heads)
+        _near_each_other(kept, [heads[file] for file in kept])
+        one_crs([(file.name, heads[file].crs) for file in kept])
+        survey = replace(
+            self,
+            files=kept,
+            ignored=(*self.ignored, *empty),
+            damaged=(*self.damaged, *((f.name, e.reason) for f, e in damaged)),
+        )
+        return survey, tuple(heads.values())
+
+
+def find_survey(inputs: Sequence[Path] | Path, *, skip_damaged: bool = False) -> SurveyFiles:
+    """Find the files of a survey.
+
+    Parameters
+    ----------
+    inputs : path or sequence of paths
+        Files, folders (searched with the folders in them) and patterns (``tiles/*.laz``; ``**``
+        for any folders). A file that is named is taken whatever its ending; in a folder what is
+        no survey is left alone and listed; hidden files are passed over.
+    skip_damaged : bool
+        Leave out damaged files when they are found, and say so.
+
+    Returns
+    -------
+    SurveyFiles
+        Without hashes. Each file once, also where links lead to it twice.
+
+    Raises
+    ------
+    SurveyError
+        There is no such file, no file matches, a folder holds no survey, or there are too many.
+    ReadError
+        A file that was named is no survey.
+    """
+    inputs = [inputs] if isinstance(inputs, Path) else list(inputs)
+    found: list[SurveyFile] = []
+    ignored: list[tuple[str, str]] = []
+    # (1) What was named: files as they are, folders searched, patterns expanded. Of several files
+    # those whose kind cannot be told are kept without one: all damage is told together, later.
+    paths = [path for given in inputs for path in _expanded(given)]
+    alone = len(paths) == 1
+    for path in paths:
+        if path.is_dir():
+            _search(path, "" if alone else f"{path.resolve().name}/", found, ignored)
+            continue
+        try:
+            kind = find_format(path)
+        except ReadError:
+            if alone:
+                raise
+            kind = ""
+        found.append(SurveyFile(path, path.name, kind, _size(path)))
+    # (2) Each file once, by its own name rather than a link's; in natural order.
+    unique: dict[object, SurveyFile] = {}
+    for file in sorted(found, key=lambda file: (file.path.is_symlink(), _natural(file.name))):
+        first = unique.setdefault(_identity(file.path), file)
+        if first is not file:
+            ignored.append((file.name, f"is the same file as {first.name}"))
+    files = tuple(sorted(unique.values(), key=lambda file: _natural(file.name)))
+    if len(files) > MAX_FILES:
+        raise SurveyError(
+            f"{len(files):,} files; a survey has at most {MAX_FILES:,}: merge some of them first"
+        )
+    if not files:
+        raise _nothing_found(inputs, ignored)
+    # (3) Its name for people.
+    [given, *more] = inputs
+    title = f"{len(files)} files"
+    if len(files) == 1:
+        title = files[0].name
+    elif not more and given.is_dir():
+        title = given.resolve().name or str(given)
+    return SurveyFiles(title, files, tuple(ignored), skip_damaged=skip_damaged)
+
+
+def one_crs(files: Sequence[tuple[str, Any | None]]) -> Any | None:
+    """Find the coordinate reference system that all files which state one agree on.
+
+    Parameters
+    ----------
+    files : sequence of (str, pyproj.CRS or None)
+        Name of every file, and what it states.
+
+    Returns
+    -------
+    pyproj.CRS or None
+        None where no file states one.
+
+    Raises
+    ------
+    SurveyError
+        Two state different ones; names the files of each.
+    """
+    groups: list[tuple[Any, list[str]]] = []
+    known: dict[str, list[str]] = {}  # the comparison of two systems is slow, that of texts is not
+    for name, crs in files:
+        if crs is None:
+            continue
+        text = crs.srs
+        if text not in known:
+            group = next((names for other, names in groups if other == crs), None)
+            if group is None:
+                group = []
+                groups.append((crs, group))
+            known[text] = group
+        known[text].append(name)
+    if len(groups) > 1:
+        stated = "; ".join(f"{crs.name} in {listed(names)}" for crs, names in groups)
+        raise SurveyError(
+            f"the files are in {len(groups)} coordinate reference systems ({stated}); expected "
+            "one: reproject some (PDAL filters.reprojection, las2las), or build them apart"
+        )
+    return groups[0][0] if groups else None
+
+
+def listed(names: Sequence[str]) -> str:
+    """Join names for a message: the first few, and how many more.
+
+    Examples
+    --------
+    >>> listed(["a", "b", "c", "d", "e"])
+    'a, b, c and 2 more'
+    """
+    if len(names) <= _LISTED + 1:
+        return ", ".join(names)
+    return f"{', '.join(names[:_LISTED])} and {len(names) - _LISTED} more"
+
+
+def damage_of(errors: Sequence[ReadError], count: int) -> ReadError | SurveyError:
+    """Say of a survey in several files which of them are damaged, and how to go on without."""
+    if len(errors) == 1:
+        error = errors[0]
+        advice = f"{error.advice}, or go on without the file: --skip-damaged"
+        return ReadError(error.path, error.reason, advice, error.location)
+    each = "\n  ".join(str(error) for error in errors)
+    return SurveyError(
+        f"{len(errors)} of {count} files cannot be read; --skip-damaged goes on without them:\n"
+        f"  {each}"
+    )
+
+
+def _expanded(given: Path) -> list[Path]:
+    """Expand a pattern, unless there is a file of that very name."""
+    if given.exists():
+        return [given]
+    anchor = given
+    while re.search(r"[*?\[]", str(anchor)):
+        anchor = anchor.parent
+    if anchor == given:
+        raise SurveyError(f"no file {given}")
+    paths = list(anchor.glob(str(given.relative_to(anchor))))
+    if not paths:
+        raise SurveyError(f"no file matches {given}; check the folder and the ending")
+    return sorted(paths, key=lambda path: _natural(str(path)))
+
+
+def _search(
+    folder: Path, prefix: str, found: list[SurveyFile], ignored: list[tuple[str, str]]
+) -> None:
+    """Take the surveys out of a folder and those in it, and list what is none."""
+    # (1) By kind: binary formats by their first bytes, text apart.
+    text: list[SurveyFile] = []
+    binary = 0
+    for path in _walk(folder):
+        name = prefix + path.relative_to(folder).as_posix()
+        if path.suffix.lower() not in _ENDINGS:
+            ignored.append((name, "is no survey"))
+            continue
+        try:
+            kind = find_format(path)
+        except ReadError as error:
+            if path.suffix.lower() in FORMATS[_TEXT]:
+                ignored.append((name, error.reason))
+                continue
+            kind = ""  # damaged, or a link to nothing: told with the others when headers are read
+        file = SurveyFile(path, name, kind, _size(path))
+        if kind == _TEXT:
+            text.append(file)
+        elif kind == "ply" and has_faces(path):
+            ignored.append((name, "is a mesh; name it to read its vertices"))
+        else:
+            found.append(file)
+            binary += 1
+    # (2) A text beside LAZ is a list or a note far more often than a survey; alone it is one, if
+    # it is a table of numbers.
+    for file in text:
+        if binary:
+            ignored.append((file.name, "is text beside a survey; name it to read it as points"))
+        elif file.path.suffix.lower() in _UNSURE_TEXT and not is_table(file.path):
+            ignored.append((file.name, "is no table of points"))
+        else:
+            found.append(file)
+
+
+_ENDINGS: Final = frozenset(ending for endings in FORMATS.values() for ending in endings)
+
+
+def _walk(folder: Path) -> Iterator[Path]:
+    """Yield the files of a folder and of those in it, hidden ones left out, each folder once."""
+    seen: set[tuple[int, int]] = set()
+    entries = 0
+    for root, folders, names in os.walk(folder, followlinks=True):
+        stat = Path(root).stat()
+        if (stat.st_dev, stat.st_ino) in seen:  # a link that leads back
+            folders.clear()
+            continue
+        seen.add((stat.st_dev, stat.st_ino))
+        if _SCENE in names:  # a scene of ours beside the survey
+            folders.clear()
+            continue
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        entries += len(names) + len(folders)
+        if entries > _MAX_ENTRIES:
+            raise SurveyError(
+                f"{folder} holds more than {_MAX_ENTRIES:,} files; give the folder of the survey"
+            )
+        for name in sorted(names):
+            path = Path(root, name)
+            if not name.startswith(".") and (path.is_file() or path.is_symlink()):
+                yield path
+
+
+def _identity(path: Path) -> object:
+    """Tell files from links to them; a link to nothing is itself."""
+    try:
+        stat = path.stat()
+    except OSError:
+        return path
+    return stat.st_dev, stat.st_ino
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _nothing_found(inputs: Sequence[Path], ignored: list[tuple[str, str]]) -> SurveyError:
+    where = ", ".join(map(str, inputs))
+    if not ignored:
+        return SurveyError(f"{where} is empty; expected a folder with a survey in it")
+    readable = ", ".join(ending for endings in FORMATS.values() for ending in endings)
+    return SurveyError(
+        f"{where} holds no survey, but {listed([name for name, _ in ignored])}; terraport reads "
+        f"{readable}"
+    )
+
+
+def _near_each_other(files: Sequence[SurveyFile], heads: Sequence[FileHead]) -> None:
+    """Refuse a file whose header puts it far from most others."""
+    middles = [
+        tuple((a + b) / 2 for a, b in zip(head.low, head.high, strict=True))
+        for head in heads
+        if head.low is not None and head.high is not None
+    ]
+    names = [file.name for file, head in zip(files, heads, strict=True) if head.low is not None]
+    refuse_far(names, middles)
+
+
+def refuse_far(names: Sequence[str], middles: Sequence[Sequence[float]]) -> None:
+    """Refuse files far from most others.
+
+    Parameters
+    ----------
+    names : sequence of str
+    middles : sequence of (float, float, float)
+        Middle of each file's box.
+
+    Raises
+    ------
+    SurveyError
+        Names the files.
+    """
+    if len(middles) < 2:
+        return
+    usual = [sorted(axis)[len(middles) // 2] for axis in zip(*middles, strict=True)]
+    away = [max(abs(middle[axis] - usual[axis]) for axis in (0, 1)) for middle in middles]
+    far = [name for name, distance in zip(names, away, strict=True) if not distance < _FAR]
+    if far:
+        raise SurveyError(
+            f"{listed(far)} lies {max(away) / 1000:,.0f} km from the other files; expected one "
+            "survey: is it in another coordinate reference system, or in local coordinates?"
+        )
+
+
+def _natural(name: str) -> list[tuple[int, int, str]]:
+    """Key that sorts numbers in names by value.
+
+    Examples
+    --------
+    >>> sorted(["t10", "t9", "a"], key=_natural)
+    ['a', 't9', 't10']
+    """
+    pieces = re.split(r"([0-9]+)", name)
+    return [(0, int(p), "") if i % 2 else (1, 0, p) for i, p in enumerate(pieces)]
+
+
+def _suffix(file: SurveyFile) -> str:
+    """Give the ending of a text, which says how its columns are meant; nothing else has it."""
+    return file.path.suffix.lower() if file.format == _TEXT else ""

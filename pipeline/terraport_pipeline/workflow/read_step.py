@@ -1,0 +1,138 @@
+"""The first step of every build: which files, do they fit together, and their points on disk."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any, Final
+
+from terraport_pipeline.code_digest import code_digest
+from terraport_pipeline.engines.readers.survey_stream import FileHead
+from terraport_pipeline.model import Survey
+from terraport_pipeline.progress import Progress
+from terraport_pipeline.stages import read_streamed, survey_store
+from terraport_pipeline.survey_files import SurveyFile, SurveyFiles
+from terraport_pipeline.workflow.stage_runner import StageRunner, Step
+from terraport_pipeline.workflow.workdir import StageRecord, file_digest, stage_key
+from terraport_store.manifest import InputInfo
+
+__all__ = ["input_info", "inputs_of", "look_at_survey", "read_once", "survey_in_memory"]
+
+_MOST_LEFT_OUT: Final = 1000
+"""Files beside a survey that build.json lists: a folder may hold a hundred thousand photos."""
+
+
+def look_at_survey(
+    runner: StageRunner, survey: SurveyFiles
+) -> tuple[SurveyFiles, tuple[FileHead, ...]]:
+    """Read the headers of a survey's files and hash them, before any point is read.
+
+    Raises
+    ------
+    SurveyError, ReadError
+        As :meth:`~terraport_pipeline.survey_files.SurveyFiles.heads`.
+    """
+    survey, heads = survey.heads(runner.progress)
+    head_of = {file.path: head for file, head in zip(survey.files, heads, strict=True)}
+    survey = _hashed(survey, runner.progress)
+    return survey, tuple(head_of[file.path] for file in survey.files)
+
+
+def read_once(
+    runner: StageRunner, survey: SurveyFiles, *, max_points: int | None, bounded: bool
+) -> StageRecord:
+    """Read a survey to columns on disk, or take them up.
+
+    Parameters
+    ----------
+    runner : StageRunner
+        Gets the report.
+    survey : SurveyFiles
+        Hashed.
+    max_points : int or None
+        Thin to this many points.
+    bounded : bool
+        Refuse files that can only be read whole.
+    """
+    options = {
+        "max_points": max_points,
+        "skip_damaged": survey.skip_damaged,
+        "damaged": [list(pair) for pair in survey.damaged],
+    }
+    return runner.folder_step(
+        read_streamed.NAME,
+        stage_key(
+            read_streamed.NAME,
+            code_digest(read_streamed.__name__),
+            options,
+            {"files": survey.key},
+        ),
+        lambda folder, context: read_streamed.run(
+            survey, folder, context, max_points=max_points, bounded=bounded
+        ),
+    )
+
+
+def survey_in_memory(runner: StageRunner, record: StageRecord) -> Step[Survey]:
+    """Make the step whose value is the survey's points in memory, loaded when asked for."""
+    return Step(record, None, lambda: survey_store.restore(runner.work.load(record), record.facts))
+
+
+def input_info(record: StageRecord) -> InputInfo:
+    """Say in the manifest which points a scene was built from, whatever files they came in.
+
+    The files stand in ``build.json``: in the manifest they would give one survey two versions.
+    """
+    return InputInfo(name="survey", bytes=sum(record.files.values()), xxh3=record.digest[:16])
+
+
+def inputs_of(survey: SurveyFiles, record: StageRecord) -> dict[str, Any]:
+    """List for ``build.json`` the files that a scene was built from, and those that it was not.
+
+    Returns
+    -------
+    dict
+        ``inputs``: name, format, bytes, xxh3, points (in the file) and repeats (of these, how many
+        a file before it has too, in every value; they were taken once). ``left_out``: name,
+        reason, damaged.
+    """
+    notes = record.facts.notes
+    read = {file["xxh3"]: file for file in notes["files"]}
+    damaged = [*survey.damaged, *((name, reason) for name, reason in notes["damaged"])]
+    ignored = [*survey.ignored, *((name, "has no points") for name in notes["empty"])]
+    if len(ignored) > _MOST_LEFT_OUT:
+        more = f"{len(ignored) - _MOST_LEFT_OUT:,} more files"
+        ignored = [*ignored[:_MOST_LEFT_OUT], (more, "not listed")]
+    return {
+        "inputs": [
+            {
+                "name": file.name,
+                "format": file.format,
+                "bytes": file.bytes,
+                "xxh3": file.xxh3,
+                "points": read[file.xxh3]["points"],
+                "repeats": read[file.xxh3]["repeats"],
+            }
+            for file in survey.files
+            if file.xxh3 in read
+        ],
+        "left_out": [
+            *({"name": n, "reason": reason, "damaged": True} for n, reason in damaged),
+            *({"name": n, "reason": reason, "damaged": False} for n, reason in ignored),
+        ],
+    }
+
+
+def _hashed(survey: SurveyFiles, progress: Progress) -> SurveyFiles:
+    """Compute every file's hash; of files with the same bytes the first stays."""
+    progress.start("read: checksum", float(survey.size_bytes), "bytes")
+    unique: dict[tuple[int, str], SurveyFile] = {}
+    ignored = list(survey.ignored)
+    for file in survey.files:
+        xxh3 = file_digest(file.path, progress.advance)
+        first = unique.get((file.bytes, xxh3))
+        if first is None:
+            unique[file.bytes, xxh3] = replace(file, xxh3=xxh3)
+        else:
+            ignored.append((file.name, f"has the same bytes as {first.name}"))
+    progress.done({} if len(survey.files) == 1 else {"files": len(unique)})
+    return replace(survey, files=tuple(unique.values()), ignored=tuple(ignored))

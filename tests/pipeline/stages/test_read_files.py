@@ -1,0 +1,193 @@
+"""A survey in many files is what it is in one: order, overlaps, columns, colours, damage."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from pipeline.laz_files import Hill, write_laz, write_tiles
+
+from terraport_pipeline.engines import point_order
+from terraport_pipeline.errors import ReadError, SurveyError
+from terraport_pipeline.model import Survey
+from terraport_pipeline.stages import clean, read_streamed
+from terraport_pipeline.stages.contract import Context, Facts
+from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.survey_files import SurveyFiles, find_survey
+
+HILL = Hill(4000)
+
+
+@pytest.fixture(autouse=True)
+def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Several blocks and buckets of a small survey."""
+    monkeypatch.setattr(read_streamed, "_BLOCK_ROWS", 500)
+    monkeypatch.setattr(read_streamed, "_BUCKET_ROWS", 700)
+    monkeypatch.setattr(read_streamed, "_SAMPLE_STEP", 10)
+
+
+def assert_equal(one: Survey, other: Survey) -> None:
+    """Both have the same points in the same order, to the last bit."""
+    np.testing.assert_array_equal(one.points, other.points)
+    np.testing.assert_array_equal(one.colours, other.colours)
+    assert list(one.attributes) == list(other.attributes)
+    for name, values in one.attributes.items():
+        assert values.dtype == other.attributes[name].dtype
+        np.testing.assert_array_equal(values, other.attributes[name])
+    assert (one.crs, one.format, one.warnings) == (other.crs, other.format, other.warnings)
+
+
+def columns_of(survey: SurveyFiles, folder: Path) -> tuple[dict[str, bytes], Facts]:
+    """Everything that reading writes, by file, and what it tells."""
+    folder.mkdir()
+    _, facts = read_streamed.run(survey, folder, Context(folder))
+    return {path.name: path.read_bytes() for path in folder.iterdir()}, facts
+
+
+@pytest.mark.parametrize("margin_m", [0.0, 2.0])
+@pytest.mark.parametrize("max_points", [None, 700])
+def test_tiles_and_the_merged_file_are_the_same_survey(
+    tmp_path: Path, margin_m: float, max_points: int | None
+) -> None:
+    """Every tile with an offset of its own, in an order of its own, with a margin or without."""
+    write_tiles(tmp_path / "tiles", HILL, margin_m=margin_m)
+    merged = read_survey(write_laz(tmp_path / "merged.laz", HILL), max_points=max_points)
+    tiles = read_survey(find_survey(tmp_path / "tiles"), max_points=max_points)
+    assert_equal(tiles, merged)
+    assert len(merged.points) == (max_points or len(HILL))
+
+
+def test_points_chosen_by_hash_are_the_same_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a large survey not all points are sorted to keep a few: overlaps do not change which."""
+    monkeypatch.setattr(point_order, "_SKETCH_SIZE", 300)
+    write_tiles(tmp_path / "tiles", HILL, margin_m=2.0)
+    merged = read_survey(write_laz(tmp_path / "merged.laz", HILL), max_points=100)
+    assert_equal(read_survey(find_survey(tmp_path / "tiles"), max_points=100), merged)
+    assert len(merged.points) == 100
+    # Spread over the ground: every quarter of it has its share.
+    middle = np.median(HILL.millimetres[:, :2] / 1000, axis=0)
+    quarters = np.bincount((merged.points[:, :2] > middle) @ [1, 2], minlength=4)
+    assert quarters.min() > 15
+
+
+def test_columns_are_the_same_bytes_and_repeats_are_counted(tmp_path: Path) -> None:
+    paths = write_tiles(tmp_path / "tiles", HILL, margin_m=2.0)
+    merged = SurveyFiles.of(write_laz(tmp_path / "merged.laz", HILL))
+    one, _ = columns_of(merged, tmp_path / "one")
+    nine, facts = columns_of(find_survey(tmp_path / "tiles"), tmp_path / "nine")
+    assert one == nine
+    files = facts.notes["files"]
+    assert len(files) == len(paths)
+    assert facts.counts["points"] == len(HILL)
+    assert sum(file["points"] - file["repeats"] for file in files) == len(HILL)
+    assert files[0]["repeats"] == 0
+    assert all(file["repeats"] > 0 for file in files[1:])
+
+
+def test_a_copy_in_another_format_adds_nothing(tmp_path: Path) -> None:
+    write_laz(tmp_path / "a.laz", HILL, fields=())
+    # The same decimals as text, and the only attribute by its LAS name.
+    rows = np.column_stack([HILL.millimetres / 1000, HILL.colours // 257, HILL.classes])
+    form = ["%.3f"] * 3 + ["%d"] * 4
+    header = "x y z red green blue classification"
+    np.savetxt(tmp_path / "a.xyz", rows, fmt=form, header=header, comments="")
+    both = read_survey(find_survey([tmp_path / "a.laz", tmp_path / "a.xyz"]))
+    assert len(both.points) == len(HILL)
+    assert both.format == "las, xyz"
+    assert any("is stated in a.xyz" in text for text in both.warnings)
+
+
+def test_what_some_files_lack_is_nan_and_said(tmp_path: Path) -> None:
+    west, east = HILL.inside(0, 0, 2) | HILL.inside(0, 1, 2), HILL.inside(1, 0, 2)
+    write_laz(tmp_path / "west.laz", HILL, west, fields=("grade", "rock"))
+    write_laz(tmp_path / "east.laz", HILL, east, fields=())
+    survey = read_survey(find_survey(tmp_path))
+    lacking = survey.points[:, 0] >= 641_220
+    assert np.isnan(survey.attributes["grade"][lacking]).all()
+    assert np.isfinite(survey.attributes["grade"][~lacking]).all()
+    assert survey.attributes["rock"].dtype == np.float64
+    assert "Attribute 'rock' is not in east.laz: it has no value there." in survey.warnings
+    # Codes stay codes: a class is never a mean of two.
+    assert survey.whole == ("rock",)
+    assert clean.run(survey, clean.Options(), Context(tmp_path)).codes == (
+        "classification",
+        "rock",
+    )
+
+
+def test_whole_numbers_of_64_bits_cannot_be_missing(tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("x,y,z,id\n1,2,3,4\n2,3,4,5\n")
+    (tmp_path / "b.csv").write_text("x,y,z\n1,2,4\n2,3,5\n")
+    with pytest.raises(SurveyError, match="attribute 'id' holds whole numbers of 64 bits"):
+        read_survey(find_survey(tmp_path))
+
+
+def test_points_of_a_file_without_colour_are_grey_and_it_is_named(tmp_path: Path) -> None:
+    write_laz(tmp_path / "west.laz", HILL, HILL.inside(0, 0, 2))
+    write_laz(tmp_path / "east.laz", HILL, HILL.inside(1, 0, 2), colour=False)
+    survey = read_survey(find_survey(tmp_path))
+    assert survey.colours is not None
+    assert (survey.colours[survey.points[:, 0] >= 641_220] == 160).all()
+    assert "There is no colour (RGB) in east.laz: its points are grey." in survey.warnings
+
+
+def test_a_file_with_8_bit_colours_among_others_is_not_black(tmp_path: Path) -> None:
+    write_laz(tmp_path / "west.laz", HILL, HILL.inside(0, 0, 2))
+    write_laz(tmp_path / "east.laz", HILL, HILL.inside(1, 0, 2), depth=257)
+    survey = read_survey(find_survey(tmp_path))
+    assert survey.colours is not None
+    assert survey.colours[survey.points[:, 0] >= 641_220].max() == 255
+    assert any("in east.laz; there they are taken as 0..255" in w for w in survey.warnings)
+
+
+def test_damage_among_the_points_names_the_file_or_leaves_it_out(tmp_path: Path) -> None:
+    paths = write_tiles(tmp_path / "tiles", HILL)
+    paths[4].write_bytes(paths[4].read_bytes()[:-400])
+    with pytest.raises(ReadError, match=r"tile_5\.laz.*or go on without the file: --skip-damaged"):
+        read_survey(find_survey(tmp_path / "tiles"))
+    survey = find_survey(tmp_path / "tiles", skip_damaged=True)
+    left, facts = columns_of(survey, tmp_path / "left")
+    assert [name for name, _ in facts.notes["damaged"]] == ["tile_5.laz"]
+    assert any(text.startswith("Left out, as they cannot be read: tile_5.laz (")
+               for text in facts.warnings)  # fmt: skip
+    assert facts.counts["points"] == len(HILL) - HILL.inside(1, 1, 3).sum()
+    paths[4].unlink()
+    without, _ = columns_of(find_survey(tmp_path / "tiles"), tmp_path / "without")
+    assert left == without
+
+
+def test_nothing_left_is_an_error(tmp_path: Path) -> None:
+    for path in write_tiles(tmp_path, HILL, tiles=2):
+        path.write_bytes(path.read_bytes()[:-400])
+    with pytest.raises(SurveyError, match=r"not one of its files can be used: tile_1\.laz"):
+        read_survey(find_survey(tmp_path, skip_damaged=True))
+
+
+def test_progress_is_one_bar_over_all_files(tmp_path: Path) -> None:
+    write_tiles(tmp_path, HILL, tiles=2)
+
+    class Recorder:
+        def __init__(self) -> None:
+            self.steps: list[str] = []
+            self.amounts: list[float] = []
+
+        def start(self, stage: str, total: float | None, unit: str) -> None:
+            self.steps.append(f"{stage}: {total:.0f} {unit}")
+            self.amounts.append(0.0)
+
+        def advance(self, n: float) -> None:
+            self.amounts[-1] += n
+
+        def done(self, facts: object) -> None: ...
+
+    recorder = Recorder()
+    survey = find_survey(tmp_path)
+    read_survey(survey, progress=recorder)
+    assert recorder.steps == [
+        f"read 4 files: {survey.size_bytes} bytes",
+        "read: order: 8000 points",
+    ]
+    assert recorder.amounts == [pytest.approx(survey.size_bytes), 8000]
