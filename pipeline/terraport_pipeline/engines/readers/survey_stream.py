@@ -99,8 +99,8 @@ def read_head(path: Path, name: str) -> FileHead:
     ----------
     path : pathlib.Path
     name : str
-        Format, from :func:`~terraport_pipeline.engines.readers.survey_format.find_format`; empty where
-        that refused the file: it does so again here.
+        Format, from :func:`~terraport_pipeline.engines.readers.survey_format.find_format`; empty
+        where that refused the file: it does so again here.
 
     Raises
     ------
