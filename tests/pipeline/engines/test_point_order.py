@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.engines import point_order
+from terraport_pipeline.engines.readers import point_order
 from terraport_pipeline.engines.readers.point_order import (
     HashThinning,
     curve_keys,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from pipeline.laz_files import Hill, write_laz, write_tiles
 
-from terraport_pipeline.engines import point_order
+from terraport_pipeline.engines.readers import point_order
 from terraport_pipeline.errors import ReadError, SurveyError
 from terraport_pipeline.model import Survey
 from terraport_pipeline.stages import clean, read_streamed
