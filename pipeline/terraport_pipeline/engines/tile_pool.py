@@ -1,4 +1,4 @@
-"""Runs one function over many jobs in other processes: of this machine, or of a Dask cluster.
+"""Runs one function over many jobs: in threads, in processes, or on a Dask cluster.
 
 Jobs and results are small (paths and numbers); what is large lies in files that every process can
 reach. A job must be repeatable: one whose worker was lost is run again once.
@@ -12,7 +12,13 @@ import secrets
 import signal
 from collections import deque
 from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
 from concurrent.futures.process import BrokenProcessPool
 from types import TracebackType
 from typing import Any, Final, Self, TypeVar
@@ -31,22 +37,44 @@ _CONNECT_TIMEOUT: Final = "20s"
 
 
 class TilePool:
-    """Processes that stay for many calls; a context manager, which leaves none behind.
+    """Workers that stay for many calls; a context manager, which leaves none behind.
 
     Parameters
     ----------
     workers : int
-        Processes; 0 runs everything in this one. Started when they are needed.
+        Processes, started when they are needed; 1 runs everything in this one.
     cluster : str, optional
         Address of a Dask scheduler instead, ``tcp://host:8786``. Its workers need the same release
         of terraport and the same paths.
+    threads : bool
+        Threads of this process instead of processes.
     """
 
-    def __init__(self, workers: int, cluster: str | None = None) -> None:
-        self._workers = workers
+    def __init__(self, workers: int, cluster: str | None = None, *, threads: bool = False) -> None:
+        self._workers = max(1, workers)
         self._cluster = cluster
-        self._pool: ProcessPoolExecutor | None = None
+        self._threads = threads
+        self._pool: ProcessPoolExecutor | ThreadPoolExecutor | None = None
         self._client: Any = None
+
+    @classmethod
+    def of_threads(cls, workers: int) -> Self:
+        """Make a pool of threads; jobs need not be picklable."""
+        return cls(workers, threads=True)
+
+    @property
+    def is_apart(self) -> bool:
+        """Whether jobs run in other processes, each by itself."""
+        return self._cluster is not None or (self._workers > 1 and not self._threads)
+
+    @property
+    def workers(self) -> int:
+        """How many jobs share this machine; on a cluster each worker counts for itself."""
+        return 1 if self._cluster is not None else self._workers
+
+    def threads_each(self, threads: int) -> int:
+        """Share this machine's threads among the workers; a cluster's workers have one each."""
+        return 1 if self._cluster is not None else max(1, threads // self._workers)
 
     def __enter__(self) -> Self:
         return self
@@ -92,7 +120,7 @@ class TilePool:
             return
         if self._cluster is not None:
             self._run_on_cluster(function, jobs, done)
-        elif self._workers < 1:
+        elif self._workers == 1:
             for number, job in enumerate(jobs):
                 done(number, function(job))
         else:
@@ -108,7 +136,7 @@ class TilePool:
             try:
                 while waiting and len(running) < self._workers:
                     number = waiting[0]
-                    running[self._processes().submit(function, jobs[number])] = number
+                    running[self._executor().submit(function, jobs[number])] = number
                     waiting.popleft()
                 finished, _ = wait(running, return_when=FIRST_COMPLETED)
                 for future in finished:
@@ -123,8 +151,10 @@ class TilePool:
                 running.clear()
                 self._end_pool()
 
-    def _processes(self) -> ProcessPoolExecutor:
-        if self._pool is None:
+    def _executor(self) -> ProcessPoolExecutor | ThreadPoolExecutor:
+        if self._pool is None and self._threads:
+            self._pool = ThreadPoolExecutor(self._workers)
+        elif self._pool is None:
             self._pool = ProcessPoolExecutor(
                 self._workers,
                 mp_context=multiprocessing.get_context("spawn"),
@@ -138,7 +168,7 @@ class TilePool:
         if self._pool is None:
             return
         processes = list((getattr(self._pool, "_processes", None) or {}).values())
-        self._pool.shutdown(wait=False, cancel_futures=True)
+        self._pool.shutdown(wait=self._threads, cancel_futures=True)  # no thread can be ended
         for process in processes:
             if process.is_alive():
                 process.terminate()

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from typing import Annotated, Final
 
 import numpy as np
@@ -25,9 +26,9 @@ from terraport_pipeline.geometry.clouds.spacing import (
 )
 from terraport_pipeline.model import Cloud, Survey, to_scene
 from terraport_pipeline.option import Option, check_options
-from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
 
-__all__ = ["MIN_POINTS", "NAME", "Cleaned", "Options", "restore", "run", "store"]
+__all__ = ["FORM", "MIN_POINTS", "NAME", "Cleaned", "Options", "run"]
 
 NAME: Final = "clean"
 
@@ -171,8 +172,7 @@ def run(survey: Survey, options: Options, context: Context) -> Cleaned:
     )
 
 
-def store(result: Cleaned) -> Stored:
-    """Turn the result into arrays and values."""
+def _store(result: Cleaned) -> Stored:
     cloud = result.cloud
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "points": cloud.points,
@@ -191,8 +191,7 @@ def store(result: Cleaned) -> Stored:
     return Stored(arrays, values)
 
 
-def restore(stored: Stored, facts: Facts) -> Cleaned:
-    """Turn arrays and values back into the result."""
+def _restore(stored: Stored, facts: Facts) -> Cleaned:
     arrays, values = stored.arrays, stored.values
     return Cleaned(
         cloud=Cloud(
@@ -211,6 +210,9 @@ def restore(stored: Stored, facts: Facts) -> Cleaned:
         codes=tuple(values["codes"]),
         facts=facts,
     )
+
+
+FORM: Final = Form(_store, _restore, attrgetter("facts"))
 
 
 def _check_finite(points: Float64) -> None:

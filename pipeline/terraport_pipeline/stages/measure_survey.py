@@ -18,7 +18,7 @@ from terraport_pipeline.engines.readers.npy_columns import NpyReader
 from terraport_pipeline.geometry.clouds.outliers import mean_distances, usual_distance
 from terraport_pipeline.geometry.clouds.spacing import areal_from_radius, nearest_neighbours
 from terraport_pipeline.model import Cloud, to_crs
-from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.stages.contract import Context, Stored
 
 __all__ = ["NAME", "run"]
 
@@ -89,11 +89,6 @@ def run(points_file: Path, thinned: Cloud, neighbours: int, context: Context) ->
         "points": len(reader),
     }
     return Stored({}, values)
-
-
-def facts_of(stored: Stored) -> Facts:
-    """Take the reported facts from the stored measurements."""
-    return Facts(dict(stored.values))
 
 
 def _collect(reader: NpyReader, centres: Float64, half_m: float, context: Context) -> list[Float64]:

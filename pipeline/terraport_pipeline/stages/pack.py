@@ -1,9 +1,4 @@
-"""Pack: from labelled meshes to a published scene.
-
-Every segment becomes one payload, its vertices split where regions meet; base, cover, region facts
-and manifest follow; the last act publishes all of it at once. Memory: the meshes and a few
-payloads.
-"""
+"""Pack: one payload of every segment, its vertices split where regions meet."""
 
 from __future__ import annotations
 
@@ -11,34 +6,25 @@ import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from terraport_payload import (
     AttributeScale,
-    Cover,
     SegmentMesh,
-    choose_attribute_scale,
-    choose_step_m,
     encode_glb,
-    gltf_attribute_name,
     snap,
 )
-from terraport_payload.types import Bool, Float32, Float64, Int32, Int64
+from terraport_payload.types import Bool, Float64, Int32, Int64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.mesh.uv import split_wedges
 from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.ordered import in_order
-from terraport_pipeline.stages.contract import Context, Facts, Json
-from terraport_pipeline.stages.reconstruct import Reconstructed
-from terraport_pipeline.stages.region_ids import NewSurface, number_regions
-from terraport_pipeline.stages.segment import Segmented
-from terraport_pipeline.stages.texture_set import Textured, TextureSet, texture_info
-from terraport_store.manifest import AttributeInfo, BuildInfo, CrsInfo, HandOff, Manifest
-from terraport_store.writer import SceneInfo, SceneWriter
+from terraport_pipeline.stages.contract import Facts, Json
+from terraport_pipeline.stages.texture_set import TextureSet
+from terraport_store.manifest import BuildInfo, CrsInfo, Manifest
 
 __all__ = [
     "EXPECTED_BYTES_PER_FACE",
@@ -51,7 +37,6 @@ __all__ = [
     "in_order",
     "kept_faces",
     "pack_counts",
-    "run",
     "split_segments",
     "whole_payload",
 ]
@@ -105,113 +90,6 @@ class Payload:
     bounds: tuple[float, ...]
     vertices: int
     faces: int
-
-
-def run(
-    scene: Path,
-    reconstructed: Reconstructed,
-    segmented: Segmented,
-    about: About,
-    options: Options,
-    context: Context,
-    textured: Textured | None = None,
-) -> Packed:
-    """Encode everything and publish it.
-
-    Parameters
-    ----------
-    scene : Path
-        Scene directory; untouched until everything is written, then replaced in one act.
-    reconstructed : Reconstructed
-    segmented : Segmented
-    about : About
-    options : Options
-    context : Context
-    textured : Textured, optional
-        Payloads get its images instead of the vertex colours.
-
-    Returns
-    -------
-    Packed
-
-    Raises
-    ------
-    SceneStoreError
-        The disk is full, or somebody else publishes the same scene; nothing half-written is left.
-    """
-    detail, progress = reconstructed.detail, context.progress
-    base = kept_faces(reconstructed.base, segmented.base_kept)
-    step_m = choose_step_m(_widest_m(segmented.bounds), _farthest_m(detail, base), about.spacing_m)
-    scales = {
-        name: choose_attribute_scale(np.concatenate([values, base.attributes[name]]))
-        for name, values in detail.attributes.items()
-    }
-    count = len(segmented.main_region)
-    expected = (len(detail.faces) + len(base.faces)) * EXPECTED_BYTES_PER_FACE
-    if textured is not None:
-        expected += len(textured.detail.images) + len(textured.base.images)
-    with SceneWriter(scene, expected_bytes=expected) as writer:
-        # (1) segments, in their Morton order
-        progress.start("pack: segments", float(count), "segments")
-
-        def encode(make: Callable[[], SegmentMesh]) -> Payload:
-            return encode_payload(make(), step_m, scales)
-
-        payload_bytes = []
-        images = None if textured is None else textured.detail
-        makers = _segment_makers(detail, segmented.segments, segmented.regions, images)
-        for number, payload in enumerate(in_order(encode, makers, context.threads)):
-            writer.add_segment(
-                payload.glb,
-                region=int(segmented.main_region[number]),
-                region_count=int(segmented.region_counts[number]),
-                bounds=payload.bounds,
-                vertices=payload.vertices,
-                faces=payload.faces,
-            )
-            payload_bytes.append(len(payload.glb))
-            progress.advance(1)
-        progress.done({})
-        # (2) base, cover, regions
-        progress.start("pack: base", None, "faces")
-        glb = encode_glb(
-            whole_payload(base, None if textured is None else textured.base),
-            step_m=step_m,
-            attribute_scales=scales,
-            keep_face_order=True,
-        )
-        writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
-        progress.done({})
-        numbered = number_regions(
-            scene,
-            segmented.region_facts,
-            NewSurface(detail, segmented.segments, segmented.regions, about.origin, about.crs),
-            progress,
-        )
-        writer.set_regions(numbered.document)
-        # (3) publish
-        progress.start("pack: publish", None, "files")
-        manifest = writer.publish(
-            SceneInfo(
-                name=options.name,
-                origin=_triple(about.origin),
-                step_m=step_m,
-                points=about.points,
-                regions=len(segmented.region_facts["regions"]),
-                hand_off=HandOff(
-                    deviation_m=reconstructed.deviation_m[3], tolerance_m=segmented.tolerance_m
-                ),
-                build=about.build,
-                crs=about.crs,
-                attributes=_attribute_infos(detail, base, scales),
-                has_colour=about.has_colour and textured is None,
-                textures=None if textured is None else texture_info(textured),
-            )
-        )
-        progress.done({"version": manifest.version[:12]})
-    return Packed(
-        manifest, Facts(pack_counts(manifest, payload_bytes) | numbered.counts, numbered.warnings)
-    )
 
 
 def split_segments(
@@ -322,44 +200,6 @@ def encode_payload(mesh: SegmentMesh, step_m: float, scales: dict[str, Attribute
         vertices=len(mesh.positions),
         faces=len(mesh.faces),
     )
-
-
-def _widest_m(bounds: Float32) -> float:
-    """Longest side of any segment's box."""
-    return float((bounds[:, 3:].astype(np.float64) - bounds[:, :3]).max())
-
-
-def _farthest_m(*meshes: Mesh) -> float:
-    return max(float(np.abs(mesh.vertices).max()) for mesh in meshes)
-
-
-def _attribute_infos(
-    detail: Mesh, base: Mesh, scales: dict[str, AttributeScale]
-) -> tuple[AttributeInfo, ...]:
-    infos = []
-    for name, scale in scales.items():
-        low, high = _range(np.concatenate([detail.attributes[name], base.attributes[name]]))
-        infos.append(
-            AttributeInfo(
-                name=name,
-                gltf_name=gltf_attribute_name(name),
-                offset=scale.offset,
-                step=scale.step,
-                min=low,
-                max=high,
-            )
-        )
-    return tuple(infos)
-
-
-def _range(values: Float32) -> tuple[float | None, float | None]:
-    valid: Float32 = values[~np.isnan(values)]
-    return (float(valid.min()), float(valid.max())) if len(valid) else (None, None)
-
-
-def _triple(values: Float64) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return x, y, z
 
 
 def pack_counts(manifest: Manifest, payload_bytes: list[int]) -> dict[str, Json]:

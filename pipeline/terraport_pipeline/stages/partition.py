@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+import xxhash
 
 from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter
@@ -84,7 +85,6 @@ def run(
     attributes: int,
     plan: TilePlan,
     origin: Float64,
-    folder: Path,
     context: Context,
 ) -> tuple[Mapping[str, Json], Facts]:
     """Write every tile's samples.
@@ -97,14 +97,13 @@ def run(
         Columns ``attribute-<i>.npy`` there.
     plan : TilePlan
     origin : ndarray of shape (3,), float64
-    folder : pathlib.Path
-        Gets one ``samples-<tile>.npy`` per tile.
     context : Context
+        Its `folder` gets one ``samples-<tile>.npy`` per tile.
 
     Returns
     -------
     values, facts
-        ``samples``: per tile, how many.
+        ``samples``: per tile, how many; ``digests``: per tile, the hash of its samples.
     """
     # (1) Columns in, one file of rows per tile out; one buffered block each.
     points = NpyReader(source / "points.npy")
@@ -112,7 +111,10 @@ def run(
     colours = NpyReader(source / "colours.npy") if has_colour else None
     columns = [NpyReader(source / f"attribute-{i}.npy") for i in range(attributes)]
     dtype = sample_type([("", column.dtype.str) for column in columns], has_colour=has_colour)
-    writers = [NpyWriter(folder / f"{samples_name(t)}.npy", dtype) for t in range(plan.count)]
+    digests = [xxhash.xxh3_128(repr(dtype.descr).encode()) for _ in range(plan.count)]
+    writers = [
+        NpyWriter(context.folder / f"{samples_name(t)}.npy", dtype) for t in range(plan.count)
+    ]
     context.progress.start("tiles: samples", float(len(points)), "points")
     # (2) Block by block. Invariant: a tile's file holds its core and margin samples of all blocks
     # so far, in file order.
@@ -125,7 +127,9 @@ def run(
         for number, column in enumerate(columns):
             rows[f"a{number}"] = column.read(first, last)
         for tile, mine in plan.members(_cells(block, plan.lattice, origin)):
-            writers[tile].append(rows[mine])
+            samples = rows[mine]
+            writers[tile].append(samples)
+            digests[tile].update(samples.view(np.uint8).data)
         context.progress.advance(len(block))
     for writer in writers:
         writer.close()
@@ -142,7 +146,8 @@ def run(
         "largest_tile_samples": max(counts),
         "overlap": sum(counts) / len(points),
     }
-    return {"samples": counts}, Facts(facts)
+    hashes = [digest.hexdigest() for digest in digests]
+    return {"samples": counts, "digests": hashes}, Facts(facts)
 
 
 def _cells(points: Float64, lattice: Lattice, origin: Float64) -> Float64:

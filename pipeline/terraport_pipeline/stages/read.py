@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from terraport_pipeline.engines.readers.survey_format import FORMATS, find_format
-from terraport_pipeline.model import Survey
+from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.progress import NullProgress, Progress
-from terraport_pipeline.stages import read_streamed, survey_store
-from terraport_pipeline.stages.contract import Context, Stored
+from terraport_pipeline.stages import read_streamed
+from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.stages.read_streamed import MAX_SPAN_M, NAME
 from terraport_pipeline.survey_files import SurveyFiles
 
@@ -69,4 +69,18 @@ def read_survey(
             bounded=False,
         )
         arrays = {path.stem: np.load(path) for path in folder.glob("*.npy")}
-    return survey_store.restore(Stored(arrays, values), facts)
+    return _survey_of(Stored(arrays, values), facts)
+
+
+def _survey_of(stored: Stored, facts: Facts) -> Survey:
+    """Turn the columns and values that :mod:`.read_streamed` wrote into a survey in memory."""
+    arrays, values = stored.arrays, stored.values
+    return Survey(
+        points=np.asarray(arrays["points"], dtype=np.float64),
+        colours=np.asarray(arrays["colours"], dtype=np.uint8) if "colours" in arrays else None,
+        attributes={name: arrays[f"attribute-{i}"] for i, name in enumerate(values["attributes"])},
+        crs=Crs(**values["crs"]) if values["crs"] else None,
+        format=values["format"],
+        warnings=facts.warnings,
+        whole=tuple(values.get("whole", ())),
+    )

@@ -203,8 +203,7 @@ def run(
     ----------
     survey : SurveyFiles or pathlib.Path
     folder : pathlib.Path
-        Gets ``points.npy``, ``colours.npy`` and ``attribute-<i>.npy``, as
-        :mod:`~terraport_pipeline.stages.survey_store` names them.
+        Gets ``points.npy``, ``colours.npy`` and ``attribute-<i>.npy``.
     context : Context
     max_points : int, optional
         Thin to this many points, evenly over the ground, the same ones each time. At least 1.
@@ -214,10 +213,9 @@ def run(
     Returns
     -------
     values, facts
-        As :mod:`~terraport_pipeline.stages.survey_store` makes them, and the box in ``low`` and
-        ``high``. What depends on the files stands in the facts' notes: ``files`` (xxh3,
-        points, repeats), and of what reading found ``empty`` (names) and ``damaged`` (name and
-        reason).
+        ``attributes`` (names), ``crs``, ``format``, ``whole``, and the box in ``low`` and ``high``.
+        What depends on the files stands in the facts' notes: ``files`` (xxh3, points, repeats),
+        and of what reading found ``empty`` (names) and ``damaged`` (name and reason).
 
     Raises
     ------

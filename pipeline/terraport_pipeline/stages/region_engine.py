@@ -30,6 +30,7 @@ from terraport_pipeline.model import Mesh
 from terraport_pipeline.option import COMMON, Option, check_options, option_fields
 
 __all__ = [
+    "COLOUR",
     "ENGINES",
     "Engine",
     "RegionOptions",

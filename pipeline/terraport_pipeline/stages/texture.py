@@ -30,10 +30,8 @@ from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import choose_views as choosing
 from terraport_pipeline.stages.atlas_maker import AtlasMaker, BakedAtlas
 from terraport_pipeline.stages.choose_views import Photos
-from terraport_pipeline.stages.contract import Context, Facts, Stored
-from terraport_pipeline.stages.reconstruct import Reconstructed
-from terraport_pipeline.stages.segment import Segmented
-from terraport_pipeline.stages.texture_set import Source, Textured, TextureSet
+from terraport_pipeline.stages.contract import Context
+from terraport_pipeline.stages.texture_set import Source, TextureSet
 from terraport_pipeline.stages.texture_sums import TextureSums
 from terraport_pipeline.stages.view_gains import view_gains
 
@@ -44,9 +42,6 @@ __all__ = [
     "Options",
     "faces_only",
     "photo_bytes",
-    "restore",
-    "run",
-    "store",
     "texture_base",
     "texture_mesh",
     "worth_warning",
@@ -107,79 +102,6 @@ class Options:
 def photo_bytes(max_memory_bytes: int | None) -> int:
     """Bytes of decoded photos to keep: a quarter of what the build may use."""
     return (max_memory_bytes or _DEFAULT_MEMORY) // 4
-
-
-def run(
-    reconstructed: Reconstructed,
-    segmented: Segmented,
-    opened: OpenPhotos | None,
-    options: Options,
-    context: Context,
-) -> Textured:
-    """Make the textures of a scene.
-
-    Parameters
-    ----------
-    reconstructed : Reconstructed
-    segmented : Segmented
-    opened : OpenPhotos or None
-        Views and photos; None for textures from vertex colours.
-    options : Options
-    context : Context
-
-    Returns
-    -------
-    Textured
-
-    Raises
-    ------
-    OptionError
-        Photos are asked for and none are given, or the other way round.
-    """
-    # (1) Photos if and only if the source needs them.
-    if (opened is None) != (options.source == "vertex"):
-        raise OptionError(
-            f"textures from {options.source} {'without' if opened is None else 'with'} photos; "
-            "expected photos for the one and none for the other"
-        )
-    # (2) The base first: it is small, and its faces tell the photos' gains.
-    detail = reconstructed.detail
-    base = faces_only(reconstructed.base, segmented.base_kept)
-    views: tuple[View, ...] = () if opened is None else opened.views
-    photos = None if opened is None else opened.photos
-    base_textures = texture_base(base, opened, options, context)
-    # (3) Views of the detail's faces, then its atlases.
-    gains, detail_choice = base_textures.gains, None
-    if photos is not None and gains is not None:
-        rays = RayScene(detail.vertices, detail.faces, threads=context.threads)
-        detail_choice = _choose(detail, views, photos, rays, gains, context)
-        del rays
-    detail_atlases = texture_mesh(
-        detail, segmented.segments, views, photos, detail_choice, options,
-        max_side=options.max_side, path=context.scratch / "detail.images",
-        threads=context.threads, progress=context.progress, label="texture: atlases",
-    )  # fmt: skip
-    # (4) Facts of both.
-    counts = detail_atlases.facts | {
-        f"base_{name}": n for name, n in base_textures.atlases.facts.items()
-    }
-    if detail_choice is not None:
-        counts |= {f"choice_{name}": number for name, number in detail_choice.facts.items()}
-        counts["borrowed_share"] = round(
-            detail_choice.facts["faces_borrowed"] / len(detail.faces), 4
-        )
-    warnings: tuple[str, ...] = ()
-    if opened is not None:
-        counts |= {"photos": len(views), "photos_left_out": opened.left_out}
-        warnings = (*opened.warnings, *worth_warning(counts))
-    return Textured(
-        detail_atlases.textures,
-        base_textures.atlases.textures,
-        options.source,
-        detail_atlases.facts["texel_m"],
-        detail_atlases.facts["gsd_m"],
-        Facts(counts, warnings),
-    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -338,38 +260,6 @@ def texture_mesh(
         ),
         facts,
         sums,
-    )
-
-
-def store(result: Textured) -> Stored:
-    """Turn the result into arrays and values."""
-    arrays = {}
-    for level, textures in (("detail", result.detail), ("base", result.base)):
-        for name in ("wedges", "images", "offsets", "sides"):
-            arrays[f"{level}-{name}"] = getattr(textures, name)
-    values = {"source": result.source, "texel_m": result.texel_m, "gsd_m": result.gsd_m}
-    return Stored(arrays, values)
-
-
-def restore(stored: Stored, facts: Facts) -> Textured:
-    """Turn arrays and values back into the result."""
-
-    def level(name: str) -> TextureSet:
-        return TextureSet(
-            wedges=np.asarray(stored.arrays[f"{name}-wedges"], dtype=np.uint16),
-            images=np.asarray(stored.arrays[f"{name}-images"], dtype=np.uint8),
-            offsets=np.asarray(stored.arrays[f"{name}-offsets"], dtype=np.int64),
-            sides=np.asarray(stored.arrays[f"{name}-sides"], dtype=np.int32),
-        )
-
-    values = stored.values
-    return Textured(
-        level("detail"),
-        level("base"),
-        values["source"],
-        values["texel_m"],
-        values["gsd_m"],
-        facts,
     )
 
 

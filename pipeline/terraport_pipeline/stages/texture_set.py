@@ -9,10 +9,8 @@ import numpy as np
 
 from terraport_payload import Texture
 from terraport_payload.types import AnyInt, Float32, Int32, Int64, UInt8, UInt16
-from terraport_pipeline.stages.contract import Facts
-from terraport_store.manifest import TextureInfo
 
-__all__ = ["Source", "TextureSet", "Textured", "texture_info"]
+__all__ = ["Source", "TextureSet"]
 
 
 Source = Literal["photos", "vertex"]
@@ -39,35 +37,3 @@ class TextureSet:
         """Coordinates of the corners of some faces of one piece, (K, 3, 2) in 0..1, exact."""
         sides: Float32 = self.sides[piece].astype(np.float32)
         return self.wedges[faces].astype(np.float32) / (np.float32(2.0) * sides)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Textured:
-    """Texture sets of detail and base, and the resolution that they reach."""
-
-    detail: TextureSet
-    """Atlases of the detail, one a segment."""
-    base: TextureSet
-    """One piece: the base faces that are kept."""
-    source: Source
-    texel_m: float
-    """Median length of a texel over the detail's surface."""
-    gsd_m: float | None
-    """Median ground sampling distance of the photos there."""
-    facts: Facts
-
-
-def texture_info(textured: Textured) -> TextureInfo:
-    """Say of the textures what the manifest says."""
-    sides = textured.detail.sides.astype(np.int64)
-    return TextureInfo(
-        source=textured.source,
-        media_types=(textured.base.texture(0).media_type,),  # of all: one format a build
-        segments=len(sides),
-        base_side=int(textured.base.sides.max()),
-        max_side=int(sides.max()),
-        image_bytes=int(textured.detail.offsets[-1]),
-        texels=int((sides[:, 0] * sides[:, 1]).sum()),
-        texel_m=textured.texel_m,
-        gsd_m=textured.gsd_m,
-    )

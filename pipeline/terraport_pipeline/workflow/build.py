@@ -10,39 +10,38 @@ import os
 import time
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar
+from typing import Annotated, Any, Final
 
 import psutil
 
 from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.engines.readers.survey_stream import FileHead, survey_size
-from terraport_pipeline.errors import OptionError, PipelineError
+from terraport_pipeline.errors import OptionError, PipelineError, ResourceError
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.option import BYTES, COMMON, COUNT, Option, Section, check_options
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.stages import clean, pack, reconstruct, segment
-from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.region_engine import check_segment_by
 from terraport_pipeline.survey_files import SurveyFiles, find_survey
 from terraport_pipeline.unforeseen import build_failed
-from terraport_pipeline.workflow import tiled_reconstruct
-from terraport_pipeline.workflow.photo_input import LocatedPhotos, Texturing
-from terraport_pipeline.workflow.publish_step import build_info, pack_once
+from terraport_pipeline.workflow.pack_step import build_info, publish_tiles
+from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_pipeline.workflow.read_step import (
+    crs_of,
     input_info,
     inputs_of,
     look_at_survey,
     read_once,
-    survey_in_memory,
 )
+from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
 from terraport_pipeline.workflow.report import BuildReport, write_build_report
+from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.scene_lock import scene_locked
-from terraport_pipeline.workflow.stage_runner import StageRunner, key_of
-from terraport_pipeline.workflow.texture_step import texture_step, tiled_texturing
-from terraport_pipeline.workflow.tile_memory import MemoryPlan, plan_memory
-from terraport_pipeline.workflow.tiled import TiledSurface, check_tiled, segment_and_pack
-from terraport_pipeline.workflow.tiled_reconstruct import TileOptions
-from terraport_pipeline.workflow.workdir import StageRecord, WorkDirectory
+from terraport_pipeline.workflow.segment_step import segment_tiles
+from terraport_pipeline.workflow.texture_step import texture_input, texture_tiles
+from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare
+from terraport_pipeline.workflow.tile_memory import WholeForecast, forecast_whole
+from terraport_pipeline.workflow.workdir import WorkDirectory
 from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
 from terraport_store.manifest import CrsInfo
@@ -54,8 +53,6 @@ _MEMORY_SHARE: Final = 0.8
 
 _MACHINE: Final = "Machine and tiles"
 """Heading of the options that change how a build runs, not what it makes."""
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,11 +98,11 @@ class BuildOptions:
             unset=f"{_MEMORY_SHARE * 100:.0f} % of what is free",
         ),
     ] = None
-    """Memory that the build may take: 8G. A survey that needs more is built in tiles."""
+    """Memory that the build may take: 8G. The less, the smaller the tiles."""
     threads: Annotated[int | None, Option(heading=_MACHINE, least=1, unset="all cores")] = None
     """Threads at most. The result does not depend on it."""
     tiles: Annotated[TileOptions, Section(_MACHINE)] = field(default_factory=TileOptions)
-    """How to go about a survey that does not fit into the memory."""
+    """How large tiles are, and who works on them."""
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -185,7 +182,7 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
     with scene_locked(scene):
         threads = options.threads or _cores()
         limit_threads(threads)
-        runner = StageRunner(
+        runner = Runner(
             WorkDirectory(options.work or default_work_directory(scene)),
             resume=options.resume,
             progress=progress or NullProgress(),
@@ -217,184 +214,75 @@ def _cores() -> int:
 
 
 def _run_stages(
-    runner: StageRunner, survey: SurveyFiles, scene: Path, options: BuildOptions
+    runner: Runner, survey: SurveyFiles, scene: Path, options: BuildOptions
 ) -> tuple[str, bool, dict[str, Any]]:
     """Run all stages; return the scene's version, whether it was published now, and its files."""
-    # Photos that are not there are told of now, not after the reconstruction.
+    # (1) Photos that are not there are told of now, not after the reconstruction.
     photos = None if options.texture is None else options.texture.find(runner.progress)
-    # (1) What the survey is, and whether it fits into memory; if not, all goes by tiles.
+    # (2) What the survey is; its points on disk. Refused now what could never fit.
     survey, heads = look_at_survey(runner, survey)
-    plan = _plan_memory(runner, heads, options)
-    if plan.tiled:
-        check_tiled(options.segment)  # refused now what cannot be done by tiles
-        runner.progress.start("plan", None, "")
-        runner.progress.done({"tiles": plan.why})
-    record = read_once(runner, survey, max_points=options.max_points, bounded=plan.tiled)
-    run = _run_tiled if plan.tiled else _run_whole
-    return (*run(runner, record, scene, options, photos), inputs_of(survey, record))
-
-
-def _run_whole(
-    runner: StageRunner,
-    record: StageRecord,
-    scene: Path,
-    options: BuildOptions,
-    photos: LocatedPhotos | None,
-) -> tuple[str, bool]:
-    """Run all stages after reading on the survey in one piece."""
-    # (1) The points, in memory when asked for.
-    read = survey_in_memory(runner, record)
-    # (2) Cloud, meshes, segments. Invariant: a stage's key holds its options and the digest of
-    # its input, so a stage whose key is unchanged is taken up and its value is never loaded
-    # unless asked for.
-    if photos is not None and not runner.reports[-1].taken_up:
-        photos.try_on(read.value(), runner.progress)
-    cleaned = runner.step(
-        clean.NAME,
-        key_of(clean.NAME, asdict(options.clean), {"survey": read.record.digest}),
-        lambda context: clean.run(read.value(), options.clean, context),
-        lambda result: result.facts,
-        clean.store,
-        clean.restore,
-    )
-    read.release()
-    # Known only now, and minutes before the stage that needs it.
+    whole = _forecast_whole(heads, options)
+    _check_in_one_piece(options.segment.in_one_piece, whole, runner.max_memory_bytes)
+    bounded = whole.memory_bytes > runner.max_memory_bytes
+    read = read_once(runner, survey, max_points=options.max_points, bounded=bounded)
+    # (3) A thinned copy tells whether attributes and photos are what they should be.
+    cleaned = clean_thinned(runner, read, options.clean)
     check_segment_by(options.segment.segment_by, cleaned.record.values["attributes"])
-    reconstructed = runner.step(
-        reconstruct.NAME,
-        key_of(
-            reconstruct.NAME,
-            asdict(options.reconstruct),
-            {"cloud": cleaned.record.digest},
-        ),
-        lambda context: reconstruct.run(cleaned.value(), options.reconstruct, context),
-        lambda result: result.facts,
-        reconstruct.store,
-        reconstruct.restore,
-    )
-    segmented = runner.step(
-        segment.NAME,
-        key_of(
-            segment.NAME,
-            asdict(options.segment),
-            {"meshes": reconstructed.record.digest},
-        ),
-        lambda context: segment.run(reconstructed.value(), options.segment, context),
-        lambda result: result.facts,
-        segment.store,
-        segment.restore,
-    )
-    # (3) Textures, if asked for.
-    crs = read.record.values["crs"]
-    recorded = options.recorded()
-    textured = None
+    if photos is not None and not runner.reports[-1].taken_up:
+        photos.try_on(cleaned.value().cloud, crs_of(read), runner.progress)
+    # (4) The surface, in tiles.
+    with runner.reported_as(reconstruct.NAME) as group:
+        ground = prepare(
+            runner, read, cleaned, options.clean, options.reconstruct, options.tiles,
+            options.segment.in_one_piece,
+        )  # fmt: skip
+        reconstructed = reconstruct_tiles(runner, ground, options.tiles.cluster)
+        group.facts = reconstructed.facts
+    # (5) Regions and segments, textures, payloads.
+    surface = reconstructed.surface
+    segmented = segment_tiles(runner, surface, options.segment)
+    textures = None
+    recorded = {**options.recorded(), "tile_depth": reconstructed.tile_depth}
     if options.texture is not None:
         recorded["texture"] = options.texture.recorded(photos)
-        textured = texture_step(
-            runner, options.texture, photos, crs, cleaned, reconstructed, segmented
+        asked = texture_input(
+            options.texture, photos, ground, reconstructed, runner.max_memory_bytes
         )
-    info = build_info(recorded, input_info(record), runner.reports)
-    # (4) Pack; its key holds everything that the manifest says.
-    pack_options = options.pack_options()
-
-    def publish(context: Context) -> pack.Packed:
-        cloud = cleaned.value().cloud
-        about = pack.About(
-            origin=cloud.origin,
-            crs=CrsInfo(**crs) if crs else None,
-            points=len(cloud.points),
-            has_colour=cloud.has_colour,
-            build=info,
-            spacing_m=cloud.spacing_m,
-        )
-        cleaned.release()
-        return pack.run(
-            scene,
-            reconstructed.value(),
-            segmented.value(),
-            about,
-            pack_options,
-            context,
-            None if textured is None else textured.value(),
-        )
-
-    key = key_of(
-        pack.NAME,
-        {**asdict(pack_options), "build": info.model_dump(mode="json"), "crs": crs},
-        {
-            "cloud": cleaned.record.digest,
-            "meshes": reconstructed.record.digest,
-            "labels": segmented.record.digest,
-            **({} if textured is None else {"textures": textured.record.digest}),
-        },
+        textures = texture_tiles(runner, surface, segmented, asked)
+    about = pack.About(
+        origin=ground.origin,
+        crs=None if ground.crs is None else CrsInfo(**asdict(ground.crs)),
+        points=reconstructed.points,
+        has_colour=reconstructed.sample_colours is not None,
+        build=build_info(recorded, input_info(read), runner.reports),
     )
-    return pack_once(runner, scene, key, publish)
+    version, published = publish_tiles(
+        runner, scene, surface, segmented, textures, about, options.pack_options()
+    )
+    return version, published, inputs_of(survey, read)
 
 
-def _plan_memory(
-    runner: StageRunner, heads: tuple[FileHead, ...], options: BuildOptions
-) -> MemoryPlan:
-    """Decide by the files' headers whether the survey is built in one piece."""
+def _forecast_whole(heads: tuple[FileHead, ...], options: BuildOptions) -> WholeForecast:
+    """Forecast by the files' headers what the survey takes in one piece."""
     size = survey_size(heads)
-    points = min(size.points, options.max_points or size.points)
-    return plan_memory(
-        points,
-        runner.max_memory_bytes,
-        force=options.tiles.wanted,
+    return forecast_whole(
+        min(size.points, options.max_points or size.points),
         detail_depth=options.reconstruct.detail_depth,
         extent_m=size.extent,
         area_m2=size.area,
     )
 
 
-def _run_tiled(
-    runner: StageRunner,
-    read: StageRecord,
-    scene: Path,
-    options: BuildOptions,
-    photos: LocatedPhotos | None,
-) -> tuple[str, bool]:
-    """Run all stages after reading over tiles; as :func:`_run_whole`."""
-    # (1) Everything up to tiles and base.
-    reconstructed = tiled_reconstruct.run(
-        runner,
-        read,
-        clean_options=options.clean,
-        options=options.reconstruct,
-        tiles=options.tiles,
-        check=lambda names: check_segment_by(options.segment.segment_by, names),
-    )
-    crs = reconstructed.crs
-
-    def about() -> pack.About:
-        recorded = {**options.recorded(), "tile_depth": reconstructed.tile_depth}
-        if options.texture is not None:
-            recorded["texture"] = options.texture.recorded(photos)
-        return pack.About(
-            origin=reconstructed.origin,
-            crs=CrsInfo(name=crs.name, wkt=crs.wkt, epsg=crs.epsg) if crs else None,
-            points=reconstructed.points,
-            has_colour=reconstructed.has_colour,
-            build=build_info(recorded, input_info(read), runner.reports),
+def _check_in_one_piece(
+    in_one_piece: str | None, whole: WholeForecast, max_memory_bytes: int
+) -> None:
+    """Refuse before any work what needs the surface in one piece and cannot have it."""
+    if in_one_piece and whole.memory_bytes > max_memory_bytes:
+        raise ResourceError(
+            f"{in_one_piece} needs the surface in one piece, {whole}; allowed are "
+            f"{max_memory_bytes / 2**30:.1f} GiB: raise --max-memory, thin the survey with "
+            "--max-points, or use --engine means and colour, which go by tiles"
         )
-
-    # (2) Segments, textures and the scene, tile by tile.
-    surface = TiledSurface(
-        reconstructed.base,
-        reconstructed.tiles,
-        reconstructed.deviation_m,
-        reconstructed.digest,
-        reconstructed.spacing_m,
-    )
-    texturing = None
-    if options.texture is not None:
-        texturing = tiled_texturing(
-            options.texture, photos, reconstructed.samples, reconstructed.sample_colours,
-            reconstructed.origin, reconstructed.crs, runner.max_memory_bytes,
-        )  # fmt: skip
-    return segment_and_pack(
-        runner, scene, surface, options.segment, options.pack_options(), about, texturing
-    )
 
 
 def _check(options: BuildOptions) -> SurveyFiles:

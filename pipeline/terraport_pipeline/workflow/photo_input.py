@@ -22,7 +22,7 @@ from terraport_pipeline.engines.photos import (
     open_photos,
 )
 from terraport_pipeline.errors import OptionError, PhotoError
-from terraport_pipeline.model import Crs, Survey, to_scene
+from terraport_pipeline.model import Cloud, Crs
 from terraport_pipeline.option import COMMON, OFFSET, Option
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import texture
@@ -178,7 +178,7 @@ class LocatedPhotos:
         )
         return replace(checked, warnings=(*placed.warnings, *checked.warnings))
 
-    def try_on(self, survey: Survey, progress: Progress) -> None:
+    def try_on(self, cloud: Cloud, crs: Crs | None, progress: Progress) -> None:
         """Say at once, before hours of work, whether cameras and photos show the survey.
 
         Raises
@@ -187,12 +187,8 @@ class LocatedPhotos:
             As :meth:`open`: the cameras look elsewhere.
         """
         progress.start("texture: do the photos show the survey", None, "photos")
-        points = camera_samples(survey.points)
-        origin = np.floor(points.mean(axis=0))
-        colours = None if survey.colours is None else camera_samples(survey.colours)
-        opened = self.open(
-            to_scene(points, origin).astype(np.float32), colours, origin, survey.crs, max_bytes=0
-        )
+        colours = camera_samples(cloud.colours) if cloud.has_colour else None
+        opened = self.open(camera_samples(cloud.points), colours, cloud.origin, crs, max_bytes=0)
         progress.done({"photos": len(opened.views), "left out": opened.left_out})
 
 

@@ -5,25 +5,23 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, Final
 
-from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.readers.survey_stream import FileHead
-from terraport_pipeline.model import Survey
+from terraport_pipeline.model import Crs
 from terraport_pipeline.progress import Progress
-from terraport_pipeline.stages import read_streamed, survey_store
+from terraport_pipeline.stages import read_streamed
+from terraport_pipeline.stages.contract import IN_FOLDER
 from terraport_pipeline.survey_files import SurveyFile, SurveyFiles
-from terraport_pipeline.workflow.stage_runner import StageRunner, Step
-from terraport_pipeline.workflow.workdir import StageRecord, file_digest, stage_key
+from terraport_pipeline.workflow.runner import Runner, Stage
+from terraport_pipeline.workflow.workdir import StageRecord, file_digest
 from terraport_store.manifest import InputInfo
 
-__all__ = ["input_info", "inputs_of", "look_at_survey", "read_once", "survey_in_memory"]
+__all__ = ["crs_of", "input_info", "inputs_of", "look_at_survey", "read_once"]
 
 _MOST_LEFT_OUT: Final = 1000
 """Files beside a survey that build.json lists: a folder may hold a hundred thousand photos."""
 
 
-def look_at_survey(
-    runner: StageRunner, survey: SurveyFiles
-) -> tuple[SurveyFiles, tuple[FileHead, ...]]:
+def look_at_survey(runner: Runner, survey: SurveyFiles) -> tuple[SurveyFiles, tuple[FileHead, ...]]:
     """Read the headers of a survey's files and hash them, before any point is read.
 
     Raises
@@ -38,13 +36,13 @@ def look_at_survey(
 
 
 def read_once(
-    runner: StageRunner, survey: SurveyFiles, *, max_points: int | None, bounded: bool
+    runner: Runner, survey: SurveyFiles, *, max_points: int | None, bounded: bool
 ) -> StageRecord:
     """Read a survey to columns on disk, or take them up.
 
     Parameters
     ----------
-    runner : StageRunner
+    runner : Runner
         Gets the report.
     survey : SurveyFiles
         Hashed.
@@ -58,23 +56,24 @@ def read_once(
         "skip_damaged": survey.skip_damaged,
         "damaged": [list(pair) for pair in survey.damaged],
     }
-    return runner.folder_step(
-        read_streamed.NAME,
-        stage_key(
+    return runner.run(
+        Stage(
             read_streamed.NAME,
-            code_digest(read_streamed.__name__),
+            read_streamed,
+            lambda context: read_streamed.run(
+                survey, context.folder, context, max_points=max_points, bounded=bounded
+            ),
+            IN_FOLDER,
             options,
             {"files": survey.key},
-        ),
-        lambda folder, context: read_streamed.run(
-            survey, folder, context, max_points=max_points, bounded=bounded
-        ),
-    )
+        )
+    ).record
 
 
-def survey_in_memory(runner: StageRunner, record: StageRecord) -> Step[Survey]:
-    """Make the step whose value is the survey's points in memory, loaded when asked for."""
-    return Step(record, None, lambda: survey_store.restore(runner.work.load(record), record.facts))
+def crs_of(read: StageRecord) -> Crs | None:
+    """Coordinate reference system of a survey as read; None where it states none."""
+    crs = read.values["crs"]
+    return Crs(**crs) if crs else None
 
 
 def input_info(record: StageRecord) -> InputInfo:

@@ -1,136 +1,384 @@
-"""The build's step that makes textures, between segmenting and packing, whole or by tiles."""
+"""The textures of a build: passes over tiles, and what is done once for the scene.
+
+The stages: ``texture-base`` (exposures, the base's atlas), ``texture-views-00007``,
+``texture-cells-00007``, ``texture-levels``, ``texture-tile-00007``; reported as one.
+"""
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import Any
+import threading
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from operator import attrgetter
+from types import ModuleType
+from typing import Any, Final
 
-from terraport_payload.types import Float32, Float64, UInt8
+import numpy as np
+import xxhash
+
+from terraport_payload.types import AnyArray, Float32
 from terraport_pipeline.code_digest import code_digest
-from terraport_pipeline.model import Crs
+from terraport_pipeline.engines.photos import OpenPhotos
+from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import texture
-from terraport_pipeline.stages.clean import Cleaned
-from terraport_pipeline.stages.contract import Context
-from terraport_pipeline.stages.reconstruct import Reconstructed
-from terraport_pipeline.stages.segment import Segmented
-from terraport_pipeline.stages.texture_set import Textured
+from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
+from terraport_pipeline.stages.texture_set import TextureSet
+from terraport_pipeline.stages.texture_sums import TextureTally
+from terraport_pipeline.stages.tiles import tiled_texture, tiled_views
+from terraport_pipeline.stages.tiles.tiled_texture import Levels
+from terraport_pipeline.stages.tiles.tiled_views import TextureScale
 from terraport_pipeline.workflow import photo_input
 from terraport_pipeline.workflow.photo_input import LocatedPhotos, Texturing
-from terraport_pipeline.workflow.stage_runner import StageRunner, Step, key_of
-from terraport_pipeline.workflow.tiled_textures import TiledTexturing
+from terraport_pipeline.workflow.reconstruct_step import Reconstructed, Surface
+from terraport_pipeline.workflow.runner import (
+    Result,
+    Runner,
+    Stage,
+    TileResults,
+    TileStage,
+    for_tiles,
+)
+from terraport_pipeline.workflow.segment_step import Segmented
+from terraport_pipeline.workflow.texture_counts import choice_counts, step_counts
+from terraport_pipeline.workflow.tile_ground import Ground
+from terraport_store.manifest import TextureInfo
 
-__all__ = ["texture_step", "tiled_texturing"]
+__all__ = ["TextureInput", "Textures", "texture_input", "texture_tiles"]
 
 
-def texture_step(
-    runner: StageRunner,
+@dataclass(slots=True, eq=False)
+class TextureInput:
+    """Options and inputs of texturing, and how to open the photos when they are needed."""
+
+    options: texture.Options
+    recorded: Mapping[str, Any]
+    """What identifies photos and cameras, for the keys."""
+    open_photos: Callable[[], OpenPhotos] | None = None
+    """None for textures from vertex colours."""
+    _opened: OpenPhotos | None = field(default=None, init=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
+
+    def opened(self) -> OpenPhotos:
+        """Open the photos when they are first needed: a build that is taken up needs none."""
+        assert self.open_photos is not None
+        with self._lock:
+            if self._opened is None:
+                self._opened = self.open_photos()
+            return self._opened
+
+
+def texture_input(
     asked: Texturing,
-    photo_source: LocatedPhotos | None,
-    crs: dict[str, Any] | None,
-    cleaned: Step[Cleaned],
-    reconstructed: Step[Reconstructed],
-    segmented: Step[Segmented],
-) -> Step[Textured]:
-    """Make the textures, or take them up.
-
-    Parameters
-    ----------
-    runner : StageRunner
-    asked : Texturing
-    photo_source : LocatedPhotos or None
-        From ``asked.find``.
-    crs : dict or None
-        The survey's, as the read stage records it.
-    cleaned, reconstructed, segmented : Step
-
-    Returns
-    -------
-    Step of Textured
-    """
-
-    # (1) Photos are opened, and the cloud loaded, only if the stage is not taken up.
-    def compute(context: Context) -> Textured:
-        opened = None
-        if photo_source is not None:
-            cloud = cleaned.value().cloud
-            opened = photo_source.open(
-                cloud.points,
-                cloud.colours if cloud.has_colour else None,
-                cloud.origin,
-                Crs(**crs) if crs else None,
-                max_bytes=texture.photo_bytes(context.max_memory_bytes),
-            )
-            cleaned.release()
-        return texture.run(reconstructed.value(), segmented.value(), opened, asked.options, context)
-
-    # (2) The key: meshes, labels, and photos and cameras by their content, wherever they lie.
-    inputs = {"meshes": reconstructed.record.digest, "labels": segmented.record.digest}
-    if photo_source is not None:
-        inputs |= {
-            "photos": photo_source.photos_xxh3,
-            "cameras": photo_source.cameras_xxh3,
-            "code": _code(),
-        }
-    return runner.step(
-        texture.NAME,
-        key_of(
-            texture.NAME,
-            {**asdict(asked.options), "camera_offset": asked.camera_offset, "crs": crs},
-            inputs,
-        ),
-        compute,
-        lambda result: result.facts,
-        texture.store,
-        texture.restore,
-    )
-
-
-def tiled_texturing(
-    asked: Texturing,
-    photo_source: LocatedPhotos | None,
-    samples: Float32,
-    colours: UInt8 | None,
-    origin: Float64,
-    crs: Crs | None,
+    photos: LocatedPhotos | None,
+    ground: Ground,
+    reconstructed: Reconstructed,
     max_memory_bytes: int,
-) -> TiledTexturing:
-    """Say what the textures of a tiled build are made of.
+) -> TextureInput:
+    """Say what the textures of a build are made of.
 
     Parameters
     ----------
     asked : Texturing
-    photo_source : LocatedPhotos or None
+    photos : LocatedPhotos or None
         From ``asked.find``.
-    samples : ndarray of shape (N, 3), float32
-        Points of the survey, scene frame.
-    colours : ndarray of shape (N, 3), uint8, or None
-        Theirs; None where the survey has none.
-    origin : ndarray of shape (3,), float64
-    crs : Crs or None
+    ground : Ground
+        The scene's frame.
+    reconstructed : Reconstructed
+        Samples that the cameras must look at.
     max_memory_bytes : int
-
-    Returns
-    -------
-    TiledTexturing
     """
-    if photo_source is None:
-        return TiledTexturing(asked.options, {})
-    crs_values = None if crs is None else asdict(crs)
-    return TiledTexturing(
+    if photos is None:
+        return TextureInput(asked.options, {})
+    return TextureInput(
         asked.options,
         {
             "camera_offset": asked.camera_offset,
-            "crs": crs_values,
-            "photos": photo_source.photos_xxh3,
-            "cameras": photo_source.cameras_xxh3,
-            "code": _code(),
+            "crs": None if ground.crs is None else asdict(ground.crs),
+            "photos": photos.photos_xxh3,
+            "cameras": photos.cameras_xxh3,
+            # What decides on the photos before the stages see them.
+            "code": code_digest(photo_input.__name__),
         },
-        lambda: photo_source.open(
-            samples, colours, origin, crs, max_bytes=texture.photo_bytes(max_memory_bytes)
+        lambda: photos.open(
+            reconstructed.samples,
+            reconstructed.sample_colours,
+            ground.origin,
+            ground.crs,
+            max_bytes=texture.photo_bytes(max_memory_bytes),
         ),
     )
 
 
-def _code() -> str:
-    """Digest of what decides on the photos before the stages see them."""
-    return code_digest(photo_input.__name__)
+@dataclass(frozen=True, slots=True, eq=False)
+class Textures:
+    """Textures of a scene, those of the detail on disk."""
+
+    base: TextureSet
+    info: TextureInfo
+    drawn: TileResults
+    base_digest: str
+    """Hash of the exposures and the base's texture."""
+
+    def tile(self, tile: int) -> TextureSet:
+        """Open the textures of one tile's segments; images stay on disk."""
+        return tiled_texture.tile_textures(self.drawn.stored(tile).arrays)
+
+    def digest_of(self, tile: int) -> str:
+        """Hash of one tile's textures."""
+        return self.drawn.records[tile].digest
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Base:
+    """Result of texturing the base: its atlas and the photos' exposures, once for the scene."""
+
+    textures: TextureSet
+    gains: Float32
+    facts: Facts
+
+
+_BASE_FORM: Final[Form[_Base]] = Form(
+    store=lambda result: Stored({**_arrays(result.textures), "gains": result.gains}, {}),
+    restore=lambda stored, facts: _Base(
+        tiled_texture.tile_textures(stored.arrays),
+        np.asarray(stored.arrays["gains"], np.float32),
+        facts,
+    ),
+    facts=attrgetter("facts"),
+)
+
+_LEVELS_FORM: Final[Form[Levels]] = Form(
+    store=lambda result: Stored({"keys": result.keys, "level": result.level}, {}),
+    restore=lambda stored, _facts: Levels(
+        np.asarray(stored.arrays["keys"], np.int64), np.asarray(stored.arrays["level"], np.float64)
+    ),
+    facts=lambda result: Facts({"cells": len(result.keys)}),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Passes:
+    """Runs the passes of texturing over all tiles, each taken up where it is unchanged."""
+
+    runner: Runner
+    surface: Surface
+    segmented: Segmented
+    asked: TextureInput
+    scale: TextureScale
+
+    def base(self, base: Mesh) -> Result[_Base]:
+        """Solve the photos' exposures and make the base's atlas."""
+        asked = self.asked
+
+        def compute(context: Context) -> _Base:
+            opened = None if asked.open_photos is None else asked.opened()
+            base_textures = texture.texture_base(base, opened, asked.options, context)
+            warnings = () if opened is None else opened.warnings
+            gains = (
+                np.zeros((0, 0), np.float32) if base_textures.gains is None else base_textures.gains
+            )
+            counts = {f"base_{name}": value for name, value in base_textures.atlases.facts.items()}
+            if opened is not None:
+                counts |= {"photos": len(opened.views), "photos_left_out": opened.left_out}
+            return _Base(base_textures.atlases.textures, gains, Facts(counts, warnings))
+
+        return self.runner.run(
+            Stage(
+                "texture-base",
+                texture,
+                compute,
+                _BASE_FORM,
+                {**asdict(asked.options), **asked.recorded},
+                {"surface": self.surface.digest, "kept": self.segmented.joined.digest},
+            )
+        )
+
+    def views(self, gains: Float32) -> TileResults:
+        """Choose the photo of every face, tile by tile, each with a band of its neighbours."""
+        surface = self.surface
+        return self._pass(
+            "texture-views",
+            tiled_views,
+            "texture: photos of tiles",
+            lambda tile, context: tiled_views.choose(
+                surface.tiles, tile, surface.base, self.asked.opened(), gains, self.scale, context
+            ),
+            {"gains": _gains_digest(gains)},
+            tiled_views.CHOOSE_BYTES_PER_FACE,
+        )
+
+    def levels(self, chosen: TileResults, gains: Float32) -> Result[Levels]:
+        """Sum up the seams of every tile, then solve the corrections of the whole scene."""
+        views = [stored.arrays for stored in chosen.every()]
+        cells = self._pass(
+            "texture-cells",
+            tiled_texture,
+            "texture: seams of tiles",
+            lambda tile, context: tiled_texture.level(
+                self.surface.tiles, tile, views, gains, self.scale, context
+            ),
+            {"views": chosen.digest, "gains": _gains_digest(gains)},
+            tiled_texture.DRAW_BYTES_PER_FACE,
+        )
+        return self.runner.run(
+            Stage(
+                "texture-levels",
+                tiled_texture,
+                lambda _: tiled_texture.solve([stored.arrays for stored in cells.every()]),
+                _LEVELS_FORM,
+                inputs={"cells": cells.digest},
+            )
+        )
+
+    def draw(
+        self, chosen: TileResults | None, levels: Result[Levels] | None, gains: Float32
+    ) -> TileResults:
+        """Bake the atlases of every tile's segments."""
+        asked, tiles, labels = self.asked, self.surface.tiles, self.segmented.labels
+        views = [] if chosen is None else [stored.arrays for stored in chosen.every()]
+
+        # (1) One tile: from vertex colours, or from photos with the neighbouring tiles' views.
+        def draw_tile(tile: int, context: Context) -> Stored:
+            if levels is None:
+                return tiled_texture.draw_plain(
+                    tiles.load(tile), tile, labels.segment(tile), asked.options, context
+                )
+            return tiled_texture.draw(
+                tiles, tile, labels.segment(tile), views, levels.value(), asked.opened(), gains,
+                self.scale, asked.options, context,
+            )  # fmt: skip
+
+        # (2) The pass; photos, gains, levels and views of any tile change every tile.
+        shared = {"gains": _gains_digest(gains)}
+        if levels is not None and chosen is not None:
+            levels.value()  # before several threads ask for it
+            shared |= {"levels": levels.digest, "views": chosen.digest}
+        return self._pass(
+            "texture-tile",
+            tiled_texture,
+            "texture: atlases of tiles",
+            draw_tile,
+            shared,
+            tiled_texture.DRAW_BYTES_PER_FACE,
+            cuts=True,
+        )
+
+    def _pass(
+        self,
+        name: str,
+        code: ModuleType,
+        title: str,
+        run: Callable[[int, Context], Stored],
+        shared: Mapping[str, str],
+        bytes_per_face: int,
+        *,
+        cuts: bool = False,
+    ) -> TileResults:
+        numbers = range(self.surface.tiles.count)
+        photos = 0
+        if self.asked.open_photos is not None:
+            photos = texture.photo_bytes(self.runner.max_memory_bytes)
+        return self.runner.run_tiles(
+            TileStage(
+                name,
+                code,
+                title,
+                for_tiles(numbers, run),
+                [
+                    {
+                        # A tile is looked at with a band of its neighbours.
+                        "tile": f"{self.surface.digest}-{tile}",
+                        **shared,
+                        **({"segments": self.segmented.cut_digest(tile)} if cuts else {}),
+                    }
+                    for tile in numbers
+                ],
+                self.segmented.scene.faces,
+                options={
+                    **(asdict(self.asked.options) if cuts else {}),
+                    **self.asked.recorded,
+                    **self.scale.recorded(),
+                },
+                bytes_per_unit=bytes_per_face,
+                shared_bytes=photos,
+            )
+        )
+
+
+def texture_tiles(
+    runner: Runner, surface: Surface, segmented: Segmented, asked: TextureInput
+) -> Textures:
+    """Make the textures of a scene.
+
+    Parameters
+    ----------
+    runner : Runner
+        Gets one report.
+    surface : Surface
+    segmented : Segmented
+    asked : TextureInput
+    """
+    with runner.reported_as(texture.NAME) as group:
+        # (1) The base, which also finds the photos' gains.
+        passes = _Passes(runner, surface, segmented, asked, TextureScale.of(segmented.scene))
+        base = passes.base(texture.faces_only(surface.base, segmented.joined.value().base_kept))
+        base_result = base.value()
+        chosen: TileResults | None = None
+        levels: Result[Levels] | None = None
+        # (2) With photos: the best views of every face, and smooth corrections over the whole
+        # surface.
+        if asked.open_photos is not None:
+            chosen = passes.views(base_result.gains)
+            levels = passes.levels(chosen, base_result.gains)
+        # (3) Atlases of every tile.
+        drawn = passes.draw(chosen, levels, base_result.gains)
+        # (4) Facts of all passes.
+        drawn_tiles = drawn.every()
+        counts, info = _summary(drawn_tiles, base_result, asked.options)
+        if chosen is not None:
+            counts |= choice_counts(chosen.records)
+            faces = segmented.scene.face_count
+            counts["borrowed_share"] = round(counts["choice_faces_borrowed"] / faces, 4)
+        counts |= step_counts(drawn_tiles)
+        warnings = (*base_result.facts.warnings, *texture.worth_warning(counts)) if chosen else ()
+        group.facts = Facts(counts, warnings)
+    return Textures(base_result.textures, info, drawn, base.digest)
+
+
+def _summary(
+    tiles: Sequence[Stored], base_result: _Base, options: texture.Options
+) -> tuple[dict[str, Any], TextureInfo]:
+    sides = np.concatenate([np.array(tile.arrays["sides"], np.int64) for tile in tiles])
+    texels = int((sides[:, 0] * sides[:, 1]).sum())
+    image_bytes = sum(int(tile.arrays["offsets"][-1]) for tile in tiles)
+    measured = TextureTally.total(tile.arrays for tile in tiles).facts()
+    counts: dict[str, Any] = {
+        "images": len(sides),
+        "image_bytes": image_bytes,
+        "texels": texels,
+        "longest_side": int(sides.max()),
+        "charts": sum(int(tile.values["charts"]) for tile in tiles),
+        "cells_share": round(sum(float(tile.values["used"]) for tile in tiles) / texels, 3),
+        **measured,
+        **base_result.facts.counts,
+    }
+    info = TextureInfo(
+        source=options.source,
+        media_types=(base_result.textures.texture(0).media_type,),
+        segments=len(sides),
+        base_side=int(base_result.textures.sides.max()),
+        max_side=int(sides.max()),
+        image_bytes=image_bytes,
+        texels=texels,
+        texel_m=measured["texel_m"],
+        gsd_m=measured["gsd_m"],
+    )
+    return counts, info
+
+
+def _arrays(textures: TextureSet) -> dict[str, AnyArray]:
+    return {name: getattr(textures, name) for name in ("wedges", "images", "offsets", "sides")}
+
+
+def _gains_digest(gains: Float32) -> str:
+    return xxhash.xxh3_128_hexdigest(np.ascontiguousarray(gains).data)

@@ -13,24 +13,24 @@ from typing import Annotated, Any, Final
 import numpy as np
 
 from terraport_payload.types import Float64
-from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.readers.npy_columns import NpyReader
 from terraport_pipeline.engines.readers.raw_survey import thinning_rows
-from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.geometry.clouds.footprint import Occupancy, plan_occupancy
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
 from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.stages import clean, measure_survey, partition, reconstruct
 from terraport_pipeline.stages.clean import Cleaned
+from terraport_pipeline.stages.contract import IN_FOLDER, STORED
 from terraport_pipeline.stages.tiles import solve_tile
-from terraport_pipeline.stages.trim_detail import BASE_GAP_SPACINGS
-from terraport_pipeline.workflow.stage_runner import StageRunner, Step
-from terraport_pipeline.workflow.tile_memory import TileForecast, choose_depth, forecast_tiles
-from terraport_pipeline.workflow.workdir import StageRecord, stage_key
+from terraport_pipeline.stages.tiles.tile_edges import BASE_GAP_SPACINGS
+from terraport_pipeline.workflow.read_step import crs_of
+from terraport_pipeline.workflow.runner import Result, Runner, Stage
+from terraport_pipeline.workflow.tile_memory import TileForecast, choose_plan, forecast_tiles
+from terraport_pipeline.workflow.workdir import StageRecord
 
-__all__ = ["Ground", "TileOptions", "prepare", "raster_of", "tile_tasks"]
+__all__ = ["Ground", "TileOptions", "clean_thinned", "prepare", "raster_of", "tile_tasks"]
 
 _KEPT_BEYOND: Final = 3.0
 """A tile keeps its surface until the join decides: so many spacings farther than any rule of the
@@ -42,26 +42,19 @@ _THINNED_POINTS: Final = 1_500_000
 
 @dataclass(frozen=True, slots=True)
 class TileOptions:
-    """Whether to build in tiles, how large these are, and who works on them."""
+    """How large tiles are, and who works on them."""
 
-    force: Annotated[bool, Option(flags=("--tiles",))] = False
-    """Build in tiles although the whole would fit into the memory."""
     depth: Annotated[
         int | None,
         Option(flags=("--tile-depth",), least=7, most=12, unset="what --max-memory allows"),
     ] = None
     """Octree depth of a tile: 10 is about 1.1 million faces, 9 a quarter of that."""
     cluster: Annotated[str | None, Option(unset="processes of this machine")] = None
-    """Address of a Dask scheduler that works on the tiles, as --tiles: tcp://host:8786. Its workers
-    must see the same paths."""
+    """Address of a Dask scheduler whose workers solve the tiles: tcp://host:8786. They must see the
+    same paths."""
 
     def __post_init__(self) -> None:
         check_options(self)
-
-    @property
-    def wanted(self) -> bool:
-        """Whether to build in tiles whatever the memory."""
-        return self.force or self.cluster is not None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,85 +62,112 @@ class Ground:
     """Everything that is the same for all tiles: lattice, plan, samples, forecast of memory."""
 
     read: StageRecord
-    cleaned: Step[Cleaned]
+    cleaned: Result[Cleaned]
+    """The thinned copy: origin, colours, codes."""
     origin: Float64
+    """(3,) easting, northing, height of the scene's origin."""
     measured: dict[str, Any]
+    detail_depth: int
+    """Depth that one octree over the whole survey would have with these cells."""
     lattice: Lattice
     plan: TilePlan
     samples: StageRecord
     forecast: TileForecast
     warnings: tuple[str, ...]
+    clean_options: clean.Options
+    options: reconstruct.Options
+
+    @property
+    def crs(self) -> Crs | None:
+        """Coordinate reference system of the survey; None where it states none."""
+        return crs_of(self.read)
+
+
+def clean_thinned(runner: Runner, read: StageRecord, options: clean.Options) -> Result[Cleaned]:
+    """Clean a thinned copy of the survey in memory: origin, colours, codes, the scene's frame."""
+    source = runner.work.path / read.name
+    return runner.run(
+        Stage(
+            clean.NAME,
+            clean,
+            lambda context: clean.run(_thinned(source, read), options, context),
+            clean.FORM,
+            asdict(options) | {"thinned": _THINNED_POINTS},
+            {"survey": read.digest},
+        )
+    )
 
 
 def prepare(
-    runner: StageRunner,
+    runner: Runner,
     read: StageRecord,
+    cleaned: Result[Cleaned],
     clean_options: clean.Options,
     options: reconstruct.Options,
     tiles: TileOptions,
+    in_one_piece: str | None = None,
 ) -> Ground:
-    """Do everything up to the samples of every tile.
+    """Measure the survey, plan its tiles and hand its samples out to them.
 
     Parameters
     ----------
-    runner, read, clean_options, options, tiles
-        As :func:`terraport_pipeline.workflow.tiled_reconstruct.run`.
+    runner : Runner
+    read : StageRecord
+        The survey's columns on disk.
+    cleaned : Result of Cleaned
+        From :func:`clean_thinned`.
+    clean_options, options, tiles
+        As of the build.
+    in_one_piece : str, optional
+        What needs the surface as a single tile.
+
+    Raises
+    ------
+    ResourceError
+        Not even a small tile fits the memory allowed; the single tile does not.
+    OptionError
+        Tiles of the size that was asked for, where one must hold all.
     """
-    # (1) The survey's columns on disk.
+    # (1) Extent and spacing of all samples.
     source = runner.work.path / read.name
-    # (2) A thinned copy in memory, for the origin, colours and the scene's frame.
-    cleaned = runner.step(
-        clean.NAME,
-        stage_key(
-            clean.NAME,
-            code_digest(clean.__name__),
-            asdict(clean_options) | {"thinned": _THINNED_POINTS},
-            {"survey": read.digest},
-        ),
-        lambda context: clean.run(_thinned(source, read), clean_options, context),
-        lambda result: result.facts,
-        clean.store,
-        clean.restore,
-    )
     cloud = cleaned.value().cloud
-    # (3) Extent and spacing of all samples.
-    measured = runner.step(
-        measure_survey.NAME,
-        stage_key(
+    measured = runner.run(
+        Stage(
             measure_survey.NAME,
-            code_digest(measure_survey.__name__),
+            measure_survey,
+            lambda context: measure_survey.run(
+                source / "points.npy", cloud, clean_options.normal_neighbours, context
+            ),
+            STORED,
             asdict(clean_options),
-            {"survey": read.digest, "cloud": cleaned.record.digest},
-        ),
-        lambda context: measure_survey.run(
-            source / "points.npy", cloud, clean_options.normal_neighbours, context
-        ),
-        measure_survey.facts_of,
-        lambda stored: stored,
-        lambda stored, _facts: stored,
-    ).value()
-    values = dict(measured.values)
-    # (4) The lattice, tiles on it that fit into memory, and each tile's samples. All tiles solve
+            {"survey": read.digest, "cloud": cleaned.digest},
+        )
+    )
+    values = dict(measured.value().values)
+    # (2) The lattice, tiles on it that fit into memory, and each tile's samples. All tiles solve
     # on one lattice: their surfaces meet at the same planes.
     depth, warnings = reconstruct.choose_detail_depth(
         options, values["extent_m"], values["spacing_m"]
     )
     lattice = _lattice(values, depth)
     origin = cloud.origin
-    plan, forecast = _plan(runner, source, lattice, origin, values, tiles)
-    samples = runner.folder_step(
-        partition.NAME,
-        stage_key(
+    plan, forecast = _plan(runner, source, lattice, origin, values, tiles, in_one_piece)
+    samples = runner.run(
+        Stage(
             partition.NAME,
-            code_digest(partition.__name__),
+            partition,
+            lambda context: partition.run(
+                source, len(read.values["attributes"]), plan, origin, context
+            ),
+            IN_FOLDER,
             {"shape": asdict(plan.shape), "lattice": asdict(lattice), "offset": plan.offset},
-            {"survey": read.digest, "cloud": cleaned.record.digest},
-        ),
-        lambda folder, context: partition.run(
-            source, len(read.values["attributes"]), plan, origin, folder, context
-        ),
+            {"survey": read.digest, "cloud": cleaned.digest},
+        )
     )
-    return Ground(read, cleaned, origin, values, lattice, plan, samples, forecast, tuple(warnings))
+    return Ground(
+        read, cleaned, origin, values, depth, lattice, plan, samples.record, forecast,
+        tuple(warnings), clean_options, options,
+    )  # fmt: skip
 
 
 def _thinned(source: Path, read: StageRecord) -> Survey:
@@ -165,12 +185,11 @@ def _thinned(source: Path, read: StageRecord) -> Survey:
                 blocks.append(block[rows[low:high] - first])
         return np.concatenate(blocks)
 
-    crs = read.values["crs"]
     return Survey(
         column("points"),
         column("colours") if (source / "colours.npy").exists() else None,
         {name: column(f"attribute-{i}") for i, name in enumerate(read.values["attributes"])},
-        Crs(**crs) if crs else None,
+        crs_of(read),
         read.values["format"],
         whole=tuple(read.values.get("whole", ())),
     )
@@ -185,40 +204,35 @@ def _lattice(measured: dict[str, Any], depth: int) -> Lattice:
 
 
 def _plan(
-    runner: StageRunner,
+    runner: Runner,
     source: Path,
     lattice: Lattice,
     origin: Float64,
     measured: dict[str, Any],
     tiles: TileOptions,
+    in_one_piece: str | None,
 ) -> tuple[TilePlan, TileForecast]:
     with runner.work.scratch() as scratch:
         blocks, counts = partition.count_blocks(
             source, lattice, origin, partition.BLOCK_CELLS, runner.context(scratch)
         )
     area_m2 = measured["points"] * measured["spacing_m"] ** 2
-    choice = choose_depth(
+    plan = choose_plan(
         lambda depth: plan_tiles(lattice, tile_shape(depth), blocks, counts, partition.BLOCK_CELLS),
         points=measured["points"],
         area_m2=area_m2,
         max_memory_bytes=runner.max_memory_bytes,
         asked=tiles.depth,
+        in_one_piece=in_one_piece,
     )
-    if choice is None:
-        raise ResourceError(
-            f"{runner.max_memory_bytes / 2**30:.1f} GiB are too little even for the smallest "
-            "tile; raise --max-memory to 2G or more"
-        )
-    plan = choice
     return plan, forecast_tiles(
         plan, measured["points"], area_m2, runner.max_memory_bytes, runner.threads
     )
 
 
-def tile_tasks(
-    ground: Ground, clean_options: clean.Options, options: reconstruct.Options
-) -> list[solve_tile.TileTask]:
+def tile_tasks(ground: Ground) -> list[solve_tile.TileTask]:
     """Write down for every tile what it needs to know."""
+    clean_options, options = ground.clean_options, ground.options
     plan, lattice = ground.plan, ground.lattice
     cleaned = ground.cleaned.value()
     raster = raster_of(ground)

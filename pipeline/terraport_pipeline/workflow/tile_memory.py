@@ -1,4 +1,4 @@
-"""How much memory a build needs, before it starts: whole, in tiles, or not at all.
+"""How much memory a build needs, before it starts, and the tiles that follow from it.
 
 The numbers are fits to measured builds (docs/topics/limits.md): bytes per sample and per face of
 each stage, above what Python and its libraries take themselves.
@@ -11,9 +11,10 @@ from dataclasses import dataclass
 from typing import Final
 
 from terraport_pipeline.engines import poisson
+from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.tiles.tile_plan import TilePlan
 
-__all__ = ["MemoryPlan", "TileForecast", "choose_depth", "forecast_tiles", "plan_memory"]
+__all__ = ["TileForecast", "WholeForecast", "choose_plan", "forecast_tiles", "forecast_whole"]
 
 PROCESS_BYTES: Final = 240 * 2**20
 """Python with NumPy, SciPy, numba and their kernels."""
@@ -43,9 +44,15 @@ takes up to 1.4 GB earlier and later, when no tile is."""
 LEAST_BYTES: Final = 1500 * 2**20
 """Cleaning the thinned copy."""
 
-_TILE_DEPTHS: Final = range(8, 12)
-"""A tile of depth 12 has 20 M faces: the overlap it saves is a tenth. One of depth 7 is nearly all
-margin."""
+_TILE_DEPTHS: Final = range(8, 11)
+"""Two tiles of depth 10 fit into 4 GiB, so a machine with as much or more plans the same tiles, and
+publishes the same bytes. One of depth 7 is nearly all margin."""
+
+_SINGLE_DEPTHS: Final = range(7, 21)
+"""Of a tile that holds the whole survey; the widest has a million cells along a side."""
+
+_TILE_SECONDS: Final = 3.0
+"""What every tile takes beside its solver: a process, its margin cleaned, the join, the passes."""
 
 _CELLS_PER_POINT: Final = 0.8
 """Cells per sample where nothing is known of the survey: the depth rule gives 0.5 to 2."""
@@ -71,46 +78,39 @@ class TileForecast:
 
 
 @dataclass(frozen=True, slots=True)
-class MemoryPlan:
-    """Whether a build goes whole or in tiles, and the estimate that decides it."""
+class WholeForecast:
+    """What a survey is expected to take as one tile."""
 
-    tiled: bool
-    whole_bytes: int
-    """Peak of a build in one piece."""
-    allowed_bytes: int
-    why: str
-    """A sentence for the user."""
+    points: int
+    faces: int
+    memory_bytes: int
+    """At the peak."""
+
+    def __str__(self) -> str:
+        return (
+            f"about {self.memory_bytes / 2**30:.1f} GiB for {self.points:,} points and "
+            f"{self.faces:,} faces in one piece"
+        )
 
 
-def plan_memory(
+def forecast_whole(
     points: int,
-    allowed_bytes: int,
     *,
-    force: bool = False,
     detail_depth: int | None = None,
     extent_m: float | None = None,
     area_m2: float | None = None,
-) -> MemoryPlan:
-    """Decide how to build.
+) -> WholeForecast:
+    """Forecast by a survey's headers what it takes as one tile.
 
     Parameters
     ----------
     points : int
         Of the survey, after ``--max-points``.
-    allowed_bytes : int
-        For the whole process tree.
-    force : bool
-        Tiles in any case.
     detail_depth : int, optional
         As asked.
     extent_m, area_m2 : float, optional
         Longest side and plan area of the survey's box, where the header says them; they tell how
         deep the density goes. A usual density is assumed otherwise.
-
-    Returns
-    -------
-    MemoryPlan
-        In tiles when the whole would pass what is allowed.
     """
     if extent_m and area_m2:
         # A surface is rougher than its plan: a third more area.
@@ -130,50 +130,86 @@ def plan_memory(
     )
     segmenting = SEGMENT_BYTES_PER_FACE * faces
     whole = PROCESS_BYTES + max(reading, cleaning, solving, finishing, segmenting)
-    reason = (
-        f"a build in one piece needs about {whole / 2**30:.1f} GiB for {points:,} points and "
-        f"{faces:,} faces, allowed are {allowed_bytes / 2**30:.1f} GiB"
-    )
-    if force:
-        return MemoryPlan(True, whole, allowed_bytes, f"tiles were asked for ({reason})")
-    if whole <= allowed_bytes:
-        return MemoryPlan(False, whole, allowed_bytes, reason)
-    return MemoryPlan(True, whole, allowed_bytes, f"{reason}: it goes in tiles")
+    return WholeForecast(points, faces, whole)
 
 
-def choose_depth(
+def choose_plan(
     plan: Callable[[int], TilePlan],
     *,
     points: int,
     area_m2: float,
     max_memory_bytes: int,
     asked: int | None = None,
-) -> TilePlan | None:
-    """Choose the tiles that are solved soonest, two side by side where two fit.
+    in_one_piece: str | None = None,
+) -> TilePlan:
+    """Choose the tiles that are solved soonest by two workers.
 
-    Larger tiles have less margin and so less work; but two that fit side by side may be done before
-    a larger one alone.
+    Larger tiles have less margin and so less work; but of a single one a second worker has nothing,
+    and two that fit side by side may be done before a larger one alone. The choice does not depend
+    on the number of cores, for the published bytes do on the plan.
 
-    Returns
-    -------
-    TilePlan or None
-        None when not even one of the smallest fits.
+    Parameters
+    ----------
+    plan : callable
+        Plans tiles of a depth.
+    points : int
+        Of the survey.
+    area_m2 : float
+        Of its surface.
+    max_memory_bytes : int
+    asked : int, optional
+        Depth of the tiles, whatever they take.
+    in_one_piece : str, optional
+        What needs a single tile, for the message where that cannot be.
+
+    Raises
+    ------
+    ResourceError
+        Not even one of the smallest fits; the single one does not.
+    OptionError
+        The depth that was asked for makes several tiles of what must be one.
     """
+    # (1) What was asked for.
+    way_out = "use --engine means and colour, which go by tiles, or thin the survey (--max-points)"
     if asked is not None:
-        return plan(asked)
+        tried = plan(asked)
+        if in_one_piece and tried.count > 1:
+            raise OptionError(
+                f"{in_one_piece} with {tried.count} tiles of depth {asked}; expected one: leave "
+                f"out --tile-depth, or {way_out}"
+            )
+        return tried
+    # (2) A single tile, as small as holds everything.
+    if in_one_piece:
+        whole = next(tried for depth in _SINGLE_DEPTHS if (tried := plan(depth)).count == 1)
+        need = _tile_bytes(whole, points, area_m2)
+        if need > max_memory_bytes - PARENT_BYTES:
+            raise ResourceError(
+                f"{in_one_piece} needs the surface in one piece, about "
+                f"{(need + PARENT_BYTES) / 2**30:.1f} GiB; allowed are "
+                f"{max_memory_bytes / 2**30:.1f} GiB: raise --max-memory, or {way_out}"
+            )
+        return whole
+    # (3) Of those that fit, the plan that two workers are done with first.
     best: tuple[float, TilePlan] | None = None
     for depth in reversed(_TILE_DEPTHS):
         tried = plan(depth)
         fit = int((max_memory_bytes - PARENT_BYTES) // _tile_bytes(tried, points, area_m2))
         if fit < 1:
             continue
-        work_s = sum(_solver(tried, int(load), points, area_m2).seconds for load in tried.points)
-        time_s = work_s / min(fit, _SIDE_BY_SIDE)
+        each_s = [
+            _TILE_SECONDS + _solver(tried, int(load), points, area_m2).seconds
+            for load in tried.points
+        ]
+        time_s = max(sum(each_s) / min(fit, _SIDE_BY_SIDE), *each_s)
         if best is None or time_s < best[0]:
             best = time_s, tried
-        if fit >= _SIDE_BY_SIDE:
-            break  # smaller ones only have more margin
-    return None if best is None else best[1]
+    if best is None:
+        raise ResourceError(
+            f"{max_memory_bytes / 2**30:.1f} GiB are too little even for the smallest tile; raise "
+            "--max-memory to 2G or more"
+        )
+    return best[1]
 
 
 def forecast_tiles(

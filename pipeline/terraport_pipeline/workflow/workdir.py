@@ -145,17 +145,11 @@ class WorkDirectory:
                 ) from None
         return Stored(arrays, record.values)
 
-    def mapped(self, record: StageRecord) -> Stored:
-        """Open a result without reading its arrays: they are read where they are looked at."""
-        folder = self.path / record.name
-        arrays = {Path(file).stem: _map(folder / file) for file in record.files}
-        return Stored(arrays, record.values)
-
     def looked_up(self, record: StageRecord) -> Stored:
-        """Open a result as :meth:`mapped`, each array only while it is in use.
+        """Open a result without reading its arrays: each is mapped anew while it is looked at.
 
-        For results of all tiles together: every open map holds a file descriptor, of which a
-        process may have 1,024.
+        Results of all tiles may be open together: every map that stayed open would hold a file
+        descriptor, of which a process may have 1,024.
         """
         folder = self.path / record.name
         return Stored(_LookedUp({Path(f).stem: folder / f for f in record.files}), record.values)
@@ -173,44 +167,36 @@ class WorkDirectory:
         ResourceError
             The disk is full; the older result stands.
         """
-        values = json.loads(json.dumps(dict(stored.values), allow_nan=False))
-        plain_facts = json.loads(json.dumps(asdict(facts)))
-        digests = {f"{n}.npy": _array_digest(array) for n, array in stored.arrays.items()}
-        whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))
         with self.beside(name) as folder:
-            files = {}
-            for array_name, array in stored.arrays.items():
-                path = folder / f"{array_name}.npy"
-                with path.open("wb") as file:
-                    _write_npy(file, np.ascontiguousarray(array))
-                    _sync(file.fileno())
-                files[path.name] = path.stat().st_size
-            return _write_record(folder, name, key, whole, plain_facts, cost, values, files)
+            return self.seal(folder, name, key, stored, facts, cost)
 
     def seal(
-        self,
-        folder: Path,
-        name: str,
-        key: str,
-        values: Mapping[str, Json],
-        facts: Facts,
-        cost: Cost,
+        self, folder: Path, name: str, key: str, stored: Stored, facts: Facts, cost: Cost
     ) -> StageRecord:
-        """Make the ``.npy`` files in a folder a result; for arrays too large to be in memory.
+        """Write a result into a folder and make it, with what lies there already, a kept one.
 
         Parameters
         ----------
         folder : Path
-            From :meth:`beside`, with every array written.
-        name, key, values, facts, cost
-            As in :meth:`save`; the digest is the one that :meth:`save` computes.
+            From :meth:`beside`; may hold ``.npy`` files of arrays too large to be in memory.
+        name, key : str
+        stored : Stored
+            Values, and the other arrays.
+        facts, cost
         """
-        values = json.loads(json.dumps(dict(values), allow_nan=False))
+        values = json.loads(json.dumps(dict(stored.values), allow_nan=False))
         plain_facts = json.loads(json.dumps(asdict(facts)))
         digests, files = {}, {}
         for path in sorted(folder.glob("*.npy")):
             digests[path.name] = _npy_digest(path)
             with path.open("rb+") as file:
+                _sync(file.fileno())
+            files[path.name] = path.stat().st_size
+        for array_name, array in stored.arrays.items():
+            path = folder / f"{array_name}.npy"
+            digests[path.name] = _array_digest(array)
+            with path.open("wb") as file:
+                _write_npy(file, np.ascontiguousarray(array))
                 _sync(file.fileno())
             files[path.name] = path.stat().st_size
         whole = xxhash.xxh3_128_hexdigest(_canonical([digests, values]))

@@ -13,13 +13,12 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-import xxhash
 
 from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64
 from terraport_pipeline.errors import WorkDirectoryError
 from terraport_pipeline.model import Mesh
 
-__all__ = ["Border", "DetailTiles", "StoredTiles", "WholeDetail"]
+__all__ = ["Border", "DetailTiles", "StoredTiles"]
 
 
 _FIELDS = ("vertices", "faces", "normals", "colours")
@@ -62,6 +61,10 @@ class DetailTiles(Protocol):
         """Read the mesh of tile `i`."""
         ...
 
+    def digest_of(self, i: int) -> str:
+        """Hash of the content of tile `i`."""
+        ...
+
     def box(self, i: int) -> Float64:
         """Box of its vertices: (6,) x, y, z lowest, x, y, z highest, metres, scene frame."""
         ...
@@ -80,51 +83,6 @@ class DetailTiles(Protocol):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WholeDetail:
-    """A detail in memory, seen as a single tile."""
-
-    mesh: Mesh
-    count: int = 1
-    border_count: int = 0
-
-    @property
-    def attributes(self) -> tuple[str, ...]:
-        """Names of the mesh's attributes."""
-        return tuple(self.mesh.attributes)
-
-    @property
-    def digest(self) -> str:
-        """Hash of the mesh's arrays."""
-        digest = xxhash.xxh3_128()
-        mesh = self.mesh
-        for array in (*(getattr(mesh, f) for f in _FIELDS), *mesh.attributes.values()):
-            digest.update(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
-        return digest.hexdigest()
-
-    def load(self, i: int) -> Mesh:
-        """Return the mesh itself."""
-        _check(i, 1)
-        return self.mesh
-
-    def box(self, i: int) -> Float64:
-        """Bounding box of all vertices, (6,) metres."""
-        return vertex_box(self.load(i).vertices)
-
-    def border(self, i: int) -> Border:
-        """Return an empty border: a single tile shares nothing."""
-        _check(i, 1)
-        return Border(np.zeros(0, np.int32), np.zeros(0, np.int64))
-
-    def face_count(self, i: int) -> int:
-        """Count the faces of the mesh."""
-        return len(self.load(i).faces)
-
-    def vertex_count(self, i: int) -> int:
-        """Count the vertices of the mesh."""
-        return len(self.load(i).vertices)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class StoredTiles:
     """Tiles in a work directory, one folder of ``.npy`` files each."""
 
@@ -135,6 +93,8 @@ class StoredTiles:
     """(T, 6) metres."""
     faces: tuple[int, ...]
     vertices: tuple[int, ...]
+    digests: tuple[str, ...]
+    """Hash of every tile's content."""
     attributes: tuple[str, ...]
     border_count: int
     digest: str
@@ -164,6 +124,10 @@ class StoredTiles:
         arrays = {field: self._read(i, field) for field in _FIELDS}
         values = {name: self._read(i, f"attribute-{k}") for k, name in enumerate(self.attributes)}
         return Mesh(**arrays, attributes=values)
+
+    def digest_of(self, i: int) -> str:
+        """Hash of the tile's content."""
+        return self.digests[i]
 
     def box(self, i: int) -> Float64:
         """Bounding box of the tile's vertices, (6,) metres, without reading it."""

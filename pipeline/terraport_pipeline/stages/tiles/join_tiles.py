@@ -43,7 +43,7 @@ __all__ = [
     "to_stored",
 ]
 
-NAME: Final = "join_tiles"
+NAME: Final = "join"
 
 TileArrays = Mapping[str, AnyArray]
 """What is kept of a tile, by name."""
@@ -241,19 +241,9 @@ def cut_ids(pairs: Int64, cut_pairs: Int64, count: int) -> Int64:
     return ids
 
 
-def to_stored(join: Join, settled: Settled | None) -> Stored:
+def to_stored(join: Join, settled: Settled) -> Stored:
     """Turn the join into arrays and values."""
-    # (1) A join that is not settled yet (handed to the workers) has empty lists.
-    settled = settled or Settled(
-        np.zeros((0, 2), np.int64),
-        np.zeros((0, 3), np.float32),
-        tuple(np.zeros(0, np.int64) for _ in join.rows),
-        0,
-        0,
-        0,
-        0,
-    )
-    # (2) Plain arrays and values, and the rules of both cuts.
+    # (1) Plain arrays and values, and the rules of both cuts.
     rules = (("rule", join.rule), ("base_rule", join.base_rule))
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "cells": join.cells,
@@ -275,7 +265,7 @@ def to_stored(join: Join, settled: Settled | None) -> Stored:
         numbers = [rule.threshold, rule.largest, rule.spacing_m, rule.outward_m]
         values[name] = {"numbers": numbers, "footprint": position}
     arrays |= {f"attribute-{i}": values for i, values in enumerate(join.attributes)}
-    # (3) One list per tile, as one array with its starts.
+    # (2) One list per tile, as one array with its starts.
     lists: tuple[tuple[str, Sequence[AnyArray]], ...] = (
         ("rows", join.rows),
         ("ids", join.ids),

@@ -31,9 +31,9 @@ from terraport_pipeline.geometry.mesh.trim import compact
 from terraport_pipeline.geometry.tiles.tile_plan import REACH_CELLS
 from terraport_pipeline.geometry.tiles.tile_weld import TileBorder
 from terraport_pipeline.stages import clean
-from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
+from terraport_pipeline.stages.contract import Context, Json, Stored
 
-__all__ = ["NAME", "TileTask", "border_of", "facts_of", "run", "sample_type"]
+__all__ = ["NAME", "TileTask", "border_of", "run", "sample_type"]
 
 NAME: Final = "solve_tile"
 
@@ -176,11 +176,6 @@ def run(task: TileTask, samples: AnyArray, context: Context) -> Stored:
     }
     arrays |= {f"attribute-{i}": values for i, values in enumerate(attributes.values())}
     return Stored(arrays, counts)
-
-
-def facts_of(stored: Stored) -> Facts:
-    """Take the reported counts from a stored tile."""
-    return Facts(dict(stored.values))
 
 
 def border_of(task: TileTask, vertices: Float32, faces: Int32, ratio: Float32) -> TileBorder:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
@@ -14,9 +15,17 @@ from terraport_payload.types import AnyArray
 from terraport_pipeline.geometry.clouds.edges import EdgeRule
 from terraport_pipeline.geometry.clouds.footprint import Occupancy, make_footprint
 from terraport_pipeline.geometry.clouds.support import support_threshold
-from terraport_pipeline.stages.trim_detail import BASE_GAP_SPACINGS, HEM_SPACINGS
 
-__all__ = ["edge_rules"]
+__all__ = ["BASE_GAP_SPACINGS", "HEM_SPACINGS", "edge_rules"]
+
+HEM_SPACINGS: Final = 1.5
+"""How far the base reaches beyond the detail, in the cloud's spacings: thinning moves a border by
+less than one (99.9th percentile), and the hem is hidden where detail is shown."""
+
+BASE_GAP_SPACINGS: Final = 12.0
+"""Gaps that nowhere lie farther than this from a sample stay closed in the base: the detail shows
+the holes of a thinly sampled wall when one stands before it, but from afar nobody should look
+through the wall. (Without this the base of a quarry's highwall had holes of several metres.)"""
 
 
 def edge_rules(

@@ -1,7 +1,7 @@
-"""The base of a detail in tiles: every tile thinned by itself, then all of them together.
+"""The base: every tile of the detail thinned by itself, then all of them together.
 
-As the whole build's base, with a tile in place of a block: what tiles share is held while they are
-thinned apart, so the pieces still fit each other bit for bit. It starts from the wider surface that
+What tiles share is held while they are thinned apart, so the pieces still fit each other bit for
+bit. It starts from the wider surface that
 the join cuts beside the detail: with a hem, and without the smaller gaps (``trim_detail.py``). A
 base by Poisson is solved on the thinned survey and cut to that surface. Memory: one tile, then
 about 500 bytes per face of four times the base; for a base by Poisson what its forecast says.
@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import reduce
+from operator import attrgetter
 from typing import Final
 
 import numpy as np
@@ -25,23 +26,36 @@ from terraport_pipeline.geometry.clouds.carry import carry_values
 from terraport_pipeline.geometry.cover.base_patch import append_surface, base_patch
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.geometry.mesh.face_blocks import weld
-from terraport_pipeline.geometry.mesh.trim import compact, island_mask
+from terraport_pipeline.geometry.mesh.trim import (
+    close_small_gaps,
+    compact,
+    island_mask,
+    near_mask,
+)
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.clean import Cleaned
-from terraport_pipeline.stages.contract import Context, Facts, Json, Stored
-from terraport_pipeline.stages.reconstruct import BASE_DEPTH, Options, trim_base
+from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
+from terraport_pipeline.stages.reconstruct import BASE_DEPTH, Options
 from terraport_pipeline.stages.tiles.detail_tiles import StoredTiles
-from terraport_pipeline.stages.trim_detail import HEM_SPACINGS
+from terraport_pipeline.stages.tiles.tile_edges import HEM_SPACINGS
 
-__all__ = ["NAME", "TiledBase", "restore", "run", "store"]
+__all__ = ["FORM", "NAME", "TiledBase", "run"]
 
-NAME: Final = "tiled_base"
+NAME: Final = "base"
 
 _FIRST_SHARE: Final = 4
 """Faces left after tiles were thinned apart, as multiple of what is wanted; see `thin_detail`."""
 
+_BASE_MARGIN_CELLS: Final = 1.5
+"""A base by Poisson reaches this many of its cells beyond the detail, so that no rim of detail lies
+over nothing."""
+
+_GAP_CELLS: Final = 8.0
+"""Gaps of such a base up to this many of its cells wide, seen from above, are closed again."""
+
 _DEVIATION_SAMPLES: Final = 100_000
+"""Detail vertices whose distance to the base is measured; the 99.9th percentile rests on 100."""
 
 _PERCENTILES: Final = (50.0, 95.0, 99.0, 99.9)
 
@@ -118,6 +132,11 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     percentiles_m = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
     context.progress.done({"p99_m": percentiles_m[2]})
     warnings: list[str] = []
+    if options.base_from == "poisson" and counts["base_depth"] < (options.base_depth or 0):
+        warnings.append(
+            f"base depth {counts['base_depth']} instead of {options.base_depth}: finer cells than "
+            "the samples that the base is solved on would only add noise"
+        )
     if len(triangles) > 1.1 * options.base_faces:
         warnings.append(
             f"the base keeps {len(triangles)} faces, {options.base_faces} were asked: its border "
@@ -174,12 +193,36 @@ def _solved(
         point_weight=options.point_weight,
     )
     cell_m = poisson.SCALE * extent_m / 2**depth
-    base = trim_base(*surface, near, cell_m, threads=context.threads)
+    base = _trim_base(*surface, near, cell_m, threads=context.threads)
     return *decimate(*base, max_faces=options.base_faces), depth
 
 
-def store(result: TiledBase) -> Stored:
-    """Turn the result into arrays and values."""
+def _trim_base(
+    vertices: Float32, faces: Int32, detail: Float32, cell_m: float, *, threads: int = 1
+) -> tuple[Float32, Int32]:
+    """Keep every base face near any detail, so that the base lies under all of it.
+
+    Parameters
+    ----------
+    vertices, faces : ndarray
+        Of a base that was solved apart.
+    detail : ndarray of shape (V, 3), float32
+        Vertices of the detail, or of a surface thinned from it.
+    cell_m : float
+        Of the base's octree.
+    threads : int
+    """
+    tree = cKDTree(detail, balanced_tree=False)
+    keep = near_mask(vertices, faces, tree, margin_m=_BASE_MARGIN_CELLS * cell_m, workers=threads)
+    if not keep.any():  # the two surfaces share nothing: keep all rather than leave a hole
+        keep[:] = True
+    # Where the base bulges and the detail does not (a tree that was an island of the detail), the
+    # bulge's top is far from any detail: without it there would be a hole over the ground below.
+    keep = close_small_gaps(vertices, faces, keep, max_extent_m=_GAP_CELLS * cell_m)
+    return compact(vertices, faces, keep)
+
+
+def _store(result: TiledBase) -> Stored:
     mesh = result.base
     arrays = {
         f"base-{field}": getattr(mesh, field)
@@ -192,8 +235,7 @@ def store(result: TiledBase) -> Stored:
     )
 
 
-def restore(stored: Stored, facts: Facts) -> TiledBase:
-    """Turn arrays and values back into the result."""
+def _restore(stored: Stored, facts: Facts) -> TiledBase:
     arrays, values = stored.arrays, stored.values
     base = Mesh(
         np.asarray(arrays["base-vertices"], np.float32),
@@ -206,3 +248,6 @@ def restore(stored: Stored, facts: Facts) -> TiledBase:
         },
     )
     return TiledBase(base, tuple(values["deviation_m"]), facts)
+
+
+FORM: Final = Form(_store, _restore, attrgetter("facts"))

@@ -6,8 +6,9 @@ Holds no faces: a few hundred bytes per segment, 8 per entry of the cover, and t
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
@@ -25,13 +26,12 @@ from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
 from terraport_pipeline.geometry.tiles.tiled_cover import unite_covers
 from terraport_pipeline.geometry.tiles.tiled_means import JoinedRegions
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.stages.contract import Facts, Json, Stored
+from terraport_pipeline.stages.contract import Facts, Form, Json, Stored
+from terraport_pipeline.stages.region_engine import COLOUR
 from terraport_pipeline.stages.segment import Options
-from terraport_pipeline.stages.tiles.tiled_segment import TiledScene, totals_of
+from terraport_pipeline.stages.tiles.tiled_segment import Regions, TiledScene, totals_of
 
-__all__ = ["NAME", "TiledSegmented", "join", "restore", "store"]
-
-NAME: Final = "segment"
+__all__ = ["FORM", "TiledSegmented", "join"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +61,9 @@ class TiledSegmented:
 
 
 def join(
-    tiles: Iterator[Stored],
+    tiles: Iterable[Stored],
     scene: TiledScene,
-    joined: JoinedRegions,
+    regions: Regions,
     seam_regions: Int32,
     base: Mesh,
     options: Options,
@@ -73,10 +73,10 @@ def join(
 
     Parameters
     ----------
-    tiles : iterator of Stored
+    tiles : iterable of Stored
         From :func:`~.tiled_segment.cut`, in order of the tiles; looked at one at a time.
     scene : TiledScene
-    joined : JoinedRegions
+    regions : Regions
     seam_regions : ndarray of shape (N, 2), int32
         Regions on both sides of every seam.
     base : Mesh
@@ -88,6 +88,7 @@ def join(
     -------
     TiledSegmented
     """
+    joined = regions.joined
     tables: list[dict[str, Any]] = []
     covers: list[tuple[Int32, Int32]] = []
     totals: RegionTotals | None = None
@@ -96,9 +97,9 @@ def join(
     for stored in tiles:
         arrays = stored.arrays
         names = ("face_counts", "bounds", "main_region", "region_counts", "ragged")
-        tables.append({name: np.asarray(arrays[name]) for name in names})
-        covers.append((np.asarray(arrays["cover_face"]), np.asarray(arrays["cover_segment"])))
-        present = np.asarray(arrays["present"], np.int32)
+        tables.append({name: np.array(arrays[name]) for name in names})
+        covers.append((np.array(arrays["cover_face"]), np.array(arrays["cover_segment"])))
+        present = np.array(arrays["present"], np.int32)
         of_tile = spread_totals(totals_of(arrays), present, joined.count)
         totals = of_tile if totals is None else add_totals(totals, of_tile)
         exceptions.update(stored.values["exceptions"])
@@ -158,9 +159,7 @@ def join(
         **quantiles,
         "engine": options.engine,
         "segment_by": options.segment_by,
-        "region_limit": scene.scale(options).limit,
-        "region_pools": joined.pools,
-        "region_islands": joined.islands,
+        **regions.facts,
         **{f"segments_{name}": n for name, n in exceptions.items()},
     }
     return TiledSegmented(
@@ -175,12 +174,11 @@ def join(
         facts,
         tolerance_m,
         max_extent_m,
-        Facts(outcome, tuple(_warnings(scene, joined, baseless))),
+        Facts(outcome, tuple(_warnings(scene, joined, options, baseless))),
     )
 
 
-def store(result: TiledSegmented) -> Stored:
-    """Turn the result into arrays and values."""
+def _store(result: TiledSegmented) -> Stored:
     arrays = {name: getattr(result, name) for name in _ARRAYS}
     return Stored(
         arrays,
@@ -192,8 +190,7 @@ def store(result: TiledSegmented) -> Stored:
     )
 
 
-def restore(stored: Stored, facts: Facts) -> TiledSegmented:
-    """Turn arrays and values back into the result."""
+def _restore(stored: Stored, facts: Facts) -> TiledSegmented:
     arrays: dict[str, Any] = {name: np.asarray(stored.arrays[name]) for name in _ARRAYS}
     return TiledSegmented(**arrays, **dict(stored.values), facts=facts)
 
@@ -210,11 +207,17 @@ _ARRAYS: Final = (
 )
 
 
-def _warnings(scene: TiledScene, joined: JoinedRegions, baseless: int) -> Iterator[str]:
-    if joined.count == 1 and scene.totals.spread(np.ones(3)) == 0.0:
+FORM: Final = Form(_store, _restore, attrgetter("facts"))
+
+
+def _warnings(
+    scene: TiledScene, joined: JoinedRegions, options: Options, baseless: int
+) -> Iterator[str]:
+    is_grey = options.segment_by == COLOUR and scene.totals.spread(np.ones(3)) == 0.0
+    if joined.count == 1 and is_grey:
         yield (
-            "the surface has one colour and is therefore one region; telling regions apart by how "
-            "the surface folds is for builds that are not tiled: thin the survey with --max-points"
+            "the surface has one colour and is therefore one region: --engine graph --segment-by "
+            "shape tells regions apart by how the surface folds"
         )
     if baseless:
         yield (

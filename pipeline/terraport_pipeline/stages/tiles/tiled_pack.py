@@ -22,7 +22,7 @@ from terraport_payload import (
     encode_glb,
     gltf_attribute_name,
 )
-from terraport_payload.types import AnyArray, Int32, Int64
+from terraport_payload.types import AnyArray, Int32
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Facts, Stored
 from terraport_pipeline.stages.pack import (
@@ -179,7 +179,7 @@ def publish(
     deviation_m : sequence of float
         50th, 95th, 99th and 99.9th percentile of the distance of detail to base.
     about, options, context
-        As for :func:`~.pack.run`.
+        What the manifest says beyond the meshes, the scene's name, what may be used.
     textured : pair, optional
         The base's texture, and what the manifest says of all; payloads have theirs.
 
@@ -257,18 +257,20 @@ def publish(
 
 def _by_number(segmented: TiledSegmented, payloads: PayloadFiles) -> Iterator[Payload]:
     """Read every payload in the order of the scene's segments."""
-    opened: dict[int, tuple[Stored, Int64]] = {}
+    tables: dict[int, tuple[Mapping[str, AnyArray], dict[str, AnyArray]]] = {}
     for tile, within in zip(segmented.tile.tolist(), segmented.within.tolist(), strict=True):
-        if tile not in opened:
-            stored = payloads(tile)
-            begins = np.concatenate([[0], np.cumsum(stored.arrays["glb_length"])])
-            opened[tile] = stored, begins
-        stored, starts = opened[tile]
+        if tile not in tables:
+            arrays = payloads(tile).arrays
+            small = {name: np.array(arrays[name]) for name in ("bounds", "vertices", "faces")}
+            small["starts"] = np.concatenate([[0], np.cumsum(arrays["glb_length"])])
+            tables[tile] = arrays, small
+        arrays, small = tables[tile]
+        begin, end = small["starts"][within : within + 2]
         yield Payload(
-            glb=stored.arrays["glb"][starts[within] : starts[within + 1]].tobytes(),
-            bounds=tuple(stored.arrays["bounds"][within].tolist()),
-            vertices=int(stored.arrays["vertices"][within]),
-            faces=int(stored.arrays["faces"][within]),
+            glb=arrays["glb"][begin:end].tobytes(),
+            bounds=tuple(small["bounds"][within].tolist()),
+            vertices=int(small["vertices"][within]),
+            faces=int(small["faces"][within]),
         )
 
 

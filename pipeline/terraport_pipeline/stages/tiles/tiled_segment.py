@@ -3,7 +3,8 @@
 Five steps, of which the second and the fourth are the long ones:
 
 1. :func:`measure` every tile; :func:`scene_of` adds up what the whole scene must know;
-2. :func:`units` of every tile: fine pools, with their borders;
+2. :func:`units` of every tile: fine pools, with their borders. An engine that needs the surface in
+   one piece gets it as the only tile, and its regions are the units;
 3. :func:`regions`: the units of all tiles united to regions, across the tiles' borders;
 4. :func:`cut` every tile into segments, lay them over the base, sum up its regions' facts;
 5. ``tiled_join.py``: segments numbered along one curve, covers and sums united.
@@ -48,17 +49,22 @@ from terraport_pipeline.geometry.tiles.tiled_means import (
     tile_units,
 )
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.stages.contract import Context, Stored
-from terraport_pipeline.stages.region_engine import means_segmenter
+from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
+from terraport_pipeline.stages.region_engine import (
+    make_segmenter,
+    means_segmenter,
+    segmenter_mesh,
+)
 from terraport_pipeline.stages.segment import MAX_REGIONS, Options
 
 __all__ = [
     "CUT_BYTES_PER_FACE",
     "MEASURE_BYTES_PER_FACE",
+    "REGIONS_FORM",
     "UNITS_BYTES_PER_FACE",
     "AttributeRange",
+    "Regions",
     "TiledScene",
-    "check_options",
     "cut",
     "measure",
     "regions",
@@ -153,26 +159,6 @@ class TiledScene:
         )
 
 
-def check_options(options: Options) -> None:
-    """Refuse what cannot be done tile by tile, before any work.
-
-    Raises
-    ------
-    OptionError
-    """
-    way_out = (
-        "tiles are segmented by --engine means and colour alone; thin the survey with "
-        "--max-points, or raise --max-memory, to build it whole"
-    )
-    for what, value, possible in (
-        ("engine", options.engine, "means"),
-        ("segments by", options.segment_by, "colour"),
-        ("units", options.units, "segments"),
-    ):
-        if value != possible:
-            raise OptionError(f"{what} {value!r} in a tiled build; {way_out}")
-
-
 def measure(mesh: Mesh, context: Context) -> Stored:
     """Measure one tile; see :func:`scene_of`."""
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=context.threads)
@@ -243,8 +229,16 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
 
 
 def units(mesh: Mesh, tile: int, scene: TiledScene, options: Options, context: Context) -> Stored:
-    """Unite one tile's faces up to the fine pools."""
+    """Unite one tile's faces up to the fine pools.
+
+    Raises
+    ------
+    OptionError
+        An attribute that cannot be compared; the shape diameter of an open surface.
+    """
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=context.threads)
+    if options.in_one_piece:
+        return _units_of_whole(mesh, pairs, options, context)
     united = tile_units(
         mesh.vertices,
         mesh.faces,
@@ -261,9 +255,70 @@ def units(mesh: Mesh, tile: int, scene: TiledScene, options: Options, context: C
     return Stored(arrays, {"edge_steps": list(united.edge_steps)})
 
 
+def _units_of_whole(
+    mesh: Mesh, pairs: tuple[Int32, Int32], options: Options, context: Context
+) -> Stored:
+    """Let an engine that needs the whole surface make its regions; a unit is a pool in a region."""
+    segmenter = make_segmenter(options, threads=context.threads)
+    segmentation = segmenter.segment(segmenter_mesh(mesh, pairs, options, threads=context.threads))
+    keys = segmentation.fine.astype(np.int64) * segmentation.region_count + segmentation.regions
+    unique, labels = np.unique(keys, return_inverse=True)
+    fine, region = np.divmod(unique, segmentation.region_count)
+    return Stored(
+        {
+            "labels": labels.astype(np.int32),
+            "fine": fine.astype(np.int32),
+            "region": region.astype(np.int32),
+            "similarity": segmentation.similarity,
+        },
+        {
+            "regions": segmentation.region_count,
+            "pools": segmentation.fine_count,
+            "facts": dict(segmentation.facts),
+        },
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Regions:
+    """Regions over all tiles, and what the engine tells of them."""
+
+    joined: JoinedRegions
+    facts: dict[str, Json]
+
+
+REGIONS_FORM: Final[Form[Regions]] = Form(
+    store=lambda result: Stored(
+        {
+            "region": np.concatenate(result.joined.region),
+            "fine": np.concatenate(result.joined.fine),
+            "starts": np.cumsum([len(units) for units in result.joined.region])[:-1],
+        },
+        {
+            "numbers": [
+                result.joined.count,
+                result.joined.fine_count,
+                result.joined.pools,
+                result.joined.islands,
+            ],
+            "facts": result.facts,
+        },
+    ),
+    restore=lambda stored, _facts: Regions(
+        JoinedRegions(
+            tuple(np.split(stored.arrays["region"], stored.arrays["starts"])),
+            tuple(np.split(stored.arrays["fine"], stored.arrays["starts"])),
+            *stored.values["numbers"],
+        ),
+        stored.values["facts"],
+    ),
+    facts=lambda result: Facts({"regions": result.joined.count}),
+)
+
+
 def regions(
     tiles: Sequence[Stored], scene: TiledScene, options: Options, context: Context
-) -> JoinedRegions:
+) -> Regions:
     """Unite the units of all tiles to regions.
 
     Parameters
@@ -279,6 +334,35 @@ def regions(
     OptionError
         More regions than can be told apart at run time.
     """
+    context.progress.start("segment: regions across tiles", None, "units")
+    if options.in_one_piece:
+        (whole,) = tiles
+        count, pools = int(whole.values["regions"]), int(whole.values["pools"])
+        joined = JoinedRegions(
+            (np.asarray(whole.arrays["region"]),), (np.asarray(whole.arrays["fine"]),),
+            count, pools, pools, 0,
+        )  # fmt: skip
+        facts: dict[str, Json] = whole.values["facts"]
+    else:
+        joined = _joined(tiles, scene, options, context)
+        facts = {
+            "region_limit": scene.scale(options).limit,
+            "region_pools": joined.pools,
+            "region_islands": joined.islands,
+        }
+    if joined.count > MAX_REGIONS:
+        raise OptionError(
+            f"{joined.count} regions; at most {MAX_REGIONS} can be told apart at run time: raise "
+            "--small-region-share, or change the engine's own threshold (terraport build --help)"
+        )
+    context.progress.done({"regions": joined.count})
+    return Regions(joined, facts)
+
+
+def _joined(
+    tiles: Sequence[Stored], scene: TiledScene, options: Options, context: Context
+) -> JoinedRegions:
+    """Unite the units of tiles by mean colour."""
     seams = scene.seams
     at_seams = np.zeros(seams.faces.shape, np.int32)
     units_of_tile = []
@@ -287,24 +371,18 @@ def regions(
         for side in (0, 1):
             rows = np.flatnonzero(seams.tiles[:, side] == number)
             at_seams[rows, side] = labels[seams.faces[rows, side]]
-        arrays: dict[str, Any] = {name: np.asarray(a) for name, a in tile.arrays.items()}
+        arrays: dict[str, Any] = {
+            name: np.array(a) for name, a in tile.arrays.items() if name != "labels"
+        }
         arrays["labels"] = np.zeros(0, np.int32)
         one, other = tile.values["edge_steps"]
         units_of_tile.append(TileUnits(**arrays, edge_steps=(int(one), int(other))))
-    joined = join_tiles(
-        units_of_tile, at_seams, seams, scene.scale(options), threads=context.threads
-    )
-    if joined.count > MAX_REGIONS:
-        raise OptionError(
-            f"{joined.count} regions; at most {MAX_REGIONS} can be told apart at run time: "
-            "raise --small-region-share or --means-spread"
-        )
-    return joined
+    return join_tiles(units_of_tile, at_seams, seams, scene.scale(options), threads=context.threads)
 
 
 def cut(
     mesh: Mesh,
-    labels: Int32,
+    units: Stored,
     of_unit: tuple[Int32, Int32],
     base: Mesh,
     scene: TiledScene,
@@ -320,8 +398,8 @@ def cut(
     ----------
     mesh : Mesh
         The tile.
-    labels : ndarray of shape (F,), int32
-        Unit of every face.
+    units : Stored
+        From :func:`units`.
     of_unit : pair of ndarray of shape (U,), int32
         Fine pool and region of every unit.
     base : Mesh
@@ -339,18 +417,22 @@ def cut(
     # (1) Regions and pools of the faces, from those of their units.
     threads = context.threads
     fine, region = of_unit
+    labels = np.array(units.arrays["labels"])
     faces_region: Int32 = region[labels]
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=threads)
     segments = build_segments(
         mesh.vertices,
         mesh.faces,
         fine[labels],
-        _index_of_faces(mesh, scene, options),
+        np.array(units.arrays["similarity"])
+        if options.in_one_piece
+        else _index_of_faces(mesh, scene, options),
         faces_region,
         SegmentOptions(
             min_faces=options.min_faces,
             max_faces=options.max_faces,
             max_extent_m=scene.max_extent_m(options),
+            units=options.units,
         ),
         pairs=pairs,
         threads=threads,

@@ -1,0 +1,193 @@
+"""The last stages of every build: payloads of every tile, then one scene of them all, published."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from terraport_payload.types import Float32, Float64, Int32
+from terraport_pipeline.stages import pack
+from terraport_pipeline.stages.contract import Form, Stored
+from terraport_pipeline.stages.tiles import tiled_pack
+from terraport_pipeline.workflow.reconstruct_step import Surface
+from terraport_pipeline.workflow.report import StageReport
+from terraport_pipeline.workflow.runner import Runner, Stage, TileStage, for_tiles
+from terraport_pipeline.workflow.segment_step import Labels, Segmented
+from terraport_pipeline.workflow.texture_step import Textures
+from terraport_store.errors import StoreError
+from terraport_store.layout import MANIFEST_NAME
+from terraport_store.manifest import BuildInfo, CrsInfo, InputInfo, Manifest
+
+__all__ = ["build_info", "publish_tiles"]
+
+
+def publish_tiles(
+    runner: Runner,
+    scene: Path,
+    surface: Surface,
+    segmented: Segmented,
+    textures: Textures | None,
+    about: pack.About,
+    options: pack.Options,
+) -> tuple[str, bool]:
+    """Encode every tile's payloads and publish them, unless the scene already is that version.
+
+    Parameters
+    ----------
+    runner : Runner
+        Gets one report.
+    scene : Path
+        Scene directory.
+    surface : Surface
+    segmented : Segmented
+    textures : Textures or None
+        None where payloads keep their vertex colours.
+    about : pack.About
+        What the manifest says beyond the meshes.
+    options : pack.Options
+
+    Returns
+    -------
+    version : str
+    published : bool
+        False when the scene already was this version.
+    """
+    with runner.reported_as(pack.NAME):
+        joined, labels, tiles = segmented.joined.value(), segmented.labels, surface.tiles
+        scales = tiled_pack.scales_of(segmented.scene, joined, surface.base, surface.spacing_m)
+        # (1) Payloads of every tile. Its inputs name all that a payload holds, so a tile whose
+        # surface, labels, cut and textures are unchanged is not encoded again.
+        payloads = runner.run_tiles(
+            TileStage(
+                "pack-tile",
+                tiled_pack,
+                "pack: tiles",
+                for_tiles(
+                    range(tiles.count),
+                    lambda tile, context: tiled_pack.encode(
+                        tiles.load(tile),
+                        labels.segment(tile),
+                        labels.region(tile),
+                        scales,
+                        context,
+                        None if textures is None else textures.tile(tile),
+                    ),
+                ),
+                [
+                    {
+                        "tile": tiles.digest_of(tile),
+                        "labels": labels.digest(tile),
+                        "cut": segmented.cut_digest(tile),
+                        **({} if textures is None else {"textures": textures.digest_of(tile)}),
+                    }
+                    for tile in range(tiles.count)
+                ],
+                segmented.scene.faces,
+                options=scales.recorded(),
+                bytes_per_unit=tiled_pack.ENCODE_BYTES_PER_FACE,
+            )
+        )
+        # (2) One scene of them all, published in one act.
+        pieces = _Pieces(surface, labels, segmented.scene.face_count, about.origin, about.crs)
+        stage = Stage(
+            pack.NAME,
+            tiled_pack,
+            lambda context: tiled_pack.publish(
+                scene, surface.base, joined, payloads.stored, pieces, scales,
+                surface.deviation_m, about, options, context,
+                None if textures is None else (textures.base, textures.info),
+            ),
+            _PUBLISHED,
+            {
+                **asdict(options),
+                "build": about.build.model_dump(mode="json"),
+                "crs": None if about.crs is None else about.crs.model_dump(mode="json"),
+            },
+            {
+                "payloads": payloads.digest,
+                "segments": segmented.joined.digest,
+                "base": surface.base_digest,
+                **({} if textures is None else {"base_texture": textures.base_digest}),
+            },
+        )  # fmt: skip
+        record = runner.take_up(stage.name, stage.key)
+        if record is not None and not _is_published(scene, record.values):
+            runner.work.forget(stage.name)  # packed once, and gone or replaced since
+        published = runner.run(stage)
+        return str(published.record.values["version"]), not runner.reports[-1].taken_up
+
+
+_PUBLISHED: Final[Form[pack.Packed]] = Form(
+    store=lambda packed: Stored({}, {"version": packed.manifest.version}),
+    restore=lambda _stored, _facts: _not_loaded(),
+    facts=lambda packed: packed.facts,
+)
+
+
+def _not_loaded() -> pack.Packed:
+    raise AssertionError("a published scene is opened by its readers")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pieces:
+    """The new surface, segment by segment, read tile by tile."""
+
+    surface: Surface
+    labels: Labels
+    face_count: int
+    origin: Float64
+    crs: CrsInfo | None
+
+    def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
+        """Give every segment's vertices, faces and regions."""
+        for tile in range(self.surface.tiles.count):
+            mesh, regions = self.surface.tiles.load(tile), self.labels.region(tile)
+            segments = self.labels.segment(tile)
+            order = np.argsort(segments, kind="stable")
+            starts = np.searchsorted(segments[order], np.arange(int(segments.max()) + 2))
+            for begin, end in itertools.pairwise(starts):
+                chosen = order[begin:end]
+                yield mesh.vertices, mesh.faces[chosen], regions[chosen]
+
+
+def build_info(
+    recorded: Mapping[str, Any], input_info: InputInfo, reports: Sequence[StageReport]
+) -> BuildInfo:
+    """Say in the manifest how a scene came about.
+
+    Parameters
+    ----------
+    recorded : mapping
+        Options that change the published bytes.
+    input_info : InputInfo
+    reports : sequence of StageReport
+        Of all stages but this one.
+    """
+    try:
+        release = version("terraport")
+    except PackageNotFoundError:
+        release = "unknown"
+    return BuildInfo(
+        terraport=release,
+        options=dict(recorded),
+        input=input_info,
+        warnings=tuple(text for report in reports for text in report.facts.warnings),
+        stages=tuple({"name": r.name, "counts": r.facts.counts} for r in reports),
+    )
+
+
+def _is_published(scene: Path, values: Mapping[str, Any]) -> bool:
+    """Whether the scene is the version that was packed, with all its files in full size."""
+    try:
+        manifest = Manifest.from_bytes((scene / MANIFEST_NAME).read_bytes())
+        return manifest.version == values["version"] and all(
+            (scene / file.path).stat().st_size == file.bytes for file in manifest.files.values()
+        )
+    except (OSError, StoreError):
+        return False
