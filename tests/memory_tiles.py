@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+import xxhash
 from coloured_ground import cut_mesh
 
 from terraport_payload.types import Bool, Float64, Int64
@@ -24,12 +25,14 @@ class MemoryTiles:
     shared: Bool
     attributes: tuple[str, ...] = ()
     digest: str = "t"
+    digests: tuple[str, ...] = ()
     loads: list[int] = field(default_factory=list)
 
     @classmethod
     def of(cls, mesh: Mesh, along: int) -> MemoryTiles:
         """Cut a mesh into along x along tiles."""
         cut = cut_mesh(mesh, along)
+        digests = tuple(digest_of_mesh(piece) for piece, _ in cut)
         numbers = tuple(np.unique(mesh.faces[rows]).astype(np.int64) for _, rows in cut)
         times = np.bincount(np.concatenate(numbers), minlength=len(mesh.vertices))
         return cls(
@@ -38,7 +41,8 @@ class MemoryTiles:
             numbers,
             times > 1,
             tuple(mesh.attributes),
-            f"d{along}",
+            "-".join(digests),
+            digests,
         )
 
     @property
@@ -48,6 +52,9 @@ class MemoryTiles:
     @property
     def border_count(self) -> int:
         return int(self.shared.sum())
+
+    def digest_of(self, i: int) -> str:
+        return self.digests[i]
 
     def load(self, i: int) -> Mesh:
         self.loads.append(i)
@@ -65,3 +72,8 @@ class MemoryTiles:
 
     def vertex_count(self, i: int) -> int:
         return len(self.meshes[i].vertices)
+
+
+def digest_of_mesh(mesh: Mesh) -> str:
+    arrays = (mesh.vertices, mesh.faces, mesh.normals, mesh.colours, *mesh.attributes.values())
+    return xxhash.xxh3_128_hexdigest(b"".join(np.ascontiguousarray(a).tobytes() for a in arrays))

@@ -1,50 +1,69 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pipeline.one_piece import Labelled, reconstruct_survey, runner_in, segment_surface
 
 from terraport_payload import decode_glb, snap
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.model import Survey
-from terraport_pipeline.stages import clean, pack, reconstruct, segment
-from terraport_pipeline.stages.contract import Context
+from terraport_pipeline.model import Mesh, Survey
+from terraport_pipeline.stages import pack, reconstruct, segment
+from terraport_pipeline.workflow.pack_step import publish_tiles
+from terraport_pipeline.workflow.reconstruct_step import Surface
+from terraport_pipeline.workflow.runner import Runner
 from terraport_store.manifest import BuildInfo, CrsInfo
 from terraport_store.reader import Scene
 from terraport_store.validate import validate_scene
 
-Inputs = tuple[reconstruct.Reconstructed, segment.Segmented, pack.About]
+OPTIONS = pack.Options("Hill")
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """A hill in one tile, cut into segments, as it is published."""
+
+    runner: Runner
+    surface: Surface
+    labelled: Labelled
+    about: pack.About
+
+    @property
+    def detail(self) -> Mesh:
+        return self.surface.tiles.load(0)
+
+    def publish(self, scene: Path, runner: Runner | None = None) -> None:
+        publish_tiles(
+            runner or self.runner, scene, self.surface, self.labelled.segmented, None, self.about,
+            OPTIONS,
+        )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def context(tmp_path_factory: pytest.TempPathFactory) -> Context:
-    return Context(tmp_path_factory.mktemp("scratch"), threads=2)
-
-
-@pytest.fixture(scope="module")
-def inputs(make_hill: Callable[..., Survey], context: Context) -> Inputs:
+def inputs(make_hill: Callable[..., Survey], tmp_path_factory: pytest.TempPathFactory) -> Inputs:
     survey = make_hill()
     survey.attributes["grade"][:300] = np.nan
-    cleaned = clean.run(survey, clean.Options(), context)
-    meshes = reconstruct.run(cleaned, reconstruct.Options(base_faces=800), context)
-    labels = segment.run(meshes, segment.Options(min_faces=150, max_faces=900), context)
+    runner = runner_in(tmp_path_factory.mktemp("inputs"), threads=2)
+    hill = reconstruct_survey(runner, survey, reconstruct.Options(base_faces=800))
+    surface = hill.reconstructed.surface
+    labelled = segment_surface(runner, surface, segment.Options(min_faces=150, max_faces=900))
     about = pack.About(
-        origin=cleaned.cloud.origin,
+        origin=hill.ground.origin,
         crs=CrsInfo(name="UTM 35S", wkt="PROJCS[]", epsg=32735),
-        points=len(cleaned.cloud.points),
+        points=hill.reconstructed.points,
         has_colour=True,
         build=BuildInfo(terraport="test"),
     )
-    return meshes, labels, about
+    return Inputs(runner, surface, labelled, about)
 
 
 @pytest.fixture(scope="module")
-def scene(inputs: Inputs, context: Context, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def scene(inputs: Inputs, tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("pack") / "hill"
-    pack.run(path, *inputs, pack.Options("Hill"), context)
+    inputs.publish(path)
     return path
 
 
@@ -54,7 +73,7 @@ def test_the_scene_is_valid(scene: Path) -> None:
 
 def test_the_segments_together_are_the_detail(scene: Path, inputs: Inputs) -> None:
     """Every face once, at the place on the grid that its vertices round to."""
-    detail = inputs[0].detail
+    detail = inputs.detail
     with Scene.open(scene) as opened:
         step_m = opened.manifest.step_m
         triangles = []
@@ -74,9 +93,9 @@ def test_the_segments_together_are_the_detail(scene: Path, inputs: Inputs) -> No
 
 
 def test_border_vertices_are_equal_in_all_segments(inputs: Inputs) -> None:
-    meshes, labels, _ = inputs
+    labels = inputs.labelled
     values: dict[tuple[float, ...], set[tuple[float, ...]]] = {}
-    for mesh in pack.split_segments(meshes.detail, labels.segments, labels.regions):
+    for mesh in pack.split_segments(inputs.detail, labels.segments, labels.regions):
         for position, normal, colour in zip(
             mesh.positions.tolist(), mesh.normals.tolist(), mesh.colours.tolist(), strict=True
         ):
@@ -85,11 +104,11 @@ def test_border_vertices_are_equal_in_all_segments(inputs: Inputs) -> None:
 
 
 def test_vertices_are_split_where_regions_meet(inputs: Inputs) -> None:
-    meshes, labels, _ = inputs
+    labels = inputs.labelled
     order = np.argsort(labels.segments, kind="stable")
     expected = labels.regions[order]
     regions = []
-    for mesh in pack.split_segments(meshes.detail, labels.segments, labels.regions):
+    for mesh in pack.split_segments(inputs.detail, labels.segments, labels.regions):
         assert mesh.region_ids is not None
         corners = mesh.region_ids[mesh.faces]
         assert (corners == corners[:, :1]).all()
@@ -98,7 +117,7 @@ def test_vertices_are_split_where_regions_meet(inputs: Inputs) -> None:
 
 
 def test_values_come_back_within_their_step(scene: Path, inputs: Inputs) -> None:
-    detail = inputs[0].detail
+    detail = inputs.detail
     with Scene.open(scene) as opened:
         info = {a.name: a for a in opened.manifest.attributes}
         assert set(info) == {"grade", "classification"}
@@ -117,18 +136,16 @@ def test_values_come_back_within_their_step(scene: Path, inputs: Inputs) -> None
         assert np.abs(values - expected)[finite].max() <= 0.51 * info[name].step + 1e-6
 
 
-def test_threads_change_no_byte(
-    inputs: Inputs, context: Context, scene: Path, tmp_path: Path
-) -> None:
-    other = tmp_path / "other"
-    packed = pack.run(other, *inputs, pack.Options("Hill"), replace(context, threads=1))
-    assert (other / "scene.json").read_bytes() == (scene / "scene.json").read_bytes()
-    for file in packed.manifest.files.values():
-        assert (other / file.path).read_bytes() == (scene / file.path).read_bytes(), file.path
+def test_threads_change_no_byte(inputs: Inputs, scene: Path, tmp_path: Path) -> None:
+    inputs.publish(tmp_path / "hill", runner_in(tmp_path, threads=1))
+    files = {path.relative_to(scene) for path in scene.rglob("*") if path.is_file()}
+    assert files
+    for name in files:
+        assert (tmp_path / "hill" / name).read_bytes() == (scene / name).read_bytes(), name
 
 
 def test_base_faces_keep_the_order_of_the_cover(scene: Path, inputs: Inputs) -> None:
-    base, kept = inputs[0].base, inputs[1].base_kept
+    base, kept = inputs.surface.base, inputs.labelled.joined.base_kept
     with Scene.open(scene) as opened:
         decoded = decode_glb(opened.base_path.read_bytes())
         step_m = opened.manifest.step_m

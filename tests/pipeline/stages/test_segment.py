@@ -1,92 +1,101 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from operator import attrgetter
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
 import pytest
+from pipeline.one_piece import Labelled, reconstruct_survey, runner_in, segment_surface, surface_of
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.model import Survey
-from terraport_pipeline.stages import clean, reconstruct, segment
-from terraport_pipeline.stages.contract import Context
+from terraport_pipeline.model import Mesh, Survey
+from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.stages.region_engine import ENGINES, make_segmenter
-from terraport_pipeline.stages.segment import Segmented
 
 SMALL = segment.Options(min_faces=150, max_faces=900)
 
 
-@pytest.fixture(scope="module")
-def context(tmp_path_factory: pytest.TempPathFactory) -> Context:
-    return Context(tmp_path_factory.mktemp("scratch"))
+@dataclass(frozen=True)
+class Meshes:
+    """Base and detail of a hill."""
+
+    base: Mesh
+    detail: Mesh
+    deviation_m: tuple[float, ...]
 
 
 @pytest.fixture(scope="module")
-def meshes(make_hill: Callable[..., Survey], context: Context) -> reconstruct.Reconstructed:
-    cleaned = clean.run(make_hill(), clean.Options(), context)
-    return reconstruct.run(cleaned, reconstruct.Options(base_faces=800), context)
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("segment")
 
 
 @pytest.fixture(scope="module")
-def result(meshes: reconstruct.Reconstructed, context: Context) -> Segmented:
-    return segment.run(meshes, SMALL, context)
+def meshes(make_hill: Callable[..., Survey], folder: Path) -> Meshes:
+    options = reconstruct.Options(base_faces=800)
+    hill = reconstruct_survey(runner_in(folder / "hill"), make_hill(), options)
+    return Meshes(hill.base, hill.detail, hill.deviation_m)
 
 
-def test_every_face_has_one_region_and_one_segment(
-    meshes: reconstruct.Reconstructed, result: Segmented
-) -> None:
+def run(meshes: Meshes, options: segment.Options, *, threads: int = 1) -> Labelled:
+    surface = surface_of(meshes.base, meshes.detail, meshes.deviation_m)
+    with TemporaryDirectory() as folder:
+        return segment_surface(runner_in(Path(folder), threads=threads), surface, options)
+
+
+@pytest.fixture(scope="module")
+def result(meshes: Meshes) -> Labelled:
+    return run(meshes, SMALL)
+
+
+def test_every_face_has_one_region_and_one_segment(meshes: Meshes, result: Labelled) -> None:
     count = len(meshes.detail.faces)
     assert result.regions.shape == result.segments.shape == (count,)
-    assert sorted(set(result.segments.tolist())) == list(range(len(result.main_region)))
+    assert sorted(set(result.segments.tolist())) == list(range(len(result.joined.main_region)))
     assert sorted(set(result.regions.tolist())) == list(range(result.facts.counts["regions"]))
     assert np.bincount(result.segments).max() <= 900
 
 
-def test_main_region_is_the_region_of_most_faces(result: Segmented) -> None:
-    for number in range(len(result.main_region)):
+def test_main_region_is_the_region_of_most_faces(result: Labelled) -> None:
+    for number in range(len(result.joined.main_region)):
         inside = np.bincount(result.regions[result.segments == number])
-        assert inside[result.main_region[number]] == inside.max()
-        assert result.region_counts[number] == np.count_nonzero(inside)
+        assert inside[result.joined.main_region[number]] == inside.max()
+        assert result.joined.region_counts[number] == np.count_nonzero(inside)
 
 
-def test_bounds_are_the_boxes_of_the_segments(
-    meshes: reconstruct.Reconstructed, result: Segmented
-) -> None:
-    for number, box in enumerate(result.bounds):
+def test_bounds_are_the_boxes_of_the_segments(meshes: Meshes, result: Labelled) -> None:
+    for number, box in enumerate(result.joined.bounds):
         inside = meshes.detail.vertices[meshes.detail.faces[result.segments == number].ravel()]
         assert (box[:3] == inside.min(axis=0)).all()
         assert (box[3:] == inside.max(axis=0)).all()
 
 
 def test_the_cover_has_a_row_per_base_face_and_names_known_segments(
-    meshes: reconstruct.Reconstructed, result: Segmented
+    meshes: Meshes, result: Labelled
 ) -> None:
-    assert len(result.base_kept) == len(meshes.base.faces)
-    assert len(result.cover_offsets) == result.base_kept.sum() + 1
-    assert (np.diff(result.cover_offsets.astype(np.int64)) > 0).all()
-    assert result.cover_offsets[-1] == len(result.cover_segments)
-    assert result.cover_segments.max() < len(result.main_region)
-    assert result.tolerance_m >= meshes.deviation_m[2]
+    assert len(result.joined.base_kept) == len(meshes.base.faces)
+    assert len(result.joined.cover_offsets) == result.joined.base_kept.sum() + 1
+    assert (np.diff(result.joined.cover_offsets.astype(np.int64)) > 0).all()
+    assert result.joined.cover_offsets[-1] == len(result.joined.cover_segments)
+    assert result.joined.cover_segments.max() < len(result.joined.main_region)
+    assert result.joined.tolerance_m >= meshes.deviation_m[2]
 
 
-def test_base_beyond_the_detail_is_not_kept_and_all_other_is(
-    meshes: reconstruct.Reconstructed, context: Context
-) -> None:
+def test_base_beyond_the_detail_is_not_kept_and_all_other_is(meshes: Meshes) -> None:
     detail = meshes.detail
     cut = (detail.vertices[:, 0] < 5)[detail.faces].all(axis=1)
     shorter = replace(meshes, detail=replace(detail, faces=detail.faces[cut]))
-    kept = segment.run(shorter, SMALL, context).base_kept
+    kept = run(shorter, SMALL).joined.base_kept
     x = meshes.base.vertices[meshes.base.faces][:, :, 0]
-    assert kept[x.min(axis=1) < 4].all()
+    inner = (np.abs(meshes.base.vertices[:, ::2]) < 19)[meshes.base.faces].all(axis=(1, 2))
+    assert kept[inner & (x.min(axis=1) < 4)].all()  # the base's hem reaches beyond the detail
     assert not kept[x.min(axis=1) > 9].any()
 
 
-def test_two_materials_are_two_regions(
-    meshes: reconstruct.Reconstructed, result: Segmented
-) -> None:
+def test_two_materials_are_two_regions(meshes: Meshes, result: Labelled) -> None:
     """The hill is red in the east and green in the west."""
     centre = meshes.detail.vertices[meshes.detail.faces].mean(axis=1)
     east, west = (result.regions[centre[:, 0] * side > 3] for side in (1, -1))
@@ -97,19 +106,25 @@ def test_two_materials_are_two_regions(
     assert east[0] != west[0]
 
 
-def test_same_input_same_bytes(
-    meshes: reconstruct.Reconstructed, result: Segmented, context: Context
-) -> None:
-    again = segment.store(segment.run(meshes, SMALL, replace(context, threads=2)))
-    for name, array in segment.store(result).arrays.items():
-        assert array.tobytes() == again.arrays[name].tobytes(), name
+def test_same_input_same_bytes(meshes: Meshes, result: Labelled) -> None:
+    again = run(meshes, SMALL, threads=2)
+    assert again.segmented.joined.digest == result.segmented.joined.digest
+    assert again.regions.tobytes() == result.regions.tobytes()
+    assert again.segments.tobytes() == result.segments.tobytes()
 
 
-def test_stored_and_restored(result: Segmented) -> None:
-    back = segment.restore(segment.store(result), result.facts)
+def test_what_is_kept_is_taken_up(meshes: Meshes, result: Labelled, tmp_path: Path) -> None:
+    surface = surface_of(meshes.base, meshes.detail, meshes.deviation_m)
+    runner = runner_in(tmp_path)
+    for _ in range(2):
+        back = segment_surface(runner, surface, SMALL)
+    assert [(report.name, report.taken_up) for report in runner.reports] == [
+        ("segment", False),
+        ("segment", True),
+    ]
     assert (back.segments == result.segments).all()
-    assert back.region_facts == result.region_facts
-    assert back.tolerance_m == result.tolerance_m
+    assert back.joined.region_facts == result.joined.region_facts
+    assert back.joined.tolerance_m == result.joined.tolerance_m
 
 
 @pytest.mark.parametrize(
@@ -189,11 +204,6 @@ def test_every_option_reaches_its_engine(
     assert attrgetter(field)(make_segmenter(options, threads=1)) == value
 
 
-def test_scratch_is_not_used(result: Segmented, context: Context) -> None:
-    assert isinstance(context.scratch, Path)
-    assert not list(context.scratch.iterdir())
-
-
 @pytest.mark.parametrize(
     ("engine", "segment_by"),
     [
@@ -205,50 +215,42 @@ def test_scratch_is_not_used(result: Segmented, context: Context) -> None:
         ("grid", "colour"),
     ],
 )
-def test_every_engine_and_what_it_compares(
-    meshes: reconstruct.Reconstructed, context: Context, engine: Any, segment_by: str
-) -> None:
+def test_every_engine_and_what_it_compares(meshes: Meshes, engine: Any, segment_by: str) -> None:
     detail = meshes.detail
     attributes = {"height": detail.vertices[:, 1].copy()}
     input_meshes = replace(meshes, detail=replace(detail, attributes=attributes))
     options = replace(SMALL, engine=engine, segment_by=segment_by)
-    segmented = segment.run(input_meshes, options, context)
+    segmented = run(input_meshes, options)
     assert sorted(set(segmented.regions.tolist())) == list(range(segmented.facts.counts["regions"]))
     assert segmented.facts.counts["engine"] == engine
     assert segmented.facts.counts["segment_by"] == segment_by
-    again = segment.run(input_meshes, options, replace(context, threads=2))
+    again = run(input_meshes, options, threads=2)
     assert again.regions.tobytes() == segmented.regions.tobytes()
     assert again.segments.tobytes() == segmented.segments.tobytes()
 
 
-def test_a_grey_surface_is_one_region_and_the_build_says_what_would_help(
-    meshes: reconstruct.Reconstructed, context: Context
-) -> None:
+def test_a_grey_surface_is_one_region_and_the_build_says_what_would_help(meshes: Meshes) -> None:
     grey = np.full_like(meshes.detail.colours, 128)
     input_meshes = replace(meshes, detail=replace(meshes.detail, colours=grey))
-    segmented = segment.run(input_meshes, SMALL, context)
+    segmented = run(input_meshes, SMALL)
     assert segmented.facts.counts["regions"] == 1
     assert any("--segment-by shape" in text for text in segmented.facts.warnings)
     by_shape = replace(SMALL, engine="graph", segment_by="shape")
-    assert not segment.run(input_meshes, by_shape, context).facts.warnings
+    assert not run(input_meshes, by_shape).facts.warnings
 
 
-def test_unknown_attribute_is_refused_with_those_there_are(
-    meshes: reconstruct.Reconstructed, context: Context
-) -> None:
+def test_unknown_attribute_is_refused_with_those_there_are(meshes: Meshes) -> None:
     input_meshes = replace(
         meshes,
         detail=replace(meshes.detail, attributes={"reading": np.ones(len(meshes.detail.vertices))}),
     )
     with pytest.raises(OptionError, match="'grade'; this survey has colour, shape, reading"):
-        segment.run(input_meshes, replace(SMALL, segment_by="grade"), context)
+        run(input_meshes, replace(SMALL, segment_by="grade"))
 
 
-def test_attribute_with_gaps_is_refused(
-    meshes: reconstruct.Reconstructed, context: Context
-) -> None:
+def test_attribute_with_gaps_is_refused(meshes: Meshes) -> None:
     values = np.ones(len(meshes.detail.vertices), np.float32)
     values[3:5] = np.nan
     input_meshes = replace(meshes, detail=replace(meshes.detail, attributes={"reading": values}))
     with pytest.raises(OptionError, match=r"2 of [0-9]+ values are not finite"):
-        segment.run(input_meshes, replace(SMALL, segment_by="reading"), context)
+        run(input_meshes, replace(SMALL, segment_by="reading"))

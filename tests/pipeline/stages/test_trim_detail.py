@@ -2,17 +2,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-
-from terraport_pipeline.errors import SurveyError
-from terraport_pipeline.model import Cloud
-from terraport_pipeline.stages.clean import Cleaned
-from terraport_pipeline.stages.contract import Facts
 from terraport_pipeline.stages.trim_detail import (
     HEM_SPACINGS,
     TrimmedDetail,
     sampled_ground,
     trim_detail,
 )
+
+from terraport_pipeline.errors import SurveyError
+from terraport_pipeline.model import Cloud
+from terraport_pipeline.stages.clean import Cleaned
+from terraport_pipeline.stages.contract import Facts
 
 HALF_M = 20.0
 SPACING_M = 0.5
