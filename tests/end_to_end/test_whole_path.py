@@ -11,15 +11,15 @@ import numpy as np
 import pytest
 from command_line import Built, run_terraport
 from end_to_end.conftest import BUILD
+from pipeline.one_piece import runner_in, surface_in_tiles
 from scipy.spatial import Delaunay, cKDTree
 
 import terraport.sync
 from terraport_payload import box_distances_m
 from terraport_pipeline.model import Mesh, Survey, to_crs, to_scene
-from terraport_pipeline.stages import pack
-from terraport_pipeline.stages.contract import Context, Facts
-from terraport_pipeline.stages.reconstruct import Reconstructed
-from terraport_pipeline.stages.segment import Segmented
+from terraport_pipeline.stages import pack, segment
+from terraport_pipeline.workflow.pack_step import publish_tiles
+from terraport_pipeline.workflow.segment_step import segment_tiles
 from terraport_server.serving import BackgroundServer
 from terraport_store import Scene
 from terraport_store.manifest import BuildInfo, InputInfo
@@ -117,49 +117,24 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
         colours=survey.colours[:10_000],
         attributes={"grade": survey.attributes["grade"][:10_000]},
     )
-    # One segment per quarter of the plan, one region, and a cover that lists nothing.
-    quarter = np.median(mesh.vertices, axis=0)
-    centres = mesh.vertices[flat].mean(axis=1)
-    segments = ((centres[:, 0] > quarter[0]) + 2 * (centres[:, 2] > quarter[2])).astype(np.int32)
-    nowhere = np.zeros(len(flat) + 1, dtype=np.uint32)
-    pack.run(
-        tmp_path / "known",
-        Reconstructed(mesh, mesh, (0.0, 0.0, 0.0, 0.0), Facts()),
-        Segmented(
-            regions=np.zeros(len(flat), dtype=np.int32),
-            segments=segments,
-            base_kept=np.ones(len(flat), dtype=bool),
-            cover_offsets=nowhere,
-            cover_segments=nowhere[:0],
-            main_region=np.zeros(4, dtype=np.int32),
-            region_counts=np.ones(4, dtype=np.int32),
-            bounds=np.array(
-                [
-                    np.concatenate([corners.min(axis=0), corners.max(axis=0)])
-                    for number in range(4)
-                    for corners in [mesh.vertices[flat[segments == number].ravel()]]
-                ]
-            ),
-            region_facts={"regions": [{"id": 0}]},
-            tolerance_m=0.1,
-            max_extent_m=400.0,
-            facts=Facts(),
+    runner = runner_in(tmp_path / "build")
+    surface = surface_in_tiles(mesh, mesh, (0.0, 0.0, 0.0, 0.0))
+    about = pack.About(
+        origin=origin,
+        crs=None,
+        points=len(points),
+        has_colour=True,
+        build=BuildInfo(
+            terraport="test",
+            options={},
+            input=InputInfo(name="quarry.laz", bytes=1, xxh3="0" * 16),
+            warnings=(),
         ),
-        pack.About(
-            origin=origin,
-            crs=None,
-            points=len(points),
-            has_colour=True,
-            build=BuildInfo(
-                terraport="test",
-                options={},
-                input=InputInfo(name="quarry.laz", bytes=1, xxh3="0" * 16),
-                warnings=(),
-            ),
-        ),
-        pack.Options(name="known"),
-        Context(scratch=tmp_path),
     )
+    publish_tiles(
+        runner, tmp_path / "known", surface, segment_tiles(runner, surface, segment.Options()),
+        None, about, pack.Options(name="known"),
+    )  # fmt: skip
     # Through the service and the SDK, back to the survey's coordinates.
     with BackgroundServer(tmp_path) as server:
         url = server.scene_url("known")

@@ -83,11 +83,12 @@ def reconstruct_survey(
     return OnePiece(ground, reconstruct_tiles(runner, ground))
 
 
-def surface_of(base: Mesh, detail: Mesh, deviation_m: tuple[float, ...]) -> Surface:
-    """Two meshes in memory as a surface of one tile."""
-    tiles = MemoryTiles.of(detail, 1)
-    base_digest = digest_of_mesh(base)
-    return Surface(base, tiles, deviation_m, base_digest, f"{base_digest}-{tiles.digest}", 0.3)
+def surface_in_tiles(
+    base: Mesh, detail: Mesh, deviation_m: tuple[float, ...], *, along: int = 1
+) -> Surface:
+    """Two meshes in memory as a surface of along x along tiles."""
+    tiles, digest = MemoryTiles.of(detail, along), digest_of_mesh(base)
+    return Surface(base, tiles, deviation_m, digest, f"{digest}-{tiles.digest}")
 
 
 @dataclass(frozen=True)

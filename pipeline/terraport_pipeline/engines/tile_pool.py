@@ -42,7 +42,7 @@ class TilePool:
     Parameters
     ----------
     workers : int
-        Processes, started when they are needed; 1 runs everything in this one.
+        Processes, started when they are needed; 0 runs everything in this one.
     cluster : str, optional
         Address of a Dask scheduler instead, ``tcp://host:8786``. Its workers need the same release
         of terraport and the same paths.
@@ -51,7 +51,7 @@ class TilePool:
     """
 
     def __init__(self, workers: int, cluster: str | None = None, *, threads: bool = False) -> None:
-        self._workers = max(1, workers)
+        self._workers = workers
         self._cluster = cluster
         self._threads = threads
         self._pool: ProcessPoolExecutor | ThreadPoolExecutor | None = None
@@ -65,16 +65,16 @@ class TilePool:
     @property
     def is_apart(self) -> bool:
         """Whether jobs run in other processes, each by itself."""
-        return self._cluster is not None or (self._workers > 1 and not self._threads)
+        return self._cluster is not None or (self._workers > 0 and not self._threads)
 
     @property
     def workers(self) -> int:
         """How many jobs share this machine; on a cluster each worker counts for itself."""
-        return 1 if self._cluster is not None else self._workers
+        return 1 if self._cluster is not None else max(1, self._workers)
 
     def threads_each(self, threads: int) -> int:
         """Share this machine's threads among the workers; a cluster's workers have one each."""
-        return 1 if self._cluster is not None else max(1, threads // self._workers)
+        return 1 if self._cluster is not None else max(1, threads // self.workers)
 
     def __enter__(self) -> Self:
         return self
@@ -120,7 +120,7 @@ class TilePool:
             return
         if self._cluster is not None:
             self._run_on_cluster(function, jobs, done)
-        elif self._workers == 1:
+        elif self._workers < 1:
             for number, job in enumerate(jobs):
                 done(number, function(job))
         else:

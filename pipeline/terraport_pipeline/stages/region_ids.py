@@ -10,7 +10,6 @@ nothing, and numbers are 0, 1, 2, ...
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -27,7 +26,6 @@ from terraport_pipeline.geometry.regions.region_match import (
     match_regions,
     region_overlaps,
 )
-from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import Progress
 from terraport_store import (
     CorruptPayloadError,
@@ -40,7 +38,7 @@ from terraport_store import (
 )
 from terraport_store.labels import MAX_STABLE_ID
 
-__all__ = ["NewSurface", "NumberedRegions", "Surface", "number_regions"]
+__all__ = ["NumberedRegions", "Surface", "number_regions"]
 
 _SAMPLES: Final = 500_000
 """Faces of one surface that are looked at; all of them where it has no more. Two trees of so many
@@ -80,34 +78,6 @@ class Surface(Protocol):
         Vertices may be those of more than the segment.
         """
         ...
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class NewSurface:
-    """The new version's detail, held in memory as a whole."""
-
-    detail: Mesh
-    segments: Int32
-    """(F,) segment of every face."""
-    regions: Int32
-    """(F,) region of every face, 0 to R - 1."""
-    origin: Float64
-    """(3,) E0, N0, H0."""
-    crs: CrsInfo | None
-
-    @property
-    def face_count(self) -> int:
-        """Number of faces of the detail."""
-        return len(self.segments)
-
-    def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
-        """Give every segment's vertices, faces and regions, in order of the segments."""
-        order = np.argsort(self.segments, kind="stable")
-        count = int(self.segments.max()) + 1
-        starts = np.searchsorted(self.segments[order], np.arange(count + 1))
-        for begin, end in itertools.pairwise(starts):
-            chosen = order[begin:end]
-            yield self.detail.vertices, self.detail.faces[chosen], self.regions[chosen]
 
 
 @dataclass(frozen=True, slots=True)

@@ -97,7 +97,7 @@ def reconstruct_tiles(runner: Runner, ground: Ground, cluster: str | None = None
     """
     # (1) Solve and join tiles, in processes of their own where there are several.
     tasks, options = tile_tasks(ground), ground.options
-    with TilePool(ground.forecast.workers, cluster) as pool:
+    with TilePool(ground.forecast.workers if len(tasks) > 1 else 0, cluster) as pool:
         solved = _solve(runner, ground, tasks, pool)
         joined = _join(runner, ground, tasks, solved, pool)
         tiles = _finish(runner, tasks, solved, joined, pool)

@@ -284,7 +284,7 @@ class Runner:
                 largest = max(stage.sizes[tile] for tile in missing)
                 context = self.context(self.work.path)
                 workers = tiles_at_once(largest * stage.bytes_per_unit, context, stage.shared_bytes)
-                pool = stack.enter_context(TilePool.of_threads(min(workers, len(missing))))
+                pool = stack.enter_context(TilePool.of_threads(workers if len(missing) > 1 else 0))
             if not self.resume:
                 for tile in missing:
                     self.work.forget(stage.result_name(tile))

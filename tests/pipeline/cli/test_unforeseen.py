@@ -12,10 +12,11 @@ from pipeline.flat_photos import write_field
 from typer.testing import CliRunner
 
 from terraport_pipeline.cli import build, demo, report
+from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.stages import atlas_maker, clean, texture
 from terraport_pipeline.stages.tiles import tiled_views
 from terraport_pipeline.unforeseen import FAILURE_NAME
-from terraport_pipeline.workflow import tile_steps
+from terraport_pipeline.workflow import reconstruct_step, runner
 from terraport_store.validate import validate_scene
 
 SMALL = ("--min-faces", "300", "--max-faces", "1500", "--base-faces", "600", "--no-report")
@@ -124,11 +125,12 @@ def test_a_tile_that_fails_in_another_process_does_so_as_plainly(
     field: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     scene = tmp_path / "scene"
-    monkeypatch.setattr(tile_steps, "solve_one", fail_job)
-    code, output = run("build", field / "field.xyz", "-o", scene, *SMALL, "--tiles")
+    monkeypatch.setattr(reconstruct_step, "TilePool", lambda _, cluster: TilePool(1, cluster))
+    monkeypatch.setattr(runner, "_keep_alone", fail_job)
+    code, output = run("build", field / "field.xyz", "-o", scene, *SMALL)
     assert code == 1
     assert "Traceback" not in output
-    assert "stage reconstruct failed in a way that nobody foresaw (IndexError: row 7)" in output
+    assert "stage solve failed in a way that nobody foresaw (IndexError: row 7)" in output
     assert not scene.exists()
     log = (tmp_path / ".scene.work" / FAILURE_NAME).read_text(encoding="utf-8")
     assert "in fail_job" in log  # the trace of the process that did it
@@ -140,9 +142,8 @@ def test_a_tiles_textures_that_fail_do_so_as_plainly(
     scene = tmp_path / "scene"
     with broken(tiled_views, "banded", IndexError("row 7")):
         code, output = run(
-            "build", field / "field.xyz", "-o", scene, "--photos", field / "photos", *SMALL,
-            "--tiles",
-        )  # fmt: skip
+            "build", field / "field.xyz", "-o", scene, "--photos", field / "photos", *SMALL
+        )
     assert code == 1
     assert "Traceback" not in output
     assert "stage texture-views failed in a way that nobody foresaw (IndexError: row 7)" in output

@@ -107,13 +107,13 @@ def test_the_result_does_not_depend_on_threads(hill: Hill, context: Context) -> 
     results = [
         clean.run(hill(), clean.Options(), replace(context, threads=threads)) for threads in (1, 2)
     ]
-    first, second = (clean.store(result).arrays for result in results)
+    first, second = (clean.FORM.store(result).arrays for result in results)
     assert {n: a.tobytes() for n, a in first.items()} == {n: a.tobytes() for n, a in second.items()}
 
 
 def test_stored_and_restored(hill: Hill, context: Context) -> None:
     result = clean.run(hill(), clean.Options(), context)
-    back = clean.restore(clean.store(result), result.facts)
+    back = clean.FORM.restore(clean.FORM.store(result), result.facts)
     assert (back.cloud.points == result.cloud.points).all()
     assert back.cloud.attributes.keys() == result.cloud.attributes.keys()
     assert back.codes == result.codes

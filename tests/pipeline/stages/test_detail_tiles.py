@@ -1,4 +1,4 @@
-"""Pieces of the detail, in memory and on disk, by one interface."""
+"""Pieces of the detail on disk."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from terraport_pipeline.errors import WorkDirectoryError
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles, StoredTiles, WholeDetail
+from terraport_pipeline.stages.tiles.detail_tiles import StoredTiles
 
 MESH = Mesh(
     vertices=np.array([[0, 0, 0], [0, 1, 2], [3, 0, 0]], dtype=np.float32),
@@ -30,16 +30,11 @@ def stored(folder: Path) -> StoredTiles:
     np.save(tile_folder / "border-rows.npy", np.array([1], dtype=np.int32))
     np.save(tile_folder / "border-ids.npy", np.array([7]))
     box = np.array([[0.0, 0, 0, 3, 1, 2]])
-    return StoredTiles(folder, ("tile-00000",), box, (1,), (3,), ("grade",), 8, "abc")
+    return StoredTiles(folder, ("tile-00000",), box, (1,), (3,), ("d0",), ("grade",), 8, "abc")
 
 
-@pytest.fixture(params=["whole", "stored"])
-def tiles(request: pytest.FixtureRequest, tmp_path: Path) -> DetailTiles:
-    return WholeDetail(MESH) if request.param == "whole" else stored(tmp_path)
-
-
-def test_both_answer_alike(tiles: DetailTiles) -> None:
-    tiles = pickle.loads(pickle.dumps(tiles))
+def test_a_tile_is_read_as_it_was_kept(tmp_path: Path) -> None:
+    tiles = pickle.loads(pickle.dumps(stored(tmp_path)))
     assert tiles.count == 1
     assert tiles.attributes == ("grade",)
     assert (tiles.face_count(0), tiles.vertex_count(0)) == (1, 3)
@@ -48,7 +43,7 @@ def test_both_answer_alike(tiles: DetailTiles) -> None:
     for field in ("vertices", "faces", "normals", "colours"):
         np.testing.assert_array_equal(getattr(mesh, field), getattr(MESH, field))
     np.testing.assert_array_equal(mesh.attributes["grade"], MESH.attributes["grade"])
-    assert len(tiles.digest) > 0
+    assert (tiles.digest, tiles.digest_of(0)) == ("abc", "d0")
     with pytest.raises(IndexError, match="tile 1; there are 1"):
         tiles.load(1)
 
@@ -56,7 +51,6 @@ def test_both_answer_alike(tiles: DetailTiles) -> None:
 def test_what_is_shared(tmp_path: Path) -> None:
     border = stored(tmp_path).border(0)
     assert (border.rows.tolist(), border.ids.tolist()) == ([1], [7])
-    assert len(WholeDetail(MESH).border(0).rows) == 0
 
 
 def test_a_damaged_tile_is_named(tmp_path: Path) -> None:

@@ -136,10 +136,3 @@ def test_the_join_comes_back_from_its_arrays(outline: Footprint | None) -> None:
                 assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
             else:
                 np.testing.assert_array_equal(before, after)
-
-
-def test_a_join_that_is_not_settled_can_be_stored() -> None:
-    join = joined([piece(0), piece(1)]).join
-    again, settled = from_stored(to_stored(join, None))
-    assert len(again.rows) == len(settled.dropped) == 2
-    assert len(settled.normals) == 0

@@ -6,21 +6,50 @@ segments between.
 
 from __future__ import annotations
 
-from dataclasses import replace
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from store.tiny_scene import CELLS, lattice_mesh, write_tiny_scene
 
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.stages.region_ids import NewSurface, NumberedRegions, number_regions
+from terraport_pipeline.stages.region_ids import NumberedRegions, number_regions
 from terraport_store import CrsInfo, DamagedSceneError, change_labels
 
 ORIGIN = np.array([500000.0, 8000000.0, 100.0])
 FACTS = {"roughness_scale_m": 1.0, "regions": [{"id": n, "area_m2": 1.0} for n in range(3)]}
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NewSurface:
+    """A detail in memory, as a build has it before it is packed."""
+
+    detail: Mesh
+    segments: Int32
+    """(F,) segment of every face."""
+    regions: Int32
+    """(F,) region of every face, 0 to R - 1."""
+    origin: Float64
+    """(3,) E0, N0, H0."""
+    crs: CrsInfo | None
+
+    @property
+    def face_count(self) -> int:
+        return len(self.segments)
+
+    def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
+        order = np.argsort(self.segments, kind="stable")
+        count = int(self.segments.max()) + 1
+        starts = np.searchsorted(self.segments[order], np.arange(count + 1))
+        for begin, end in itertools.pairwise(starts):
+            chosen = order[begin:end]
+            yield self.detail.vertices, self.detail.faces[chosen], self.regions[chosen]
 
 
 def surface(*, seed: int = 0, names: tuple[int, ...] = (0, 1, 2), moved_m: float = 0.0):

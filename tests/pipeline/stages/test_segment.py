@@ -9,7 +9,13 @@ from typing import Any
 
 import numpy as np
 import pytest
-from pipeline.one_piece import Labelled, reconstruct_survey, runner_in, segment_surface, surface_of
+from pipeline.one_piece import (
+    Labelled,
+    reconstruct_survey,
+    runner_in,
+    segment_surface,
+    surface_in_tiles,
+)
 
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh, Survey
@@ -41,7 +47,7 @@ def meshes(make_hill: Callable[..., Survey], folder: Path) -> Meshes:
 
 
 def run(meshes: Meshes, options: segment.Options, *, threads: int = 1) -> Labelled:
-    surface = surface_of(meshes.base, meshes.detail, meshes.deviation_m)
+    surface = surface_in_tiles(meshes.base, meshes.detail, meshes.deviation_m)
     with TemporaryDirectory() as folder:
         return segment_surface(runner_in(Path(folder), threads=threads), surface, options)
 
@@ -114,7 +120,7 @@ def test_same_input_same_bytes(meshes: Meshes, result: Labelled) -> None:
 
 
 def test_what_is_kept_is_taken_up(meshes: Meshes, result: Labelled, tmp_path: Path) -> None:
-    surface = surface_of(meshes.base, meshes.detail, meshes.deviation_m)
+    surface = surface_in_tiles(meshes.base, meshes.detail, meshes.deviation_m)
     runner = runner_in(tmp_path)
     for _ in range(2):
         back = segment_surface(runner, surface, SMALL)

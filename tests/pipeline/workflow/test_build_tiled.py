@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from coloured_ground import cut_mesh, ground
+from memory_tiles import MemoryTiles
+from pipeline.one_piece import runner_in, surface_in_tiles
 
 from terraport_payload import decode_glb
-from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.published.scene_model import load_scene_model
 from terraport_pipeline.stages import pack, segment
 from terraport_pipeline.validate.handoff import check_hand_off
 from terraport_pipeline.validate.handoff_report import HandOffOptions
-from terraport_pipeline.workflow import tiled as build_tiled
-from terraport_pipeline.workflow.stage_runner import StageRunner
-from terraport_pipeline.workflow.tiled import TiledSurface, segment_and_pack
-from terraport_pipeline.workflow.workdir import WorkDirectory
+from terraport_pipeline.workflow import segment_step
+from terraport_pipeline.workflow.pack_step import publish_tiles
+from terraport_pipeline.workflow.reconstruct_step import Surface
+from terraport_pipeline.workflow.runner import Runner
+from terraport_pipeline.workflow.segment_step import segment_tiles
 from terraport_store import BuildInfo, InputInfo, Scene
 from terraport_store.validate import validate_scene
 
@@ -31,59 +32,21 @@ BUILD = BuildInfo(
 )  # fmt: skip
 
 
-@dataclass(frozen=True)
-class Tiles:
-    """The protocol of tiles, from meshes in memory: no border, nothing shared."""
-
-    meshes: tuple[Mesh, ...]
-    attributes: tuple[str, ...] = ("height",)
-    border_count: int = 0
-    digest: str = "t"
-
-    @property
-    def count(self) -> int:
-        return len(self.meshes)
-
-    def load(self, i: int) -> Mesh:
-        return self.meshes[i]
-
-    def box(self, i: int):
-        raise AssertionError(i)
-
-    def border(self, i: int):
-        raise AssertionError(i)
-
-    def face_count(self, i: int) -> int:
-        return len(self.meshes[i].faces)
-
-    def vertex_count(self, i: int) -> int:
-        return len(self.meshes[i].vertices)
-
-
 @pytest.fixture(scope="module")
 def detail() -> Mesh:
     return ground(80)
 
 
-def surface_of(detail: Mesh, along: int) -> TiledSurface:
-    pieces = tuple(piece for piece, _ in cut_mesh(detail, along))
-    return TiledSurface(
-        ground(16, low=-3.0, high=63.0), Tiles(pieces), (0.1, 0.2, 0.5, 0.6), f"d{along}"
-    )
+def surface_of(detail: Mesh, along: int) -> Surface:
+    base = ground(16, low=-3.0, high=63.0)
+    return surface_in_tiles(base, detail, (0.1, 0.2, 0.5, 0.6), along=along)
 
 
-def build(folder: Path, surface: TiledSurface, *, threads: int = 2, options=SEGMENT) -> StageRunner:
-    work = folder / ".work"
-    work.mkdir(parents=True, exist_ok=True)
-    runner = StageRunner(WorkDirectory(work), True, NullProgress(), threads, 2**31)
-    segment_and_pack(
-        runner,
-        folder / "scene",
-        surface,
-        options,
-        pack.Options("ground"),
-        lambda: pack.About(np.array([500000.0, 8e6, 100.0]), None, 99, True, BUILD),
-    )
+def build(folder: Path, surface: Surface, *, threads: int = 2, options=SEGMENT) -> Runner:
+    runner = runner_in(folder, threads=threads, max_memory_bytes=2**31)
+    segmented = segment_tiles(runner, surface, options)
+    about = pack.About(np.array([500000.0, 8e6, 100.0]), None, 99, True, BUILD)
+    publish_tiles(runner, folder / "scene", surface, segmented, None, about, pack.Options("ground"))
     return runner
 
 
@@ -149,7 +112,7 @@ def test_a_build_that_was_killed_goes_on_with_the_tile_it_was_at(
     scene, detail, tmp_path, monkeypatch
 ) -> None:
     surface = surface_of(detail, 3)
-    whole, seen = build_tiled.tiled_segment.cut, []
+    whole, seen = segment_step.tiled_segment.cut, []
 
     def dies(mesh, *arguments, **named):
         if len(seen) == 4:
@@ -157,14 +120,14 @@ def test_a_build_that_was_killed_goes_on_with_the_tile_it_was_at(
         seen.append(len(mesh.faces))
         return whole(mesh, *arguments, **named)
 
-    monkeypatch.setattr(build_tiled.tiled_segment, "cut", dies)
+    monkeypatch.setattr(segment_step.tiled_segment, "cut", dies)
     with pytest.raises(KeyboardInterrupt):
         build(tmp_path, surface, threads=1)
     assert not (tmp_path / "scene").exists()
-    monkeypatch.setattr(build_tiled.tiled_segment, "cut", whole)
+    monkeypatch.setattr(segment_step.tiled_segment, "cut", whole)
     again = []
     monkeypatch.setattr(
-        build_tiled.tiled_segment, "cut",
+        segment_step.tiled_segment, "cut",
         lambda mesh, *a, **n: again.append(1) or whole(mesh, *a, **n),
     )  # fmt: skip
     build(tmp_path, surface, threads=1)
@@ -201,25 +164,12 @@ def test_crumbs_of_tiles_do_no_harm(detail, tmp_path) -> None:
     )  # fmt: skip
     others = tuple(tile for tile, _ in cut_mesh(detail, 2)[1:])
     whole = Mesh(piece.vertices, rest, piece.normals, piece.colours, piece.attributes)
-    surface = surface_of(detail, 2)
-    crumbs = TiledSurface(
-        surface.base, Tiles((crumb, whole, *others)), surface.deviation_m, "crumbs"
+    tiles = MemoryTiles(
+        (crumb, whole, *others), (), (), np.zeros(0, bool), ("height",), "crumbs", tuple("0123456")
     )
+    crumbs = replace(surface_of(detail, 2), tiles=tiles, digest="crumbs")
     build(tmp_path, crumbs)
     assert list(validate_scene(tmp_path / "scene")) == []
     with Scene.open(tmp_path / "scene") as opened:
         assert int(opened.index.face_count.sum()) == len(detail.faces)
         assert len(opened.regions["regions"]) == 3
-
-
-@pytest.mark.parametrize(
-    ("options", "text"),
-    [
-        (segment.Options(engine="graph"), "engine 'graph' in a tiled build"),
-        (segment.Options(segment_by="height"), "segments by 'height' in a tiled build"),
-        (segment.Options(units="pools"), "units 'pools' in a tiled build"),
-    ],
-)
-def test_what_tiles_cannot_do_is_refused(options, text, detail, tmp_path) -> None:
-    with pytest.raises(OptionError, match=text):
-        build(tmp_path, surface_of(detail, 2), options=options)

@@ -7,18 +7,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from memory_tiles import MemoryTiles
 from photo_scene import PhotoScene, photo_scene
+from pipeline.one_piece import runner_in, surface_in_tiles
 
 from terraport_payload import decode_glb
 from terraport_pipeline.engines.photos import OpenPhotos
-from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import pack, segment, texture
-from terraport_pipeline.workflow import tiled_textures as build_tiled_textures
-from terraport_pipeline.workflow.stage_runner import StageRunner
-from terraport_pipeline.workflow.tiled import TiledSurface, segment_and_pack
-from terraport_pipeline.workflow.tiled_textures import TiledTexturing
-from terraport_pipeline.workflow.workdir import WorkDirectory
+from terraport_pipeline.workflow import texture_step
+from terraport_pipeline.workflow.pack_step import publish_tiles
+from terraport_pipeline.workflow.runner import Runner
+from terraport_pipeline.workflow.segment_step import segment_tiles
+from terraport_pipeline.workflow.texture_step import TextureInput, texture_tiles
 from terraport_store import BuildInfo, InputInfo, Scene
 from terraport_store.validate import validate_scene
 
@@ -35,32 +34,22 @@ def site() -> PhotoScene:
     return photo_scene()
 
 
-def surface() -> TiledSurface:
-    mesh = site().mesh
-    return TiledSurface(mesh, MemoryTiles.of(mesh, 2), (0.1, 0.2, 0.5, 0.6), "d2")
-
-
-def photos() -> TiledTexturing:
-    return TiledTexturing(
+def photos() -> TextureInput:
+    return TextureInput(
         OPTIONS,
         {"photos": "p", "cameras": "c"},
         lambda: OpenPhotos(tuple(site().views), site(), ("a warning.",)),  # type: ignore[arg-type]
     )
 
 
-def build(folder: Path, texturing: TiledTexturing, *, threads: int = 2) -> StageRunner:
-    work = folder / ".work"
-    work.mkdir(parents=True, exist_ok=True)
-    runner = StageRunner(WorkDirectory(work), True, NullProgress(), threads, 2**31)
-    segment_and_pack(
-        runner,
-        folder / "scene",
-        surface(),
-        SEGMENT,
-        pack.Options("place"),
-        lambda: pack.About(np.array([500000.0, 8e6, 100.0]), None, 99, True, BUILD),
-        texturing,
-    )
+def build(folder: Path, asked: TextureInput, *, threads: int = 2) -> Runner:
+    runner = runner_in(folder, threads=threads, max_memory_bytes=2**31)
+    surface = surface_in_tiles(site().mesh, site().mesh, (0.1, 0.2, 0.5, 0.6), along=2)
+    segmented = segment_tiles(runner, surface, SEGMENT)
+    textures = texture_tiles(runner, surface, segmented, asked)
+    about = pack.About(np.array([500000.0, 8e6, 100.0]), None, 99, True, BUILD)
+    options = pack.Options("place")
+    publish_tiles(runner, folder / "scene", surface, segmented, textures, about, options)
     return runner
 
 
@@ -73,7 +62,7 @@ def published(folder: Path) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def scene(tmp_path_factory) -> tuple[Path, StageRunner]:
+def scene(tmp_path_factory) -> tuple[Path, Runner]:
     folder = tmp_path_factory.mktemp("tiled-textures")
     return folder, build(folder, photos())
 
@@ -110,7 +99,7 @@ def test_one_stage_is_told_with_its_warnings(scene) -> None:
 
 
 def test_threads_and_kills_change_nothing(scene, tmp_path, monkeypatch) -> None:
-    whole, seen = build_tiled_textures.tiled_texture.draw, []
+    whole, seen = texture_step.tiled_texture.draw, []
 
     def dies(*arguments, **named):
         if len(seen) == 2:
@@ -118,7 +107,7 @@ def test_threads_and_kills_change_nothing(scene, tmp_path, monkeypatch) -> None:
         seen.append(1)
         return whole(*arguments, **named)
 
-    monkeypatch.setattr(build_tiled_textures.tiled_texture, "draw", dies)
+    monkeypatch.setattr(texture_step.tiled_texture, "draw", dies)
     with pytest.raises(KeyboardInterrupt):
         build(tmp_path, photos(), threads=1)
     assert not (tmp_path / "scene").exists()
@@ -128,7 +117,7 @@ def test_threads_and_kills_change_nothing(scene, tmp_path, monkeypatch) -> None:
 
 
 def test_vertex_colours_are_drawn_without_photos(tmp_path) -> None:
-    texturing = TiledTexturing(texture.Options(source="vertex", max_side=512, base_side=512), {})
+    texturing = TextureInput(texture.Options(source="vertex", max_side=512, base_side=512), {})
     runner = build(tmp_path, texturing)
     assert list(validate_scene(tmp_path / "scene")) == []
     with Scene.open(tmp_path / "scene") as opened:

@@ -82,7 +82,7 @@ def test_tiles_of_tiles_are_the_merged_file_in_tiles(
     both = []
     for number, survey in enumerate((path, tiles)):
         scene = tmp_path / str(number) / "pit"
-        build(options_for(survey, scene, tiles=TileOptions(force=True, depth=depth)))
+        build(options_for(survey, scene, tiles=TileOptions(depth=depth)))
         both.append(published_bytes(scene))
     assert both[0] == both[1]
 

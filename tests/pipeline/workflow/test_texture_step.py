@@ -1,4 +1,4 @@
-"""A build with photos, whole: what the photos show is what the payloads show."""
+"""A build with photos: what the photos show is what the payloads show."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from terraport_pipeline.errors import OptionError, PhotoError
 from terraport_pipeline.stages import reconstruct, segment, texture
 from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_pipeline.workflow.photo_input import Texturing
-from terraport_pipeline.workflow.tiled_reconstruct import TileOptions
 from terraport_store import Scene, validate_scene
 
 
@@ -115,7 +114,7 @@ def test_vertices_on_seams_are_equal_but_for_their_uvs(field: Path) -> None:
 def test_threads_change_nothing_and_nothing_is_done_twice(field: Path, tmp_path: Path) -> None:
     work = tmp_path / "work"
     shutil.copytree(field / ".scene.work", work)
-    shutil.rmtree(work / "texture")
+    shutil.rmtree(work / "texture-tile-00000")
     options = options_for(field, tmp_path / "scene", work=work, threads=2, name="scene")
     first = build(options)
     assert [stage.taken_up for stage in first.stages] == [True, True, True, True, False, False]
@@ -162,7 +161,7 @@ def test_cameras_that_look_elsewhere_are_told_of_before_the_long_work(
     with pytest.raises(PhotoError):
         build(options_for(field, tmp_path / "scene", work=work, texture=texturing))
     assert (work / "read").exists()
-    assert not (work / "clean").exists()
+    assert not (work / "partition").exists()
 
 
 def damaged(field: Path, folder: Path, change: Callable[[Path], object], *numbers: int) -> Path:
@@ -193,44 +192,30 @@ def elsewhere(path: Path) -> None:
     ],
     ids=["missing", "no picture", "cut off", "other sides", "smaller", "elsewhere"],
 )
-@pytest.mark.parametrize(
-    "tiled", [False, pytest.param(True, marks=pytest.mark.thorough)], ids=["whole", "tiles"]
-)
 def test_a_set_with_something_wrong_ends_in_a_scene_and_a_word(
     field: Path,
     tmp_path: Path,
     change: Callable[[Path], object],
     left_out: int,
     word: str,
-    tiled: bool,
 ) -> None:
     photos = damaged(field, tmp_path, change, 1, 3)
     work = tmp_path / "work"
-    if not tiled:
-        shutil.copytree(field / ".scene.work", work)
+    shutil.copytree(field / ".scene.work", work)
     result = build(
-        options_for(
-            field, tmp_path / "scene", work=work, texture=Texturing(photos=photos),
-            tiles=TileOptions(force=tiled),
-        )
-    )  # fmt: skip
+        options_for(field, tmp_path / "scene", work=work, texture=Texturing(photos=photos))
+    )
     assert validate_scene(tmp_path / "scene") == []
     counts = next(stage.facts.counts for stage in result.stages if stage.name == "texture")
     assert (counts["photos"], counts["photos_left_out"]) == (5 - left_out, left_out)
     assert any(word in text for text in result.warnings), result.warnings
 
 
-@pytest.mark.parametrize("tiled", [False, True], ids=["whole", "tiles"])
 def test_where_no_photo_shows_the_survey_its_own_colours_are_drawn(
-    field: Path, tmp_path: Path, tiled: bool
+    field: Path, tmp_path: Path
 ) -> None:
     photos = damaged(field, tmp_path, elsewhere, 0, 1, 2, 3, 4)
-    result = build(
-        options_for(
-            field, tmp_path / "scene", texture=Texturing(photos=photos),
-            tiles=TileOptions(force=tiled),
-        )
-    )  # fmt: skip
+    result = build(options_for(field, tmp_path / "scene", texture=Texturing(photos=photos)))
     assert validate_scene(tmp_path / "scene") == []
     assert any("no photo is left" in text for text in result.warnings), result.warnings
     with Scene.open(tmp_path / "scene") as scene:

@@ -5,43 +5,36 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
-from terraport_pipeline.workflow.tile_memory import choose_depth, forecast_tiles, plan_memory
+from terraport_pipeline.workflow.tile_memory import choose_plan, forecast_tiles, forecast_whole
 
 GIB = 1 << 30
 
 
-def test_five_million_points_fit_eight_gibibytes() -> None:
-    plan = plan_memory(5_000_000, 8 * GIB, extent_m=360.0, area_m2=360.0 * 320.0)
-    assert not plan.tiled
-    # Measured whole build: 3.84 GiB at its peak.
-    assert 3.84 * GIB < plan.whole_bytes < 5.5 * GIB
+SIZE = {"extent_m": 360.0, "area_m2": 360.0 * 320.0}
+
+
+def test_five_million_points_in_one_piece() -> None:
+    # Measured build in one piece: 3.84 GiB at its peak.
+    assert 3.84 * GIB < forecast_whole(5_000_000, **SIZE).memory_bytes < 5.5 * GIB
 
 
 def test_one_million_points_are_forecast_within_a_fifth() -> None:
-    plan = plan_memory(1_000_000, 8 * GIB, extent_m=360.0, area_m2=360.0 * 320.0)
-    assert 1.71 * GIB < 1.05 * plan.whole_bytes < 1.25 * 1.71 * GIB  # 1.71 measured
+    whole = forecast_whole(1_000_000, **SIZE)
+    assert 1.71 * GIB < 1.05 * whole.memory_bytes < 1.25 * 1.71 * GIB  # 1.71 measured
 
 
-def test_fifty_million_points_do_not() -> None:
-    plan = plan_memory(50_000_000, 8 * GIB, extent_m=360.0, area_m2=360.0 * 320.0)
-    assert plan.tiled
-    assert plan.whole_bytes > 20 * GIB
-    assert "50,000,000 points" in plan.why
-    assert "allowed are 8.0 GiB: it goes in tiles" in plan.why
+def test_the_forecast_says_its_numbers() -> None:
+    whole = forecast_whole(50_000_000, **SIZE)
+    assert whole.memory_bytes > 20 * GIB
+    assert "50,000,000 points" in str(whole)
 
 
 def test_a_lower_depth_makes_fewer_faces() -> None:
-    size = {"extent_m": 360.0, "area_m2": 360.0 * 320.0}
-    deep = plan_memory(50_000_000, 8 * GIB, **size)
-    flat = plan_memory(50_000_000, 8 * GIB, detail_depth=10, **size)
-    assert flat.whole_bytes < deep.whole_bytes
-
-
-def test_tiles_can_be_asked_for() -> None:
-    plan = plan_memory(1000, 8 * GIB, force=True)
-    assert plan.tiled
-    assert plan.why.startswith("tiles were asked for")
+    deep = forecast_whole(50_000_000, **SIZE)
+    flat = forecast_whole(50_000_000, detail_depth=10, **SIZE)
+    assert flat.memory_bytes < deep.memory_bytes
 
 
 def plan_at(depth: int) -> TilePlan:
@@ -55,20 +48,47 @@ def plan_at(depth: int) -> TilePlan:
 POINTS, AREA = 2 * 4096 * 4096, (4096 * 0.1) ** 2
 
 
-@pytest.mark.parametrize(("gib", "depth"), [(2, 9), (4, 10), (8, 10), (64, 11)])
-def test_more_memory_means_larger_tiles(gib: int, depth: int) -> None:
-    plan = choose_depth(plan_at, points=POINTS, area_m2=AREA, max_memory_bytes=gib * GIB)
-    assert plan is not None
+@pytest.mark.parametrize(("gib", "depth"), [(2, 9), (4, 10), (8, 10), (64, 10)])
+def test_the_plan_is_the_same_from_four_gibibytes_on(gib: int, depth: int) -> None:
+    plan = choose_plan(plan_at, points=POINTS, area_m2=AREA, max_memory_bytes=gib * GIB)
     assert plan.shape.depth == depth
 
 
-def test_too_little_is_nothing() -> None:
-    assert choose_depth(plan_at, points=POINTS, area_m2=AREA, max_memory_bytes=GIB // 2) is None
+def small_at(depth: int, cells: int = 256) -> TilePlan:
+    """A flat survey of a few hundred cells along a side."""
+    i, j = np.mgrid[0 : cells // 16, 0 : cells // 16]
+    blocks = np.stack([i.ravel(), np.full(i.size, 1), j.ravel()], axis=1)
+    counts = np.full(len(blocks), 2 * 16 * 16)
+    return plan_tiles(Lattice((0.0, 0.0, 0.0), 0.1), tile_shape(depth), blocks, counts, 16)
+
+
+def test_a_small_survey_is_one_tile_and_a_larger_one_keeps_two_workers_busy() -> None:
+    small = choose_plan(small_at, points=2 * 256**2, area_m2=25.6**2, max_memory_bytes=8 * GIB)
+    assert small.count == 1
+    larger = choose_plan(
+        lambda depth: small_at(depth, 1024),
+        points=2 * 1024**2, area_m2=102.4**2, max_memory_bytes=8 * GIB,
+    )  # fmt: skip
+    assert larger.count > 1
+
+
+def test_what_needs_one_piece_gets_one_tile_or_is_refused() -> None:
+    size = {"points": 2 * 1024**2, "area_m2": 102.4**2, "in_one_piece": "engine graph"}
+    one = choose_plan(lambda depth: small_at(depth, 1024), max_memory_bytes=64 * GIB, **size)
+    assert one.count == 1
+    with pytest.raises(ResourceError, match=r"engine graph needs the surface in one piece, about"):
+        choose_plan(lambda depth: small_at(depth, 1024), max_memory_bytes=2 * GIB, **size)
+    with pytest.raises(OptionError, match=r"engine graph with [0-9]+ tiles of depth 8; expected"):
+        choose_plan(lambda depth: small_at(depth, 1024), max_memory_bytes=64 * GIB, asked=8, **size)
+
+
+def test_too_little_is_refused() -> None:
+    with pytest.raises(ResourceError, match=r"0\.5 GiB are too little even for the smallest tile"):
+        choose_plan(plan_at, points=POINTS, area_m2=AREA, max_memory_bytes=GIB // 2)
 
 
 def test_what_is_asked_for_is_taken() -> None:
-    plan = choose_depth(plan_at, points=POINTS, area_m2=AREA, max_memory_bytes=64 * GIB, asked=8)
-    assert plan is not None
+    plan = choose_plan(plan_at, points=POINTS, area_m2=AREA, max_memory_bytes=64 * GIB, asked=8)
     assert plan.shape.depth == 8
 
 

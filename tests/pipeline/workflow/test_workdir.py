@@ -41,7 +41,7 @@ def test_saved_is_found_and_equal(work: WorkDirectory) -> None:
 def test_a_result_can_be_mapped_or_read_in_part(work: WorkDirectory) -> None:
     stored = Stored({"some": np.arange(6), "none": np.zeros((0, 3))}, {"a": 1})
     record = work.save("parts", "k", stored, Facts(), Cost(1.0, 2))
-    mapped = work.mapped(record)
+    mapped = work.looked_up(record)
     assert isinstance(mapped.arrays["some"], np.memmap)
     assert mapped.arrays["some"].tolist() == work.array(record, "some").tolist() == [*range(6)]
     assert mapped.arrays["none"].shape == (0, 3)  # nothing cannot be mapped
@@ -183,7 +183,7 @@ def test_a_folder_sealed_is_the_result_saved(tmp_path: Path) -> None:
     with work.beside("s") as folder:
         for name, array in arrays.items():
             np.save(folder / f"{name}.npy", array)
-        sealed = work.seal(folder, "s", "k", {"v": 1}, facts, cost)
+        sealed = work.seal(folder, "s", "k", Stored({}, {"v": 1}), facts, cost)
     assert sealed.digest == saved.digest
     assert sealed.files == saved.files
     assert work.find("s", "k") == sealed
