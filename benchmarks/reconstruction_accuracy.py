@@ -23,28 +23,21 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from parts.first_steps import read_and_clean
 from parts.work_arrays import read_tiles, spacing_of
 
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.option import parse_count
-from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import clean, reconstruct
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
-from terraport_pipeline.survey_files import find_survey
 from terraport_pipeline.synth.files import load_options, truth_path, write_quarry
 from terraport_pipeline.synth.options import MIN_POINTS, QuarryOptions
 from terraport_pipeline.synth.quarry import Quarry, synthesise
-from terraport_pipeline.workflow.read_step import look_at_survey, read_once
 from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
-from terraport_pipeline.workflow.runner import Runner
-from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare
-from terraport_pipeline.workflow.workdir import WorkDirectory
+from terraport_pipeline.workflow.tile_ground import TileOptions, prepare
 
 SAMPLES = 50_000
 """Places measured each way: the 95th percentile rests on 2,500."""
-
-MAX_MEMORY_BYTES = 8 << 30
-"""Decides how large tiles are, where nothing else is asked for."""
 
 
 def measure(
@@ -101,11 +94,7 @@ def main() -> int:
         survey = Path(scratch, "quarry.las")
         write_quarry(QuarryOptions(points=points), survey)
         quarry, truth = _truth_of(survey)
-        work_directory = WorkDirectory(Path(scratch, "work"))
-        runner = Runner(work_directory, True, NullProgress(), 2, MAX_MEMORY_BYTES)
-        files, _ = look_at_survey(runner, find_survey(survey))
-        read = read_once(runner, files, max_points=None, bounded=False)
-        cleaned = clean_thinned(runner, read, clean.Options())
+        runner, read, cleaned = read_and_clean(survey, Path(scratch, "work"))
         rule = prepare(
             runner, read, cleaned, clean.Options(), reconstruct.Options(), tile_options
         ).detail_depth

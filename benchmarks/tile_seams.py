@@ -8,10 +8,13 @@ Takes the work directories of two builds of one survey, in several tiles and in 
 * how far the joined surface lies from the one that was reconstructed in one tile: at the shared
   vertices, near them, far from any.
 
-    terraport build quarry.laz -o whole --work whole.work --tile-depth 12
+    terraport build quarry.laz -o whole --work whole.work --tile-depth 10
     terraport build quarry.laz -o tiles --work tiles.work --tile-depth 9
     python benchmarks/tile_seams.py tiles.work whole.work --picture seam.png
     python benchmarks/tile_seams.py --smoke
+
+The tile depth of the whole is the least that gives one tile (here 10): deeper ones solve another
+surface.
 
 Prints Markdown. The picture stands before the highest wall that a seam crosses: tiles in colours,
 and the same bare.
@@ -27,6 +30,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from parts.first_steps import single_tile_depth
 from parts.work_arrays import Tiles, read_tiles, welded
 from PIL import Image
 from scipy.spatial import cKDTree
@@ -73,7 +77,8 @@ def small(folder: Path) -> tuple[Path, Path]:
     """Build a small quarry twice."""
     survey = folder / "quarry.las"
     write_quarry(QuarryOptions(points=20_000, seed=4, size_m=150.0), survey)
-    for name, depth in (("tiles", 8), ("whole", 12)):
+    whole = single_tile_depth(survey, folder / "whole.work")
+    for name, depth in (("tiles", whole - 1), ("whole", whole)):
         work, tiles = folder / f"{name}.work", TileOptions(depth=depth)
         build(BuildOptions(survey, folder / name, work=work, tiles=tiles))
     return folder / "tiles.work", folder / "whole.work"

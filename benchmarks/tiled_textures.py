@@ -31,6 +31,7 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from parts.first_steps import single_tile_depth
 from parts.texture_scores import ColouredMesh, score_surface, score_views, truth_of
 from PIL import Image
 
@@ -50,9 +51,6 @@ from terraport_store import Scene
 
 THREADS: Final = max(1, min(os.cpu_count() or 1, 2))
 PLACES: Final = 200_000
-WHOLE_DEPTH: Final = 12
-"""Of a tile that holds a whole site: cells stay as large, only the cube is larger."""
-
 HELD_OUT_SEED: Final = 1_000
 """Added to the quarry's seed for the flight of the cameras that are held out."""
 
@@ -78,13 +76,13 @@ def main() -> int:
     parser.add_argument("--photos", type=int, default=30)
     parser.add_argument("--photo-size", type=int, nargs=2, default=(1000, 750))
     parser.add_argument("--seed", type=int, default=7)
-    parser.add_argument("--tile-depth", type=int, default=8)
+    parser.add_argument("--tile-depth", type=int, help="one less than of a single tile")
     parser.add_argument("--keep", type=Path, help="folder for everything; taken up next time")
     parser.add_argument("--pictures", type=Path, help="folder for the held-out pictures")
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     if arguments.smoke:
-        arguments.points, arguments.size, arguments.tile_depth = 15_000, 110.0, 8
+        arguments.points, arguments.size = 15_000, 110.0
         arguments.photos, arguments.photo_size = 6, (240, 180)
     folder = arguments.keep or Path(tempfile.mkdtemp(prefix="benchmark-tiled-textures-"))
     folder.mkdir(parents=True, exist_ok=True)
@@ -98,6 +96,7 @@ def main() -> int:
 
 def run(folder: Path, arguments: argparse.Namespace) -> None:
     site = prepare(folder, arguments)
+    whole_depth = single_tile_depth(folder / "quarry.laz", folder / "whole.work")
     print(
         "| build | faces | tiles | held out dB | matched dB | median dB | surface matched dB | "
         "median dB | "
@@ -105,7 +104,10 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         + " |"
     )
     print("|---|" + "---:|" * (7 + len(KINDS)))
-    for name, tile_depth in (("whole", WHOLE_DEPTH), ("tiles", arguments.tile_depth)):
+    for name, tile_depth in (
+        ("whole", whole_depth),
+        ("tiles", arguments.tile_depth or whole_depth - 1),
+    ):
         # A scene of an earlier run is taken as it is (--keep).
         scene = folder / name
         if not (scene / "scene.json").is_file():
