@@ -40,8 +40,8 @@ from terraport_pipeline.stages.pack import (
 )
 from terraport_pipeline.stages.region_ids import Surface, number_regions
 from terraport_pipeline.stages.texture_set import TextureSet
+from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, TiledScene
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
-from terraport_pipeline.stages.tiles.tiled_segment import AttributeRange, TiledScene
 from terraport_store.manifest import AttributeInfo, HandOff, TextureInfo
 from terraport_store.writer import SceneInfo, SceneWriter
 
