@@ -1,4 +1,4 @@
-"""The whole build: read, clean, reconstruct, segment, pack, each taken up where nothing changed.
+"""The build: read, clean, reconstruct, segment, texture, pack, taken up where nothing changed.
 
 The published bytes depend on the survey's bytes and on the options in :meth:`BuildOptions.recorded`
 alone: not on the clock, the number of threads or where an earlier build was interrupted.

@@ -1,4 +1,4 @@
-"""Everything about a survey in tiles that is known before the first tile is worked on.
+"""Everything about a survey that is known before the first tile is worked on.
 
 Thins a copy of the survey as read, measures, plans the tiles, hands the samples out; each step
 a result in the work directory.
@@ -196,7 +196,7 @@ def _thinned(source: Path, read: StageRecord) -> Survey:
 
 
 def _lattice(measured: dict[str, Any], depth: int) -> Lattice:
-    """Make the lattice that a whole reconstruction would have had, about."""
+    """Make the lattice that one octree over the whole survey would have, about."""
     low, high = np.array(measured["low"]), np.array(measured["high"])
     side_m = poisson.SCALE * measured["extent_m"]
     anchor = (low + high) / 2 - side_m / 2

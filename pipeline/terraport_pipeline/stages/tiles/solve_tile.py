@@ -1,4 +1,4 @@
-"""One tile of a survey larger than memory: from its samples to its piece of the detail.
+"""One tile: from its samples to its piece of the detail.
 
 Cleaned as the whole would be (what is usual is the whole survey's, not the tile's), reconstructed
 in a cube of the common lattice, cut to the core, freed of what no sample supports at all, coloured

@@ -1,10 +1,10 @@
 """The base: every tile of the detail thinned by itself, then all of them together.
 
 What tiles share is held while they are thinned apart, so the pieces still fit each other bit for
-bit. It starts from the wider surface that
-the join cuts beside the detail: with a hem, and without the smaller gaps (``trim_detail.py``). A
-base by Poisson is solved on the thinned survey and cut to that surface. Memory: one tile, then
-about 500 bytes per face of four times the base; for a base by Poisson what its forecast says.
+bit. It starts from the wider surface that the join cuts beside the detail: with a hem, and without
+the smaller gaps (``tile_edges.py``). A base by Poisson is solved on the thinned survey and cut to
+that surface. Memory: one tile, then about 500 bytes per face of four times the base; for a base by
+Poisson what its forecast says.
 """
 
 from __future__ import annotations

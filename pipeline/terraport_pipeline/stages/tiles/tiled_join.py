@@ -1,4 +1,4 @@
-"""The last step of segmenting by tiles: one numbering, one cover, one set of facts.
+"""The last step of segmenting: one numbering, one cover, one set of facts for all tiles.
 
 Holds no faces: a few hundred bytes per segment, 8 per entry of the cover, and the sums of regions.
 """
@@ -37,7 +37,7 @@ __all__ = ["FORM", "TiledSegmented", "join"]
 
 @dataclass(frozen=True, slots=True)
 class TiledSegmented:
-    """What a build by tiles knows of its segments; labels of faces stay with the tiles."""
+    """What a build knows of its segments; labels of faces stay with the tiles."""
 
     tile: Int32
     """(S,) tile of every segment; segments are numbered along one Morton curve."""
