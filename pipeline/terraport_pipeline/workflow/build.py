@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
 
@@ -23,6 +23,7 @@ from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.stages import clean, pack, reconstruct, segment
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.region_engine import check_segment_by
+from terraport_pipeline.stages.tiles import base_atlas
 from terraport_pipeline.survey_files import SurveyFiles, find_survey
 from terraport_pipeline.unforeseen import build_failed
 from terraport_pipeline.workflow import tiled_reconstruct
@@ -85,6 +86,9 @@ class BuildOptions:
     )
     texture: Annotated[Texturing | None, Section("Textures")] = None
     """Textures instead of vertex colours, from photos or for comparison from the colours."""
+    base_texture: Annotated[int, Option(heading="Textures", unit="pixels")] = 2048
+    """Longest side of the base's image, drawn from the photos, or without them from the colours of
+    the points: 256, 512, 1024, 2048 or 4096. 0 leaves it the colours of its vertices."""
     work: Annotated[Path | None, Option(heading=_MACHINE, unset=".SCENE.work beside the scene")] = (
         None
     )
@@ -110,11 +114,29 @@ class BuildOptions:
     def __post_init__(self) -> None:
         check_options(self)
         self.pack_options()  # refused before any work, not after an hour
+        if self.base_texture == 0 and self.texture is not None:
+            raise OptionError(
+                "base texture 0 pixels, in a scene with textures; expected 256 or more"
+            )
+        _ = self.base_image, self.texturing
 
     @property
     def inputs(self) -> tuple[Path, ...]:
         """What was given as the survey: files, folders, patterns."""
         return (self.survey,) if isinstance(self.survey, Path) else self.survey
+
+    @property
+    def base_image(self) -> base_atlas.Options | None:
+        """Options of the base's image where no photo gives one; None where it has none."""
+        return base_atlas.Options(self.base_texture) if self.base_texture else None
+
+    @property
+    def texturing(self) -> Texturing | None:
+        """What textures are made of, the base's among them."""
+        if self.texture is None:
+            return None
+        options = replace(self.texture.options, base_side=self.base_texture)
+        return replace(self.texture, options=options)
 
     def pack_options(self) -> pack.Options:
         """Options of the pack stage, made from the scene's name."""
@@ -128,6 +150,7 @@ class BuildOptions:
             "clean": asdict(self.clean),
             "reconstruct": asdict(self.reconstruct),
             "segment": asdict(self.segment),
+            "base_texture": self.base_texture,
         }
 
 
@@ -368,8 +391,8 @@ def _run_tiled(
 
     def about() -> pack.About:
         recorded = {**options.recorded(), "tile_depth": reconstructed.tile_depth}
-        if options.texture is not None:
-            recorded["texture"] = options.texture.recorded(photos)
+        if options.texturing is not None:
+            recorded["texture"] = options.texturing.recorded(photos)
         return pack.About(
             origin=reconstructed.origin,
             crs=CrsInfo(name=crs.name, wkt=crs.wkt, epsg=crs.epsg) if crs else None,
@@ -387,14 +410,15 @@ def _run_tiled(
         reconstructed.spacing_m,
     )
     texturing = None
-    if options.texture is not None:
+    if options.texturing is not None:
         texturing = tiled_texturing(
-            options.texture, photos, reconstructed.samples, reconstructed.sample_colours,
+            options.texturing, photos, reconstructed.samples, reconstructed.sample_colours,
             reconstructed.origin, reconstructed.crs, runner.max_memory_bytes,
         )  # fmt: skip
     return segment_and_pack(
-        runner, scene, surface, options.segment, options.pack_options(), about, texturing
-    )
+        runner, scene, surface, options.segment, options.pack_options(), about, texturing,
+        options.base_image if reconstructed.has_colour else None,
+    )  # fmt: skip
 
 
 def _check(options: BuildOptions) -> SurveyFiles:

@@ -23,8 +23,10 @@ from terraport_pipeline.geometry.tiles.tiled_means import JoinedRegions
 from terraport_pipeline.measure import Measure
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import pack, segment
-from terraport_pipeline.stages.tiles import tiled_join, tiled_pack, tiled_segment
+from terraport_pipeline.stages.texture_set import TextureSet
+from terraport_pipeline.stages.tiles import base_atlas, tiled_join, tiled_pack, tiled_segment
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
+from terraport_pipeline.workflow.base_atlas_step import base_atlas_step
 from terraport_pipeline.workflow.publish_step import pack_once
 from terraport_pipeline.workflow.report import StageReport
 from terraport_pipeline.workflow.stage_runner import StageRunner
@@ -35,7 +37,7 @@ from terraport_pipeline.workflow.tiled_textures import (
     texture_tiles,
 )
 from terraport_pipeline.workflow.workdir import Cost, WorkDirectory, stage_key
-from terraport_store.manifest import CrsInfo
+from terraport_store.manifest import CrsInfo, TextureInfo
 
 __all__ = ["TiledSurface", "check_tiled", "segment_and_pack"]
 
@@ -74,6 +76,7 @@ def segment_and_pack(
     pack_options: pack.Options,
     about: Callable[[], pack.About],
     texturing: TiledTexturing | None = None,
+    base_image: base_atlas.Options | None = None,
 ) -> tuple[str, bool]:
     """Do everything after reconstruction.
 
@@ -90,6 +93,8 @@ def segment_and_pack(
         Makes what the manifest says beyond the meshes, when all stages but the last have reported.
     texturing : TiledTexturing, optional
         Textures instead of vertex colours.
+    base_image : base_atlas.Options, optional
+        Without textures: an image for the base, drawn from the detail's colours.
 
     Returns
     -------
@@ -107,7 +112,8 @@ def segment_and_pack(
     scene_facts, segmented, labels, cuts = _Work(runner, surface, options).segmented()
     scales = tiled_pack.scales_of(scene_facts, segmented, surface.base, surface.spacing_m)
     textures: TiledTextures | None = None
-    # (2) Textures of every tile, where they are asked for.
+    base_texture: tuple[str, TextureSet, TextureInfo] | None = None
+    # (2) Textures of every tile, where they are asked for; else of the base alone.
     if texturing is not None:
         textures = texture_tiles(
             runner,
@@ -120,6 +126,19 @@ def segment_and_pack(
             cuts.records,
             texturing,
         )
+        base_texture = textures.digest, textures.base, textures.info
+    elif base_image is not None:
+        drawn = base_atlas_step(
+            runner,
+            surface.base,
+            segmented.base_kept,
+            surface.tiles,
+            surface.digest,
+            surface.spacing_m,
+            base_image,
+        )
+        atlas = drawn.value()
+        base_texture = drawn.record.digest, atlas.textures, atlas.info
     described = about()
     # (3) Payloads of every tile. Its inputs name all that a payload holds, so a tile whose
     # surface, labels, cut and textures are unchanged is not encoded again.
@@ -164,7 +183,7 @@ def segment_and_pack(
         {
             "payloads": _digest(payloads),
             "segments": _segments_digest(segmented),
-            **({} if textures is None else {"base_texture": textures.digest}),
+            **({} if base_texture is None else {"base_texture": base_texture[0]}),
         },
     )
     version, published = pack_once(
@@ -190,7 +209,7 @@ def segment_and_pack(
             described,
             pack_options,
             context,
-            None if textures is None else (textures.base, textures.info),
+            None if base_texture is None else base_texture[1:],
         ),
     )
     if published:  # to the reader, encoding and publishing are one stage
