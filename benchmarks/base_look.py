@@ -27,7 +27,7 @@ from terraport_store import Scene
 CORPUS = Path(__file__).resolve().parents[1] / "tests" / "conformance" / "scene"
 DISTANCE_M = 20.0
 PITCHES_DEG = (-30.0, -50.0, -75.0)
-SIZE = (480, 320)
+SIZE = (360, 240)
 RELIEF = 0.35
 """As the viewer's shader has it over vertex colours."""
 TRIES = 40
@@ -38,7 +38,7 @@ def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("scenes", nargs="*", type=Path)
-    parser.add_argument("--cameras", type=int, default=24)
+    parser.add_argument("--cameras", type=int, default=12)
     parser.add_argument("--pictures", type=Path)
     parser.add_argument("--smoke", action="store_true", help="scenes of the corpus")
     options = parser.parse_args()
@@ -67,14 +67,15 @@ def row(path: Path, cameras: int, pictures: Path | None) -> list[str]:
         both = detail.hits(camera) & base.hits(camera)
         if not both.any():
             continue
-        apart = differences(detail, base, camera, 0.0)[both]
-        bare.append(apart)
-        lit.append(differences(detail, base, camera, RELIEF)[both])
-        worst = max(worst, float(apart.mean()))
+        plain = pair(detail, base, camera, 0.0)
+        shaded = pair(detail, base, camera, RELIEF)
+        bare.append(difference(*plain)[both])
+        lit.append(difference(*shaded)[both])
+        worst = max(worst, float(bare[-1].mean()))
         if pictures is not None:
             pictures.mkdir(parents=True, exist_ok=True)
-            pair = [level.picture(camera, RELIEF, 2) for level in (detail, base)]
-            save_png(np.concatenate(pair, axis=1), pictures / f"{path.name}-{number:02}.png")
+            name = f"{path.parent.name}-{path.name}-{number:02}.png"
+            save_png(np.concatenate(shaded, axis=1), pictures / name)
     # (3) Sizes.
     files = manifest.files
     base_bytes, cover_bytes = files["base.glb"].bytes, files["base.cover"].bytes
@@ -114,20 +115,24 @@ class Level:
         """Tell which pixels show it, (H, W)."""
         return (self.rays.closest_hit(*camera.rays(*SIZE))[1] >= 0).reshape(SIZE[::-1])
 
-    def picture(self, camera: Camera, relief: float, supersample: int) -> np.ndarray:
+    def picture(self, camera: Camera, relief: float) -> np.ndarray:
         """Draw it, (H, W, 3)."""
         mesh = self.mesh
         return render_mesh(
             mesh.vertices, mesh.faces, camera, SIZE, colours=mesh.colours, normals=mesh.normals,
-            texturing=self.texturing, relief=relief, shadows=False, supersample=supersample,
+            texturing=self.texturing, relief=relief, shadows=False, supersample=2,
             scene=self.rays,
         )  # fmt: skip
 
 
-def differences(detail: Level, base: Level, camera: Camera, relief: float) -> np.ndarray:
+def pair(detail: Level, base: Level, camera: Camera, relief: float) -> list[np.ndarray]:
+    """Draw both levels from one camera."""
+    return [level.picture(camera, relief) for level in (detail, base)]
+
+
+def difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Mean over the channels of what two pictures differ by, (H, W), levels."""
-    ours, theirs = (level.picture(camera, relief, 2).astype(np.float32) for level in (base, detail))
-    return np.abs(ours - theirs).mean(axis=2)
+    return np.abs(one.astype(np.float32) - other.astype(np.float32)).mean(axis=2)
 
 
 def views(detail: Level, count: int) -> list[Camera]:
