@@ -36,6 +36,7 @@ _SHOWN: Final = {
         "crowded_share",
         "photos_left_out",
     ),
+    "base_atlas": ("longest_side", "image_bytes", "texel_m", "crowded_share"),
     "pack": ("payload_bytes", "bytes_per_face", "base_bytes", "step_m"),
 }
 """Counts of each stage that the table shows."""

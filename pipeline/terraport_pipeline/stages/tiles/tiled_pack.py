@@ -181,7 +181,8 @@ def publish(
     about, options, context
         What the manifest says beyond the meshes, the scene's name, what may be used.
     textured : pair, optional
-        The base's texture, and what the manifest says of all; payloads have theirs.
+        The base's texture, and what the manifest says of all; payloads have theirs, or their
+        colours.
 
     Returns
     -------
@@ -245,7 +246,7 @@ def publish(
                 build=about.build,
                 crs=about.crs,
                 attributes=_attribute_infos(scales.ranges, attributes),
-                has_colour=about.has_colour and info is None,
+                has_colour=about.has_colour and (info is None or info.segments == 0),
                 textures=info,
             )
         )
