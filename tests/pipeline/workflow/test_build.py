@@ -41,6 +41,7 @@ KEPT = {
         "segment-measure-00000", "segment-units-00000", "segment-regions", "segment-cut-00000",
         "segment",
     ],
+    "base_atlas": ["base_atlas"],
     "pack": ["pack-tile-00000", "pack"],
 }  # fmt: skip
 """Names in the work directory of what is reported as one stage."""
@@ -125,7 +126,7 @@ def test_one_and_two_threads_publish_the_same_bytes(built: Path, tmp_path: Path)
 def test_built_again_everything_is_taken_up(copy: Path) -> None:
     before = published_bytes(copy / "hill")
     report = build(options_for(copy / "hill.xyz", copy / "hill"))
-    assert [stage.taken_up for stage in report.stages] == [True] * 5
+    assert [stage.taken_up for stage in report.stages] == [True] * len(STAGES)
     assert not report.published
     assert published_bytes(copy / "hill") == before
 
@@ -133,7 +134,7 @@ def test_built_again_everything_is_taken_up(copy: Path) -> None:
 def test_no_resume_does_all_again_and_publishes_the_same(copy: Path) -> None:
     before = published_bytes(copy / "hill")
     report = build(options_for(copy / "hill.xyz", copy / "hill", resume=False))
-    assert [stage.taken_up for stage in report.stages] == [False] * 5
+    assert [stage.taken_up for stage in report.stages] == [False] * len(STAGES)
     assert published_bytes(copy / "hill") == before
 
 
@@ -151,7 +152,7 @@ def test_a_changed_option_does_only_what_it_must(
 ) -> None:
     report = build(replace(options_for(copy / "hill.xyz", copy / "hill"), **change))
     expected = STAGES.index(first)
-    assert [stage.taken_up for stage in report.stages] == [i < expected for i in range(5)]
+    assert [stage.taken_up for stage in report.stages] == [i < expected for i in range(len(STAGES))]
     assert report.published
     assert validate_scene(copy / "hill") == []
 
@@ -170,7 +171,7 @@ def test_a_scene_that_is_gone_is_published_from_the_work_directory(copy: Path) -
     before = published_bytes(copy / "hill")
     shutil.rmtree(copy / "hill")
     report = build(options_for(copy / "hill.xyz", copy / "hill"))
-    assert [stage.taken_up for stage in report.stages] == [True] * 4 + [False]
+    assert [stage.taken_up for stage in report.stages] == [True] * (len(STAGES) - 1) + [False]
     assert published_bytes(copy / "hill") == before
 
 
@@ -199,7 +200,7 @@ def test_ctrl_c_then_the_same_command(copy: Path, stage: str, step: str) -> None
     assert not [path for path in (copy / ".hill.work").iterdir() if path.suffix == ".tmp"]
     assert not (copy / ".hill.lock").exists()
     report = build(options)
-    assert [stage.taken_up for stage in report.stages] == [i < done for i in range(5)]
+    assert [stage.taken_up for stage in report.stages] == [i < done for i in range(len(STAGES))]
     assert report.published
     assert validate_scene(copy / "hill") == []
     with Scene.open(copy / "hill") as opened:
