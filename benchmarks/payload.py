@@ -35,6 +35,7 @@ from typing import Any
 
 import meshopt
 import numpy as np
+from parts.work_arrays import read_segments, read_tiles, spacing_of
 from PIL import Image
 from scipy.spatial import cKDTree
 
@@ -127,29 +128,23 @@ def zstd_bytes(data: bytes) -> int:
 
 def segments_of(work: Path, count: int) -> tuple[str, float, list[SegmentMesh]]:
     """Cut some segments out of a build's mesh, the same every time, without other attributes."""
-    stored = work / "reconstruct"
-    vertices, normals, colours, faces = (
-        np.load(stored / f"detail-{name}.npy", mmap_mode="r")
-        for name in ("vertices", "normals", "colours", "faces")
-    )
-    labels = np.load(work / "segment" / "segments.npy", mmap_mode="r")
-    spacing_m = json.loads((work / "clean" / "stage.json").read_text())["values"]["spacing_m"]
+    tiles, labels = read_tiles(work), read_segments(work)
     total = int(labels.max()) + 1
     chosen = np.random.default_rng(1).choice(total, min(count, total), replace=False)
     meshes = []
     for label in np.sort(chosen):
-        used, own = np.unique(faces[labels == label], return_inverse=True)
+        used, own = np.unique(tiles.faces[labels == label], return_inverse=True)
         meshes.append(
             SegmentMesh(
-                positions=np.array(vertices[used]),
+                positions=tiles.vertices[used],
                 faces=own.reshape(-1, 3).astype(np.uint32),
-                normals=np.array(normals[used]),
-                colours=np.array(colours[used]),
+                normals=tiles.normals[used],
+                colours=tiles.colours[used],
                 region_ids=None,
                 attributes={},
             )
         )
-    return work.name.removeprefix(".").removesuffix(".work"), float(spacing_m), meshes
+    return work.name.removeprefix(".").removesuffix(".work"), spacing_of(work), meshes
 
 
 def hills(cells: int) -> tuple[str, float, list[SegmentMesh]]:

@@ -2,6 +2,7 @@
 
 python benchmarks/reconstruction_accuracy.py                 100 k points, depth of the rule
 python benchmarks/reconstruction_accuracy.py --points 1M --less 0,1 --weights 2,4,8
+python benchmarks/reconstruction_accuracy.py --points 1M --tile-depth 8     in many tiles
 python benchmarks/reconstruction_accuracy.py --meshes WORK --survey quarry.laz    of a build
 python benchmarks/reconstruction_accuracy.py --smoke         15 k points
 
@@ -22,18 +23,28 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from parts.work_arrays import read_tiles, spacing_of
 
-from terraport_pipeline.engines import poisson
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.option import parse_count
+from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import clean, reconstruct
-from terraport_pipeline.stages.contract import Context
-from terraport_pipeline.synth.files import load_options, truth_path
+from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
+from terraport_pipeline.survey_files import find_survey
+from terraport_pipeline.synth.files import load_options, truth_path, write_quarry
 from terraport_pipeline.synth.options import MIN_POINTS, QuarryOptions
 from terraport_pipeline.synth.quarry import Quarry, synthesise
+from terraport_pipeline.workflow.read_step import look_at_survey, read_once
+from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
+from terraport_pipeline.workflow.runner import Runner
+from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare
+from terraport_pipeline.workflow.workdir import WorkDirectory
 
 SAMPLES = 50_000
 """Places measured each way: the 95th percentile rests on 2,500."""
+
+MAX_MEMORY_BYTES = 8 << 30
+"""Decides how large tiles are, where nothing else is asked for."""
 
 
 def measure(
@@ -65,52 +76,56 @@ def main() -> int:
     parser.add_argument("--points", default="100k")
     parser.add_argument("--weights", default="2,4,8", help="point weights")
     parser.add_argument("--less", default="0", help="depths below the rule's: 0,1")
+    parser.add_argument("--tile-depth", type=int, help="as of the build; by memory otherwise")
     parser.add_argument("--survey", type=Path, help="survey of terraport synth, with --meshes")
     parser.add_argument("--meshes", type=Path, help="work directory of its build")
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     # A finished build, however large: only its accuracy is measured.
     if arguments.meshes is not None:
-        file = truth_path(arguments.survey)
-        # The surface is the same however many points are taken; their places are in the file.
-        quarry = synthesise(replace(load_options(file), points=MIN_POINTS))
-        with np.load(file) as arrays:
-            truth = arrays["truth_m"] + arrays["origin"]
-        folder = arguments.meshes
-        detail = tuple(
-            np.load(folder / "reconstruct" / f"detail-{name}.npy") for name in ("vertices", "faces")
-        )
-        local = np.load(folder / "clean" / "local_spacing_m.npy")
-        spacing_m = float(np.median(local))
-        figures = measure(
-            quarry, truth, detail, np.load(folder / "clean" / "origin.npy"), spacing_m
-        )
-        print(json.dumps({"points": len(local), "spacing_m": spacing_m, **figures}))
+        work = arguments.meshes
+        quarry, truth = _truth_of(arguments.survey)
+        tiles = read_tiles(work)
+        spacing_m = spacing_of(work)
+        detail = (tiles.vertices, tiles.faces.astype(np.int32))
+        figures = measure(quarry, truth, detail, np.load(work / "clean" / "origin.npy"), spacing_m)
+        print(json.dumps({"points": len(truth), "spacing_m": spacing_m, **figures}))
         return 0
     # A quarry of its own, reconstructed with every depth and point weight.
     points = 15_000 if arguments.smoke else parse_count(arguments.points)
     weights = "4" if arguments.smoke else arguments.weights
-    quarry = synthesise(QuarryOptions(points=points))
+    tile_options = TileOptions(depth=arguments.tile_depth)
     missed = 0
     with tempfile.TemporaryDirectory(prefix="benchmark-accuracy-") as scratch:
-        context = Context(Path(scratch), threads=2)
-        cleaned = clean.run(quarry.survey, clean.Options(), context)
-        cloud = cleaned.cloud
-        rule = poisson.depth_for(13, float(np.ptp(cloud.points, axis=0).max()), cloud.spacing_m)
+        # (1) The survey in a work directory, as a build has it before it reconstructs.
+        survey = Path(scratch, "quarry.las")
+        write_quarry(QuarryOptions(points=points), survey)
+        quarry, truth = _truth_of(survey)
+        work_directory = WorkDirectory(Path(scratch, "work"))
+        runner = Runner(work_directory, True, NullProgress(), 2, MAX_MEMORY_BYTES)
+        files, _ = look_at_survey(runner, find_survey(survey))
+        read = read_once(runner, files, max_points=None, bounded=False)
+        cleaned = clean_thinned(runner, read, clean.Options())
+        rule = prepare(
+            runner, read, cleaned, clean.Options(), reconstruct.Options(), tile_options
+        ).detail_depth
+        # (2) Every depth and weight, from the samples in tiles to the base.
         for less in map(int, arguments.less.split(",")):
             for weight in map(float, weights.split(",")):
                 options = reconstruct.Options(
                     detail_depth=rule - less, point_weight=weight, base_faces=20_000
                 )
                 before = _cpu_seconds()
-                result = reconstruct.run(cleaned, options, context)
+                ground = prepare(runner, read, cleaned, clean.Options(), options, tile_options)
+                surface = reconstruct_tiles(runner, ground).surface
                 spent = _cpu_seconds() - before
-                mesh = (result.detail.vertices, result.detail.faces)
-                figures = measure(quarry, quarry.truth, mesh, cloud.origin, cloud.spacing_m)
+                mesh, spacing_m = _detail_of(surface.tiles), ground.measured["spacing_m"]
+                figures = measure(quarry, truth, mesh, ground.origin, spacing_m)
                 row = {
                     "points": points,
-                    "spacing_m": round(cloud.spacing_m, 4),
+                    "spacing_m": round(spacing_m, 4),
                     "depth": rule - less,
+                    "tiles": surface.tiles.count,
                     "weight": weight,
                     "faces": len(mesh[1]),
                     "cpu_s": round(spent, 1),
@@ -119,6 +134,27 @@ def main() -> int:
                 missed += max(row[f"{way}_p95_spacings"] for way in _WAYS) > 1.5
                 print(json.dumps(row), flush=True)
     return int(missed > 0)
+
+
+def _truth_of(survey: Path) -> tuple[Quarry, np.ndarray]:
+    """Give a survey's true surface and the true places of its samples."""
+    file = truth_path(survey)
+    # The surface is the same however many points are taken; their places are in the file.
+    quarry = synthesise(replace(load_options(file), points=MIN_POINTS))
+    with np.load(file) as arrays:
+        return quarry, arrays["truth_m"] + arrays["origin"]
+
+
+def _detail_of(tiles: DetailTiles) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and faces of all tiles; what tiles share stands in each."""
+    meshes = [tiles.load(i) for i in range(tiles.count)]
+    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
+    return (
+        np.concatenate([mesh.vertices for mesh in meshes]),
+        np.concatenate(
+            [mesh.faces + np.int32(at) for mesh, at in zip(meshes, starts, strict=False)]
+        ),
+    )
 
 
 _WAYS = ("mesh_to_truth", "truth_to_mesh")

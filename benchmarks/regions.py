@@ -23,10 +23,10 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
+from parts.mesh_facts import region_facts
 
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.mesh.surface_samples import surface_samples
-from terraport_pipeline.geometry.regions.region_facts import region_facts
 from terraport_pipeline.geometry.regions.region_match import match_regions, region_overlaps
 
 SEED = 11
@@ -71,9 +71,7 @@ def terrain(side: int, regions_a_side: int, seed: int, shift: float) -> dict[str
 def facts_of(mesh: dict[str, Any], pairs: Any) -> dict[str, Any]:
     """All facts of all regions, with one attribute."""
     names = ("vertices", "faces", "colours", "regions")
-    return region_facts(
-        *(mesh[name] for name in names), attributes={"grade": mesh["grade"]}, pairs=pairs
-    )
+    return region_facts(*(mesh[name] for name in names), pairs, attributes={"grade": mesh["grade"]})
 
 
 def timed(work: Callable[[], T]) -> tuple[T, float]:

@@ -2,7 +2,7 @@
 
     python benchmarks/segmentation.py                       # 0.5, 1, 2, 5, 12 M faces, noise 6
     python benchmarks/segmentation.py --faces 12000000 --noise 0 6 12
-    python benchmarks/segmentation.py --mesh WORK/reconstruct  # a real survey's reconstructed mesh
+    python benchmarks/segmentation.py --mesh WORK           # a real survey's reconstructed mesh
     python benchmarks/segmentation.py --bytes 2000000       # same bytes again, with 1 and 2 threads
     python benchmarks/segmentation.py --smoke               # seconds, tiny
 
@@ -28,20 +28,22 @@ import multiprocessing
 import platform
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
 import numba
 import numpy as np
+from parts.mesh_facts import region_facts
+from parts.work_arrays import read_base, read_tiles, welded
 
-from terraport_payload.types import AnyArray, Int32
+from terraport_payload.types import AnyArray, Float32, Float64, Int32
 from terraport_pipeline.geometry.cover.cover import build_cover
 from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
 from terraport_pipeline.geometry.regions.kmeans_1d import kmeans_1d
-from terraport_pipeline.geometry.regions.region_facts import region_facts
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh, segmenter_by_name
 from terraport_pipeline.geometry.regions.triangle_pool import (
     FINE_POOLS,
@@ -51,13 +53,17 @@ from terraport_pipeline.geometry.regions.triangle_pool import (
     triangle_pools,
     triangle_pools_many,
 )
-from terraport_pipeline.geometry.segments.segment_shapes import segment_shapes
-from terraport_pipeline.geometry.segments.segments import SegmentOptions, build_segments
+from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES, raggedness
+from terraport_pipeline.geometry.segments.segments import (
+    SegmentOptions,
+    Segments,
+    build_segments,
+)
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import pack
 from terraport_pipeline.stages.contract import Context, Facts
-from terraport_pipeline.stages.reconstruct import Reconstructed
-from terraport_pipeline.stages.segment import Segmented
+from terraport_pipeline.stages.tiles import tiled_pack, tiled_segment
+from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
 from terraport_store.manifest import BuildInfo
 
 SEED: Final = 7
@@ -112,13 +118,20 @@ def terrain(n_faces: int, *, detail: bool, noise: float, side_m: float) -> Array
 def make(folder: Path, n_faces: int, noise: float, base_faces: int) -> None:
     """Write the arrays of a terrain and its base as a build's work directory holds them."""
     side_m = float(np.sqrt(n_faces * 0.02))
-    for name, mesh in (
-        ("detail", terrain(n_faces, detail=True, noise=noise, side_m=side_m)),
-        ("base", terrain(base_faces, detail=False, noise=noise, side_m=side_m)),
+    none = np.zeros(0, np.int64)
+    for name, prefix, mesh in (
+        (
+            "tile-00000",
+            "",
+            {"border-rows": none, "border-ids": none}
+            | terrain(n_faces, detail=True, noise=noise, side_m=side_m),
+        ),
+        ("base", "base-", terrain(base_faces, detail=False, noise=noise, side_m=side_m)),
     ):
         mesh["normals"] = vertex_normals(mesh["vertices"], mesh["faces"])
+        (folder / name).mkdir(exist_ok=True)
         for array, values in mesh.items():
-            np.save(folder / f"{name}-{array}.npy", values)
+            np.save(folder / name / f"{prefix}{array}.npy", values)
 
 
 class Clock:
@@ -154,19 +167,10 @@ def _reset_peak() -> None:
         return  # the figure is then the largest so far
 
 
-def load(folder: Path, name: str) -> Mesh:
-    """Read one mesh of a work directory into memory."""
-    arrays = {
-        array: np.load(folder / f"{name}-{array}.npy")
-        for array in ("vertices", "faces", "normals", "colours")
-    }
-    return Mesh(**arrays)
-
-
 def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) -> dict[str, Any]:
-    """Run every stage once on the meshes in *folder*."""
+    """Run every stage once on the meshes in a work directory."""
     clock = Clock()
-    detail, base = load(folder, "detail"), load(folder, "base")
+    detail, base = welded(read_tiles(folder)), read_base(folder)
     mesh = (detail.vertices, detail.faces)
     inputs_mib = _status_mib("VmRSS")
     # (1) the bar: nothing known but the arrays
@@ -214,21 +218,22 @@ def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) 
     if whole:
         facts = clock(
             "region facts (not in the chain)",
-            lambda: region_facts(*mesh, detail.colours, regions.labels, pairs=pairs),
+            lambda: region_facts(*mesh, detail.colours, regions.labels, pairs),
         )
         kept = np.diff(cover.offsets.astype(np.int64)) > 0
-        labels = Segmented(
-            regions.labels, segments.labels, kept, cover.offsets[np.append(True, kept)],
-            cover.segments, segments.main_region, segments.region_counts, segments.bounds, facts,
-            TOLERANCE_M, segments.max_extent_m, Facts(),
+        joined = TiledSegmented(
+            np.zeros(segments.count, np.int32), np.arange(segments.count, dtype=np.int32),
+            segments.main_region, segments.region_counts, segments.bounds, kept,
+            cover.offsets[np.append(True, kept)], cover.segments, facts, TOLERANCE_M,
+            segments.max_extent_m, Facts(),
         )  # fmt: skip
-        meshes = Reconstructed(base, detail, (0.01, 0.05, 0.1, 0.2), Facts())
-        packed = clock("packing", lambda: _pack(folder, meshes, labels, threads))
+        labels = (segments.labels, regions.labels)
+        packed = clock("packing", lambda: _pack(folder, base, detail, labels, joined, threads))
         total = {unit: sum(clock.stages[name][unit] for name in CHAIN) for unit in ("s", "cpu_s")}
         peak = max(clock.stages[name]["MiB"] for name in CHAIN)
         clock.stages["whole chain"] = {**total, "MiB": peak}
     if many_base is not None:
-        wide = load(many_base, "base")
+        wide = read_base(many_base)
         clock(
             f"cover, {len(wide.faces):,} base faces",
             lambda: build_cover(
@@ -251,7 +256,7 @@ def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) 
         "segments": segments.count,
         "max_extent_m": round(segments.max_extent_m, 2),
         "segments_per_base_face": round(float(np.diff(cover.offsets.astype(np.int64)).mean()), 3),
-        **segment_shapes(*mesh, segments, threads=threads),
+        **_shapes(*mesh, segments, threads),
         "bytes_per_face": packed["bytes_per_face"] if whole else None,
         "segment_bytes": packed["segment_bytes"] if whole else None,
         "digest": hashlib.sha256(
@@ -282,16 +287,64 @@ def _steps(clock: Clock, detail: Mesh, threads: int) -> tuple[Int32, Int32]:
     return pairs
 
 
-def _pack(folder: Path, meshes: Reconstructed, labels: Segmented, threads: int) -> dict[str, Any]:
+def _shapes(
+    vertices: Float32, faces: Int32, segments: Segments, threads: int
+) -> dict[str, list[float]]:
+    """Quantiles over the segments, as the build's facts give them."""
+    sides = segments.bounds[:, 3:].astype(np.float64) - segments.bounds[:, :3]
+    return {
+        name: [round(float(value), digits) for value in np.quantile(values, QUANTILES)]
+        for name, values, digits in (
+            ("segment_faces", segments.face_counts, 0),
+            ("segment_extent_m", sides.max(axis=1), 3),
+            ("segment_raggedness", raggedness(vertices, faces, segments, threads=threads), 2),
+        )
+    }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Pieces:
+    """The detail, segment by segment, as packing wants it for the ids of regions."""
+
+    detail: Mesh
+    segments: Int32
+    regions: Int32
+    origin: Float64
+    crs: None = None
+
+    @property
+    def face_count(self) -> int:
+        return len(self.detail.faces)
+
+    def pieces(self) -> Iterator[tuple[Float32, Int32, Int32]]:
+        order = np.argsort(self.segments, kind="stable")
+        ends = np.cumsum(np.bincount(self.segments))
+        for rows in np.split(order, ends[:-1]):
+            yield self.detail.vertices, self.detail.faces[rows], self.regions[rows]
+
+
+def _pack(
+    folder: Path,
+    base: Mesh,
+    detail: Mesh,
+    labels: tuple[Int32, Int32],
+    joined: TiledSegmented,
+    threads: int,
+) -> dict[str, Any]:
+    """Encode the detail as a build's only tile and publish it."""
     about = pack.About(
-        np.zeros(3), None, len(meshes.detail.vertices), True, BuildInfo(terraport="benchmark")
+        np.zeros(3), None, len(detail.vertices), True, BuildInfo(terraport="benchmark")
     )
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         context = Context(Path(scratch), threads=threads)
-        scene = Path(scratch) / "scene"
-        return pack.run(
-            scene, meshes, labels, about, pack.Options("Benchmark"), context
-        ).facts.counts
+        measured = tiled_segment.scene_of([tiled_segment.measure(detail, context)])
+        scales = tiled_pack.scales_of(measured, joined, base)
+        payloads = tiled_pack.encode(detail, *labels, scales, context)
+        return tiled_pack.publish(
+            Path(scratch) / "scene", base, joined, lambda _tile: payloads,
+            _Pieces(detail, *labels, about.origin), scales, (0.01, 0.05, 0.1, 0.2), about,
+            pack.Options("Benchmark"), context,
+        ).facts.counts  # fmt: skip
 
 
 def _child(
@@ -364,7 +417,9 @@ def main() -> None:
     parser.add_argument("--faces", type=int, nargs="+", default=list(SIZES))
     parser.add_argument("--noise", type=float, nargs="+", default=[6.0], help="0..255")
     parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--mesh", type=Path, nargs="*", default=[], help="reconstruct folders")
+    parser.add_argument(
+        "--mesh", type=Path, nargs="*", default=[], help="work directories of builds"
+    )
     parser.add_argument("--bytes", type=int, help="compare bytes at this many faces, and stop")
     parser.add_argument("--no-pack", action="store_true", help="leave packing and facts out")
     parser.add_argument("--json", type=Path, help="append one line of JSON per run")
@@ -389,7 +444,7 @@ def main() -> None:
         # Meshes of finished builds; else made ones of every size and noise.
         for real in arguments.mesh:
             measurements = measured(real, arguments.threads, tiny)
-            show(measurements, real.parent.name)
+            show(measurements, real.name)
         for n_faces in [] if arguments.mesh else sizes:
             for noise in arguments.noise:
                 in_fresh_process(make, folder, n_faces, noise, n_faces // BASE_SHARE)

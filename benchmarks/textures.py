@@ -32,7 +32,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -45,6 +45,7 @@ from parts.texture_scores import (
     truth_of,
     undistort,
 )
+from parts.work_arrays import read_base, read_segments, read_tiles, welded
 from PIL import Image
 
 from terraport_payload.types import Float64
@@ -192,9 +193,9 @@ def prepare(folder: Path, arguments: argparse.Namespace) -> Site:
     eye = CameraEye(quarry, photo_edge_m(plan, quarry), threads=THREADS)
     return Site(
         folder,
-        _level(work, "detail", shift),
-        _level(work, "base", shift),
-        np.load(work / "segment" / "segments.npy"),
+        _shifted(welded(read_tiles(work)), shift),
+        _shifted(read_base(work), shift),
+        read_segments(work),
         opened,
         views,
         plan.gsd_m,
@@ -214,13 +215,8 @@ def _truths(folder: Path, eye: CameraEye, views: tuple[View, ...]) -> list[Any]:
         return list(zip(kept["colours"], kept["what"], strict=True))
 
 
-def _level(work: Path, level: str, shift: Float64) -> Mesh:
-    arrays = {
-        name: np.load(work / "reconstruct" / f"{level}-{name}.npy")
-        for name in ("vertices", "faces", "normals", "colours")
-    }
-    arrays["vertices"] = (arrays["vertices"] + shift).astype(np.float32)
-    return Mesh(**arrays, attributes={})
+def _shifted(mesh: Mesh, shift: Float64) -> Mesh:
+    return replace(mesh, vertices=(mesh.vertices + shift).astype(np.float32))
 
 
 def methods(site: Site, other_python: Path | None) -> Iterator[tuple[str, Any]]:
@@ -254,7 +250,7 @@ def textured(
     gains: bool = True,
     switches: dict[str, Any] | None = None,
 ) -> tuple[ColouredMesh, int]:
-    """Run the product's own stages on the whole mesh."""
+    """Run the product's own stages on the whole mesh, as on a single tile."""
     mesh, views, photos = site.mesh, site.views, site.opened.photos
     choice = None
     if source == "photos":

@@ -1,15 +1,15 @@
 """Are the borders of tiles as good as any other place of the surface? Measured, and drawn.
 
-Takes the work directories of two builds of one survey, in tiles and whole:
+Takes the work directories of two builds of one survey, in several tiles and in one:
 
 * how far the two surfaces of neighbouring tiles lay apart along their wall before they were joined
   (from the build's own report), and what stayed open after: edges along seams that only one face
   has, counted again here over the tiles' files;
-* how far the joined surface lies from the one that was reconstructed whole: at the shared vertices,
-  near them, far from any.
+* how far the joined surface lies from the one that was reconstructed in one tile: at the shared
+  vertices, near them, far from any.
 
-    terraport build quarry.laz -o whole --work whole.work
-    terraport build quarry.laz -o tiles --work tiles.work --tiles
+    terraport build quarry.laz -o whole --work whole.work --tile-depth 12
+    terraport build quarry.laz -o tiles --work tiles.work --tile-depth 9
     python benchmarks/tile_seams.py tiles.work whole.work --picture seam.png
     python benchmarks/tile_seams.py --smoke
 
@@ -23,16 +23,15 @@ import argparse
 import json
 import sys
 import tempfile
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
+from parts.work_arrays import Tiles, read_tiles, welded
 from PIL import Image
 from scipy.spatial import cKDTree
 
-from terraport_payload.types import AnyFloat, Float32, Int64, UInt8
+from terraport_payload.types import AnyFloat, UInt8
 from terraport_pipeline.engines.cameras import eye_level
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
@@ -51,23 +50,12 @@ REACH_M: Final = 150.0
 PALETTE: Final = ((214, 120, 92), (96, 150, 190), (120, 170, 104), (200, 176, 92))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Tiles:
-    """All tiles of a build as one soup; shared vertices stand once in each."""
-
-    vertices: Float32
-    faces: Int64
-    normals: Float32
-    tile: Int64
-    """(F,)"""
-    shared: Int64
-    """(V,) number of a shared vertex, -1 elsewhere."""
-
-
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("tiles", nargs="?", type=Path, help="work directory of the tiled build")
-    parser.add_argument("whole", nargs="?", type=Path, help="work directory of the whole build")
+    parser.add_argument("tiles", nargs="?", type=Path, help="work directory of the build in tiles")
+    parser.add_argument(
+        "whole", nargs="?", type=Path, help="work directory of the build in one tile"
+    )
     parser.add_argument("--picture", type=Path)
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
@@ -85,14 +73,15 @@ def small(folder: Path) -> tuple[Path, Path]:
     """Build a small quarry twice."""
     survey = folder / "quarry.las"
     write_quarry(QuarryOptions(points=20_000, seed=4, size_m=150.0), survey)
-    for name, tiles in (("tiles", TileOptions(force=True, depth=8)), ("whole", TileOptions())):
-        build(BuildOptions(survey, folder / name, work=folder / f"{name}.work", tiles=tiles))
+    for name, depth in (("tiles", 8), ("whole", 12)):
+        work, tiles = folder / f"{name}.work", TileOptions(depth=depth)
+        build(BuildOptions(survey, folder / name, work=work, tiles=tiles))
     return folder / "tiles.work", folder / "whole.work"
 
 
 def run(tiled: Path, whole: Path, picture: Path | None) -> None:
     tiles = read_tiles(tiled)
-    counts = json.loads((tiled / "join_tiles" / "stage.json").read_text())["facts"]["counts"]
+    counts = json.loads((tiled / "join" / "stage.json").read_text())["facts"]["counts"]
     cell_m = cell_of(tiled)
     print(
         f"{int(tiles.tile.max()) + 1} tiles with {len(tiles.faces):,} faces, cells of "
@@ -104,16 +93,19 @@ def run(tiled: Path, whole: Path, picture: Path | None) -> None:
     print("| cells | median | 95 % | 99 % | largest |\n|---|---:|---:|---:|---:|")
     gaps = [counts[f"seam_gap_p{p}_cells"] for p in (50, 95, 99, 100)]
     row("the two surfaces along the wall, before joining", np.array(gaps))
-    mesh = [np.load(whole / "reconstruct" / f"detail-{name}.npy") for name in ("vertices", "faces")]
+    detail = welded(read_tiles(whole))
     at = np.flatnonzero(tiles.shared >= 0)
     away = cKDTree(tiles.vertices[at]).query(tiles.vertices)[0] / cell_m
     for name, rows in (
-        ("to the surface made whole: shared vertices", at),
+        ("to the surface of one tile: shared vertices", at),
         (f"within {NEAR_CELLS:g} cells of one", np.flatnonzero((away < NEAR_CELLS) & (away > 0))),
         (f"farther than {FAR_CELLS:g} from any", np.flatnonzero(away > FAR_CELLS)),
     ):
         some = rows[:: max(1, len(rows) // SAMPLES)]
-        apart = distances_to_mesh(tiles.vertices[some], *mesh, workers=2) / cell_m
+        apart = (
+            distances_to_mesh(tiles.vertices[some], detail.vertices, detail.faces, workers=2)
+            / cell_m
+        )
         row(name, np.percentile(apart, (50, 95, 99, 100)))
     if picture is not None:
         Image.fromarray(draw(tiles)).save(picture)
@@ -123,34 +115,10 @@ def row(name: str, values: AnyFloat) -> None:
     print(f"| {name} | " + " | ".join(f"{value:.2g}" for value in values) + " |", flush=True)
 
 
-def read_tiles(work: Path) -> Tiles:
-    columns: dict[str, list[npt.NDArray[np.generic]]] = {}
-    first = number = 0
-    for folder in sorted(work.glob("tile-*")):
-        tile = {
-            name: np.load(folder / f"{name}.npy")
-            for name in ("vertices", "faces", "normals", "border-rows", "border-ids")
-        }
-        if not len(tile["faces"]):
-            continue
-        shared = np.full(len(tile["vertices"]), -1, np.int64)
-        shared[tile["border-rows"]] = tile["border-ids"]
-        for name, array in (
-            ("vertices", tile["vertices"]),
-            ("faces", tile["faces"].astype(np.int64) + first),
-            ("normals", tile["normals"]),
-            ("tile", np.full(len(tile["faces"]), number, np.int64)),
-            ("shared", shared),
-        ):
-            columns.setdefault(name, []).append(array)
-        first, number = first + len(tile["vertices"]), number + 1
-    return Tiles(**{name: np.concatenate(arrays) for name, arrays in columns.items()})
-
-
 def cell_of(work: Path) -> float:
     """Side of a cell: shared vertices lie on the lattice's edges, in cells and in metres."""
     tiles = read_tiles(work)
-    cells = np.load(work / "join_tiles" / "cells.npy")
+    cells = np.load(work / "join" / "cells.npy")
     at = np.flatnonzero((tiles.shared >= 0) & (tiles.shared < len(cells)))
     places, ids = tiles.vertices[at].astype(np.float64), tiles.shared[at]
     widest = int(np.argmax(np.ptp(places, axis=0)))

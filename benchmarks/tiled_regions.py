@@ -20,6 +20,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from parts.work_arrays import read_tiles, welded
 
 from terraport_payload.types import AnyArray, Float32, Int32, Int64, UInt8
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
@@ -98,14 +99,11 @@ def main(arguments: list[str]) -> None:
     # The surface: a small quarry, or the detail of a finished build.
     if options.smoke:
         surface = truth_mesh(QuarryOptions(seed=1, size_m=60.0), 1.0)
-        vertices, faces, colours = surface.vertices, surface.faces, surface.colours
     elif options.work is None:
         parser.error("expected a work directory, or --smoke")
     else:
-        folder = options.work / "reconstruct"
-        vertices, faces, colours = (
-            np.load(folder / f"detail-{name}.npy") for name in ("vertices", "faces", "colours")
-        )
+        surface = welded(read_tiles(options.work))
+    vertices, faces, colours = surface.vertices, surface.faces, surface.colours
     # Regions of the whole, as what those of the tiles are compared with.
     pairs = face_pairs(faces, len(vertices))
     whole = MeanColourSegmenter().segment(SegmenterMesh(vertices, faces, colours, pairs=pairs))

@@ -1,7 +1,8 @@
-"""Textures of a build by tiles beside those of the same build in one piece.
+"""Textures of a build in several tiles beside those of the same build in one.
 
-A synthetic quarry with a drone's photos is built twice by ``terraport build --photos``: whole and
-with ``--tiles``. Measured on what was published:
+A synthetic quarry with a drone's photos is built twice by ``terraport build --photos``, with a
+``--tile-depth`` that gives one tile and with one that gives several. Measured on what was
+published:
 
 * *held out*: pictures from cameras that took no photo, against the truth there; *surface*: places
   spread evenly over the mesh, against the true colour (as textures.py);
@@ -49,6 +50,9 @@ from terraport_store import Scene
 
 THREADS: Final = max(1, min(os.cpu_count() or 1, 2))
 PLACES: Final = 200_000
+WHOLE_DEPTH: Final = 12
+"""Of a tile that holds a whole site: cells stay as large, only the cube is larger."""
+
 HELD_OUT_SEED: Final = 1_000
 """Added to the quarry's seed for the flight of the cameras that are held out."""
 
@@ -101,15 +105,15 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         + " |"
     )
     print("|---|" + "---:|" * (7 + len(KINDS)))
-    for name, tiles in (("whole", None), ("tiles", arguments.tile_depth)):
+    for name, tile_depth in (("whole", WHOLE_DEPTH), ("tiles", arguments.tile_depth)):
         # A scene of an earlier run is taken as it is (--keep).
         scene = folder / name
         if not (scene / "scene.json").is_file():
-            build(build_options(site, scene, tiles))
+            build(build_options(site, scene, tile_depth))
         with Scene.open(scene) as opened:
             model = load_scene_model(opened)
             origin = np.array(opened.manifest.origin)
-        tile_of = segment_tiles(folder / f"{name}.work", tiles is not None, model)
+        tile_of = np.load(folder / f"{name}.work" / "segment" / "tile.npy").astype(np.int64)
         mesh = coloured(model, shift_of(site.quarry, origin))
         # Against photos nobody saw, against the surface's true colours, and along seams.
         far, pictures = score_views(mesh, site.held_out, site.truths)
@@ -137,7 +141,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
                 Image.fromarray(picture).save(arguments.pictures / f"{number}-{name}.png")
 
 
-def build_options(site: Site, scene: Path, tile_depth: int | None) -> BuildOptions:
+def build_options(site: Site, scene: Path, tile_depth: int) -> BuildOptions:
     return BuildOptions(
         site.folder / "quarry.laz",
         scene,
@@ -146,7 +150,7 @@ def build_options(site: Site, scene: Path, tile_depth: int | None) -> BuildOptio
         texture=Texturing(
             photos=site.folder / "photos" / "images", cameras=site.folder / "photos" / "colmap"
         ),
-        tiles=TileOptions() if tile_depth is None else TileOptions(force=True, depth=tile_depth),
+        tiles=TileOptions(depth=tile_depth),
     )
 
 
@@ -195,13 +199,6 @@ def coloured(model: SceneModel, shift: np.ndarray) -> ColouredMesh:
         (detail.vertices + shift).astype(np.float32), detail.faces, detail.colours,
         model.textures.detail,
     )  # fmt: skip
-
-
-def segment_tiles(work: Path, tiled: bool, model: SceneModel) -> np.ndarray:
-    """Tile of every segment."""
-    if not tiled:
-        return np.zeros(model.manifest.counts.segments, np.int64)
-    return np.load(work / "segment" / "tile.npy").astype(np.int64)
 
 
 def seam_steps(model: SceneModel, tile_of: np.ndarray) -> Iterator[np.ndarray]:

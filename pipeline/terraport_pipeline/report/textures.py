@@ -120,20 +120,17 @@ def find_vertex_colours(scene: Scene, work: Path | None = None) -> VertexColours
     """
     scene_path = scene.path.absolute()
     folder = work or scene_path.parent / f".{scene_path.name}.work"
-    whole = _colours_of(scene, [folder / "reconstruct"], "detail-")
-    if whole is not None:
-        return whole
-    return _colours_of(scene, sorted(folder.glob("tile-*"))[:MAX_TILES], "")
+    return _colours_of(scene, sorted(folder.glob("tile-*"))[:MAX_TILES])
 
 
-def _colours_of(scene: Scene, folders: Sequence[Path], prefix: str) -> VertexColours | None:
-    """Put the detail together from the meshes in some folders, if it is that of the scene."""
+def _colours_of(scene: Scene, tiles: Sequence[Path]) -> VertexColours | None:
+    """Put the detail together from the folders of its tiles, if it is that of the scene."""
     vertices, faces, colours = [], [], []
     count = rows = 0
     try:
-        for folder in folders:
+        for tile in tiles:
             here = [
-                np.load(folder / f"{prefix}{name}.npy", mmap_mode="r", allow_pickle=False)
+                np.load(tile / f"{name}.npy", mmap_mode="r", allow_pickle=False)
                 for name in ("vertices", "faces", "colours")
             ]
             if here[0].shape != here[2].shape or here[1].shape[1:] != (3,):

@@ -1,10 +1,10 @@
 from __future__ import annotations
 
 import numpy as np
+from pipeline.mesh_facts import face_normals
 
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
-from terraport_pipeline.geometry.mesh.vertex_normals import face_normals
 
 
 def hills(side: int) -> tuple[np.ndarray, np.ndarray]:

@@ -6,7 +6,7 @@ import pytest
 from terraport_pipeline.engines import thin_detail as module
 from terraport_pipeline.engines.thin_detail import thin_detail
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.geometry.clouds.border import border_edges
+from terraport_pipeline.geometry.mesh.border_edges import border_edges
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 
 

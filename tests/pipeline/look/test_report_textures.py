@@ -118,20 +118,20 @@ def test_rows_tell_density_and_seams(loaded) -> None:
 
 def test_vertex_colours_come_from_the_work_directory_if_they_fit(scene_path, loaded, tmp_path):
     detail = loaded[0].detail
-    folder = tmp_path / "reconstruct"
+    folder = tmp_path / "tile-00000"
     with Scene.open(scene_path) as scene:
         assert find_vertex_colours(scene, tmp_path) is None
         folder.mkdir()
         for name in ("vertices", "faces", "colours"):
-            np.save(folder / f"detail-{name}.npy", getattr(detail, name))
+            np.save(folder / f"{name}.npy", getattr(detail, name))
         vertex_colours = find_vertex_colours(scene, tmp_path)
         assert vertex_colours is not None
         np.testing.assert_array_equal(vertex_colours.colours, detail.colours)
-        np.save(folder / "detail-faces.npy", detail.faces[1:])
+        np.save(folder / "faces.npy", detail.faces[1:])
         assert find_vertex_colours(scene, tmp_path) is None
 
 
-def test_vertex_colours_of_a_build_by_tiles_are_those_of_its_tiles(scene_path, loaded, tmp_path):
+def test_vertex_colours_of_several_tiles_are_put_together(scene_path, loaded, tmp_path):
     detail = loaded[0].detail
     half = len(detail.faces) // 2
     tiles = (("tile-00000", detail.faces[:half]), ("tile-00001", detail.faces[half:]))

@@ -78,6 +78,23 @@ def test_the_cut_is_the_same_on_both_sides() -> None:
         assert set(np.unique(each["attribute-1"]).tolist()) <= {2.0, 6.0}
 
 
+def test_the_border_is_cut_at_the_threshold_and_a_gap_between_samples_stays() -> None:
+    pieces = [piece(0), piece(1)]
+    # along z: the way out, sampled, a gap that nowhere passes the largest ratio of 4, sampled
+    ratio_of_row = np.array([7, 5, 3, 1, 1, 3, 3, 1, 1], np.float32)
+    for each in pieces:
+        each["ratio"] = ratio_of_row[np.rint(each["vertices"][:, 2] / 0.5 + CORE / 2).astype(int)]
+        each["border-ratio"] = each["ratio"][each["border-rows"]]
+    for each in joined(pieces).tiles:
+        # ratio 2 lies between rows 2 and 3; nothing is missing beyond
+        assert each["vertices"][:, 2].min() == 40.0 + 0.5 * 2.5
+        a, b, c = (each["vertices"][each["faces"][:, corner]] for corner in range(3))
+        plan_m2 = 0.5 * np.abs(np.cross(b - a, c - a)[:, 1]).sum()
+        assert plan_m2 == pytest.approx(0.25 * 5.5 * CORE, rel=1e-5)
+        # the hem of the surface for the base: ratio 3, a spacing beyond the threshold
+        assert each["base-vertices"][:, 2].min() == 40.0 + 0.5 * 2.0
+
+
 def test_a_weak_place_on_both_sides_of_the_wall_is_told_with_its_ids() -> None:
     pieces = [piece(0), piece(1)]
     for each, x in zip(pieces, (CORE, 0), strict=True):

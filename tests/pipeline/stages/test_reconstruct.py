@@ -4,13 +4,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pipeline.mesh_facts import face_normals
 from pipeline.one_piece import OnePiece, reconstruct_survey, runner_in
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.cover.uncovered import uncovered_faces
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
-from terraport_pipeline.geometry.mesh.vertex_normals import face_normals
 from terraport_pipeline.model import Survey
 from terraport_pipeline.stages import clean, reconstruct
 

@@ -28,7 +28,6 @@ __all__ = [
     "MAX_CELLS",
     "Footprint",
     "Occupancy",
-    "footprint_of",
     "make_footprint",
     "plan_occupancy",
 ]
@@ -116,40 +115,6 @@ class Footprint:
     def area_m2(self) -> float:
         """Plan area inside the outline."""
         return float(np.count_nonzero(self.field_m >= 0)) * self.cell_m**2
-
-
-def footprint_of(
-    points: AnyFloat,
-    local_spacing_m: Float32,
-    spacing_m: float,
-    *,
-    closing_spacings: float = CLOSING_SPACINGS,
-) -> Footprint:
-    """Draw the outline of a whole cloud.
-
-    Parameters
-    ----------
-    points : ndarray of shape (N, 3)
-        Metres, scene frame. N >= 1.
-    local_spacing_m : ndarray of shape (N,), float32
-        Areal spacing around each.
-    spacing_m : float
-        The cloud's.
-    closing_spacings : float
-        Gaps up to twice this many local spacings wide close.
-
-    Returns
-    -------
-    Footprint
-    """
-    occupancy = plan_occupancy(
-        points.min(axis=0).astype(np.float64),
-        points.max(axis=0).astype(np.float64),
-        spacing_m,
-        closing_spacings=closing_spacings,
-    )
-    occupancy.add(points, local_spacing_m)
-    return make_footprint(occupancy, closing_spacings=closing_spacings)
 
 
 def plan_occupancy(

@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from terraport_payload.types import Float32, Int32
-from terraport_pipeline.geometry.clouds.border import border_edges
+from terraport_pipeline.geometry.mesh.border_edges import border_edges
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
 
 __all__ = ["add_skirt", "drop_skirt"]

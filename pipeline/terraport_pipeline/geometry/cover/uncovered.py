@@ -23,9 +23,9 @@ import numba
 import numpy as np
 
 from terraport_payload.types import Bool, Float32, Float64, Int32, Int64
-from terraport_pipeline.geometry.clouds.border import border_edges
 from terraport_pipeline.geometry.cover.columns import Grid, cell_span, fit_grid, rasterise
 from terraport_pipeline.geometry.cover.far_detail import median_edge
+from terraport_pipeline.geometry.mesh.border_edges import border_edges
 from terraport_pipeline.geometry.mesh.chunks import in_chunks
 from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 

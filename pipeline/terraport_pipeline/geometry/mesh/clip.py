@@ -17,7 +17,7 @@ import numpy as np
 from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 
-__all__ = ["Clip", "clip_by_field", "clip_with_sources"]
+__all__ = ["Clip", "clip_with_sources"]
 
 
 _NEAR: Final = 0.2
@@ -25,7 +25,24 @@ _NEAR: Final = 0.2
 slivers. The border is off by at most this share of an edge."""
 
 
-def clip_by_field(vertices: Float32, faces: Int32, field: Float32) -> tuple[Float32, Int32]:
+@dataclass(frozen=True, slots=True, eq=False)
+class Clip:
+    """A clipped surface, and where its vertices come from."""
+
+    vertices: Float32
+    """(V', 3) metres: those that stay in their old order, then the cut's, in the order of the faces
+    that need them first."""
+    faces: Int32
+    """(F', 3) in their old order, wound as before; a face that was cut is followed by its second
+    half."""
+    ends: Int64
+    """(V', 2) vertices before: twice the same for one that stayed, the ends of its edge for a cut,
+    in the order of their coordinates."""
+    share: Float64
+    """(V',) how far from the first end to the second; 0 for one that stayed."""
+
+
+def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
     """Keep the part of a surface on which the field is not negative.
 
     Parameters
@@ -38,11 +55,8 @@ def clip_by_field(vertices: Float32, faces: Int32, field: Float32) -> tuple[Floa
 
     Returns
     -------
-    vertices : ndarray of shape (V', 3), float32
-        Those that stay in their old order, then the cut's, in the order of the faces that need
-        them first.
-    faces : ndarray of shape (F', 3), int32
-        In their old order, wound as before; a face that was cut is followed by its second half.
+    Clip
+        With the sources of every vertex, so that values at the vertices can follow.
 
     Notes
     -----
@@ -52,27 +66,6 @@ def clip_by_field(vertices: Float32, faces: Int32, field: Float32) -> tuple[Floa
     only as a corner of faces that keep area.
     Linear in the faces; about 40 bytes of scratch per face that is cut.
     """
-    clip = clip_with_sources(vertices, faces, field)
-    return clip.vertices, clip.faces
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Clip:
-    """A clipped surface, and where its vertices come from."""
-
-    vertices: Float32
-    """(V', 3)"""
-    faces: Int32
-    """(F', 3)"""
-    ends: Int64
-    """(V', 2) vertices before: twice the same for one that stayed, the ends of its edge for a cut,
-    in the order of their coordinates."""
-    share: Float64
-    """(V',) how far from the first end to the second; 0 for one that stayed."""
-
-
-def clip_with_sources(vertices: Float32, faces: Int32, field: Float32) -> Clip:
-    """As :func:`clip_by_field`, and tell where every vertex comes from: values can follow."""
     points = as_kernel_input(vertices, np.float32)
     triangles = as_kernel_input(faces, np.int32)
     values = np.where(np.isnan(field), -1.0, field).astype(np.float32)

@@ -10,31 +10,7 @@ import numpy as np
 from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.model import UP
 
-__all__ = ["face_normals", "normal_sums", "unit_normals", "vertex_normals"]
-
-
-def face_normals(vertices: Float32, faces: Int32) -> tuple[Float32, Float32]:
-    """Compute unit normal and area of every face.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (V, 3), float32
-        Metres, scene frame.
-    faces : ndarray of shape (F, 3), int32
-        Counter-clockwise seen from outside.
-
-    Returns
-    -------
-    normals : ndarray of shape (F, 3), float32
-        Unit; zero for faces without area.
-    areas : ndarray of shape (F,), float32
-        Square metres.
-    """
-    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
-    doubled = np.cross(b - a, c - a)
-    length = np.linalg.norm(doubled, axis=1)
-    normals = doubled / np.maximum(length, np.finfo(np.float64).tiny)[:, None]
-    return normals.astype(np.float32), (0.5 * length).astype(np.float32)
+__all__ = ["normal_sums", "unit_normals", "vertex_normals"]
 
 
 def vertex_normals(vertices: Float32, faces: Int32) -> Float32:

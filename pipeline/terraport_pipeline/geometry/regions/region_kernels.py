@@ -11,15 +11,13 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from terraport_payload.types import AnyFloat, Float64, Int32, Int64, UInt8, UInt16
+from terraport_payload.types import AnyFloat, Float64, Int32, UInt8
 
 __all__ = [
     "attribute_sums",
     "face_areas",
-    "order_by_slope",
     "region_sums",
     "slope_histogram",
-    "slope_percentile",
     "squared_deviations",
 ]
 
@@ -27,16 +25,14 @@ __all__ = [
 @numba.njit(cache=True, nogil=True)
 def face_areas(
     vertices: AnyFloat, faces: Int32, regions: Int32, count: int
-) -> tuple[Float64, Float64, Float64, UInt16, Float64]:
+) -> tuple[Float64, Float64, Float64, Float64]:
     """Area and slope of every face, area and plan area of every region.
 
-    Returns ``(area (F,), area (R,), plan area (R,), slope step (F,), slope (F,))``; slopes are
-    degrees, 0 level to 90 vertical or overhanging, 0 for faces without area; a step is 90 / 65535
-    degrees.
+    Returns ``(area (F,), area (R,), plan area (R,), slope (F,))``; slopes are degrees, 0 level to
+    90 vertical or overhanging, 0 for faces without area.
     """
     area = np.empty(len(faces), np.float64)
     slope = np.empty(len(faces), np.float64)
-    step = np.empty(len(faces), np.uint16)
     total = np.zeros(count, np.float64)
     plan = np.zeros(count, np.float64)
     for f in range(len(faces)):
@@ -53,16 +49,15 @@ def face_areas(
         ny = 0.5 * (uz * wx - ux * wz)
         nz = 0.5 * (ux * wy - uy * wx)
         size = np.sqrt(nx * nx + ny * ny + nz * nz)
-        # (2) 0 level, 90 vertical or overhanging; quantised for sorting.
+        # (2) 0 level, 90 vertical or overhanging.
         steepness = 0.0
         if size > 0.0:
             steepness = np.degrees(np.arccos(min(max(ny / size, 0.0), 1.0)))
         area[f] = size
         slope[f] = steepness
-        step[f] = np.uint16(round(steepness * (65535.0 / 90.0)))
         total[regions[f]] += size
         plan[regions[f]] += abs(ny)
-    return area, total, plan, step, slope
+    return area, total, plan, slope
 
 
 @numba.njit(cache=True, nogil=True)
@@ -105,56 +100,6 @@ def region_sums(
             sums[r, 4 + axis] += w * colour / 3.0
         sums[r, 7] += w * slope[f]
     return sums, boxes
-
-
-@numba.njit(cache=True, nogil=True)
-def order_by_slope(regions: Int32, step: UInt16, count: int) -> tuple[Int32, Int64]:
-    """Faces by region, then slope, then number; with the start of every region's run (R + 1).
-
-    Two stable counting sorts, the less important key first: linear.
-    """
-    # (1) Counting sort by slope.
-    starts = np.zeros(65537, np.int64)
-    for f in range(len(step)):
-        starts[np.int64(step[f]) + 1] += 1
-    for s in range(65536):
-        starts[s + 1] += starts[s]
-    by_slope = np.empty(len(step), np.int32)
-    for f in range(len(step)):
-        by_slope[starts[step[f]]] = f
-        starts[step[f]] += 1
-    # (2) Counting sort by region. It is stable, so faces of a region stay in order of slope.
-    run = np.zeros(count + 1, np.int64)
-    for f in range(len(regions)):
-        run[regions[f] + 1] += 1
-    for r in range(count):
-        run[r + 1] += run[r]
-    cursor = run[:-1].copy()
-    order = np.empty(len(regions), np.int32)
-    for i in range(len(by_slope)):
-        f = by_slope[i]
-        order[cursor[regions[f]]] = f
-        cursor[regions[f]] += 1
-    return order, run
-
-
-@numba.njit(cache=True, nogil=True)
-def slope_percentile(
-    order: Int32, run: Int64, weight: Float64, slope: Float64, share: float
-) -> Float64:
-    """Slope that this share of each region's weight does not exceed, (R,) degrees."""
-    percentile = np.zeros(len(run) - 1, np.float64)
-    for r in range(len(run) - 1):
-        total = 0.0
-        for i in range(run[r], run[r + 1]):
-            total += weight[order[i]]
-        passed = 0.0
-        for i in range(run[r], run[r + 1]):
-            passed += weight[order[i]]
-            percentile[r] = slope[order[i]]
-            if passed >= share * total:
-                break
-    return percentile
 
 
 @numba.njit(cache=True, nogil=True)

@@ -26,7 +26,6 @@ from terraport_pipeline.geometry.mesh.adjacency import as_kernel_input
 
 __all__ = [
     "automatic_roughness_scale",
-    "region_roughness",
     "roughness_moments",
     "roughness_of",
 ]
@@ -72,44 +71,6 @@ def automatic_roughness_scale(area_m2: float, faces: int, extent_m: float) -> fl
     return float(2.0 ** np.ceil(np.log2(least)))
 
 
-def region_roughness(
-    vertices: AnyFloat,
-    faces: AnyInt,
-    regions: Int32,
-    scale_m: float,
-) -> Float64:
-    """Root mean square distance of each region's surface from its planes.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (V, 3), float
-        Metres.
-    faces : ndarray of shape (F, 3), integer
-        Vertex indices.
-    regions : ndarray of shape (F,), int32
-        Region of every face, 0..R-1.
-    scale_m : float
-        Width of the cubes, which are aligned with the frame's origin. A face belongs to the cube
-        that its centre lies in (on a border: the cube above).
-
-    Returns
-    -------
-    ndarray of shape (R,), float64
-        Metres; 0 for flat regions and regions without area. A pure rotation changes it a little,
-        since the cubes cut the surface elsewhere; scaling mesh and cube scales it.
-
-    Notes
-    -----
-    With v_i the corners of a triangle of area A about the cube's corner and s their sum, the
-    integral of x x^T over it is A / 12 (sum of v_i v_i^T + s s^T), exactly. The plane's mean square
-    distance is the smallest eigenvalue of the covariance. Linear but for a hash of the cubes.
-    """
-    count = int(regions.max()) + 1 if len(regions) else 0
-    if len(faces) == 0:
-        return np.zeros(count)
-    return roughness_of(*roughness_moments(vertices, faces, regions, scale_m)[1:], count)
-
-
 def roughness_moments(
     vertices: AnyFloat,
     faces: AnyInt,
@@ -120,8 +81,15 @@ def roughness_moments(
 
     Parameters
     ----------
-    vertices, faces, regions, scale_m
-        As for :func:`region_roughness`; at least one face.
+    vertices : ndarray of shape (V, 3), float
+        Metres.
+    faces : ndarray of shape (F, 3), integer
+        Vertex indices; at least one face.
+    regions : ndarray of shape (F,), int32
+        Region of every face, 0..R-1.
+    scale_m : float
+        Width of the cubes, which are aligned with the frame's origin. A face belongs to the cube
+        that its centre lies in (on a border: the cube above).
 
     Returns
     -------
@@ -130,6 +98,12 @@ def roughness_moments(
     region : ndarray of shape (K,), int32
     moments : ndarray of shape (K, 10), float64
         Area, first and second moments about the cube's corner.
+
+    Notes
+    -----
+    With v_i the corners of a triangle of area A about the cube's corner and s their sum, the
+    integral of x x^T over it is A / 12 (sum of v_i v_i^T + s s^T), exactly. Linear but for a hash
+    of the cubes.
     """
     points = as_kernel_input(vertices, np.float32 if vertices.dtype == np.float32 else np.float64)
     corners = as_kernel_input(faces, np.int32)
@@ -140,7 +114,26 @@ def roughness_moments(
 
 
 def roughness_of(region: Int32, moments: Float64, count: int) -> Float64:
-    """Roughness of every region 0..count-1 from the sums of its pieces, (count,) metres."""
+    """Root mean square distance of each region's surface from its planes.
+
+    Parameters
+    ----------
+    region : ndarray of shape (K,), int32
+    moments : ndarray of shape (K, 10), float64
+        From :func:`roughness_moments`; of several tiles, added up by region and cube.
+    count : int
+        Number of regions.
+
+    Returns
+    -------
+    ndarray of shape (count,), float64
+        Metres; 0 for flat regions and regions without area. A pure rotation changes it a little,
+        since the cubes cut the surface elsewhere; scaling mesh and cube scales it.
+
+    Notes
+    -----
+    The mean square distance from a piece's plane is the smallest eigenvalue of its covariance.
+    """
     area = moments[:, 0]
     has_area = area > 0.0
     mean = moments[has_area, 1:4] / area[has_area, None]

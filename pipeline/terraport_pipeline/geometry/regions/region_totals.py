@@ -1,11 +1,12 @@
-"""Facts about regions from tiles: sums of each tile, added up, and turned to ``region_facts``.
+"""Facts about regions from tiles: sums of each tile, added up, and turned to facts of regions.
 
-What ``region_facts.py`` computes of one mesh, of a mesh that is never held whole. Every sum, least
-and greatest value adds up over tiles; the deviation of attributes by the rule of Chan, Golub and
-LeVeque ("Updating formulae and a pairwise algorithm for computing sample variances", 1979);
-roughness by the moments of each region in each cube, whole also where a tile's border cuts the
-cube. Only the 90th percentile of the slope is rounded to a bin of a histogram (0.05 degrees; wider
-beyond 9,000 regions).
+The mesh is never held whole. Every sum, least and greatest value adds up over tiles; the deviation
+of attributes by the rule of Chan, Golub and LeVeque ("Updating formulae and a pairwise algorithm
+for computing sample variances", 1979); roughness by the moments of each region in each cube, whole
+also where a tile's border cuts the cube. Only the 90th percentile of the slope is rounded to a bin
+of a histogram (0.05 degrees; wider beyond 9,000 regions). In a region without any area every face
+counts alike. Linear in the faces, whatever the number of regions: compiled passes over all faces of
+a tile (``region_kernels.py``), no loop per region but for writing the answer.
 
 PURE: no I/O, no clock. Memory: 8 bytes per region and bin, at most 128 MiB; about 100 bytes per
 region and cube, of which there is one per hundred faces.
@@ -102,12 +103,20 @@ def tile_totals(
 
     Parameters
     ----------
-    vertices, faces, colours, attributes, pairs
-        The tile, as for :func:`~.region_facts.region_facts`; at least one face.
+    vertices : ndarray of shape (V, 3), float
+        Of the tile; metres, scene frame (Y up).
+    faces : ndarray of shape (F, 3), integer
+        Vertex indices; at least one face.
+    colours : ndarray of shape (V, 3), uint8
+        sRGB.
     regions : ndarray of shape (F,), int32
         Region of every face, 0..count-1: numbers of the tile's own, or of the scene.
     count : int
         Number of regions.
+    attributes : mapping of str to ndarray of shape (V,), float
+        Further values per vertex; NaN means no value and is left out.
+    pairs : pair of ndarray of shape (P, 2), int32
+        Result of ``face_pairs``.
     roughness_scale_m : float
         The same for all tiles.
     bins : int
@@ -116,11 +125,17 @@ def tile_totals(
     Returns
     -------
     RegionTotals
+
+    Raises
+    ------
+    ValueError
+        Arrays whose lengths do not fit.
     """
+    _validate_inputs(vertices, faces, colours, regions, attributes)
     points = as_kernel_input(vertices, np.float32 if vertices.dtype == np.float32 else np.float64)
     corners, labels = as_kernel_input(faces, np.int32), as_kernel_input(regions, np.int32)
     rgb = as_kernel_input(colours, np.uint8)
-    weight, area, plan, _, slope = face_areas(points, corners, labels, count)
+    weight, area, plan, slope = face_areas(points, corners, labels, count)
     sums, boxes = region_sums(points, corners, rgb, labels, weight, slope, count)
     sizes = np.bincount(labels, minlength=count)
     plain = np.zeros_like(sums)
@@ -136,7 +151,7 @@ def tile_totals(
         sizes.astype(np.int64), np.stack([area, plan], axis=1), sums, plain, boxes,
         slope_histogram(labels, weight, slope, count, bins),
         np.stack(statistics) if statistics else np.zeros((0, count, 8)),
-        cubes, cube_region, moments, *border_lengths(vertices, faces, regions, pairs),
+        cubes, cube_region, moments, *border_lengths(vertices, regions, pairs),
     )  # fmt: skip
 
 
@@ -204,7 +219,7 @@ def add_totals(one: RegionTotals, other: RegionTotals) -> RegionTotals:
 def totals_document(
     totals: RegionTotals, attributes: Sequence[str], roughness_scale_m: float
 ) -> dict[str, Any]:
-    """Turn sums into the document that :func:`~.region_facts.region_facts` makes.
+    """Turn sums into the document of :func:`~.region_facts.facts_document`.
 
     Parameters
     ----------
@@ -214,7 +229,15 @@ def totals_document(
         Names, in the order of ``totals.attributes``.
     roughness_scale_m : float
         As the tiles were summed up with.
+
+    Raises
+    ------
+    ValueError
+        A region without faces.
     """
+    if not totals.sizes.all():
+        msg = f"region {int(np.argmin(totals.sizes))} has no face, expected numbers without gaps"
+        raise ValueError(msg)
     area = totals.areas[:, 0]
     sums = np.where((area == 0.0)[:, None], totals.plain, totals.sums)
     count = len(area)
@@ -227,6 +250,25 @@ def totals_document(
     }
     borders = rows_of_borders(totals.touching, totals.border_m)
     return facts_document(numbers, statistics, borders, roughness_scale_m)
+
+
+def _validate_inputs(
+    vertices: AnyFloat,
+    faces: AnyInt,
+    colours: UInt8,
+    regions: Int32,
+    attributes: Mapping[str, AnyFloat],
+) -> None:
+    if regions.shape != (len(faces),):
+        msg = f"regions have shape {regions.shape}, expected ({len(faces)},)"
+        raise ValueError(msg)
+    if colours.shape != vertices.shape:
+        msg = f"colours have shape {colours.shape}, expected {vertices.shape}"
+        raise ValueError(msg)
+    for name, values in attributes.items():
+        if values.shape != (len(vertices),):
+            msg = f"attribute {name!r} has shape {values.shape}, expected ({len(vertices)},)"
+            raise ValueError(msg)
 
 
 def _tile_attribute(

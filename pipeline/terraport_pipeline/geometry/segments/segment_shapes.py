@@ -1,4 +1,4 @@
-"""How large, wide and compact segments are: quantiles for the build's facts.
+"""How wide and compact segments are; the build's facts give their quantiles.
 
 PURE: no I/O, no clock.
 """
@@ -9,50 +9,15 @@ from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, AnyFloat, AnyInt, Float64
+from terraport_payload.types import AnyFloat, AnyInt, Float64
 from terraport_pipeline.geometry.mesh.face_measures import face_areas
 from terraport_pipeline.geometry.segments.segments import Segments
 
-__all__ = ["QUANTILES", "box_diagonals", "raggedness", "segment_shapes"]
+__all__ = ["QUANTILES", "box_diagonals", "raggedness"]
 
 
 QUANTILES: Final = (0.0, 0.05, 0.25, 0.5, 0.75, 0.95, 1.0)
 """Least, 5th, 25th, 50th, 75th, 95th percentile, greatest."""
-
-
-def segment_shapes(
-    vertices: AnyFloat,
-    faces: AnyInt,
-    segments: Segments,
-    *,
-    threads: int = 1,
-) -> dict[str, list[float]]:
-    """Quantiles (:data:`QUANTILES`) over the segments.
-
-    Parameters
-    ----------
-    vertices : ndarray of shape (V, 3), float
-        Metres.
-    faces : ndarray of shape (F, 3), integer
-        Vertex indices, F >= 1.
-    segments : Segments
-        Their labels and boxes.
-    threads : int
-        Threads at most; they change nothing but the time.
-
-    Returns
-    -------
-    dict
-        ``segment_faces``; ``segment_extent_m`` (longest side of the box); ``segment_raggedness``,
-        see :func:`raggedness`.
-    """
-    extent = (segments.bounds[:, 3:].astype(np.float64) - segments.bounds[:, :3]).max(axis=1)
-    ragged = raggedness(vertices, faces, segments, threads=threads)
-    return {
-        "segment_faces": _quantiles(segments.face_counts, 0),
-        "segment_extent_m": _quantiles(extent, 3),
-        "segment_raggedness": _quantiles(ragged, 2),
-    }
 
 
 def raggedness(
@@ -80,7 +45,3 @@ def box_diagonals(segments: Segments) -> Float64:
     side = segments.bounds[:, 3:].astype(np.float64) - segments.bounds[:, :3]
     diagonal: Float64 = np.sqrt((side * side).sum(axis=1))
     return diagonal
-
-
-def _quantiles(values: AnyArray, digits: int) -> list[float]:
-    return [round(float(value), digits) for value in np.quantile(values, QUANTILES)]

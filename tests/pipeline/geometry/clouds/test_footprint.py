@@ -5,7 +5,6 @@ import pytest
 
 from terraport_pipeline.geometry.clouds import footprint as module
 from terraport_pipeline.geometry.clouds.footprint import (
-    footprint_of,
     make_footprint,
     plan_occupancy,
 )
@@ -17,6 +16,15 @@ def square(side_m: float, spacing_m: float, seed: int = 1) -> np.ndarray:
     points = rng.uniform(0, side_m, (count, 3))
     points[:, 1] = rng.uniform(0, 50, count)  # heights do not count
     return points.astype(np.float32)
+
+
+def footprint_of(
+    points: np.ndarray, local_spacing_m: np.ndarray, spacing_m: float
+) -> module.Footprint:
+    """The outline of a whole cloud, counted at once."""
+    occupancy = plan_occupancy(points.min(axis=0), points.max(axis=0), spacing_m)
+    occupancy.add(points, local_spacing_m)
+    return make_footprint(occupancy)
 
 
 def at(outline: module.Footprint, x: float, z: float) -> float:

@@ -2,14 +2,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.geometry.mesh.vertex_normals import face_normals, vertex_normals
+from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
 
 
 def test_counter_clockwise_seen_from_above_points_up() -> None:
     vertices = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0]], dtype=np.float32)
-    normals, areas = face_normals(vertices, np.array([[0, 1, 2]], dtype=np.int32))
-    assert normals.tolist() == [[0, 1, 0]]
-    assert areas.tolist() == [0.5]
+    normals = vertex_normals(vertices, np.array([[0, 1, 2]], dtype=np.int32))
+    assert normals.tolist() == [[0, 1, 0]] * 3
 
 
 def test_weights_are_areas() -> None:
@@ -24,7 +23,6 @@ def test_unused_and_degenerate_vertices_point_up() -> None:
     vertices = np.zeros((4, 3), dtype=np.float32)
     normals = vertex_normals(vertices, np.array([[0, 1, 2]], dtype=np.int32))
     assert (normals == (0, 1, 0)).all()
-    assert (face_normals(vertices, np.array([[0, 1, 2]], dtype=np.int32))[0] == 0).all()
 
 
 def test_a_sphere_points_outwards() -> None:

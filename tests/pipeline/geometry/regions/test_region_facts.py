@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-
-from terraport_pipeline.geometry.regions.region_facts import region_facts
+from pipeline.mesh_facts import region_facts
 
 
 def two_squares():
@@ -71,14 +70,6 @@ def test_zero_area_and_unknown_attribute():
     assert (region["area_m2"], region["mean_colour"]) == (0.0, [7.0, 7.0, 7.0])
     assert list(region["attributes"]) == ["depth"]
     json.dumps(facts, allow_nan=False)
-
-
-def test_no_faces():
-    """Nothing to tell."""
-    empty = np.zeros((0, 3))
-    assert region_facts(
-        empty, empty.astype(int), empty.astype(np.uint8), np.zeros(0, np.int32)
-    ) == {"roughness_scale_m": 1.0, "regions": []}
 
 
 def test_bad_input_is_named():

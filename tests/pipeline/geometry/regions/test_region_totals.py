@@ -7,9 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from coloured_ground import cut_mesh, ground
+from pipeline.mesh_facts import region_facts
 
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
-from terraport_pipeline.geometry.regions.region_facts import add_borders, region_facts
+from terraport_pipeline.geometry.regions.region_facts import add_borders
 from terraport_pipeline.geometry.regions.region_totals import (
     add_totals,
     slope_bins,

@@ -1,4 +1,4 @@
-"""Quantiles of segments whose shapes are known."""
+"""Raggedness of segments whose shapes are given."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ import pytest
 from terraport_pipeline.geometry.segments.segment_shapes import (
     box_diagonals,
     raggedness,
-    segment_shapes,
 )
 from terraport_pipeline.geometry.segments.segments import SegmentOptions, build_segments
 
@@ -31,10 +30,7 @@ def test_squares_and_strips(width, depth, expected):
         vertices, faces, zeros, zeros.astype(np.float32), zeros,
         SegmentOptions(min_faces=1, max_faces=1000, max_extent_m=100.0),
     )  # fmt: skip
-    shapes = segment_shapes(vertices, faces, segments, threads=2)
-    assert shapes["segment_faces"] == [len(faces)] * 7
-    assert shapes["segment_extent_m"] == [width] * 7
-    assert shapes["segment_raggedness"] == [expected] * 7
+    assert raggedness(vertices, faces, segments, threads=2) == pytest.approx([expected], abs=0.005)
     assert box_diagonals(segments) == pytest.approx(np.hypot(width, depth))
 
 
