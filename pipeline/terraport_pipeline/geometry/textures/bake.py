@@ -19,6 +19,7 @@ import numba
 import numpy as np
 
 from terraport_payload.types import AnyInt, Float32, Float64, Int32, UInt8
+from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 from terraport_pipeline.geometry.photos.lens_kernels import HEIGHT, WIDTH, project_packed
 from terraport_pipeline.geometry.photos.photo_samples import apply_gain, gain_at, sample
 from terraport_pipeline.geometry.textures.texel_frame import (
@@ -31,7 +32,7 @@ from terraport_pipeline.geometry.textures.texel_frame import (
 
 __all__ = ["NO_PHOTO", "FaceColours", "bake_photo_faces", "bake_plain_faces"]
 
-NO_PHOTO: Final = np.zeros((1, 1, 3), np.uint8)
+NO_PHOTO: Final = as_kernel_input(np.zeros((1, 1, 3)), np.uint8)
 """Stands for the second photo where there is none."""
 
 
@@ -192,7 +193,7 @@ def _bake_photo(
                 )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _write_photo(
     image: UInt8,
     covered: UInt8,
@@ -314,7 +315,7 @@ def _bake_plain(
                 _write_plain(image, covered, i, j, third, third, third, level)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _write_plain(
     image: UInt8,
     covered: UInt8,

@@ -253,7 +253,7 @@ def _clean(
     # (4) Normals; their signs are decided on the lattice of the whole survey for the same reason.
     points = points64.astype(np.float32)
     del points64, local
-    normals, _ = estimate_normals(points, neighbours, k=k)
+    normals, _ = estimate_normals(points, neighbours, k=k, threads=workers)
     grid_m = np.array(task.anchor_m) - task.centre_m
     normals, _, _ = orient_normals(
         points,
