@@ -18,6 +18,7 @@ from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.readers.npy_columns import NpyReader
 from terraport_pipeline.engines.readers.raw_survey import thinning_rows
 from terraport_pipeline.errors import ResourceError
+from terraport_pipeline.geometry.clouds.detail_cell import choose_cell, smoothing_radius_m
 from terraport_pipeline.geometry.clouds.footprint import Occupancy, plan_occupancy
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
 from terraport_pipeline.model import Crs, Survey
@@ -110,7 +111,7 @@ def prepare(
         clean.restore,
     )
     cloud = cleaned.value().cloud
-    # (3) Extent and spacing of all samples.
+    # (3) Extent, spacing and noise of all samples.
     measured = runner.step(
         measure_survey.NAME,
         stage_key(
@@ -129,10 +130,10 @@ def prepare(
     values = dict(measured.values)
     # (4) The lattice, tiles on it that fit into memory, and each tile's samples. All tiles solve
     # on one lattice: their surfaces meet at the same planes.
-    depth, warnings = reconstruct.choose_detail_depth(
-        options, values["extent_m"], values["spacing_m"]
+    cell_m, warnings = choose_cell(
+        options.detail_depth, values["extent_m"], values["surface_spacing_m"], values["noise_m"]
     )
-    lattice = _lattice(values, depth)
+    lattice = _lattice(values, cell_m)
     origin = cloud.origin
     plan, forecast = _plan(runner, source, lattice, origin, values, tiles)
     samples = runner.folder_step(
@@ -176,12 +177,13 @@ def _thinned(source: Path, read: StageRecord) -> Survey:
     )
 
 
-def _lattice(measured: dict[str, Any], depth: int) -> Lattice:
-    """Make the lattice that a whole reconstruction would have had, about."""
+def _lattice(measured: dict[str, Any], cell_m: float) -> Lattice:
+    """Make the lattice of one octree over the whole survey."""
     low, high = np.array(measured["low"]), np.array(measured["high"])
-    side_m = poisson.SCALE * measured["extent_m"]
+    levels = np.log2(poisson.SCALE * measured["extent_m"] / cell_m)
+    side_m = cell_m * 2.0 ** np.ceil(levels - 1e-9)  # an octree depth that was asked for stays
     anchor = (low + high) / 2 - side_m / 2
-    return Lattice((float(anchor[0]), float(anchor[1]), float(anchor[2])), float(side_m / 2**depth))
+    return Lattice((float(anchor[0]), float(anchor[1]), float(anchor[2])), float(cell_m))
 
 
 def _plan(
@@ -196,7 +198,7 @@ def _plan(
         blocks, counts = partition.count_blocks(
             source, lattice, origin, partition.BLOCK_CELLS, runner.context(scratch)
         )
-    area_m2 = measured["points"] * measured["spacing_m"] ** 2
+    area_m2 = measured["points"] * measured["surface_spacing_m"] ** 2
     choice = choose_depth(
         lambda depth: plan_tiles(lattice, tile_shape(depth), blocks, counts, partition.BLOCK_CELLS),
         points=measured["points"],
@@ -250,6 +252,10 @@ def tile_tasks(
                 raster_low=raster.low,
                 raster_cell_m=raster.cell_m,
                 raster_shape=(raster.spacing_m.shape[0], raster.spacing_m.shape[1]),
+                noise_m=ground.measured["noise_m"],
+                smoothing_m=smoothing_radius_m(
+                    ground.measured["surface_spacing_m"], ground.measured["noise_m"]
+                ),
             )
         )
     return tasks

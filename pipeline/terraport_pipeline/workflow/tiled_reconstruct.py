@@ -134,6 +134,7 @@ def run(
         {
             "points": points,
             "spacing_m": ground.measured["spacing_m"],
+            "noise_m": ground.measured["noise_m"],
             "cell_m": ground.lattice.cell_m,
             "tiles": stored.count,
             "detail_faces": sum(stored.faces),
