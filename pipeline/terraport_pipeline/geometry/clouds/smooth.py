@@ -35,10 +35,11 @@ __all__ = ["REACH_RADII", "smooth_samples"]
 REACH_RADII: Final = 4
 """A plane, two averages and the quadric look one radius far each."""
 
-_ALIKE: Final = 0.6
-"""Normals at this chord (35 degrees) count 1/e."""
+_ALIKE: Final = (1.2, 0.6)
+"""Chord at which another normal counts 1/e, of the first average and the second: wide first, or a
+first guess that is far off finds none like itself and stays (74, then 35 degrees)."""
 
-_AVERAGES: Final = 2
+_FIT_ALIKE: Final = _ALIKE[-1]
 
 
 def smooth_samples(points: AnyFloat, *, radius_m: float, most_m: float) -> tuple[Float32, Float32]:
@@ -80,8 +81,8 @@ def smooth_samples(points: AnyFloat, *, radius_m: float, most_m: float) -> tuple
     normals = np.empty_like(where)
     other = np.empty_like(where)
     _fit_planes(where, cube_of, columns, radius_m, normals)
-    for _ in range(_AVERAGES):
-        _average_normals(where, normals, cube_of, columns, radius_m, other)
+    for alike in _ALIKE:
+        _average_normals(where, normals, cube_of, columns, radius_m, alike, other)
         normals, other = other, normals
     # (3) Onto the quadric.
     moved, turned = np.empty_like(where), other
@@ -142,6 +143,7 @@ def _average_normals(
     cube_of: Int64,
     columns: Int64,
     radius_m: float,
+    alike: float,
     averaged: Float64,
 ) -> None:  # pragma: no cover - compiled
     """Average of the normals like a sample's own, whatever their signs; into `averaged`."""
@@ -159,7 +161,7 @@ def _average_normals(
                 if square >= 1.0:
                     continue
                 weight = (1.0 - square) * (1.0 - square)
-                weight *= np.exp(-(2.0 - 2.0 * abs(dot)) / (_ALIKE * _ALIKE))
+                weight *= np.exp(-(2.0 - 2.0 * abs(dot)) / (alike * alike))
                 if dot < 0.0:
                     weight = -weight
                 for axis in range(3):
@@ -212,14 +214,15 @@ def _fit_quadrics(
                 if square >= 1.0:
                     continue
                 weight = (1.0 - square) * (1.0 - square)
-                weight *= np.exp(-(2.0 - 2.0 * abs(dot)) / (_ALIKE * _ALIKE))
+                weight *= np.exp(-(2.0 - 2.0 * abs(dot)) / (_FIT_ALIKE * _FIT_ALIKE))
                 term[1], term[2], term[3], term[4], term[5] = a, b, a * a, a * b, b * b
                 for row in range(6):
                     for col in range(row, 6):
                         matrix[row, col] += weight * term[row] * term[col]
                     right[row] += weight * term[row] * height
-        # (3) Solved with a trace of damping: too few samples give a plane, or no move at all.
-        damping = 1e-9 * matrix[0, 0]
+        # (3) Solved with some damping: too few samples give a plane, or no move at all, and rounding
+        # is not amplified.
+        damping = 1e-4 * matrix[0, 0]
         for row in range(6):
             for col in range(row):
                 matrix[row, col] = matrix[col, row]
