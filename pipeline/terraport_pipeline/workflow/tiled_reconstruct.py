@@ -135,6 +135,7 @@ def run(
             "points": points,
             "spacing_m": ground.measured["spacing_m"],
             "noise_m": ground.measured["noise_m"],
+            "smoothing_m": tasks[0].smoothing_m,
             "cell_m": ground.lattice.cell_m,
             "tiles": stored.count,
             "detail_faces": sum(stored.faces),
