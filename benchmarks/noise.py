@@ -37,7 +37,6 @@ from terraport_pipeline.geometry.clouds.detail_cell import detail_cell_m, smooth
 from terraport_pipeline.geometry.clouds.outliers import mean_distances, usual_distance
 from terraport_pipeline.geometry.clouds.spacing import estimate_spacing, nearest_neighbours
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
-from terraport_pipeline.geometry.mesh.trim import compact
 from terraport_pipeline.geometry.mesh.vertex_normals import face_normals
 from terraport_pipeline.geometry.tiles.tile_plan import tile_shape
 from terraport_pipeline.model import Cloud, to_scene
@@ -74,14 +73,16 @@ class Bench:
     folds: cKDTree
 
     def inside(self, places: Array) -> Array:
+        """Whether places lie farther from the rim than its effect."""
         away_m = np.abs(places[:, [0, 2]] - self.centre).max(axis=1)
         return away_m < self.half_m - RIM_SPACINGS * self.spacing_m
 
     def truth_m(self, places: Array) -> Array:
-        """Distance to the true surface."""
+        """Measure the distance to the true surface."""
         return self.quarry.distance_m(to_crs(places) + self.origin)
 
     def near_folds(self, places: Array) -> Array:
+        """Whether places lie near a sharp edge of the truth."""
         reach_m = EDGE_SPACINGS * self.spacing_m
         return self.folds.query(places, distance_upper_bound=reach_m)[0] < reach_m
 

@@ -67,8 +67,8 @@ def run(points_file: Path, thinned: Cloud, neighbours: int, context: Context) ->
     -------
     Stored
         No arrays; ``spacing_m`` (median), ``surface_spacing_m`` (root of the mean area that a
-        sample stands for, along the surface), ``noise_m``, ``usual_log_m``, ``usual_deviation``, ``extent_m``, ``low`` and
-        ``high`` (of the thinned cloud, scene frame) and ``points``.
+        sample stands for, along the surface), ``noise_m``, ``usual_log_m``, ``usual_deviation``,
+        ``extent_m``, ``low`` and ``high`` (of the thinned cloud, scene frame) and ``points``.
     """
     reader = NpyReader(points_file)
     share = len(thinned.points) / len(reader)

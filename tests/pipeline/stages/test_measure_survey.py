@@ -43,7 +43,7 @@ def test_windows_tell_what_the_whole_tells(tmp_path: Path, monkeypatch) -> None:
 
 @pytest.mark.parametrize("copies", [0, 2_000])
 def test_noise_and_spacing_along_the_surface_are_told_apart(tmp_path: Path, copies: int) -> None:
-    """A hill with noise of two spacings; copies of samples stand at no distance and do not count."""
+    """A hill with noise of two spacings; copies of samples, at no distance, do not count."""
     rng = np.random.default_rng(2)
     east, north = rng.uniform(0, 80, (2, 10_000))
     points = np.column_stack([east, north, 6 * np.sin(east / 20) * np.cos(north / 15)])

@@ -9,6 +9,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+import math
 from typing import Final
 
 from terraport_pipeline.engines import poisson
@@ -116,4 +117,4 @@ def smoothing_radius_m(spacing_m: float, noise_m: float) -> float:
     ratio = noise_ratio(spacing_m, noise_m)
     if ratio < _CLEAN_RATIO:
         return 0.0
-    return spacing_m * max(_RADIUS * ratio ** (1 / 3), _LEAST_DEVIATIONS * ratio)
+    return spacing_m * max(_RADIUS * math.pow(ratio, 1 / 3), _LEAST_DEVIATIONS * ratio)

@@ -106,7 +106,7 @@ def _columns(keys: Int64, starts: Int64, size: Int64) -> Int64:
 def _fit_planes(
     points: Float64, cube_of: Int64, columns: Int64, radius_m: float, normals: Float64
 ) -> None:  # pragma: no cover - compiled
-    """Normal of the weighted plane round every sample."""
+    """Fit a weighted plane round every sample; its normal goes into `normals`."""
     for point in numba.prange(len(points)):
         cube = cube_of[point]
         total = 0.0
@@ -146,7 +146,7 @@ def _average_normals(
     alike: float,
     averaged: Float64,
 ) -> None:  # pragma: no cover - compiled
-    """Average of the normals like a sample's own, whatever their signs; into `averaged`."""
+    """Average the normals like a sample's own, whatever their signs, into `averaged`."""
     for point in numba.prange(len(points)):
         cube = cube_of[point]
         total = np.zeros(3)
@@ -220,8 +220,8 @@ def _fit_quadrics(
                     for col in range(row, 6):
                         matrix[row, col] += weight * term[row] * term[col]
                     right[row] += weight * term[row] * height
-        # (3) Solved with some damping: too few samples give a plane, or no move at all, and rounding
-        # is not amplified.
+        # (3) Solved with some damping: too few samples give a plane, or no move at all, and
+        # rounding is not amplified.
         damping = 1e-4 * matrix[0, 0]
         for row in range(6):
             for col in range(row):
