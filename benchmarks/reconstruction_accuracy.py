@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import resource
 import sys
 import tempfile
@@ -25,6 +26,7 @@ from typing import Any
 import numpy as np
 from parts.work_arrays import read_tiles, spacing_of
 
+from terraport_pipeline.engines import poisson
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import NullProgress
@@ -106,9 +108,11 @@ def main() -> int:
         files, _ = look_at_survey(runner, find_survey(survey))
         read = read_once(runner, files, max_points=None, bounded=False)
         cleaned = clean_thinned(runner, read, clean.Options())
-        rule = prepare(
+        by_rule = prepare(
             runner, read, cleaned, clean.Options(), reconstruct.Options(), tile_options
-        ).detail_depth
+        )
+        extent_m = poisson.SCALE * by_rule.measured["extent_m"]
+        rule = math.floor(math.log2(extent_m / by_rule.lattice.cell_m))
         # (2) Every depth and weight, from the samples in tiles to the base.
         for less in map(int, arguments.less.split(",")):
             for weight in map(float, weights.split(",")):

@@ -22,7 +22,7 @@ BUILD_REPORT_NAME: Final = "build.json"
 _SHOWN: Final = {
     "read": ("points", "attributes"),
     "clean": ("points", "duplicates", "outliers", "spacing_m"),
-    "reconstruct": ("base_from", "detail_depth", "base_faces", "detail_faces", "deviation_p99_m"),
+    "reconstruct": ("base_from", "cell_m", "base_faces", "detail_faces", "deviation_p99_m"),
     "segment": ("regions", "segments", "max_extent_m", "base_faces_beyond"),
     "texture": (
         "image_bytes",

@@ -302,7 +302,7 @@ def _spread_signs(
     # of another cost are stale.
     while len(heap) > 0:
         cost, nearest = _pop(heap)
-        point = np.int64(nearest)
+        point = int(np.int64(nearest))
         if settled[point] or cost != best[point]:
             continue
         dot = 0.0

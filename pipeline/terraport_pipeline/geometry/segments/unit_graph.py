@@ -226,7 +226,7 @@ def _join_small(
         # (2) Invariant: a root is the lowest unit of its tree, and every other unit's parent lies
         # below it.
         if best >= 0:
-            a, b = _root(parent, u), _root(parent, best)
+            a, b = _root(parent, u), _root(parent, int(best))
             parent[max(a, b)] = min(a, b)
     # (3) Lower units first, so one step reaches the root.
     for u in range(count):
