@@ -6,10 +6,12 @@ import dataclasses
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.errors import OptionError, ResourceError
@@ -41,9 +43,16 @@ def survey(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def small_tiles() -> Iterator[None]:
-    """Tiles of 128 cells with a core of 88, instead of the 512 and more of real ones."""
+    """Tiles of 128 cells with a core of 88, instead of the 512 and more of real ones; cells of the
+    whole reconstruction's octree, so that the two surfaces can be compared."""
+
+    def whole_cell(_asked: None, extent_m: float, spacing_m: float, _noise_m: float) -> Any:
+        depth = poisson.depth_for(None, extent_m, spacing_m)
+        return poisson.SCALE * extent_m / 2**depth, []
+
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(tile_ground, "tile_shape", lambda depth: tile_shape(depth, 12.0))
+        patch.setattr(tile_ground, "choose_cell", whole_cell)
         patch.setattr(tiled_reconstruct, "TilePool", lambda _, cluster: TilePool(0, cluster))
         yield
 
