@@ -128,7 +128,7 @@ def test_colours_attributes_and_codes_are_carried(result: OnePiece) -> None:
 def test_cells_follow_the_density_and_nobody_is_warned(
     cleaned: clean.Cleaned, result: OnePiece
 ) -> None:
-    assert result.facts.counts["cell_m"] == pytest.approx(1.15 * cleaned.cloud.spacing_m, rel=0.1)
+    assert result.facts.counts["cell_m"] == pytest.approx(1.2 * cleaned.cloud.spacing_m, rel=0.1)
     assert not result.facts.warnings
 
 

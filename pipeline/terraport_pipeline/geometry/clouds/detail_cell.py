@@ -12,13 +12,13 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from terraport_pipeline.engines import poisson
+from terraport_pipeline.geometry.tiles.tile_plan import SCALE
 
 __all__ = ["choose_cell", "detail_cell_m", "noise_ratio", "smoothing_radius_m"]
 
-CELL_SPACINGS: Final = 1.15
+CELL_SPACINGS: Final = 1.2
 """Cell of a clean cloud, in spacings. Marching a surface through cells makes 2.3 to 3.7 faces per
-square of a cell's side (a beach; a forest), so 1.7 to 2.5 faces per sample."""
+square of a cell's side (a beach; a forest), so 1.6 to 2.4 faces per sample."""
 
 _CLEAN_RATIO: Final = 0.3
 """Noise below this much of the spacing is averaged away by the solver itself."""
@@ -27,7 +27,7 @@ _MOST_RATIO: Final = 6.0
 """Noise beyond so many spacings counts as this: a tile's margin bounds how far samples may act."""
 
 _CELL_GROWTH: Final = 0.35
-"""Growth of the cell per spacing of noise: 1.4 spacings at a noise of 1, 1.8 at 2, 2.2 at 3."""
+"""Growth of the cell per spacing of noise: 1.5 spacings at a noise of 1, 1.9 at 2, 2.3 at 3."""
 
 _RADIUS: Final = 5.5
 """Smoothing radius at a noise of one spacing, in spacings. Least error of a local fit lies at a
@@ -61,7 +61,7 @@ def detail_cell_m(spacing_m: float, noise_m: float) -> float:
     Examples
     --------
     >>> round(detail_cell_m(0.2, 0.01), 3), round(detail_cell_m(0.2, 0.4), 3)
-    (0.23, 0.367)
+    (0.24, 0.383)
     """
     beyond = max(noise_ratio(spacing_m, noise_m) - _CLEAN_RATIO, 0.0)
     return CELL_SPACINGS * spacing_m * (1.0 + _CELL_GROWTH * beyond)
@@ -90,7 +90,7 @@ def choose_cell(
     cell_m = detail_cell_m(spacing_m, noise_m)
     if asked_depth is None:
         return cell_m, []
-    asked_m = poisson.SCALE * extent_m / 2**asked_depth
+    asked_m = SCALE * extent_m / 2**asked_depth
     if asked_m >= cell_m:
         return asked_m, []
     warning = (

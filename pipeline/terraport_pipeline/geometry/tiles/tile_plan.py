@@ -36,6 +36,7 @@ from terraport_payload.types import AnyFloat, Float32, Float64, Int64
 
 __all__ = [
     "MARGIN_CELLS",
+    "SCALE",
     "Lattice",
     "TilePlan",
     "TileShape",

@@ -55,7 +55,7 @@ def test_more_than_the_survey_supports_is_lowered_and_told() -> None:
     cell, (warning,) = choose_cell(13, 400.0, 0.5, 0.6)
     assert cell == detail_cell_m(0.5, 0.6)
     assert warning == (
-        "cells of 0.756 m instead of 0.0537 m (--detail-depth 13): the samples stand 0.5 m apart "
+        "cells of 0.789 m instead of 0.0537 m (--detail-depth 13): the samples stand 0.5 m apart "
         "with a noise of 0.6 m; finer cells would only add noise"
     )
 
