@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import resource
 import sys
 import tempfile
@@ -26,6 +27,7 @@ import numpy as np
 from parts.first_steps import read_and_clean
 from parts.work_arrays import read_tiles, spacing_of
 
+from terraport_pipeline.engines import poisson
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.option import parse_count
 from terraport_pipeline.stages import clean, reconstruct
@@ -95,9 +97,11 @@ def main() -> int:
         write_quarry(QuarryOptions(points=points), survey)
         quarry, truth = _truth_of(survey)
         runner, read, cleaned = read_and_clean(survey, Path(scratch, "work"))
-        rule = prepare(
+        by_rule = prepare(
             runner, read, cleaned, clean.Options(), reconstruct.Options(), tile_options
-        ).detail_depth
+        )
+        extent_m = poisson.SCALE * by_rule.measured["extent_m"]
+        rule = math.floor(math.log2(extent_m / by_rule.lattice.cell_m))
         # (2) Every depth and weight, from the samples in tiles to the base.
         for less in map(int, arguments.less.split(",")):
             for weight in map(float, weights.split(",")):

@@ -50,7 +50,7 @@ class SceneInfo:
     crs: CrsInfo | None = None
     attributes: tuple[AttributeInfo, ...] = ()
     has_colour: bool = True
-    """Whether every payload has vertex colours."""
+    """Whether every segment has vertex colours, and the base those or a texture."""
     textures: TextureInfo | None = None
 
 

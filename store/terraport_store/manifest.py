@@ -108,12 +108,12 @@ class TextureInfo(_Frozen):
     base_side: _Count
     """Pixels; 0 where the base has no texture."""
     max_side: _Count
-    """Pixels, of any segment."""
+    """Pixels, of any segment; 0 where none has a texture."""
     image_bytes: _Count
     texels: _Count
     """Over all segments."""
     texel_m: _Length
-    """Median length of a texel on the ground."""
+    """Median length of a texel on the ground; of the base's where no segment has a texture."""
     gsd_m: _Length | None = None
     """Median ground sampling distance of the photos."""
 
@@ -181,7 +181,8 @@ class Manifest(_Frozen):
     attributes: tuple[AttributeInfo, ...] = ()
     counts: Counts
     has_colour: bool
-    """Whether every payload has vertex colours; false, too, where textures stand in their place."""
+    """Whether every segment has vertex colours, and the base those or a texture; false, too, where
+    textures stand in the segments' place."""
     textures: TextureInfo | None = None
     hand_off: HandOff
     limits: Limits

@@ -94,7 +94,8 @@ def check_mesh_fits(
             f"{len(off)} vertices off the grid, expected multiples of {manifest.step_m} m",
             segment=segment,
         )
-    if mesh.colours is None and manifest.has_colour:
+    dressed = segment is None and mesh.texture is not None
+    if mesh.colours is None and manifest.has_colour and not dressed:
         out.error("colour", file, "no colours, expected some since has_colour", segment=segment)
     _check_texture(out, manifest, mesh, file, segment)
     if mesh.region_ids is not None and int(mesh.region_ids.max()) >= manifest.counts.regions:

@@ -133,7 +133,7 @@ def test_a_known_point_is_found_again(tmp_path: Path, survey: Survey) -> None:
     )
     publish_tiles(
         runner, tmp_path / "known", surface, segment_tiles(runner, surface, segment.Options()),
-        None, about, pack.Options(name="known"),
+        None, None, about, pack.Options(name="known"),
     )  # fmt: skip
     # Through the service and the SDK, back to the survey's coordinates.
     with BackgroundServer(tmp_path) as server:

@@ -6,24 +6,26 @@ STAGES = "terraport_pipeline.stages."
 
 
 def test_a_stage_depends_on_what_it_imports_and_on_the_child_it_starts() -> None:
-    behind = modules_behind(STAGES + "reconstruct")
+    behind = modules_behind(STAGES + "tiles.solve_tile")
     for name in (
-        "terraport_pipeline.stages.reconstruct",
+        "terraport_pipeline.stages.tiles.solve_tile",
         "terraport_pipeline.engines.poisson",
         "terraport_pipeline.engines.poisson_child",
         "terraport_pipeline.geometry.mesh.trim",
-        "terraport_payload.order",
+        "terraport_pipeline.geometry.clouds.carry",
     ):
         assert name in behind
 
 
 def test_a_stage_does_not_depend_on_later_ones() -> None:
     """A better cover must not cost another reconstruction."""
-    behind = modules_behind(STAGES + "reconstruct")
-    assert "terraport_pipeline.geometry.cover.cover" not in behind
-    assert "terraport_pipeline.stages.pack" not in behind
-    assert "terraport_pipeline.geometry.cover.cover" in modules_behind(STAGES + "segment")
-    assert "terraport_payload.glb_encode" in modules_behind(STAGES + "pack")
+    for name in ("tiles.solve_tile", "tiles.joined_tile"):
+        behind = modules_behind(STAGES + name)
+        assert "terraport_pipeline.geometry.cover.cover" not in behind
+        assert "terraport_pipeline.stages.pack" not in behind
+    cover = "terraport_pipeline.geometry.cover.cover"
+    assert cover in modules_behind(STAGES + "tiles.tiled_segment")
+    assert "terraport_payload.glb_encode" in modules_behind(STAGES + "tiles.tiled_pack")
 
 
 def test_what_is_only_said_does_not_count() -> None:

@@ -95,11 +95,12 @@ def write_tiny_scene(
     copies: int = 1,
     stable_ids: tuple[int, ...] | None = None,
     image: bytes | None = None,
+    base_image: bytes | None = None,
 ) -> TinyScene:
     """Publish the patch; another seed is another version; copies repeats every segment.
 
     With three ``stable_ids`` the regions have them, and the next one is 10. With an ``image`` the
-    base and every other segment have it for a texture.
+    base and every other segment have it for a texture; with a ``base_image`` the base alone has.
     """
     tiles = [(i, j) for i in (0, CELLS) for j in (0, CELLS)] * copies
     segments = [lattice_mesh(i, j, seed=seed) for i, j in tiles]
@@ -107,6 +108,8 @@ def write_tiny_scene(
     if image is not None:
         base = textured(base, image)
         segments[::2] = [textured(mesh, image) for mesh in segments[::2]]
+    elif base_image is not None:
+        base = textured(base, base_image)
     glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES) for mesh in segments]
     with SceneWriter(path) as writer:
         for (i, j), glb in zip(tiles, glbs, strict=True):
@@ -116,7 +119,8 @@ def write_tiny_scene(
             base_cover(),
         )
         writer.set_regions(tiny_regions(stable_ids))
-        manifest = writer.publish(scene_info(seed, image=image, textured=len(segments[::2])))
+        info = scene_info(seed, image=image, textured=len(segments[::2]), base_image=base_image)
+        manifest = writer.publish(info)
     return TinyScene(path, manifest, segments, glbs)
 
 
@@ -170,9 +174,27 @@ def textured(mesh: SegmentMesh, image: bytes) -> SegmentMesh:
     return replace(mesh, colours=None, uvs=uvs, texture=Texture.of(image))
 
 
-def scene_info(seed: int = 0, *, image: bytes | None = None, textured: int = 0) -> SceneInfo:
+def scene_info(
+    seed: int = 0,
+    *,
+    image: bytes | None = None,
+    textured: int = 0,
+    base_image: bytes | None = None,
+) -> SceneInfo:
     """What the manifest says of the patch."""
     textures = None
+    if base_image is not None:
+        texture = Texture.of(base_image)
+        textures = TextureInfo(
+            source="vertex",
+            media_types=(texture.media_type,),
+            segments=0,
+            base_side=max(texture.width, texture.height),
+            max_side=0,
+            image_bytes=0,
+            texels=0,
+            texel_m=0.2,
+        )
     if image is not None:
         texture = Texture.of(image)
         side = max(texture.width, texture.height)

@@ -29,6 +29,7 @@ namespace Terraport.Unity
             this.photos = photos;
             this.materials = materials;
             deviationM = files.Manifest.DeviationM;
+            materials.SetPointImages(files.Manifest.TexturesOfPoints);
             source = files.Base.EngineData as BaseBlocks ?? new BaseBlocks(files.Base, blockFaces);
             files.Base.EngineData = null; // It is used up by the upload.
             scratch = new ushort[blockFaces * 3];

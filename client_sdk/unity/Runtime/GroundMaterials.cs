@@ -16,6 +16,8 @@ namespace Terraport.Unity
 
         private readonly Material detail;
         private readonly Material ground;
+        // What the shader is told of an image: 1 a photograph, 2 the points' colours.
+        private float photoKind = 1;
         // Materials without a photograph, to be used again: making one costs garbage.
         private readonly Stack<Material> spareDetailPhotos = new Stack<Material>();
 
@@ -38,6 +40,9 @@ namespace Terraport.Unity
 
         /// <summary>How far the base is pushed back along the line of sight, metres: the scene's deviation.</summary>
         public void SetPush(double deviationM) { SetFloat(ground, PushId, (float)deviationM); }
+
+        /// <summary>Whether images are the points' colours: they are lit as vertex colours are. For materials from now on.</summary>
+        public void SetPointImages(bool ofPoints) { photoKind = ofPoints ? 2 : 1; }
 
         /// <summary>A material with a photograph for a segment; give it back by <see cref="ReturnDetail"/>.</summary>
         public Material TakeDetail(PhotoTexture photo)
@@ -93,13 +98,13 @@ namespace Terraport.Unity
             return material;
         }
 
-        private static Material WithPhoto(Material material, PhotoTexture photo)
+        private Material WithPhoto(Material material, PhotoTexture photo)
         {
             material.mainTexture = photo.Texture;
             // v' = 1 - v for images whose first row is the uppermost: payloads' V was turned for Unity's lower-left origin.
             material.mainTextureScale = new Vector2(1, photo.IsTopDown ? -1 : 1);
             material.mainTextureOffset = new Vector2(0, photo.IsTopDown ? 1 : 0);
-            SetFloat(material, HasPhotoId, 1);
+            SetFloat(material, HasPhotoId, photoKind);
             return material;
         }
 

@@ -70,7 +70,7 @@ afterEach(() => {
 });
 
 describe("a whole scene", () => {
-  it.each(["tiny", "tiny-textured"])("%s is loaded", async (name) => {
+  it.each(["tiny", "tiny-textured", "tiny-base-image"])("%s is loaded", async (name) => {
     scenes.set(name, filesOf(name));
     const progress: [number, number][] = [];
     const onProgress = (doneBytes: number, totalBytes: number) => progress.push([doneBytes, totalBytes]);
@@ -121,6 +121,16 @@ describe("a whole scene", () => {
     expect(manifest.id).toBe("tiny");
     scenes.set("other", filesOf("tiny"));
     await expect(loadScene(url)).rejects.toMatchObject({ code: "several_scenes" });
+  });
+
+  it("has a texture of the base alone beside segments with colours", async () => {
+    scenes.set("tiny", filesOf("tiny-base-image"));
+    const { manifest, base } = await loadScene(`${url}/scenes/tiny`, {
+      decodeImage: async () => ({ width: 16, height: 8, close: () => undefined }),
+    });
+    expect(manifest).toMatchObject({ texturesOf: "points", hasColour: true });
+    expect(base.image).toMatchObject({ mediaType: "image/jpeg", width: 16, height: 8 });
+    expect(base.colours).toBeNull();
   });
 
   it("is loaded anew where it is published meanwhile", async () => {

@@ -24,6 +24,7 @@ from terraport_pipeline.errors import PipelineError, StageFailedError
 from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report.facts import format_bytes
+from terraport_pipeline.warm import warming
 from terraport_server.errors import ServerError
 from terraport_server.listeners import Listeners
 from terraport_server.serving import BackgroundServer
@@ -89,6 +90,7 @@ def demo(
         # Had before minutes of work, not after: a taken port is said at once.
         _listening(port) as listeners,
         _directory(keep) as directory,
+        warming(),
     ):
         count = parse_count(points, "points")
         with RichProgress(errors) as progress:

@@ -360,11 +360,13 @@ def _reconstruction(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         if isinstance(row, Mapping) and isinstance(row.get("counts"), Mapping):
             counts.update(row["counts"])
     cell_m, spacing_m = (_number(counts.get(name), 0.0) for name in ("cell_m", "spacing_m"))
-    depth = _number(counts.get("detail_depth"), 0.0)
     if not cell_m or not spacing_m:
         return []
-    of = f" (octree depth {depth:.0f})" if depth else ""
-    return [("reconstruction", f"cells of {cell_m:.3g} m{of}; a sample every {spacing_m:.3g} m")]
+    line = f"cells of {cell_m:.3g} m; a sample every {spacing_m:.3g} m"
+    smoothing_m, noise_m = (_number(counts.get(name), 0.0) for name in ("smoothing_m", "noise_m"))
+    if smoothing_m:
+        line += f"; noise of {noise_m:.2g} m, smoothed over {smoothing_m:.2g} m about each sample"
+    return [("reconstruction", line)]
 
 
 def _crs(scene: Scene) -> str:

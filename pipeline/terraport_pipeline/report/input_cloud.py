@@ -1,7 +1,7 @@
 """The points of the input for the report's picture, from the build's work directory.
 
-A scene does not hold the survey's points. The build's clean stage leaves them, already in the scene
-frame, as plain NumPy files (of a build by tiles, a thinned copy); where they are still there and
+A scene does not hold the survey's points. The build's clean stage leaves them, of a large survey a
+thinned copy, already in the scene frame, as plain NumPy files; where they are still there and
 belong to the published scene they are taken from there. Nothing is written, and nothing is
 unpickled.
 """
@@ -82,7 +82,7 @@ def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | Non
 
 
 def _points_of_tiles(work: Path) -> int:
-    """Add up the points of a build by tiles, whose clean stage holds a thinned copy; 0 for none."""
+    """Add up the points of all tiles, where the clean stage holds a thinned copy; 0 for none."""
     total = 0
     try:
         for record in islice(work.glob("solve-*/stage.json"), MAX_TILES):

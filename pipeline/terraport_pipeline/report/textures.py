@@ -259,9 +259,9 @@ def close_up(photo: UInt8, view: View, rays: RayScene) -> tuple[slice, slice]:
 
 
 def texture_rows(manifest: Manifest, record: Mapping[str, Any]) -> tuple[dict[str, str], ...]:
-    """Tell of the textures in words and numbers; empty without any."""
+    """Tell of the segments' textures in words and numbers; empty without any."""
     textures = manifest.textures
-    if textures is None:
+    if textures is None or textures.segments == 0:
         return ()
     stages = record.get("stages", [])
     rows = [row for row in stages if isinstance(row, Mapping) and row.get("name") == "texture"]

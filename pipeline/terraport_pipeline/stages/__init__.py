@@ -1,4 +1,5 @@
-"""The stages of a build, in order: read, clean, reconstruct, segment, pack.
+"""The stages of a build, in order: read, clean, reconstruct, segment, texture, pack.
 
-Each module has a ``NAME``, frozen ``Options`` that are checked before any work, and one ``run``.
+Their options, and what is done once for the scene; what is done tile by tile is in ``tiles``. What
+a stage is made of: ``contract.py``.
 """

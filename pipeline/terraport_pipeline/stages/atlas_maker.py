@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import AnyInt, Bool, Float64, Int32, UInt8, UInt16
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, UInt8, UInt16
 from terraport_pipeline.engines.images import ImageFormat, encode_image
 from terraport_pipeline.geometry.photos.lens import PACKED, View
 from terraport_pipeline.geometry.photos.photo_samples import SRGB_OFFSET, neutral_gains
@@ -23,6 +23,7 @@ from terraport_pipeline.geometry.textures.bake import (
 from terraport_pipeline.geometry.textures.chart_room import charts_with_room, flat_colours
 from terraport_pipeline.geometry.textures.charts import Charts
 from terraport_pipeline.geometry.textures.gutters import fill_cells
+from terraport_pipeline.geometry.textures.texel_places import texel_places
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.choose_views import Photos
 
@@ -32,6 +33,9 @@ __all__ = ["AtlasMaker", "BakedAtlas"]
 _RIM_TEXELS: Final = 1.5
 """Beyond its rim a chart goes on as its photo does for as far as a sample at the rim reads; further
 out the gutter is filled with averages."""
+
+_QUALITIES: Final = (80, 75, 70, 65, 60, 55, 50, 40, 30, 20)
+"""Of JPEG and WebP, tried one after the other where an image has more bytes than it may."""
 
 _MAX_PHOTO_SCALE: Final = 8
 """Photos are decoded at down to this part of their size, as JPEG decoders do at once."""
@@ -77,6 +81,11 @@ class AtlasMaker:
     """Length of a texel; None: as fine as the photos."""
     kind: ImageFormat
     quality: int
+    colour_at: Callable[[Float32], UInt8] | None = None
+    """Gives places (N, 3) in metres their sRGB (N, 3); what no photo colours is then drawn texel by
+    texel, not from the vertices' colours."""
+    max_bytes: int | None = None
+    """Bytes of an image file, at most: its quality is lowered as far as it takes."""
 
     def make(self, faces: AnyInt, *, max_side: int) -> BakedAtlas:
         """Make the atlas of some faces.
@@ -151,7 +160,7 @@ class AtlasMaker:
         fill_cells(image, covered, atlas.cells)
         return BakedAtlas(
             wedges=wedges.astype(np.uint16),
-            image=encode_image(image, self.kind, self.quality),
+            image=self._encoded(image),
             width=atlas.width,
             height=atlas.height,
             surface_m2=surface_m2,
@@ -162,6 +171,18 @@ class AtlasMaker:
             charts=len(sizes),
             use=atlas.use,
         )
+
+    def _encoded(self, image: UInt8) -> bytes:
+        """Encode an image, at a lower quality where it would have too many bytes."""
+        data = encode_image(image, self.kind, self.quality)
+        if self.max_bytes is None or self.kind not in ("jpeg", "webp"):
+            return data
+        for quality in _QUALITIES:
+            if len(data) <= self.max_bytes:
+                break
+            if quality < self.quality:
+                data = encode_image(image, self.kind, quality)
+        return data
 
     def _flat(self, colours: FaceColours, which: Bool) -> UInt8:
         """Mean vertex colour of some faces, after its gain."""
@@ -211,7 +232,10 @@ class AtlasMaker:
         drawn = np.ones(len(charts.view), np.bool_) if rim is None else rim
         gains = neutral_gains(0) if self.choice is None else self.choice.gains
         plain = np.flatnonzero(drawn & (charts.view < 0)).astype(np.int32)
-        if len(plain):
+        if len(plain) and self.colour_at is not None:
+            texel, place = texel_places(covered, texels, points, plain, margin)
+            image[texel[:, 0], texel[:, 1]] = self.colour_at(place)
+        elif len(plain):
             bake_plain_faces(image, covered, texels, plain, colours, gains[-1], margin)
         if self.photos is None:
             return

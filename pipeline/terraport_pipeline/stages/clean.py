@@ -256,7 +256,9 @@ def _orient(
     """Estimate the spacing, and normals that consistently point out of the ground."""
     context.progress.start("clean: normals", None, "points")
     spacing = estimate_spacing(neighbours)
-    normals, curvature = estimate_normals(scene, neighbours, k=options.normal_neighbours)
+    normals, curvature = estimate_normals(
+        scene, neighbours, k=options.normal_neighbours, threads=context.threads
+    )
     normals, spread, guessed = orient_normals(scene, normals, neighbours, spacing_m=spacing.areal_m)
     facts = {
         "spacing_m": spacing.areal_m,

@@ -1,4 +1,4 @@
-"""How finely to reconstruct a survey: the options, and the depth that its density supports."""
+"""How finely to reconstruct a survey: the options."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Annotated, Final, Literal
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.option import COUNT, Option, check_options
 
-__all__ = ["BASE_DEPTH", "NAME", "Options", "choose_detail_depth"]
+__all__ = ["BASE_DEPTH", "NAME", "Options"]
 
 NAME: Final = "reconstruct"
 
@@ -33,10 +33,10 @@ class Options:
     """Octree depth of a base by poisson; lower is lighter and farther from the detail."""
     detail_depth: Annotated[
         int | None,
-        Option(least=3, most=_MAX_DEPTH, unset="where a cell is one spacing of the points wide"),
+        Option(least=3, most=_MAX_DEPTH, unset="cells by the density and the noise of the points"),
     ] = None
-    """Octree depth of the detail: one less gives a quarter of the faces. More than the density of
-    the points supports is lowered to it."""
+    """Octree depth of the detail, as the thesis counts: one less gives a quarter of the faces. More
+    than density and noise of the points support is lowered to it."""
     base_faces: Annotated[int, Option(least=100, notation=COUNT)] = 200_000
     """Faces that the base is thinned to. Every client holds all of it all the time."""
     trim_spacings: Annotated[float, Option(least=1)] = 4.0
@@ -51,24 +51,3 @@ class Options:
 
     def __post_init__(self) -> None:
         check_options(self)
-
-
-def choose_detail_depth(
-    options: Options, extent_m: float, spacing_m: float
-) -> tuple[int, list[str]]:
-    """Cap the detail's depth by the survey's density.
-
-    Returns
-    -------
-    depth : int
-    warnings : list of str
-        One where the user asked for more; what nobody asked for is no news.
-    """
-    depth = poisson.depth_for(options.detail_depth, extent_m, spacing_m)
-    if options.detail_depth is None or depth == options.detail_depth:
-        return depth, []
-    warning = (
-        f"detail depth {depth} instead of {options.detail_depth}: there a cell is one sample "
-        f"spacing ({spacing_m:.3g} m); finer cells would only add noise"
-    )
-    return depth, [warning]

@@ -8,14 +8,14 @@ quarter of the build's memory at most. Images go to a file as they are made.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import numpy as np
 
-from terraport_payload.types import AnyInt, Bool, Float32, Int32
+from terraport_payload.types import AnyInt, Bool, Float32, Int32, UInt8
 from terraport_pipeline.engines.images import ImageFormat
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
@@ -37,6 +37,7 @@ from terraport_pipeline.stages.view_gains import view_gains
 
 __all__ = [
     "NAME",
+    "SIDES",
     "BakedTextures",
     "BaseTextures",
     "Options",
@@ -50,7 +51,7 @@ __all__ = [
 NAME: Final = "texture"
 
 
-_SIDES: Final = (256, 512, 1024, 2048, 4096)
+SIDES: Final = (256, 512, 1024, 2048, 4096)
 
 _WORST_UNSEEN: Final = 0.2
 """Share of the surface without a photo from which a warning says so."""
@@ -87,12 +88,12 @@ class Options:
     """Quality of jpeg and webp: higher is larger and truer."""
     max_side: int = 2048
     """Longest side of a segment's image."""
-    base_side: Annotated[int, Option(flags=("--base-texture",), unit="pixels")] = 2048
-    """Longest side of the base's image, pixels: 256, 512, 1024, 2048 or 4096."""
+    base_side: int = 2048
+    """Longest side of the base's image; ``--base-texture``, which counts without textures, too."""
 
     def __post_init__(self) -> None:
         check_options(self)
-        if self.max_side not in _SIDES[:-1] or self.base_side not in _SIDES:
+        if self.max_side not in SIDES[:-1] or self.base_side not in SIDES:
             raise OptionError(
                 f"texture sides {self.max_side} (segments) and {self.base_side} (base); expected "
                 "powers of two from 256 to 2048 and to 4096"
@@ -198,6 +199,8 @@ def texture_mesh(
     threads: int,
     progress: Progress,
     label: str,
+    colour_at: Callable[[Float32], UInt8] | None = None,
+    max_bytes: int | None = None,
 ) -> BakedTextures:
     """Make the atlases of a mesh's pieces: of a whole detail, of one tile, or of a base.
 
@@ -219,13 +222,18 @@ def texture_mesh(
     progress : Progress
     label : str
         For the progress.
+    colour_at, max_bytes
+        As :class:`~terraport_pipeline.stages.atlas_maker.AtlasMaker` takes them.
 
     Returns
     -------
     BakedTextures
     """
     # (1) Faces of every piece.
-    maker = AtlasMaker(mesh, views, photos, choice, options.texel_m, options.kind, options.quality)
+    maker = AtlasMaker(
+        mesh, views, photos, choice, options.texel_m, options.kind, options.quality,
+        colour_at, max_bytes,
+    )  # fmt: skip
     order = np.argsort(pieces, kind="stable")
     count = int(pieces.max()) + 1
     starts = np.searchsorted(pieces[order], np.arange(count + 1))

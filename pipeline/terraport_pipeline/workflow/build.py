@@ -1,4 +1,4 @@
-"""The whole build: read, clean, reconstruct, segment, pack, each taken up where nothing changed.
+"""The build: read, clean, reconstruct, segment, texture, pack, taken up where nothing changed.
 
 The published bytes depend on the survey's bytes and on the options in :meth:`BuildOptions.recorded`
 alone: not on the clock, the number of threads or where an earlier build was interrupted.
@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import time
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -22,6 +22,7 @@ from terraport_pipeline.option import BYTES, COMMON, COUNT, Option, Section, che
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.stages import clean, pack, reconstruct, segment
 from terraport_pipeline.stages.region_engine import check_segment_by
+from terraport_pipeline.stages.tiles import base_atlas
 from terraport_pipeline.survey_files import SurveyFiles, find_survey
 from terraport_pipeline.unforeseen import build_failed
 from terraport_pipeline.workflow.pack_step import build_info, publish_tiles
@@ -38,7 +39,11 @@ from terraport_pipeline.workflow.report import BuildReport, write_build_report
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.scene_lock import scene_locked
 from terraport_pipeline.workflow.segment_step import segment_tiles
-from terraport_pipeline.workflow.texture_step import texture_input, texture_tiles
+from terraport_pipeline.workflow.texture_step import (
+    texture_base_alone,
+    texture_input,
+    texture_tiles,
+)
 from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare
 from terraport_pipeline.workflow.tile_memory import WholeForecast, forecast_whole
 from terraport_pipeline.workflow.workdir import WorkDirectory
@@ -82,6 +87,9 @@ class BuildOptions:
     )
     texture: Annotated[Texturing | None, Section("Textures")] = None
     """Textures instead of vertex colours, from photos or for comparison from the colours."""
+    base_texture: Annotated[int, Option(heading="Textures", unit="pixels")] = 2048
+    """Longest side of the base's image, drawn from the photos, or without them from the colours of
+    the points: 256, 512, 1024, 2048 or 4096. 0 leaves it the colours of its vertices."""
     work: Annotated[Path | None, Option(heading=_MACHINE, unset=".SCENE.work beside the scene")] = (
         None
     )
@@ -107,11 +115,29 @@ class BuildOptions:
     def __post_init__(self) -> None:
         check_options(self)
         self.pack_options()  # refused before any work, not after an hour
+        if self.base_texture == 0 and self.texture is not None:
+            raise OptionError(
+                "base texture 0 pixels, in a scene with textures; expected 256 or more"
+            )
+        _ = self.base_image, self.texturing
 
     @property
     def inputs(self) -> tuple[Path, ...]:
         """What was given as the survey: files, folders, patterns."""
         return (self.survey,) if isinstance(self.survey, Path) else self.survey
+
+    @property
+    def base_image(self) -> base_atlas.Options | None:
+        """Options of the base's image where no photo gives one; None where it has none."""
+        return base_atlas.Options(self.base_texture) if self.base_texture else None
+
+    @property
+    def texturing(self) -> Texturing | None:
+        """What textures are made of, the base's among them."""
+        if self.texture is None:
+            return None
+        options = replace(self.texture.options, base_side=self.base_texture)
+        return replace(self.texture, options=options)
 
     def pack_options(self) -> pack.Options:
         """Options of the pack stage, made from the scene's name."""
@@ -125,6 +151,7 @@ class BuildOptions:
             "clean": asdict(self.clean),
             "reconstruct": asdict(self.reconstruct),
             "segment": asdict(self.segment),
+            "base_texture": self.base_texture,
         }
 
 
@@ -241,14 +268,17 @@ def _run_stages(
     # (5) Regions and segments, textures, payloads.
     surface = reconstructed.surface
     segmented = segment_tiles(runner, surface, options.segment)
-    textures = None
+    textures = base_texture = None
     recorded = {**options.recorded(), "tile_depth": reconstructed.tile_depth}
-    if options.texture is not None:
-        recorded["texture"] = options.texture.recorded(photos)
+    if options.texturing is not None:
+        recorded["texture"] = options.texturing.recorded(photos)
         asked = texture_input(
-            options.texture, photos, ground, reconstructed, runner.max_memory_bytes
+            options.texturing, photos, ground, reconstructed, runner.max_memory_bytes
         )
         textures = texture_tiles(runner, surface, segmented, asked)
+        base_texture = textures.base
+    elif options.base_image is not None and reconstructed.sample_colours is not None:
+        base_texture = texture_base_alone(runner, surface, segmented, options.base_image)
     about = pack.About(
         origin=ground.origin,
         crs=None if ground.crs is None else CrsInfo(**asdict(ground.crs)),
@@ -257,7 +287,7 @@ def _run_stages(
         build=build_info(recorded, input_info(read), runner.reports),
     )
     version, published = publish_tiles(
-        runner, scene, surface, segmented, textures, about, options.pack_options()
+        runner, scene, surface, segmented, textures, base_texture, about, options.pack_options()
     )
     return version, published, inputs_of(survey, read)
 

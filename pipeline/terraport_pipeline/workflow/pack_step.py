@@ -19,7 +19,7 @@ from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.report import StageReport
 from terraport_pipeline.workflow.runner import Runner, Stage, TileStage, for_tiles
 from terraport_pipeline.workflow.segment_step import Labels, Segmented
-from terraport_pipeline.workflow.texture_step import Textures
+from terraport_pipeline.workflow.texture_step import BaseTexture, Textures
 from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
 from terraport_store.manifest import BuildInfo, CrsInfo, InputInfo, Manifest
@@ -33,6 +33,7 @@ def publish_tiles(
     surface: Surface,
     segmented: Segmented,
     textures: Textures | None,
+    base_texture: BaseTexture | None,
     about: pack.About,
     options: pack.Options,
 ) -> tuple[str, bool]:
@@ -48,6 +49,8 @@ def publish_tiles(
     segmented : Segmented
     textures : Textures or None
         None where payloads keep their vertex colours.
+    base_texture : BaseTexture or None
+        None where the base keeps its vertex colours.
     about : pack.About
         What the manifest says beyond the meshes.
     options : pack.Options
@@ -101,7 +104,7 @@ def publish_tiles(
             lambda context: tiled_pack.publish(
                 scene, surface.base, joined, payloads.stored, pieces, scales,
                 surface.deviation_m, about, options, context,
-                None if textures is None else (textures.base, textures.info),
+                None if base_texture is None else (base_texture.textures, base_texture.info),
             ),
             _PUBLISHED,
             {
@@ -113,7 +116,7 @@ def publish_tiles(
                 "payloads": payloads.digest,
                 "segments": segmented.joined.digest,
                 "base": surface.base_digest,
-                **({} if textures is None else {"base_texture": textures.base_digest}),
+                **({} if base_texture is None else {"base_texture": base_texture.digest}),
             },
         )  # fmt: skip
         record = runner.take_up(stage.name, stage.key)

@@ -121,8 +121,9 @@ def reconstruct_tiles(runner: Runner, ground: Ground, cluster: str | None = None
         {
             "points": points,
             "spacing_m": ground.measured["spacing_m"],
+            "noise_m": ground.measured["noise_m"],
+            "smoothing_m": tasks[0].smoothing_m,
             "cell_m": ground.lattice.cell_m,
-            "detail_depth": ground.detail_depth,
             "tiles": tiles.count,
             "detail_faces_solved": sum(int(c["faces_solved"]) for c in counts),
             "detail_faces": sum(tiles.faces),

@@ -22,7 +22,7 @@ BUILD_REPORT_NAME: Final = "build.json"
 _SHOWN: Final = {
     "read": ("points", "attributes"),
     "clean": ("points", "duplicates", "outliers", "spacing_m"),
-    "reconstruct": ("base_from", "detail_depth", "base_faces", "detail_faces", "deviation_p99_m"),
+    "reconstruct": ("base_from", "cell_m", "base_faces", "detail_faces", "deviation_p99_m"),
     "segment": ("regions", "segments", "max_extent_m", "base_faces_beyond"),
     "texture": (
         "image_bytes",
@@ -36,6 +36,7 @@ _SHOWN: Final = {
         "crowded_share",
         "photos_left_out",
     ),
+    "base_atlas": ("longest_side", "image_bytes", "texel_m", "crowded_share"),
     "pack": ("payload_bytes", "bytes_per_face", "base_bytes", "step_m"),
 }
 """Counts of each stage that the table shows."""

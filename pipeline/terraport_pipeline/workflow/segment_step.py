@@ -14,8 +14,9 @@ import xxhash
 from terraport_payload.types import Int32
 from terraport_pipeline.stages import segment
 from terraport_pipeline.stages.tiles import tiled_join, tiled_segment
+from terraport_pipeline.stages.tiles.scene_facts import TiledScene
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
-from terraport_pipeline.stages.tiles.tiled_segment import Regions, TiledScene
+from terraport_pipeline.stages.tiles.tiled_segment import Regions
 from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.runner import (
     Result,
@@ -105,7 +106,7 @@ def _segment(runner: Runner, surface: Surface, options: segment.Options) -> Segm
             bytes_per_unit=tiled_segment.MEASURE_BYTES_PER_FACE,
         )
     )
-    scene = tiled_segment.scene_of(measured.every())
+    scene = tiled_segment.scene_of(measured.every(), options)
     # (2) Units within every tile.
     units = runner.run_tiles(
         TileStage(

@@ -24,7 +24,7 @@ from terraport_pipeline.stages import texture
 from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
 from terraport_pipeline.stages.texture_set import TextureSet
 from terraport_pipeline.stages.texture_sums import TextureTally
-from terraport_pipeline.stages.tiles import tiled_texture, tiled_views
+from terraport_pipeline.stages.tiles import base_atlas, tiled_texture, tiled_views
 from terraport_pipeline.stages.tiles.tiled_texture import Levels
 from terraport_pipeline.stages.tiles.tiled_views import TextureScale
 from terraport_pipeline.workflow import photo_input
@@ -43,7 +43,14 @@ from terraport_pipeline.workflow.texture_counts import choice_counts, step_count
 from terraport_pipeline.workflow.tile_ground import Ground
 from terraport_store.manifest import TextureInfo
 
-__all__ = ["TextureInput", "Textures", "texture_input", "texture_tiles"]
+__all__ = [
+    "BaseTexture",
+    "TextureInput",
+    "Textures",
+    "texture_base_alone",
+    "texture_input",
+    "texture_tiles",
+]
 
 
 @dataclass(slots=True, eq=False)
@@ -110,14 +117,20 @@ def texture_input(
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class BaseTexture:
+    """Texture of the base, and what the manifest says of all textures."""
+
+    textures: TextureSet
+    info: TextureInfo
+    digest: str
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Textures:
     """Textures of a scene, those of the detail on disk."""
 
-    base: TextureSet
-    info: TextureInfo
+    base: BaseTexture
     drawn: TileResults
-    base_digest: str
-    """Hash of the exposures and the base's texture."""
 
     def tile(self, tile: int) -> TextureSet:
         """Open the textures of one tile's segments; images stay on disk."""
@@ -342,7 +355,36 @@ def texture_tiles(
         counts |= step_counts(drawn_tiles)
         warnings = (*base_result.facts.warnings, *texture.worth_warning(counts)) if chosen else ()
         group.facts = Facts(counts, warnings)
-    return Textures(base_result.textures, info, drawn, base.digest)
+    return Textures(BaseTexture(base_result.textures, info, base.digest), drawn)
+
+
+def texture_base_alone(
+    runner: Runner, surface: Surface, segmented: Segmented, options: base_atlas.Options
+) -> BaseTexture:
+    """Draw the base's image from the detail's colours, where segments keep their vertex colours.
+
+    Parameters
+    ----------
+    runner : Runner
+    surface : Surface
+    segmented : Segmented
+    options : base_atlas.Options
+    """
+    base = texture.faces_only(surface.base, segmented.joined.value().base_kept)
+    drawn = runner.run(
+        Stage(
+            base_atlas.NAME,
+            base_atlas,
+            lambda context: base_atlas.run(
+                base, surface.tiles, surface.spacing_m, options, context
+            ),
+            base_atlas.FORM,
+            {**asdict(options), "spacing_m": surface.spacing_m},
+            {"surface": surface.digest, "kept": segmented.joined.digest},
+        )
+    )
+    atlas = drawn.value()
+    return BaseTexture(atlas.textures, atlas.info, drawn.digest)
 
 
 def _summary(

@@ -1,4 +1,4 @@
-"""Everything about a survey in tiles that is known before the first tile is worked on.
+"""Everything about a survey that is known before the first tile is worked on.
 
 Thins a copy of the survey as read, measures, plans the tiles, hands the samples out; each step
 a result in the work directory.
@@ -16,6 +16,7 @@ from terraport_payload.types import Float64
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.readers.npy_columns import NpyReader
 from terraport_pipeline.engines.readers.raw_survey import thinning_rows
+from terraport_pipeline.geometry.clouds.detail_cell import choose_cell, smoothing_radius_m
 from terraport_pipeline.geometry.clouds.footprint import Occupancy, plan_occupancy
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
 from terraport_pipeline.model import Crs, Survey
@@ -67,8 +68,6 @@ class Ground:
     origin: Float64
     """(3,) easting, northing, height of the scene's origin."""
     measured: dict[str, Any]
-    detail_depth: int
-    """Depth that one octree over the whole survey would have with these cells."""
     lattice: Lattice
     plan: TilePlan
     samples: StageRecord
@@ -128,7 +127,7 @@ def prepare(
     OptionError
         Tiles of the size that was asked for, where one must hold all.
     """
-    # (1) Extent and spacing of all samples.
+    # (1) Extent, spacing and noise of all samples.
     source = runner.work.path / read.name
     cloud = cleaned.value().cloud
     measured = runner.run(
@@ -146,10 +145,10 @@ def prepare(
     values = dict(measured.value().values)
     # (2) The lattice, tiles on it that fit into memory, and each tile's samples. All tiles solve
     # on one lattice: their surfaces meet at the same planes.
-    depth, warnings = reconstruct.choose_detail_depth(
-        options, values["extent_m"], values["spacing_m"]
+    cell_m, warnings = choose_cell(
+        options.detail_depth, values["extent_m"], values["surface_spacing_m"], values["noise_m"]
     )
-    lattice = _lattice(values, depth)
+    lattice = _lattice(values, cell_m)
     origin = cloud.origin
     plan, forecast = _plan(runner, source, lattice, origin, values, tiles, in_one_piece)
     samples = runner.run(
@@ -165,7 +164,7 @@ def prepare(
         )
     )
     return Ground(
-        read, cleaned, origin, values, depth, lattice, plan, samples.record, forecast,
+        read, cleaned, origin, values, lattice, plan, samples.record, forecast,
         tuple(warnings), clean_options, options,
     )  # fmt: skip
 
@@ -195,12 +194,13 @@ def _thinned(source: Path, read: StageRecord) -> Survey:
     )
 
 
-def _lattice(measured: dict[str, Any], depth: int) -> Lattice:
-    """Make the lattice that a whole reconstruction would have had, about."""
+def _lattice(measured: dict[str, Any], cell_m: float) -> Lattice:
+    """Make the lattice of one octree over the whole survey."""
     low, high = np.array(measured["low"]), np.array(measured["high"])
-    side_m = poisson.SCALE * measured["extent_m"]
+    levels = np.log2(poisson.SCALE * measured["extent_m"] / cell_m)
+    side_m = cell_m * 2.0 ** np.ceil(levels - 1e-9)  # an octree depth that was asked for stays
     anchor = (low + high) / 2 - side_m / 2
-    return Lattice((float(anchor[0]), float(anchor[1]), float(anchor[2])), float(side_m / 2**depth))
+    return Lattice((float(anchor[0]), float(anchor[1]), float(anchor[2])), float(cell_m))
 
 
 def _plan(
@@ -216,7 +216,7 @@ def _plan(
         blocks, counts = partition.count_blocks(
             source, lattice, origin, partition.BLOCK_CELLS, runner.context(scratch)
         )
-    area_m2 = measured["points"] * measured["spacing_m"] ** 2
+    area_m2 = measured["points"] * measured["surface_spacing_m"] ** 2
     plan = choose_plan(
         lambda depth: plan_tiles(lattice, tile_shape(depth), blocks, counts, partition.BLOCK_CELLS),
         points=measured["points"],
@@ -264,6 +264,10 @@ def tile_tasks(ground: Ground) -> list[solve_tile.TileTask]:
                 raster_low=raster.low,
                 raster_cell_m=raster.cell_m,
                 raster_shape=(raster.spacing_m.shape[0], raster.spacing_m.shape[1]),
+                noise_m=ground.measured["noise_m"],
+                smoothing_m=smoothing_radius_m(
+                    ground.measured["surface_spacing_m"], ground.measured["noise_m"]
+                ),
             )
         )
     return tasks

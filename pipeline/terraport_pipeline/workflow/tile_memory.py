@@ -89,7 +89,7 @@ class WholeForecast:
     def __str__(self) -> str:
         return (
             f"about {self.memory_bytes / 2**30:.1f} GiB for {self.points:,} points and "
-            f"{self.faces:,} faces in one piece"
+            f"{self.faces:,} faces"
         )
 
 

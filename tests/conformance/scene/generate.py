@@ -41,12 +41,13 @@ HERE = Path(__file__).resolve().parent
 
 def main() -> None:
     """Write all of it anew."""
-    for name in ("axes", "tiny", "tiny-textured", "payload", "cover"):
+    for name in ("axes", "tiny", "tiny-textured", "tiny-base-image", "payload", "cover"):
         shutil.rmtree(HERE / name, ignore_errors=True)
     write_axes_scene(HERE / "axes")
     write_tiny_scene(HERE / "tiny", stable_ids=(5, 2, 9))
     (HERE / "tiny" / LABELS).write_bytes(encode_labels({7: "Süd 石", 9: "haul road"}))
     write_tiny_scene(HERE / "tiny-textured", image=pillow("JPEG"))
+    write_tiny_scene(HERE / "tiny-base-image", base_image=pillow("JPEG"))
     (HERE / "payload").mkdir()
     write_good()
     write_bad()

@@ -17,8 +17,8 @@ from terraport_payload import Cover, PayloadError, decode_glb
 from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
 
 HERE = Path(__file__).resolve().parent
-SCENES = ("tiny", "tiny-textured", "axes")
-"""One with names, one with textures, and one to see axes by."""
+SCENES = ("tiny", "tiny-textured", "tiny-base-image", "axes")
+"""One with names, one with textures, one whose base alone has one, and one to see axes by."""
 DAMAGED = json.loads((HERE / "damaged.json").read_text())
 COVERS = sorted((HERE / "cover").glob("*.cover"))
 PAYLOADS = sorted(p for p in (HERE / "payload").iterdir() if p.suffix != ".json")
@@ -81,6 +81,19 @@ def test_textures() -> None:
         meshes = [decode_glb(scene.payload(segment)) for segment in range(4)]
     assert [mesh.texture is not None for mesh in meshes] == [True, False, True, False]
     assert [mesh.colours is None for mesh in meshes] == [True, False, True, False]
+
+
+def test_a_texture_of_the_base_alone() -> None:
+    with Scene.open(HERE / "tiny-base-image") as scene:
+        stated = scene.manifest.textures
+        assert stated is not None
+        assert (stated.source, stated.segments, stated.base_side) == ("vertex", 0, 16)
+        assert scene.manifest.has_colour is True
+        base = decode(scene.base_path)
+        meshes = [decode_glb(scene.payload(segment)) for segment in range(4)]
+    assert base.texture is not None
+    assert base.colours is None
+    assert all(mesh.texture is None and mesh.colours is not None for mesh in meshes)
 
 
 def test_the_axes_scene_is_what_it_is_said_to_be() -> None:

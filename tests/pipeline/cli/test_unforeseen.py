@@ -72,7 +72,7 @@ def test_a_kernel_that_fails_names_the_stage_and_the_same_command_goes_on(
     assert code == 1
     assert "Traceback" not in output
     assert (
-        "error: stage texture failed in a way that nobody foresaw "
+        "error: stage texture-base failed in a way that nobody foresaw "
         "(ZeroDivisionError: division by zero)"
     ) in output
     assert "finished stages (read, clean, reconstruct, segment) are kept" in output
@@ -184,7 +184,7 @@ def test_a_demo_that_fails_keeps_what_is_finished(
     broken: Callable[..., AbstractContextManager[None]],
 ) -> None:
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    with broken(texture, "run", RuntimeError("out of luck")):
+    with broken(texture, "texture_base", RuntimeError("out of luck")):
         code, output = run("demo", "--points", "20k", "--no-photos", "--no-serve", "--no-open")
         assert code == 0, output  # nothing to texture
         assert not list(tmp_path.iterdir())

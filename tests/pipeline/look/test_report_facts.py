@@ -69,13 +69,26 @@ def test_how_fine_the_surface_was_solved_is_said(tmp_path: Path) -> None:
     scene = write_tiny_scene(tmp_path / "s").path
     stages = [
         {"name": "clean", "counts": {"spacing_m": 1.537}},
-        {"name": "reconstruct", "counts": {"detail_depth": 8, "cell_m": 1.5467}},
+        {"name": "reconstruct", "counts": {"cell_m": 1.5467}},
     ]
     (scene / "build.json").write_text(json.dumps({"stages": stages}))
     with Scene.open(scene) as opened:
         details = collect_facts(opened, has_input=False).details
     assert {row["label"]: row["value"] for row in details}["reconstruction"] == (
-        "cells of 1.55 m (octree depth 8); a sample every 1.54 m"
+        "cells of 1.55 m; a sample every 1.54 m"
+    )
+
+
+def test_noise_that_was_smoothed_is_said(tmp_path: Path) -> None:
+    scene = write_tiny_scene(tmp_path / "s").path
+    counts = {"spacing_m": 0.085, "noise_m": 0.1215, "cell_m": 0.123, "smoothing_m": 0.472}
+    record = {"stages": [{"name": "reconstruct", "counts": counts}]}
+    (scene / "build.json").write_text(json.dumps(record))
+    with Scene.open(scene) as opened:
+        details = collect_facts(opened, has_input=False).details
+    assert {row["label"]: row["value"] for row in details}["reconstruction"] == (
+        "cells of 0.123 m; a sample every 0.085 m; noise of 0.12 m, smoothed over 0.47 m about "
+        "each sample"
     )
 
 

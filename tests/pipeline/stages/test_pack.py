@@ -37,8 +37,8 @@ class Inputs:
 
     def publish(self, scene: Path, runner: Runner | None = None) -> None:
         publish_tiles(
-            runner or self.runner, scene, self.surface, self.labelled.segmented, None, self.about,
-            OPTIONS,
+            runner or self.runner, scene, self.surface, self.labelled.segmented, None, None,
+            self.about, OPTIONS,
         )  # fmt: skip
 
 

@@ -125,12 +125,10 @@ def test_colours_attributes_and_codes_are_carried(result: OnePiece) -> None:
         assert np.isin(mesh.attributes["code"], (0.0, 1.0)).all()
 
 
-def test_the_depth_follows_the_density_and_nobody_is_warned(
+def test_cells_follow_the_density_and_nobody_is_warned(
     cleaned: clean.Cleaned, result: OnePiece
 ) -> None:
-    counts = result.facts.counts
-    assert counts["detail_depth"] < 13
-    assert counts["cell_m"] == pytest.approx(cleaned.cloud.spacing_m, rel=0.5)
+    assert result.facts.counts["cell_m"] == pytest.approx(1.2 * cleaned.cloud.spacing_m, rel=0.1)
     assert not result.facts.warnings
 
 
@@ -142,7 +140,8 @@ def test_who_asks_for_more_than_the_density_supports_is_told(
     )
     facts = reconstruct_survey(runner_in(folder / "deeper"), survey, options).facts
     warnings = " ".join(facts.warnings)
-    assert f"detail depth {facts.counts['detail_depth']} instead of 13" in warnings
+    assert facts.counts["cell_m"] == result.facts.counts["cell_m"]
+    assert "(--detail-depth 13): the samples stand" in warnings
     assert f"base depth {facts.counts['base_depth']} instead of 9" in warnings
 
 

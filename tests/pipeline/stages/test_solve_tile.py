@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from pipeline.two_tiles import ANCHOR_M, CELL_M, CORE, piece, task
 
+from terraport_pipeline.geometry.clouds.detail_cell import detail_cell_m, smoothing_radius_m
 from terraport_pipeline.geometry.clouds.support import BINS
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.tiles.solve_tile import TileTask, border_of, run, sample_type
@@ -111,6 +112,70 @@ def test_samples_of_the_margin_alone_make_no_surface(tmp_path) -> None:
     west = samples["position"][:, 0] - own.origin[0] - own.centre_m[0]
     stored = run(own, samples[west < -0.1 * (WIDE / 2 + 8)], Context(tmp_path))
     assert stored.values["core"] == stored.values["faces"] == 0
+
+
+NOISE_M = SPACING_M = 0.16
+
+
+def noisy_ground() -> np.ndarray:
+    """The rolling ground as one sample for each square of SPACING_M, with noise of one spacing."""
+    rng = np.random.default_rng(1)
+    x, z = rng.uniform(-8, 8, (2, int((16 / SPACING_M) ** 2)))
+    places = np.stack([x, rolling(x, z), z], axis=1) + rng.normal(0, NOISE_M, (len(x), 3))
+    samples = np.zeros(len(x), sample_type([], has_colour=False))
+    samples["position"] = np.stack([places[:, 0], -places[:, 2], places[:, 1]], axis=1)
+    return samples
+
+
+def rolling(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    return 0.4 * np.sin(x) * np.cos(z / 1.5)
+
+
+def noisy_task(cell_m: float, smoothing_m: float) -> TileTask:
+    """A core of about 8 m in the middle of a cube of 2^7 cells."""
+    core = 8 * round(1.0 / cell_m)
+    return replace(
+        wide_task(), cell_m=cell_m, core_cells=core, margin_cells=64 / 1.1 - core / 2,
+        anchor_m=(0.0, 0.0, 0.0), centre_cells=(0.0, 0.0, 0.0), origin=(0.0, 0.0, 0.0), columns=(),
+        attributes=(), codes=(), has_colour=False, spacing_m=SPACING_M,
+        usual=(float(np.log(0.13)), 0.4), normal_neighbours=16, raster_low=(-20.0, -20.0),
+        noise_m=NOISE_M, smoothing_m=smoothing_m,
+    )  # fmt: skip
+
+
+CELL_OF_NOISE_M = detail_cell_m(SPACING_M, NOISE_M)
+SMOOTHING_M = smoothing_radius_m(SPACING_M, NOISE_M)
+
+
+def test_a_noisy_cloud_comes_out_nearer_to_the_truth_with_fewer_faces(tmp_path) -> None:
+    """Against cells of one spacing and samples as they are: half the error, half the faces."""
+    figures = []
+    for own in (noisy_task(SPACING_M, 0.0), noisy_task(CELL_OF_NOISE_M, SMOOTHING_M)):
+        arrays = run(own, noisy_ground(), Context(tmp_path)).arrays
+        x, y, z = arrays["vertices"].T
+        inner = np.maximum(np.abs(x), np.abs(z)) < 3.5
+        error_m = (y - rolling(x, z))[inner]
+        faces = inner[arrays["faces"]].all(axis=1).sum()
+        figures.append((float(np.sqrt((error_m**2).mean())), int(faces)))
+    (before_m, many), (after_m, few) = figures
+    assert after_m < 0.5 * before_m
+    assert few < 0.55 * many
+
+
+def test_two_tiles_of_a_noisy_cloud_meet_at_their_wall(tmp_path) -> None:
+    """Their surfaces in the wall between them lie closer together than a tenth of a cell."""
+    left = noisy_task(CELL_OF_NOISE_M, SMOOTHING_M)
+    right = replace(left, centre_cells=(float(left.core_cells), 0.0, 0.0))
+    curves = []
+    for own, wall in ((left, 1), (right, 0)):
+        arrays = run(own, noisy_ground(), Context(tmp_path)).arrays
+        edges = arrays["border-edges"][arrays["border-walls"] == wall]
+        rows = np.unique(edges)
+        cells = arrays["border-cells"][rows]
+        curves.append(cells[np.abs(cells[:, 2]) < left.core_cells / 2 - 4])
+    assert len(curves[0]) > 15
+    apart = [float(np.abs(curves[1][:, 1:] - cells[1:]).sum(axis=1).min()) for cells in curves[0]]
+    assert np.percentile(apart, 90) < 0.1
 
 
 def test_only_open_edges_along_walls_are_the_border() -> None:

@@ -31,7 +31,22 @@ from terraport_store.validate import validate_scene
 RECONSTRUCT = reconstruct.Options(base_faces=800)
 SEGMENT = segment.Options(min_faces=150, max_faces=900)
 
-STAGES = ["read", "clean", "reconstruct", "segment", "pack"]
+KEPT = {
+    "read": ["read"],
+    "clean": ["clean"],
+    "reconstruct": [
+        "measure_survey", "partition", "solve-00000", "join", "tile-00000", "base",
+    ],
+    "segment": [
+        "segment-measure-00000", "segment-units-00000", "segment-regions", "segment-cut-00000",
+        "segment",
+    ],
+    "base_atlas": ["base_atlas"],
+    "pack": ["pack-tile-00000", "pack"],
+}  # fmt: skip
+"""Names in the work directory of what is reported as one stage."""
+
+STAGES = list(KEPT)
 
 
 def options_for(survey: Path, scene: Path, **more: Any) -> BuildOptions:
@@ -80,7 +95,7 @@ def test_the_scene_is_valid_and_nothing_lies_beside_it(built: Path) -> None:
     assert validate_scene(built / "hill") == []
     assert sorted(path.name for path in built.iterdir()) == [".hill.work", "hill", "hill.xyz"]
     left = sorted(path.name for path in (built / ".hill.work").iterdir())
-    assert left == sorted([".terraport-work", *STAGES])
+    assert left == sorted([".terraport-work", *(name for names in KEPT.values() for name in names)])
 
 
 def test_a_known_point_of_the_survey_is_found_in_the_scene(built: Path) -> None:
@@ -111,7 +126,7 @@ def test_one_and_two_threads_publish_the_same_bytes(built: Path, tmp_path: Path)
 def test_built_again_everything_is_taken_up(copy: Path) -> None:
     before = published_bytes(copy / "hill")
     report = build(options_for(copy / "hill.xyz", copy / "hill"))
-    assert [stage.taken_up for stage in report.stages] == [True] * 5
+    assert [stage.taken_up for stage in report.stages] == [True] * len(STAGES)
     assert not report.published
     assert published_bytes(copy / "hill") == before
 
@@ -119,7 +134,7 @@ def test_built_again_everything_is_taken_up(copy: Path) -> None:
 def test_no_resume_does_all_again_and_publishes_the_same(copy: Path) -> None:
     before = published_bytes(copy / "hill")
     report = build(options_for(copy / "hill.xyz", copy / "hill", resume=False))
-    assert [stage.taken_up for stage in report.stages] == [False] * 5
+    assert [stage.taken_up for stage in report.stages] == [False] * len(STAGES)
     assert published_bytes(copy / "hill") == before
 
 
@@ -137,7 +152,7 @@ def test_a_changed_option_does_only_what_it_must(
 ) -> None:
     report = build(replace(options_for(copy / "hill.xyz", copy / "hill"), **change))
     expected = STAGES.index(first)
-    assert [stage.taken_up for stage in report.stages] == [i < expected for i in range(5)]
+    assert [stage.taken_up for stage in report.stages] == [i < expected for i in range(len(STAGES))]
     assert report.published
     assert validate_scene(copy / "hill") == []
 
@@ -156,18 +171,25 @@ def test_a_scene_that_is_gone_is_published_from_the_work_directory(copy: Path) -
     before = published_bytes(copy / "hill")
     shutil.rmtree(copy / "hill")
     report = build(options_for(copy / "hill.xyz", copy / "hill"))
-    assert [stage.taken_up for stage in report.stages] == [True] * 4 + [False]
+    assert [stage.taken_up for stage in report.stages] == [True] * (len(STAGES) - 1) + [False]
     assert published_bytes(copy / "hill") == before
 
 
 @pytest.mark.parametrize(
-    "step", ["reconstruct: Poisson, depth 6", "segment: cover", "pack: segments", "pack: base"]
+    ("stage", "step"),
+    [
+        ("reconstruct", "tiles: solve 1, 1 at a time"),
+        ("segment", "segment: segments and cover"),
+        ("pack", "pack: segments"),
+        ("pack", "pack: base"),
+    ],
 )
-def test_ctrl_c_then_the_same_command(copy: Path, step: str) -> None:
+def test_ctrl_c_then_the_same_command(copy: Path, stage: str, step: str) -> None:
     """The old scene stands until the new one is whole; what was done is not done again."""
-    done = STAGES.index(step.split(":")[0])
-    for stage in STAGES[done:]:
-        shutil.rmtree(copy / ".hill.work" / stage)
+    done = STAGES.index(stage)
+    for later in STAGES[done:]:
+        for name in KEPT[later]:
+            shutil.rmtree(copy / ".hill.work" / name)
     before = published_bytes(copy / "hill")
     options = options_for(copy / "hill.xyz", copy / "hill", name="Renewed")
     stop = Stop(step)
@@ -178,7 +200,7 @@ def test_ctrl_c_then_the_same_command(copy: Path, step: str) -> None:
     assert not [path for path in (copy / ".hill.work").iterdir() if path.suffix == ".tmp"]
     assert not (copy / ".hill.lock").exists()
     report = build(options)
-    assert [stage.taken_up for stage in report.stages] == [i < done for i in range(5)]
+    assert [stage.taken_up for stage in report.stages] == [i < done for i in range(len(STAGES))]
     assert report.published
     assert validate_scene(copy / "hill") == []
     with Scene.open(copy / "hill") as opened:
@@ -291,7 +313,7 @@ def test_an_attribute_that_is_not_there_is_refused_before_the_reconstruction(
     watcher = Stop("none of them")
     with pytest.raises(OptionError, match="segments by 'grad'; this survey has colour, shape"):
         build(bad_options, progress=watcher)
-    assert not any(step.startswith("reconstruct") for step in watcher.seen)
+    assert not any(step.startswith("measure") for step in watcher.seen)
     assert any(step.startswith("clean") for step in watcher.seen)
     assert not (tmp_path / "hill").exists()
 

@@ -46,7 +46,9 @@ def build(folder: Path, surface: Surface, *, threads: int = 2, options=SEGMENT) 
     runner = runner_in(folder, threads=threads, max_memory_bytes=2**31)
     segmented = segment_tiles(runner, surface, options)
     about = pack.About(np.array([500000.0, 8e6, 100.0]), None, 99, True, BUILD)
-    publish_tiles(runner, folder / "scene", surface, segmented, None, about, pack.Options("ground"))
+    publish_tiles(
+        runner, folder / "scene", surface, segmented, None, None, about, pack.Options("ground")
+    )
     return runner
 
 

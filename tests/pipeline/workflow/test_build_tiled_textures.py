@@ -13,11 +13,16 @@ from pipeline.one_piece import runner_in, surface_in_tiles
 from terraport_payload import decode_glb
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.stages import pack, segment, texture
+from terraport_pipeline.stages.tiles import base_atlas
 from terraport_pipeline.workflow import texture_step
 from terraport_pipeline.workflow.pack_step import publish_tiles
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.segment_step import segment_tiles
-from terraport_pipeline.workflow.texture_step import TextureInput, texture_tiles
+from terraport_pipeline.workflow.texture_step import (
+    TextureInput,
+    texture_base_alone,
+    texture_tiles,
+)
 from terraport_store import BuildInfo, InputInfo, Scene
 from terraport_store.validate import validate_scene
 
@@ -42,14 +47,27 @@ def photos() -> TextureInput:
     )
 
 
-def build(folder: Path, asked: TextureInput, *, threads: int = 2) -> Runner:
+def build(
+    folder: Path,
+    asked: TextureInput | None,
+    *,
+    threads: int = 2,
+    base_image: base_atlas.Options | None = None,
+) -> Runner:
     runner = runner_in(folder, threads=threads, max_memory_bytes=2**31)
     surface = surface_in_tiles(site().mesh, site().mesh, (0.1, 0.2, 0.5, 0.6), along=2)
     segmented = segment_tiles(runner, surface, SEGMENT)
-    textures = texture_tiles(runner, surface, segmented, asked)
+    textures = base_texture = None
+    if asked is not None:
+        textures = texture_tiles(runner, surface, segmented, asked)
+        base_texture = textures.base
+    elif base_image is not None:
+        base_texture = texture_base_alone(runner, surface, segmented, base_image)
     about = pack.About(np.array([500000.0, 8e6, 100.0]), None, 99, True, BUILD)
     options = pack.Options("place")
-    publish_tiles(runner, folder / "scene", surface, segmented, textures, about, options)
+    publish_tiles(
+        runner, folder / "scene", surface, segmented, textures, base_texture, about, options
+    )
     return runner
 
 
@@ -114,6 +132,38 @@ def test_threads_and_kills_change_nothing(scene, tmp_path, monkeypatch) -> None:
     monkeypatch.undo()
     build(tmp_path, photos(), threads=1)
     assert published(tmp_path) == published(scene[0])
+
+
+def test_without_textures_the_base_alone_has_an_image(tmp_path) -> None:
+    image = base_atlas.Options(side=512)
+    runner = build(tmp_path, None, base_image=image)
+    assert list(validate_scene(tmp_path / "scene")) == []
+    with Scene.open(tmp_path / "scene") as opened:
+        manifest = opened.manifest
+        assert manifest.has_colour
+        assert manifest.textures is not None
+        assert (manifest.textures.segments, manifest.textures.base_side) == (0, 512)
+        base = decode_glb(opened.base_path.read_bytes())
+        meshes = [decode_glb(opened.payload(number)) for number in range(len(opened.index))]
+    assert base.texture is not None
+    assert base.colours is None
+    assert all(mesh.texture is None and mesh.colours is not None for mesh in meshes)
+    assert [report.name for report in runner.reports] == ["segment", "base_atlas", "pack"]
+    again = build(tmp_path, None, base_image=image)
+    assert [report.taken_up for report in again.reports] == [True, True, True]
+
+
+def test_an_image_changes_neither_faces_nor_cover_of_the_base(tmp_path) -> None:
+    corners, covers = [], []
+    for name, image in (("plain", None), ("image", base_atlas.Options(side=256))):
+        build(tmp_path / name, None, base_image=image)
+        with Scene.open(tmp_path / name / "scene") as opened:
+            base = decode_glb(opened.base_path.read_bytes())
+            corners.append(np.sort(base.positions[base.faces], axis=1))  # may be rotated
+            covers.append(opened.cover.to_bytes())
+            assert (opened.manifest.textures is None) == (image is None)
+    assert np.array_equal(*corners)
+    assert covers[0] == covers[1]
 
 
 def test_vertex_colours_are_drawn_without_photos(tmp_path) -> None:

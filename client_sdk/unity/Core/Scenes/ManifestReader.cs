@@ -82,6 +82,7 @@ namespace Terraport
                 DetailFaces = SceneJson.ExpectWhole(counts["detail_faces"], "counts.detail_faces", 1, long.MaxValue),
                 HasColour = SceneJson.ExpectFlag(json["has_colour"], "has_colour"),
                 TextureTypes = ReadTextureTypes(json["textures"]),
+                TexturesOfPoints = AreOfPoints(json["textures"]),
                 DeviationM = ReadDeviation(json["hand_off"]),
                 Encodings = NamesOf(encodings),
                 BaseFile = ReadFile(files, "base.glb", 1 << 30),
@@ -159,6 +160,11 @@ namespace Terraport
                 types[at] = SceneJson.ExpectText(list[at], "textures.media_types");
             }
             return types;
+        }
+
+        private static bool AreOfPoints(JsonValue textures)
+        {
+            return !textures.IsNull && SceneJson.ExpectText(textures["source"], "textures.source") == "vertex";
         }
 
         private static IReadOnlyList<string> NamesOf(JsonValue encodings)

@@ -52,11 +52,14 @@ namespace Terraport
         /// <summary>Triangles of all segments.</summary>
         public long DetailFaces { get; internal set; }
 
-        /// <summary>Whether every payload has vertex colours; false, too, where textures stand in their place.</summary>
+        /// <summary>Whether every segment has vertex colours, and the base those or a texture.</summary>
         public bool HasColour { get; internal set; }
 
         /// <summary>Media types of the payloads' images; empty without textures.</summary>
         public IReadOnlyList<string> TextureTypes { get; internal set; }
+
+        /// <summary>Whether textures, be it the base's alone, show the points' colours and no photographs.</summary>
+        public bool TexturesOfPoints { get; internal set; }
 
         /// <summary>How far the base is drawn pushed back along the line of sight, metres.</summary>
         public double DeviationM { get; internal set; }

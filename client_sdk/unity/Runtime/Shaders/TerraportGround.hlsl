@@ -41,10 +41,11 @@ float3 TerraportShade(float3 colour, float3 normal, float relief)
     return colour * lerp(1.0, light, relief);
 }
 
-// A photograph has its own light.
+// A photograph (1) has its own light; an image of the points' colours (2) is lit as vertex colours (0) are.
 float3 TerraportColour(float3 tint, float3 photo, float hasPhoto, float3 normal, float relief)
 {
-    return hasPhoto > 0.5 ? photo : TerraportShade(tint, normal, relief);
+    float3 colour = hasPhoto > 0.5 ? photo : tint;
+    return hasPhoto > 0.5 && hasPhoto < 1.5 ? colour : TerraportShade(colour, normal, relief);
 }
 
 // Vertex colours are linear light; a project in the gamma colour space wants them as the screen does.

@@ -13,9 +13,10 @@ namespace Terraport.Tests
     {
         private const string Url = "http://server/scenes/tiny";
 
-        [TestCase("tiny", false)]
-        [TestCase("tiny-textured", true)]
-        public void Scene_IsLoadedWhole(string name, bool hasTexture)
+        [TestCase("tiny", false, true, false)]
+        [TestCase("tiny-textured", true, false, false)]
+        [TestCase("tiny-base-image", true, true, true)]
+        public void Scene_IsLoadedWhole(string name, bool hasTexture, bool hasColour, bool ofPoints)
         {
             long receivedBytes = 0;
             long totalBytes = 0;
@@ -30,6 +31,9 @@ namespace Terraport.Tests
             Assert.AreEqual(files.Manifest.BaseFaces, files.Base.FaceCount);
             Assert.AreEqual(files.Base.FaceCount + 1, files.Cover.Offsets.Length);
             Assert.AreEqual(hasTexture, files.Base.HasTexture);
+            Assert.AreEqual(hasTexture, !files.Base.HasColours);
+            Assert.AreEqual(hasColour, files.Manifest.HasColour);
+            Assert.AreEqual(ofPoints, files.Manifest.TexturesOfPoints);
             Assert.Greater(files.Regions.Count, 0);
             Assert.Greater(totalBytes, 0);
             Assert.AreEqual(totalBytes, receivedBytes);

@@ -124,7 +124,7 @@ std::string replaced(std::string text, const std::string& pattern, const std::st
 
 TEST_SUITE("scene loader") {
   TEST_CASE("every scene of the corpus is loaded, with its labels") {
-    for (const char* folder : {"tiny", "tiny-textured", "axes"}) {
+    for (const char* folder : {"tiny", "tiny-textured", "tiny-base-image", "axes"}) {
       CAPTURE(folder);
       FakeHttp http;
       addScene(http, folder, "one");
@@ -144,7 +144,11 @@ TEST_SUITE("scene loader") {
       CHECK_FALSE(files.regions.empty());
       CHECK(loader.doneBytes() == loader.totalBytes());
       CHECK(loader.totalBytes() > 1000);
-      CHECK(files.manifest.hasTextures == (std::string(folder) == "tiny-textured" || std::string(folder) == "axes"));
+      CHECK(files.manifest.hasTextures == (std::string(folder) != "tiny"));
+      // Each payload says itself what it has: an image in the base alone leaves segments their colours.
+      const bool hasBaseImage = std::string(folder).rfind("tiny-", 0) == 0;
+      CHECK((files.base.image.bytes > 0) == hasBaseImage);
+      CHECK(files.manifest.hasColour == (std::string(folder) == "tiny" || std::string(folder) == "tiny-base-image"));
       CHECK(http.tokens.back() == "secret");
       CHECK(http.open() == 0);
       // There and back, and the origin is the origin.

@@ -105,9 +105,9 @@ export interface SceneManifest {
   readonly attributes: readonly AttributeInfo[];
   readonly segmentCount: number;
   readonly detailFaces: number;
-  /** Whether every payload has vertex colours; false, too, where textures stand in their place. */
+  /** Whether every segment has vertex colours, and the base those or a texture. */
   readonly hasColour: boolean;
-  /** What the payloads' textures show; null without any, or where none can be opened here. */
+  /** What the textures show, be it the base's alone; null without any, or where none can be opened here. */
   readonly texturesOf: "photos" | "points" | null;
   /** How far the base is drawn pushed back along the line of sight, metres. */
   readonly deviationM: number;

@@ -13,8 +13,8 @@ import {
   Vector3,
 } from "three";
 
-import type { RegionFacts, Vec3 } from "../core/types.ts";
-import { FRAGMENT_SHADER, MODE_NUMBER, VERTEX_SHADER } from "./ground-shader.ts";
+import type { RegionFacts, SceneManifest, Vec3 } from "../core/types.ts";
+import { FRAGMENT_SHADER, MODE_NUMBER, TINT_RELIEF, VERTEX_SHADER } from "./ground-shader.ts";
 import { attributeRamp, NO_VALUE, PLAIN, type Rgb, regionColour, slopeRamp, toByte } from "./palette.ts";
 import type { ViewMode } from "./types.ts";
 
@@ -47,8 +47,8 @@ export class GroundMaterial {
   readonly #uniforms;
   #regionColours: DataTexture;
 
-  constructor(stepM: number, regions: readonly RegionFacts[]) {
-    this.#gridM = Math.max(stepM, EYE_GRID_M);
+  constructor(manifest: SceneManifest, regions: readonly RegionFacts[]) {
+    this.#gridM = Math.max(manifest.stepM, EYE_GRID_M);
     this.#regionColours = regionTexture(regions);
     this.#uniforms = {
       translation: { value: new Vector3() },
@@ -72,6 +72,7 @@ export class GroundMaterial {
       ramp: { value: attributeRamp().map((colour) => new Vector3(...colour)) },
       slopes: { value: slopeRamp().map((colour) => new Vector3(...colour)) },
       relief: { value: 1 },
+      mapRelief: { value: mapRelief(manifest) },
       highlight: { value: -1 },
     };
     this.material = new ShaderMaterial({
@@ -132,8 +133,9 @@ export class GroundMaterial {
   }
 
   /** Grid and regions of another version. */
-  setVersion(stepM: number, regions: readonly RegionFacts[]): void {
-    this.#gridM = Math.max(stepM, EYE_GRID_M);
+  setVersion(manifest: SceneManifest, regions: readonly RegionFacts[]): void {
+    this.#gridM = Math.max(manifest.stepM, EYE_GRID_M);
+    this.#uniforms.mapRelief.value = mapRelief(manifest);
     // Owned here: the material only refers to it.
     this.#regionColours.dispose();
     this.#regionColours = regionTexture(regions);
@@ -144,6 +146,11 @@ export class GroundMaterial {
     this.#regionColours.dispose();
     this.material.dispose();
   }
+}
+
+/** A photograph has its own light; an image of the points' colours stands beside detail with those colours, lit. */
+function mapRelief(manifest: SceneManifest): number {
+  return manifest.texturesOf === "points" ? TINT_RELIEF : 0;
 }
 
 /** Linear light of an sRGB colour. */

@@ -12,6 +12,9 @@ export const MODE_NUMBER = {
   slope: 5,
 } as const;
 
+/** How much of the shape's light is laid over the survey's own colours. */
+export const TINT_RELIEF = 0.35;
+
 /**
  * A vertex's place comes first, by one expression for everything: `translation + stepM * code` is exact in float32, and so is
  * its difference to the coarse part of the eye, a multiple of the grid's step as well. So equal vertices of two segments
@@ -99,6 +102,7 @@ uniform vec2 measureRange;
 uniform vec3 ramp[${RAMP_STOPS}];
 uniform vec3 slopes[${RAMP_STOPS}];
 uniform float relief;
+uniform float mapRelief;
 uniform float highlight;
 
 out vec4 outColour;
@@ -121,10 +125,10 @@ void main() {
   if (mode == ${MODE_NUMBER.colour} || mode == ${MODE_NUMBER["vertex-colour"]}) {
     if (hasMap && mode == ${MODE_NUMBER.colour}) {
       colour = texture(map, vSpot).rgb;
-      strength = 0.0; // A photograph has its own light.
+      strength *= mapRelief;
     } else if (hasTint || hasMap) {
       colour = vTint;
-      strength *= 0.35;
+      strength *= ${TINT_RELIEF};
     }
   } else if (mode == ${MODE_NUMBER.regions}) {
     ivec2 size = textureSize(regionColours, 0);

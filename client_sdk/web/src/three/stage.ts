@@ -108,7 +108,7 @@ export class Stage implements Landings {
       spareBytes: options.spareGpuBytes ?? DEFAULT_GPU_BYTES,
     });
     this.#store = new GpuStore(options.renderer);
-    this.#material = new GroundMaterial(options.files.manifest.stepM, options.files.regions);
+    this.#material = new GroundMaterial(options.files.manifest, options.files.regions);
     this.#grounds = new GroundSet(this.object, this.#store, this.#material, this.#residency);
     this.#base = new BaseGround(this.#store, options.files, this.#material);
     this.#baseBoxes = pickableBase(options.files);
@@ -371,7 +371,7 @@ export class Stage implements Landings {
     this.#digest = null;
     this.#grounds.hideAll();
     this.#residency.clearVisible();
-    this.#material.setVersion(files.manifest.stepM, files.regions);
+    this.#material.setVersion(files.manifest, files.regions);
     this.#baseBoxes = pickableBase(files);
     this.#base.dispose();
     this.#makeBase();

@@ -192,17 +192,23 @@ def segment_runs(
     -------
     Runs
     """
-    return Runs(*_runs(starts, entries, vertices, faces, segment_of_face))
+    segments = int(segment_of_face.max()) + 1
+    return Runs(*_runs(starts, entries, vertices, faces, segment_of_face, segments))
 
 
 @numba.njit(cache=True, nogil=True)
 def _runs(
-    starts: Int64, entries: Int32, vertices: Float64, faces: Int32, segment_of_face: Int32
+    starts: Int64,
+    entries: Int32,
+    vertices: Float64,
+    faces: Int32,
+    segment_of_face: Int32,
+    segments: int,
 ) -> tuple[Int64, Int32, Float32, Float32]:
     # Invariant: `last[s] >= begin` exactly if segment s has a run in the column at hand, so
     # nothing is cleared between columns.
     offsets = np.zeros(len(starts), np.int64)
-    last = np.full(segment_of_face.max() + 1, -1, np.int64)  # the segment's latest run
+    last = np.empty(segments, np.int64)  # the segment's latest run
     segment = np.empty(0, np.int32)
     low = np.empty(0, np.float32)
     high = np.empty(0, np.float32)
@@ -227,6 +233,6 @@ def _runs(
             offsets[q + 1] = total
         if fill == 0:
             segment = np.empty(total, np.int32)
-            low = np.full(total, np.float32(np.inf))
-            high = np.full(total, np.float32(-np.inf))
+            low, high = np.empty(total, np.float32), np.empty(total, np.float32)
+            low[:], high[:] = np.inf, -np.inf
     return offsets, segment, low, high

@@ -94,7 +94,8 @@ def uncovered_faces(
     grid = fit_grid([cover, surface], 0.5 * median_edge(*cover), 0.0)
     starts, entries = rasterise(*cover, grid, 0.0)
     covered = np.diff(starts) > 0
-    outline_starts, _ = rasterise(cover[0], _outlines(*cover), grid, 0.0)
+    outlines = as_kernel_input(_outlines(*cover), np.int32)
+    outline_starts, _ = rasterise(cover[0], outlines, grid, 0.0)
     covered &= np.diff(outline_starts) == 0
     plan = _plan_of(*cover)
     uncovered = np.zeros(len(faces), dtype=np.bool_)
@@ -126,7 +127,7 @@ def _outlines(vertices: Float64, faces: Int32) -> Int32:
     edges = np.concatenate(
         [border_edges(faces[side], len(vertices)) for side in (turn > 0, turn < 0)]
     )
-    return np.ascontiguousarray(edges[:, [0, 1, 1]])
+    return edges[:, [0, 1, 1]]
 
 
 @numba.njit(cache=True, nogil=True)
@@ -197,7 +198,7 @@ def _find(
         pieces[0, 0, 1, 0], pieces[0, 0, 1, 1] = bx, bz
         pieces[0, 0, 2, 0], pieces[0, 0, 2, 1] = cx, cz
         sizes[0, 0] = 3
-        least = _REST * _area(pieces[0, 0], 3)
+        least = _REST * _area(pieces[0, 0], sizes[0, 0])
         count, now = int(least > 0.0), 0
         low_x, low_z = min(ax, bx, cx), min(az, bz, cz)
         high_x, high_z = max(ax, bx, cx), max(az, bz, cz)
@@ -260,7 +261,9 @@ def _subtract(
     for piece in range(count):
         # (1) A piece that does not meet g stays as it is.
         size = sizes[piece]
-        scratch[0, :size] = pieces[piece, :size]
+        # Corner by corner: assigning slices takes numba two seconds to compile.
+        for k in range(size):
+            scratch[0, k, 0], scratch[0, k, 1] = pieces[piece, k, 0], pieces[piece, k, 1]
         source = 0
         apart = _is_apart(pieces[piece], size, plan, g)
         # (2) Cut along g's edges. Invariant: `scratch[source]` is what of the piece lies inside
@@ -280,7 +283,8 @@ def _subtract(
         if apart:
             if result == _PIECES:
                 return _PIECES + 1
-            left[result, :size] = pieces[piece, :size]
+            for k in range(size):
+                left[result, k, 0], left[result, k, 1] = pieces[piece, k, 0], pieces[piece, k, 1]
             left_sizes[result] = size
             result += 1
     return result
@@ -289,11 +293,10 @@ def _subtract(
 @numba.njit(cache=True, nogil=True)
 def _is_within(plan: Float64, g: int, x: float, z: float) -> bool:
     """Whether face g holds a point in its inside."""
-    return (
-        _side(plan, g, 0, x, z) > 0.0
-        and _side(plan, g, 1, x, z) > 0.0
-        and _side(plan, g, 2, x, z) > 0.0
-    )
+    within = True
+    for corner in range(3):
+        within = within and _side(plan, g, corner, x, z) > 0.0
+    return within
 
 
 @numba.njit(cache=True, nogil=True)

@@ -31,7 +31,6 @@ from terraport_pipeline.geometry.graph.face_graph import (
 from terraport_pipeline.geometry.graph.merge_heap import merge_by_heap, record_merges, unite_units
 from terraport_pipeline.geometry.graph.merge_rounds import mutual_partners, unite_partners
 from terraport_pipeline.geometry.graph.merge_tree import MergeTree, merge_tree
-from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 from terraport_pipeline.geometry.mesh.unit_rows import (
     contract_rows,
     pairs_of_rows,
@@ -157,7 +156,7 @@ def join_small(
     if count < 2 or small_area <= 1:
         return labels, count
     rows = contract_rows(
-        *rows_of_pairs(len(labels), as_kernel_input(graph.pairs, np.int32), graph.length),
+        *rows_of_pairs(len(labels), graph.pairs, graph.length),
         labels, count,
     )  # fmt: skip
     pairs, length = pairs_of_rows(*rows)

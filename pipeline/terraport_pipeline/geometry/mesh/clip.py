@@ -184,9 +184,9 @@ def _cut_faces(faces: Int32, field: Float32, keys: Int64, number: Int64, crossin
         if n > 1 and corners[n - 1] == corners[0]:
             n -= 1
         if n >= 3:
-            out[count] = (corners[0], corners[1], corners[2])
+            out[count, 0], out[count, 1], out[count, 2] = corners[0], corners[1], corners[2]
             count += 1
         if n == 4:
-            out[count] = (corners[0], corners[2], corners[3])
+            out[count, 0], out[count, 1], out[count, 2] = corners[0], corners[2], corners[3]
             count += 1
     return out[:count].copy()

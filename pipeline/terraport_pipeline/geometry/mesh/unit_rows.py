@@ -13,6 +13,7 @@ import numba
 import numpy as np
 
 from terraport_payload.types import Int32, Int64
+from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 
 __all__ = [
     "combine_rows",
@@ -26,10 +27,7 @@ __all__ = [
 
 def rows_of_pairs(count: int, pairs: Int32, weight: Int64) -> tuple[Int64, Int32, Int64]:
     """Rows of ``count`` pieces from pairs that each occur once."""
-    rows: tuple[Int64, Int32, Int64] = rows_of_labels(
-        np.arange(count, dtype=np.int32), count, pairs, weight
-    )
-    return rows
+    return rows_of_labels(np.arange(count, dtype=np.int32), count, pairs, weight)
 
 
 def contract_rows(
@@ -45,11 +43,20 @@ def contract_rows(
     return rows
 
 
-@numba.njit(cache=True, nogil=True)
 def rows_of_labels(
     labels: Int32, count: int, pairs: Int32, lengths: Int64
 ) -> tuple[Int64, Int32, Int64]:
     """Rows of labelled pieces from pairs of items; a neighbour stands once per pair."""
+    rows: tuple[Int64, Int32, Int64] = _rows_of_labels(
+        labels, count, as_kernel_input(pairs, np.int32), lengths
+    )
+    return rows
+
+
+@numba.njit(cache=True, nogil=True)
+def _rows_of_labels(
+    labels: Int32, count: int, pairs: Int32, lengths: Int64
+) -> tuple[Int64, Int32, Int64]:
     offsets = np.zeros(count + 1, np.int64)
     for i in range(len(pairs)):
         a, b = labels[pairs[i, 0]], labels[pairs[i, 1]]

@@ -118,7 +118,7 @@ class Lens:
         ndarray of shape (N, 2), float64
             Pixels, also beyond the picture's edge; NaN where ``z <= 0`` or the lens folds back.
         """
-        return kernels.project_rows(_pack_lens(self), _rows(points, 3))[:, :2]
+        return kernels.project_rows(_pack_lens(self).copy(), _rows(points, 3))[:, :2]
 
     def unproject(self, pixels: AnyFloat) -> Float64:
         """Find the direction that a pixel looks along; the inverse of :meth:`project`.
@@ -132,7 +132,7 @@ class Lens:
         ndarray of shape (N, 3), float64
             Unit, camera frame; NaN where no direction within the valid radius gives the pixel.
         """
-        return kernels.unproject_rows(_pack_lens(self), _rows(pixels, 2))
+        return kernels.unproject_rows(_pack_lens(self).copy(), _rows(pixels, 2))
 
     def scaled(self, width: int, height: int) -> Lens:
         """Return the lens of the same photo stored at another size.

@@ -200,7 +200,8 @@ def _pieces(
             keys[slot] = key
             owner[slot] = r
             number[slot] = count
-            cells[count] = cell
+            for axis in range(3):
+                cells[count, axis] = cell[axis]
             region[count] = r
             count += 1
         piece[f] = number[slot]
@@ -217,11 +218,12 @@ def _pieces(
                     owner[free] = old_owner[i]
                     number[free] = old_number[i]
             grown = np.empty((slots // 2 + 1, 3), np.int64)
-            grown[:count] = cells[:count]
-            cells = grown
             longer = np.empty(slots // 2 + 1, np.int32)
-            longer[:count] = region[:count]
-            region = longer
+            for i in range(count):
+                longer[i] = region[i]
+                for axis in range(3):
+                    grown[i, axis] = cells[i, axis]
+            cells, region = grown, longer
     return piece, cells[:count].copy(), region[:count].copy()
 
 

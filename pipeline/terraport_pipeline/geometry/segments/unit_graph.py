@@ -17,7 +17,6 @@ import numba
 import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32, Int64
-from terraport_pipeline.geometry.mesh.adjacency import as_kernel_input
 from terraport_pipeline.geometry.mesh.unit_rows import combine_rows, contract_rows, rows_of_labels
 
 __all__ = [
@@ -83,9 +82,7 @@ def unit_graph(labels: Int32, count: int, pairs: Int32, lengths: Int64) -> UnitG
     -------
     UnitGraph
     """
-    return UnitGraph(
-        *combine_rows(*rows_of_labels(labels, count, as_kernel_input(pairs, np.int32), lengths))
-    )
+    return UnitGraph(*combine_rows(*rows_of_labels(labels, count, pairs, lengths)))
 
 
 def contract(graph: UnitGraph, nodes: Int32, count: int) -> UnitGraph:
@@ -217,7 +214,8 @@ def _join_small(
         perimeter = 0
         for e in range(offsets[u], offsets[u + 1]):
             perimeter += border[e]
-        best, best_cost, best_border = -1, np.inf, 0
+        # Not a literal, which is a type of its own to numba.
+        best, best_cost, best_border = np.int64(-1), np.inf, 0
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
             if not across_regions and region[v] != region[u]:
@@ -228,7 +226,7 @@ def _join_small(
         # (2) Invariant: a root is the lowest unit of its tree, and every other unit's parent lies
         # below it.
         if best >= 0:
-            a, b = _root(parent, u), _root(parent, best)
+            a, b = _root(parent, u), _root(parent, int(best))
             parent[max(a, b)] = min(a, b)
     # (3) Lower units first, so one step reaches the root.
     for u in range(count):

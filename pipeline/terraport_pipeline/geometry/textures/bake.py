@@ -19,22 +19,21 @@ import numba
 import numpy as np
 
 from terraport_payload.types import AnyInt, Float32, Float64, Int32, UInt8
+from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 from terraport_pipeline.geometry.photos.lens_kernels import HEIGHT, WIDTH, project_packed
 from terraport_pipeline.geometry.photos.photo_samples import apply_gain, gain_at, sample
+from terraport_pipeline.geometry.textures.texel_frame import (
+    NO_AREA,
+    face_frame,
+    middle_texel,
+    texel_box,
+    texel_weights,
+)
 
 __all__ = ["NO_PHOTO", "FaceColours", "bake_photo_faces", "bake_plain_faces"]
 
-NO_PHOTO: Final = np.zeros((1, 1, 3), np.uint8)
+NO_PHOTO: Final = as_kernel_input(np.zeros((1, 1, 3)), np.uint8)
 """Stands for the second photo where there is none."""
-
-_INSIDE: Final = -1e-9
-"""Barycentric weight from which a texel's centre counts as inside: centres on a shared edge belong
-to both faces, so none is left out."""
-
-_NO_AREA: Final = 1e-12
-"""Doubled area, square texels, below which a face holds no texel's centre."""
-
-_Sides = tuple[float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,13 +163,13 @@ def _bake_photo(
         # (2) Every texel whose middle lies in the face. Invariant: a texel within a face is
         # overwritten, a texel of the margin only where nothing is drawn yet, so margins never
         # hide a face.
-        box = _texel_box(texels[f], image.shape[1], image.shape[0], margin)
+        box = texel_box(texels[f], image.shape[1], image.shape[0], margin)
         drawn = False
-        sides, least = _frame(texels[f], margin)
-        if abs(sides[4]) > _NO_AREA:
+        sides, least = face_frame(texels[f], margin)
+        if abs(sides[4]) > NO_AREA:
             for j in range(box[1], box[3]):
                 for i in range(box[0], box[2]):
-                    l0, l1, l2 = _weights(texels[f], sides, i, j)
+                    l0, l1, l2 = texel_weights(texels[f], sides, i, j)
                     if l0 < least[0] or l1 < least[1] or l2 < least[2]:
                         continue
                     if margin > 0.0 and covered[j, i]:
@@ -186,7 +185,7 @@ def _bake_photo(
             not drawn and margin == 0.0
         ):  # smaller than a texel: its middle takes the texel that nobody has
             third = 1.0 / 3.0
-            i, j = _middle(texels[f], sides)
+            i, j = middle_texel(texels[f], sides)
             if not covered[j, i]:
                 _write_photo(
                     image, covered, i, j, third, third, third, at, correction[f],
@@ -194,7 +193,7 @@ def _bake_photo(
                 )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _write_photo(
     image: UInt8,
     covered: UInt8,
@@ -295,13 +294,13 @@ def _bake_plain(
                 level[c, k] = apply_gain(np.float64(colours[f, c, k]), gain[k])
                 level[c, k] += correction[f, c, k]
         # (2) Every texel whose middle lies in the face; of the margin only those that nobody has.
-        box = _texel_box(texels[f], image.shape[1], image.shape[0], margin)
+        box = texel_box(texels[f], image.shape[1], image.shape[0], margin)
         drawn = False
-        sides, least = _frame(texels[f], margin)
-        if abs(sides[4]) > _NO_AREA:
+        sides, least = face_frame(texels[f], margin)
+        if abs(sides[4]) > NO_AREA:
             for j in range(box[1], box[3]):
                 for i in range(box[0], box[2]):
-                    l0, l1, l2 = _weights(texels[f], sides, i, j)
+                    l0, l1, l2 = texel_weights(texels[f], sides, i, j)
                     if l0 < least[0] or l1 < least[1] or l2 < least[2]:
                         continue
                     if margin > 0.0 and covered[j, i]:
@@ -311,12 +310,12 @@ def _bake_plain(
         # (3) Smaller than a texel: its middle takes the texel that nobody has.
         if not drawn and margin == 0.0:
             third = 1.0 / 3.0
-            i, j = _middle(texels[f], sides)
+            i, j = middle_texel(texels[f], sides)
             if not covered[j, i]:
                 _write_plain(image, covered, i, j, third, third, third, level)
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
+@numba.njit(cache=True, nogil=True, error_model="numpy")
 def _write_plain(
     image: UInt8,
     covered: UInt8,
@@ -331,54 +330,3 @@ def _write_plain(
         value = l0 * level[0, k] + l1 * level[1, k] + l2 * level[2, k]
         image[j, i, k] = np.uint8(min(max(value + 0.5, 0.0), 255.0))
     covered[j, i] = 1
-
-
-@numba.njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _frame(corners: Float64, margin: float) -> tuple[_Sides, tuple[float, float, float]]:
-    """Sides from the first corner and twice the area between them; the least weights to draw."""
-    bx, by = corners[1, 0] - corners[0, 0], corners[1, 1] - corners[0, 1]
-    cx, cy = corners[2, 0] - corners[0, 0], corners[2, 1] - corners[0, 1]
-    area = bx * cy - by * cx
-    # Weights that a margin away from each edge stands for: distance over height.
-    return (bx, by, cx, cy, area), (
-        _INSIDE - margin * np.hypot(cx - bx, cy - by) / abs(area),
-        _INSIDE - margin * np.hypot(cx, cy) / abs(area),
-        _INSIDE - margin * np.hypot(bx, by) / abs(area),
-    )
-
-
-@numba.njit(cache=True, nogil=True, inline="always", error_model="numpy")
-def _weights(corners: Float64, sides: _Sides, i: int, j: int) -> tuple[float, float, float]:
-    """Barycentric weights of a texel's centre."""
-    bx, by, cx, cy, area = sides
-    px, py = i + 0.5 - corners[0, 0], j + 0.5 - corners[0, 1]
-    l1 = (px * cy - py * cx) / area
-    l2 = (bx * py - by * px) / area
-    return 1.0 - l1 - l2, l1, l2
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def _middle(corners: Float64, sides: _Sides) -> tuple[int, int]:
-    """Texel that a face's middle lies in."""
-    third = 1.0 / 3.0
-    return (
-        int(corners[0, 0] + (sides[0] + sides[2]) * third),
-        int(corners[0, 1] + (sides[1] + sides[3]) * third),
-    )
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def _texel_box(
-    corners: Float64, width: int, height: int, margin: float
-) -> tuple[int, int, int, int]:
-    """Texels whose centres may lie in a face: first and behind the last, across and down."""
-    left = min(corners[0, 0], corners[1, 0], corners[2, 0])
-    right = max(corners[0, 0], corners[1, 0], corners[2, 0])
-    upper = min(corners[0, 1], corners[1, 1], corners[2, 1])
-    lower = max(corners[0, 1], corners[1, 1], corners[2, 1])
-    return (
-        max(int(np.floor(left - margin - 0.5)), 0),
-        max(int(np.floor(upper - margin - 0.5)), 0),
-        min(int(np.floor(right + margin + 0.5)) + 1, width),
-        min(int(np.floor(lower + margin + 0.5)) + 1, height),
-    )

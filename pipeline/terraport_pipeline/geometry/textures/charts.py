@@ -2,8 +2,8 @@
 
 A chart is a set of connected faces that one photo colours; its coordinates are the photo's own
 pixels, so nothing has to be unfolded and no detail of the photo is lost or invented. Faces without
-a photo are grouped by the axis that their normals are nearest to, and laid flat along the mean
-normal of the group.
+a photo are grouped by the axis that their normals are nearest to, without any photo also with their
+neighbours (:mod:`.facing_charts`), and laid flat along the mean normal of the group.
 
 Two faces of a photo's chart may cover the same texels only where one hides the other in the photo;
 the choice of views keeps hidden faces out.
@@ -27,6 +27,7 @@ import numpy as np
 from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int32
 from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
 from terraport_pipeline.geometry.photos.lens_kernels import HEIGHT, WIDTH, project_packed
+from terraport_pipeline.geometry.textures.facing_charts import axis_of, facing_labels
 
 __all__ = ["Charts", "make_charts"]
 
@@ -35,7 +36,7 @@ _BEYOND: Final = 0.5
 
 _SAME_SIDE: Final = 0.3
 """Least cosine between a face and its chart's mean normal; below it the axis is taken instead,
-which every face of the group faces by 0.577 or more."""
+which every face of the group faces by 0.577 or more, or by 0.2 where it joined a neighbour."""
 
 _PLAIN_TEXELS: Final = 2.0
 """Texels along an edge of the mesh where vertex colours are all there is: they hold no more."""
@@ -126,7 +127,9 @@ def make_charts(
     normal = np.cross(edge_a, edge_b)
     surface = 0.5 * np.linalg.norm(normal, axis=1)
     pairs, _ = face_pairs(corners, len(points))
-    chart, count = components(len(corners), pairs, labels=_labels(seen, normal))
+    # Beside photos the faces without one are few, and their small charts are dropped.
+    labels = _labels(seen, normal) if len(packed) else facing_labels(normal, pairs)
+    chart, count = components(len(corners), pairs, labels=labels)
     uvs = pixels.astype(np.float64)
     plain = seen < 0
     area_px = _plan_area(uvs)
@@ -141,7 +144,7 @@ def make_charts(
         uvs *= np.minimum(1.0, length / texel_m)[chart][:, None, None]
     if plain.any():
         per_m = 1.0 / (texel_m or _plain_texel_m(edge_a[plain]))
-        flat = _laid_flat(points, corners[plain], normal[plain], chart[plain], count)
+        flat = _laid_flat(points, corners[plain], normal[plain], chart[plain], count, labels[plain])
         uvs[plain] = flat * per_m
     area = _plan_area(uvs)
     chart, low, high = _cut_sparse(chart, count, uvs, area)
@@ -215,7 +218,7 @@ def _plain_texel_m(edges: Float64) -> float:
 
 
 def _laid_flat(
-    points: Float64, corners: Int32, normal: Float64, chart: Int32, count: int
+    points: Float64, corners: Int32, normal: Float64, chart: Int32, count: int, labels: Int32
 ) -> Float64:
     """Project faces along their charts' mean normals; metres."""
     total = np.stack([np.bincount(chart, normal[:, k], count) for k in range(3)], axis=1)
@@ -224,10 +227,8 @@ def _laid_flat(
     cosine = (normal * mean[chart]).sum(axis=1) / length
     least = np.full(count, np.inf)
     np.minimum.at(least, chart, np.where(length > 1e-200, cosine, 1.0))
-    # All faces of such a chart have one nearest axis, and the sum's is the same.
-    axis = np.argmax(np.abs(total), axis=1)
     straight = np.zeros_like(mean)
-    straight[np.arange(count), axis] = np.sign(total[np.arange(count), axis])
+    straight[chart] = axis_of(labels)  # the same for all faces of a chart
     mean = np.where((least < _SAME_SIDE)[:, None], straight, mean)
     other = np.zeros_like(mean)
     other[np.arange(count), np.argmin(np.abs(mean), axis=1)] = 1.0

@@ -1,4 +1,4 @@
-"""Cut a survey that is too large for one reconstruction into cubes of one octree lattice.
+"""Cut a survey into cubes of one octree lattice, each for a reconstruction of its own.
 
 A Poisson solver works on an octree over a cube. Two solvers whose cubes have the same cell size and
 whose corners differ by whole coarse cells refine the same lattice; where both see the same samples,
@@ -36,6 +36,7 @@ from terraport_payload.types import AnyFloat, Float32, Float64, Int64
 
 __all__ = [
     "MARGIN_CELLS",
+    "SCALE",
     "Lattice",
     "TilePlan",
     "TileShape",

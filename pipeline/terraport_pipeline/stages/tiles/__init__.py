@@ -1,1 +1,1 @@
-"""Stages that work on tiles of a survey."""
+"""What stages do tile by tile, and how it is joined."""

@@ -1,4 +1,4 @@
-"""The detail in pieces: what every later stage of a survey larger than memory works on.
+"""The detail in tiles, one or several: what every later stage works on.
 
 Each face belongs to exactly one tile. A vertex that faces of several tiles use is there in each of
 them, with the same bits of position, normal, colour and attributes, and with one number that they

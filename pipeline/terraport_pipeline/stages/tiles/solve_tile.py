@@ -1,4 +1,4 @@
-"""One tile of a survey larger than memory: from its samples to its piece of the detail.
+"""One tile: from its samples to its piece of the detail.
 
 Cleaned as the whole would be (what is usual is the whole survey's, not the tile's), reconstructed
 in a cube of the common lattice, cut to the core, freed of what no sample supports at all, coloured
@@ -21,6 +21,7 @@ from terraport_pipeline.geometry.clouds.carry import carry_values
 from terraport_pipeline.geometry.clouds.footprint import Occupancy
 from terraport_pipeline.geometry.clouds.normals import estimate_normals, orient_normals
 from terraport_pipeline.geometry.clouds.outliers import duplicate_mask, outlier_mask
+from terraport_pipeline.geometry.clouds.smooth import smooth_samples
 from terraport_pipeline.geometry.clouds.spacing import (
     areal_from_radius,
     nearest_neighbours,
@@ -41,6 +42,9 @@ SNAP_CELLS: Final = 2e-3
 """Vertices this near to a wall lie in it: the solver computes in 32 bits."""
 
 GREY: Final = 160
+
+_NOISE_DEVIATIONS: Final = 4.0
+"""A sample farther than this from the fit to its neighbours is a thing of its own, not noise."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +83,10 @@ class TileTask:
     """x and z of the corner of the scene's raster of samples; geometry/clouds/footprint.py."""
     raster_cell_m: float
     raster_shape: tuple[int, int]
+    noise_m: float = 0.0
+    """Of the whole survey's samples across their surface."""
+    smoothing_m: float = 0.0
+    """Radius of the fits that samples are moved onto before they are solved; 0 moves none."""
 
     @property
     def centre_m(self) -> Float64:
@@ -250,10 +258,18 @@ def _clean(
             return None
         neighbours = remaining_neighbours(points64, neighbours, removed, workers=workers)
         stays, points64 = stays[~removed], points64[~removed]
-    # (4) Normals; their signs are decided on the lattice of the whole survey for the same reason.
+    # (4) Normals, of noisy samples after they are moved onto their surface; their signs are decided
+    # on the lattice of the whole survey for the same reason.
     points = points64.astype(np.float32)
     del points64, local
-    normals, _ = estimate_normals(points, neighbours, k=k)
+    if task.smoothing_m > 0:
+        del neighbours
+        points, normals = smooth_samples(
+            points, radius_m=task.smoothing_m, most_m=_NOISE_DEVIATIONS * task.noise_m
+        )
+        neighbours = nearest_neighbours(points, k, workers=workers)
+    else:
+        normals, _ = estimate_normals(points, neighbours, k=k, threads=workers)
     grid_m = np.array(task.anchor_m) - task.centre_m
     normals, _, _ = orient_normals(
         points,

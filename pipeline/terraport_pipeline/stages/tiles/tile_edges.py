@@ -1,4 +1,4 @@
-"""Where the surface of a survey in tiles ends: one rule for the detail, one for the base.
+"""Where the surface ends: one rule for the detail, one for the base.
 
 Read from sums over all tiles, so that every tile is cut alike.
 """
@@ -54,7 +54,8 @@ def edge_rules(
     outline = wide = None
     if raster.spacing_m.any():
         outline = make_footprint(raster)
-        # One radius for all; see trim_detail.py.
+        # One radius for all: disks this wide that grow with the local spacing would be drawn in by
+        # another length than they reach out by, several spacings too far where thin meets dense.
         even_m = np.where(raster.spacing_m > 0, np.float32(spacing_m), np.float32(0.0))
         wide = make_footprint(replace(raster, spacing_m=even_m), closing_spacings=BASE_GAP_SPACINGS)
     rule = EdgeRule(threshold, largest, spacing_m, outline)

@@ -1,10 +1,10 @@
 """The base: every tile of the detail thinned by itself, then all of them together.
 
 What tiles share is held while they are thinned apart, so the pieces still fit each other bit for
-bit. It starts from the wider surface that
-the join cuts beside the detail: with a hem, and without the smaller gaps (``trim_detail.py``). A
-base by Poisson is solved on the thinned survey and cut to that surface. Memory: one tile, then
-about 500 bytes per face of four times the base; for a base by Poisson what its forecast says.
+bit. It starts from the wider surface that the join cuts beside the detail: with a hem, and without
+the smaller gaps (``tile_edges.py``). A base by Poisson is solved on the thinned survey and cut to
+that surface. Memory: one tile, then about 500 bytes per face of four times the base; for a base by
+Poisson what its forecast says.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ from terraport_pipeline.stages.reconstruct import BASE_DEPTH, Options
 from terraport_pipeline.stages.tiles.detail_tiles import StoredTiles
 from terraport_pipeline.stages.tiles.tile_edges import HEM_SPACINGS
 
-__all__ = ["FORM", "NAME", "TiledBase", "run"]
+__all__ = ["FORM", "NAME", "TiledBase", "faces_wanted", "run"]
 
 NAME: Final = "base"
 
@@ -53,6 +53,14 @@ over nothing."""
 
 _GAP_CELLS: Final = 8.0
 """Gaps of such a base up to this many of its cells wide, seen from above, are closed again."""
+
+_DETAIL_SHARE: Final = 8
+"""Faces of the detail over those of the base, at least. Beside a detail of 160,000 faces a base of
+as many was half of the scene's bytes."""
+
+_LEAST_FACES: Final = 2_000
+"""Faces up to which the share of the detail does not count: so few cost nothing, and the border and
+its hem alone need as many."""
 
 _DEVIATION_SAMPLES: Final = 100_000
 """Detail vertices whose distance to the base is measured; the 99.9th percentile rests on 100."""
@@ -86,15 +94,18 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
         As :func:`terraport_pipeline.engines.poisson.reconstruct`, with a base by Poisson.
     """
     # (1) Tiles thinned each by itself and joined, then thinned as a whole or solved again.
-    vertices, joined = _thinned_tiles(tiles, options, context)
-    counts: dict[str, Json] = {"base_from": options.base_from, "base_faces_before": len(joined)}
+    wanted = faces_wanted(options.base_faces, sum(tiles.faces))
+    vertices, joined = _thinned_tiles(tiles, wanted, options.island_faces, context)
+    counts: dict[str, Json] = {
+        "base_from": options.base_from,
+        "base_faces_before": len(joined),
+        "base_faces_wanted": wanted,
+    }
     context.progress.start("base: whole", None, "faces")
     if options.base_from == "poisson":
-        thin, triangles, counts["base_depth"] = _solved(cleaned, vertices, options, context)
+        thin, triangles, counts["base_depth"] = _solved(cleaned, vertices, wanted, options, context)
     else:
-        thin, triangles = thin_detail(
-            vertices, joined, max_faces=options.base_faces, threads=context.threads
-        )
+        thin, triangles = thin_detail(vertices, joined, max_faces=wanted, threads=context.threads)
     # (2) Patches where the thinned surface lost what a tile still has.
     patches = [
         base_patch(
@@ -148,11 +159,24 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     return TiledBase(base, percentiles_m, Facts(counts, tuple(warnings)))
 
 
-def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tuple[Float32, Int32]:
+def faces_wanted(most: int, detail_faces: int) -> int:
+    """How many faces a base is thinned to.
+
+    Examples
+    --------
+    >>> faces_wanted(200_000, 800_000), faces_wanted(200_000, 9_000), faces_wanted(1_000, 9_000)
+    (100000, 2000, 1000)
+    """
+    return min(most, max(detail_faces // _DETAIL_SHARE, _LEAST_FACES))
+
+
+def _thinned_tiles(
+    tiles: StoredTiles, wanted: int, island_faces: int, context: Context
+) -> tuple[Float32, Int32]:
     """Thin every tile to its share of four times the base, and join them bit for bit."""
     total = sum(tiles.base_faces)
-    wanted = _FIRST_SHARE * options.base_faces
-    share = wanted / total if total > 2 * wanted else 1.0
+    first = _FIRST_SHARE * wanted
+    share = first / total if total > 2 * first else 1.0
     context.progress.start("base: tiles", float(len(tiles.base_names)), "tiles")
     pieces = []
     for i in range(len(tiles.base_names)):
@@ -165,19 +189,19 @@ def _thinned_tiles(tiles: StoredTiles, options: Options, context: Context) -> tu
                 )
             pieces.append((vertices, faces))
         context.progress.advance(1.0)
-    first = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
-    numbered = [piece[1] + np.int32(base) for piece, base in zip(pieces, first, strict=False)]
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
+    numbered = [piece[1] + np.int32(start) for piece, start in zip(pieces, starts, strict=False)]
     vertices, joined = weld(np.concatenate([v for v, _ in pieces]), np.concatenate(numbered))
     del pieces, numbered
     # Loose pieces that the detail dropped; half as strict, for thinning leaves each another share.
-    least = max(1, int(0.5 * share * options.island_faces))
+    least = max(1, int(0.5 * share * island_faces))
     keep, _ = island_mask(joined, len(vertices), min_faces=least)
     context.progress.done({"faces": int(keep.sum())})
     return compact(vertices, joined, keep)
 
 
 def _solved(
-    cleaned: Cleaned, near: Float32, options: Options, context: Context
+    cleaned: Cleaned, near: Float32, wanted: int, options: Options, context: Context
 ) -> tuple[Float32, Int32, int]:
     """Solve the base on the thinned survey and cut it to what lies near the detail."""
     cloud = cleaned.cloud
@@ -194,7 +218,7 @@ def _solved(
     )
     cell_m = poisson.SCALE * extent_m / 2**depth
     base = _trim_base(*surface, near, cell_m, threads=context.threads)
-    return *decimate(*base, max_faces=options.base_faces), depth
+    return *decimate(*base, max_faces=wanted), depth
 
 
 def _trim_base(

@@ -1,4 +1,4 @@
-"""The last step of segmenting by tiles: one numbering, one cover, one set of facts.
+"""The last step of segmenting: one numbering, one cover, one set of facts for all tiles.
 
 Holds no faces: a few hundred bytes per segment, 8 per entry of the cover, and the sums of regions.
 """
@@ -29,14 +29,15 @@ from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Facts, Form, Json, Stored
 from terraport_pipeline.stages.region_engine import COLOUR
 from terraport_pipeline.stages.segment import Options
-from terraport_pipeline.stages.tiles.tiled_segment import Regions, TiledScene, totals_of
+from terraport_pipeline.stages.tiles.scene_facts import TiledScene
+from terraport_pipeline.stages.tiles.tiled_segment import Regions, totals_of
 
 __all__ = ["FORM", "TiledSegmented", "join"]
 
 
 @dataclass(frozen=True, slots=True)
 class TiledSegmented:
-    """What a build by tiles knows of its segments; labels of faces stay with the tiles."""
+    """What a build knows of its segments; labels of faces stay with the tiles."""
 
     tile: Int32
     """(S,) tile of every segment; segments are numbered along one Morton curve."""
@@ -133,7 +134,7 @@ def join(
     totals = replace(totals, touching=touching, border_m=border_m)
     facts = totals_document(totals, list(scene.attributes), scene.roughness_scale_m)
     ordered = {name: values[order] for name, values in every.items()}
-    max_extent_m = scene.max_extent_m(options)
+    max_extent_m = scene.max_extent_m
     sides = ordered["bounds"][:, 3:].astype(np.float64) - ordered["bounds"][:, :3]
     quantiles = {
         "segment_faces": _quantiles(ordered["face_counts"], 0),
@@ -213,7 +214,7 @@ FORM: Final = Form(_store, _restore, attrgetter("facts"))
 def _warnings(
     scene: TiledScene, joined: JoinedRegions, options: Options, baseless: int
 ) -> Iterator[str]:
-    is_grey = options.segment_by == COLOUR and scene.totals.spread(np.ones(3)) == 0.0
+    is_grey = options.segment_by == COLOUR and scene.scale.totals.spread(np.ones(3)) == 0.0
     if joined.count == 1 and is_grey:
         yield (
             "the surface has one colour and is therefore one region: --engine graph --segment-by "

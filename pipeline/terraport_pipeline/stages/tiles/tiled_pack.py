@@ -40,8 +40,8 @@ from terraport_pipeline.stages.pack import (
 )
 from terraport_pipeline.stages.region_ids import Surface, number_regions
 from terraport_pipeline.stages.texture_set import TextureSet
+from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, TiledScene
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
-from terraport_pipeline.stages.tiles.tiled_segment import AttributeRange, TiledScene
 from terraport_store.manifest import AttributeInfo, HandOff, TextureInfo
 from terraport_store.writer import SceneInfo, SceneWriter
 
@@ -181,7 +181,8 @@ def publish(
     about, options, context
         What the manifest says beyond the meshes, the scene's name, what may be used.
     textured : pair, optional
-        The base's texture, and what the manifest says of all; payloads have theirs.
+        The base's texture, and what the manifest says of all; payloads have theirs, or their
+        colours.
 
     Returns
     -------
@@ -245,7 +246,7 @@ def publish(
                 build=about.build,
                 crs=about.crs,
                 attributes=_attribute_infos(scales.ranges, attributes),
-                has_colour=about.has_colour and info is None,
+                has_colour=about.has_colour and (info is None or info.segments == 0),
                 textures=info,
             )
         )

@@ -17,11 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, Float32, Float64, Int32
+from terraport_payload.types import AnyArray, Int32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.mesh.face_measures import (
@@ -29,8 +29,7 @@ from terraport_pipeline.geometry.mesh.face_measures import (
     longest_edge,
     surface_area,
 )
-from terraport_pipeline.geometry.regions.mean_scale import ColourTotals, axis_index
-from terraport_pipeline.geometry.regions.region_roughness import automatic_roughness_scale
+from terraport_pipeline.geometry.regions.mean_scale import ColourTotals
 from terraport_pipeline.geometry.regions.region_totals import RegionTotals, slope_bins, tile_totals
 from terraport_pipeline.geometry.segments.segment_shapes import raggedness
 from terraport_pipeline.geometry.segments.segments import (
@@ -38,33 +37,28 @@ from terraport_pipeline.geometry.segments.segments import (
     SegmentOptions,
     build_segments,
 )
-from terraport_pipeline.geometry.tiles.tile_seams import OpenEdges, Seams, match_seams, open_edges
+from terraport_pipeline.geometry.tiles.tile_seams import OpenEdges, match_seams, open_edges
 from terraport_pipeline.geometry.tiles.tiled_cover import tile_cover
 from terraport_pipeline.geometry.tiles.tiled_means import (
     JoinedRegions,
     MeansScale,
-    TileUnits,
     colours_of_faces,
-    join_tiles,
-    tile_units,
 )
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
 from terraport_pipeline.stages.region_engine import (
-    make_segmenter,
     means_segmenter,
-    segmenter_mesh,
 )
 from terraport_pipeline.stages.segment import MAX_REGIONS, Options
+from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, TiledScene
+from terraport_pipeline.stages.tiles.tile_engines import tile_engine
 
 __all__ = [
     "CUT_BYTES_PER_FACE",
     "MEASURE_BYTES_PER_FACE",
     "REGIONS_FORM",
     "UNITS_BYTES_PER_FACE",
-    "AttributeRange",
     "Regions",
-    "TiledScene",
     "cut",
     "measure",
     "regions",
@@ -76,87 +70,6 @@ __all__ = [
 MEASURE_BYTES_PER_FACE: Final = 150
 UNITS_BYTES_PER_FACE: Final = 350
 CUT_BYTES_PER_FACE: Final = 350
-
-
-@dataclass(frozen=True, slots=True)
-class AttributeRange:
-    """Least and largest value of one attribute, NaN left out, and whether all are whole."""
-
-    low: float
-    high: float
-    """Below ``low`` where there is no value at all."""
-    fraction: float | None
-    """Some value that is no whole number; None when all are."""
-
-    @classmethod
-    def of(cls, values: Float32) -> AttributeRange:
-        """Measure the range of one mesh's values."""
-        valid = values[~np.isnan(values)]
-        if not len(valid):
-            return cls(1.0, 0.0, None)
-        broken = valid[valid != np.rint(valid)]
-        fraction = float(broken.min()) if len(broken) else None
-        return cls(float(valid.min()), float(valid.max()), fraction)
-
-    def plus(self, other: AttributeRange) -> AttributeRange:
-        """Unite it with the range of another piece of the surface."""
-        if self.high < self.low:
-            return other
-        if other.high < other.low:
-            return self
-        fractions = [f for f in (self.fraction, other.fraction) if f is not None]
-        return AttributeRange(
-            min(self.low, other.low), max(self.high, other.high), min(fractions, default=None)
-        )
-
-    def values(self) -> Float32:
-        """Values that stand for all in the choice of a scale."""
-        if self.high < self.low:
-            return np.full(1, np.nan, np.float32)
-        some = [self.low, self.high] + ([] if self.fraction is None else [self.fraction])
-        return np.array(some, np.float32)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class TiledScene:
-    """Sums and bounds over all tiles that the passes need before they start."""
-
-    faces: tuple[int, ...]
-    """Number of faces of every tile."""
-    vertices: int
-    area_m2: float
-    low: Float64
-    """(3,) least x, y, z."""
-    high: Float64
-    """(3,)"""
-    totals: ColourTotals
-    longest_m: float
-    seams: Seams
-    attributes: dict[str, AttributeRange]
-
-    @property
-    def face_count(self) -> int:
-        """Number of faces of the detail over all tiles."""
-        return sum(self.faces)
-
-    def scale(self, options: Options) -> MeansScale:
-        """Make what the units of every tile are made by."""
-        segmenter = means_segmenter(options)
-        return MeansScale(segmenter, self.totals, self.longest_m)
-
-    def max_extent_m(self, options: Options) -> float:
-        """Longest side of a segment's box: as asked for, or chosen by the density of faces."""
-        widest = float((self.high - self.low).max())
-        return options.max_extent_m or extent_of_area(
-            self.area_m2, self.face_count, widest, options.max_faces
-        )
-
-    @property
-    def roughness_scale_m(self) -> float:
-        """Width of the cubes that roughness is measured in."""
-        return automatic_roughness_scale(
-            self.area_m2, self.face_count, float((self.high - self.low).max())
-        )
 
 
 def measure(mesh: Mesh, context: Context) -> Stored:
@@ -184,7 +97,7 @@ def measure(mesh: Mesh, context: Context) -> Stored:
     )
 
 
-def scene_of(tiles: Sequence[Stored]) -> TiledScene:
+def scene_of(tiles: Sequence[Stored], options: Options) -> TiledScene:
     """Add up what :func:`measure` found in every tile."""
     # (1) Sums of colours, which add up exactly.
     values = [tile.values for tile in tiles]
@@ -215,68 +128,32 @@ def scene_of(tiles: Sequence[Stored]) -> TiledScene:
             attributes[name] = (
                 attributes[name].plus(value_range) if name in attributes else value_range
             )
+    # (4) What all tiles are cut by.
+    faces = tuple(int(value["faces"]) for value in values)
+    area_m2 = float(sum(value["area_m2"] for value in values))
+    low = np.min([value["low"] for value in values], axis=0)
+    high = np.max([value["high"] for value in values], axis=0)
+    longest_m = max(
+        *(value["longest_m"] for value in values), float(seams.length_m.max(initial=0.0))
+    )
     return TiledScene(
-        tuple(int(value["faces"]) for value in values),
+        faces,
         sum(int(value["vertices"]) for value in values),
-        float(sum(value["area_m2"] for value in values)),
-        np.min([value["low"] for value in values], axis=0),
-        np.max([value["high"] for value in values], axis=0),
-        totals,
-        max(*(value["longest_m"] for value in values), float(seams.length_m.max(initial=0.0))),
+        area_m2,
+        low,
+        high,
         seams,
         attributes,
+        MeansScale(means_segmenter(options), totals, longest_m),
+        options.max_extent_m
+        or extent_of_area(area_m2, sum(faces), float((high - low).max()), options.max_faces),
     )
 
 
 def units(mesh: Mesh, tile: int, scene: TiledScene, options: Options, context: Context) -> Stored:
-    """Unite one tile's faces up to the fine pools.
-
-    Raises
-    ------
-    OptionError
-        An attribute that cannot be compared; the shape diameter of an open surface.
-    """
+    """Unite one tile's faces up to the fine pools; see :meth:`.TileEngine.units`."""
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=context.threads)
-    if options.in_one_piece:
-        return _units_of_whole(mesh, pairs, options, context)
-    united = tile_units(
-        mesh.vertices,
-        mesh.faces,
-        mesh.colours,
-        pairs,
-        scene.seams.of(tile),
-        scene.scale(options),
-    )
-    arrays = {
-        field.name: getattr(united, field.name)
-        for field in fields(united)
-        if field.name != "edge_steps"
-    }
-    return Stored(arrays, {"edge_steps": list(united.edge_steps)})
-
-
-def _units_of_whole(
-    mesh: Mesh, pairs: tuple[Int32, Int32], options: Options, context: Context
-) -> Stored:
-    """Let an engine that needs the whole surface make its regions; a unit is a pool in a region."""
-    segmenter = make_segmenter(options, threads=context.threads)
-    segmentation = segmenter.segment(segmenter_mesh(mesh, pairs, options, threads=context.threads))
-    keys = segmentation.fine.astype(np.int64) * segmentation.region_count + segmentation.regions
-    unique, labels = np.unique(keys, return_inverse=True)
-    fine, region = np.divmod(unique, segmentation.region_count)
-    return Stored(
-        {
-            "labels": labels.astype(np.int32),
-            "fine": fine.astype(np.int32),
-            "region": region.astype(np.int32),
-            "similarity": segmentation.similarity,
-        },
-        {
-            "regions": segmentation.region_count,
-            "pools": segmentation.fine_count,
-            "facts": dict(segmentation.facts),
-        },
-    )
+    return tile_engine(options).units(mesh, pairs, tile, scene, context)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -335,49 +212,14 @@ def regions(
         More regions than can be told apart at run time.
     """
     context.progress.start("segment: regions across tiles", None, "units")
-    if options.in_one_piece:
-        (whole,) = tiles
-        count, pools = int(whole.values["regions"]), int(whole.values["pools"])
-        joined = JoinedRegions(
-            (np.asarray(whole.arrays["region"]),), (np.asarray(whole.arrays["fine"]),),
-            count, pools, pools, 0,
-        )  # fmt: skip
-        facts: dict[str, Json] = whole.values["facts"]
-    else:
-        joined = _joined(tiles, scene, options, context)
-        facts = {
-            "region_limit": scene.scale(options).limit,
-            "region_pools": joined.pools,
-            "region_islands": joined.islands,
-        }
+    joined, facts = tile_engine(options).regions(tiles, scene, context)
     if joined.count > MAX_REGIONS:
         raise OptionError(
             f"{joined.count} regions; at most {MAX_REGIONS} can be told apart at run time: raise "
             "--small-region-share, or change the engine's own threshold (terraport build --help)"
         )
     context.progress.done({"regions": joined.count})
-    return Regions(joined, facts)
-
-
-def _joined(
-    tiles: Sequence[Stored], scene: TiledScene, options: Options, context: Context
-) -> JoinedRegions:
-    """Unite the units of tiles by mean colour."""
-    seams = scene.seams
-    at_seams = np.zeros(seams.faces.shape, np.int32)
-    units_of_tile = []
-    for number, tile in enumerate(tiles):
-        labels = tile.arrays["labels"]
-        for side in (0, 1):
-            rows = np.flatnonzero(seams.tiles[:, side] == number)
-            at_seams[rows, side] = labels[seams.faces[rows, side]]
-        arrays: dict[str, Any] = {
-            name: np.array(a) for name, a in tile.arrays.items() if name != "labels"
-        }
-        arrays["labels"] = np.zeros(0, np.int32)
-        one, other = tile.values["edge_steps"]
-        units_of_tile.append(TileUnits(**arrays, edge_steps=(int(one), int(other))))
-    return join_tiles(units_of_tile, at_seams, seams, scene.scale(options), threads=context.threads)
+    return Regions(joined, dict(facts))
 
 
 def cut(
@@ -424,14 +266,12 @@ def cut(
         mesh.vertices,
         mesh.faces,
         fine[labels],
-        np.array(units.arrays["similarity"])
-        if options.in_one_piece
-        else _index_of_faces(mesh, scene, options),
+        tile_engine(options).index(mesh, units, scene),
         faces_region,
         SegmentOptions(
             min_faces=options.min_faces,
             max_faces=options.max_faces,
-            max_extent_m=scene.max_extent_m(options),
+            max_extent_m=scene.max_extent_m,
             units=options.units,
         ),
         pairs=pairs,
@@ -491,9 +331,3 @@ def totals_of(arrays: Mapping[str, AnyArray]) -> RegionTotals:
     return RegionTotals(
         **{f.name: np.asarray(arrays[f"totals_{f.name}"]) for f in fields(RegionTotals)}
     )
-
-
-def _index_of_faces(mesh: Mesh, scene: TiledScene, options: Options) -> Float32:
-    """Index by which pools are merged to segments: the colour's place on the scene's main axis."""
-    weight = scene.scale(options).segmenter.weights()
-    return axis_index(colours_of_faces(mesh.colours, mesh.faces), scene.totals, weight)

@@ -32,7 +32,7 @@ from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import choose_views as choosing
 from terraport_pipeline.stages.contract import Context, Stored
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
-from terraport_pipeline.stages.tiles.tiled_segment import TiledScene
+from terraport_pipeline.stages.tiles.scene_facts import TiledScene
 
 __all__ = ["CHOOSE_BYTES_PER_FACE", "TextureScale", "banded", "choose"]
 

@@ -44,9 +44,9 @@ struct SceneManifest {
   std::uint32_t segmentCount = 0;
   std::uint64_t detailFaces = 0;
   std::uint32_t baseFaces = 0;
-  /// Whether every payload has vertex colours; false, too, where textures stand in their place.
+  /// Whether every segment has vertex colours, and the base those or a texture.
   bool hasColour = false;
-  /// Whether payloads have textures; of these media types.
+  /// Whether payloads, be it the base alone, have textures; of these media types.
   bool hasTextures = false;
   std::vector<std::string> imageTypes;
   /// How far the base is drawn pushed back along the line of sight, metres.

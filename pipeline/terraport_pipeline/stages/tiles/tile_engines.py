@@ -1,0 +1,151 @@
+"""The engines that cut regions, over tiles: units within each, and regions of all units.
+
+Mean colours go by tiles. Every other engine needs the surface in one piece: it gets that as the
+only tile, and a unit is a pool within one of its regions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
+
+import numpy as np
+
+from terraport_payload.types import Float32, Int32
+from terraport_pipeline.geometry.regions.mean_scale import axis_index
+from terraport_pipeline.geometry.tiles.tiled_means import (
+    JoinedRegions,
+    TileUnits,
+    colours_of_faces,
+    join_tiles,
+    tile_units,
+)
+from terraport_pipeline.model import Mesh
+from terraport_pipeline.stages.contract import Context, Json, Stored
+from terraport_pipeline.stages.region_engine import make_segmenter, segmenter_mesh
+from terraport_pipeline.stages.segment import Options
+from terraport_pipeline.stages.tiles.scene_facts import TiledScene
+
+__all__ = ["TileEngine", "tile_engine"]
+
+
+class TileEngine(Protocol):
+    """An engine as the passes over tiles use it."""
+
+    def units(
+        self, mesh: Mesh, pairs: tuple[Int32, Int32], tile: int, scene: TiledScene, context: Context
+    ) -> Stored:
+        """Unite one tile's faces; ``labels`` says the unit of every face, (F,).
+
+        Raises
+        ------
+        OptionError
+            An attribute that cannot be compared; the shape diameter of an open surface.
+        """
+        ...
+
+    def regions(
+        self, tiles: Sequence[Stored], scene: TiledScene, context: Context
+    ) -> tuple[JoinedRegions, Mapping[str, Json]]:
+        """Unite the units of all tiles to regions, and tell of it."""
+        ...
+
+    def index(self, mesh: Mesh, units: Stored, scene: TiledScene) -> Float32:
+        """Say by which number of every face, (F,), pools are merged to segments."""
+        ...
+
+
+def tile_engine(options: Options) -> TileEngine:
+    """Choose the engine that a build asks for."""
+    return _InOnePiece(options) if options.in_one_piece else _Means()
+
+
+class _Means:
+    """Mean colours: pools within tiles, but for faces near other tiles; see `tiled_means.py`."""
+
+    def units(
+        self, mesh: Mesh, pairs: tuple[Int32, Int32], tile: int, scene: TiledScene, _: Context
+    ) -> Stored:
+        united = tile_units(
+            mesh.vertices, mesh.faces, mesh.colours, pairs, scene.seams.of(tile), scene.scale
+        )
+        arrays = {
+            field.name: getattr(united, field.name)
+            for field in fields(united)
+            if field.name != "edge_steps"
+        }
+        return Stored(arrays, {"edge_steps": list(united.edge_steps)})
+
+    def regions(
+        self, tiles: Sequence[Stored], scene: TiledScene, context: Context
+    ) -> tuple[JoinedRegions, Mapping[str, Json]]:
+        seams = scene.seams
+        at_seams = np.zeros(seams.faces.shape, np.int32)
+        units_of_tile = []
+        for number, tile in enumerate(tiles):
+            labels = tile.arrays["labels"]
+            for side in (0, 1):
+                rows = np.flatnonzero(seams.tiles[:, side] == number)
+                at_seams[rows, side] = labels[seams.faces[rows, side]]
+            arrays: dict[str, Any] = {
+                name: np.array(a) for name, a in tile.arrays.items() if name != "labels"
+            }
+            arrays["labels"] = np.zeros(0, np.int32)
+            one, other = tile.values["edge_steps"]
+            units_of_tile.append(TileUnits(**arrays, edge_steps=(int(one), int(other))))
+        joined = join_tiles(units_of_tile, at_seams, seams, scene.scale, threads=context.threads)
+        return joined, {
+            "region_limit": scene.scale.limit,
+            "region_pools": joined.pools,
+            "region_islands": joined.islands,
+        }
+
+    def index(self, mesh: Mesh, _: Stored, scene: TiledScene) -> Float32:
+        # The colour's place on the scene's main axis.
+        weight = scene.scale.segmenter.weights()
+        colours = colours_of_faces(mesh.colours, mesh.faces)
+        return axis_index(colours, scene.scale.totals, weight)
+
+
+@dataclass(frozen=True, slots=True)
+class _InOnePiece:
+    """An engine that sees the whole surface, which is the only tile."""
+
+    options: Options
+
+    def units(
+        self, mesh: Mesh, pairs: tuple[Int32, Int32], _tile: int, _: TiledScene, context: Context
+    ) -> Stored:
+        segmenter = make_segmenter(self.options, threads=context.threads)
+        segmentation = segmenter.segment(
+            segmenter_mesh(mesh, pairs, self.options, threads=context.threads)
+        )
+        count = segmentation.region_count
+        keys = segmentation.fine.astype(np.int64) * count + segmentation.regions
+        unique, labels = np.unique(keys, return_inverse=True)
+        fine, region = np.divmod(unique, count)
+        return Stored(
+            {
+                "labels": labels.astype(np.int32),
+                "fine": fine.astype(np.int32),
+                "region": region.astype(np.int32),
+                "similarity": segmentation.similarity,
+            },
+            {
+                "regions": count,
+                "pools": segmentation.fine_count,
+                "facts": dict(segmentation.facts),
+            },
+        )
+
+    def regions(
+        self, tiles: Sequence[Stored], _scene: TiledScene, _context: Context
+    ) -> tuple[JoinedRegions, Mapping[str, Json]]:
+        (whole,) = tiles
+        count, pools = int(whole.values["regions"]), int(whole.values["pools"])
+        region, fine = (np.array(whole.arrays[name]) for name in ("region", "fine"))
+        return JoinedRegions((region,), (fine,), count, pools, pools, 0), whole.values["facts"]
+
+    def index(self, _mesh: Mesh, units: Stored, _scene: TiledScene) -> Float32:
+        return np.array(units.arrays["similarity"])
