@@ -302,7 +302,8 @@ def _spread_signs(
     # of another cost are stale.
     while len(heap) > 0:
         cost, nearest = _pop(heap)
-        point = int(np.int64(nearest))
+        # To numba, int() leaves 32 bits as they are, and a second _offer would be compiled.
+        point = int(nearest) + 0
         if settled[point] or cost != best[point]:
             continue
         dot = 0.0

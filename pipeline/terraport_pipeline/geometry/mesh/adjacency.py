@@ -364,7 +364,7 @@ def _components(n_items: int, pairs: Int32, labels: Int32, also: Int32) -> tuple
             continue
         if check_also and also[a] != also[b]:
             continue
-        a, b = _find(parent, int(np.int64(a))), _find(parent, int(np.int64(b)))
+        a, b = _find(parent, a), _find(parent, b)
         if a < b:
             parent[b] = a
         elif b < a:

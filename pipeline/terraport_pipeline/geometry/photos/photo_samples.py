@@ -71,7 +71,7 @@ def apply_gain(level: float, h: float) -> float:
     return (level + SRGB_OFFSET) * h - SRGB_OFFSET
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, inline="always")
 def sample(photo: UInt8, x: float, y: float, k: int) -> float:
     """Level of channel k at a place of the array, bilinear; beyond the border its last pixel."""
     rows, columns = photo.shape[0], photo.shape[1]

@@ -167,7 +167,7 @@ def _split(
                     least = min(least, low[order[i], axis])
                     most = max(most, high[order[i], axis])
                 side[axis] = most - least
-            longest = int(np.int64(0))  # not a literal, which is a type of its own; ties: x, y, z
+            longest = 0  # ties: x before y before z
             for axis in range(1, 3):
                 if side[axis] > side[longest]:
                     longest = axis

@@ -214,8 +214,7 @@ def _join_small(
         perimeter = 0
         for e in range(offsets[u], offsets[u + 1]):
             perimeter += border[e]
-        # Not a literal, which is a type of its own to numba.
-        best, best_cost, best_border = np.int64(-1), np.inf, 0
+        best, best_cost, best_border = -1, np.inf, 0
         for e in range(offsets[u], offsets[u + 1]):
             v = neighbours[e]
             if not across_regions and region[v] != region[u]:

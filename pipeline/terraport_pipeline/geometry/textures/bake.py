@@ -193,7 +193,7 @@ def _bake_photo(
                 )  # fmt: skip
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, inline="always")
 def _write_photo(
     image: UInt8,
     covered: UInt8,
@@ -315,7 +315,7 @@ def _bake_plain(
                 _write_plain(image, covered, i, j, third, third, third, level)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")
+@numba.njit(cache=True, nogil=True, inline="always")
 def _write_plain(
     image: UInt8,
     covered: UInt8,
