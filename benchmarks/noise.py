@@ -75,7 +75,8 @@ class Bench:
     def inside(self, places: Array) -> Array:
         """Whether places lie farther from the rim than its effect."""
         away_m = np.abs(places[:, [0, 2]] - self.centre).max(axis=1)
-        return away_m < self.half_m - RIM_SPACINGS * self.spacing_m
+        inner: Array = away_m < self.half_m - RIM_SPACINGS * self.spacing_m
+        return inner
 
     def truth_m(self, places: Array) -> Array:
         """Measure the distance to the true surface."""
@@ -84,7 +85,8 @@ class Bench:
     def near_folds(self, places: Array) -> Array:
         """Whether places lie near a sharp edge of the truth."""
         reach_m = EDGE_SPACINGS * self.spacing_m
-        return self.folds.query(places, distance_upper_bound=reach_m)[0] < reach_m
+        near: Array = self.folds.query(places, distance_upper_bound=reach_m)[0] < reach_m
+        return near
 
 
 def main() -> int:

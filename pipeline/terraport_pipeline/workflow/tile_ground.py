@@ -146,7 +146,10 @@ def prepare(
     # (2) The lattice, tiles on it that fit into memory, and each tile's samples. All tiles solve
     # on one lattice: their surfaces meet at the same planes.
     cell_m, warnings = choose_cell(
-        options.detail_depth, values["extent_m"], values["surface_spacing_m"], values["noise_m"]
+        options.detail_depth,
+        poisson.SCALE * values["extent_m"],
+        values["surface_spacing_m"],
+        values["noise_m"],
     )
     lattice = _lattice(values, cell_m)
     origin = cloud.origin

@@ -12,8 +12,6 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from terraport_pipeline.geometry.tiles.tile_plan import SCALE
-
 __all__ = ["choose_cell", "detail_cell_m", "noise_ratio", "smoothing_radius_m"]
 
 CELL_SPACINGS: Final = 1.2
@@ -68,16 +66,16 @@ def detail_cell_m(spacing_m: float, noise_m: float) -> float:
 
 
 def choose_cell(
-    asked_depth: int | None, extent_m: float, spacing_m: float, noise_m: float
+    asked_depth: int | None, side_m: float, spacing_m: float, noise_m: float
 ) -> tuple[float, list[str]]:
     """Take the cells of an octree depth that was asked for, where the cloud supports them.
 
     Parameters
     ----------
     asked_depth : int, optional
-        Of an octree over the whole survey, as the thesis counts: cells of 1.1 extents / 2^depth.
-    extent_m : float
-        Longest side of the survey's box.
+        Of an octree over the whole survey, as the thesis counts: cells of side / 2^depth.
+    side_m : float
+        Width of that octree: 1.1 times the longest side of the survey's box.
     spacing_m, noise_m : float
         As of :func:`detail_cell_m`, which answers where nothing was asked for.
 
@@ -90,7 +88,7 @@ def choose_cell(
     cell_m = detail_cell_m(spacing_m, noise_m)
     if asked_depth is None:
         return cell_m, []
-    asked_m = SCALE * extent_m / 2**asked_depth
+    asked_m = side_m / 2**asked_depth
     if asked_m >= cell_m:
         return asked_m, []
     warning = (

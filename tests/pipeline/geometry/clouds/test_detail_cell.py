@@ -46,13 +46,13 @@ def test_smoothing_stays_within_what_two_tiles_both_see() -> None:
 
 
 def test_a_depth_that_was_asked_for_is_taken_where_the_survey_supports_it() -> None:
-    cell, warnings = choose_cell(8, 400.0, 0.5, 0.0)
-    assert cell == 1.1 * 400 / 2**8
+    cell, warnings = choose_cell(8, 440.0, 0.5, 0.0)
+    assert cell == 440 / 2**8
     assert warnings == []
 
 
 def test_more_than_the_survey_supports_is_lowered_and_told() -> None:
-    cell, (warning,) = choose_cell(13, 400.0, 0.5, 0.6)
+    cell, (warning,) = choose_cell(13, 440.0, 0.5, 0.6)
     assert cell == detail_cell_m(0.5, 0.6)
     assert warning == (
         "cells of 0.789 m instead of 0.0537 m (--detail-depth 13): the samples stand 0.5 m apart "
@@ -61,4 +61,4 @@ def test_more_than_the_survey_supports_is_lowered_and_told() -> None:
 
 
 def test_what_nobody_asked_for_is_no_news() -> None:
-    assert choose_cell(None, 400.0, 0.5, 0.6) == (detail_cell_m(0.5, 0.6), [])
+    assert choose_cell(None, 440.0, 0.5, 0.6) == (detail_cell_m(0.5, 0.6), [])
