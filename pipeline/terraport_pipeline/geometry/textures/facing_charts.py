@@ -67,7 +67,8 @@ def facing_labels(normal: Float64, pairs: Int32) -> Int32:
         best = np.argmax(border, axis=1)
         joins = border[np.arange(count), best] > 0
         facing = np.where(joins[chart], best[chart], facing)
-    return (-1 - facing).astype(np.int32)
+    labels: Int32 = (-1 - facing).astype(np.int32)
+    return labels
 
 
 def axis_of(label: Int32) -> Float64:
