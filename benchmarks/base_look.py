@@ -132,7 +132,8 @@ def pair(detail: Level, base: Level, camera: Camera, relief: float) -> list[np.n
 
 def difference(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     """Mean over the channels of what two pictures differ by, (H, W), levels."""
-    return np.abs(one.astype(np.float32) - other.astype(np.float32)).mean(axis=2)
+    apart: np.ndarray = np.abs(one.astype(np.float32) - other.astype(np.float32)).mean(axis=2)
+    return apart
 
 
 def views(detail: Level, count: int) -> list[Camera]:
