@@ -247,9 +247,11 @@ def test_indexes_that_differ(tiny: TinyScene) -> None:
     assert "region differ from the glb index" in findings[0].message
 
 
-def test_index_with_wrong_region(tiny: TinyScene) -> None:
+@pytest.mark.parametrize("beyond", [3, 7])
+def test_index_with_wrong_region(tiny: TinyScene, beyond: int) -> None:
+    """The scene has regions 0, 1 and 2."""
     forger = Forger(tiny)
-    region = np.array([0, 1, 1, 7], dtype=np.uint32)
+    region = np.array([0, 1, 1, beyond], dtype=np.uint32)
     forger.write_index(replace(forger.index(), region=region))
     assert codes(forger.seal()) == {"region", "payload-region"}
 

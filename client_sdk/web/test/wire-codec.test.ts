@@ -40,6 +40,24 @@ it("absent fields may be undefined, and are not written", () => {
   expect(encodeMessage(message)).toEqual(encodeMessage({ type: "pick", request: 3, origin: [1, 2, 3] }));
 });
 
+it.each([
+  [-0x80, "d080"],
+  [-0x81, "d1ff7f"],
+  [-0x8000, "d18000"],
+  [-0x8001, "d2ffff7fff"],
+  [-0x80000000, "d280000000"],
+  [-0x80000001, "d3ffffffff7fffffff"],
+  [0x7f, "7f"],
+  [0xff, "ccff"],
+  [0x100, "cd0100"],
+  [0xffff, "cdffff"],
+  [0x10000, "ce00010000"],
+  [0xffffffff, "ceffffffff"],
+  [0x100000000, "cf0000000100000000"],
+])("%d takes the shortest form that holds it", (value, hex) => {
+  expect(Buffer.from(writeMsgpack(value)).toString("hex")).toBe(hex);
+});
+
 it("names that every object has are names like any other", () => {
   const attributes = map({ ["__proto__"]: 1.5, constructor: 2, toString: 3 });
   const hit = { position: [0, 0, 0], normal: [0, 1, 0], segment: 1, region: 0, height_m: 0 };

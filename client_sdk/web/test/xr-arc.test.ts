@@ -44,6 +44,13 @@ function terrain(heightAt: (x: number, z: number) => number | null) {
 const hand: Vec3 = [0, 1.4, 0];
 
 describe("arc", () => {
+  test("of a throw straight up ends as far below the hand as it may", () => {
+    const arc = newArc();
+    throwArc(arc, [0, 1.4, 0], [0, 1, 0]);
+    const end = 3 * (arc.count - 1);
+    expect(arc.points[end + 1]).toBeCloseTo(1.4 - ARC_DEFAULTS.maxDropM, 3);
+  });
+
   test("is a thrown stone's path", () => {
     const arc = newArc();
     throwArc(arc, [1, 2, 3], [0, 3, -4]);

@@ -183,8 +183,8 @@ def format_bytes(count: float) -> str:
 
     Examples
     --------
-    >>> format_bytes(999), format_bytes(1_234_567)
-    ('999 B', '1.23 MB')
+    >>> format_bytes(999), format_bytes(1010), format_bytes(1_234_567)
+    ('999 B', '1.01 kB', '1.23 MB')
     """
     for unit in ("B", "kB", "MB", "GB"):
         if count < 1000 or unit == "GB":

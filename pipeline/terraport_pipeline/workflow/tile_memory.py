@@ -192,7 +192,7 @@ def choose_plan(
         return whole
     # (3) Of those that fit, the plan that two workers are done with first.
     best: tuple[float, TilePlan] | None = None
-    for depth in reversed(_TILE_DEPTHS):
+    for depth in _TILE_DEPTHS:  # of equal ones the smallest: a cube that is filled is solved better
         tried = plan(depth)
         fit = int((max_memory_bytes - PARENT_BYTES) // _tile_bytes(tried, points, area_m2))
         if fit < 1:

@@ -124,13 +124,19 @@ def test_values_come_back_within_their_step(scene: Path, inputs: Inputs) -> None
         assert info["classification"].step == 1.0
         step_m = opened.manifest.step_m
         mesh = decode_glb(opened.payload(0))
-    vertex_at = {tuple(row): i for i, row in enumerate(snap(detail.vertices, step_m).tolist())}
-    index = np.array([vertex_at[tuple(row)] for row in mesh.positions.tolist()])
-    assert np.abs(mesh.positions - detail.vertices[index]).max() <= step_m / 2
+    snapped = snap(detail.vertices, step_m)
+    _, first, times = np.unique(snapped, axis=0, return_index=True, return_counts=True)
+    # Vertices nearer to each other than a step cannot be told apart.
+    vertex_at = {tuple(snapped[i].tolist()): i for i in first[times == 1]}
+    kept = np.array([tuple(row) in vertex_at for row in mesh.positions.tolist()])
+    assert kept.mean() > 0.99
+    index = np.array([vertex_at[tuple(row)] for row in mesh.positions[kept].tolist()])
+    assert np.abs(mesh.positions[kept] - detail.vertices[index]).max() <= step_m / 2
     assert mesh.colours is not None
-    assert (mesh.colours == detail.colours[index]).all()
+    assert (mesh.colours[kept] == detail.colours[index]).all()
     for name, values in mesh.attributes.items():
         expected = detail.attributes[name][index]
+        values = values[kept]
         assert (np.isnan(values) == np.isnan(expected)).all()
         finite = ~np.isnan(expected)
         assert np.abs(values - expected)[finite].max() <= 0.51 * info[name].step + 1e-6

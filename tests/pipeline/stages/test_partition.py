@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -34,7 +35,7 @@ def test_samples_find_their_tiles(tmp_path: Path, monkeypatch) -> None:
     plan = plan_tiles(LATTICE, tile_shape(7, 12.0), blocks, counts, 16)
     folder = tmp_path / "out"
     folder.mkdir()
-    values, facts = partition.run(source, 1, plan, ORIGIN, folder, context)
+    values, facts = partition.run(source, 1, plan, ORIGIN, replace(context, result_folder=folder))
     cells = LATTICE.cells(to_scene(points, ORIGIN).astype(np.float64))
     seen = np.zeros(1000, dtype=int)
     for tile in range(plan.count):
@@ -49,6 +50,7 @@ def test_samples_find_their_tiles(tmp_path: Path, monkeypatch) -> None:
         seen[rows] += 1
     assert (seen >= 1).all()
     assert facts.counts["samples"] == seen.sum()
+    assert len(set(values["digests"])) == plan.count
 
 
 def test_strays_far_away_are_left_out_of_the_plan(tmp_path: Path) -> None:

@@ -21,6 +21,7 @@ from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh, Survey
 from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.stages.region_engine import ENGINES, make_segmenter
+from terraport_pipeline.stages.tiles import tiled_segment
 
 SMALL = segment.Options(min_faces=150, max_faces=900)
 
@@ -110,6 +111,14 @@ def test_two_materials_are_two_regions(meshes: Meshes, result: Labelled) -> None
     assert sizes[-2:].sum() > 0.99 * len(result.regions)
     assert len(set(east.tolist())) == len(set(west.tolist())) == 1
     assert east[0] != west[0]
+
+
+def test_more_regions_than_feature_ids_are_refused(
+    meshes: Meshes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tiled_segment, "MAX_REGIONS", 1)
+    with pytest.raises(OptionError, match=r"[2-9] regions; at most 1 can be told apart"):
+        run(meshes, SMALL)
 
 
 def test_same_input_same_bytes(meshes: Meshes, result: Labelled) -> None:

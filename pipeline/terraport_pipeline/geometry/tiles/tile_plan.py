@@ -245,19 +245,22 @@ def plan_tiles(
     TilePlan
         Of all offsets along each axis (tried one axis after the other, in steps of a unit) the
         one with the fewest tiles; ties go to the one whose most loaded tile holds least, then to
-        the smallest offset.
+        the one that keeps the samples farthest from the outermost walls (the solver is best in the
+        middle of its cube), then to the smallest offset.
     """
     offset = np.zeros(3, dtype=np.int64)
     for axis in (1, 2, 0):  # height first: a quarry's floor and rim fit one layer, or need two
-        best: tuple[int, int, int] | None = None
+        low, high = blocks[:, axis].min() * block_cells, (blocks[:, axis].max() + 1) * block_cells
+        best: tuple[int, int, int, int] | None = None
         for step in range(0, shape.core, max(shape.unit, shape.core // 16)):
             tried = offset.copy()
             tried[axis] = step
             tiles, load = count_tiles(shape, tried, blocks, counts, block_cells)
-            candidate = (len(tiles), int(load.max()), step)
+            room = min(int((low - step) % shape.core), int((step - high) % shape.core))
+            candidate = (len(tiles), int(load.max()), -room, step)
             best = candidate if best is None else min(best, candidate)
         assert best is not None
-        offset[axis] = best[2]
+        offset[axis] = best[3]
     tiles, load = count_tiles(shape, offset, blocks, counts, block_cells)
     x, y, z = tiles.T
     order = np.lexsort((x, z, y))

@@ -40,6 +40,16 @@ def test_the_outline_runs_through_the_outermost_samples() -> None:
     assert (outline.margin_m(points) > -1.0).mean() > 0.999
 
 
+@pytest.mark.parametrize("sides_m", [(90.0, 30.0), (30.0, 90.0)])
+def test_an_oblong_is_outlined_to_its_far_end(sides_m: tuple[float, float]) -> None:
+    points = square(90.0, 1.0)
+    inside = (points[:, 0] < sides_m[0]) & (points[:, 2] < sides_m[1])
+    points = points[inside]
+    outline = footprint_of(points, np.ones(len(points), np.float32), 1.0)
+    assert outline.area_m2 == pytest.approx(91.0 * 31.0, rel=0.05)
+    assert at(outline, sides_m[0] - 5, sides_m[1] - 5) == pytest.approx(5.0, abs=1.5)
+
+
 def test_wide_holes_stay_open_and_narrow_ones_close() -> None:
     points = square(60.0, 1.0)
     wide = np.hypot(points[:, 0] - 20, points[:, 2] - 20) < 8.0
