@@ -36,7 +36,9 @@ def main() -> None:
         from terraport_pipeline.warm import KERNELS, kernel_of, read_kernels, type_of
 
         if options.write:
-            KERNELS.write_text("\n".join(calls_of(options.write)) + "\n", encoding="utf-8")
+            KERNELS.write_text(
+                "\n".join(dict.fromkeys(calls_of(options.write))) + "\n", encoding="utf-8"
+            )
             return
         rows = []
         for name, types in read_kernels()[: 3 if options.smoke else None]:

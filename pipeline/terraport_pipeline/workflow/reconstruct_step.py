@@ -188,6 +188,7 @@ def _solve(
             ],
             ground.samples.values["samples"],
             "points",
+            forecast_s=ground.forecast.seconds,
         ),
         pool,
     )

@@ -24,7 +24,7 @@ from terraport_pipeline.code_digest import code_digest
 from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.measure import Measure, StepClock
-from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.progress import ESTIMATE_UNIT, NullProgress, Progress
 from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
 from terraport_pipeline.workflow.report import StageReport
 from terraport_pipeline.workflow.workdir import Cost, StageRecord, WorkDirectory, stage_key
@@ -90,6 +90,8 @@ class TileStage:
     """Memory that computing a tile takes, with the tile, where tiles share this process."""
     shared_bytes: int = 0
     """Memory that all tiles together take beside that, and do not hold yet."""
+    forecast_s: float | None = None
+    """What a single tile is expected to take, where it tells how many seconds have gone by."""
 
     def key(self, tile: int) -> str:
         """Make what identifies a tile's result."""
@@ -278,7 +280,12 @@ class Runner:
     ) -> Cost:
         """Compute the missing tiles into `records`. A tile is kept as soon as it is done."""
         clock = StepClock(self.progress)
-        clock.start(stage.title, float(sum(stage.sizes[tile] for tile in missing)), stage.unit)
+        # A bar by tiles has no use where there is one, which may take minutes.
+        by_time = len(missing) == 1 and pool is not None and not pool.is_apart and stage.forecast_s
+        if by_time:
+            clock.start(stage.title, by_time, ESTIMATE_UNIT)
+        else:
+            clock.start(stage.title, float(sum(stage.sizes[tile] for tile in missing)), stage.unit)
         with self.at(stage.name), Measure() as measure, contextlib.ExitStack() as stack:
             if pool is None:
                 largest = max(stage.sizes[tile] for tile in missing)
@@ -292,13 +299,15 @@ class Runner:
                 _TileJob(
                     self.work, stage.result_name(tile), stage.key(tile), stage.run[tile],
                     pool.threads_each(self.threads), self.max_memory_bytes, pool.workers,
+                    clock if by_time else NullProgress(),
                 )
                 for tile in missing
             ]  # fmt: skip
 
             def done(number: int, record: StageRecord) -> None:
                 records[missing[number]] = record
-                clock.advance(float(stage.sizes[missing[number]]))
+                if not by_time:
+                    clock.advance(float(stage.sizes[missing[number]]))
 
             pool.run(_keep_alone if pool.is_apart else _keep, jobs, done)
         clock.done({"tiles": len(missing)})
@@ -333,6 +342,8 @@ class _TileJob:
     max_memory_bytes: int
     beside: int
     """Tiles that are worked on at the same time: each gets its share of the seconds."""
+    progress: Progress
+    """Told only of a tile that is computed alone, in this process."""
 
 
 def _keep(job: _TileJob) -> StageRecord:
@@ -341,7 +352,7 @@ def _keep(job: _TileJob) -> StageRecord:
     if record is not None:
         return record
     with Measure() as measure, job.work.scratch() as scratch:
-        context = Context(scratch, NullProgress(), job.threads, job.max_memory_bytes)
+        context = Context(scratch, job.progress, job.threads, job.max_memory_bytes)
         stored = job.run(context)
     cost = Cost(measure.seconds / job.beside, measure.peak_bytes)
     return job.work.save(job.name, job.key, stored, Facts(), cost)

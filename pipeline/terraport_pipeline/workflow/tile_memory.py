@@ -45,8 +45,9 @@ LEAST_BYTES: Final = 1500 * 2**20
 """Cleaning the thinned copy."""
 
 _TILE_DEPTHS: Final = range(8, 11)
-"""Two tiles of depth 10 fit into 4 GiB, so a machine with as much or more plans the same tiles, and
-publishes the same bytes. One of depth 7 is nearly all margin."""
+"""Two tiles of depth 10 fit into 4 GiB where the ground is no rougher than 1.5 times its plan (and
+into 7 GiB at three times), so machines with as much or more plan the same tiles, and publish the
+same bytes. One of depth 7 is nearly all margin."""
 
 _SINGLE_DEPTHS: Final = range(7, 21)
 """Of a tile that holds the whole survey; the widest has a million cells along a side."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.geometry.mesh import chunks
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages.contract import IN_FOLDER, STORED, Context, Facts, Stored
@@ -103,6 +104,24 @@ def test_the_largest_tile_begins(runner) -> None:
     seen = []
     run(replace(runner, threads=1), lambda tile, c: seen.append(tile) or squares(tile, c))
     assert seen == [4, 3, 2, 1, 0]
+
+
+def test_a_tile_alone_advances_the_bar_by_its_seconds(runner) -> None:
+    def slow(tile: int, context: Context) -> Stored:
+        for _ in range(3):
+            context.progress.advance(0.5)
+        return squares(tile, context)
+
+    stage = replace(
+        SQUARES,
+        run=for_tiles(range(1), slow),
+        inputs=SQUARES.inputs[:1],
+        sizes=[10],
+        forecast_s=2.0,
+    )
+    with TilePool(0) as pool:
+        runner.run_tiles(stage, pool)
+    assert (runner.progress.total, runner.progress.done_so_far) == (2.0, 1.5)
 
 
 def test_an_error_stops_the_pass_and_keeps_what_was_done(runner) -> None:

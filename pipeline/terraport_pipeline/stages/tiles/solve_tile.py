@@ -323,6 +323,7 @@ def _solve(
         side_by_side=False,
         max_memory_bytes=context.max_memory_bytes,
         point_weight=task.point_weight,
+        tick=context.progress.advance,
     )
     return surface
 
