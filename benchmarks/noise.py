@@ -37,7 +37,6 @@ from terraport_pipeline.geometry.clouds.detail_cell import detail_cell_m, smooth
 from terraport_pipeline.geometry.clouds.outliers import mean_distances, usual_distance
 from terraport_pipeline.geometry.clouds.spacing import estimate_spacing, nearest_neighbours
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
-from terraport_pipeline.geometry.mesh.vertex_normals import face_normals
 from terraport_pipeline.geometry.tiles.tile_plan import tile_shape
 from terraport_pipeline.model import Cloud, to_scene
 from terraport_pipeline.option import parse_count
@@ -161,7 +160,7 @@ def make_bench(points: int, crop: int) -> Bench:
 
 def sharp_edges(vertices: Array, faces: Array) -> Array:
     """Middles of the ground's edges that fold sharply, (E, 3)."""
-    normals, _ = face_normals(vertices.astype(np.float32), faces.astype(np.int32))
+    normals, _ = normals_and_areas(vertices, faces)
     edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     pairs = np.flatnonzero((edges[order[1:]] == edges[order[:-1]]).all(axis=1))
@@ -249,7 +248,7 @@ def score(bench: Bench, vertices: Array, faces: Array) -> dict[str, float]:
     faces = faces[bench.inside(vertices[faces].mean(axis=1))]
     own = bench.points[bench.inside(bench.points)]
     vertices = vertices.astype(np.float32)
-    _, area_m2 = face_normals(vertices, faces)
+    _, area_m2 = normals_and_areas(vertices, faces)
     chosen = rng.choice(len(faces), SAMPLES, p=area_m2 / area_m2.sum())
     weights = rng.dirichlet([1, 1, 1], SAMPLES)
     places = (vertices[faces[chosen]] * weights[:, :, None]).sum(axis=1).astype(np.float64)
@@ -267,6 +266,14 @@ def score(bench: Bench, vertices: Array, faces: Array) -> dict[str, float]:
         figures[f"{name}_rms"] = round(float(np.sqrt((spacings**2).mean())), 3)
         figures[f"{name}_p95"] = round(float(np.percentile(spacings, 95)), 3)
     return figures
+
+
+def normals_and_areas(vertices: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return unit normal (F, 3) and area (F,), square metres, of every face."""
+    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
+    doubled = np.cross(b - a, c - a)
+    length = np.linalg.norm(doubled, axis=1)
+    return doubled / np.maximum(length, np.finfo(np.float64).tiny)[:, None], 0.5 * length
 
 
 if __name__ == "__main__":
