@@ -135,6 +135,9 @@ def test_a_copied_link_leads_to_the_same(
 def test_back_and_forward_land(viewer: DrivenViewer) -> None:
     first = viewer.land(POSITION, RADIUS_M)
     viewer.land(NEXT, RADIUS_M)
+    viewer.until(  # the history has it a moment later
+        f"parseFloat(new URLSearchParams(location.hash.slice(1)).get('at')) === {NEXT[0]}"
+    )
     viewer.page.go_back()
     viewer.until("terraport.status.landing === 3 && terraport.status.phase === 'shown'")
     assert set(viewer.visible) >= set(first["visible"])

@@ -17,24 +17,34 @@ const FOLLOW_MS = 500;
 /** Keep it. */
 export function createPlaceLink(): PlaceLink {
   let timer: number | null = null;
-  const stop = () => {
+  let entry: { readonly timer: number; readonly route: Route } | null = null;
+  const stopFollowing = () => {
     if (timer !== null) window.clearTimeout(timer);
     timer = null;
+  };
+  const writeEntry = () => {
+    if (entry === null) return;
+    window.clearTimeout(entry.timer);
+    const hash = formatRoute(entry.route);
+    entry = null;
+    if (hash !== window.location.hash) window.history.pushState(null, "", hash);
+  };
+  const stop = () => {
+    stopFollowing();
+    if (entry !== null) window.clearTimeout(entry.timer);
+    entry = null;
   };
   // Back or forward: what was to be written belongs to the entry that was left.
   window.addEventListener("popstate", stop);
   return {
     push(route) {
-      stop();
+      stopFollowing();
+      writeEntry(); // of a landing just before: two are two entries
       // Not in the frame of the swap: browsers take ten milliseconds for it.
-      timer = window.setTimeout(() => {
-        timer = null;
-        const hash = formatRoute(route);
-        if (hash !== window.location.hash) window.history.pushState(null, "", hash);
-      });
+      entry = { timer: window.setTimeout(writeEntry), route };
     },
     follow(route) {
-      stop();
+      stopFollowing();
       timer = window.setTimeout(() => {
         timer = null;
         const newRoute = route();
