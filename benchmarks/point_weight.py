@@ -88,11 +88,10 @@ def _measure(
         vertices, faces = poisson.reconstruct(
             points[fitted],
             normals[fitted],
-            (depth,),
+            depth,
             Path(scratch),
-            side_by_side=False,
             point_weight=weight,
-        )[0]
+        )
         row = {"spacing_mm": round(1000 * spacing_m, 1), "depth": depth, "weight": weight}
         row["cpu_s"] = round(_cpu_seconds() - before, 1)
         # Only faces that samples support are measured.

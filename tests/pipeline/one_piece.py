@@ -13,6 +13,7 @@ from terraport_pipeline.model import Mesh, Survey
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import clean, reconstruct, segment
 from terraport_pipeline.stages.contract import Facts, Stored
+from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
 from terraport_pipeline.workflow.reconstruct_step import Reconstructed, Surface, reconstruct_tiles
 from terraport_pipeline.workflow.runner import Runner
@@ -44,8 +45,8 @@ def as_read(runner: Runner, survey: Survey) -> StageRecord:
 
 
 @dataclass(frozen=True)
-class OnePiece:
-    """Base and detail of a survey whose detail is a single tile."""
+class ReconstructedSurvey:
+    """Base and detail of a survey, as the tests look at them."""
 
     ground: Ground
     reconstructed: Reconstructed
@@ -55,12 +56,25 @@ class OnePiece:
         return self.reconstructed.surface.base
 
     @property
+    def tiles(self) -> DetailTiles:
+        return self.reconstructed.surface.tiles
+
+    @property
     def detail(self) -> Mesh:
-        return self.reconstructed.surface.tiles.load(0)
+        assert self.tiles.count == 1
+        return self.tiles.load(0)
 
     @property
     def deviation_m(self) -> tuple[float, ...]:
         return self.reconstructed.surface.deviation_m
+
+    @property
+    def digest(self) -> str:
+        return self.reconstructed.surface.digest
+
+    @property
+    def cell_m(self) -> float:
+        return self.reconstructed.cell_m
 
     @property
     def facts(self) -> Facts:
@@ -74,13 +88,13 @@ def reconstruct_survey(
     *,
     tiles: TileOptions | None = None,
     in_one_piece: str | None = "a test",
-) -> OnePiece:
+) -> ReconstructedSurvey:
     read = as_read(runner, survey)
     cleaned = clean_thinned(runner, read, clean.Options())
     ground = prepare(
         runner, read, cleaned, clean.Options(), options, tiles or TileOptions(), in_one_piece
     )
-    return OnePiece(ground, reconstruct_tiles(runner, ground))
+    return ReconstructedSurvey(ground, reconstruct_tiles(runner, ground))
 
 
 def surface_in_tiles(

@@ -15,7 +15,7 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -119,67 +119,51 @@ def forecast(point_count: int, depth: int, extent_m: float, area_m2: float) -> F
 def reconstruct(
     points: Float32,
     normals: Float32,
-    depths: Sequence[int],
+    depth: int,
     directory: Path,
     *,
-    side_by_side: bool,
     max_memory_bytes: int | None = None,
     point_weight: float = POINT_WEIGHT,
     tick: Callable[[float], None] = lambda _: None,
-) -> list[tuple[Float32, Int32]]:
-    """Reconstruct one cloud at several depths.
+) -> tuple[Float32, Int32]:
+    """Reconstruct a cloud.
 
     Parameters
     ----------
     points, normals : ndarray of shape (N, 3), float32
         Metres, unit; scene frame.
-    depths : sequence of int
-        One reconstruction each; the result does not depend on the others.
+    depth : int
+        Of the octree.
     directory : Path
         For the PLY files; they are deleted before this returns or raises.
-    side_by_side : bool
-        Run all at once instead of one after the other. Same bytes either way. When memory runs out
-        they are run again one after the other, except those that had finished.
     max_memory_bytes : int, optional
-        The children are stopped when together they pass this.
+        The child is stopped when it passes this.
     point_weight : float
     tick : callable
         Called ten times a second with the seconds since the last call.
 
     Returns
     -------
-    list of (vertices float32 (V, 3), faces int32 (F, 3))
-        In the order of `depths`. Closed surfaces: trimming is the caller's.
+    vertices : ndarray of shape (V, 3), float32
+        As `points`.
+    faces : ndarray of shape (F, 3), int32
+        A closed surface: trimming is the caller's.
 
     Raises
     ------
     EngineError
-        A child failed twice; the message ends with what it printed.
+        The child failed twice; the message ends with what it printed.
     ResourceError
         More memory than allowed, or the disk is full.
     """
-    source = directory / "poisson-in.ply"
-    files = [source]
+    source, target = directory / "poisson-in.ply", directory / "poisson-out.ply"
     try:
         _write_ply(source, points, normals)
-        jobs = []
-        for index, depth in enumerate(depths):
-            target = directory / f"poisson-{index}-depth{depth}.ply"
-            files += [target, target.with_suffix(".log"), target.with_suffix(".part.ply")]
-            jobs.append(_Job(source, target, depth, point_weight))
-        waiting = list(jobs)
-        if side_by_side and len(jobs) > 1:
-            waiting = _run_together(jobs, max_memory_bytes, tick)
-        for job in waiting:
-            _run_alone(job, max_memory_bytes, tick)
-        return [_read_ply(job.target) for job in jobs]
+        _run(_Job(source, target, depth, point_weight), max_memory_bytes, tick)
+        return _read_ply(target)
     finally:
-        for path in files:
+        for path in (source, target, target.with_suffix(".log"), target.with_suffix(".part.ply")):
             path.unlink(missing_ok=True)
-
-
-class _MemoryPassedError(ResourceError):
-    """The children together passed what is allowed; one after the other they may not."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,20 +179,11 @@ class _Job:
         return [sys.executable, "-m", module, str(self.source), str(self.target), *numbers]
 
 
-def _run_together(
-    jobs: Sequence[_Job], max_memory_bytes: int | None, tick: Callable[[float], None]
-) -> list[_Job]:
-    """Run children at once; returns those that did not end well, to be run one by one."""
-    with contextlib.ExitStack() as stack, contextlib.suppress(_MemoryPassedError):
-        _wait([stack.enter_context(_child(job)) for job in jobs], max_memory_bytes, tick)
-    return [job for job in jobs if not job.target.is_file()]
-
-
-def _run_alone(job: _Job, max_memory_bytes: int | None, tick: Callable[[float], None]) -> None:
+def _run(job: _Job, max_memory_bytes: int | None, tick: Callable[[float], None]) -> None:
     """Run a child to its end, again once if it fails."""
     for _ in range(_ATTEMPTS):
         with _child(job) as process:
-            _wait([process], max_memory_bytes, tick)
+            _wait(process, max_memory_bytes, tick)
         if job.target.is_file():
             return
     _raise_failure(job, process)
@@ -230,19 +205,19 @@ def _child(job: _Job) -> Iterator[subprocess.Popen[bytes]]:
 
 
 def _wait(
-    processes: Sequence[subprocess.Popen[bytes]],
+    process: subprocess.Popen[bytes],
     max_memory_bytes: int | None,
     tick: Callable[[float], None],
 ) -> None:
     last = time.monotonic()
-    while any(process.poll() is None for process in processes):
+    while process.poll() is None:
         time.sleep(_POLL_S)
         now = time.monotonic()
         tick(now - last)
         last = now
-        used = sum(_resident_bytes(process.pid) for process in processes if process.poll() is None)
+        used = _resident_bytes(process.pid)
         if max_memory_bytes is not None and used > max_memory_bytes:
-            raise _MemoryPassedError(
+            raise ResourceError(
                 f"reconstruction uses {used / 2**30:.1f} GiB, allowed are "
                 f"{max_memory_bytes / 2**30:.1f} GiB (--max-memory); lower --detail-depth, "
                 "or thin the survey with --max-points"

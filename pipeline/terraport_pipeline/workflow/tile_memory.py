@@ -41,9 +41,6 @@ PARENT_BYTES: Final = 900 * 2**20
 """The build itself while tiles are worked on: the thinned copy (0.2 GB), libraries, buffers. It
 takes up to 1.4 GB earlier and later, when no tile is."""
 
-LEAST_BYTES: Final = 1500 * 2**20
-"""Cleaning the thinned copy."""
-
 _TILE_DEPTHS: Final = range(8, 11)
 """Two tiles of depth 10 fit into 4 GiB where the ground is no rougher than 1.5 times its plan (and
 into 7 GiB at three times), so machines with as much or more plan the same tiles, and publish the

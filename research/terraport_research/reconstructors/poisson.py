@@ -28,9 +28,7 @@ ISLAND_FACES: Final = 200
 def _run(samples: Samples, work: Work) -> Surface:
     extent_m = float(np.ptp(samples.points, axis=0).max())
     depth = work.depth or solver.depth_for(DEEPEST, extent_m, samples.spacing_m)
-    ((vertices, faces),) = solver.reconstruct(
-        samples.points, samples.normals, [depth], work.scratch, side_by_side=False
-    )
+    vertices, faces = solver.reconstruct(samples.points, samples.normals, depth, work.scratch)
     tree = cKDTree(samples.points, balanced_tree=False)
     keep = support_mask(
         vertices,

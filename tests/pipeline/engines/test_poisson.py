@@ -25,9 +25,7 @@ def test_a_sphere_comes_back_oriented_and_close(tmp_path: Path) -> None:
     points, normals = sphere()
     ticks: list[float] = []
     started = time.monotonic()
-    ((vertices, faces),) = poisson.reconstruct(
-        points, normals, [6], tmp_path, side_by_side=False, tick=ticks.append
-    )
+    vertices, faces = poisson.reconstruct(points, normals, 6, tmp_path, tick=ticks.append)
     assert 0 < sum(ticks) <= time.monotonic() - started
     assert not list(tmp_path.iterdir())
     assert np.abs(np.linalg.norm(vertices, axis=1) - 5.0).max() < 0.1
@@ -36,23 +34,16 @@ def test_a_sphere_comes_back_oriented_and_close(tmp_path: Path) -> None:
     assert len(np.unique(np.sort(faces, axis=1), axis=0)) == len(faces)
 
 
-def test_side_by_side_gives_the_same_bytes(tmp_path: Path) -> None:
-    points, normals = sphere()
-    both = [
-        poisson.reconstruct(points, normals, [4, 5], tmp_path, side_by_side=together)
-        for together in (True, False)
-    ]
-    for (v1, f1), (v2, f2) in zip(*both, strict=True):
-        assert v1.tobytes() == v2.tobytes()
-        assert f1.tobytes() == f2.tobytes()
+def test_the_same_samples_give_the_same_bytes(tmp_path: Path) -> None:
+    first, second = (poisson.reconstruct(*sphere(), 5, tmp_path) for _ in range(2))
+    assert first[0].tobytes() == second[0].tobytes()
+    assert first[1].tobytes() == second[1].tobytes()
 
 
 def test_more_memory_than_allowed_stops_the_child(tmp_path: Path) -> None:
     before = set(psutil.Process().children())  # other tests may have left a fork server
     with pytest.raises(ResourceError, match="--detail-depth"):
-        poisson.reconstruct(
-            *sphere(), [9], tmp_path, side_by_side=False, max_memory_bytes=40 * 2**20
-        )
+        poisson.reconstruct(*sphere(), 9, tmp_path, max_memory_bytes=40 * 2**20)
     assert not list(tmp_path.iterdir())
     assert not set(psutil.Process().children()) - before
 
@@ -61,7 +52,7 @@ def test_a_failing_child_is_told_with_what_it_printed(tmp_path: Path) -> None:
     with pytest.raises(
         EngineError, match=r"(?s)depth -1 ended with exit code .*, 2 times; it .*dep"
     ):
-        poisson.reconstruct(*sphere(100), [-1], tmp_path, side_by_side=False)
+        poisson.reconstruct(*sphere(100), -1, tmp_path)
     assert not list(tmp_path.iterdir())
 
 
@@ -72,7 +63,7 @@ def test_an_interrupt_ends_the_children(tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        poisson.reconstruct(*sphere(), [8, 9], tmp_path, side_by_side=True, tick=stop)
+        poisson.reconstruct(*sphere(), 9, tmp_path, tick=stop)
     assert not set(psutil.Process().children()) - before
     assert not list(tmp_path.iterdir())
 
@@ -84,7 +75,7 @@ def test_a_killed_parent_takes_its_children_along(tmp_path: Path) -> None:
         "from terraport_pipeline.engines import poisson\n"
         "n = np.random.default_rng(1).normal(size=(60_000, 3)).astype(np.float32)\n"
         "n /= np.linalg.norm(n, axis=1)[:, None]\n"
-        f"poisson.reconstruct(5 * n, n, [10], Path({str(tmp_path)!r}), side_by_side=False)\n"
+        f"poisson.reconstruct(5 * n, n, 10, Path({str(tmp_path)!r}))\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", script], env=os.environ)
     children: list[psutil.Process] = []
@@ -118,39 +109,3 @@ def test_forecast_grows_with_depth_until_the_samples_run_out() -> None:
     # Measured with PoissonRecon: 1 M points of rough ground at depth 9 took 0.5 GB and 0.9 M faces.
     assert 0.4e9 < memory[2] < 1.0e9
     assert 0.6e6 < costs[2].faces < 1.4e6
-
-
-def test_what_memory_stops_side_by_side_is_run_again_one_by_one(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    # Two children together are "too large" as soon as both live; one alone never is.
-    alive: list[int] = []
-
-    def resident_bytes(pid: int) -> int:
-        alive.append(pid)
-        return 600
-
-    monkeypatch.setattr(poisson, "_resident_bytes", resident_bytes)
-    points, normals = sphere()
-    ran = poisson.reconstruct(
-        points, normals, [4, 5], tmp_path, side_by_side=True, max_memory_bytes=1000
-    )
-    expected = poisson.reconstruct(points, normals, [4, 5], tmp_path, side_by_side=False)
-    assert len(set(alive)) >= 3  # two stopped together, then at least one looked at alone
-    for (v1, f1), (v2, f2) in zip(ran, expected, strict=True):
-        assert v1.tobytes() == v2.tobytes()
-        assert f1.tobytes() == f2.tobytes()
-    assert not list(tmp_path.iterdir())
-
-
-def test_the_forecast_is_near_what_surveys_took() -> None:
-    # points, depth, extent, spacing; faces and peak bytes of the child as measured
-    for count, depth, extent_m, spacing_m, faces, peak in (
-        (499_947, 9, 157.874, 0.18296, 423_008, 276_660_224),
-        (499_947, 10, 157.874, 0.18296, 1_646_885, 580_935_680),
-        (939_235, 11, 104.25, 0.06467, 3_154_854, 984_276_992),
-        (2_196_390, 11, 1995.42, 0.99267, 5_259_565, 1_489_702_912),
-    ):
-        forecast = poisson.forecast(count, depth, extent_m, count * spacing_m**2)
-        assert 0.85 < forecast.faces / faces < 1.2
-        assert 1.0 < forecast.memory_bytes / peak < 1.3

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pipeline.mesh_facts import face_normals
-from pipeline.one_piece import OnePiece, reconstruct_survey, runner_in
+from pipeline.one_piece import ReconstructedSurvey, reconstruct_survey, runner_in
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.errors import OptionError, ResourceError
@@ -37,25 +37,25 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def result(survey: Survey, folder: Path) -> OnePiece:
+def result(survey: Survey, folder: Path) -> ReconstructedSurvey:
     return reconstruct_survey(
         runner_in(folder / "result"), survey, reconstruct.Options(base_faces=600)
     )
 
 
 @pytest.fixture(scope="module")
-def cleaned(result: OnePiece) -> clean.Cleaned:
+def cleaned(result: ReconstructedSurvey) -> clean.Cleaned:
     return result.ground.cleaned.value()
 
 
 @pytest.fixture(scope="module")
-def solved_base(result: OnePiece, survey: Survey, folder: Path) -> OnePiece:
+def solved_base(result: ReconstructedSurvey, survey: Survey, folder: Path) -> ReconstructedSurvey:
     options = reconstruct.Options(base_faces=600, base_from="poisson", base_depth=6)
     return reconstruct_survey(runner_in(folder / "solved_base"), survey, options)
 
 
 @pytest.fixture(scope="module")
-def ragged(folder: Path) -> OnePiece:
+def ragged(folder: Path) -> ReconstructedSurvey:
     """A noisy survey with 40 bays and tongues, and a base whose edges are longer than these."""
     rng = np.random.default_rng(1)
     x, z = rng.uniform(-15, 15, (2, 40_000))
@@ -68,14 +68,16 @@ def ragged(folder: Path) -> OnePiece:
     return reconstruct_survey(runner_in(folder / "ragged"), survey, options)
 
 
-def test_detail_passes_through_the_samples(cleaned: clean.Cleaned, result: OnePiece) -> None:
+def test_detail_passes_through_the_samples(
+    cleaned: clean.Cleaned, result: ReconstructedSurvey
+) -> None:
     mesh = result.detail
     inside = np.abs(cleaned.cloud.points[:, ::2]).max(axis=1) < 14
     distance_m = distances_to_mesh(cleaned.cloud.points[inside], mesh.vertices, mesh.faces)
     assert np.percentile(distance_m, 95) < 0.1 * cleaned.cloud.spacing_m
 
 
-def test_detail_ends_where_samples_end(cleaned: clean.Cleaned, result: OnePiece) -> None:
+def test_detail_ends_where_samples_end(cleaned: clean.Cleaned, result: ReconstructedSurvey) -> None:
     distance_m, _ = cKDTree(cleaned.cloud.points).query(result.detail.vertices)
     assert distance_m.max() <= 4.0 * 3.0 * cleaned.cloud.spacing_m
     centre = result.detail.vertices[result.detail.faces].mean(axis=1)
@@ -83,7 +85,7 @@ def test_detail_ends_where_samples_end(cleaned: clean.Cleaned, result: OnePiece)
     assert not middle_of_hole.any()
 
 
-def test_faces_look_up(result: OnePiece) -> None:
+def test_faces_look_up(result: ReconstructedSurvey) -> None:
     for mesh in (result.base, result.detail):
         normals, areas_m2 = face_normals(mesh.vertices, mesh.faces)
         # By area: thinning may leave slivers on the base's border that stand on edge.
@@ -92,7 +94,7 @@ def test_faces_look_up(result: OnePiece) -> None:
 
 
 def test_the_base_lies_under_all_of_the_detail(
-    result: OnePiece, solved_base: OnePiece, ragged: OnePiece
+    result: ReconstructedSurvey, solved_base: ReconstructedSurvey, ragged: ReconstructedSurvey
 ) -> None:
     assert ragged.facts.counts["base_faces_patched"] > 0
     for reconstructed in (result, solved_base, ragged):
@@ -101,7 +103,9 @@ def test_the_base_lies_under_all_of_the_detail(
         assert not bare.any()
 
 
-def test_the_base_keeps_its_budget(result: OnePiece, solved_base: OnePiece) -> None:
+def test_the_base_keeps_its_budget(
+    result: ReconstructedSurvey, solved_base: ReconstructedSurvey
+) -> None:
     for reconstructed in (result, solved_base):
         assert 400 < len(reconstructed.base.faces) <= 660
 
@@ -116,7 +120,7 @@ def test_a_base_from_the_detail_is_nearer_to_it(survey: Survey, folder: Path) ->
     assert thinned.deviation_m[2] < solved.deviation_m[2]
 
 
-def test_colours_attributes_and_codes_are_carried(result: OnePiece) -> None:
+def test_colours_attributes_and_codes_are_carried(result: ReconstructedSurvey) -> None:
     for mesh in (result.base, result.detail):
         x, z = mesh.vertices[:, 0], mesh.vertices[:, 2]
         clear = (np.abs(x) > 1) & (np.abs(x) < 14) & (np.abs(z) < 14)
@@ -126,14 +130,14 @@ def test_colours_attributes_and_codes_are_carried(result: OnePiece) -> None:
 
 
 def test_cells_follow_the_density_and_nobody_is_warned(
-    cleaned: clean.Cleaned, result: OnePiece
+    cleaned: clean.Cleaned, result: ReconstructedSurvey
 ) -> None:
     assert result.facts.counts["cell_m"] == pytest.approx(1.2 * cleaned.cloud.spacing_m, rel=0.1)
     assert not result.facts.warnings
 
 
 def test_who_asks_for_more_than_the_density_supports_is_told(
-    result: OnePiece, survey: Survey, folder: Path
+    result: ReconstructedSurvey, survey: Survey, folder: Path
 ) -> None:
     options = reconstruct.Options(
         base_faces=600, base_from="poisson", detail_depth=13, base_depth=9
@@ -145,7 +149,7 @@ def test_who_asks_for_more_than_the_density_supports_is_told(
     assert f"base depth {facts.counts['base_depth']} instead of 9" in warnings
 
 
-def test_the_deviation_is_measured(result: OnePiece) -> None:
+def test_the_deviation_is_measured(result: ReconstructedSurvey) -> None:
     base, detail = result.base, result.detail
     distance_m = distances_to_mesh(detail.vertices, base.vertices, base.faces)
     assert result.deviation_m == tuple(np.percentile(distance_m, (50, 95, 99, 99.9)).tolist())
@@ -153,7 +157,7 @@ def test_the_deviation_is_measured(result: OnePiece) -> None:
 
 
 def test_the_result_does_not_depend_on_threads(
-    survey: Survey, result: OnePiece, folder: Path
+    survey: Survey, result: ReconstructedSurvey, folder: Path
 ) -> None:
     options = reconstruct.Options(base_faces=600)
     runner = runner_in(folder / "threads", threads=2)
@@ -161,7 +165,9 @@ def test_the_result_does_not_depend_on_threads(
     assert second.reconstructed.surface.digest == result.reconstructed.surface.digest
 
 
-def test_what_is_kept_is_taken_up(survey: Survey, result: OnePiece, folder: Path) -> None:
+def test_what_is_kept_is_taken_up(
+    survey: Survey, result: ReconstructedSurvey, folder: Path
+) -> None:
     runner = runner_in(folder / "result")
     again = reconstruct_survey(runner, survey, reconstruct.Options(base_faces=600))
     assert all(report.taken_up for report in runner.reports)
@@ -179,7 +185,7 @@ def test_too_little_memory_for_one_piece_is_said_before_it_is_solved(
     assert not list(runner.work.path.glob("solve-*"))
 
 
-def test_nothing_stays_beside_the_results(result: OnePiece, folder: Path) -> None:
+def test_nothing_stays_beside_the_results(result: ReconstructedSurvey, folder: Path) -> None:
     assert not list((folder / "result" / "work").glob(".*.tmp"))
 
 

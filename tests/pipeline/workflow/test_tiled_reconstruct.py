@@ -5,32 +5,28 @@ from __future__ import annotations
 import dataclasses
 import shutil
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
-from pipeline.one_piece import reconstruct_survey, runner_in
+from pipeline.one_piece import ReconstructedSurvey, reconstruct_survey, runner_in
 
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.geometry.tiles.tile_plan import tile_shape
-from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import clean, reconstruct
-from terraport_pipeline.stages.contract import Facts
 from terraport_pipeline.stages.read import read_survey
-from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
 from terraport_pipeline.survey_files import SurveyFiles
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.workflow import reconstruct_step, tile_ground
 from terraport_pipeline.workflow.read_step import read_once
-from terraport_pipeline.workflow.reconstruct_step import Reconstructed, reconstruct_tiles
+from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
 from terraport_pipeline.workflow.runner import Runner
-from terraport_pipeline.workflow.tile_ground import Ground, TileOptions, clean_thinned, prepare
+from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare
 from terraport_pipeline.workflow.workdir import WorkDirectory
 
 POINTS = 10_000
@@ -61,44 +57,12 @@ def build(
     options: reconstruct.Options = OPTIONS,
     max_memory_bytes: int = 8 << 30,
     tiles: TileOptions | None = None,
-) -> Tiled:
+) -> ReconstructedSurvey:
     runner = Runner(WorkDirectory(work), True, NullProgress(), 1, max_memory_bytes)
     read = read_once(runner, SurveyFiles.of(survey), max_points=None, bounded=True)
     cleaned = clean_thinned(runner, read, clean.Options())
     ground = prepare(runner, read, cleaned, clean.Options(), options, tiles or TileOptions(depth=7))
-    return Tiled(ground, reconstruct_tiles(runner, ground, cluster))
-
-
-@dataclass(frozen=True)
-class Tiled:
-    """A survey in tiles, reconstructed."""
-
-    ground: Ground
-    reconstructed: Reconstructed
-
-    @property
-    def tiles(self) -> DetailTiles:
-        return self.reconstructed.surface.tiles
-
-    @property
-    def base(self) -> Mesh:
-        return self.reconstructed.surface.base
-
-    @property
-    def facts(self) -> Facts:
-        return self.reconstructed.facts
-
-    @property
-    def deviation_m(self) -> tuple[float, ...]:
-        return self.reconstructed.surface.deviation_m
-
-    @property
-    def digest(self) -> str:
-        return self.reconstructed.surface.digest
-
-    @property
-    def cell_m(self) -> float:
-        return self.reconstructed.cell_m
+    return ReconstructedSurvey(ground, reconstruct_tiles(runner, ground, cluster))
 
 
 @pytest.fixture(scope="module")
@@ -107,11 +71,11 @@ def work(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def tiled(survey: Path, work: Path, small_tiles: None) -> Tiled:
+def tiled(survey: Path, work: Path, small_tiles: None) -> ReconstructedSurvey:
     return build(survey, work)
 
 
-def test_there_are_several_tiles_and_no_crack(tiled: Tiled) -> None:
+def test_there_are_several_tiles_and_no_crack(tiled: ReconstructedSurvey) -> None:
     counts = tiled.facts.counts
     assert tiled.tiles.count >= 4
     assert counts["seam_edges"] > 100
@@ -119,7 +83,7 @@ def test_there_are_several_tiles_and_no_crack(tiled: Tiled) -> None:
     assert counts["seam_gap_p50_cells"] < 0.02
 
 
-def joined_edges(tiled: Tiled) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def joined_edges(tiled: ReconstructedSurvey) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """All vertices by their bits, and how often each directed edge occurs."""
     meshes = [tiled.tiles.load(i) for i in range(tiled.tiles.count)]
     first = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
@@ -133,7 +97,7 @@ def joined_edges(tiled: Tiled) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_the_joined_surface_is_a_manifold_as_the_solver_made_it(
-    tiled: Tiled,
+    tiled: ReconstructedSurvey,
 ) -> None:
     _, faces, edges = joined_edges(tiled)
     unique, counts = np.unique(edges, axis=0, return_counts=True)
@@ -147,7 +111,7 @@ def test_the_joined_surface_is_a_manifold_as_the_solver_made_it(
     assert counts["seam_rims"] <= 0.03 * counts["seam_edges"]
 
 
-def test_shared_vertices_are_equal_to_the_last_bit(tiled: Tiled) -> None:
+def test_shared_vertices_are_equal_to_the_last_bit(tiled: ReconstructedSurvey) -> None:
     tiles = tiled.tiles
     seen: dict[int, tuple[bytes, ...]] = {}
     shared = 0
@@ -169,7 +133,9 @@ def test_shared_vertices_are_equal_to_the_last_bit(tiled: Tiled) -> None:
     assert max(seen) < tiles.border_count
 
 
-def test_it_lies_on_the_surface_of_the_whole(tiled: Tiled, survey: Path, tmp_path: Path) -> None:
+def test_it_lies_on_the_surface_of_the_whole(
+    tiled: ReconstructedSurvey, survey: Path, tmp_path: Path
+) -> None:
     one = reconstruct_survey(runner_in(tmp_path), read_survey(survey), OPTIONS)
     whole = one.detail
     assert tiled.ground.origin.tolist() == one.ground.origin.tolist()
@@ -189,13 +155,13 @@ def test_it_lies_on_the_surface_of_the_whole(tiled: Tiled, survey: Path, tmp_pat
             assert np.percentile(seam, 90) < 0.4 * tiled.cell_m
 
 
-def test_the_base_is_light_and_near(tiled: Tiled) -> None:
+def test_the_base_is_light_and_near(tiled: ReconstructedSurvey) -> None:
     assert 1_000 < len(tiled.base.faces) <= 1.2 * OPTIONS.base_faces
     assert tiled.deviation_m[2] < 2 * tiled.cell_m
     assert tuple(tiled.base.attributes) == tiled.tiles.attributes == ("grade",)
 
 
-def seen_through(tiled: Tiled) -> float:
+def seen_through(tiled: ReconstructedSurvey) -> float:
     """Share of the detail's own border that no base lies above or below."""
     places, faces, edges = joined_edges(tiled)
     key = edges[:, 0] * len(places) + edges[:, 1]
@@ -208,12 +174,12 @@ def seen_through(tiled: Tiled) -> float:
     return float(np.isinf(distance).mean())
 
 
-def test_the_base_reaches_beyond_the_detail(tiled: Tiled) -> None:
+def test_the_base_reaches_beyond_the_detail(tiled: ReconstructedSurvey) -> None:
     assert seen_through(tiled) == 0
 
 
 def test_a_base_by_poisson_lies_under_the_detail_too(
-    tiled: Tiled, survey: Path, work: Path, tmp_path: Path
+    tiled: ReconstructedSurvey, survey: Path, work: Path, tmp_path: Path
 ) -> None:
     copy = tmp_path / "work"
     shutil.copytree(work, copy)
@@ -228,7 +194,7 @@ def test_a_base_by_poisson_lies_under_the_detail_too(
 
 
 def test_nothing_is_done_twice_and_a_lost_tile_is_made_again(
-    tiled: Tiled, survey: Path, work: Path, tmp_path: Path
+    tiled: ReconstructedSurvey, survey: Path, work: Path, tmp_path: Path
 ) -> None:
     copy = tmp_path / "work"
     shutil.copytree(work, copy)
@@ -244,7 +210,7 @@ def test_nothing_is_done_twice_and_a_lost_tile_is_made_again(
 
 
 def test_a_cluster_makes_the_same_bytes(
-    tiled: Tiled, survey: Path, work: Path, tmp_path: Path
+    tiled: ReconstructedSurvey, survey: Path, work: Path, tmp_path: Path
 ) -> None:
     distributed = pytest.importorskip(
         "distributed", reason="Dask is not installed (terraport[cluster])"

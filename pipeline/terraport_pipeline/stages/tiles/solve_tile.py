@@ -34,9 +34,7 @@ from terraport_pipeline.geometry.tiles.tile_weld import TileBorder
 from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Context, Json, Stored
 
-__all__ = ["NAME", "TileTask", "border_of", "run", "sample_type"]
-
-NAME: Final = "solve_tile"
+__all__ = ["TileTask", "border_of", "run", "sample_type"]
 
 SNAP_CELLS: Final = 2e-3
 """Vertices this near to a wall lie in it: the solver computes in 32 bits."""
@@ -315,17 +313,15 @@ def _solve(
     inside = (np.abs(points) < half_m).all(axis=1)
     corners = np.array([[-half_m] * 3, [half_m] * 3], dtype=np.float32)
     upright = np.array([[0, 1, 0], [0, 1, 0]], dtype=np.float32)
-    (surface,) = poisson.reconstruct(
+    return poisson.reconstruct(
         np.concatenate([points[inside], corners]),
         np.concatenate([normals[inside], upright]),
-        [task.depth],
+        task.depth,
         context.scratch,
-        side_by_side=False,
         max_memory_bytes=context.max_memory_bytes,
         point_weight=task.point_weight,
         tick=context.progress.advance,
     )
-    return surface
 
 
 def _cut(task: TileTask, vertices: Float32, faces: Int32) -> tuple[Float32, Int32]:

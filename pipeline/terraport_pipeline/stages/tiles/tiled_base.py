@@ -207,12 +207,11 @@ def _solved(
     cloud = cleaned.cloud
     extent_m = float(np.ptp(cloud.points, axis=0).max())
     depth = poisson.depth_for(options.base_depth or BASE_DEPTH, extent_m, cloud.spacing_m)
-    (surface,) = poisson.reconstruct(
+    surface = poisson.reconstruct(
         cloud.points,
         cloud.normals,
-        [depth],
+        depth,
         context.scratch,
-        side_by_side=False,
         max_memory_bytes=context.max_memory_bytes,
         point_weight=options.point_weight,
     )
