@@ -26,6 +26,7 @@ from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.measure import Measure, StepClock
 from terraport_pipeline.progress import ESTIMATE_UNIT, NullProgress, Progress
 from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
+from terraport_pipeline.workflow.before import Before, remember
 from terraport_pipeline.workflow.report import StageReport
 from terraport_pipeline.workflow.workdir import Cost, StageRecord, WorkDirectory, stage_key
 
@@ -62,10 +63,24 @@ class Stage(Generic[T]):
     inputs: Mapping[str, str] = field(default_factory=dict)
     """Digests of what goes in, by name."""
 
+    is_remembered: bool = False
+    """The next survey over the scene is built with this result at hand."""
+    is_decision: bool = False
+    """Holds for later surveys over the scene as long as code and options are the same, whatever
+    they are like; remembered."""
+
     @property
     def key(self) -> str:
         """What identifies the result."""
-        return stage_key(self.name, code_digest(self.code.__name__), self.options, self.inputs)
+        return self._key(self.inputs)
+
+    @property
+    def decision(self) -> str:
+        """What identifies a decision: all but what it was taken from."""
+        return self._key({})
+
+    def _key(self, inputs: Mapping[str, str]) -> str:
+        return stage_key(self.name, code_digest(self.code.__name__), self.options, inputs)
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,6 +192,10 @@ class Runner:
     reports: list[StageReport] = field(default_factory=list)
     stage: str = "the build's start"
     """What is being done, or failed."""
+    before: Before | None = None
+    """What the scene's last version was built from; None where all is built anew."""
+    _remembered: dict[str, str | None] = field(default_factory=dict)
+    """Names of the results to remember; for decisions what identifies them."""
 
     @contextlib.contextmanager
     def at(self, name: str) -> Iterator[None]:
@@ -211,6 +230,9 @@ class Runner:
 
     def run(self, stage: Stage[T]) -> Result[T]:
         """Take a stage's result up, or compute and keep it."""
+        if stage.is_remembered or stage.is_decision:
+            self._remembered[stage.name] = stage.decision if stage.is_decision else None
+        stage = self._as_decided(stage)
         record = self.take_up(stage.name, stage.key)
         value = None
         taken_up = record is not None
@@ -228,6 +250,36 @@ class Runner:
         self.reports.append(StageReport(stage.name, taken_up, record.cost, record.facts))
         saved = record
         return Result(saved, lambda: stage.form.restore(self.work.load(saved), saved.facts), value)
+
+    def _as_decided(self, stage: Stage[T]) -> Stage[T]:
+        """Let a decision that stands take the place of one that would be taken now."""
+        before = self.before
+        if not stage.is_decision or before is None:
+            return stage
+        record = before.decision(stage.name, stage.decision)
+        if record is None:
+            return stage
+        return replace(
+            stage,
+            run=lambda _: stage.form.restore(before.work.load(record), record.facts),
+            inputs={"decided": record.digest},
+        )
+
+    def remember(self, version: str, survey: str) -> None:
+        """Keep what the next survey over the scene goes by.
+
+        Parameters
+        ----------
+        version : str
+            What was published.
+        survey : str
+            Digest of the survey as read.
+        """
+        decisions = {name: key for name, key in self._remembered.items() if key is not None}
+        remember(
+            self.work, tuple(self._remembered), decisions,
+            version=version, survey=survey, before=self.before,
+        )  # fmt: skip
 
     def take_up(self, name: str, key: str) -> StageRecord | None:
         """Look for a kept result; None where it is to be made."""

@@ -118,13 +118,18 @@ class WorkDirectory:
         StageRecord or None
             None when there is none, its key is another, or a file is missing or cut short.
         """
+        record = self.latest(name)
+        return record if record is not None and record.key == key else None
+
+    def latest(self, name: str) -> StageRecord | None:
+        """Look for a result, whatever its key; None when there is none that is whole."""
         folder = self.path / name
         try:
             record = _parse(json.loads((folder / _RECORD).read_bytes()))
             whole = all((folder / f).stat().st_size == size for f, size in record.files.items())
         except (OSError, ValueError, KeyError, TypeError):
             return None
-        return record if whole and record.key == key else None
+        return record if whole else None
 
     def load(self, record: StageRecord) -> Stored:
         """Read a result's arrays.

@@ -1,0 +1,142 @@
+"""What a build over a scene goes by: results of the build that published it.
+
+::
+
+    WORK/published/  of the version that stands there, with a note of it in ``about/``
+    WORK/before/     of the version that it was built over
+
+A build of the same survey goes by what the published one went by, so that it makes the same scene;
+a build of another survey goes by the published one, which becomes what was before.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from terraport_pipeline.stages.contract import Facts, Stored
+from terraport_pipeline.workflow.workdir import Cost, StageRecord, WorkDirectory
+from terraport_store.errors import StoreError
+from terraport_store.layout import MANIFEST_NAME
+from terraport_store.manifest import Manifest
+
+__all__ = ["Before", "find_before", "remember"]
+
+_ABOUT: Final = "about"
+
+
+@dataclass(frozen=True, slots=True)
+class Before:
+    """Results of the build that published the version before."""
+
+    work: WorkDirectory
+    version: str
+    decisions: Mapping[str, str]
+    """Of every decision that stands for later surveys: its code and options as one key, by the
+    stage's name."""
+
+    def find(self, name: str) -> StageRecord | None:
+        """Look for a result, whatever it was made from."""
+        return self.work.latest(name)
+
+    def decision(self, name: str, key: str) -> StageRecord | None:
+        """Look for a decision of that code and these options."""
+        return self.find(name) if self.decisions.get(name) == key else None
+
+
+def find_before(work: WorkDirectory, scene: Path, survey: str) -> Before | None:
+    """Find what a build of a survey goes by; None where it starts anew.
+
+    Parameters
+    ----------
+    work : WorkDirectory
+    scene : Path
+        Scene directory.
+    survey : str
+        Digest of the survey as read.
+    """
+    manifest = _manifest(scene)
+    if manifest is None:
+        return None
+    published, before = work.path / "published", work.path / "before"
+    record = _about(published)
+    if record is not None and record.values["version"] != manifest.version:
+        record = None  # somebody else published here since
+    if record is not None and record.values["survey"] != survey:
+        # Not atomic with the next line, and need not be: killed in between, all is built anew.
+        shutil.rmtree(before, ignore_errors=True)
+        published.rename(before)
+    about = _about(before)
+    if about is None:
+        return None
+    # Of the published version, or of the one before it where this survey was published last (the
+    # build may have ended in between publishing and remembering).
+    versions = {manifest.version, None if record is None else record.values["before"]}
+    source = manifest.build.input
+    is_this_survey = source is not None and source.xxh3 == survey[:16]
+    if about.values["version"] not in versions and not is_this_survey:
+        return None
+    return Before(WorkDirectory(before), about.values["version"], about.values["decisions"])
+
+
+def remember(
+    work: WorkDirectory,
+    names: Sequence[str],
+    decisions: Mapping[str, str],
+    *,
+    version: str,
+    survey: str,
+    before: Before | None,
+) -> None:
+    """Keep results of a build that has published, for the next survey.
+
+    Parameters
+    ----------
+    work : WorkDirectory
+    names : sequence of str
+        Results to keep.
+    decisions : mapping
+        See :class:`Before`.
+    version : str
+        What was published.
+    survey : str
+        Digest of the survey as read.
+    before : Before or None
+        What the build went by.
+    """
+    values = {
+        "version": version,
+        "survey": survey,
+        "before": None if before is None else before.version,
+        "decisions": dict(decisions),
+    }
+    record = _about(work.path / "published")
+    if record is not None and dict(record.values) == values:
+        return
+    with work.beside("published") as folder:
+        kept = WorkDirectory(folder)
+        for name in names:
+            # Results are never changed in place, only replaced: a link keeps what is there now.
+            shutil.copytree(work.path / name, folder / name, copy_function=_link)
+        kept.save(_ABOUT, version, Stored({}, values), Facts(), Cost(0.0, 0))
+
+
+def _link(source: str, target: str) -> None:
+    try:
+        Path(target).hardlink_to(source)
+    except OSError:  # a file system without hard links
+        shutil.copy2(source, target)
+
+
+def _about(folder: Path) -> StageRecord | None:
+    return WorkDirectory(folder).latest(_ABOUT) if folder.is_dir() else None
+
+
+def _manifest(scene: Path) -> Manifest | None:
+    try:
+        return Manifest.from_bytes((scene / MANIFEST_NAME).read_bytes())
+    except (OSError, StoreError):
+        return None
