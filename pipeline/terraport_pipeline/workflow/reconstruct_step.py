@@ -52,7 +52,14 @@ from terraport_pipeline.stages.tiles.join_tiles import (
 from terraport_pipeline.stages.tiles.solve_tile import TileTask
 from terraport_pipeline.stages.tiles.tile_edges import edge_rules, end_of_support
 from terraport_pipeline.workflow.photo_input import camera_samples
-from terraport_pipeline.workflow.runner import Result, Runner, Stage, TileResults, TileStage
+from terraport_pipeline.workflow.runner import (
+    Result,
+    Runner,
+    Stage,
+    TileResults,
+    TileStage,
+    for_tiles,
+)
 from terraport_pipeline.workflow.tile_ground import Ground, tile_tasks
 from terraport_pipeline.workflow.workdir import stage_key
 
@@ -119,16 +126,36 @@ def reconstruct_tiles(runner: Runner, ground: Ground, cluster: str | None = None
     join.release()
     # (2) The base, from all tiles and the thinned cloud.
     cleaned = ground.cleaned.value()
+    share = tiled_base.first_share(tiles, options)
+    thinned = runner.run_tiles(
+        TileStage(
+            "base-tile",
+            tiled_base,
+            "base: tiles",
+            for_tiles(
+                range(len(tasks)),
+                lambda part, context: tiled_base.thin_tile(tiles, part, share, context),
+            ),
+            [{"tile": record.digest} for record in finished.records],
+            [max(1, faces) for faces in tiles.base_faces],
+            options={"share": share},
+            bytes_per_unit=tiled_base.THIN_BYTES_PER_FACE,
+        )
+    )
     base = runner.run(
         Stage(
             tiled_base.NAME,
             tiled_base,
-            lambda context: tiled_base.run(cleaned, tiles, options, context),
+            lambda context: tiled_base.run(
+                cleaned, tiles, thinned.every(), share, options, context
+            ),
             tiled_base.FORM,
             asdict(options),
-            {"tiles": tiles.digest, "cloud": ground.cleaned.digest},
+            {
+                "tiles": tiles.digest, "thinned": thinned.digest, "cloud": ground.cleaned.digest,
+            },
         )
-    )
+    )  # fmt: skip
     base_result = base.value()
     # (3) Facts of all stages.
     counts = [record.values for record in solved.records]
