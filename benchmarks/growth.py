@@ -13,6 +13,7 @@ CPU seconds, because other work on the machine lengthens the wall's.
 from __future__ import annotations
 
 import argparse
+import itertools
 import json
 import math
 import os
@@ -144,7 +145,7 @@ def print_table(rows: list[Measured]) -> None:
             f"| {row.cpu_s / row.wall_s / cores:.0%} | {row.peak_bytes / 2**20:,.0f} "
             f"| {row.disk_bytes / 2**30:.2f} |"
         )
-    for less, more in zip(rows, rows[1:], strict=False):
+    for less, more in itertools.pairwise(rows):
         grown = math.log(more.points / less.points)
         print(
             f"{less.points:,} to {more.points:,}: exponent of CPU time "

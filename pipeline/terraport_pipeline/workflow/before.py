@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
@@ -42,8 +42,9 @@ class Before:
     stage's name."""
 
     def find(self, name: str) -> StageRecord | None:
-        """Look for a result, whatever it was made from."""
-        return self.work.latest(name)
+        """Look for a result, whatever it was made from, by the name that it was kept under."""
+        record = self.work.latest(name)
+        return None if record is None else replace(record, name=name)
 
     def decision(self, name: str, key: str) -> StageRecord | None:
         """Look for a decision of that code and these options."""

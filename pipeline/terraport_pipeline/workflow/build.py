@@ -257,7 +257,7 @@ def _run_stages(
     # (3) Over a scene that is there: the ground that changed. A thinned copy tells whether
     # attributes and photos are what they should be.
     runner.before = find_before(runner.work, scene, read.digest)
-    renewed = renew_survey(runner, read)
+    renewed, anew = renew_survey(runner, read)
     cleaned = clean_thinned(runner, renewed, options.clean)
     check_segment_by(options.segment.segment_by, cleaned.record.values["attributes"])
     if photos is not None and not runner.reports[-1].taken_up:
@@ -269,7 +269,8 @@ def _run_stages(
             options.segment.in_one_piece,
         )  # fmt: skip
         reconstructed = reconstruct_tiles(runner, ground, options.tiles.cluster)
-        group.facts = reconstructed.facts
+        facts = reconstructed.facts
+        group.facts = replace(facts, warnings=(*anew, *facts.warnings))
     # (5) Regions and segments, textures, payloads.
     surface = reconstructed.surface
     segmented = segment_tiles(runner, surface, options.segment)

@@ -45,9 +45,10 @@ from terraport_pipeline.workflow.tile_memory import (
 )
 from terraport_pipeline.workflow.workdir import StageRecord
 
-__all__ = ["Ground", "TileOptions", "clean_thinned", "prepare", "tile_tasks"]
+__all__ = ["FRAME", "Ground", "TileOptions", "clean_thinned", "prepare", "tile_tasks"]
 
-_FRAME: Final = "frame"
+FRAME: Final = "frame"
+"""Decision: origin, lattice and measures of a scene."""
 _PLAN: Final = "plan"
 
 _KEPT_BEYOND: Final = 3.0
@@ -121,7 +122,7 @@ def clean_thinned(runner: Runner, survey: StageRecord, options: clean.Options) -
 
 
 def _origin_before(before: Before) -> Float64 | None:
-    record = before.find(_FRAME)
+    record = before.find(FRAME)
     return None if record is None else np.array(record.values["origin"], np.float64)
 
 
@@ -172,7 +173,7 @@ def prepare(
     )
     frame = runner.run(
         Stage(
-            _FRAME,
+            FRAME,
             measure_survey,
             lambda _: Stored(
                 {}, _frame(dict(measured.value().values), cloud.origin, options.detail_depth)
