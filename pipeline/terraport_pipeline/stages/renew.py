@@ -150,7 +150,7 @@ def run(
     context : Context
         Its `folder` gets the columns: rows of `before` in blocks that are as they were, in their
         order, then rows of `after` in blocks that changed. Further ``change-dz.npy``,
-        ``change-lod.npy`` (metres) and ``change-changed.npy``: the raster (nx, nz) of
+        ``change-lod.npy`` (metres) and ``change-moved.npy``: the raster (nx, nz) of
         :class:`~terraport_pipeline.geometry.clouds.change_raster.ChangeRaster`; and
         ``change-blocks.npy``: indices (C, 3) of blocks that changed, int64.
 
@@ -184,14 +184,14 @@ def run(
         cubes.keys, cubes.block, *sums, scale,
         has_colour=old.colours is not None, threads=context.threads,
     )  # fmt: skip
-    raster = make_raster(cubes.keys, *sums, change.renewed, scale)
+    raster = make_raster(cubes.keys, *sums, change.moved, scale)
     del sums
     changed = _blocks_with(change.renewed, cubes) & ~same
     # (3) Rows out.
     kept_rows, new_rows = _write(old, new, cubes, changed, dtypes, context)
     np.save(context.folder / "change-dz.npy", raster.dz_m)
     np.save(context.folder / "change-lod.npy", raster.lod_m)
-    np.save(context.folder / "change-changed.npy", raster.changed)
+    np.save(context.folder / "change-moved.npy", raster.moved)
     np.save(context.folder / "change-blocks.npy", key_indices(cubes.blocks[changed]))
     anchor_m = np.array(lattice.anchor_m)[[0, 2]]
     low_m = anchor_m + np.array(raster.low) * scale.width_m
@@ -321,7 +321,6 @@ def _facts(
 ) -> Facts:
     cut_m3, fill_m3 = raster.volumes_m3
     area_m2 = raster.cell_m**2
-    moved_m2 = float(np.count_nonzero(raster.significant)) * area_m2
     counts = {
         "blocks": values["blocks"],
         "changed_blocks": values["changed_blocks"],
@@ -331,12 +330,12 @@ def _facts(
         "new_points": values["new_rows"],
         "gains": [round(gain, 4) for gain in values["gains"]],
         "shift_m": change.shift_m,
-        "moved_m2": moved_m2,
+        "moved_m2": raster.moved_m2,
         "gone_m2": raster.only[0] * area_m2,
         "added_m2": raster.only[1] * area_m2,
         "cut_m3": cut_m3,
         "fill_m3": fill_m3,
-        "volume_uncertainty_m3": moved_m2 * scale.registration_m,
+        "volume_uncertainty_m3": raster.moved_m2 * scale.registration_m,
     }
     warnings = []
     if abs(change.shift_m) > scale.registration_m:

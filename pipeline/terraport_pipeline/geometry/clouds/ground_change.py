@@ -113,7 +113,7 @@ class GroundChange:
     painted: Bool
     """(K,) its colour is another."""
     renewed: Bool
-    """(K,) either of these, or it touches a cube that is."""
+    """(K,) either of these, or it touches a cube that is so by itself (not by its block's mean)."""
     gains: Float64
     """(3,) of red, green and blue, where nothing changed: the second survey's over the first's."""
     shift_m: float
@@ -170,17 +170,17 @@ def find_changes(
     shift_m = float(np.median(known)) * width_m if len(known) else 0.0
     # (2) Ground of another colour.
     gains = np.ones(3)
-    painted = np.zeros(len(keys), dtype=bool)
+    painted, tinged = np.zeros((2, len(keys)), dtype=bool)
     if has_colour:
-        gains, painted = _colour_changes(blocks, before, after, ~moved, threads)
+        gains, painted, tinged = _colour_changes(blocks, before, after, ~moved, threads)
     # (3) Not by chance alone: with others that touch. Then what touches these.
     sure = _clustered(keys, moved | painted)
-    renewed = sure.copy()
+    renewed = sure | tinged
     for step in _STEPS:
         at = np.searchsorted(keys, keys[sure] + step)
         at[at == len(keys)] = 0
         renewed[at[keys[at] == keys[sure] + step]] = True
-    return GroundChange(moved & sure, painted & sure, renewed, gains, shift_m)
+    return GroundChange(moved & sure, painted & sure | tinged, renewed, gains, shift_m)
 
 
 def _clustered(keys: Int64, marked: Bool) -> Bool:
@@ -204,13 +204,13 @@ def _clustered(keys: Int64, marked: Bool) -> Bool:
 
 def _colour_changes(
     blocks: Int64, before: GroundSums, after: GroundSums, still: Bool, threads: int
-) -> tuple[Float64, Bool]:
-    """Gains between the surveys, and cubes whose colour differs beyond them."""
+) -> tuple[Float64, Bool, Bool]:
+    """Find gains, cubes whose colour differs beyond them, and those of blocks whose mean does."""
     both = (before.sums[:, COUNT] >= LEAST) & (after.sums[:, COUNT] >= LEAST)
     rows = np.flatnonzero(both & still)
-    painted = np.zeros(len(both), dtype=bool)
+    painted, tinged = np.zeros((2, len(both)), dtype=bool)
     if not len(rows):
-        return np.ones(3), painted
+        return np.ones(3), painted, tinged
     # (1) One gain per channel. Of logarithms, so that exchanged surveys give its inverse.
     logarithms = []
     for channel in range(3):
@@ -241,8 +241,8 @@ def _colour_changes(
     count = np.maximum(np.bincount(block), 1)
     error = np.sqrt(np.bincount(block, variance)) / count
     strongest = np.max([np.abs(np.bincount(block, step)) / count for step in steps.T], axis=0)
-    painted[rows] |= (strongest > _LEAST_LEVELS + _SURE * error)[block]
-    return gains, painted
+    tinged[rows] = (strongest > _LEAST_LEVELS + _SURE * error)[block]
+    return gains, painted, tinged
 
 
 def _mean(ground: GroundSums, channel: int, rows: Int64) -> Float32:
