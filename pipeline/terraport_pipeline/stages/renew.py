@@ -20,7 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, Bool, Float64, Int64, UInt8, UInt64
+from terraport_payload.types import AnyArray, Bool, Float64, Int32, Int64, UInt8, UInt64
 from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter
 from terraport_pipeline.engines.readers.point_order import point_hashes
 from terraport_pipeline.geometry.clouds.change_raster import ChangeRaster, make_raster
@@ -98,7 +98,7 @@ class _Cubes:
         self.per_block = per_block
         """Cubes along a block: a power of two."""
         self.keys: Int64 = np.zeros(0, np.int64)
-        self.block: Int64 = np.zeros(0, np.int64)
+        self.block: Int32 = np.zeros(0, np.int32)
         """Number of each cube's block."""
         self.blocks: Int64 = np.zeros(0, np.int64)
         """Keys of the blocks."""
@@ -119,7 +119,9 @@ class _Cubes:
         while len(keys) > MAX_CUBES and self.per_block > 1:
             keys, self.per_block = coarser_keys(keys), self.per_block // 2
         self.keys = keys
-        self.blocks, self.block = np.unique(block_keys(keys, self.per_block), return_inverse=True)
+        owners = block_keys(keys, self.per_block)
+        self.blocks = np.unique(owners)
+        self.block = np.searchsorted(self.blocks, owners).astype(np.int32)
 
 
 def run(
@@ -158,8 +160,8 @@ def run(
     -------
     values, facts
         ``blocks``, ``changed_blocks``, ``kept_rows``, ``new_rows``, ``gains`` (of the colours, new
-        over old) and ``raster``: ``low_m`` (x and z of its corner, scene frame), ``cell_m`` and
-        ``shape``.
+        over old), ``density_ratio`` (samples, new over old, of ground that did not move) and
+        ``raster``: ``low_m`` (x and z of its corner, scene frame), ``cell_m`` and ``shape``.
 
     Raises
     ------
@@ -201,13 +203,16 @@ def run(
         "kept_rows": kept_rows,
         "new_rows": new_rows,
         "gains": change.gains.tolist(),
+        "density_ratio": change.density_ratio,
         "raster": {
             "low_m": low_m.tolist(),
             "cell_m": raster.cell_m,
             "shape": list(raster.dz_m.shape),
         },
     }
-    colour_alone = changed & ~_blocks_with(change.moved, cubes) & _blocks_with(change.painted, cubes)
+    colour_alone = (
+        changed & ~_blocks_with(change.moved, cubes) & _blocks_with(change.painted, cubes)
+    )
     return values, _facts(values, change, raster, scale, int(colour_alone.sum()), widened)
 
 
@@ -286,9 +291,7 @@ def _write(
     folder = context.folder
     points = NpyWriter(folder / "points.npy", np.float64, (3,))
     colours = NpyWriter(folder / "colours.npy", np.uint8, (3,)) if old.colours else None
-    columns = [
-        NpyWriter(folder / f"attribute-{i}.npy", dtype) for i, dtype in enumerate(dtypes)
-    ]
+    columns = [NpyWriter(folder / f"attribute-{i}.npy", dtype) for i, dtype in enumerate(dtypes)]
     counts = []
     for survey, taken in ((old, ~changed), (new, changed)):
         first = points.rows
@@ -329,6 +332,7 @@ def _facts(
         "kept_points": values["kept_rows"],
         "new_points": values["new_rows"],
         "gains": [round(gain, 4) for gain in values["gains"]],
+        "density_ratio": change.density_ratio,
         "shift_m": change.shift_m,
         "moved_m2": raster.moved_m2,
         "gone_m2": raster.only[0] * area_m2,

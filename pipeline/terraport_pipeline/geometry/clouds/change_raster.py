@@ -20,6 +20,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -27,7 +28,13 @@ import numpy as np
 from scipy.ndimage import binary_dilation
 
 from terraport_payload.types import Bool, Float32, Float64, Int64
-from terraport_pipeline.geometry.clouds.ground_cells import TICKS, GroundSums, key_indices
+from terraport_pipeline.geometry.clouds.ground_cells import (
+    TICKS,
+    GroundSums,
+    axis_indices,
+    cell_keys,
+    key_indices,
+)
 from terraport_pipeline.geometry.clouds.ground_change import CONFIDENCE, GroundScale
 
 __all__ = ["MAX_RASTER_CELLS", "ChangeRaster", "make_raster"]
@@ -98,37 +105,32 @@ def make_raster(
         to be compared: lone points far away do not widen it.
     """
     # (1) The box, and cells that keep it within bounds.
-    index = key_indices(keys)
     weighty = before.sums[:, 0] + after.sums[:, 0] >= _LEAST
-    if not weighty.any():
-        weighty[:] = True
-    low, high = index[weighty].min(axis=0), index[weighty].max(axis=0)
-    factor = 1
-    while np.prod(high[::2] // factor - low[::2] // factor + 1) > MAX_RASTER_CELLS:
-        factor *= 2
-    x0, z0 = low[0] // factor, low[2] // factor
-    nx, nz = (int(n) for n in high[::2] // factor - low[::2] // factor + 1)
-    x, z = index[:, 0] // factor - x0, index[:, 2] // factor - z0
-    inside = (x >= 0) & (x < nx) & (z >= 0) & (z < nz)
+    x0, nx, z0, nz, factor = _box(keys[weighty] if weighty.any() else keys)
+    del weighty
     near_moved = np.zeros((nx, nz), dtype=bool)
-    near_moved[x[inside & moved], z[inside & moved]] = True
+    x, z = (axis_indices(keys[moved], axis) // factor for axis in (0, 2))
+    inside = (x >= x0) & (x < x0 + nx) & (z >= z0) & (z < z0 + nz)
+    near_moved[x[inside] - x0, z[inside] - z0] = True
     near_moved = binary_dilation(near_moved, np.ones((3, 3), dtype=bool))
     # (2) Rows of cells at a time; cubes are ordered by x, so theirs follow each other.
     dz_m = np.full((nx, nz), np.nan, np.float32)
     lod_m = np.full((nx, nz), np.nan, np.float32)
     only = np.zeros(2, np.int64)
     rows_at_once = max(1, _AT_ONCE // nz)
-    middle = np.array([(factor - 1) / 2, float(np.median(index[:, 1])), (factor - 1) / 2])
+    height = int(axis_indices(keys[len(keys) // 2 :][:1], 1)[0])
     for row in range(0, nx, rows_at_once):
         last = min(row + rows_at_once, nx)
-        begin, end = np.searchsorted(x, (row, last))
-        cubes = np.arange(begin, end)[inside[begin:end]]
-        cell = (x[cubes] - row) * nz + z[cubes]
-        offset = index[cubes] - middle
-        offset[:, 0] -= (x[cubes] + x0) * factor
-        offset[:, 2] -= (z[cubes] + z0) * factor
-        first = _cell_sums(before, cubes, cell, offset * TICKS, (last - row) * nz)
-        second = _cell_sums(after, cubes, cell, offset * TICKS, (last - row) * nz)
+        walls = np.array([[(x0 + edge) * factor, -np.inf, -np.inf] for edge in (row, last)])
+        begin, end = np.searchsorted(keys, cell_keys(walls))
+        index = key_indices(keys[begin:end])
+        x, z = index[:, 0] // factor - x0, index[:, 2] // factor - z0
+        inside = (z >= 0) & (z < nz)
+        cubes, cell = np.flatnonzero(inside) + begin, ((x - row) * nz + z)[inside]
+        middle = np.stack([(x + x0) * factor, np.full(len(x), height), (z + z0) * factor], axis=1)
+        offset = (index - middle - np.array([1, 0, 1]) * ((factor - 1) / 2))[inside] * TICKS
+        first = _cell_sums(before, cubes, cell, offset, (last - row) * nz)
+        second = _cell_sums(after, cubes, cell, offset, (last - row) * nz)
         both = np.flatnonzero((first[:, 0] >= _LEAST) & (second[:, 0] >= _LEAST))
         tick_m = scale.width_m / TICKS
         old, new = (_heights(sums[both], scale.noise_m / tick_m) for sums in (first, second))
@@ -141,6 +143,17 @@ def make_raster(
     corner = (float(x0 * factor), float(z0 * factor))
     lost, gained = only.tolist()
     return ChangeRaster(corner, scale.width_m * factor, dz_m, lod_m, near_moved, (lost, gained))
+
+
+def _box(keys: Int64) -> tuple[int, int, int, int, int]:
+    """First cell and number of cells along x, the same along z, and a cell's width in cubes."""
+    x, z = axis_indices(keys, 0), axis_indices(keys, 2)
+    sides = [(int(x.min()), int(x.max())), (int(z.min()), int(z.max()))]
+    factor = 1
+    while math.prod(high // factor - low // factor + 1 for low, high in sides) > MAX_RASTER_CELLS:
+        factor *= 2
+    (x0, nx), (z0, nz) = ((a // factor, b // factor - a // factor + 1) for a, b in sides)
+    return x0, nx, z0, nz, factor
 
 
 def _cell_sums(
@@ -160,7 +173,9 @@ def _heights(sums: Float64, noise: float) -> tuple[Float64, Float64]:
     """Heights of fitted planes at the cells' middles, and their variances; ticks."""
     n = sums[:, 0]
     x, y, z = (sums[:, axis] / n for axis in (1, 2, 3))
-    xx, yy, zz, xy, xz, yz = sums[:, 4:].T - n * np.stack([x * x, y * y, z * z, x * y, x * z, y * z])
+    xx, yy, zz, xy, xz, yz = sums[:, 4:].T - n * np.stack(
+        [x * x, y * y, z * z, x * y, x * z, y * z]
+    )
     xx, zz = xx + _RIDGE * n, zz + _RIDGE * n
     size = xx * zz - xz * xz
     along_x, along_z = (xy * zz - yz * xz) / size, (yz * xx - xy * xz) / size

@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from terraport_payload.types import Bool, Float32, Float64, Int64
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int64
 from terraport_pipeline.geometry.clouds.ground_cells import (
     COLOUR,
     COUNT,
@@ -71,6 +71,9 @@ material. Clouds before the sun do less once the gain is out."""
 _GAIN_LEVELS: Final = (16.0, 240.0)
 """Means between these tell the gain: darker ones are noise, brighter ones are cut off."""
 
+_GAIN_CUBES: Final = 500_000
+"""Cubes that tell the gain, at most: every n-th of more."""
+
 _STEPS: Final = np.array(
     [
         (x << (2 * KEY_BITS)) + (y << KEY_BITS) + z
@@ -118,6 +121,8 @@ class GroundChange:
     """(3,) of red, green and blue, where nothing changed: the second survey's over the first's."""
     shift_m: float
     """Median distance where both have ground: how far the surveys are apart throughout."""
+    density_ratio: float
+    """Samples of the second survey over those of the first where the ground did not move."""
 
 
 def block_keys(keys: Int64, cubes: int) -> Int64:
@@ -129,7 +134,7 @@ def block_keys(keys: Int64, cubes: int) -> Int64:
 
 def find_changes(
     keys: Int64,
-    blocks: Int64,
+    blocks: AnyInt,
     before: GroundSums,
     after: GroundSums,
     scale: GroundScale,
@@ -143,7 +148,7 @@ def find_changes(
     ----------
     keys : ndarray of shape (K,), int64
         Of the cubes that hold samples of either, sorted.
-    blocks : ndarray of shape (K,), int64
+    blocks : ndarray of shape (K,), integer
         Number of the block that each lies in, from 0.
     before, after : GroundSums
         For these cubes. Exchanged, they give the same changes.
@@ -168,6 +173,9 @@ def find_changes(
     moved |= (measured.lost >= _LEAST_VOXELS) | (measured.gained >= _LEAST_VOXELS)
     known = measured.distance[~np.isnan(measured.distance)]
     shift_m = float(np.median(known)) * width_m if len(known) else 0.0
+    quiet = ~moved & ~np.isnan(measured.distance)
+    totals = [int(ground.sums[quiet, COUNT].sum(dtype=np.int64)) for ground in (before, after)]
+    density = totals[1] / totals[0] if totals[0] else 1.0
     # (2) Ground of another colour.
     gains = np.ones(3)
     painted, tinged = np.zeros((2, len(keys)), dtype=bool)
@@ -180,7 +188,7 @@ def find_changes(
         at = np.searchsorted(keys, keys[sure] + step)
         at[at == len(keys)] = 0
         renewed[at[keys[at] == keys[sure] + step]] = True
-    return GroundChange(moved & sure, painted & sure | tinged, renewed, gains, shift_m)
+    return GroundChange(moved & sure, painted & sure | tinged, renewed, gains, shift_m, density)
 
 
 def _clustered(keys: Int64, marked: Bool) -> Bool:
@@ -203,7 +211,7 @@ def _clustered(keys: Int64, marked: Bool) -> Bool:
 
 
 def _colour_changes(
-    blocks: Int64, before: GroundSums, after: GroundSums, still: Bool, threads: int
+    blocks: AnyInt, before: GroundSums, after: GroundSums, still: Bool, threads: int
 ) -> tuple[Float64, Bool, Bool]:
     """Find gains, cubes whose colour differs beyond them, and those of blocks whose mean does."""
     both = (before.sums[:, COUNT] >= LEAST) & (after.sums[:, COUNT] >= LEAST)
@@ -213,9 +221,9 @@ def _colour_changes(
         return np.ones(3), painted, tinged
     # (1) One gain per channel. Of logarithms, so that exchanged surveys give its inverse.
     logarithms = []
+    some = rows[:: -(-len(rows) // _GAIN_CUBES)]
     for channel in range(3):
-        old = _mean(before, channel, rows)
-        new = _mean(after, channel, rows)
+        old, new = _mean(before, channel, some), _mean(after, channel, some)
         dark, bright = _GAIN_LEVELS
         clear = (np.minimum(old, new) >= dark) & (np.maximum(old, new) <= bright)
         ratio = np.log(new[clear] / old[clear])
