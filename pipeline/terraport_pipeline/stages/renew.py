@@ -234,7 +234,7 @@ def _occupied(surveys: tuple[_Columns, _Columns], cubes: _Cubes, context: Contex
 def _add_up(
     old: _Columns, new: _Columns, cubes: _Cubes, dtypes: list[np.dtype[Any]], context: Context
 ) -> tuple[tuple[GroundSums, GroundSums], Bool]:
-    """Sums of both surveys in every cube, and blocks whose rows are the same in both."""
+    """Add up both surveys in every cube; find blocks whose rows are the same in both."""
     context.progress.start("renew: compare", float(len(old) + len(new)), "points")
     sums: list[GroundSums] = []
     rows_of_block, hash_of_block = [], []
@@ -345,8 +345,8 @@ def _facts(
     if abs(change.shift_m) > scale.registration_m:
         warnings.append(
             f"The new survey lies {abs(change.shift_m):.2g} m beside the one before throughout, "
-            f"more than the {scale.registration_m:.2g} m that samples tell: check how both are tied "
-            "to their control points."
+            f"more than the {scale.registration_m:.2g} m that samples tell: check how both are "
+            "tied to their control points."
         )
     if colour_alone > _COLOUR_SHARE * values["blocks"]:
         warnings.append(

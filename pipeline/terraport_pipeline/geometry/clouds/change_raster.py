@@ -1,14 +1,14 @@
 """Height differences between two surveys as seen from above, and the volumes between them.
 
-In each cell of a raster a plane is fitted to either survey's samples, and the heights of both at the
-cell's middle are compared: they are the mean heights, wherever in the cell the samples lie. The
-level of detection is that of M3C2 (see :mod:`.ground_distance`), along the vertical. Walls and trees
-scatter widely about a plane, so their level is high.
+In each cell of a raster a plane is fitted to either survey's samples, and the heights of both at
+the cell's middle are compared: they are the mean heights, wherever in the cell the samples lie. The
+level of detection is that of M3C2 (see :mod:`.ground_distance`), along the vertical. Walls and
+trees scatter widely about a plane, so their level is high.
 
-Volumes are those of cells whose ground moved beyond doubt, and of the cells that touch them, whether
-or not each passes its level of detection: what is left out at the toe of a pile by a threshold for
-each cell is missing (2 % of a pit of ten metres in cells of two), while errors of single cells
-cancel out.
+Volumes are those of cells whose ground moved beyond doubt, and of the cells that touch them,
+whether or not each passes its level of detection: what is left out at the toe of a pile by a
+threshold for each cell is missing (2 % of a pit of ten metres in cells of two), while errors of
+single cells cancel out.
 
 References
 ----------
@@ -124,11 +124,11 @@ def make_raster(
         walls = np.array([[(x0 + edge) * factor, -np.inf, -np.inf] for edge in (row, last)])
         begin, end = np.searchsorted(keys, cell_keys(walls))
         index = key_indices(keys[begin:end])
-        x, z = index[:, 0] // factor - x0, index[:, 2] // factor - z0
-        inside = (z >= 0) & (z < nz)
-        cubes, cell = np.flatnonzero(inside) + begin, ((x - row) * nz + z)[inside]
-        middle = np.stack([(x + x0) * factor, np.full(len(x), height), (z + z0) * factor], axis=1)
-        offset = (index - middle - np.array([1, 0, 1]) * ((factor - 1) / 2))[inside] * TICKS
+        i, j = index[:, 0] // factor - x0, index[:, 2] // factor - z0
+        within = (j >= 0) & (j < nz)
+        cubes, cell = np.flatnonzero(within) + begin, ((i - row) * nz + j)[within]
+        middle = np.stack([(i + x0) * factor, np.full(len(i), height), (j + z0) * factor], axis=1)
+        offset = (index - middle - np.array([1, 0, 1]) * ((factor - 1) / 2))[within] * TICKS
         first = _cell_sums(before, cubes, cell, offset, (last - row) * nz)
         second = _cell_sums(after, cubes, cell, offset, (last - row) * nz)
         both = np.flatnonzero((first[:, 0] >= _LEAST) & (second[:, 0] >= _LEAST))
@@ -159,7 +159,7 @@ def _box(keys: Int64) -> tuple[int, int, int, int, int]:
 def _cell_sums(
     ground: GroundSums, cubes: Int64, cell: Int64, offset: Float64, count: int
 ) -> Float64:
-    """Sums (count, 10) of cells about their middles, of their cubes' sums about theirs."""
+    """Add up sums (count, 10) of cells about their middles, of their cubes' sums about theirs."""
     sums = ground.sums[cubes, :10].astype(np.float64)
     n, mean = sums[:, 0], sums[:, 1:4]
     columns = [n, *(mean[:, axis] + n * offset[:, axis] for axis in range(3))]

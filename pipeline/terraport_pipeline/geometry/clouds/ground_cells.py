@@ -111,7 +111,7 @@ class GroundSums:
 
     @classmethod
     def empty(cls, count: int) -> GroundSums:
-        """Sums of no samples in so many cubes."""
+        """Make the sums of no samples in so many cubes."""
         return cls(np.zeros((count, _COLUMNS), np.int32), np.zeros(count, np.uint64))
 
     def add(self, cells: Float64, rows: Int64, colours: UInt8 | None) -> None:

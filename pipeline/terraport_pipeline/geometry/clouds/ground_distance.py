@@ -122,7 +122,7 @@ def measure_ground(
 
 
 def _steps_within(reach: float) -> Int8:
-    """Steps (S, 3) from a voxel to those within reach, the nearest first, itself foremost."""
+    """List steps (S, 3) from a voxel to those within reach, the nearest first, itself foremost."""
     voxels = min(4.0 * reach, float(_REACH_VOXELS))
     side = np.arange(-_REACH_VOXELS, _REACH_VOXELS + 1)
     steps = np.stack(np.meshgrid(side, side, side, indexing="ij"), axis=-1).reshape(-1, 3)
