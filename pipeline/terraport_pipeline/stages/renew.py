@@ -210,9 +210,7 @@ def run(
             "shape": list(raster.dz_m.shape),
         },
     }
-    colour_alone = (
-        changed & ~_blocks_with(change.moved, cubes) & _blocks_with(change.painted, cubes)
-    )
+    colour_alone = changed & ~_blocks_with(change.shifted, cubes)
     return values, _facts(values, change, raster, scale, int(colour_alone.sum()), widened)
 
 

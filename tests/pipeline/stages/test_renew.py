@@ -20,6 +20,9 @@ from terraport_pipeline.synth import QuarryOptions, synthesise
 ORIGIN = np.array([641_200.0, 8_594_700.0, 1_287.0])
 SPACING_M = 0.39
 LATTICE = Lattice((-130.0, -80.0, -130.0), 1.2 * SPACING_M)
+BEYOND_M = 2**0.5 * (1 + 1 / 4) * BLOCK_CELLS * LATTICE.cell_m
+"""How far changed blocks reach: across one cube that touches the change, and its block."""
+
 PIT = np.array([-40.0, 15.0])
 """Level dry ground, about the origin."""
 
@@ -155,8 +158,7 @@ def test_a_pit_and_a_pile_take_the_new_samples(
     result = renewed(tmp_path, before, replace(second, points=points))
     assert result.changed(first.points[np.abs(steps[0]) > 0.15]).mean() > 0.98
     assert result.changed(points[np.abs(steps[1]) > 0.15]).mean() > 0.98
-    block_m = BLOCK_CELLS * LATTICE.cell_m
-    assert not result.changed(first.points[first.away() > 5 + 1.5 * block_m]).any()
+    assert not result.changed(first.points[first.away() > 5 + BEYOND_M]).any()
     # Kept rows first, then new ones, each in the order of its survey.
     kept = np.load(before / "points.npy")
     kept = kept[~result.changed(kept)]
@@ -189,8 +191,7 @@ def test_painted_ground_takes_the_new_samples(
     result = renewed(tmp_path, before, painted)
     assert result.changed(second.points[second.away() < 8]).mean() > 0.98
     assert result.changed(first.points[first.away() < 8]).mean() > 0.98
-    block_m = BLOCK_CELLS * LATTICE.cell_m
-    assert not result.changed(first.points[first.away() > 8 + 1.5 * block_m]).any()
+    assert not result.changed(first.points[first.away() > 8 + BEYOND_M]).any()
     assert result.facts.counts["colour_alone_blocks"] == result.values["changed_blocks"]
     assert result.facts.counts["cut_m3"] == result.facts.counts["fill_m3"] == 0.0
 

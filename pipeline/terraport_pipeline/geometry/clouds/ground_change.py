@@ -115,8 +115,11 @@ class GroundChange:
     """(K,) the ground lies elsewhere, is gone or is new."""
     painted: Bool
     """(K,) its colour is another."""
+    shifted: Bool
+    """(K,) it moved, or touches a cube that did."""
     renewed: Bool
-    """(K,) either of these, or it touches a cube that is so by itself (not by its block's mean)."""
+    """(K,) it moved or is painted, or touches a cube that is so by itself (not by its block's
+    mean)."""
     gains: Float64
     """(3,) of red, green and blue, where nothing changed: the second survey's over the first's."""
     shift_m: float
@@ -183,12 +186,22 @@ def find_changes(
         gains, painted, tinged = _colour_changes(blocks, before, after, ~moved, threads)
     # (3) Not by chance alone: with others that touch. Then what touches these.
     sure = _clustered(keys, moved | painted)
-    renewed = sure | tinged
+    moved &= sure
+    painted &= sure
+    shifted = _touching(keys, moved)
+    renewed = shifted | _touching(keys, painted) | tinged
+    return GroundChange(moved, painted | tinged, shifted, renewed, gains, shift_m, density)
+
+
+def _touching(keys: Int64, marked: Bool) -> Bool:
+    """Mark cubes that are marked and those that touch them."""
+    wider = marked.copy()
     for step in _STEPS:
-        at = np.searchsorted(keys, keys[sure] + step)
+        near = keys[marked] + step
+        at = np.searchsorted(keys, near)
         at[at == len(keys)] = 0
-        renewed[at[keys[at] == keys[sure] + step]] = True
-    return GroundChange(moved & sure, painted & sure | tinged, renewed, gains, shift_m, density)
+        wider[at[keys[at] == near]] = True
+    return wider
 
 
 def _clustered(keys: Int64, marked: Bool) -> Bool:

@@ -33,8 +33,8 @@ def test_strays_count_in_the_outermost_cubes_and_keep_neighbours() -> None:
     keys = cell_keys(np.array([[-1e12, 0, 0], [1e12, np.inf, -np.inf]]))
     index = key_indices(keys)
     assert np.abs(index).max() < 1 << 20
-    np.testing.assert_array_equal(key_indices(keys + 1), index + [0, 0, 1])
-    np.testing.assert_array_equal(key_indices(keys - 1), index - [0, 0, 1])
+    np.testing.assert_array_equal(key_indices(keys + 1), index + np.array([0, 0, 1]))
+    np.testing.assert_array_equal(key_indices(keys - 1), index - np.array([0, 0, 1]))
 
 
 def test_wider_cubes_hold_the_narrow_ones() -> None:
