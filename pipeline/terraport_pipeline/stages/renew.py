@@ -160,7 +160,7 @@ def run(
     -------
     values, facts
         ``blocks``, ``changed_blocks``, ``kept_rows``, ``new_rows``, ``gains`` (of the colours, new
-        over old), ``density_ratio`` (samples, new over old, of ground that did not move) and
+        over old), ``density_ratio`` (samples, new over old, of blocks with both) and
         ``raster``: ``low_m`` (x and z of its corner, scene frame), ``cell_m`` and ``shape``.
 
     Raises

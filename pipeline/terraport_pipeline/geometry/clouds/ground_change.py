@@ -71,6 +71,9 @@ material. Clouds before the sun do less once the gain is out."""
 _GAIN_LEVELS: Final = (16.0, 240.0)
 """Means between these tell the gain: darker ones are noise, brighter ones are cut off."""
 
+_DENSITY_SAMPLES: Final = 64
+"""Of a block whose densities are compared, at least; a few hundred are usual."""
+
 _GAIN_CUBES: Final = 500_000
 """Cubes that tell the gain, at most: every n-th of more."""
 
@@ -125,7 +128,7 @@ class GroundChange:
     shift_m: float
     """Median distance where both have ground: how far the surveys are apart throughout."""
     density_ratio: float
-    """Samples of the second survey over those of the first where the ground did not move."""
+    """Samples of the second survey over those of the first: median of the blocks with both."""
 
 
 def block_keys(keys: Int64, cubes: int) -> Int64:
@@ -176,9 +179,7 @@ def find_changes(
     moved |= (measured.lost >= _LEAST_VOXELS) | (measured.gained >= _LEAST_VOXELS)
     known = measured.distance[~np.isnan(measured.distance)]
     shift_m = float(np.median(known)) * width_m if len(known) else 0.0
-    quiet = ~moved & ~np.isnan(measured.distance)
-    totals = [int(ground.sums[quiet, COUNT].sum(dtype=np.int64)) for ground in (before, after)]
-    density = totals[1] / totals[0] if totals[0] else 1.0
+    density = _density_ratio(blocks, before, after)
     # (2) Ground of another colour.
     gains = np.ones(3)
     painted, tinged = np.zeros((2, len(keys)), dtype=bool)
@@ -191,6 +192,14 @@ def find_changes(
     shifted = _touching(keys, moved)
     renewed = shifted | _touching(keys, painted) | tinged
     return GroundChange(moved, painted | tinged, shifted, renewed, gains, shift_m, density)
+
+
+def _density_ratio(blocks: AnyInt, before: GroundSums, after: GroundSums) -> float:
+    """Median over blocks: cubes of a thin survey are empty by chance, blocks are not."""
+    counts = [np.bincount(blocks, ground.sums[:, COUNT]) for ground in (before, after)]
+    both = (np.minimum(*counts) > 0) & (np.add(*counts) >= _DENSITY_SAMPLES)
+    ratio = np.log(counts[1][both] / counts[0][both])
+    return float(np.exp(np.median(ratio))) if len(ratio) else 1.0
 
 
 def _touching(keys: Int64, marked: Bool) -> Bool:

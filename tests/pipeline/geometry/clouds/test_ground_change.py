@@ -99,6 +99,15 @@ def test_without_ground_in_common_all_is_a_change() -> None:
     assert result.density_ratio == 1.0
 
 
+@pytest.mark.parametrize("share", [0.5, 0.1])
+def test_the_ratio_of_densities_is_that_of_the_samples(share: float) -> None:
+    after = hill(2)
+    after = after[np.random.default_rng(0).random(len(after)) < share]
+    pair = pair_of(hill(1), after)
+    assert changes(pair).density_ratio == pytest.approx(share, rel=0.06)
+    assert changes(pair.swapped).density_ratio == pytest.approx(1 / share, rel=0.06)
+
+
 @settings(max_examples=15, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1), depth_m=st.floats(-3, 3))
 def test_exchanged_surveys_change_the_same_ground(seed: int, depth_m: float) -> None:
