@@ -8,8 +8,8 @@ Geometry and colour decide. Attributes do not: they are not named here, and thos
 scan angle, source) differ everywhere.
 
 Three passes over both surveys, each over blocks of rows: which cubes are occupied; sums of each;
-rows out. Memory: one block of rows, and for every occupied cube 8 bytes of key, 128 of sums and
-some 50 while they are compared: 15 samples of a survey to a cube, so 1.3 GB for 100 M points.
+rows out. Memory: one block of rows, and for every occupied cube 12 bytes of key and block, 128 of
+sums and some 50 while they are compared; 16 samples of a survey to a cube, so 1.4 GB for 100 M.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ NAME: Final = "renew"
 _BLOCK_ROWS: Final = 500_000
 """Samples in memory at once: about 150 MB with what is computed of them."""
 
-MAX_CUBES: Final = 8_000_000
+MAX_CUBES: Final = 6_500_000
 """Cubes compared at most, about 1.5 GB; cubes twice as wide are taken beyond it."""
 
 _CUBE_SPACINGS: Final = 4.8

@@ -169,16 +169,7 @@ def find_changes(
     GroundChange
     """
     # (1) Ground that lies elsewhere, is gone or is new.
-    width_m = scale.width_m
-    measured = measure_ground(keys, before, after, reach=scale.reach_m / width_m, threads=threads)
-    rough = np.sqrt(np.maximum(measured.scatter**2 - (scale.noise_m / width_m) ** 2, 0.0))
-    limit = _SURE * measured.error + scale.registration_m / width_m
-    limit = np.maximum(limit, _LEAST_SPACINGS * scale.spacing_m / width_m)
-    limit = np.maximum(limit, _LEAST_SCATTER * rough)
-    moved = np.abs(measured.distance) > limit  # False where it is not known
-    moved |= (measured.lost >= _LEAST_VOXELS) | (measured.gained >= _LEAST_VOXELS)
-    known = measured.distance[~np.isnan(measured.distance)]
-    shift_m = float(np.median(known)) * width_m if len(known) else 0.0
+    moved, shift_m = _ground_changes(keys, before, after, scale, threads)
     density = _density_ratio(blocks, before, after)
     # (2) Ground of another colour.
     gains = np.ones(3)
@@ -192,6 +183,22 @@ def find_changes(
     shifted = _touching(keys, moved)
     renewed = shifted | _touching(keys, painted) | tinged
     return GroundChange(moved, painted | tinged, shifted, renewed, gains, shift_m, density)
+
+
+def _ground_changes(
+    keys: Int64, before: GroundSums, after: GroundSums, scale: GroundScale, threads: int
+) -> tuple[Bool, float]:
+    """Mark cubes whose ground is another; tell the median distance, metres."""
+    width_m = scale.width_m
+    measured = measure_ground(keys, before, after, reach=scale.reach_m / width_m, threads=threads)
+    rough = np.sqrt(np.maximum(measured.scatter**2 - (scale.noise_m / width_m) ** 2, 0.0))
+    limit = _SURE * measured.error + scale.registration_m / width_m
+    limit = np.maximum(limit, _LEAST_SPACINGS * scale.spacing_m / width_m)
+    limit = np.maximum(limit, _LEAST_SCATTER * rough)
+    moved = np.abs(measured.distance) > limit  # False where it is not known
+    moved |= (measured.lost >= _LEAST_VOXELS) | (measured.gained >= _LEAST_VOXELS)
+    known = measured.distance[~np.isnan(measured.distance)]
+    return moved, float(np.median(known)) * width_m if len(known) else 0.0
 
 
 def _density_ratio(blocks: AnyInt, before: GroundSums, after: GroundSums) -> float:
@@ -252,7 +259,7 @@ def _colour_changes(
         logarithms.append(float(np.median(ratio)) if len(ratio) else 0.0)
     gains = np.exp(logarithms)
     # (2) What is left, cube by cube: half of the gain is taken from either survey.
-    rows = np.flatnonzero(both)
+    rows = np.flatnonzero(both).astype(np.int32)
     steps = np.empty((len(rows), 3), np.float32)
     variance = np.empty(len(rows), np.float32)
 
@@ -262,10 +269,10 @@ def _colour_changes(
             old, new = _mean(before, channel, some), _mean(after, channel, some)
             steps[begin:end, channel] = new / gain - old * gain
         variance[begin:end] = _variance(before, some) + _variance(after, some)
+        levels = np.abs(steps[begin:end]).max(axis=1)
+        painted[some] = levels > _LEAST_LEVELS + _SURE * np.sqrt(variance[begin:end])
 
     in_chunks(work, len(rows), threads=threads)
-    levels = np.abs(steps).max(axis=1)
-    painted[rows] = levels > _LEAST_LEVELS + _SURE * np.sqrt(variance)
     # (3) And block by block, whose mean shows what single cubes leave in doubt.
     block = blocks[rows]
     count = np.maximum(np.bincount(block), 1)
@@ -275,14 +282,14 @@ def _colour_changes(
     return gains, painted, tinged
 
 
-def _mean(ground: GroundSums, channel: int, rows: Int64) -> Float32:
+def _mean(ground: GroundSums, channel: int, rows: AnyInt) -> Float32:
     mean: Float32 = (
         ground.sums[rows, COLOUR + channel] / ground.sums[rows, COUNT].astype(np.float64)
     ).astype(np.float32)
     return mean
 
 
-def _variance(ground: GroundSums, rows: Int64) -> Float64:
+def _variance(ground: GroundSums, rows: AnyInt) -> Float64:
     """Of a channel's mean: a third of all channels' scatter, over the samples."""
     sums = ground.sums[rows].astype(np.float64)
     count = sums[:, COUNT]
