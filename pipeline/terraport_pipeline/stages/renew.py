@@ -8,8 +8,8 @@ Geometry and colour decide. Attributes do not: they are not named here, and thos
 scan angle, source) differ everywhere.
 
 Three passes over both surveys, each over blocks of rows: which cubes are occupied; sums of each;
-rows out. Memory: one block of rows, and for every occupied cube 8 bytes of key, 128 of sums and
-some 50 while they are compared: 15 samples of a survey to a cube, so 1.3 GB for 100 M points.
+rows out. Memory: one block of rows, and for every occupied cube 12 bytes of key and block, 128 of
+sums and some 50 while they are compared; 16 samples of a survey to a cube, so 1.4 GB for 100 M.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, Bool, Float64, Int64, UInt8, UInt64
+from terraport_payload.types import AnyArray, Bool, Float64, Int32, Int64, UInt8, UInt64
 from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter
 from terraport_pipeline.engines.readers.point_order import point_hashes
 from terraport_pipeline.geometry.clouds.change_raster import ChangeRaster, make_raster
@@ -47,7 +47,7 @@ NAME: Final = "renew"
 _BLOCK_ROWS: Final = 500_000
 """Samples in memory at once: about 150 MB with what is computed of them."""
 
-MAX_CUBES: Final = 8_000_000
+MAX_CUBES: Final = 6_500_000
 """Cubes compared at most, about 1.5 GB; cubes twice as wide are taken beyond it."""
 
 _CUBE_SPACINGS: Final = 4.8
@@ -98,7 +98,7 @@ class _Cubes:
         self.per_block = per_block
         """Cubes along a block: a power of two."""
         self.keys: Int64 = np.zeros(0, np.int64)
-        self.block: Int64 = np.zeros(0, np.int64)
+        self.block: Int32 = np.zeros(0, np.int32)
         """Number of each cube's block."""
         self.blocks: Int64 = np.zeros(0, np.int64)
         """Keys of the blocks."""
@@ -119,7 +119,9 @@ class _Cubes:
         while len(keys) > MAX_CUBES and self.per_block > 1:
             keys, self.per_block = coarser_keys(keys), self.per_block // 2
         self.keys = keys
-        self.blocks, self.block = np.unique(block_keys(keys, self.per_block), return_inverse=True)
+        owners = block_keys(keys, self.per_block)
+        self.blocks = np.unique(owners)
+        self.block = np.searchsorted(self.blocks, owners).astype(np.int32)
 
 
 def run(
@@ -150,7 +152,7 @@ def run(
     context : Context
         Its `folder` gets the columns: rows of `before` in blocks that are as they were, in their
         order, then rows of `after` in blocks that changed. Further ``change-dz.npy``,
-        ``change-lod.npy`` (metres) and ``change-changed.npy``: the raster (nx, nz) of
+        ``change-lod.npy`` (metres) and ``change-moved.npy``: the raster (nx, nz) of
         :class:`~terraport_pipeline.geometry.clouds.change_raster.ChangeRaster`; and
         ``change-blocks.npy``: indices (C, 3) of blocks that changed, int64.
 
@@ -158,8 +160,8 @@ def run(
     -------
     values, facts
         ``blocks``, ``changed_blocks``, ``kept_rows``, ``new_rows``, ``gains`` (of the colours, new
-        over old) and ``raster``: ``low_m`` (x and z of its corner, scene frame), ``cell_m`` and
-        ``shape``.
+        over old), ``density_ratio`` (samples, new over old, of blocks with both) and
+        ``raster``: ``low_m`` (x and z of its corner, scene frame), ``cell_m`` and ``shape``.
 
     Raises
     ------
@@ -184,14 +186,14 @@ def run(
         cubes.keys, cubes.block, *sums, scale,
         has_colour=old.colours is not None, threads=context.threads,
     )  # fmt: skip
-    raster = make_raster(cubes.keys, *sums, change.renewed, scale)
+    raster = make_raster(cubes.keys, *sums, change.moved, scale)
     del sums
     changed = _blocks_with(change.renewed, cubes) & ~same
     # (3) Rows out.
     kept_rows, new_rows = _write(old, new, cubes, changed, dtypes, context)
     np.save(context.folder / "change-dz.npy", raster.dz_m)
     np.save(context.folder / "change-lod.npy", raster.lod_m)
-    np.save(context.folder / "change-changed.npy", raster.changed)
+    np.save(context.folder / "change-moved.npy", raster.moved)
     np.save(context.folder / "change-blocks.npy", key_indices(cubes.blocks[changed]))
     anchor_m = np.array(lattice.anchor_m)[[0, 2]]
     low_m = anchor_m + np.array(raster.low) * scale.width_m
@@ -201,13 +203,14 @@ def run(
         "kept_rows": kept_rows,
         "new_rows": new_rows,
         "gains": change.gains.tolist(),
+        "density_ratio": change.density_ratio,
         "raster": {
             "low_m": low_m.tolist(),
             "cell_m": raster.cell_m,
             "shape": list(raster.dz_m.shape),
         },
     }
-    colour_alone = changed & ~_blocks_with(change.moved, cubes) & _blocks_with(change.painted, cubes)
+    colour_alone = changed & ~_blocks_with(change.shifted, cubes)
     return values, _facts(values, change, raster, scale, int(colour_alone.sum()), widened)
 
 
@@ -229,7 +232,7 @@ def _occupied(surveys: tuple[_Columns, _Columns], cubes: _Cubes, context: Contex
 def _add_up(
     old: _Columns, new: _Columns, cubes: _Cubes, dtypes: list[np.dtype[Any]], context: Context
 ) -> tuple[tuple[GroundSums, GroundSums], Bool]:
-    """Sums of both surveys in every cube, and blocks whose rows are the same in both."""
+    """Add up both surveys in every cube; find blocks whose rows are the same in both."""
     context.progress.start("renew: compare", float(len(old) + len(new)), "points")
     sums: list[GroundSums] = []
     rows_of_block, hash_of_block = [], []
@@ -286,9 +289,7 @@ def _write(
     folder = context.folder
     points = NpyWriter(folder / "points.npy", np.float64, (3,))
     colours = NpyWriter(folder / "colours.npy", np.uint8, (3,)) if old.colours else None
-    columns = [
-        NpyWriter(folder / f"attribute-{i}.npy", dtype) for i, dtype in enumerate(dtypes)
-    ]
+    columns = [NpyWriter(folder / f"attribute-{i}.npy", dtype) for i, dtype in enumerate(dtypes)]
     counts = []
     for survey, taken in ((old, ~changed), (new, changed)):
         first = points.rows
@@ -321,7 +322,6 @@ def _facts(
 ) -> Facts:
     cut_m3, fill_m3 = raster.volumes_m3
     area_m2 = raster.cell_m**2
-    moved_m2 = float(np.count_nonzero(raster.significant)) * area_m2
     counts = {
         "blocks": values["blocks"],
         "changed_blocks": values["changed_blocks"],
@@ -330,20 +330,21 @@ def _facts(
         "kept_points": values["kept_rows"],
         "new_points": values["new_rows"],
         "gains": [round(gain, 4) for gain in values["gains"]],
+        "density_ratio": change.density_ratio,
         "shift_m": change.shift_m,
-        "moved_m2": moved_m2,
+        "moved_m2": raster.moved_m2,
         "gone_m2": raster.only[0] * area_m2,
         "added_m2": raster.only[1] * area_m2,
         "cut_m3": cut_m3,
         "fill_m3": fill_m3,
-        "volume_uncertainty_m3": moved_m2 * scale.registration_m,
+        "volume_uncertainty_m3": raster.moved_m2 * scale.registration_m,
     }
     warnings = []
     if abs(change.shift_m) > scale.registration_m:
         warnings.append(
             f"The new survey lies {abs(change.shift_m):.2g} m beside the one before throughout, "
-            f"more than the {scale.registration_m:.2g} m that samples tell: check how both are tied "
-            "to their control points."
+            f"more than the {scale.registration_m:.2g} m that samples tell: check how both are "
+            "tied to their control points."
         )
     if colour_alone > _COLOUR_SHARE * values["blocks"]:
         warnings.append(

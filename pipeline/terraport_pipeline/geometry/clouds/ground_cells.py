@@ -28,6 +28,7 @@ __all__ = [
     "SQUARE",
     "TICKS",
     "GroundSums",
+    "axis_indices",
     "cell_keys",
     "coarser_keys",
     "key_indices",
@@ -81,12 +82,15 @@ def cell_keys(cells: Float64) -> Int64:
     return keys
 
 
+def axis_indices(keys: Int64, axis: int) -> Int32:
+    """Return the indices (K,) of cubes along an axis: 0 to 2 for x, y, z."""
+    shifted = keys >> (KEY_BITS * (2 - axis))
+    return (shifted & ((1 << KEY_BITS) - 1)).astype(np.int32) - np.int32(_HALF)
+
+
 def key_indices(keys: Int64) -> Int64:
     """Return the indices (K, 3) of cubes along x, y, z."""
-    low = (1 << KEY_BITS) - 1
-    axes = (keys >> (2 * KEY_BITS), (keys >> KEY_BITS) & low, keys & low)
-    indices: Int64 = np.stack(axes, axis=1) - _HALF
-    return indices
+    return np.stack([axis_indices(keys, axis) for axis in range(3)], axis=1).astype(np.int64)
 
 
 def coarser_keys(keys: Int64) -> Int64:
@@ -107,7 +111,7 @@ class GroundSums:
 
     @classmethod
     def empty(cls, count: int) -> GroundSums:
-        """Sums of no samples in so many cubes."""
+        """Make the sums of no samples in so many cubes."""
         return cls(np.zeros((count, _COLUMNS), np.int32), np.zeros(count, np.uint64))
 
     def add(self, cells: Float64, rows: Int64, colours: UInt8 | None) -> None:

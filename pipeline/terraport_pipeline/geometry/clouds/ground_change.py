@@ -20,7 +20,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from terraport_payload.types import Bool, Float32, Float64, Int64
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int64
 from terraport_pipeline.geometry.clouds.ground_cells import (
     COLOUR,
     COUNT,
@@ -71,6 +71,12 @@ material. Clouds before the sun do less once the gain is out."""
 _GAIN_LEVELS: Final = (16.0, 240.0)
 """Means between these tell the gain: darker ones are noise, brighter ones are cut off."""
 
+_DENSITY_SAMPLES: Final = 64
+"""Of a block whose densities are compared, at least; a few hundred are usual."""
+
+_GAIN_CUBES: Final = 500_000
+"""Cubes that tell the gain, at most: every n-th of more."""
+
 _STEPS: Final = np.array(
     [
         (x << (2 * KEY_BITS)) + (y << KEY_BITS) + z
@@ -112,12 +118,17 @@ class GroundChange:
     """(K,) the ground lies elsewhere, is gone or is new."""
     painted: Bool
     """(K,) its colour is another."""
+    shifted: Bool
+    """(K,) it moved, or touches a cube that did."""
     renewed: Bool
-    """(K,) either of these, or it touches a cube that is."""
+    """(K,) it moved or is painted, or touches a cube that is so by itself (not by its block's
+    mean)."""
     gains: Float64
     """(3,) of red, green and blue, where nothing changed: the second survey's over the first's."""
     shift_m: float
     """Median distance where both have ground: how far the surveys are apart throughout."""
+    density_ratio: float
+    """Samples of the second survey over those of the first: median of the blocks with both."""
 
 
 def block_keys(keys: Int64, cubes: int) -> Int64:
@@ -129,7 +140,7 @@ def block_keys(keys: Int64, cubes: int) -> Int64:
 
 def find_changes(
     keys: Int64,
-    blocks: Int64,
+    blocks: AnyInt,
     before: GroundSums,
     after: GroundSums,
     scale: GroundScale,
@@ -143,7 +154,7 @@ def find_changes(
     ----------
     keys : ndarray of shape (K,), int64
         Of the cubes that hold samples of either, sorted.
-    blocks : ndarray of shape (K,), int64
+    blocks : ndarray of shape (K,), integer
         Number of the block that each lies in, from 0.
     before, after : GroundSums
         For these cubes. Exchanged, they give the same changes.
@@ -158,6 +169,26 @@ def find_changes(
     GroundChange
     """
     # (1) Ground that lies elsewhere, is gone or is new.
+    moved, shift_m = _ground_changes(keys, before, after, scale, threads)
+    density = _density_ratio(blocks, before, after)
+    # (2) Ground of another colour.
+    gains = np.ones(3)
+    painted, tinged = np.zeros((2, len(keys)), dtype=bool)
+    if has_colour:
+        gains, painted, tinged = _colour_changes(blocks, before, after, ~moved, threads)
+    # (3) Not by chance alone: with others that touch. Then what touches these.
+    sure = _clustered(keys, moved | painted)
+    moved &= sure
+    painted &= sure
+    shifted = _touching(keys, moved)
+    renewed = shifted | _touching(keys, painted) | tinged
+    return GroundChange(moved, painted | tinged, shifted, renewed, gains, shift_m, density)
+
+
+def _ground_changes(
+    keys: Int64, before: GroundSums, after: GroundSums, scale: GroundScale, threads: int
+) -> tuple[Bool, float]:
+    """Mark cubes whose ground is another; tell the median distance, metres."""
     width_m = scale.width_m
     measured = measure_ground(keys, before, after, reach=scale.reach_m / width_m, threads=threads)
     rough = np.sqrt(np.maximum(measured.scatter**2 - (scale.noise_m / width_m) ** 2, 0.0))
@@ -167,20 +198,26 @@ def find_changes(
     moved = np.abs(measured.distance) > limit  # False where it is not known
     moved |= (measured.lost >= _LEAST_VOXELS) | (measured.gained >= _LEAST_VOXELS)
     known = measured.distance[~np.isnan(measured.distance)]
-    shift_m = float(np.median(known)) * width_m if len(known) else 0.0
-    # (2) Ground of another colour.
-    gains = np.ones(3)
-    painted = np.zeros(len(keys), dtype=bool)
-    if has_colour:
-        gains, painted = _colour_changes(blocks, before, after, ~moved, threads)
-    # (3) Not by chance alone: with others that touch. Then what touches these.
-    sure = _clustered(keys, moved | painted)
-    renewed = sure.copy()
+    return moved, float(np.median(known)) * width_m if len(known) else 0.0
+
+
+def _density_ratio(blocks: AnyInt, before: GroundSums, after: GroundSums) -> float:
+    """Median over blocks: cubes of a thin survey are empty by chance, blocks are not."""
+    counts = [np.bincount(blocks, ground.sums[:, COUNT]) for ground in (before, after)]
+    both = (np.minimum(*counts) > 0) & (np.add(*counts) >= _DENSITY_SAMPLES)
+    ratio = np.log(counts[1][both] / counts[0][both])
+    return float(np.exp(np.median(ratio))) if len(ratio) else 1.0
+
+
+def _touching(keys: Int64, marked: Bool) -> Bool:
+    """Mark cubes that are marked and those that touch them."""
+    wider = marked.copy()
     for step in _STEPS:
-        at = np.searchsorted(keys, keys[sure] + step)
+        near = keys[marked] + step
+        at = np.searchsorted(keys, near)
         at[at == len(keys)] = 0
-        renewed[at[keys[at] == keys[sure] + step]] = True
-    return GroundChange(moved & sure, painted & sure, renewed, gains, shift_m)
+        wider[at[keys[at] == near]] = True
+    return wider
 
 
 def _clustered(keys: Int64, marked: Bool) -> Bool:
@@ -203,26 +240,26 @@ def _clustered(keys: Int64, marked: Bool) -> Bool:
 
 
 def _colour_changes(
-    blocks: Int64, before: GroundSums, after: GroundSums, still: Bool, threads: int
-) -> tuple[Float64, Bool]:
-    """Gains between the surveys, and cubes whose colour differs beyond them."""
+    blocks: AnyInt, before: GroundSums, after: GroundSums, still: Bool, threads: int
+) -> tuple[Float64, Bool, Bool]:
+    """Find gains, cubes whose colour differs beyond them, and those of blocks whose mean does."""
     both = (before.sums[:, COUNT] >= LEAST) & (after.sums[:, COUNT] >= LEAST)
     rows = np.flatnonzero(both & still)
-    painted = np.zeros(len(both), dtype=bool)
+    painted, tinged = np.zeros((2, len(both)), dtype=bool)
     if not len(rows):
-        return np.ones(3), painted
+        return np.ones(3), painted, tinged
     # (1) One gain per channel. Of logarithms, so that exchanged surveys give its inverse.
     logarithms = []
+    some = rows[:: -(-len(rows) // _GAIN_CUBES)]
     for channel in range(3):
-        old = _mean(before, channel, rows)
-        new = _mean(after, channel, rows)
+        old, new = _mean(before, channel, some), _mean(after, channel, some)
         dark, bright = _GAIN_LEVELS
         clear = (np.minimum(old, new) >= dark) & (np.maximum(old, new) <= bright)
         ratio = np.log(new[clear] / old[clear])
         logarithms.append(float(np.median(ratio)) if len(ratio) else 0.0)
     gains = np.exp(logarithms)
     # (2) What is left, cube by cube: half of the gain is taken from either survey.
-    rows = np.flatnonzero(both)
+    rows = np.flatnonzero(both).astype(np.int32)
     steps = np.empty((len(rows), 3), np.float32)
     variance = np.empty(len(rows), np.float32)
 
@@ -232,27 +269,27 @@ def _colour_changes(
             old, new = _mean(before, channel, some), _mean(after, channel, some)
             steps[begin:end, channel] = new / gain - old * gain
         variance[begin:end] = _variance(before, some) + _variance(after, some)
+        levels = np.abs(steps[begin:end]).max(axis=1)
+        painted[some] = levels > _LEAST_LEVELS + _SURE * np.sqrt(variance[begin:end])
 
     in_chunks(work, len(rows), threads=threads)
-    levels = np.abs(steps).max(axis=1)
-    painted[rows] = levels > _LEAST_LEVELS + _SURE * np.sqrt(variance)
     # (3) And block by block, whose mean shows what single cubes leave in doubt.
     block = blocks[rows]
     count = np.maximum(np.bincount(block), 1)
     error = np.sqrt(np.bincount(block, variance)) / count
     strongest = np.max([np.abs(np.bincount(block, step)) / count for step in steps.T], axis=0)
-    painted[rows] |= (strongest > _LEAST_LEVELS + _SURE * error)[block]
-    return gains, painted
+    tinged[rows] = (strongest > _LEAST_LEVELS + _SURE * error)[block]
+    return gains, painted, tinged
 
 
-def _mean(ground: GroundSums, channel: int, rows: Int64) -> Float32:
+def _mean(ground: GroundSums, channel: int, rows: AnyInt) -> Float32:
     mean: Float32 = (
         ground.sums[rows, COLOUR + channel] / ground.sums[rows, COUNT].astype(np.float64)
     ).astype(np.float32)
     return mean
 
 
-def _variance(ground: GroundSums, rows: Int64) -> Float64:
+def _variance(ground: GroundSums, rows: AnyInt) -> Float64:
     """Of a channel's mean: a third of all channels' scatter, over the samples."""
     sums = ground.sums[rows].astype(np.float64)
     count = sums[:, COUNT]

@@ -41,9 +41,9 @@ from terraport_pipeline.geometry.clouds.ground_cells import (
 )
 from terraport_pipeline.geometry.mesh.chunks import in_chunks
 
-__all__ = ["LEAST", "GroundDistance", "fit_planes", "measure_ground"]
+__all__ = ["LEAST", "GroundDistance", "measure_ground"]
 
-LEAST: Final = 8
+LEAST: Final = 6
 """Samples of each survey below which no distance is measured: the fit has four terms."""
 
 _RIDGE: Final = 64.0
@@ -122,7 +122,7 @@ def measure_ground(
 
 
 def _steps_within(reach: float) -> Int8:
-    """Steps (S, 3) from a voxel to those within reach, the nearest first, itself foremost."""
+    """List steps (S, 3) from a voxel to those within reach, the nearest first, itself foremost."""
     voxels = min(4.0 * reach, float(_REACH_VOXELS))
     side = np.arange(-_REACH_VOXELS, _REACH_VOXELS + 1)
     steps = np.stack(np.meshgrid(side, side, side, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -132,39 +132,15 @@ def _steps_within(reach: float) -> Int8:
     return near
 
 
-def fit_planes(first: Float64, second: Float64, axis: int) -> Float64:
-    """Fit two parallel planes to each pair of groups of samples, by their sums.
-
-    Parameters
-    ----------
-    first, second : ndarray of shape (R, 10), float64
-        Count (5 or more), sums of x, y, z and of xx, yy, zz, xy, xz, yz.
-    axis : int
-        0 to 2: what is explained by the other two.
-
-    Returns
-    -------
-    ndarray of shape (R, 4), float64
-        The second's height over the first's along the axis; the variance of that; the variance of
-        the samples about their planes along the axis; the normal's component along the axis.
-    """
-    fits = np.empty((len(first), 4))
-    _fit_planes(first, second, axis, fits)
-    return fits
-
-
-@numba.njit(cache=True, nogil=True)
-def _fit_planes(
-    first: Float64, second: Float64, axis: int, fits: Float64
-) -> None:  # pragma: no cover - compiled
-    for row in range(len(first)):
-        _common_slope(first[row], second[row], axis, fits[row])
-
-
 @numba.njit(cache=True, nogil=True)
 def _common_slope(
     first: Float64, second: Float64, axis: int, fit: Float64
 ) -> None:  # pragma: no cover - compiled
+    """Fit two parallel planes to two groups of samples, by their sums.
+
+    `fit` gets the second's height over the first's along the axis; the variance of that; the
+    variance of the samples about their planes along the axis; the normal's component along it.
+    """
     b, c = (axis + 1) % 3, (axis + 2) % 3
     # Products of two axes stand at 3 + 1 + 2 (xy), 3 + 0 + 2 (xz), ...: 6 less the axis left out.
     ab, ac, bc = PRODUCT + 5 - c, PRODUCT + 5 - b, PRODUCT + 5 - axis
