@@ -23,6 +23,7 @@ from terraport_pipeline.geometry.regions.region_totals import (
     spread_totals,
     totals_document,
 )
+from terraport_pipeline.geometry.segments.segment_ids import renumber_rows
 from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
 from terraport_pipeline.geometry.tiles.tiled_cover import unite_covers
 from terraport_pipeline.geometry.tiles.tiled_means import JoinedRegions
@@ -33,7 +34,7 @@ from terraport_pipeline.stages.tiles.base_cover import NearBase
 from terraport_pipeline.stages.tiles.scene_facts import SceneScale, TiledScene
 from terraport_pipeline.stages.tiles.tiled_segment import Regions, totals_of
 
-__all__ = ["FORM", "TiledSegmented", "join"]
+__all__ = ["FORM", "TiledSegmented", "join", "renumbered"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +42,7 @@ class TiledSegmented:
     """What a build knows of its segments; labels of faces stay with the tiles."""
 
     tile: Int32
-    """(S,) tile of every segment; segments are numbered along one Morton curve."""
+    """(S,) tile of every segment; :func:`join` numbers segments along one Morton curve."""
     within: Int32
     """(S,) its number within the tile."""
     main_region: Int32
@@ -185,6 +186,16 @@ def join(
     )
 
 
+def renumbered(segmented: TiledSegmented, ids: Int32) -> TiledSegmented:
+    """Give segments other numbers: ``ids``, (S,), a permutation."""
+    order = np.argsort(ids)
+    return replace(
+        segmented,
+        **{name: getattr(segmented, name)[order] for name in _OF_SEGMENTS},
+        cover_segments=renumber_rows(segmented.cover_offsets, segmented.cover_segments, ids),
+    )
+
+
 def _store(result: TiledSegmented) -> Stored:
     arrays = {name: getattr(result, name) for name in _ARRAYS}
     return Stored(
@@ -202,16 +213,8 @@ def _restore(stored: Stored, facts: Facts) -> TiledSegmented:
     return TiledSegmented(**arrays, **dict(stored.values), facts=facts)
 
 
-_ARRAYS: Final = (
-    "tile",
-    "within",
-    "main_region",
-    "region_counts",
-    "bounds",
-    "base_kept",
-    "cover_offsets",
-    "cover_segments",
-)
+_OF_SEGMENTS: Final = ("tile", "within", "main_region", "region_counts", "bounds")
+_ARRAYS: Final = (*_OF_SEGMENTS, "base_kept", "cover_offsets", "cover_segments")
 
 
 FORM: Final = Form(_store, _restore, attrgetter("facts"))
