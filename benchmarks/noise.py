@@ -224,7 +224,6 @@ def solve(
         kept_ratio=SUPPORT,
         raster_low=(-extent_m, -extent_m),
         raster_cell_m=extent_m,
-        raster_shape=(3, 3),
         noise_m=noise_m,
         smoothing_m=radius_m,
     )

@@ -10,7 +10,15 @@ import numpy.typing as npt
 from terraport_pipeline.geometry.clouds.edges import EdgeRule
 from terraport_pipeline.geometry.tiles.tile_weld import weld_tiles
 from terraport_pipeline.stages.tiles import solve_tile
-from terraport_pipeline.stages.tiles.join_tiles import Join, Look, Settled, forgive, settle
+from terraport_pipeline.stages.tiles.join_tiles import (
+    Forgiven,
+    Join,
+    Look,
+    Settled,
+    TileJoin,
+    forgive,
+    settle,
+)
 from terraport_pipeline.stages.tiles.joined_tile import finish, look, weak_places
 from terraport_pipeline.stages.tiles.solve_tile import TileTask
 
@@ -44,7 +52,6 @@ def task(tile: int) -> TileTask:
         kept_ratio=8.0,
         raster_low=(90.0, 30.0),
         raster_cell_m=CELL_M,
-        raster_shape=(80, 80),
     )
 
 
@@ -83,6 +90,8 @@ class Joined:
     """What the four passes made of two pieces."""
 
     join: Join
+    joins: list[TileJoin]
+    forgiven: tuple[Forgiven, ...]
     looks: list[Look]
     settled: Settled
     tiles: list[Arrays]
@@ -106,8 +115,19 @@ BASE_RULE = replace(RULE, largest=5.0, outward_m=CELL_M)
 def joined(pieces: list[Arrays], *, rule: EdgeRule = RULE, min_faces: int = 1) -> Joined:
     """Join two tiles as a build does: weld, forgive weak places, look, settle, finish."""
     join = join_of(pieces, rule)
-    join = forgive(join, [weak_places(task(t), t, each, join) for t, each in enumerate(pieces)])
-    looks = [look(task(t), t, each, join) for t, each in enumerate(pieces)]
-    settled = settle(looks, len(join.cells), min_faces=min_faces)
-    tiles = [finish(task(t), t, each, join, settled)[0] for t, each in enumerate(pieces)]
-    return Joined(join, looks, settled, tiles)
+    joins = tile_joins(join)
+    weak = [weak_places(task(t), each, joins[t]) for t, each in enumerate(pieces)]
+    forgiven = forgive(join, weak)
+    looks = [look(task(t), each, joins[t], forgiven[t]) for t, each in enumerate(pieces)]
+    settled = settle(join, looks, min_faces=min_faces)
+    tiles = [
+        finish(task(t), each, joins[t], forgiven[t], settled.tiles[t])[0]
+        for t, each in enumerate(pieces)
+    ]
+    return Joined(join, joins, forgiven, looks, settled, tiles)
+
+
+def tile_joins(join: Join) -> list[TileJoin]:
+    """Give each of the two tiles what the join says of it."""
+    half_m = 0.5 * CORE * CELL_M
+    return [join.tile(t, task(t).centre_m - half_m, task(t).centre_m + half_m) for t in range(2)]

@@ -83,7 +83,9 @@ class Cleaned:
     facts: Facts
 
 
-def run(survey: Survey, options: Options, context: Context) -> Cleaned:
+def run(
+    survey: Survey, options: Options, context: Context, origin: Float64 | None = None
+) -> Cleaned:
     """Clean and orient a survey.
 
     Parameters
@@ -92,6 +94,8 @@ def run(survey: Survey, options: Options, context: Context) -> Cleaned:
         N points, CRS frame.
     options : Options
     context : Context
+    origin : ndarray of shape (3,), float64, optional
+        Of the scene frame; chosen where it is not given.
 
     Returns
     -------
@@ -136,7 +140,8 @@ def run(survey: Survey, options: Options, context: Context) -> Cleaned:
             "raise --outlier-ratio"
         )
     # (3) the scene frame
-    origin = _choose_origin(points[stays])
+    if origin is None:
+        origin = _choose_origin(points[stays])
     scene = to_scene(points[stays], origin)
     # (4) normals
     cloud, local_spacing_m, facts = _orient(scene, neighbours, options, context)

@@ -52,6 +52,8 @@ class QuarryOptions:
     """Points in the cloud, exactly: 300k, 5M; 50k to 20M is sensible."""
     seed: Annotated[int, Option(heading=COMMON, least=0, most=2**63 - 1)] = 7
     """Decides everything random: shape, stones, colours, sensor."""
+    sample_seed: Annotated[int, Option(heading=_SENSOR, least=0, most=2**63 - 1)] = 0
+    """Another number draws another sample of the same ground: as if it were flown again."""
     size_m: Annotated[
         float, Option(heading=COMMON, least=20.0, most=5000.0, flags=("--size",), unit="m")
     ] = DESIGN_SIZE_M

@@ -169,7 +169,9 @@ class QuarryMaker:
 
     def _make_chunk(self, index: int) -> QuarryChunk:
         options = self.options
-        rng = np.random.default_rng([options.seed, 1, index])
+        # A number more makes another stream: with sample 0 the bytes are those without the option.
+        again = [options.sample_seed] if options.sample_seed else []
+        rng = np.random.default_rng([options.seed, 1, index, *again])
         first = index * CHUNK_POINTS
         count = min(CHUNK_POINTS, options.points - first)
         points = self._draw(first, count, rng)

@@ -12,7 +12,7 @@ a build of another survey goes by the published one, which becomes what was befo
 from __future__ import annotations
 
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -23,7 +23,10 @@ from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
 from terraport_store.manifest import Manifest
 
-__all__ = ["Before", "find_before", "remember"]
+__all__ = ["SURVEY", "Before", "find_before", "remember"]
+
+SURVEY: Final = "survey"
+"""Columns of the survey that a version was built from, as read or renewed."""
 
 _ABOUT: Final = "about"
 
@@ -84,7 +87,7 @@ def find_before(work: WorkDirectory, scene: Path, survey: str) -> Before | None:
 
 def remember(
     work: WorkDirectory,
-    names: Sequence[str],
+    names: Mapping[str, str],
     decisions: Mapping[str, str],
     *,
     version: str,
@@ -96,8 +99,8 @@ def remember(
     Parameters
     ----------
     work : WorkDirectory
-    names : sequence of str
-        Results to keep.
+    names : mapping of str to str
+        Results to keep, by the name that they are kept under.
     decisions : mapping
         See :class:`Before`.
     version : str
@@ -118,9 +121,9 @@ def remember(
         return
     with work.beside("published") as folder:
         kept = WorkDirectory(folder)
-        for name in names:
+        for kept_name, name in names.items():
             # Results are never changed in place, only replaced: a link keeps what is there now.
-            shutil.copytree(work.path / name, folder / name, copy_function=_link)
+            shutil.copytree(work.path / name, folder / kept_name, copy_function=_link)
         kept.save(_ABOUT, version, Stored({}, values), Facts(), Cost(0.0, 0))
 
 

@@ -25,6 +25,7 @@ from terraport_pipeline.stages.region_engine import check_segment_by
 from terraport_pipeline.stages.tiles import base_atlas
 from terraport_pipeline.survey_files import SurveyFiles, find_survey
 from terraport_pipeline.unforeseen import build_failed
+from terraport_pipeline.workflow.before import find_before
 from terraport_pipeline.workflow.pack_step import build_info, publish_tiles
 from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_pipeline.workflow.read_step import (
@@ -35,6 +36,7 @@ from terraport_pipeline.workflow.read_step import (
     read_once,
 )
 from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
+from terraport_pipeline.workflow.renew_step import renew_survey
 from terraport_pipeline.workflow.report import BuildReport, write_build_report
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.scene_lock import scene_locked
@@ -252,15 +254,18 @@ def _run_stages(
     _check_in_one_piece(options.segment.in_one_piece, whole, runner.max_memory_bytes)
     bounded = whole.memory_bytes > runner.max_memory_bytes
     read = read_once(runner, survey, max_points=options.max_points, bounded=bounded)
-    # (3) A thinned copy tells whether attributes and photos are what they should be.
-    cleaned = clean_thinned(runner, read, options.clean)
+    # (3) Over a scene that is there: the ground that changed. A thinned copy tells whether
+    # attributes and photos are what they should be.
+    runner.before = find_before(runner.work, scene, read.digest)
+    renewed = renew_survey(runner, read)
+    cleaned = clean_thinned(runner, renewed, options.clean)
     check_segment_by(options.segment.segment_by, cleaned.record.values["attributes"])
     if photos is not None and not runner.reports[-1].taken_up:
         photos.try_on(cleaned.value().cloud, crs_of(read), runner.progress)
     # (4) The surface, in tiles.
     with runner.reported_as(reconstruct.NAME) as group:
         ground = prepare(
-            runner, read, cleaned, options.clean, options.reconstruct, options.tiles,
+            runner, renewed, cleaned, options.clean, options.reconstruct, options.tiles,
             options.segment.in_one_piece,
         )  # fmt: skip
         reconstructed = reconstruct_tiles(runner, ground, options.tiles.cluster)
@@ -289,6 +294,7 @@ def _run_stages(
     version, published = publish_tiles(
         runner, scene, surface, segmented, textures, base_texture, about, options.pack_options()
     )
+    runner.remember(version, read.digest, survey=renewed.name)
     return version, published, inputs_of(survey, read)
 
 

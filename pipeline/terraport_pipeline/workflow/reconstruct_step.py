@@ -5,22 +5,25 @@ The stages, each kept in the work directory:
 ``measure_survey``  spacing and what is usual, in full density
 ``partition``       every tile's samples
 ``solve-00000``...  every tile's surface (side by side, or on a cluster)
+``edges``           how much support ends the surface
 ``join``            what is shared
+``weak-00000``...   every tile's weak places
+``look-00000``...   every tile as it will be, but for what all of them settle
+``settle``          that
 ``tile-00000``...   every tile as later stages read it
 ``base``            the base and its deviation
 """
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, Float32, UInt8
+from terraport_payload.types import AnyArray, Float32, Float64, UInt8
 from terraport_pipeline.engines.readers.npy_columns import NpyReader
 from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.errors import SurveyError, WorkDirectoryError
@@ -28,20 +31,39 @@ from terraport_pipeline.geometry.clouds.edges import EdgeRule
 from terraport_pipeline.geometry.tiles.tile_weld import Seams, TileBorder, weld_tiles
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import partition
-from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
-from terraport_pipeline.stages.tiles import join_tiles, joined_tile, solve_tile, tiled_base
+from terraport_pipeline.stages.contract import STORED, Context, Facts, Stored
+from terraport_pipeline.stages.tiles import (
+    join_tiles,
+    joined_tile,
+    solve_tile,
+    tile_edges,
+    tiled_base,
+)
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles, StoredTiles
-from terraport_pipeline.stages.tiles.join_tiles import Join, Look, Settled, Weak
+from terraport_pipeline.stages.tiles.join_tiles import (
+    Forgiven,
+    Join,
+    Look,
+    Settled,
+    SettledTile,
+    TileJoin,
+    Weak,
+)
 from terraport_pipeline.stages.tiles.solve_tile import TileTask
-from terraport_pipeline.stages.tiles.tile_edges import edge_rules
+from terraport_pipeline.stages.tiles.tile_edges import edge_rules, end_of_support
 from terraport_pipeline.workflow.photo_input import camera_samples
-from terraport_pipeline.workflow.runner import Result, Runner, Stage, TileResults, TileStage
-from terraport_pipeline.workflow.tile_ground import Ground, raster_of, tile_tasks
-from terraport_pipeline.workflow.workdir import StageRecord, WorkDirectory, stage_key
+from terraport_pipeline.workflow.runner import (
+    Result,
+    Runner,
+    Stage,
+    TileResults,
+    TileStage,
+    for_tiles,
+)
+from terraport_pipeline.workflow.tile_ground import Ground, tile_tasks
+from terraport_pipeline.workflow.workdir import stage_key
 
 __all__ = ["Reconstructed", "Surface", "reconstruct_tiles"]
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -99,20 +121,41 @@ def reconstruct_tiles(runner: Runner, ground: Ground, cluster: str | None = None
     tasks, options = tile_tasks(ground), ground.options
     with TilePool(ground.forecast.workers if len(tasks) > 1 else 0, cluster) as pool:
         solved = _solve(runner, ground, tasks, pool)
-        joined = _join(runner, ground, tasks, solved, pool)
-        tiles = _finish(runner, tasks, solved, joined, pool)
+        join, settled, finished = _join(runner, ground, tasks, solved, pool)
+    tiles = _stored_tiles(runner, tasks, settled, finished)
+    join.release()
     # (2) The base, from all tiles and the thinned cloud.
     cleaned = ground.cleaned.value()
+    share = tiled_base.first_share(tiles, options)
+    thinned = runner.run_tiles(
+        TileStage(
+            "base-tile",
+            tiled_base,
+            "base: tiles",
+            for_tiles(
+                range(len(tasks)),
+                lambda part, context: tiled_base.thin_tile(tiles, part, share, context),
+            ),
+            [{"tile": record.digest} for record in finished.records],
+            [max(1, faces) for faces in tiles.base_faces],
+            options={"share": share},
+            bytes_per_unit=tiled_base.THIN_BYTES_PER_FACE,
+        )
+    )
     base = runner.run(
         Stage(
             tiled_base.NAME,
             tiled_base,
-            lambda context: tiled_base.run(cleaned, tiles, options, context),
+            lambda context: tiled_base.run(
+                cleaned, tiles, thinned.every(), share, options, context
+            ),
             tiled_base.FORM,
             asdict(options),
-            {"tiles": tiles.digest, "cloud": ground.cleaned.digest},
+            {
+                "tiles": tiles.digest, "thinned": thinned.digest, "cloud": ground.cleaned.digest,
+            },
         )
-    )
+    )  # fmt: skip
     base_result = base.value()
     # (3) Facts of all stages.
     counts = [record.values for record in solved.records]
@@ -129,10 +172,12 @@ def reconstruct_tiles(runner: Runner, ground: Ground, cluster: str | None = None
             "detail_faces": sum(tiles.faces),
             "detail_vertices": sum(tiles.vertices),
             "outliers_with_margins": sum(int(c["outliers"]) for c in counts),
-            **joined.record.facts.counts,
+            "shared_vertices": tiles.border_count,
+            **join.record.facts.counts,
+            **settled.record.facts.counts,
             **base_result.facts.counts,
         },
-        (*ground.warnings, *joined.record.facts.warnings, *base_result.facts.warnings),
+        (*ground.warnings, *settled.record.facts.warnings, *base_result.facts.warnings),
     )
     surface = Surface(
         base_result.base,
@@ -183,7 +228,7 @@ def _solve(
                 for tile, task in enumerate(tasks)
             ],
             [
-                {"task": stage_key("", "", asdict(task), {}), "samples": digest}
+                {"task": _task_key(task), "samples": digest}
                 for task, digest in zip(tasks, ground.samples.values["digests"], strict=True)
             ],
             ground.samples.values["samples"],
@@ -194,7 +239,8 @@ def _solve(
     )
 
 
-_Joined = tuple[Join, Settled, Facts]
+def _task_key(task: TileTask) -> str:
+    return stage_key("", "", asdict(task), {})
 
 
 def _join(
@@ -203,88 +249,199 @@ def _join(
     tasks: Sequence[TileTask],
     solved: TileResults,
     pool: TilePool,
-) -> Result[_Joined]:
-    """Weld the tiles and settle what only all of them decide; see :mod:`.join_tiles`."""
+) -> tuple[Result[Join], Result[Settled], TileResults]:
+    """Weld the tiles, settle what only all of them decide, write them; see :mod:`.join_tiles`."""
+    # (1) Borders of all tiles welded; the edge, from the support of all samples.
     options = ground.options
-    if not any(int(record.values["faces"]) for record in solved.records):
+    faces = [int(record.values["faces"]) for record in solved.records]
+    if not any(faces):
         raise SurveyError(
             f"no surface lies within {options.trim_spacings:g} spacings of the samples; are they "
             "scattered in space rather than on a surface? raise --trim-spacings to see"
         )
-    folders = [solved.folder(tile) for tile in range(len(tasks))]
-
-    def compute(context: Context) -> _Joined:
-        # (1) Borders of all tiles welded; the edge, from the support of all samples.
-        arrays = [stored.arrays for stored in solved.every()]
-        context.progress.start("tiles: join", 2.0 * len(tasks), "tiles")
-        rules = edge_rules(
-            arrays,
-            raster_of(ground),
-            largest=options.trim_spacings,
-            spacing_m=ground.measured["spacing_m"],
+    edges = runner.run(
+        Stage(
+            "edges",
+            tile_edges,
+            lambda _: Stored(
+                {}, {"threshold": end_of_support(_arrays(solved), options.trim_spacings)}
+            ),
+            STORED,
+            {"largest": options.trim_spacings},
+            {"solved": solved.digest},
+            is_decision=True,
         )
-        seams = weld_tiles([_border(each) for each in arrays], ground.plan.neighbours())
-        names, codes = tasks[0].attributes, tasks[0].codes
-        code_positions = tuple(position for position, name in enumerate(names) if name in codes)
-        join = Join.of(seams, arrays, len(names), code_positions, rules)
-        del arrays
-
-        def each(function: Callable[[_LookAtTile], T], join: Join, name: str) -> list[T]:
-            """Run a function over every tile in the pool; results in order of the tiles."""
-            path = context.scratch / name
-            path.write_bytes(pickle.dumps(join))  # once, not once a job
-            jobs = [
-                _LookAtTile(tile, task, folder, path)
-                for tile, (task, folder) in enumerate(zip(tasks, folders, strict=True))
-            ]
-            results: dict[int, T] = {}
-
-            def done(number: int, result: T) -> None:
-                results[number] = result
-                context.progress.advance(1.0)
-
-            pool.run(function, jobs, done)
-            return [results[tile] for tile in range(len(tasks))]
-
-        # (2) Weak places that reach across walls stay or go as one; then loose pieces.
-        join = join_tiles.forgive(join, each(_weak_places, join, "weak"))
-        settled = join_tiles.settle(
-            each(_look, join, "look"), len(join.cells), min_faces=options.island_faces
-        )
-        facts = _seam_facts(seams, settled, rules[0])
-        context.progress.done({"seam edges": settled.seam_edges, "cracks": settled.cracks})
-        return join, settled, facts
-
-    return runner.run(
+    )
+    welded = runner.run(
         Stage(
             join_tiles.NAME,
             joined_tile,
-            compute,
-            Form(
-                lambda result: join_tiles.to_stored(result[0], result[1]),
-                lambda stored, facts: (*join_tiles.from_stored(stored), facts),
-                lambda result: result[2],
-            ),
-            {"trim_spacings": options.trim_spacings, "island_faces": options.island_faces},
-            {"solved": solved.digest},
+            lambda _: _weld(ground, tasks, solved, float(edges.value().values["threshold"])),
+            join_tiles.JOIN_FORM,
+            {"largest": options.trim_spacings},
+            {"solved": solved.digest, "edges": edges.digest},
         )
+    )
+    join = welded.value()
+    # (2) What it says of every tile, in numbers of the tile's own.
+    numbers = range(len(tasks))
+    joins = [join.tile(tile, *_core_m(ground, tile)) for tile in numbers]
+    inputs = [
+        {"task": _task_key(task), "solved": record.digest, "join": each.digest()}
+        for task, record, each in zip(tasks, solved.records, joins, strict=True)
+    ]
+    jobs = [_TileJob(task, solved.folder(t), joins[t]) for t, task in enumerate(tasks)]
+
+    def tile_stage(
+        name: str,
+        title: str,
+        run: Sequence[Callable[[Context], Stored]],
+        inputs: Sequence[Mapping[str, str]],
+    ) -> TileStage:
+        return TileStage(name, joined_tile, title, run, inputs, [max(1, n) for n in faces])
+
+    # (3) Weak places that reach across walls stay or go as one; then loose pieces.
+    weak = runner.run_tiles(
+        tile_stage("weak", "tiles: weak places", [_WeakPlaces(job) for job in jobs], inputs), pool
+    )
+    forgiven = join_tiles.forgive(join, [_weak_of(stored) for stored in weak.every()])
+    inputs = [
+        {**each, "forgiven": stays.digest()} for each, stays in zip(inputs, forgiven, strict=True)
+    ]
+    looks = runner.run_tiles(
+        tile_stage(
+            "look", "tiles: join",
+            [_Look(job, stays) for job, stays in zip(jobs, forgiven, strict=True)], inputs,
+        ),
+        pool,
+    )  # fmt: skip
+    settled = runner.run(
+        Stage(
+            "settle",
+            joined_tile,
+            lambda _: join_tiles.settle(
+                join, [Look.of(stored) for stored in looks.every()], min_faces=options.island_faces
+            ),
+            join_tiles.SETTLED_FORM,
+            {"island_faces": options.island_faces},
+            {"join": welded.digest, "looks": looks.digest},
+        )
+    )
+    # (4) Every tile as later stages read it.
+    finished = runner.run_tiles(
+        tile_stage(
+            "tile",
+            "tiles: write",
+            [
+                _Finish(job, stays, tile)
+                for job, stays, tile in zip(jobs, forgiven, settled.value().tiles, strict=True)
+            ],
+            [
+                {**each, "settled": tile.digest()}
+                for each, tile in zip(inputs, settled.value().tiles, strict=True)
+            ],
+        ),
+        pool,
+    )
+    return welded, settled, finished
+
+
+def _weld(ground: Ground, tasks: Sequence[TileTask], solved: TileResults, threshold: float) -> Join:
+    """Weld the borders of all tiles."""
+    arrays, options = _arrays(solved), ground.options
+    rules = edge_rules(
+        arrays,
+        ground.raster,
+        threshold=threshold,
+        largest=options.trim_spacings,
+        spacing_m=ground.measured["spacing_m"],
+    )
+    seams = weld_tiles([_border(each) for each in arrays], ground.plan.neighbours())
+    names, codes = tasks[0].attributes, tasks[0].codes
+    code_positions = tuple(position for position, name in enumerate(names) if name in codes)
+    return Join.of(seams, arrays, len(names), code_positions, rules, _seam_facts(seams, rules[0]))
+
+
+def _core_m(ground: Ground, tile: int) -> tuple[Float64, Float64]:
+    """Box of a tile's core, scene frame."""
+    low, high = (
+        np.array(ground.lattice.anchor_m) + corner * ground.lattice.cell_m
+        for corner in ground.plan.core(tile)
+    )
+    return low, high
+
+
+def _stored_tiles(
+    runner: Runner,
+    tasks: Sequence[TileTask],
+    settled: Result[Settled],
+    finished: TileResults,
+) -> StoredTiles:
+    """Give the tiles that have a surface, as later stages read them."""
+    kept = [tile for tile, record in enumerate(finished.records) if record.values["faces"]]
+    values = [record.values for record in finished.records]
+    ids = settled.value().ids
+    return StoredTiles(
+        runner.work.path,
+        tuple(finished.records[tile].name for tile in kept),
+        np.array([values[tile]["box"] for tile in kept], dtype=np.float64).reshape(-1, 6),
+        tuple(int(values[tile]["faces"]) for tile in kept),
+        tuple(int(values[tile]["vertices"]) for tile in kept),
+        tuple(finished.records[tile].digest for tile in kept),
+        tasks[0].attributes,
+        settled.value().count,
+        tuple(ids[tile] for tile in kept),
+        finished.digest,
+        tuple(record.name for record in finished.records),
+        tuple(int(value["base_faces"]) for value in values),
     )
 
 
 @dataclass(frozen=True, slots=True)
-class _FinishTile:
-    """Write one tile as it is after the join."""
+class _TileJob:
+    """What every pass of the join needs of a tile; pickled to its worker."""
 
-    tile: int
     task: TileTask
     solved: Path
-    work: WorkDirectory
-    join: StageRecord
+    join: TileJoin
+
+
+@dataclass(frozen=True, slots=True)
+class _WeakPlaces:
+    """Find the weak places of a tile."""
+
+    job: _TileJob
 
     def __call__(self, _context: Context) -> Stored:
-        join, settled = join_tiles.from_stored(self.work.load(self.join))
+        job = self.job
+        weak = joined_tile.weak_places(job.task, _TileArrays(job.solved), job.join)
+        return Stored({"farthest": weak.farthest, "touch": weak.touch}, {})
+
+
+@dataclass(frozen=True, slots=True)
+class _Look:
+    """Find everything else that must be settled over all tiles."""
+
+    job: _TileJob
+    forgiven: Forgiven
+
+    def __call__(self, _context: Context) -> Stored:
+        job = self.job
+        return joined_tile.look(job.task, _TileArrays(job.solved), job.join, self.forgiven).stored()
+
+
+@dataclass(frozen=True, slots=True)
+class _Finish:
+    """Write one tile as it is after the join."""
+
+    job: _TileJob
+    forgiven: Forgiven
+    settled: SettledTile
+
+    def __call__(self, _context: Context) -> Stored:
+        job = self.job
         arrays, box = joined_tile.finish(
-            self.task, self.tile, _TileArrays(self.solved), join, settled
+            job.task, _TileArrays(job.solved), job.join, self.forgiven, self.settled
         )
         return Stored(
             arrays,
@@ -297,70 +454,12 @@ class _FinishTile:
         )
 
 
-def _finish(
-    runner: Runner,
-    tasks: Sequence[TileTask],
-    solved: TileResults,
-    joined: Result[_Joined],
-    pool: TilePool,
-) -> StoredTiles:
-    """Write every tile as later stages read it."""
-    joined.release()
-    finished = runner.run_tiles(
-        TileStage(
-            "tile",
-            joined_tile,
-            "tiles: write",
-            [
-                _FinishTile(tile, task, solved.folder(tile), runner.work, joined.record)
-                for tile, task in enumerate(tasks)
-            ],
-            # The join holds what is shared: other colours inside a tile leave it as it is.
-            [{"join": joined.digest, "solved": record.digest} for record in solved.records],
-            [max(1, int(record.values["faces"])) for record in solved.records],
-        ),
-        pool,
-    )
-    kept = [tile for tile, record in enumerate(finished.records) if record.values["faces"]]
-    values = [record.values for record in finished.records]
-    return StoredTiles(
-        runner.work.path,
-        tuple(finished.records[tile].name for tile in kept),
-        np.array([values[tile]["box"] for tile in kept], dtype=np.float64).reshape(-1, 6),
-        tuple(int(values[tile]["faces"]) for tile in kept),
-        tuple(int(values[tile]["vertices"]) for tile in kept),
-        tuple(finished.records[tile].digest for tile in kept),
-        tasks[0].attributes,
-        int(joined.record.facts.counts["shared_vertices"]),
-        finished.digest,
-        tuple(record.name for record in finished.records),
-        tuple(int(value["base_faces"]) for value in values),
-    )
+def _arrays(tiles: TileResults) -> list[Mapping[str, AnyArray]]:
+    return [stored.arrays for stored in tiles.every()]
 
 
-@dataclass(frozen=True, slots=True)
-class _LookAtTile:
-    """Look at a tile as it will be after the join."""
-
-    tile: int
-    task: TileTask
-    solved: Path
-    join: Path
-    """A pickled :class:`.Join`."""
-
-    def loaded(self) -> Join:
-        join: Join = pickle.loads(self.join.read_bytes())  # noqa: S301 - this build wrote it
-        return join
-
-
-def _weak_places(job: _LookAtTile) -> Weak:
-    """Find the weak places of a tile; runs in a worker."""
-    return joined_tile.weak_places(job.task, job.tile, _TileArrays(job.solved), job.loaded())
-
-
-def _look(job: _LookAtTile) -> Look:
-    """Find everything else that the join must know of a tile; runs in a worker."""
-    return joined_tile.look(job.task, job.tile, _TileArrays(job.solved), job.loaded())
+def _weak_of(stored: Stored) -> Weak:
+    return Weak(np.array(stored.arrays["farthest"]), np.array(stored.arrays["touch"]))
 
 
 class _TileArrays(dict[str, AnyArray]):
@@ -390,25 +489,14 @@ def _border(arrays: Mapping[str, AnyArray]) -> TileBorder:
     )
 
 
-def _seam_facts(seams: Seams, settled: Settled, rule: EdgeRule) -> Facts:
+def _seam_facts(seams: Seams, rule: EdgeRule) -> Facts:
     gaps = seams.gaps if len(seams.gaps) else np.zeros(1)
     counts: dict[str, Any] = {
-        "shared_vertices": len(seams.cells) + len(settled.pairs),
-        "seam_edges": settled.seam_edges,
-        "seam_cracks": settled.cracks,
-        "seam_rims": settled.rims,
         "seam_fillers": sum(len(fillers) for fillers in seams.fillers),
         "seam_unmatched_vertices": seams.unmatched,
-        "islands_dropped": settled.islands,
         "support_threshold": rule.threshold,
         "footprint_m2": rule.footprint.area_m2 if rule.footprint else 0.0,
     }
     for percentile in (50.0, 95.0, 99.0, 100.0):
         counts[f"seam_gap_p{percentile:g}_cells"] = float(np.percentile(gaps, percentile))
-    warnings: list[str] = []
-    if settled.cracks:
-        warnings.append(
-            f"{settled.cracks} edges between tiles stay open; look at the seams in the report, "
-            "and build with a larger --tile-depth if they show"
-        )
-    return Facts(counts, tuple(warnings))
+    return Facts(counts)

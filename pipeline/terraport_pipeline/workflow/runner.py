@@ -26,7 +26,7 @@ from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.measure import Measure, StepClock
 from terraport_pipeline.progress import ESTIMATE_UNIT, NullProgress, Progress
 from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
-from terraport_pipeline.workflow.before import Before, remember
+from terraport_pipeline.workflow.before import SURVEY, Before, remember
 from terraport_pipeline.workflow.report import StageReport
 from terraport_pipeline.workflow.workdir import Cost, StageRecord, WorkDirectory, stage_key
 
@@ -269,21 +269,21 @@ class Runner:
             return stage
         return replace(stage, run=lambda _: decided, inputs={"decided": record.digest})
 
-    def remember(self, version: str, survey: str) -> None:
+    def remember(self, version: str, read: str, *, survey: str) -> None:
         """Keep what the next survey over the scene goes by.
 
         Parameters
         ----------
         version : str
             What was published.
-        survey : str
+        read : str
             Digest of the survey as read.
+        survey : str
+            Name of the result that holds the survey that was worked on.
         """
+        names = {name: name for name in self._remembered} | {SURVEY: survey}
         decisions = {name: key for name, key in self._remembered.items() if key is not None}
-        remember(
-            self.work, tuple(self._remembered), decisions,
-            version=version, survey=survey, before=self.before,
-        )  # fmt: skip
+        remember(self.work, names, decisions, version=version, survey=read, before=self.before)
 
     def take_up(self, name: str, key: str) -> StageRecord | None:
         """Look for a kept result; None where it is to be made."""

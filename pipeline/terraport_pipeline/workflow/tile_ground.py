@@ -1,7 +1,9 @@
 """Everything about a survey that is known before the first tile is worked on.
 
-Thins a copy of the survey as read, measures, plans the tiles, hands the samples out; each step
-a result in the work directory.
+Thins a copy of the survey, measures, plans the tiles, hands the samples out; each step a result in
+the work directory. Over a scene that is there its frame stands: origin, lattice, spacing and what
+is usual are those of its first survey, and its tiles keep their numbers, so that a tile whose
+samples are the same is the same.
 """
 
 from __future__ import annotations
@@ -12,26 +14,41 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 
-from terraport_payload.types import Float64
+from terraport_payload.types import Float64, Int64
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.engines.readers.npy_columns import NpyReader
 from terraport_pipeline.engines.readers.raw_survey import thinning_rows
 from terraport_pipeline.geometry.clouds.detail_cell import choose_cell, smoothing_radius_m
 from terraport_pipeline.geometry.clouds.footprint import Occupancy, plan_occupancy
-from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
+from terraport_pipeline.geometry.tiles.tile_plan import (
+    Lattice,
+    TilePlan,
+    plan_tiles,
+    renew_plan,
+    tile_shape,
+)
 from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.stages import clean, measure_survey, partition, reconstruct
 from terraport_pipeline.stages.clean import Cleaned
-from terraport_pipeline.stages.contract import IN_FOLDER, STORED
+from terraport_pipeline.stages.contract import IN_FOLDER, STORED, Stored
 from terraport_pipeline.stages.tiles import solve_tile
 from terraport_pipeline.stages.tiles.tile_edges import BASE_GAP_SPACINGS
+from terraport_pipeline.workflow.before import Before
 from terraport_pipeline.workflow.read_step import crs_of
 from terraport_pipeline.workflow.runner import Result, Runner, Stage
-from terraport_pipeline.workflow.tile_memory import TileForecast, choose_plan, forecast_tiles
+from terraport_pipeline.workflow.tile_memory import (
+    TileForecast,
+    choose_plan,
+    forecast_tiles,
+    tiles_fit,
+)
 from terraport_pipeline.workflow.workdir import StageRecord
 
-__all__ = ["Ground", "TileOptions", "clean_thinned", "prepare", "raster_of", "tile_tasks"]
+__all__ = ["Ground", "TileOptions", "clean_thinned", "prepare", "tile_tasks"]
+
+_FRAME: Final = "frame"
+_PLAN: Final = "plan"
 
 _KEPT_BEYOND: Final = 3.0
 """A tile keeps its surface until the join decides: so many spacings farther than any rule of the
@@ -62,13 +79,17 @@ class TileOptions:
 class Ground:
     """Everything that is the same for all tiles: lattice, plan, samples, forecast of memory."""
 
-    read: StageRecord
+    survey: StageRecord
+    """Columns of the survey, as read or renewed."""
     cleaned: Result[Cleaned]
     """The thinned copy: origin, colours, codes."""
     origin: Float64
     """(3,) easting, northing, height of the scene's origin."""
     measured: dict[str, Any]
+    """Of the survey that the scene's frame was made for."""
     lattice: Lattice
+    raster: Occupancy
+    """Where the scene's footprint is drawn; empty."""
     plan: TilePlan
     samples: StageRecord
     forecast: TileForecast
@@ -79,27 +100,34 @@ class Ground:
     @property
     def crs(self) -> Crs | None:
         """Coordinate reference system of the survey; None where it states none."""
-        return crs_of(self.read)
+        return crs_of(self.survey)
 
 
-def clean_thinned(runner: Runner, read: StageRecord, options: clean.Options) -> Result[Cleaned]:
+def clean_thinned(runner: Runner, survey: StageRecord, options: clean.Options) -> Result[Cleaned]:
     """Clean a thinned copy of the survey in memory: origin, colours, codes, the scene's frame."""
-    source = runner.work.path / read.name
+    source = runner.work.path / survey.name
+    origin = None if runner.before is None else _origin_before(runner.before)
     return runner.run(
         Stage(
             clean.NAME,
             clean,
-            lambda context: clean.run(_thinned(source, read), options, context),
+            lambda context: clean.run(_thinned(source, survey), options, context, origin),
             clean.FORM,
-            asdict(options) | {"thinned": _THINNED_POINTS},
-            {"survey": read.digest},
+            asdict(options)
+            | {"thinned": _THINNED_POINTS, "origin": None if origin is None else origin.tolist()},
+            {"survey": survey.digest},
         )
     )
 
 
+def _origin_before(before: Before) -> Float64 | None:
+    record = before.find(_FRAME)
+    return None if record is None else np.array(record.values["origin"], np.float64)
+
+
 def prepare(
     runner: Runner,
-    read: StageRecord,
+    survey: StageRecord,
     cleaned: Result[Cleaned],
     clean_options: clean.Options,
     options: reconstruct.Options,
@@ -111,8 +139,8 @@ def prepare(
     Parameters
     ----------
     runner : Runner
-    read : StageRecord
-        The survey's columns on disk.
+    survey : StageRecord
+        Its columns on disk.
     cleaned : Result of Cleaned
         From :func:`clean_thinned`.
     clean_options, options, tiles
@@ -127,8 +155,8 @@ def prepare(
     OptionError
         Tiles of the size that was asked for, where one must hold all.
     """
-    # (1) Extent, spacing and noise of all samples.
-    source = runner.work.path / read.name
+    # (1) Extent, spacing and noise of all samples; the frame that follows, or the scene's own.
+    source = runner.work.path / survey.name
     cloud = cleaned.value().cloud
     measured = runner.run(
         Stage(
@@ -139,41 +167,79 @@ def prepare(
             ),
             STORED,
             asdict(clean_options),
-            {"survey": read.digest, "cloud": cleaned.digest},
+            {"survey": survey.digest, "cloud": cleaned.digest},
         )
     )
-    values = dict(measured.value().values)
-    # (2) The lattice, tiles on it that fit into memory, and each tile's samples. All tiles solve
+    frame = runner.run(
+        Stage(
+            _FRAME,
+            measure_survey,
+            lambda _: Stored(
+                {}, _frame(dict(measured.value().values), cloud.origin, options.detail_depth)
+            ),
+            STORED,
+            {"detail_depth": options.detail_depth, **asdict(clean_options)},
+            {"measured": measured.digest, "cloud": cleaned.digest},
+            is_decision=True,
+        )
+    ).value()
+    values = frame.values
+    lattice = Lattice(tuple(values["anchor_m"]), values["cell_m"])
+    raster = Occupancy(
+        tuple(values["raster_low"]), values["raster_cell_m"], values["measured"]["spacing_m"],
+        np.zeros((0, 0), np.float32),
+    )  # fmt: skip
+    # (2) Tiles on the lattice that fit into memory, and each tile's samples. All tiles solve
     # on one lattice: their surfaces meet at the same planes.
-    cell_m, warnings = choose_cell(
-        options.detail_depth,
-        poisson.SCALE * values["extent_m"],
-        values["surface_spacing_m"],
-        values["noise_m"],
+    plan, forecast = _plan(
+        runner, source, lattice, cloud.origin, dict(measured.value().values), tiles, in_one_piece
     )
-    lattice = _lattice(values, cell_m)
-    origin = cloud.origin
-    plan, forecast = _plan(runner, source, lattice, origin, values, tiles, in_one_piece)
     samples = runner.run(
         Stage(
             partition.NAME,
             partition,
             lambda context: partition.run(
-                source, len(read.values["attributes"]), plan, origin, context
+                source, len(survey.values["attributes"]), plan, cloud.origin, context
             ),
             IN_FOLDER,
-            {"shape": asdict(plan.shape), "lattice": asdict(lattice), "offset": plan.offset},
-            {"survey": read.digest, "cloud": cleaned.digest},
+            {
+                "shape": asdict(plan.shape),
+                "lattice": asdict(lattice),
+                "offset": plan.offset,
+                "tiles": plan.indices.tolist(),
+            },
+            {"survey": survey.digest, "cloud": cleaned.digest},
         )
     )
     return Ground(
-        read, cleaned, origin, values, lattice, plan, samples.record, forecast,
-        tuple(warnings), clean_options, options,
+        survey, cleaned, cloud.origin, values["measured"], lattice, raster, plan, samples.record,
+        forecast, tuple(values["warnings"]), clean_options, options,
     )  # fmt: skip
 
 
-def _thinned(source: Path, read: StageRecord) -> Survey:
-    """Every n-th sample or so of the survey as read, by the rule of ``--max-points``."""
+def _frame(measured: dict[str, Any], origin: Float64, detail_depth: int | None) -> dict[str, Any]:
+    """Decide what stands for all surveys over one scene, as plain values."""
+    cell_m, warnings = choose_cell(
+        detail_depth,
+        poisson.SCALE * measured["extent_m"],
+        measured["surface_spacing_m"],
+        measured["noise_m"],
+    )
+    raster = plan_occupancy(
+        np.array(measured["low"]), np.array(measured["high"]), measured["spacing_m"]
+    )
+    return {
+        "origin": origin.tolist(),
+        "measured": measured,
+        **asdict(_lattice(measured, cell_m)),
+        "raster_low": list(raster.low),
+        "raster_cell_m": raster.cell_m,
+        "warnings": list(warnings),
+    }
+
+
+def _thinned(source: Path, survey: StageRecord) -> Survey:
+    """Every n-th sample or so of a survey, by the rule of ``--max-points``."""
     total = len(NpyReader(source / "points.npy"))
     rows = thinning_rows(total, _THINNED_POINTS)
 
@@ -190,10 +256,10 @@ def _thinned(source: Path, read: StageRecord) -> Survey:
     return Survey(
         column("points"),
         column("colours") if (source / "colours.npy").exists() else None,
-        {name: column(f"attribute-{i}") for i, name in enumerate(read.values["attributes"])},
-        crs_of(read),
-        read.values["format"],
-        whole=tuple(read.values.get("whole", ())),
+        {name: column(f"attribute-{i}") for i, name in enumerate(survey.values["attributes"])},
+        crs_of(survey),
+        survey.values["format"],
+        whole=tuple(survey.values.get("whole", ())),
     )
 
 
@@ -219,18 +285,46 @@ def _plan(
         blocks, counts = partition.count_blocks(
             source, lattice, origin, partition.BLOCK_CELLS, runner.context(scratch)
         )
-    area_m2 = measured["points"] * measured["surface_spacing_m"] ** 2
-    plan = choose_plan(
-        lambda depth: plan_tiles(lattice, tile_shape(depth), blocks, counts, partition.BLOCK_CELLS),
-        points=measured["points"],
-        area_m2=area_m2,
-        max_memory_bytes=runner.max_memory_bytes,
-        asked=tiles.depth,
-        in_one_piece=in_one_piece,
+    points = measured["points"]
+    area_m2 = points * measured["surface_spacing_m"] ** 2
+    plan = _plan_before(runner, lattice, blocks, counts)
+    memory = runner.max_memory_bytes
+    if plan is not None and not (
+        tiles.depth in (None, plan.shape.depth)
+        and (in_one_piece is None or plan.count == 1)
+        and tiles_fit(plan, points, area_m2, memory)
+    ):
+        plan = None
+    if plan is None:
+        plan = choose_plan(
+            lambda depth: plan_tiles(
+                lattice, tile_shape(depth), blocks, counts, partition.BLOCK_CELLS
+            ),
+            points=points,
+            area_m2=area_m2,
+            max_memory_bytes=memory,
+            asked=tiles.depth,
+            in_one_piece=in_one_piece,
+        )
+    values = {
+        "depth": plan.shape.depth, "offset": list(plan.offset), "tiles": plan.indices.tolist(),
+    }  # fmt: skip
+    runner.run(
+        Stage(_PLAN, partition, lambda _: Stored({}, values), STORED, values, is_remembered=True)
     )
-    return plan, forecast_tiles(
-        plan, measured["points"], area_m2, runner.max_memory_bytes, runner.threads
-    )
+    return plan, forecast_tiles(plan, points, area_m2, memory, runner.threads)
+
+
+def _plan_before(runner: Runner, lattice: Lattice, blocks: Int64, counts: Int64) -> TilePlan | None:
+    """Lay the tiles of the scene before over this survey; new ones are numbered behind them."""
+    record = None if runner.before is None else runner.before.find(_PLAN)
+    if record is None:
+        return None
+    values = record.values
+    return renew_plan(
+        lattice, tile_shape(values["depth"]), tuple(values["offset"]),
+        np.array(values["tiles"], np.int64), blocks, counts, partition.BLOCK_CELLS,
+    )  # fmt: skip
 
 
 def tile_tasks(ground: Ground) -> list[solve_tile.TileTask]:
@@ -238,7 +332,7 @@ def tile_tasks(ground: Ground) -> list[solve_tile.TileTask]:
     clean_options, options = ground.clean_options, ground.options
     plan, lattice = ground.plan, ground.lattice
     cleaned = ground.cleaned.value()
-    raster = raster_of(ground)
+    raster = ground.raster
     east, north, height = (float(v) for v in ground.origin)
     tasks = []
     for tile in range(plan.count):
@@ -255,7 +349,7 @@ def tile_tasks(ground: Ground) -> list[solve_tile.TileTask]:
                 origin=(east, north, height),
                 spacing_m=ground.measured["spacing_m"],
                 usual=(ground.measured["usual_log_m"], ground.measured["usual_deviation"]),
-                columns=tuple(ground.read.values["attributes"]),
+                columns=tuple(ground.survey.values["attributes"]),
                 attributes=tuple(cleaned.cloud.attributes),
                 codes=cleaned.codes,
                 has_colour=cleaned.cloud.has_colour,
@@ -266,7 +360,6 @@ def tile_tasks(ground: Ground) -> list[solve_tile.TileTask]:
                 kept_ratio=max(BASE_GAP_SPACINGS, options.trim_spacings) + _KEPT_BEYOND,
                 raster_low=raster.low,
                 raster_cell_m=raster.cell_m,
-                raster_shape=(raster.spacing_m.shape[0], raster.spacing_m.shape[1]),
                 noise_m=ground.measured["noise_m"],
                 smoothing_m=smoothing_radius_m(
                     ground.measured["surface_spacing_m"], ground.measured["noise_m"]
@@ -274,11 +367,3 @@ def tile_tasks(ground: Ground) -> list[solve_tile.TileTask]:
             )
         )
     return tasks
-
-
-def raster_of(ground: Ground) -> Occupancy:
-    """Make the empty raster of the scene's footprint."""
-    measured = ground.measured
-    return plan_occupancy(
-        np.array(measured["low"]), np.array(measured["high"]), measured["spacing_m"]
-    )

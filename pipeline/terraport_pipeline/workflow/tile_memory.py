@@ -14,7 +14,14 @@ from terraport_pipeline.engines import poisson
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.tiles.tile_plan import TilePlan
 
-__all__ = ["TileForecast", "WholeForecast", "choose_plan", "forecast_tiles", "forecast_whole"]
+__all__ = [
+    "TileForecast",
+    "WholeForecast",
+    "choose_plan",
+    "forecast_tiles",
+    "forecast_whole",
+    "tiles_fit",
+]
 
 PROCESS_BYTES: Final = 240 * 2**20
 """Python with NumPy, SciPy, numba and their kernels."""
@@ -181,7 +188,7 @@ def choose_plan(
     if in_one_piece:
         whole = next(tried for depth in _SINGLE_DEPTHS if (tried := plan(depth)).count == 1)
         need = _tile_bytes(whole, points, area_m2)
-        if need > max_memory_bytes - PARENT_BYTES:
+        if not tiles_fit(whole, points, area_m2, max_memory_bytes):
             raise ResourceError(
                 f"{in_one_piece} needs the surface in one piece, about "
                 f"{(need + PARENT_BYTES) / 2**30:.1f} GiB; allowed are "
@@ -208,6 +215,11 @@ def choose_plan(
             "--max-memory to 2G or more"
         )
     return best[1]
+
+
+def tiles_fit(plan: TilePlan, points: int, area_m2: float, max_memory_bytes: int) -> bool:
+    """Whether at least one tile of a plan at a time fits into memory."""
+    return _tile_bytes(plan, points, area_m2) <= max_memory_bytes - PARENT_BYTES
 
 
 def forecast_tiles(

@@ -28,9 +28,9 @@ def stored(folder: Path) -> StoredTiles:
         np.save(tile_folder / f"{field}.npy", getattr(MESH, field))
     np.save(tile_folder / "attribute-0.npy", MESH.attributes["grade"])
     np.save(tile_folder / "border-rows.npy", np.array([1], dtype=np.int32))
-    np.save(tile_folder / "border-ids.npy", np.array([7]))
-    box = np.array([[0.0, 0, 0, 3, 1, 2]])
-    return StoredTiles(folder, ("tile-00000",), box, (1,), (3,), ("d0",), ("grade",), 8, "abc")
+    np.save(tile_folder / "border-shared.npy", np.array([1], dtype=np.int32))
+    box, ids = np.array([[0.0, 0, 0, 3, 1, 2]]), (np.array([3, 7]),)
+    return StoredTiles(folder, ("tile-00000",), box, (1,), (3,), ("d0",), ("grade",), 8, ids, "abc")
 
 
 def test_a_tile_is_read_as_it_was_kept(tmp_path: Path) -> None:

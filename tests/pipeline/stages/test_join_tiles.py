@@ -11,15 +11,27 @@ from pipeline.two_tiles import CORE, joined, piece
 
 from terraport_pipeline.geometry.clouds.edges import EdgeRule
 from terraport_pipeline.geometry.clouds.footprint import Footprint
+from terraport_pipeline.stages.contract import Facts
 from terraport_pipeline.stages.tiles.join_tiles import (
+    JOIN_FORM,
+    SETTLED_FORM,
+    Join,
     Look,
+    SettledTile,
     Weak,
-    cut_ids,
     forgive,
-    from_stored,
     settle,
-    to_stored,
 )
+
+
+def numbered(ids: Sequence[Sequence[int]]) -> Join:
+    """Two joined tiles, whose shared vertices have these numbers over all tiles."""
+    join = joined([piece(0), piece(1)]).join
+    return dataclasses.replace(
+        join,
+        cells=np.zeros((max((max(each, default=-1) for each in ids), default=-1) + 1, 3)),
+        ids=tuple(np.array(each, np.int64) for each in ids),
+    )
 
 
 def weak(farthest: list[float], touch: list[tuple[int, int]]) -> Weak:
@@ -27,16 +39,18 @@ def weak(farthest: list[float], touch: list[tuple[int, int]]) -> Weak:
 
 
 def test_a_weak_place_across_walls_stays_or_goes_as_one() -> None:
-    join = joined([piece(0), piece(1)]).join
-    chain = forgive(join, [weak([3.0, 3.0], [(0, 1), (1, 2)]), weak([3.9, 5.0], [(0, 1), (1, 7)])])
-    assert [each.tolist() for each in chain.forgiven] == [[True, True], [True, False]]
-    linked = forgive(join, [weak([3.0, 3.0], [(0, 1), (0, 7)]), weak([3.9, 5.0], [(0, 1), (1, 7)])])
-    assert [each.tolist() for each in linked.forgiven] == [[False, True], [False, False]]
+    # The second tile's own numbers run the other way.
+    join = numbered([range(9), range(8, -1, -1)])
+    chain = forgive(join, [weak([3.0, 3.0], [(0, 1), (1, 2)]), weak([3.9, 5.0], [(0, 7), (1, 1)])])
+    assert [each.detail.tolist() for each in chain] == [[True, True], [True, False]]
+    linked = forgive(join, [weak([3.0, 3.0], [(0, 1), (0, 7)]), weak([3.9, 5.0], [(0, 7), (1, 1)])])
+    assert [each.detail.tolist() for each in linked] == [[False, True], [False, False]]
+    assert [each.base.tolist() for each in linked] == [[True, True], [True, True]]
 
 
 def test_without_weak_places_nothing_is_forgiven() -> None:
     join = joined([piece(0), piece(1)]).join
-    assert [len(each) for each in forgive(join, [weak([], []), weak([], [])]).forgiven] == [0, 0]
+    assert [len(each.detail) for each in forgive(join, [weak([], []), weak([], [])])] == [0, 0]
 
 
 def seen(
@@ -50,7 +64,7 @@ def seen(
         np.array([vertex for vertex, _ in shared], np.int64),
         np.array([ends for _, ends in shared], np.int64).reshape(-1, 2),
         np.tile([0.0, 2.0, 0.0], (len(shared), 1)),
-        np.array(edges, np.int64).reshape(-1, 4),
+        np.array(edges, np.int64).reshape(-1, 2, 2),
         np.array(middles, np.float64).reshape(-1, 3),
     )
 
@@ -60,48 +74,51 @@ def test_pieces_are_counted_over_all_tiles() -> None:
         seen([60, 10], [(0, (0, 0)), (1, (1, 1))]),
         seen([60, 10, 5], [(0, (0, 0)), (1, (1, 1))]),
     ]
-    settled = settle(looks, 2, min_faces=15)
+    settled = settle(numbered([[0, 1], [0, 1]]), looks, min_faces=15)
     # 60 + 60 and 10 + 10 stay, the lone 5 goes
-    assert [each.tolist() for each in settled.dropped] == [[], [2]]
+    assert [tile.dropped.tolist() for tile in settled.tiles] == [[], [2]]
     assert settled.islands == 1
-    assert settled.normals.tolist() == [[0, 1, 0], [0, 1, 0]]
+    assert settled.tiles[1].normals.tolist() == [[0, 1, 0], [0, 1, 0]]
 
 
 def test_the_largest_piece_stays_however_small() -> None:
-    settled = settle([seen([3, 9]), seen([4])], 0, min_faces=1000)
-    assert [each.tolist() for each in settled.dropped] == [[0], [0]]
+    settled = settle(numbered([[], []]), [seen([3, 9]), seen([4])], min_faces=1000)
+    assert [tile.dropped.tolist() for tile in settled.tiles] == [[0], [0]]
     assert settled.islands == 2
 
 
 def test_vertices_that_the_cut_made_are_shared_too() -> None:
-    looks = [seen([5], [(0, (4, 7)), (0, (4, 4))]), seen([6], [(0, (4, 7)), (0, (2, 9))])]
-    settled = settle(looks, 10, min_faces=11)
-    assert settled.pairs.tolist() == [[2, 9], [4, 7]]
+    # The second tile's numbers 0, 1, 2, 3 are 9, 7, 4, 2 over all tiles.
+    looks = [seen([5], [(0, (4, 7)), (0, (4, 4))]), seen([6], [(0, (1, 2)), (0, (3, 0))])]
+    settled = settle(numbered([range(10), [9, 7, 4, 2]]), looks, min_faces=11)
     assert settled.islands == 0  # joined by what the cut made alone
-    assert settled.normals.shape == (12, 3)
-    assert cut_ids(looks[1].pairs, settled.pairs, 10).tolist() == [11, 10]
-    assert cut_ids(looks[0].pairs, settled.pairs, 10).tolist() == [11, 4]
+    assert settled.count == 12
+    assert [each.tolist() for each in settled.ids] == [[11, 4], [11, 10]]
+    assert [tile.normals.shape for tile in settled.tiles] == [(2, 3), (2, 3)]
 
 
 def test_open_edges_are_seams_cracks_or_rims() -> None:
     a, b = [3, 3], [4, 4]
     here = [[0.0, 0.0, 0.0]]
+    join = numbered([range(5), [0, 1, 2, 4, 3]])
     seam = settle(
-        [seen([1], edges=[a + b], middles=here), seen([1], edges=[b + a], middles=here)],
-        5,
+        join,
+        [seen([1], edges=[a + b], middles=here), seen([1], edges=[a + b], middles=here)],
         min_faces=1,
     )
     assert (seam.seam_edges, seam.cracks, seam.rims) == (1, 0, 0)
     own, other = [-1, -1, -2, -2], [-7, -7, -8, -8]
     crack = settle(
+        join,
         [seen([1], edges=[own], middles=here), seen([1], edges=[other], middles=[[0.9, 0.0, 0.0]])],
-        5, min_faces=1,
-    )  # fmt: skip
+        min_faces=1,
+    )
     assert (crack.seam_edges, crack.cracks, crack.rims) == (0, 2, 0)
     rim = settle(
+        join,
         [seen([1], edges=[own], middles=here), seen([1], edges=[other], middles=[[1.1, 0.0, 0.0]])],
-        5, min_faces=1,
-    )  # fmt: skip
+        min_faces=1,
+    )
     assert (rim.seam_edges, rim.cracks, rim.rims) == (0, 0, 2)
 
 
@@ -111,7 +128,7 @@ def test_a_sheet_over_two_tiles_has_a_seam_and_no_crack() -> None:
 
 
 @pytest.mark.parametrize(
-    "outline", [None, Footprint((90.0, 30.0), 0.5, np.ones((9, 7), np.float32))]
+    "outline", [None, Footprint((90.0, 30.0), 0.5, np.ones((9, 7), np.float32), (-3, 2))]
 )
 def test_the_join_comes_back_from_its_arrays(outline: Footprint | None) -> None:
     result = joined([piece(0), piece(1)])
@@ -120,7 +137,10 @@ def test_the_join_comes_back_from_its_arrays(outline: Footprint | None) -> None:
         for each in (result.join.rule, result.join.base_rule)
     )
     join = dataclasses.replace(result.join, rule=rule, base_rule=base_rule)
-    again, settled = from_stored(to_stored(join, result.settled))
+    facts = Facts({"seam_fillers": 3})
+    again = JOIN_FORM.restore(JOIN_FORM.store(join), facts)
+    assert again.facts is facts
+    settled = SETTLED_FORM.restore(SETTLED_FORM.store(result.settled), facts)
     for original, restored in ((join, again), (result.settled, settled)):
         for item in dataclasses.fields(original):
             before, after = getattr(original, item.name), getattr(restored, item.name)
@@ -130,9 +150,14 @@ def test_the_join_comes_back_from_its_arrays(outline: Footprint | None) -> None:
                 assert (after.footprint is None) == (outline is None)
                 if outline is not None:
                     assert (after.footprint.low, after.footprint.cell_m) == ((90.0, 30.0), 0.5)
+                    assert after.footprint.first == outline.first
                     assert (after.footprint.field_m == outline.field_m).all()
             elif isinstance(before, tuple):
                 assert len(before) == len(after)
-                assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
-            else:
+                for one, other in zip(before, after, strict=True):
+                    if isinstance(one, SettledTile):
+                        assert one.digest() == other.digest()
+                    else:
+                        assert np.array_equal(one, other)
+            elif not isinstance(before, Facts):
                 np.testing.assert_array_equal(before, after)

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
-from pipeline.two_tiles import CORE, RULE, join_of, joined, piece, task
+from pipeline.two_tiles import CORE, RULE, Joined, join_of, joined, piece, task, tile_joins
 
+from terraport_pipeline.stages.tiles.join_tiles import settle
 from terraport_pipeline.stages.tiles.joined_tile import finish, weak_places
 
 
-def border(arrays: dict[str, np.ndarray]) -> dict[int, int]:
+def border(result: Joined, tile: int) -> dict[int, int]:
     """Row of each shared vertex by its id."""
-    return dict(zip(arrays["border-ids"].tolist(), arrays["border-rows"].tolist(), strict=True))
+    arrays = result.tiles[tile]
+    ids = result.settled.ids[tile][arrays["border-shared"]]
+    return dict(zip(ids.tolist(), arrays["border-rows"].tolist(), strict=True))
 
 
 def test_shared_vertices_are_the_same_in_both_to_the_last_bit() -> None:
-    first_tile, second_tile = joined([piece(0), piece(1, lift_cells=0.04)]).tiles
-    first, second = border(first_tile), border(second_tile)
+    result = joined([piece(0), piece(1, lift_cells=0.04)])
+    first_tile, second_tile = result.tiles
+    first, second = border(result, 0), border(result, 1)
     assert len(first) == CORE + 1
     assert first.keys() == second.keys()
     for name in ("vertices", "normals", "colours", "attribute-0", "attribute-1"):
@@ -59,9 +65,9 @@ def test_the_cut_is_the_same_on_both_sides() -> None:
         rows = each["border-rows"]
         each["border-ratio"] = each["ratio"][rows]
     result = joined(pieces)
-    assert len(result.settled.pairs) == 1  # the cut crosses the wall on one edge
+    assert result.settled.count == result.join.count + 1  # the cut crosses the wall on one edge
     assert result.settled.cracks == 0
-    first_border, second_border = (border(each) for each in result.tiles)
+    first_border, second_border = (border(result, tile) for tile in range(2))
     new = len(result.join.cells)
     assert new in first_border
     assert new in second_border
@@ -102,9 +108,11 @@ def test_a_weak_place_on_both_sides_of_the_wall_is_told_with_its_ids() -> None:
         each["ratio"][near] = 3.0
         each["border-ratio"] = each["ratio"][each["border-rows"]]
     join = join_of(pieces, RULE)
-    weak = [weak_places(task(t), t, each, join) for t, each in enumerate(pieces)]
+    joins = tile_joins(join)
+    weak = [weak_places(task(t), each, joins[t]) for t, each in enumerate(pieces)]
     assert [each.farthest.tolist() for each in weak] == [[3.0], [3.0]]
-    assert weak[0].touch[:, 1].tolist() == weak[1].touch[:, 1].tolist() == list(range(CORE + 1))
+    touched = [set(join.ids[t][each.touch[:, 1]].tolist()) for t, each in enumerate(weak)]
+    assert touched[0] == touched[1] == set(range(CORE + 1))
 
 
 def test_a_dropped_piece_takes_its_vertices_along() -> None:
@@ -129,7 +137,31 @@ def test_a_tile_without_surface_stays_empty() -> None:
     for name in ("rows", "cells", "ratio", "edges", "walls"):
         empty[f"border-{name}"] = empty[f"border-{name}"][:0]
     result = joined([piece(0), empty])
-    arrays, box = finish(task(1), 1, empty, result.join, result.settled)
-    assert len(arrays["faces"]) == len(arrays["vertices"]) == len(arrays["border-ids"]) == 0
+    arrays, box = finish(
+        task(1), empty, result.joins[1], result.forgiven[1], result.settled.tiles[1]
+    )
+    assert len(arrays["faces"]) == len(arrays["vertices"]) == len(arrays["border-shared"]) == 0
     assert (box == 0).all()
     assert result.settled.seam_edges == 0
+
+
+def test_what_is_computed_of_a_tile_does_not_depend_on_numbers_over_all_tiles() -> None:
+    result = joined([piece(0), piece(1, lift_cells=0.04)])
+    join = result.join
+    # The same seam behind seven vertices that other tiles share.
+    first = np.arange(7)
+    moved = dataclasses.replace(
+        join,
+        cells=np.concatenate([join.cells[first] + 50.0, join.cells]),
+        ratio=np.concatenate([join.ratio[first], join.ratio]),
+        colours=np.concatenate([join.colours[first], join.colours]),
+        attributes=tuple(np.concatenate([each[first], each]) for each in join.attributes),
+        ids=tuple(ids + 7 for ids in join.ids),
+        fillers=tuple(fillers + 7 for fillers in join.fillers),
+    )
+    for before, after in zip(result.joins, tile_joins(moved), strict=True):
+        assert before.digest() == after.digest()
+    settled = settle(moved, result.looks, min_faces=1)
+    for before, after in zip(result.settled.tiles, settled.tiles, strict=True):
+        assert before.digest() == after.digest()
+    assert settled.ids[0].min() == 7

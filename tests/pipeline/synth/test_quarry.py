@@ -45,6 +45,20 @@ def test_equal_options_give_equal_arrays_and_another_seed_does_not(quarry: Quarr
     assert np.abs(other.survey.points - quarry.survey.points).max() > 1.0
 
 
+def test_another_sample_lies_on_the_same_ground(clean_quarry: Quarry) -> None:
+    """Other points of the same surface, as many on each material; the bodies stay, too."""
+    flown = synthesise(dataclasses.replace(clean_quarry.options, sample_seed=1))
+    assert not (flown.survey.points == clean_quarry.survey.points).all(axis=1).any()
+    rows = np.random.default_rng(0).choice(60_000, 4000, replace=False)
+    distance = clean_quarry.distance_m(flown.survey.points[rows], max_edge_m=1.0)
+    assert np.median(distance) < 0.015
+    assert np.quantile(distance, 0.99) < 0.2
+    counts = np.bincount(flown.material, minlength=20) - np.bincount(
+        clean_quarry.material, minlength=20
+    )
+    assert np.abs(counts).max() < 600
+
+
 def test_sixty_thousand_points_are_quick(quarry: Quarry) -> None:
     """A bound that a stuck loop breaks; the figure of merit (1.1 s) is in the notes."""
     start = time.process_time()

@@ -26,8 +26,10 @@ J. Canny, "A computational approach to edge detection", IEEE PAMI 8(6), 1986: th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Self
 
+from terraport_payload.types import Float64
 from terraport_pipeline.geometry.clouds.footprint import Footprint
 
 __all__ = ["EdgeRule"]
@@ -49,3 +51,14 @@ class EdgeRule:
     """The surface ends this much farther out than both rules say. For the base, which is thinned
     afterwards: without it the straight pieces of its border would cut off what the detail's border
     rounds, and there would be no base below that."""
+
+    def within(self, low_m: Float64, high_m: Float64) -> Self:
+        """Give the rule for vertices in a box, (3,) metres, scene frame: it depends on no more.
+
+        What lies farther inside the outline than any support ratio lets a surface go is all the
+        same: a corner of a cell that was cut down lies less than two cells from one that was not.
+        """
+        if self.footprint is None:
+            return self
+        most_m = self.largest * self.spacing_m + 2.0 * self.footprint.cell_m
+        return replace(self, footprint=self.footprint.within(low_m, high_m, most_m))

@@ -14,13 +14,13 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from scipy.ndimage import distance_transform_edt, gaussian_filter
 
-from terraport_payload.types import AnyFloat, Float32, Float64
+from terraport_payload.types import AnyFloat, AnyInt, Float32, Float64
 from terraport_pipeline.geometry.clouds.support import DENSITY_SPAN
 
 __all__ = [
@@ -30,6 +30,7 @@ __all__ = [
     "Occupancy",
     "make_footprint",
     "plan_occupancy",
+    "window_of",
 ]
 
 CLOSING_SPACINGS: Final = 4.0
@@ -49,14 +50,16 @@ _SMOOTH_CELLS: Final = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Occupancy:
-    """A raster over x and z that samples are counted into."""
+    """A window of a raster over x and z that samples are counted into."""
 
     low: tuple[float, float]
-    """x and z of the corner of cell (0, 0), metres, scene frame."""
+    """x and z of the corner of the raster's cell (0, 0), metres, scene frame."""
     cell_m: float
     cloud_spacing_m: float
     spacing_m: Float32
     """(nx, nz) largest local spacing of the cell's samples; 0 where there is none."""
+    first: tuple[int, int] = (0, 0)
+    """The window's first cell."""
 
     def add(self, points: AnyFloat, local_spacing_m: Float32) -> None:
         """Count samples in; in any order, the result is the same.
@@ -70,8 +73,8 @@ class Occupancy:
             :data:`~terraport_pipeline.geometry.clouds.support.DENSITY_SPAN` times it.
         """
         nx, nz = self.spacing_m.shape
-        i = np.floor((points[:, 0] - self.low[0]) / self.cell_m).astype(np.int64)
-        j = np.floor((points[:, 2] - self.low[1]) / self.cell_m).astype(np.int64)
+        i = np.floor((points[:, 0] - self.low[0]) / self.cell_m).astype(np.int64) - self.first[0]
+        j = np.floor((points[:, 2] - self.low[1]) / self.cell_m).astype(np.int64) - self.first[1]
         inside = (i >= 0) & (j >= 0) & (i < nx) & (j < nz)
         span_m = np.clip(local_spacing_m, self.cloud_spacing_m, DENSITY_SPAN * self.cloud_spacing_m)
         np.maximum.at(self.spacing_m.reshape(-1), (i * nz + j)[inside], span_m[inside])
@@ -82,10 +85,12 @@ class Footprint:
     """Signed distance to a survey's outline seen from above, on a raster: metres inside."""
 
     low: tuple[float, float]
-    """x and z of the *middle* of cell (0, 0)."""
+    """x and z of the *middle* of the raster's cell (0, 0)."""
     cell_m: float
     field_m: Float32
-    """(nx, nz) margin at the cells' middles."""
+    """(nx, nz) margin at the middles of the window's cells."""
+    first: tuple[int, int] = (0, 0)
+    """The window's first cell."""
 
     def margin_m(self, points: AnyFloat) -> Float32:
         """Metres inside the outline, negative outside.
@@ -101,8 +106,9 @@ class Footprint:
             Bilinear between the cells' middles. Depends on each point alone.
         """
         nx, nz = self.field_m.shape
-        x = np.clip((points[:, 0].astype(np.float64) - self.low[0]) / self.cell_m, 0, nx - 1.001)
-        z = np.clip((points[:, 2].astype(np.float64) - self.low[1]) / self.cell_m, 0, nz - 1.001)
+        x = (points[:, 0].astype(np.float64) - self.low[0]) / self.cell_m - self.first[0]
+        z = (points[:, 2].astype(np.float64) - self.low[1]) / self.cell_m - self.first[1]
+        x, z = np.clip(x, 0, nx - 1.001), np.clip(z, 0, nz - 1.001)
         i, j = x.astype(np.int64), z.astype(np.int64)
         x, z = (x - i).astype(np.float32), (z - j).astype(np.float32)
         field, row = self.field_m.reshape(-1), i * nz + j
@@ -110,6 +116,21 @@ class Footprint:
         far = field[row + nz] * (1 - z) + field[row + nz + 1] * z
         margin: Float32 = near * (1 - x) + far * x
         return margin
+
+    def within(self, low_m: Float64, high_m: Float64, most_m: float) -> Footprint:
+        """Give the footprint for points in a box, (3,) metres, and for margins up to `most_m`."""
+        windows, first = [], []
+        for axis, count in enumerate(self.field_m.shape):
+            side = 2 * axis  # x or z
+            start = (float(low_m[side]) - self.low[axis]) / self.cell_m - self.first[axis]
+            end = (float(high_m[side]) - self.low[axis]) / self.cell_m - self.first[axis]
+            # A row more on each side, as points may lie on the box; two rows at least.
+            low = int(np.clip(np.floor(start) - 1, 0, count - 2))
+            high = int(np.clip(np.ceil(end) + 2, low + 2, count))
+            windows.append(slice(low, high))
+            first.append(self.first[axis] + low)
+        window = np.minimum(self.field_m[windows[0], windows[1]], np.float32(most_m))
+        return Footprint(self.low, self.cell_m, window, (first[0], first[1]))
 
     @property
     def area_m2(self) -> float:
@@ -142,6 +163,19 @@ def plan_occupancy(
     shape = (int(width / cell_m) + 2, int(depth / cell_m) + 2)
     corner = (float(low[0]) - room_m, float(low[2]) - room_m)
     return Occupancy(corner, cell_m, spacing_m, np.zeros(shape, dtype=np.float32))
+
+
+def window_of(raster: Occupancy, low: AnyInt, high: AnyInt) -> Occupancy:
+    """Lay out the empty window of a raster that holds its cells `low` to `high`, (2,) each.
+
+    With room for the closing on every side, as :func:`plan_occupancy` leaves it; what is drawn in
+    the window does not depend on where it begins.
+    """
+    room_m = (CLOSING_SPACINGS + 2) * DENSITY_SPAN * raster.cloud_spacing_m
+    room = int(np.ceil(room_m / raster.cell_m)) + 1
+    first = (int(low[0]) - room, int(low[1]) - room)
+    shape = (int(high[0]) + room + 1 - first[0], int(high[1]) + room + 1 - first[1])
+    return replace(raster, spacing_m=np.zeros(shape, dtype=np.float32), first=first)
 
 
 def make_footprint(
@@ -180,4 +214,4 @@ def make_footprint(
     margin_m[~union] -= (distance_m[~union] - reach_m[~union]).astype(np.float32)
     field_m = gaussian_filter(margin_m, _SMOOTH_CELLS, mode="nearest")
     low = (occupancy.low[0] + 0.5 * cell_m, occupancy.low[1] + 0.5 * cell_m)
-    return Footprint(low, cell_m, field_m)
+    return Footprint(low, cell_m, field_m, occupancy.first)

@@ -43,6 +43,7 @@ __all__ = [
     "corner_points",
     "count_tiles",
     "plan_tiles",
+    "renew_plan",
     "tile_shape",
 ]
 
@@ -112,7 +113,7 @@ class TilePlan:
     offset: tuple[int, int, int]
     """Low corner of the core with index (0, 0, 0), in cells."""
     indices: Int64
-    """(T, 3) index of every tile's core along x, y, z, ordered by (y, z, x)."""
+    """(T, 3) index of every tile's core along x, y, z, ordered by (y, z, x) in a first plan."""
     points: Int64
     """(T,) samples in the tile's data box."""
 
@@ -267,6 +268,44 @@ def plan_tiles(
     return TilePlan(
         lattice, shape, (int(offset[0]), int(offset[1]), int(offset[2])), tiles[order], load[order]
     )
+
+
+def renew_plan(
+    lattice: Lattice,
+    shape: TileShape,
+    offset: tuple[int, int, int],
+    before: Int64,
+    blocks: Int64,
+    counts: Int64,
+    block_cells: int,
+) -> TilePlan:
+    """Lay the tiles of an earlier plan over another survey of the same lattice.
+
+    Parameters
+    ----------
+    lattice, shape, offset
+        Of the earlier plan.
+    before : ndarray of shape (T, 3), int64
+        Its :attr:`TilePlan.indices`.
+    blocks, counts, block_cells
+        As in :func:`plan_tiles`.
+
+    Returns
+    -------
+    TilePlan
+        Tiles of the earlier plan keep their numbers, also where no sample is left; new ones follow.
+    """
+    tiles, load = count_tiles(shape, np.array(offset, np.int64), blocks, counts, block_cells)
+    keys, earlier = _pack(tiles), _pack(before)
+    x, y, z = tiles.T
+    order = np.lexsort((x, z, y))
+    fresh = order[~np.isin(keys[order], earlier)]
+    load_of = dict(zip(keys.tolist(), load.tolist(), strict=True))
+    loads = [load_of.get(key, 0) for key in earlier.tolist()]
+    return TilePlan(
+        lattice, shape, offset, np.concatenate([before, tiles[fresh]]),
+        np.concatenate([np.array(loads, np.int64), load[fresh]]),
+    )  # fmt: skip
 
 
 def count_tiles(

@@ -102,6 +102,9 @@ class StoredTiles:
     """Hash of every tile's content."""
     attributes: tuple[str, ...]
     border_count: int
+    shared_ids: tuple[Int64, ...]
+    """Per tile: numbers over all tiles of the vertices that ``border-shared`` names. Not among the
+    tile's own arrays: they change with other tiles."""
     digest: str
     base_names: tuple[str, ...] = ()
     """Folders of the surface that the base is thinned from: also of tiles without detail."""
@@ -141,7 +144,8 @@ class StoredTiles:
 
     def border(self, i: int) -> Border:
         """Read the vertices that the tile shares with others, and their common ids."""
-        return Border(self._read(i, "border-rows"), self._read(i, "border-ids"))
+        shared = self._read(i, "border-shared")
+        return Border(self._read(i, "border-rows"), self.shared_ids[i][shared])
 
     def face_count(self, i: int) -> int:
         """Count the faces of the tile, without reading it."""

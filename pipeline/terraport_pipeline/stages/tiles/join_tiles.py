@@ -8,16 +8,20 @@ Four passes, each holding one tile at a time (:mod:`~terraport_pipeline.stages.t
 3. every tile is cut and looked at: how large its loose pieces are, what its faces add to the
    normals of shared vertices, which edges along walls stay open (:func:`settle`);
 4. every tile is written.
+
+A tile gets and gives what is shared by numbers of its own (:class:`TileJoin`), so what is computed
+of it stays as it was when other tiles change. Numbers over all tiles are used here alone.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, Self
 
 import numpy as np
 import numpy.typing as npt
+import xxhash
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
@@ -27,20 +31,22 @@ from terraport_pipeline.geometry.clouds.edges import EdgeRule
 from terraport_pipeline.geometry.clouds.footprint import Footprint
 from terraport_pipeline.geometry.mesh.vertex_normals import unit_normals
 from terraport_pipeline.geometry.tiles.tile_weld import Seams
-from terraport_pipeline.stages.contract import Stored
+from terraport_pipeline.stages.contract import Facts, Form, Stored
 
 __all__ = [
+    "JOIN_FORM",
     "NAME",
+    "SETTLED_FORM",
+    "Forgiven",
     "Join",
     "Look",
     "Settled",
+    "SettledTile",
     "TileArrays",
+    "TileJoin",
     "Weak",
-    "cut_ids",
     "forgive",
-    "from_stored",
     "settle",
-    "to_stored",
 ]
 
 NAME: Final = "join"
@@ -53,8 +59,45 @@ _CRACK_CELLS: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class TileJoin:
+    """What the join says of one tile; its shared vertices are numbered 0 to K-1."""
+
+    cells: Float64
+    """(K, 3) positions, lattice cells: vertices of the tile's own, then those for its fillers."""
+    ratio: Float32
+    """(K,) support ratio."""
+    colours: UInt8
+    """(K, 3)"""
+    attributes: tuple[Float32, ...]
+    """(K,) each."""
+    codes: tuple[int, ...]
+    """Positions of attributes that hold codes."""
+    rows: Int32
+    """(R,) vertices of the tile that are shared: the first R of K."""
+    fillers: Int32
+    """(M, 3) triangles that the tile gets, of shared vertices."""
+    rule: EdgeRule
+    """Where the surface ends."""
+    base_rule: EdgeRule
+    """Where the surface ends that the base is thinned from: farther out, with fewer gaps."""
+
+    def digest(self) -> str:
+        """Hash of all of it, for the keys of what is computed with it."""
+        rules = [_rule_values(rule) for rule in (self.rule, self.base_rule)]
+        digest = xxhash.xxh3_128(repr((self.codes, rules)).encode())
+        arrays: list[AnyArray] = [
+            self.cells, self.ratio, self.colours, *self.attributes, self.rows, self.fillers,
+            _field_of(self.rule), _field_of(self.base_rule),
+        ]  # fmt: skip
+        for array in arrays:
+            digest.update(repr(array.shape).encode())
+            digest.update(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)
+        return digest.hexdigest()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Join:
-    """What the join says of all tiles; small, and the same for every worker."""
+    """What the join says of all tiles; shared vertices are numbered 0 to G-1."""
 
     cells: Float64
     """(G, 3) shared vertices, lattice cells."""
@@ -65,7 +108,7 @@ class Join:
     attributes: tuple[Float32, ...]
     """(G,) each."""
     codes: tuple[int, ...]
-    """Places of attributes that hold codes."""
+    """Positions of attributes that hold codes."""
     rows: tuple[Int32, ...]
     """Per tile: its shared vertices."""
     ids: tuple[Int64, ...]
@@ -76,10 +119,7 @@ class Join:
     """Where the surface ends."""
     base_rule: EdgeRule
     """Where the surface ends that the base is thinned from: farther out, with fewer gaps."""
-    forgiven: tuple[Bool, ...]
-    """Per tile: which of its weak places stay."""
-    base_forgiven: tuple[Bool, ...]
-    """Per tile: which of them stay in the base."""
+    facts: Facts
 
     @classmethod
     def of(
@@ -89,6 +129,7 @@ class Join:
         names: int,
         codes: tuple[int, ...],
         rules: tuple[EdgeRule, EdgeRule],
+        facts: Facts | None = None,
     ) -> Self:
         """Take colours and attributes of shared vertices from their owners.
 
@@ -103,6 +144,8 @@ class Join:
             Those that hold codes.
         rules : pair of EdgeRule
             Of the surface, of the base.
+        facts : Facts, optional
+            What to tell of the seams.
         """
         count = len(seams.cells)
         colours = np.zeros((count, 3), np.uint8)
@@ -117,7 +160,6 @@ class Join:
             colours[mine] = arrays["colours"][rows]
             for number, values in enumerate(attributes):
                 values[mine] = arrays[f"attribute-{number}"][rows]
-        none = tuple(np.zeros(0, dtype=bool) for _ in tiles)
         return cls(
             seams.cells,
             seams.ratio,
@@ -128,8 +170,36 @@ class Join:
             seams.tile_ids,
             seams.fillers,
             *rules,
-            none,
-            none,
+            facts or Facts(),
+        )
+
+    @property
+    def count(self) -> int:
+        """Number of shared vertices G."""
+        return len(self.cells)
+
+    def tile(self, tile: int, low_m: Float64, high_m: Float64) -> TileJoin:
+        """Give what concerns one tile.
+
+        Parameters
+        ----------
+        tile : int
+        low_m, high_m : ndarray of shape (3,)
+            Box of its core, scene frame.
+        """
+        ids = self.ids[tile]
+        order = np.argsort(ids)
+        fillers = order[np.searchsorted(ids[order], self.fillers[tile])]
+        return TileJoin(
+            self.cells[ids],
+            self.ratio[ids],
+            self.colours[ids],
+            tuple(values[ids] for values in self.attributes),
+            self.codes,
+            self.rows[tile],
+            fillers.astype(np.int32).reshape(-1, 3),
+            self.rule.within(low_m, high_m),
+            self.base_rule.within(low_m, high_m),
         )
 
 
@@ -140,7 +210,19 @@ class Weak:
     farthest: Float32
     """(W,) largest support ratio in each."""
     touch: Int64
-    """(K, 2) (place, id) of the shared vertices in them."""
+    """(K, 2) (weak place, shared vertex of the tile) where one is in it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Forgiven:
+    """Which weak places of a tile stay, (W,) each."""
+
+    detail: Bool
+    base: Bool
+
+    def digest(self) -> str:
+        """Hash of both."""
+        return xxhash.xxh3_128_hexdigest(np.concatenate([self.detail, self.base]).tobytes())
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -150,28 +232,54 @@ class Look:
     sizes: Int64
     """(P,) faces of each of its loose pieces."""
     piece: Int64
-    """(S,) piece of each shared vertex."""
-    pairs: Int64
-    """(S, 2) ids of its two ends, ascending: twice its own id, or those of the edge that the cut
-    made it on."""
+    """(S,) piece of each shared vertex that the cut left or made."""
+    ends: Int64
+    """(S, 2) its two ends, shared vertices of the tile: twice itself, or those of the edge that the
+    cut made it on."""
     sums: Float64
     """(S, 3) what the tile's faces add to its normal."""
     edges: Int64
-    """(E, 4) open edges along walls, two names each."""
+    """(E, 2, 2) open edges along walls: two vertices, each by its two ends; both ends are one
+    negative number for a vertex that is not shared."""
     middles: Float64
     """(E, 3) their middles, cells."""
+
+    def stored(self) -> Stored:
+        """Turn it into arrays."""
+        return Stored({name: getattr(self, name) for name in self.__dataclass_fields__}, {})
+
+    @classmethod
+    def of(cls, stored: Stored) -> Self:
+        """Turn arrays back; they may be mapped."""
+        return cls(**{name: np.array(stored.arrays[name]) for name in cls.__dataclass_fields__})
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SettledTile:
+    """What all tiles settled for one."""
+
+    normals: Float32
+    """(S, 3) unit normals of its shared vertices, as :class:`Look` lists them."""
+    dropped: Int64
+    """Loose pieces that go."""
+
+    def digest(self) -> str:
+        """Hash of both."""
+        digest = xxhash.xxh3_128(self.normals.tobytes())
+        digest.update(self.dropped.tobytes())
+        return digest.hexdigest()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Settled:
-    """Decisions over all tiles: shared normals, cut vertices, and which pieces are islands."""
+    """Decisions over all tiles: shared normals, and which pieces are islands."""
 
-    pairs: Int64
-    """(C, 2) ends of shared vertices that the cut made, ascending; their ids follow the join's."""
-    normals: Float32
-    """(G + C, 3) unit normals of shared vertices."""
-    dropped: tuple[Int64, ...]
-    """Per tile: loose pieces that go."""
+    ids: tuple[Int64, ...]
+    """Per tile: numbers over all tiles of its shared vertices, as :class:`Look` lists them; those
+    that the cut made follow the join's."""
+    tiles: tuple[SettledTile, ...]
+    count: int
+    """Number of shared vertices over all tiles, those that the cut made among them."""
     islands: int
     """Pieces of the whole surface that go."""
     seam_edges: int
@@ -182,55 +290,66 @@ class Settled:
     """Other open edges along walls: the surface ends there."""
 
 
-def forgive(join: Join, weak: Sequence[Weak]) -> Join:
+def forgive(join: Join, weak: Sequence[Weak]) -> tuple[Forgiven, ...]:
     """Decide which weak places stay: those that, over all tiles, nowhere pass the largest ratio."""
-    label, _ = _over_tiles(
-        [len(each.farthest) for each in weak], [each.touch for each in weak], len(join.cells)
-    )
+    touch = [
+        np.stack([each.touch[:, 0], ids[each.touch[:, 1]]], axis=1)
+        for each, ids in zip(weak, join.ids, strict=True)
+    ]
+    label, _ = _over_tiles([len(each.farthest) for each in weak], touch, join.count)
     farthest = np.concatenate([np.zeros(0, np.float32), *(each.farthest for each in weak)])
     worst = np.zeros(int(label.max(initial=-1)) + 1, dtype=np.float32)
     np.maximum.at(worst, label, farthest)
     ends = np.cumsum([len(each.farthest) for each in weak])[:-1]
     stays, base_stays = (worst[label] <= rule.largest for rule in (join.rule, join.base_rule))
-    return replace(
-        join,
-        forgiven=tuple(np.split(stays, ends)),
-        base_forgiven=tuple(np.split(base_stays, ends)),
+    return tuple(
+        Forgiven(detail, base)
+        for detail, base in zip(np.split(stays, ends), np.split(base_stays, ends), strict=True)
     )
 
 
-def settle(looks: Sequence[Look], count: int, *, min_faces: int) -> Settled:
+def settle(join: Join, looks: Sequence[Look], *, min_faces: int) -> Settled:
     """Decide what is left to decide.
 
     Parameters
     ----------
+    join : Join
     looks : sequence of Look
-    count : int
-        Shared vertices of the join.
+        Of every tile.
     min_faces : int
         Pieces of the joined surface with fewer faces go; the largest stays.
     """
-    every = np.concatenate([np.zeros((0, 2), np.int64), *(each.pairs for each in looks)])
+    # (1) Numbers over all tiles of the vertices that the cut left, and of those that it made.
+    named = [np.sort(ids[look.ends], axis=1) for look, ids in zip(looks, join.ids, strict=True)]
+    every = np.concatenate([np.zeros((0, 2), np.int64), *named])
     pairs = np.unique(every[every[:, 0] != every[:, 1]], axis=0)
-    ids = [cut_ids(each.pairs, pairs, count) for each in looks]
+    ids = [_cut_ids(each, pairs, join.count) for each in named]
+    count = join.count + len(pairs)
+    # (2) Loose pieces over all tiles.
     touch = [np.stack([look.piece, own], axis=1) for look, own in zip(looks, ids, strict=True)]
-    label, starts = _over_tiles([len(each.sizes) for each in looks], touch, count + len(pairs))
+    label, starts = _over_tiles([len(each.sizes) for each in looks], touch, count)
     sizes = np.concatenate([np.zeros(0, np.int64), *(each.sizes for each in looks)])
     whole = np.bincount(label, sizes, minlength=1)
     large = whole >= min_faces
     large[int(whole.argmax())] = True
     goes = ~large[label]
-    dropped = tuple(
-        np.flatnonzero(goes[starts[t] : starts[t + 1]]).astype(np.int64) for t in range(len(looks))
-    )
-    total = np.zeros((count + len(pairs), 3))
+    # (3) Normals: what faces of all tiles add up to.
+    total = np.zeros((count, 3))
     for each, own in zip(looks, ids, strict=True):
         np.add.at(total, own, each.sums)
+    normals = unit_normals(total)
+    tiles = tuple(
+        SettledTile(
+            normals[own],
+            np.flatnonzero(goes[starts[tile] : starts[tile + 1]]).astype(np.int64),
+        )
+        for tile, own in enumerate(ids)
+    )
     islands = int(((whole > 0) & ~large).sum())
-    return Settled(pairs, unit_normals(total), dropped, islands, *_count_open(looks))
+    return Settled(tuple(ids), tiles, count, islands, *_count_open(looks, join.ids))
 
 
-def cut_ids(pairs: Int64, cut_pairs: Int64, count: int) -> Int64:
+def _cut_ids(pairs: Int64, cut_pairs: Int64, count: int) -> Int64:
     """Ids of shared vertices (S,) by their ends (S, 2); those of `cut_pairs` follow `count`."""
     ids = pairs[:, 0].copy()
     cut = np.flatnonzero(pairs[:, 0] != pairs[:, 1])
@@ -241,62 +360,37 @@ def cut_ids(pairs: Int64, cut_pairs: Int64, count: int) -> Int64:
     return ids
 
 
-def to_stored(join: Join, settled: Settled) -> Stored:
-    """Turn the join into arrays and values."""
+def _store_join(join: Join) -> Stored:
     # (1) Plain arrays and values, and the rules of both cuts.
-    rules = (("rule", join.rule), ("base_rule", join.base_rule))
     arrays: dict[str, npt.NDArray[np.generic]] = {
         "cells": join.cells,
         "ratio": join.ratio,
         "colours": join.colours,
-        "pairs": settled.pairs,
-        "normals": settled.normals,
     }
-    values: dict[str, Any] = {
-        "attributes": len(join.attributes),
-        "codes": list(join.codes),
-        "counts": [settled.islands, settled.seam_edges, settled.cracks, settled.rims],
-    }
-    for name, rule in rules:
-        outline = rule.footprint
-        field_m = np.zeros((0, 0), np.float32) if outline is None else outline.field_m
-        arrays[f"{name}-footprint"] = field_m
-        position = None if outline is None else [*outline.low, outline.cell_m]
-        numbers = [rule.threshold, rule.largest, rule.spacing_m, rule.outward_m]
-        values[name] = {"numbers": numbers, "footprint": position}
+    values: dict[str, Any] = {"attributes": len(join.attributes), "codes": list(join.codes)}
+    for name, rule in (("rule", join.rule), ("base_rule", join.base_rule)):
+        arrays[f"{name}-footprint"] = _field_of(rule)
+        values[name] = _rule_values(rule)
     arrays |= {f"attribute-{i}": values for i, values in enumerate(join.attributes)}
     # (2) One list per tile, as one array with its starts.
-    lists: tuple[tuple[str, Sequence[AnyArray]], ...] = (
-        ("rows", join.rows),
-        ("ids", join.ids),
-        ("fillers", join.fillers),
-        ("forgiven", join.forgiven),
-        ("base_forgiven", join.base_forgiven),
-        ("dropped", settled.dropped),
-    )
-    for name, per_tile in lists:
-        arrays[name] = np.concatenate(per_tile)
-        arrays[f"{name}-starts"] = np.cumsum([0, *(len(rows_of_tile) for rows_of_tile in per_tile)])
+    for name in ("rows", "ids", "fillers"):
+        arrays |= _listed(name, getattr(join, name))
     return Stored(arrays, values)
 
 
-def from_stored(stored: Stored) -> tuple[Join, Settled]:
-    """Turn arrays and values back into the join and what was settled."""
+def _restore_join(stored: Stored, facts: Facts) -> Join:
     arrays, values = stored.arrays, stored.values
-
-    def per_tile(name: str) -> tuple[Any, ...]:
-        return tuple(np.split(arrays[name], arrays[f"{name}-starts"][1:-1]))
 
     def rule(name: str) -> EdgeRule:
         record, outline = values[name], None
         if record["footprint"] is not None:
-            x, z, cell_m = record["footprint"]
+            x, z, cell_m, row, column = record["footprint"]
             field_m = np.asarray(arrays[f"{name}-footprint"], np.float32)
-            outline = Footprint((x, z), cell_m, field_m)
+            outline = Footprint((x, z), cell_m, field_m, (row, column))
         threshold, largest, spacing_m, outward_m = record["numbers"]
         return EdgeRule(threshold, largest, spacing_m, outline, outward_m)
 
-    join = Join(
+    return Join(
         np.asarray(arrays["cells"], np.float64),
         np.asarray(arrays["ratio"], np.float32),
         np.asarray(arrays["colours"], np.uint8),
@@ -304,21 +398,84 @@ def from_stored(stored: Stored) -> tuple[Join, Settled]:
             np.asarray(arrays[f"attribute-{i}"], np.float32) for i in range(values["attributes"])
         ),
         tuple(values["codes"]),
-        per_tile("rows"),
-        per_tile("ids"),
-        per_tile("fillers"),
+        _split(arrays, "rows"),
+        _split(arrays, "ids"),
+        _split(arrays, "fillers"),
         rule("rule"),
         rule("base_rule"),
-        per_tile("forgiven"),
-        per_tile("base_forgiven"),
+        facts,
     )
-    settled = Settled(
-        np.asarray(arrays["pairs"], np.int64),
-        np.asarray(arrays["normals"], np.float32),
-        per_tile("dropped"),
-        *values["counts"],
+
+
+JOIN_FORM: Final[Form[Join]] = Form(_store_join, _restore_join, lambda join: join.facts)
+
+
+def _store_settled(settled: Settled) -> Stored:
+    return Stored(
+        {
+            **_listed("ids", settled.ids),
+            **_listed("normals", [tile.normals for tile in settled.tiles]),
+            **_listed("dropped", [tile.dropped for tile in settled.tiles]),
+        },
+        {
+            "numbers": [
+                settled.count, settled.islands, settled.seam_edges, settled.cracks, settled.rims,
+            ]
+        },
+    )  # fmt: skip
+
+
+def _restore_settled(stored: Stored, _facts: Facts) -> Settled:
+    arrays = stored.arrays
+    tiles = zip(_split(arrays, "normals"), _split(arrays, "dropped"), strict=True)
+    return Settled(
+        _split(arrays, "ids"),
+        tuple(SettledTile(normals, dropped) for normals, dropped in tiles),
+        *stored.values["numbers"],
     )
-    return join, settled
+
+
+def _settled_facts(settled: Settled) -> Facts:
+    warnings: list[str] = []
+    if settled.cracks:
+        warnings.append(
+            f"{settled.cracks} edges between tiles stay open; look at the seams in the report, "
+            "and build with a larger --tile-depth if they show"
+        )
+    counts = {
+        "seam_edges": settled.seam_edges,
+        "seam_cracks": settled.cracks,
+        "seam_rims": settled.rims,
+        "islands_dropped": settled.islands,
+    }
+    return Facts(counts, tuple(warnings))
+
+
+SETTLED_FORM: Final[Form[Settled]] = Form(_store_settled, _restore_settled, _settled_facts)
+
+
+def _listed(name: str, per_tile: Sequence[AnyArray]) -> dict[str, AnyArray]:
+    """One list per tile as one array with its starts."""
+    return {
+        name: np.concatenate(per_tile),
+        f"{name}-starts": np.cumsum([0, *(len(rows) for rows in per_tile)]),
+    }
+
+
+def _split(arrays: TileArrays, name: str) -> tuple[Any, ...]:
+    return tuple(np.split(np.array(arrays[name]), arrays[f"{name}-starts"][1:-1]))
+
+
+def _rule_values(rule: EdgeRule) -> dict[str, Any]:
+    outline = rule.footprint
+    return {
+        "numbers": [rule.threshold, rule.largest, rule.spacing_m, rule.outward_m],
+        "footprint": None if outline is None else [*outline.low, outline.cell_m, *outline.first],
+    }
+
+
+def _field_of(rule: EdgeRule) -> Float32:
+    return np.zeros((0, 0), np.float32) if rule.footprint is None else rule.footprint.field_m
 
 
 def _over_tiles(counts: Sequence[int], touch: Sequence[Int64], shared: int) -> tuple[Int64, Int64]:
@@ -355,14 +512,20 @@ def _over_tiles(counts: Sequence[int], touch: Sequence[Int64], shared: int) -> t
     return label[:nodes].astype(np.int64), starts
 
 
-def _count_open(looks: Sequence[Look]) -> tuple[int, int, int]:
+def _count_open(looks: Sequence[Look], ids: Sequence[Int64]) -> tuple[int, int, int]:
     """Count edges that two tiles share, cracks, rims."""
     tile = np.repeat(np.arange(len(looks)), [len(each.edges) for each in looks])
-    edges = np.concatenate([np.zeros((0, 4), np.int64), *(each.edges for each in looks)])
+    named = []
+    for look, own in zip(looks, ids, strict=True):
+        # Vertices that are not shared keep their negative number: no other edge has them.
+        numbers = look.edges.copy()
+        numbers[look.edges >= 0] = own[look.edges[look.edges >= 0]]
+        named.append(np.sort(numbers, axis=2))
+    edges = np.concatenate([np.zeros((0, 2, 2), np.int64), *named])
     middles = np.concatenate([np.zeros((0, 3)), *(each.middles for each in looks)])
     if not len(edges):
         return 0, 0, 0
-    shared = (edges >= 0).all(axis=1)
+    shared = (edges >= 0).all(axis=(1, 2))
     _, vertex = np.unique(edges.reshape(-1, 2), axis=0, return_inverse=True)
     vertex = vertex.reshape(-1, 2)
     _, which = np.unique(np.sort(vertex, axis=1), axis=0, return_inverse=True)

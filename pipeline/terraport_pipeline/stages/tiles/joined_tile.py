@@ -1,6 +1,7 @@
 """One tile after the join: what the join must know of it, and at last the tile itself.
 
-Everything here depends on the tile's own surface and on the :class:`Join`; nothing on other tiles.
+Everything here depends on the tile's own surface and on what the join says of it
+(:class:`.TileJoin`, numbers of the tile's own); nothing on other tiles.
 Memory: about 200 bytes per face of the tile.
 """
 
@@ -21,12 +22,12 @@ from terraport_pipeline.geometry.mesh.vertex_normals import normal_sums, unit_no
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages.tiles.detail_tiles import vertex_box
 from terraport_pipeline.stages.tiles.join_tiles import (
-    Join,
+    Forgiven,
     Look,
-    Settled,
+    SettledTile,
     TileArrays,
+    TileJoin,
     Weak,
-    cut_ids,
 )
 from terraport_pipeline.stages.tiles.solve_tile import TileTask
 
@@ -40,69 +41,69 @@ class _Welded:
     vertices: Float32
     """(V, 3) scene frame; the tile's own, then those of fillers."""
     faces: Int32
-    ids: Int64
-    """(V,) -1 where a vertex is not shared."""
+    shared: Int64
+    """(V,) number of a shared vertex in the tile's join; -1 where a vertex is not shared."""
     ratio: Float32
     in_wall: Bool
 
 
-def weak_places(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> Weak:
+def weak_places(task: TileTask, arrays: TileArrays, join: TileJoin) -> Weak:
     """Find the connected weak places of a tile and how weak they get."""
-    welded = _weld(task, tile, arrays, join)
+    welded = _weld(task, arrays, join)
     rows, label = _weak(welded, join.rule)
     farthest = np.zeros(int(label.max(initial=-1)) + 1, dtype=np.float32)
     np.maximum.at(farthest, label, welded.ratio[rows])
-    shared = welded.ids[rows] >= 0
-    touch = np.stack([label[shared], welded.ids[rows][shared]], axis=1)
+    shared = welded.shared[rows] >= 0
+    touch = np.stack([label[shared], welded.shared[rows][shared]], axis=1)
     return Weak(farthest, touch)
 
 
-def look(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> Look:
+def look(task: TileTask, arrays: TileArrays, join: TileJoin, forgiven: Forgiven) -> Look:
     """Look at a tile as it will be, but for its loose pieces and shared normals."""
-    welded = _weld(task, tile, arrays, join)
-    cut = _cut(welded, join.rule, join.forgiven[tile])
+    welded = _weld(task, arrays, join)
+    cut = _cut(welded, join.rule, forgiven.detail)
     piece, sizes = _pieces(cut.faces, len(cut.vertices))
     of_vertex = np.zeros(len(cut.vertices), dtype=np.int64)
     of_vertex[cut.faces.ravel()] = np.repeat(piece, 3)
-    ends = welded.ids[cut.ends]
+    ends = welded.shared[cut.ends]
     shared = np.flatnonzero((ends >= 0).all(axis=1))
     sums = normal_sums(cut.vertices, cut.faces)[shared]
     edges, middles = _open_wall_edges(task, cut, welded)
-    return Look(sizes, of_vertex[shared], np.sort(ends[shared], axis=1), sums, edges, middles)
+    return Look(sizes, of_vertex[shared], ends[shared], sums, edges, middles)
 
 
 def finish(
-    task: TileTask, tile: int, arrays: TileArrays, join: Join, settled: Settled
+    task: TileTask, arrays: TileArrays, join: TileJoin, forgiven: Forgiven, settled: SettledTile
 ) -> tuple[dict[str, npt.NDArray[np.generic]], Float64]:
     """Make a tile as it will be: arrays of :class:`.StoredTiles`, and its box.
 
-    ``base-vertices`` and ``base-faces`` are the surface that the base is thinned from.
+    ``border-rows`` are its shared vertices, ``border-shared`` their places in
+    :attr:`.Settled.ids`; ``base-vertices`` and ``base-faces`` are the surface that the base is
+    thinned from.
     """
     # (1) Weld, cut to the edge, drop pieces that are islands over all tiles.
-    welded = _weld(task, tile, arrays, join)
-    cut = _cut(welded, join.rule, join.forgiven[tile])
+    welded = _weld(task, arrays, join)
+    cut = _cut(welded, join.rule, forgiven.detail)
     piece, _ = _pieces(cut.faces, len(cut.vertices))
-    keep = ~np.isin(piece, settled.dropped[tile])
+    keep = ~np.isin(piece, settled.dropped)
     used = np.zeros(len(cut.vertices), dtype=bool)
     used[cut.faces[keep].ravel()] = True
-    # (2) Ids of shared vertices: a vertex that the cut made is named by the edge it lies on.
-    # Their normals come from the join, so that both tiles shade alike.
-    ends = welded.ids[cut.ends]
-    shared = np.flatnonzero((ends >= 0).all(axis=1))
-    ids = np.full(len(cut.vertices), -1, dtype=np.int64)
-    ids[shared] = cut_ids(np.sort(ends[shared], axis=1), settled.pairs, len(join.cells))
+    # (2) Normals of shared vertices come from the join, so that both tiles shade alike.
+    shared = np.flatnonzero((welded.shared[cut.ends] >= 0).all(axis=1))
+    order = np.full(len(cut.vertices), -1, dtype=np.int32)
+    order[shared] = np.arange(len(shared))
     normals = unit_normals(normal_sums(cut.vertices, cut.faces[keep]))
-    normals[shared] = settled.normals[ids[shared]]
+    normals[shared] = settled.normals
     # (3) Colours and attributes; shared vertices take the join's.
     guests = len(welded.vertices) - len(arrays["vertices"])
-    at_id = np.flatnonzero(welded.ids >= 0)
+    at_shared = np.flatnonzero(welded.shared >= 0)
     colours = np.concatenate([arrays["colours"], np.zeros((guests, 3), np.uint8)])
-    colours[at_id] = join.colours[welded.ids[at_id]]
+    colours[at_shared] = join.colours[welded.shared[at_shared]]
     mixed = np.rint(_between(colours.astype(np.float64), cut)).astype(np.uint8)
     finished: dict[str, npt.NDArray[np.generic]] = {}
     for number, values in enumerate(join.attributes):
         column = np.concatenate([arrays[f"attribute-{number}"], np.zeros(guests, np.float32)])
-        column[at_id] = values[welded.ids[at_id]]
+        column[at_shared] = values[welded.shared[at_shared]]
         if number in join.codes:  # never mixed: the nearer end's
             nearer = np.where(cut.share > 0.5, cut.ends[:, 1], cut.ends[:, 0])
             finished[f"attribute-{number}"] = column[nearer][used]
@@ -110,20 +111,20 @@ def finish(
             finished[f"attribute-{number}"] = _between(column.astype(np.float64), cut)[used].astype(
                 np.float32
             )
-    # (4) Without unused vertices. Invariant: equal border ids of two tiles name one vertex, with
-    # the same normal, colour and attributes.
+    # (4) Without unused vertices. Invariant: a vertex that two tiles share has the same position,
+    # normal, colour and attributes in both.
     final, faces = compact(cut.vertices, cut.faces, keep)
-    border = np.flatnonzero(ids[used] >= 0)
+    border = np.flatnonzero(order[used] >= 0)
     finished |= {
         "vertices": final,
         "faces": faces,
         "normals": normals[used],
         "colours": mixed[used],
         "border-rows": border.astype(np.int32),
-        "border-ids": ids[used][border],
+        "border-shared": order[used][border],
     }
     # (5) The surface for the base, cut farther out.
-    wide = _cut(welded, join.base_rule, join.base_forgiven[tile])
+    wide = _cut(welded, join.base_rule, forgiven.base)
     every = np.ones(len(wide.faces), dtype=bool)
     finished["base-vertices"], finished["base-faces"] = compact(wide.vertices, wide.faces, every)
     return finished, vertex_box(final) if len(final) else np.zeros(6)
@@ -137,27 +138,24 @@ def _between(values: Float64, cut: Clip) -> Float64:
     return between
 
 
-def _weld(task: TileTask, tile: int, arrays: TileArrays, join: Join) -> _Welded:
-    own = arrays["vertices"]
-    rows, ids = join.rows[tile], join.ids[tile]
-    guests = len(ids) - len(rows)
-    numbers = np.full(len(own) + guests, -1, dtype=np.int64)
-    numbers[rows] = ids[: len(rows)]
-    numbers[len(own) :] = ids[len(rows) :]
-    shared = np.concatenate([rows, np.arange(len(own), len(own) + guests)])
-    vertices = np.zeros((len(numbers), 3), dtype=np.float32)
+def _weld(task: TileTask, arrays: TileArrays, join: TileJoin) -> _Welded:
+    own, rows = arrays["vertices"], join.rows
+    guests = len(join.cells) - len(rows)
+    at_shared = np.concatenate([rows, np.arange(len(own), len(own) + guests)])
+    shared = np.full(len(own) + guests, -1, dtype=np.int64)
+    shared[at_shared] = np.arange(len(join.cells))
+    vertices = np.zeros((len(shared), 3), dtype=np.float32)
     vertices[: len(own)] = own.astype(np.float64) + task.centre_m
-    vertices[shared] = Lattice(task.anchor_m, task.cell_m).metres(join.cells[ids])
+    vertices[at_shared] = Lattice(task.anchor_m, task.cell_m).metres(join.cells)
     vertices += np.float32(0.0)  # turns -0.0 into 0.0: equal places must be equal bits
     ratio = np.concatenate([arrays["ratio"], np.zeros(guests, np.float32)])
-    ratio[shared] = join.ratio[ids]
-    order = np.argsort(ids)
-    fillers = shared[order][np.searchsorted(ids[order], join.fillers[tile])]
-    faces = np.concatenate([arrays["faces"], fillers.astype(np.int32).reshape(-1, 3)])
+    ratio[at_shared] = join.ratio
+    fillers = at_shared[join.fillers].astype(np.int32).reshape(-1, 3)
+    faces = np.concatenate([arrays["faces"], fillers])
     in_wall = np.zeros(len(vertices), dtype=bool)
     in_wall[arrays["border-rows"]] = True
     in_wall[len(own) :] = True
-    return _Welded(vertices, faces, numbers, ratio, in_wall)
+    return _Welded(vertices, faces, shared, ratio, in_wall)
 
 
 def _weak(welded: _Welded, rule: EdgeRule) -> tuple[Int64, Int64]:
@@ -215,10 +213,9 @@ def _renumbered(labels: AnyInt) -> Int64:
 
 
 def _open_wall_edges(task: TileTask, cut: Clip, welded: _Welded) -> tuple[Int64, Float64]:
-    """Open edges along walls: (E, 4) names of their two vertices, and their middles in cells.
+    """Open edges along walls as :attr:`.Look.edges`, and their middles in cells.
 
-    A vertex is named by the ids of its two ends (twice the same for one that was not made by the
-    cut), or by ``-1 - row`` where it is not shared.
+    A vertex that is not shared is named by ``-1 - row``.
     """
     in_wall = np.asarray(welded.in_wall[cut.ends].all(axis=1), dtype=np.bool_)
     some = cut.faces[in_wall[cut.faces].sum(axis=1) >= 2]
@@ -233,11 +230,11 @@ def _open_wall_edges(task: TileTask, cut: Clip, welded: _Welded) -> tuple[Int64,
     forward = edges[:, 0] * len(cut.vertices) + edges[:, 1]
     backward = edges[:, 1] * len(cut.vertices) + edges[:, 0]
     edges = edges[~np.isin(backward, forward)]
-    ends = np.sort(welded.ids[cut.ends], axis=1)
+    ends = welded.shared[cut.ends]
     own = -1 - np.arange(len(cut.vertices))
     shared = np.all(ends >= 0, axis=1, keepdims=True)
     named = np.where(shared, ends, own[:, None])
-    return named[edges].reshape(-1, 4), cells[edges].mean(axis=1)
+    return named[edges], cells[edges].mean(axis=1)
 
 
 _WALL_CELLS = 1e-2

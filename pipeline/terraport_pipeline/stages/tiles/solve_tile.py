@@ -78,9 +78,9 @@ class TileTask:
     """Surface farther than this many local spacings from a sample is dropped at once; the join
     decides on the rest, when it knows what both sides of a wall say."""
     raster_low: tuple[float, float]
-    """x and z of the corner of the scene's raster of samples; geometry/clouds/footprint.py."""
+    """x and z of the corner of cell (0, 0) of the scene's raster of samples;
+    geometry/clouds/footprint.py."""
     raster_cell_m: float
-    raster_shape: tuple[int, int]
     noise_m: float = 0.0
     """Of the whole survey's samples across their surface."""
     smoothing_m: float = 0.0
@@ -280,29 +280,26 @@ def _clean(
     return points, normals, local_m, stays
 
 
-def _occupied(task: TileTask, points: Float32, local_m: Float32) -> tuple[Int64, Float32]:
-    """Cells of the scene's raster that samples of the core lie in, and their spacing there."""
+def _occupied(task: TileTask, points: Float32, local_m: Float32) -> tuple[Int32, Float32]:
+    """Cells of the scene's raster that samples of the core lie in, (K, 2), and their spacing."""
     half_m = 0.5 * task.core_cells * task.cell_m
     own = ((points >= -half_m) & (points < half_m)).all(axis=1)
-    # A raster of the core's own cells, at their place in the scene's.
+    # A window of the raster over the core, about the core's middle as the points are.
+    centre = task.centre_m[[0, 2]]
     low = np.array(task.raster_low)
-    corner = (task.centre_m[[0, 2]] - half_m - low) // task.raster_cell_m
+    corner = ((centre - half_m - low) // task.raster_cell_m).astype(np.int64)
     width = int(2 * half_m / task.raster_cell_m) + 3
+    window_low = low + corner * task.raster_cell_m - centre
     occupancy = Occupancy(
-        (
-            float(low[0] + corner[0] * task.raster_cell_m - task.centre_m[0]),
-            float(low[1] + corner[1] * task.raster_cell_m - task.centre_m[2]),
-        ),
+        (float(window_low[0]), float(window_low[1])),
         task.raster_cell_m,
         task.spacing_m,
         np.zeros((width, width), dtype=np.float32),
     )
     occupancy.add(points[own], local_m[own])
     i, j = np.nonzero(occupancy.spacing_m)
-    row, column = i + int(corner[0]), j + int(corner[1])
-    rows, columns = task.raster_shape
-    inside = (row >= 0) & (column >= 0) & (row < rows) & (column < columns)
-    return (row * columns + column)[inside].astype(np.int64), occupancy.spacing_m[i, j][inside]
+    cells = np.stack([i, j], axis=1) + corner
+    return cells.astype(np.int32), occupancy.spacing_m[i, j]
 
 
 def _solve(
@@ -364,7 +361,7 @@ def _nothing(task: TileTask, counts: dict[str, Json]) -> Stored:
         "colours": np.zeros((0, 3), np.uint8),
         "ratio": np.zeros(0, np.float32),
         "histogram": np.zeros(BINS),
-        "raster-cells": np.zeros(0, np.int64),
+        "raster-cells": np.zeros((0, 2), np.int32),
         "raster-spacing": np.zeros(0, np.float32),
         "border-rows": np.zeros(0, np.int32),
         "border-cells": np.zeros((0, 3)),

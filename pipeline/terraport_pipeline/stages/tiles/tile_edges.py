@@ -13,10 +13,10 @@ import numpy as np
 
 from terraport_payload.types import AnyArray
 from terraport_pipeline.geometry.clouds.edges import EdgeRule
-from terraport_pipeline.geometry.clouds.footprint import Occupancy, make_footprint
+from terraport_pipeline.geometry.clouds.footprint import Occupancy, make_footprint, window_of
 from terraport_pipeline.geometry.clouds.support import support_threshold
 
-__all__ = ["BASE_GAP_SPACINGS", "HEM_SPACINGS", "edge_rules"]
+__all__ = ["BASE_GAP_SPACINGS", "HEM_SPACINGS", "edge_rules", "end_of_support"]
 
 HEM_SPACINGS: Final = 1.5
 """How far the base reaches beyond the detail, in the cloud's spacings: thinning moves a border by
@@ -28,10 +28,25 @@ the holes of a thinly sampled wall when one stands before it, but from afar nobo
 through the wall. (Without this the base of a quarry's highwall had holes of several metres.)"""
 
 
+def end_of_support(tiles: Sequence[Mapping[str, AnyArray]], largest: float) -> float:
+    """Read from all tiles the support ratio above which a place is weak.
+
+    Parameters
+    ----------
+    tiles : sequence of mapping
+        Gives ``histogram`` of every tile.
+    largest : float
+        Support ratio that no place may pass.
+    """
+    histogram = np.sum([arrays["histogram"] for arrays in tiles], axis=0)
+    return support_threshold(histogram, largest=largest)
+
+
 def edge_rules(
     tiles: Sequence[Mapping[str, AnyArray]],
-    raster: Occupancy,
+    grid: Occupancy,
     *,
+    threshold: float,
     largest: float,
     spacing_m: float,
 ) -> tuple[EdgeRule, EdgeRule]:
@@ -40,19 +55,19 @@ def edge_rules(
     Parameters
     ----------
     tiles : sequence of mapping
-        Gives ``histogram``, ``raster-cells`` and ``raster-spacing`` of every tile.
-    raster : Occupancy
-        Empty; filled here.
-    largest, spacing_m : float
+        Gives ``raster-cells`` and ``raster-spacing`` of every tile.
+    grid : Occupancy
+        The scene's raster; where it begins and how wide its cells are.
+    threshold, largest, spacing_m : float
         As in :class:`~terraport_pipeline.geometry.clouds.edges.EdgeRule`.
     """
-    for arrays in tiles:
-        cells = arrays["raster-cells"]
-        np.maximum.at(raster.spacing_m.reshape(-1), cells, arrays["raster-spacing"])
-    histogram = np.sum([arrays["histogram"] for arrays in tiles], axis=0)
-    threshold = support_threshold(histogram, largest=largest)
+    cells = np.concatenate([np.zeros((0, 2), np.int32), *(each["raster-cells"] for each in tiles)])
     outline = wide = None
-    if raster.spacing_m.any():
+    if len(cells):
+        raster = window_of(grid, cells.min(axis=0), cells.max(axis=0))
+        for arrays in tiles:
+            row, column = (arrays["raster-cells"] - np.array(raster.first)).T
+            np.maximum.at(raster.spacing_m, (row, column), arrays["raster-spacing"])
         outline = make_footprint(raster)
         # One radius for all: disks this wide that grow with the local spacing would be drawn in by
         # another length than they reach out by, several spacings too far where thin meets dense.

@@ -9,6 +9,8 @@ Poisson what its forecast says.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from operator import attrgetter
@@ -40,9 +42,21 @@ from terraport_pipeline.stages.reconstruct import BASE_DEPTH, Options
 from terraport_pipeline.stages.tiles.detail_tiles import StoredTiles
 from terraport_pipeline.stages.tiles.tile_edges import HEM_SPACINGS
 
-__all__ = ["FORM", "NAME", "TiledBase", "faces_wanted", "run"]
+__all__ = [
+    "FORM",
+    "NAME",
+    "THIN_BYTES_PER_FACE",
+    "TiledBase",
+    "faces_wanted",
+    "first_share",
+    "run",
+    "thin_tile",
+]
 
 NAME: Final = "base"
+
+THIN_BYTES_PER_FACE: Final = 500
+"""Of a part while it is thinned by itself, in a process of its own."""
 
 _FIRST_SHARE: Final = 4
 """Faces left after tiles were thinned apart, as multiple of what is wanted; see `thin_detail`."""
@@ -77,7 +91,14 @@ class TiledBase:
     facts: Facts
 
 
-def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context) -> TiledBase:
+def run(
+    cleaned: Cleaned,
+    tiles: StoredTiles,
+    thinned: Sequence[Stored],
+    share: float,
+    options: Options,
+    context: Context,
+) -> TiledBase:
     """Make the base.
 
     Parameters
@@ -85,6 +106,10 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     cleaned : Cleaned
         The thinned survey; gives the base its colours and attributes.
     tiles : StoredTiles
+    thinned : sequence of Stored
+        From :func:`thin_tile`, of every part.
+    share : float
+        From :func:`first_share`.
     options : Options
     context : Context
 
@@ -95,13 +120,13 @@ def run(cleaned: Cleaned, tiles: StoredTiles, options: Options, context: Context
     """
     # (1) Tiles thinned each by itself and joined, then thinned as a whole or solved again.
     wanted = faces_wanted(options.base_faces, sum(tiles.faces))
-    vertices, joined = _thinned_tiles(tiles, wanted, options.island_faces, context)
+    context.progress.start("base: whole", None, "faces")
+    vertices, joined = _joined(thinned, share, options.island_faces)
     counts: dict[str, Json] = {
         "base_from": options.base_from,
         "base_faces_before": len(joined),
         "base_faces_wanted": wanted,
     }
-    context.progress.start("base: whole", None, "faces")
     if options.base_from == "poisson":
         thin, triangles, counts["base_depth"] = _solved(cleaned, vertices, wanted, options, context)
     else:
@@ -170,25 +195,41 @@ def faces_wanted(most: int, detail_faces: int) -> int:
     return min(most, max(detail_faces // _DETAIL_SHARE, _LEAST_FACES))
 
 
-def _thinned_tiles(
-    tiles: StoredTiles, wanted: int, island_faces: int, context: Context
-) -> tuple[Float32, Int32]:
-    """Thin every tile to its share of four times the base, and join them bit for bit."""
+def first_share(tiles: StoredTiles, options: Options) -> float:
+    """Share of its faces that each tile keeps when it is thinned by itself.
+
+    Four times the base's faces in all; rounded down to a quarter of a power of two, so that it
+    stays what it is when a few tiles change.
+
+    Examples
+    --------
+    >>> round(2.0 ** (math.floor(4 * math.log2(0.3)) / 4), 3)
+    0.297
+    """
     total = sum(tiles.base_faces)
-    first = _FIRST_SHARE * wanted
-    share = first / total if total > 2 * first else 1.0
-    context.progress.start("base: tiles", float(len(tiles.base_names)), "tiles")
-    pieces = []
-    for i in range(len(tiles.base_names)):
-        if tiles.base_faces[i]:
-            vertices, faces = tiles.base_part(i)
-            if share < 1.0:
-                kept = max(1, round(len(faces) * share))
-                vertices, faces = thin_block(
-                    vertices, faces, max_faces=kept, threads=context.threads
-                )
-            pieces.append((vertices, faces))
-        context.progress.advance(1.0)
+    first = _FIRST_SHARE * faces_wanted(options.base_faces, sum(tiles.faces))
+    if total <= 2 * first:
+        return 1.0
+    return float(2.0 ** (math.floor(4.0 * math.log2(first / total)) / 4.0))
+
+
+def thin_tile(tiles: StoredTiles, part: int, share: float, context: Context) -> Stored:
+    """Thin one part of the surface that the base is made from, holding its border bit for bit."""
+    vertices, faces = tiles.base_part(part)
+    if len(faces) and share < 1.0:
+        vertices, faces = thin_block(
+            vertices, faces, max_faces=max(1, round(len(faces) * share)), threads=context.threads
+        )
+    return Stored({"vertices": vertices, "faces": faces}, {})
+
+
+def _joined(thinned: Sequence[Stored], share: float, island_faces: int) -> tuple[Float32, Int32]:
+    """Join tiles that were thinned apart, bit for bit, without loose pieces."""
+    pieces = [
+        (np.array(stored.arrays["vertices"]), np.array(stored.arrays["faces"]))
+        for stored in thinned
+        if len(stored.arrays["faces"])
+    ]
     starts = np.cumsum([0, *(len(vertices) for vertices, _ in pieces)])
     numbered = [piece[1] + np.int32(start) for piece, start in zip(pieces, starts, strict=False)]
     vertices, joined = weld(np.concatenate([v for v, _ in pieces]), np.concatenate(numbered))
@@ -196,7 +237,6 @@ def _thinned_tiles(
     # Loose pieces that the detail dropped; half as strict, for thinning leaves each another share.
     least = max(1, int(0.5 * share * island_faces))
     keep, _ = island_mask(joined, len(vertices), min_faces=least)
-    context.progress.done({"faces": int(keep.sum())})
     return compact(vertices, joined, keep)
 
 
