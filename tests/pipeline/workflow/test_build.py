@@ -38,11 +38,12 @@ KEPT = {
         "measure_survey", "partition", "solve-00000", "join", "tile-00000", "base",
     ],
     "segment": [
-        "segment-measure-00000", "segment-units-00000", "segment-regions", "segment-cut-00000",
-        "segment",
+        "segment-measure-00000", "segment-scale", "segment-units-00000", "segment-regions",
+        "segment-numbers", "segment-samples", "segment-cut-00000", "cover-scale",
+        "segment-cover-00000", "segment",
     ],
     "base_atlas": ["base_atlas"],
-    "pack": ["pack-tile-00000", "pack"],
+    "pack": ["pack-scales", "pack-tile-00000", "pack"],
 }  # fmt: skip
 """Names in the work directory of what is reported as one stage."""
 
