@@ -180,7 +180,7 @@ def test_a_scene_that_is_gone_is_published_from_the_work_directory(copy: Path) -
     ("stage", "step"),
     [
         ("reconstruct", "tiles: solve 1, 1 at a time"),
-        ("segment", "segment: segments and cover"),
+        ("segment", "segment: cover"),
         ("pack", "pack: segments"),
         ("pack", "pack: base"),
     ],
