@@ -60,7 +60,7 @@ from terraport_pipeline.geometry.segments.segments import (
     build_segments,
 )
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.stages import pack, segment
+from terraport_pipeline.stages import pack
 from terraport_pipeline.stages.contract import Context, Facts
 from terraport_pipeline.stages.tiles import tiled_pack, tiled_segment
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
@@ -337,14 +337,14 @@ def _pack(
     )
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         context = Context(Path(scratch), threads=threads)
-        measured = tiled_segment.scene_of(
-            [tiled_segment.measure(detail, context)], segment.Options()
-        )
-        scales = tiled_pack.scales_of(measured, joined, base)
+        measured = tiled_segment.scene_of([tiled_segment.measure(detail, context)])
+        extents = tiled_pack.Extents.of(measured, joined, base)
+        scales = tiled_pack.scales_of(extents)
         payloads = tiled_pack.encode(detail, *labels, scales, context)
         return tiled_pack.publish(
             Path(scratch) / "scene", base, joined, lambda _tile: payloads,
-            _Pieces(detail, *labels, about.origin), scales, (0.01, 0.05, 0.1, 0.2), about,
+            _Pieces(detail, *labels, about.origin), scales, extents.ranges,
+            (0.01, 0.05, 0.1, 0.2), about,
             pack.Options("Benchmark"), context,
         ).facts.counts  # fmt: skip
 

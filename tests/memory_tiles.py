@@ -46,6 +46,10 @@ class MemoryTiles:
         )
 
     @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(f"tile-{number:05d}" for number in range(self.count))
+
+    @property
     def count(self) -> int:
         return len(self.meshes)
 

@@ -24,7 +24,8 @@ def test_a_stage_does_not_depend_on_later_ones() -> None:
         assert "terraport_pipeline.geometry.cover.cover" not in behind
         assert "terraport_pipeline.stages.pack" not in behind
     cover = "terraport_pipeline.geometry.cover.cover"
-    assert cover in modules_behind(STAGES + "tiles.tiled_segment")
+    assert cover not in modules_behind(STAGES + "tiles.tiled_segment")
+    assert cover in modules_behind(STAGES + "tiles.base_cover")
     assert "terraport_payload.glb_encode" in modules_behind(STAGES + "tiles.tiled_pack")
 
 

@@ -4,8 +4,9 @@ The thin shell around :mod:`~terraport_pipeline.geometry.regions.region_match`: 
 published scene, brings both surfaces into one frame and writes the numbers into the region facts.
 Rules in ``spec/scene-format.md``, section "regions.json".
 
-The version before is all that a build takes from the place it publishes to; in a new place it takes
-nothing, and numbers are 0, 1, 2, ...
+Where the build that published the version before is at hand, regions were matched already, before
+they were numbered (``tiles/numbered_regions.py``), and ids go by the numbers. In a new place a
+build takes nothing from before, and numbers are 0, 1, 2, ...
 """
 
 from __future__ import annotations
@@ -37,8 +38,9 @@ from terraport_store import (
     read_labels,
 )
 from terraport_store.labels import MAX_STABLE_ID
+from terraport_store.manifest import Manifest
 
-__all__ = ["NumberedRegions", "Surface", "number_regions"]
+__all__ = ["CarriedNumbers", "NumberedRegions", "Surface", "number_regions"]
 
 _SAMPLES: Final = 500_000
 """Faces of one surface that are looked at; all of them where it has no more. Two trees of so many
@@ -80,6 +82,19 @@ class Surface(Protocol):
         ...
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CarriedNumbers:
+    """Regions that go on from a version, by their numbers in it."""
+
+    version: str
+    before: Int32
+    """(R,) number there of every region; -1 of a new one."""
+
+    def is_of(self, manifest: Manifest, surface: Surface) -> bool:
+        """Whether a published scene is that version, and in the frame of the new surface."""
+        return self.version == manifest.version and tuple(surface.origin) == tuple(manifest.origin)
+
+
 @dataclass(frozen=True, slots=True)
 class NumberedRegions:
     """Region facts with stable ids, and how they came about."""
@@ -93,19 +108,24 @@ class NumberedRegions:
 
 @dataclass(slots=True)
 class _Before:
-    """Ids, samples and labels of the version before, as far as they could be read."""
+    """Ids and labels of the version before, as far as they could be read, and what goes on."""
 
     first_free: int = 0
     ids: UInt32 = field(default_factory=lambda: np.zeros(0, np.uint32))
-    samples: SurfaceSamples = field(default_factory=lambda: SurfaceSamples.joined([]))
+    matched: tuple[Int32, Int32] = field(
+        default_factory=lambda: (np.zeros(0, np.int32), np.zeros(0, np.int32))
+    )
+    """Regions that are the same, by their numbers now and then."""
     labels: Mapping[int, str] = field(default_factory=dict)
-    at_least: int = _LEAST_SAMPLES[1]
-    """Samples of a region in a segment, on both surfaces."""
     warnings: list[str] = field(default_factory=list)
 
 
 def number_regions(
-    scene: Path, facts: Mapping[str, Any], surface: Surface, progress: Progress
+    scene: Path,
+    facts: Mapping[str, Any],
+    surface: Surface,
+    progress: Progress,
+    carried: CarriedNumbers | None = None,
 ) -> NumberedRegions:
     """Give every region its stable id.
 
@@ -118,6 +138,8 @@ def number_regions(
     surface : Surface
     progress : Progress
         Advances by segments of the version before.
+    carried : CarriedNumbers, optional
+        What is known of that version, or of another; used where it is that one.
 
     Returns
     -------
@@ -133,15 +155,9 @@ def number_regions(
         Neither the scene before nor its labels can be read.
     """
     # (1) Match the regions to those of the version before, by the surface they share.
-    before = _before(scene, surface, progress)
+    before = _before(scene, surface, progress, carried)
     rows = facts["regions"]
-    new = (
-        SurfaceSamples.joined(_new_samples(surface, before.at_least))
-        if len(before.ids)
-        else before.samples
-    )
-    matched = match_regions(region_overlaps(new, before.samples))
-    ids, first_free = carry_ids(len(rows), matched, before.ids, before.first_free)
+    ids, first_free = carry_ids(len(rows), before.matched, before.ids, before.first_free)
     if first_free > MAX_STABLE_ID + 1:
         raise OptionError(
             f"stable ids up to {first_free - 1}; expected at most {MAX_STABLE_ID}: build the scene "
@@ -158,7 +174,7 @@ def number_regions(
         ],
     }
     # (3) What was carried over, and labels that lost their region.
-    kept = len(matched[0])
+    kept = len(before.matched[0])
     counts = {
         "regions_kept": kept,
         "regions_new": len(rows) - kept,
@@ -176,24 +192,26 @@ def number_regions(
     return NumberedRegions(document, counts, tuple(before.warnings))
 
 
-def _before(scene: Path, surface: Surface, progress: Progress) -> _Before:
-    """Read ids, samples and labels of the published version, as far as they can be read."""
+def _before(
+    scene: Path, surface: Surface, progress: Progress, carried: CarriedNumbers | None
+) -> _Before:
+    """Read ids and labels of the published version, as far as they can be read, and match it."""
     before = _Before()
     try:
         with Scene.open(scene) as opened:
             names = RegionNames.of(opened.regions, file=opened.manifest.files["regions.json"].path)
             if names.stable_ids is not None:
                 before.first_free, before.ids = names.next_stable_id, names.stable_ids
-                if _same_crs(opened.manifest.crs, surface.crs):
-                    pieces = int(opened.index.region_count.sum(dtype=np.int64))
-                    fewest, most = _LEAST_SAMPLES
-                    before.at_least = min(most, max(fewest, _SAMPLES // max(1, pieces)))
-                    before.samples = _old_samples(opened, before, surface, progress)
-                else:
+                if not _same_crs(opened.manifest.crs, surface.crs):
                     before.warnings.append(
                         "the scene published before is in another coordinate reference system: all "
                         "regions get new stable ids"
                     )
+                elif carried is not None and carried.is_of(opened.manifest, surface):
+                    goes_on = np.flatnonzero(carried.before >= 0).astype(np.int32)
+                    before.matched = goes_on, carried.before[goes_on]
+                elif len(before.ids):
+                    before.matched = _matched(opened, before, surface, progress)
     except SceneNotFoundError:
         return before
     except DamagedSceneError as error:
@@ -210,8 +228,20 @@ def _before(scene: Path, surface: Surface, progress: Progress) -> _Before:
     return before
 
 
-def _old_samples(
+def _matched(
     scene: Scene, before: _Before, surface: Surface, progress: Progress
+) -> tuple[Int32, Int32]:
+    """Match regions by the ground that they share with those of a published scene."""
+    pieces = int(scene.index.region_count.sum(dtype=np.int64))
+    fewest, most = _LEAST_SAMPLES
+    at_least = min(most, max(fewest, _SAMPLES // max(1, pieces)))
+    old = _old_samples(scene, before, surface, progress, at_least)
+    new = SurfaceSamples.joined(_new_samples(surface, at_least))
+    return match_regions(region_overlaps(new, old))
+
+
+def _old_samples(
+    scene: Scene, before: _Before, surface: Surface, progress: Progress, at_least: int
 ) -> SurfaceSamples:
     """Sample a published scene's detail, in the new surface's frame."""
     shift = _shift(np.array(scene.manifest.origin), surface.origin)
@@ -229,7 +259,7 @@ def _old_samples(
                 mesh.faces,
                 _labels(mesh, int(scene.index.region[segment])),
                 faces_per_sample=per_sample,
-                at_least=before.at_least,
+                at_least=at_least,
             )
             has_region = samples.labels < len(
                 before.ids

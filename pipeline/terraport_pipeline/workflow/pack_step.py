@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
@@ -14,11 +15,12 @@ import numpy as np
 from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.stages import pack
 from terraport_pipeline.stages.contract import Form, Stored
+from terraport_pipeline.stages.region_ids import CarriedNumbers
 from terraport_pipeline.stages.tiles import tiled_pack
 from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.report import StageReport
 from terraport_pipeline.workflow.runner import Runner, Stage, TileStage, for_tiles
-from terraport_pipeline.workflow.segment_step import Labels, Segmented
+from terraport_pipeline.workflow.segment_step import Labels, Segmented, tile_numbers
 from terraport_pipeline.workflow.texture_step import BaseTexture, Textures
 from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
@@ -63,7 +65,18 @@ def publish_tiles(
     """
     with runner.reported_as(pack.NAME):
         joined, labels, tiles = segmented.joined.value(), segmented.labels, surface.tiles
-        scales = tiled_pack.scales_of(segmented.scene, joined, surface.base, surface.spacing_m)
+        extents = tiled_pack.Extents.of(segmented.scene, joined, surface.base, surface.spacing_m)
+        scales = runner.run(
+            Stage(
+                tiled_pack.SCALES_NAME,
+                tiled_pack,
+                lambda _: tiled_pack.scales_of(extents),
+                tiled_pack.SCALES_FORM,
+                inputs={"extents": json.dumps(extents.recorded(), sort_keys=True)},
+                is_decision=True,
+                stands=lambda decided: decided.stands(extents),
+            )
+        ).value()
         # (1) Payloads of every tile. Its inputs name all that a payload holds, so a tile whose
         # surface, labels, cut and textures are unchanged is not encoded again.
         payloads = runner.run_tiles(
@@ -94,17 +107,23 @@ def publish_tiles(
                 segmented.scene.faces,
                 options=scales.recorded(),
                 bytes_per_unit=tiled_pack.ENCODE_BYTES_PER_FACE,
+                numbers=tile_numbers(tiles),
             )
         )
         # (2) One scene of them all, published in one act.
+        numbers = segmented.numbers
+        carried = None
+        if runner.before is not None:
+            carried = CarriedNumbers(runner.before.version, numbers.value().before)
         pieces = _Pieces(surface, labels, segmented.scene.face_count, about.origin, about.crs)
         stage = Stage(
             pack.NAME,
             tiled_pack,
             lambda context: tiled_pack.publish(
-                scene, surface.base, joined, payloads.stored, pieces, scales,
+                scene, surface.base, joined, payloads.stored, pieces, scales, extents.ranges,
                 surface.deviation_m, about, options, context,
                 None if base_texture is None else (base_texture.textures, base_texture.info),
+                carried,
             ),
             _PUBLISHED,
             {
@@ -115,6 +134,7 @@ def publish_tiles(
             {
                 "payloads": payloads.digest,
                 "segments": segmented.joined.digest,
+                "numbers": numbers.digest,
                 "base": surface.base_digest,
                 **({} if base_texture is None else {"base_texture": base_texture.digest}),
             },

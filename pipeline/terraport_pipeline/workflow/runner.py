@@ -66,8 +66,10 @@ class Stage(Generic[T]):
     is_remembered: bool = False
     """The next survey over the scene is built with this result at hand."""
     is_decision: bool = False
-    """Holds for later surveys over the scene as long as code and options are the same, whatever
-    they are like; remembered."""
+    """Holds for later surveys over the scene as long as code and options are the same, and `stands`
+    does not object; remembered."""
+    stands: Callable[[T], bool] | None = None
+    """Whether a decision of before can be kept with these inputs; None: always."""
 
     @property
     def key(self) -> str:
@@ -107,6 +109,8 @@ class TileStage:
     """Memory that all tiles together take beside that, and do not hold yet."""
     forecast_s: float | None = None
     """What a single tile is expected to take, where it tells how many seconds have gone by."""
+    numbers: Sequence[int] | None = None
+    """Number of every tile in the name of its result; None: they are counted."""
 
     def key(self, tile: int) -> str:
         """Make what identifies a tile's result."""
@@ -115,7 +119,8 @@ class TileStage:
 
     def result_name(self, tile: int) -> str:
         """Name of a tile's result in the work directory."""
-        return f"{self.name}-{tile:05d}"
+        number = tile if self.numbers is None else self.numbers[tile]
+        return f"{self.name}-{number:05d}"
 
 
 @dataclass(slots=True)
@@ -259,11 +264,10 @@ class Runner:
         record = before.decision(stage.name, stage.decision)
         if record is None:
             return stage
-        return replace(
-            stage,
-            run=lambda _: stage.form.restore(before.work.load(record), record.facts),
-            inputs={"decided": record.digest},
-        )
+        decided = stage.form.restore(before.work.load(record), record.facts)
+        if stage.stands is not None and not stage.stands(decided):
+            return stage
+        return replace(stage, run=lambda _: decided, inputs={"decided": record.digest})
 
     def remember(self, version: str, read: str, *, survey: str) -> None:
         """Keep what the next survey over the scene goes by.

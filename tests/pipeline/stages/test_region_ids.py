@@ -7,6 +7,7 @@ segments between.
 from __future__ import annotations
 
 import itertools
+import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.stages.region_ids import NumberedRegions, number_regions
+from terraport_pipeline.stages.region_ids import CarriedNumbers, NumberedRegions, number_regions
 from terraport_store import CrsInfo, DamagedSceneError, change_labels
 
 ORIGIN = np.array([500000.0, 8000000.0, 100.0])
@@ -70,8 +71,10 @@ def surface(*, seed: int = 0, names: tuple[int, ...] = (0, 1, 2), moved_m: float
     return NewSurface(mesh, segments.astype(np.int32), regions.astype(np.int32), ORIGIN, None)
 
 
-def numbered(scene: Path, new: NewSurface, facts=FACTS) -> NumberedRegions:
-    return number_regions(scene, facts, new, NullProgress())
+def numbered(
+    scene: Path, new: NewSurface, facts=FACTS, carried: CarriedNumbers | None = None
+) -> NumberedRegions:
+    return number_regions(scene, facts, new, NullProgress(), carried)
 
 
 def ids(result: NumberedRegions) -> list[int]:
@@ -132,6 +135,20 @@ def test_new_ground_gets_new_numbers_and_lost_labels_are_told(scene: Path) -> No
     assert result.warnings == (
         "1 labels have no region any more: 'pile' (4); give them again with terraport label",
     )
+
+
+def test_numbers_that_go_on_need_no_ground(scene: Path) -> None:
+    """Of the version that stands there: 1 is 2 now, and 2 is gone. Of another they say nothing."""
+    version = json.loads((scene / "scene.json").read_bytes())["version"]
+    numbers = np.array([-1, 0, 1], np.int32)
+    result = numbered(scene, surface(), carried=CarriedNumbers(version, numbers))
+    assert (ids(result), result.document["next_stable_id"]) == ([10, 4, 2], 11)
+    assert result.counts == {"regions_kept": 2, "regions_new": 1, "regions_retired": 1}
+    other = CarriedNumbers("0" * 32, numbers)
+    assert ids(numbered(scene, surface(), carried=other)) == [4, 2, 9]
+    north = ORIGIN + np.array([0.0, 1.0, 0.0])  # the version's, in another frame
+    elsewhere = replace(surface(moved_m=1.0), origin=north)
+    assert ids(numbered(scene, elsewhere, carried=CarriedNumbers(version, numbers))) == [4, 2, 9]
 
 
 def test_another_crs_is_another_place(scene: Path) -> None:

@@ -38,11 +38,12 @@ KEPT = {
         "measure_survey", "partition", "solve-00000", "join", "tile-00000", "base",
     ],
     "segment": [
-        "segment-measure-00000", "segment-units-00000", "segment-regions", "segment-cut-00000",
-        "segment",
+        "segment-measure-00000", "segment-scale", "segment-units-00000", "segment-regions",
+        "segment-numbers", "segment-samples", "segment-cut-00000", "cover-scale",
+        "segment-cover-00000", "segment",
     ],
     "base_atlas": ["base_atlas"],
-    "pack": ["pack-tile-00000", "pack"],
+    "pack": ["pack-scales", "pack-tile-00000", "pack"],
 }  # fmt: skip
 """Names in the work directory of what is reported as one stage."""
 
@@ -179,7 +180,7 @@ def test_a_scene_that_is_gone_is_published_from_the_work_directory(copy: Path) -
     ("stage", "step"),
     [
         ("reconstruct", "tiles: solve 1, 1 at a time"),
-        ("segment", "segment: segments and cover"),
+        ("segment", "segment: cover"),
         ("pack", "pack: segments"),
         ("pack", "pack: base"),
     ],

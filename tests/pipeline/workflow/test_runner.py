@@ -13,6 +13,7 @@ from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.geometry.mesh import chunks
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages.contract import IN_FOLDER, STORED, Context, Facts, Stored
+from terraport_pipeline.workflow.before import Before
 from terraport_pipeline.workflow.runner import (
     Runner,
     Stage,
@@ -206,3 +207,38 @@ def test_what_tiles_share_is_left_free(tmp_path) -> None:
     context = Context(tmp_path, threads=8, max_memory_bytes=2**40)
     assert tiles_at_once(10 * 2**34, context) == 6
     assert tiles_at_once(10 * 2**34, context, shared_bytes=2**39) == 3
+
+
+def test_a_tile_is_kept_under_its_own_number(runner: Runner) -> None:
+    three = replace(
+        SQUARES, run=SQUARES.run[2:], inputs=SQUARES.inputs[2:], sizes=SQUARES.sizes[2:]
+    )
+    runner.run_tiles(SQUARES)
+    kept = runner.run_tiles(replace(three, numbers=(2, 3, 4)))
+    assert runner.reports[-1].taken_up
+    assert [record.name for record in kept.records] == [f"square-0000{n}" for n in (2, 3, 4)]
+    assert runner.work.names("square-") == [record.name for record in kept.records]
+
+
+@pytest.mark.parametrize(("limit", "expected"), [(9, 7), (5, 4)])
+def test_a_decision_stands_unless_it_does_not_fit(
+    runner: Runner, tmp_path: Path, limit: int, expected: int
+) -> None:
+    """7 was decided before; now it would be 4."""
+
+    def decide(value: int) -> Stage[Stored]:
+        return Stage(
+            "decided", chunks, lambda _: Stored({}, {"value": value}), STORED,
+            inputs={"value": str(value)}, is_decision=True,
+            stands=lambda decided: decided.values["value"] <= limit,
+        )  # fmt: skip
+
+    first = decide(7)
+    runner.run(first)
+    old = WorkDirectory(tmp_path / "work")
+    later = (tmp_path / "later").absolute()
+    later.mkdir()
+    then = replace(
+        runner, work=WorkDirectory(later), before=Before(old, "v", {"decided": first.decision})
+    )
+    assert then.run(decide(4)).value().values["value"] == expected

@@ -25,7 +25,14 @@ from scipy.spatial import cKDTree
 from terraport_payload.types import AnyInt, Float64, Int32, Int64
 from terraport_pipeline.geometry.mesh.surface_samples import SurfaceSamples
 
-__all__ = ["MIN_SIMILARITY", "Overlaps", "carry_ids", "match_regions", "region_overlaps"]
+__all__ = [
+    "MIN_SIMILARITY",
+    "CommonGround",
+    "Overlaps",
+    "carry_ids",
+    "match_regions",
+    "region_overlaps",
+]
 
 
 MIN_SIMILARITY: Final = 0.3
@@ -52,15 +59,38 @@ class Overlaps:
     """(K,) area in common over area of both together, 0..1."""
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class CommonGround:
+    """Pieces that are in both surfaces, bit for bit."""
+
+    new: Int32
+    """(P,) region of every piece in the new surface."""
+    old: Int32
+    """(P,) and in the old."""
+    area: Float64
+    """(P,) square metres."""
+
+    @classmethod
+    def none(cls) -> CommonGround:
+        """Two surfaces of which nothing is known to be the same."""
+        return cls(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0))
+
+
 def region_overlaps(
-    new: SurfaceSamples, old: SurfaceSamples, *, max_distance_m: float | None = None
+    new: SurfaceSamples,
+    old: SurfaceSamples,
+    *,
+    common: CommonGround | None = None,
+    max_distance_m: float | None = None,
 ) -> Overlaps:
     """Measure what each region of the new surface shares with each of the old.
 
     Parameters
     ----------
     new, old : SurfaceSamples
-        Of both surfaces, in one frame; the labels are regions.
+        Of both surfaces, in one frame, without the common ground; the labels are regions.
+    common : CommonGround, optional
+        What need not be sampled.
     max_distance_m : float, optional
         Farther apart is not the same place. By default three spacings of the sparser samples.
 
@@ -71,17 +101,25 @@ def region_overlaps(
         so no more than the mean of the two regions' areas: the similarity never exceeds 1. Which
         sample is nearest is decided by SciPy's tree where two are equally far.
     """
-    if len(new.labels) == 0 or len(old.labels) == 0:
-        nothing = np.zeros(0, np.int32)
-        return Overlaps(nothing, nothing, np.zeros(0), np.zeros(0))
-    limit = (
-        _REACH_SPACINGS * max(_spacing(new), _spacing(old))
-        if max_distance_m is None
-        else max_distance_m
+    common = CommonGround.none() if common is None else common
+    # (1) Area of every region: of its samples, and of what is common ground.
+    new_labels, old_labels = (
+        np.concatenate([samples.labels, pieces])
+        for samples, pieces in ((new, common.new), (old, common.old))
     )
-    new_count, old_count = int(new.labels.max()) + 1, int(old.labels.max()) + 1
-    keys, areas = [], []
-    for here, there in ((new, old), (old, new)):
+    old_count = int(old_labels.max(initial=-1)) + 1
+    new_area = np.bincount(new_labels, np.concatenate([new.areas, common.area]))
+    old_area = np.bincount(old_labels, np.concatenate([old.areas, common.area]))
+    # (2) Area of every pair, each surface's samples against the other's.
+    keys = [common.new.astype(np.int64) * np.int64(old_count) + common.old]
+    areas = [common.area]
+    both_ways = ((new, old), (old, new)) if len(new.labels) and len(old.labels) else ()
+    for here, there in both_ways:
+        limit = (
+            _REACH_SPACINGS * max(_spacing(new), _spacing(old))
+            if max_distance_m is None
+            else max_distance_m
+        )
         distance, nearest = cKDTree(there.points).query(
             here.points, distance_upper_bound=np.nextafter(limit, np.inf)
         )
@@ -91,15 +129,14 @@ def region_overlaps(
         keys.append(a * np.int64(old_count) + b)
         areas.append(0.5 * here.areas[met])
     pairs, row = np.unique(np.concatenate(keys), return_inverse=True)
-    common = np.bincount(row, np.concatenate(areas), len(pairs)).astype(np.float64)
-    pairs, common = pairs[common > 0.0], common[common > 0.0]
-    a, b = np.divmod(pairs, old_count)
-    new_area = np.bincount(new.labels, weights=new.areas, minlength=new_count)
-    old_area = np.bincount(old.labels, weights=old.areas, minlength=old_count)
+    shared = np.bincount(row, np.concatenate(areas), len(pairs)).astype(np.float64)
+    pairs, shared = pairs[shared > 0.0], shared[shared > 0.0]
+    # (3) Each direction finds at most its own region's area, so shared <= both / 2 but for
+    # rounding.
+    a, b = np.divmod(pairs, max(old_count, 1))
     both = new_area[a] + old_area[b]
-    # Each direction finds at most its own region's area, so common <= both / 2 but for rounding.
-    similarity = np.minimum(common / np.maximum(both - common, 0.5 * both), 1.0)
-    return Overlaps(a.astype(np.int32), b.astype(np.int32), common, similarity)
+    similarity = np.minimum(shared / np.maximum(both - shared, 0.5 * both), 1.0)
+    return Overlaps(a.astype(np.int32), b.astype(np.int32), shared, similarity)
 
 
 def match_regions(

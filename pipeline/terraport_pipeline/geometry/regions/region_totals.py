@@ -4,7 +4,7 @@ The mesh is never held whole. Every sum, least and greatest value adds up over t
 of attributes by the rule of Chan, Golub and LeVeque ("Updating formulae and a pairwise algorithm
 for computing sample variances", 1979); roughness by the moments of each region in each cube, whole
 also where a tile's border cuts the cube. Only the 90th percentile of the slope is rounded to a bin
-of a histogram (0.05 degrees; wider beyond 9,000 regions). In a region without any area every face
+of a histogram (0.05 degrees; wider beyond 8,192 regions). In a region without any area every face
 counts alike. Linear in the faces, whatever the number of regions: compiled passes over all faces of
 a tile (``region_kernels.py``), no loop per region but for writing the answer.
 
@@ -156,8 +156,12 @@ def tile_totals(
 
 
 def slope_bins(count: int) -> int:
-    """Bins of the slope's histogram for so many regions."""
-    return max(min(_SLOPE_BINS, _MOST_BINS // max(count, 1)), 90)
+    """Bins of the slope's histogram for so many regions, the same up to the next power of two.
+
+    What tiles are summed up with must not change with every region far away.
+    """
+    room = _MOST_BINS >> (max(count, 1) - 1).bit_length()
+    return max(min(_SLOPE_BINS, room), 90)
 
 
 def spread_totals(totals: RegionTotals, regions: Int32, count: int) -> RegionTotals:

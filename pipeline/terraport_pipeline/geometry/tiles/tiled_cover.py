@@ -1,5 +1,7 @@
 """The cover of the base by tiles of the detail: each tile against the base near it, then united.
 
+What a tile is covered by depends on the base near it alone (:func:`near_faces`).
+
 A base face's list is the union of what every tile puts on it. That keeps the proof of ``cover.py``
 rule by rule: a vertical line that meets detail meets it in some tile, and that tile's columns enter
 the segment at every base face the line meets (rule 1); a face far from the base is judged against
@@ -16,12 +18,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from terraport_payload.types import AnyFloat, AnyInt, Int32, Int64, UInt32
+from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32, Int64, UInt32
 from terraport_pipeline.geometry.cover.cover import build_cover
-from terraport_pipeline.geometry.cover.far_detail import FAR_BASE_EDGES, FAR_TOLERANCES, median_edge
-from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
+from terraport_pipeline.geometry.cover.far_detail import FAR_BASE_EDGES, FAR_TOLERANCES
 
-__all__ = ["TileCover", "tile_cover", "unite_covers"]
+__all__ = ["TileCover", "cover_reach_m", "near_faces", "tile_cover", "unite_covers"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,7 +30,7 @@ class TileCover:
     """Which of one tile's segments lie over which base faces."""
 
     base_face: Int32
-    """(N,) base faces, ascending."""
+    """(N,) base faces by their rows among those that were given, ascending."""
     segment: Int32
     """(N,) segments, numbered within the tile, ascending for each base face."""
     far_faces: int
@@ -53,7 +54,7 @@ def tile_cover(
     Parameters
     ----------
     base_vertices, base_faces : ndarray
-        The whole base.
+        The base near the tile.
     vertices, faces : ndarray
         One tile of the detail, F >= 1.
     segment_of_face : ndarray of shape (F,), integer
@@ -67,25 +68,28 @@ def tile_cover(
     -------
     TileCover
     """
-    edge_m = median_edge(
-        as_kernel_input(base_vertices, np.float64), as_kernel_input(base_faces, np.int32)
-    )
-    detail_edge_m = median_edge(
-        as_kernel_input(vertices, np.float64), as_kernel_input(faces, np.int32)
-    )
-    # As far as the cover looks: for the base nearest to far detail, and a few columns.
-    reach_m = max(FAR_TOLERANCES * tolerance_m, FAR_BASE_EDGES * edge_m) + 4.0 * detail_edge_m
-    near = _near(base_vertices, base_faces, vertices, reach_m)
     cover = build_cover(
-        base_vertices, base_faces[near], vertices, faces, segment_of_face,
+        base_vertices, base_faces, vertices, faces, segment_of_face,
         tolerance_m=tolerance_m, hide_partly_covered=True, threads=threads,
     )  # fmt: skip
     offsets = cover.offsets.astype(np.int64)
-    lengths = offsets[1:] - offsets[:-1]
+    rows = np.repeat(np.arange(len(base_faces), dtype=np.int32), offsets[1:] - offsets[:-1])
     return TileCover(
-        np.repeat(near, lengths).astype(np.int32), cover.segments.astype(np.int32),
-        cover.far_detail_faces, cover.baseless_detail_faces,
-    )  # fmt: skip
+        rows, cover.segments.astype(np.int32), cover.far_detail_faces, cover.baseless_detail_faces
+    )
+
+
+def cover_reach_m(tolerance_m: float, base_edge_m: float, detail_edge_m: float) -> float:
+    """Say how far a cover looks: for the base nearest to far detail, and a few columns; metres.
+
+    Parameters
+    ----------
+    tolerance_m : float
+        Of the cover.
+    base_edge_m, detail_edge_m : float
+        Median edges.
+    """
+    return max(FAR_TOLERANCES * tolerance_m, FAR_BASE_EDGES * base_edge_m) + 4.0 * detail_edge_m
 
 
 def unite_covers(tiles: Sequence[tuple[Int32, Int32]], base_faces: int) -> tuple[UInt32, UInt32]:
@@ -111,15 +115,25 @@ def unite_covers(tiles: Sequence[tuple[Int32, Int32]], base_faces: int) -> tuple
     return offsets.astype(np.uint32), segment[order].astype(np.uint32)
 
 
-def _near(
-    base_vertices: AnyFloat,
-    base_faces: AnyInt,
-    vertices: AnyFloat,
-    reach_m: float,
-) -> Int64:
-    """Find base faces whose box, seen from above, comes within a distance of the tile's box."""
+def near_faces(base_vertices: AnyFloat, base_faces: AnyInt, box: Float64, reach_m: float) -> Int64:
+    """Find base faces whose box, seen from above, comes within a distance of a tile's box.
+
+    Parameters
+    ----------
+    base_vertices, base_faces : ndarray
+        The whole base.
+    box : ndarray of shape (6,), float64
+        Lowest and highest x, y, z of the tile, metres.
+    reach_m : float
+        See :func:`cover_reach_m`.
+
+    Returns
+    -------
+    ndarray of shape (B,), int64
+        Ascending.
+    """
     plan = (0, 2)
     corner = base_vertices[:, plan][base_faces].astype(np.float64)
-    low, high = vertices[:, plan].min(axis=0) - reach_m, vertices[:, plan].max(axis=0) + reach_m
+    low, high = box[[0, 2]] - reach_m, box[[3, 5]] + reach_m
     inside = (corner.max(axis=1) >= low).all(axis=1) & (corner.min(axis=1) <= high).all(axis=1)
     return np.flatnonzero(inside)

@@ -48,6 +48,11 @@ class DetailTiles(Protocol):
         ...
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Name of every tile: a prefix and its number, the same for one place in every survey."""
+        ...
+
+    @property
     def attributes(self) -> tuple[str, ...]:
         """Names of the attributes, the same in every tile."""
         ...

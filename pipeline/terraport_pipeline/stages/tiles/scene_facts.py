@@ -1,17 +1,32 @@
-"""What all tiles of a scene are measured and cut by: sums and bounds over all of them."""
+"""What all tiles of a scene are measured and cut by: sums over all of them, and a scale.
+
+Sums are measured anew in every build. The scale is decided once: what tiles are cut by must not
+change with what lies far from them, or a change in one tile would cut every segment of the next
+survey over the scene in another way.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from terraport_payload.types import Float32, Float64
+from terraport_pipeline.geometry.mesh.face_measures import extent_of_area
+from terraport_pipeline.geometry.regions.mean_scale import ColourTotals
 from terraport_pipeline.geometry.regions.region_roughness import automatic_roughness_scale
 from terraport_pipeline.geometry.tiles.tile_seams import Seams
-from terraport_pipeline.geometry.tiles.tiled_means import MeansScale
+from terraport_pipeline.stages.contract import Facts, Form, Stored
 
-__all__ = ["AttributeRange", "TiledScene"]
+__all__ = ["SCALE_FORM", "AttributeRange", "SceneScale", "TiledScene"]
+
+_MOST_GROWTH: Final = 8
+"""Faces of a scene over those that its scale was decided by, or the reverse: beyond, regions of at
+least so many faces, and a limit by so many colours, are those of another scene."""
+
+_LONGEST_EDGES: Final = 1024
+"""Times the edge that lengths are steps of which an edge may be: sums over 2^33 edges still fit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +70,7 @@ class AttributeRange:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TiledScene:
-    """Sums and bounds over all tiles that the passes need before they start."""
+    """Sums and bounds over all tiles."""
 
     faces: tuple[int, ...]
     """Number of faces of every tile."""
@@ -67,10 +82,11 @@ class TiledScene:
     """(3,)"""
     seams: Seams
     attributes: dict[str, AttributeRange]
-    scale: MeansScale
-    """What the units of every tile are made by."""
-    max_extent_m: float
-    """Longest side of a segment's box: as asked for, or chosen by the density of faces."""
+    colours: ColourTotals
+    longest_m: float
+    """Longest edge between two faces, metres."""
+    median_edges_m: tuple[float, ...]
+    """Median edge of every tile, metres."""
 
     @property
     def face_count(self) -> int:
@@ -78,8 +94,74 @@ class TiledScene:
         return sum(self.faces)
 
     @property
-    def roughness_scale_m(self) -> float:
-        """Width of the cubes that roughness is measured in."""
-        return automatic_roughness_scale(
-            self.area_m2, self.face_count, float((self.high - self.low).max())
+    def is_grey(self) -> bool:
+        """Whether all faces have one colour."""
+        return self.colours.spread(np.ones(3)) == 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SceneScale:
+    """What regions and segments of every tile are measured by."""
+
+    colours: ColourTotals
+    """Colours of the scene that it was decided by."""
+    longest_m: float
+    """Longest edge between two faces there: lengths are whole steps of it."""
+    max_extent_m: float
+    """Longest side of a segment's box: as asked for, or chosen by the density of faces."""
+    roughness_scale_m: float
+    """Width of the cubes that roughness is measured in."""
+
+    @classmethod
+    def decide(cls, sums: TiledScene, max_extent_m: float | None, max_faces: int) -> SceneScale:
+        """Choose the scale of a new scene.
+
+        Parameters
+        ----------
+        sums : TiledScene
+        max_extent_m : float or None
+            As asked for.
+        max_faces : int
+            Of a segment.
+        """
+        widest_m = float((sums.high - sums.low).max())
+        return cls(
+            sums.colours,
+            sums.longest_m,
+            max_extent_m or extent_of_area(sums.area_m2, sums.face_count, widest_m, max_faces),
+            automatic_roughness_scale(sums.area_m2, sums.face_count, widest_m),
         )
+
+    def stands(self, sums: TiledScene) -> bool:
+        """Say whether another survey of the scene can be measured by it."""
+        was_grey = self.colours.spread(np.ones(3)) == 0.0
+        fewer, more = sorted((sums.face_count, self.colours.faces))
+        return (
+            was_grey == sums.is_grey
+            and more <= _MOST_GROWTH * fewer
+            and sums.longest_m <= _LONGEST_EDGES * self.longest_m
+        )
+
+
+SCALE_FORM: Final[Form[SceneScale]] = Form(
+    store=lambda scale: Stored(
+        {"whole": scale.colours.whole, "products": scale.colours.products},
+        {
+            "faces": scale.colours.faces,
+            "longest_m": scale.longest_m,
+            "max_extent_m": scale.max_extent_m,
+            "roughness_scale_m": scale.roughness_scale_m,
+        },
+    ),
+    restore=lambda stored, _facts: SceneScale(
+        ColourTotals(
+            int(stored.values["faces"]),
+            np.asarray(stored.arrays["whole"], np.int64),
+            np.asarray(stored.arrays["products"], np.int64),
+        ),
+        float(stored.values["longest_m"]),
+        float(stored.values["max_extent_m"]),
+        float(stored.values["roughness_scale_m"]),
+    ),
+    facts=lambda scale: Facts({"max_extent_m": scale.max_extent_m}),
+)

@@ -12,10 +12,12 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from terraport_payload.types import Float32, Int32
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.geometry.regions.mean_scale import axis_index
+from terraport_pipeline.geometry.tiles.tile_seams import Seams
 from terraport_pipeline.geometry.tiles.tiled_means import (
     JoinedRegions,
+    MeansScale,
     TileUnits,
     colours_of_faces,
     join_tiles,
@@ -25,7 +27,6 @@ from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Json, Stored
 from terraport_pipeline.stages.region_engine import make_segmenter, segmenter_mesh
 from terraport_pipeline.stages.segment import Options
-from terraport_pipeline.stages.tiles.scene_facts import TiledScene
 
 __all__ = ["TileEngine", "tile_engine"]
 
@@ -34,9 +35,16 @@ class TileEngine(Protocol):
     """An engine as the passes over tiles use it."""
 
     def units(
-        self, mesh: Mesh, pairs: tuple[Int32, Int32], tile: int, scene: TiledScene, context: Context
+        self,
+        mesh: Mesh,
+        pairs: tuple[Int32, Int32],
+        seams: tuple[Int32, Float64],
+        scale: MeansScale,
+        context: Context,
     ) -> Stored:
         """Unite one tile's faces; ``labels`` says the unit of every face, (F,).
+
+        `seams` are the tile's own: :meth:`.Seams.of`.
 
         Raises
         ------
@@ -46,12 +54,12 @@ class TileEngine(Protocol):
         ...
 
     def regions(
-        self, tiles: Sequence[Stored], scene: TiledScene, context: Context
+        self, tiles: Sequence[Stored], seams: Seams, scale: MeansScale, context: Context
     ) -> tuple[JoinedRegions, Mapping[str, Json]]:
         """Unite the units of all tiles to regions, and tell of it."""
         ...
 
-    def index(self, mesh: Mesh, units: Stored, scene: TiledScene) -> Float32:
+    def index(self, mesh: Mesh, units: Stored, scale: MeansScale) -> Float32:
         """Say by which number of every face, (F,), pools are merged to segments."""
         ...
 
@@ -65,11 +73,14 @@ class _Means:
     """Mean colours: pools within tiles, but for faces near other tiles; see `tiled_means.py`."""
 
     def units(
-        self, mesh: Mesh, pairs: tuple[Int32, Int32], tile: int, scene: TiledScene, _: Context
+        self,
+        mesh: Mesh,
+        pairs: tuple[Int32, Int32],
+        seams: tuple[Int32, Float64],
+        scale: MeansScale,
+        _: Context,
     ) -> Stored:
-        united = tile_units(
-            mesh.vertices, mesh.faces, mesh.colours, pairs, scene.seams.of(tile), scene.scale
-        )
+        united = tile_units(mesh.vertices, mesh.faces, mesh.colours, pairs, seams, scale)
         arrays = {
             field.name: getattr(united, field.name)
             for field in fields(united)
@@ -78,9 +89,8 @@ class _Means:
         return Stored(arrays, {"edge_steps": list(united.edge_steps)})
 
     def regions(
-        self, tiles: Sequence[Stored], scene: TiledScene, context: Context
+        self, tiles: Sequence[Stored], seams: Seams, scale: MeansScale, context: Context
     ) -> tuple[JoinedRegions, Mapping[str, Json]]:
-        seams = scene.seams
         at_seams = np.zeros(seams.faces.shape, np.int32)
         units_of_tile = []
         for number, tile in enumerate(tiles):
@@ -89,23 +99,24 @@ class _Means:
                 rows = np.flatnonzero(seams.tiles[:, side] == number)
                 at_seams[rows, side] = labels[seams.faces[rows, side]]
             arrays: dict[str, Any] = {
-                name: np.array(a) for name, a in tile.arrays.items() if name != "labels"
+                field.name: np.array(tile.arrays[field.name])
+                for field in fields(TileUnits)
+                if field.name not in ("labels", "edge_steps")
             }
             arrays["labels"] = np.zeros(0, np.int32)
             one, other = tile.values["edge_steps"]
             units_of_tile.append(TileUnits(**arrays, edge_steps=(int(one), int(other))))
-        joined = join_tiles(units_of_tile, at_seams, seams, scene.scale, threads=context.threads)
+        joined = join_tiles(units_of_tile, at_seams, seams, scale, threads=context.threads)
         return joined, {
-            "region_limit": scene.scale.limit,
+            "region_limit": scale.limit,
             "region_pools": joined.pools,
             "region_islands": joined.islands,
         }
 
-    def index(self, mesh: Mesh, _: Stored, scene: TiledScene) -> Float32:
+    def index(self, mesh: Mesh, _: Stored, scale: MeansScale) -> Float32:
         # The colour's place on the scene's main axis.
-        weight = scene.scale.segmenter.weights()
         colours = colours_of_faces(mesh.colours, mesh.faces)
-        return axis_index(colours, scene.scale.totals, weight)
+        return axis_index(colours, scale.totals, scale.segmenter.weights())
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +126,12 @@ class _InOnePiece:
     options: Options
 
     def units(
-        self, mesh: Mesh, pairs: tuple[Int32, Int32], _tile: int, _: TiledScene, context: Context
+        self,
+        mesh: Mesh,
+        pairs: tuple[Int32, Int32],
+        _seams: tuple[Int32, Float64],
+        _scale: MeansScale,
+        context: Context,
     ) -> Stored:
         segmenter = make_segmenter(self.options, threads=context.threads)
         segmentation = segmenter.segment(
@@ -140,12 +156,12 @@ class _InOnePiece:
         )
 
     def regions(
-        self, tiles: Sequence[Stored], _scene: TiledScene, _context: Context
+        self, tiles: Sequence[Stored], _seams: Seams, _scale: MeansScale, _context: Context
     ) -> tuple[JoinedRegions, Mapping[str, Json]]:
         (whole,) = tiles
         count, pools = int(whole.values["regions"]), int(whole.values["pools"])
         region, fine = (np.array(whole.arrays[name]) for name in ("region", "fine"))
         return JoinedRegions((region,), (fine,), count, pools, pools, 0), whole.values["facts"]
 
-    def index(self, _mesh: Mesh, units: Stored, _scene: TiledScene) -> Float32:
+    def index(self, _mesh: Mesh, units: Stored, _scale: MeansScale) -> Float32:
         return np.array(units.arrays["similarity"])

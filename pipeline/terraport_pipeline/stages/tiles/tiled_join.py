@@ -1,6 +1,7 @@
 """The last step of segmenting: one numbering, one cover, one set of facts for all tiles.
 
-Holds no faces: a few hundred bytes per segment, 8 per entry of the cover, and the sums of regions.
+Holds no faces of the detail: a few hundred bytes per segment, 8 per entry of the cover, and the
+sums of regions.
 """
 
 from __future__ import annotations
@@ -22,17 +23,18 @@ from terraport_pipeline.geometry.regions.region_totals import (
     spread_totals,
     totals_document,
 )
+from terraport_pipeline.geometry.segments.segment_ids import renumber_rows
 from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
 from terraport_pipeline.geometry.tiles.tiled_cover import unite_covers
 from terraport_pipeline.geometry.tiles.tiled_means import JoinedRegions
-from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Facts, Form, Json, Stored
 from terraport_pipeline.stages.region_engine import COLOUR
 from terraport_pipeline.stages.segment import Options
-from terraport_pipeline.stages.tiles.scene_facts import TiledScene
+from terraport_pipeline.stages.tiles.base_cover import NearBase
+from terraport_pipeline.stages.tiles.scene_facts import SceneScale, TiledScene
 from terraport_pipeline.stages.tiles.tiled_segment import Regions, totals_of
 
-__all__ = ["FORM", "TiledSegmented", "join"]
+__all__ = ["FORM", "TiledSegmented", "join", "renumbered"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,7 @@ class TiledSegmented:
     """What a build knows of its segments; labels of faces stay with the tiles."""
 
     tile: Int32
-    """(S,) tile of every segment; segments are numbered along one Morton curve."""
+    """(S,) tile of every segment; :func:`join` numbers segments along one Morton curve."""
     within: Int32
     """(S,) its number within the tile."""
     main_region: Int32
@@ -63,10 +65,12 @@ class TiledSegmented:
 
 def join(
     tiles: Iterable[Stored],
+    covers: Iterable[Stored],
     scene: TiledScene,
+    scale: SceneScale,
     regions: Regions,
     seam_regions: Int32,
-    base: Mesh,
+    near: NearBase,
     options: Options,
     tolerance_m: float,
 ) -> TiledSegmented:
@@ -76,11 +80,15 @@ def join(
     ----------
     tiles : iterable of Stored
         From :func:`~.tiled_segment.cut`, in order of the tiles; looked at one at a time.
+    covers : iterable of Stored
+        From :func:`.base_cover.cover`, likewise.
     scene : TiledScene
+    scale : SceneScale
     regions : Regions
+        As they are published.
     seam_regions : ndarray of shape (N, 2), int32
         Regions on both sides of every seam.
-    base : Mesh
+    near : NearBase
     options : Options
     tolerance_m : float
         Of the cover.
@@ -91,21 +99,16 @@ def join(
     """
     joined = regions.joined
     tables: list[dict[str, Any]] = []
-    covers: list[tuple[Int32, Int32]] = []
     totals: RegionTotals | None = None
     exceptions: Counter[str] = Counter()
-    far = baseless = 0
     for stored in tiles:
         arrays = stored.arrays
         names = ("face_counts", "bounds", "main_region", "region_counts", "ragged")
         tables.append({name: np.array(arrays[name]) for name in names})
-        covers.append((np.array(arrays["cover_face"]), np.array(arrays["cover_segment"])))
         present = np.array(arrays["present"], np.int32)
         of_tile = spread_totals(totals_of(arrays), present, joined.count)
         totals = of_tile if totals is None else add_totals(totals, of_tile)
         exceptions.update(stored.values["exceptions"])
-        far += int(stored.values["far_faces"])
-        baseless += int(stored.values["baseless_faces"])
     assert totals is not None
     # (1) one curve over all segments
     counts = [len(table["face_counts"]) for table in tables]
@@ -120,10 +123,14 @@ def join(
     number[order] = np.arange(len(order), dtype=np.int32)
     starts = np.concatenate([[0], np.cumsum(counts)])
     # (2) one cover
-    offsets, segments = unite_covers(
-        [(face, number[segment + at]) for (face, segment), at in zip(covers, starts, strict=False)],
-        len(base.faces),
-    )
+    far = baseless = 0
+    entries: list[tuple[Int32, Int32]] = []
+    for stored, rows, at in zip(covers, near.rows, starts[:-1], strict=True):
+        face, segment = (np.array(stored.arrays[name]) for name in ("base_face", "segment"))
+        entries.append((rows[face].astype(np.int32), number[segment + at]))
+        far += int(stored.values["far_faces"])
+        baseless += int(stored.values["baseless_faces"])
+    offsets, segments = unite_covers(entries, len(near.base.faces))
     base_kept = np.diff(offsets.astype(np.int64)) > 0
     # (3) one set of facts
     crossing = seam_regions[:, 0] != seam_regions[:, 1]
@@ -132,9 +139,9 @@ def join(
         np.concatenate([totals.border_m, scene.seams.length_m[crossing]]),
     )
     totals = replace(totals, touching=touching, border_m=border_m)
-    facts = totals_document(totals, list(scene.attributes), scene.roughness_scale_m)
+    facts = totals_document(totals, list(scene.attributes), scale.roughness_scale_m)
     ordered = {name: values[order] for name, values in every.items()}
-    max_extent_m = scene.max_extent_m
+    max_extent_m = scale.max_extent_m
     sides = ordered["bounds"][:, 3:].astype(np.float64) - ordered["bounds"][:, :3]
     quantiles = {
         "segment_faces": _quantiles(ordered["face_counts"], 0),
@@ -179,6 +186,16 @@ def join(
     )
 
 
+def renumbered(segmented: TiledSegmented, ids: Int32) -> TiledSegmented:
+    """Give segments other numbers: ``ids``, (S,), a permutation."""
+    order = np.argsort(ids)
+    return replace(
+        segmented,
+        **{name: getattr(segmented, name)[order] for name in _OF_SEGMENTS},
+        cover_segments=renumber_rows(segmented.cover_offsets, segmented.cover_segments, ids),
+    )
+
+
 def _store(result: TiledSegmented) -> Stored:
     arrays = {name: getattr(result, name) for name in _ARRAYS}
     return Stored(
@@ -196,16 +213,8 @@ def _restore(stored: Stored, facts: Facts) -> TiledSegmented:
     return TiledSegmented(**arrays, **dict(stored.values), facts=facts)
 
 
-_ARRAYS: Final = (
-    "tile",
-    "within",
-    "main_region",
-    "region_counts",
-    "bounds",
-    "base_kept",
-    "cover_offsets",
-    "cover_segments",
-)
+_OF_SEGMENTS: Final = ("tile", "within", "main_region", "region_counts", "bounds")
+_ARRAYS: Final = (*_OF_SEGMENTS, "base_kept", "cover_offsets", "cover_segments")
 
 
 FORM: Final = Form(_store, _restore, attrgetter("facts"))
@@ -214,7 +223,7 @@ FORM: Final = Form(_store, _restore, attrgetter("facts"))
 def _warnings(
     scene: TiledScene, joined: JoinedRegions, options: Options, baseless: int
 ) -> Iterator[str]:
-    is_grey = options.segment_by == COLOUR and scene.scale.totals.spread(np.ones(3)) == 0.0
+    is_grey = options.segment_by == COLOUR and scene.is_grey
     if joined.count == 1 and is_grey:
         yield (
             "the surface has one colour and is therefore one region: --engine graph --segment-by "

@@ -1,18 +1,20 @@
 """Pack, tile by tile: payloads of each tile into the work directory, then one scene in order.
 
 A segment's payload needs its tile alone, so tiles are encoded one by one (:func:`encode`); the pack
-is then written in the order of the segments' Morton curve, each payload read from where it lies
-(:func:`publish`). Memory: one tile and a few payloads.
+is then written in the order of the segments' numbers, each payload read from where it lies
+(:func:`publish`). Numbers follow the segments' Morton curve, but for payloads that the version
+before had: those keep theirs. Memory: one tile and a few payloads.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, Protocol
 
 import numpy as np
+import xxhash
 
 from terraport_payload import (
     AttributeScale,
@@ -22,9 +24,11 @@ from terraport_payload import (
     encode_glb,
     gltf_attribute_name,
 )
-from terraport_payload.types import AnyArray, Int32
+from terraport_payload.grid import NULL_CODE
+from terraport_payload.types import AnyArray, Int32, UInt64
+from terraport_pipeline.geometry.segments.segment_ids import carry_segment_ids
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.stages.contract import Context, Facts, Stored
+from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
 from terraport_pipeline.stages.pack import (
     EXPECTED_BYTES_PER_FACE,
     About,
@@ -38,33 +42,89 @@ from terraport_pipeline.stages.pack import (
     split_segments,
     whole_payload,
 )
-from terraport_pipeline.stages.region_ids import Surface, number_regions
+from terraport_pipeline.stages.region_ids import CarriedNumbers, Surface, number_regions
 from terraport_pipeline.stages.texture_set import TextureSet
 from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, TiledScene
-from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
+from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented, renumbered
+from terraport_store import DamagedSceneError, Scene, SceneNotFoundError
 from terraport_store.manifest import AttributeInfo, HandOff, TextureInfo
 from terraport_store.writer import SceneInfo, SceneWriter
 
-__all__ = ["ENCODE_BYTES_PER_FACE", "Scales", "encode", "publish", "scales_of"]
+__all__ = [
+    "ENCODE_BYTES_PER_FACE",
+    "SCALES_FORM",
+    "SCALES_NAME",
+    "Extents",
+    "Scales",
+    "encode",
+    "publish",
+    "scales_of",
+]
 
 ENCODE_BYTES_PER_FACE: Final = 150
+
+SCALES_NAME: Final = "pack-scales"
+
+_COARSEST: Final = 16.0
+"""Times the step that its values alone would get by which an attribute may be rounded."""
+
+
+@dataclass(frozen=True, slots=True)
+class Extents:
+    """What positions and attributes of a scene span, detail and base together."""
+
+    widest_m: float
+    """Longest side of any segment's box."""
+    farthest_m: float
+    """Largest absolute coordinate."""
+    spacing_m: float
+    """Typical distance between the survey's points; 0 where it is not known."""
+    ranges: dict[str, AttributeRange]
+    """Range of every attribute."""
+
+    @classmethod
+    def of(
+        cls, scene: TiledScene, segmented: TiledSegmented, base: Mesh, spacing_m: float = 0.0
+    ) -> Extents:
+        """Measure a scene."""
+        sides = segmented.bounds[:, 3:].astype(np.float64) - segmented.bounds[:, :3]
+        farthest = max(
+            float(np.abs(scene.low).max()),
+            float(np.abs(scene.high).max()),
+            float(np.abs(base.vertices).max()),
+        )
+        ranges = {
+            name: value_range.plus(AttributeRange.of(base.attributes[name]))
+            for name, value_range in scene.attributes.items()
+        }
+        return cls(float(sides.max()), farthest, spacing_m, ranges)
+
+    def recorded(self) -> dict[str, Any]:
+        """Plain values, for keys."""
+        return asdict(self)
 
 
 @dataclass(frozen=True, slots=True)
 class Scales:
-    """How positions and attributes are rounded, the same in every payload."""
+    """How positions and attributes are rounded, the same in every payload.
+
+    Decided once for a scene and its later versions: another step would change every payload.
+    """
 
     step_m: float
-    ranges: dict[str, AttributeRange]
-    """Range of every attribute over detail and base."""
+    attributes: dict[str, AttributeScale]
+    """Quantisation of every attribute."""
 
-    @property
-    def attributes(self) -> dict[str, AttributeScale]:
-        """Quantisation of every attribute, from its range over all tiles."""
-        return {
-            n: choose_attribute_scale(value_range.values())
-            for n, value_range in self.ranges.items()
-        }
+    def stands(self, extents: Extents) -> bool:
+        """Say whether all that a scene spans can be rounded so: nothing is ever clipped."""
+        return (
+            choose_step_m(extents.widest_m, extents.farthest_m) <= self.step_m
+            and self.attributes.keys() == extents.ranges.keys()
+            and all(
+                _fits(self.attributes[name], value_range)
+                for name, value_range in extents.ranges.items()
+            )
+        )
 
     def recorded(self) -> dict[str, Any]:
         """Plain values, for the keys of the payloads."""
@@ -72,6 +132,35 @@ class Scales:
             "step_m": self.step_m,
             "attributes": {n: [s.offset, s.step] for n, s in self.attributes.items()},
         }
+
+
+SCALES_FORM: Final[Form[Scales]] = Form(
+    store=lambda scales: Stored({}, scales.recorded()),
+    restore=lambda stored, _facts: Scales(
+        float(stored.values["step_m"]),
+        {
+            name: AttributeScale(float(offset), float(step))
+            for name, (offset, step) in stored.values["attributes"].items()
+        },
+    ),
+    facts=lambda scales: Facts({"step_m": scales.step_m}),
+)
+
+
+def _fits(scale: AttributeScale, value_range: AttributeRange) -> bool:
+    """Whether a scale holds a range, about as finely as a scale of its own would."""
+    if value_range.high < value_range.low:
+        return True
+    own = choose_attribute_scale(value_range.values())
+    slack = 0.25 * scale.step  # rounding of the range's own ends; encoding takes half a step
+    last = scale.offset + scale.step * (NULL_CODE - 1)
+    is_whole = scale.step == 1.0 and scale.offset == round(scale.offset)
+    return (
+        scale.offset - slack <= value_range.low
+        and value_range.high <= last + slack
+        and scale.step <= _COARSEST * own.step
+        and not (is_whole and value_range.fraction is not None)
+    )
 
 
 class PayloadFiles(Protocol):
@@ -82,26 +171,14 @@ class PayloadFiles(Protocol):
         ...
 
 
-def scales_of(
-    scene: TiledScene,
-    segmented: TiledSegmented,
-    base: Mesh,
-    spacing_m: float = 0.0,
-) -> Scales:
+def scales_of(extents: Extents) -> Scales:
     """Choose the quantisation that all payloads of a scene share."""
-    sides = segmented.bounds[:, 3:].astype(np.float64) - segmented.bounds[:, :3]
-    farthest = max(
-        float(np.abs(scene.low).max()),
-        float(np.abs(scene.high).max()),
-        float(np.abs(base.vertices).max()),
-    )
-    ranges = {
-        name: value_range.plus(AttributeRange.of(base.attributes[name]))
-        for name, value_range in scene.attributes.items()
-    }
     return Scales(
-        choose_step_m(float(sides.max()), farthest, spacing_m),
-        ranges,
+        choose_step_m(extents.widest_m, extents.farthest_m, extents.spacing_m),
+        {
+            name: choose_attribute_scale(value_range.values())
+            for name, value_range in extents.ranges.items()
+        },
     )
 
 
@@ -130,7 +207,7 @@ def encode(
     -------
     Stored
         ``glb``: payloads one after the other in order of the segments, with their
-        lengths; boxes and counts of the segments.
+        lengths and hashes; boxes and counts of the segments.
     """
     attributes = scales.attributes
     payloads = list(
@@ -146,6 +223,9 @@ def encode(
         "faces": np.array([payload.faces for payload in payloads], np.int64),
         "glb": np.frombuffer(b"".join(payload.glb for payload in payloads), np.uint8),
         "glb_length": np.array([len(payload.glb) for payload in payloads], np.int64),
+        "glb_xxh3": np.array(
+            [xxhash.xxh3_64_intdigest(payload.glb) for payload in payloads], np.uint64
+        ),
     }
     return Stored(arrays, {})
 
@@ -157,11 +237,13 @@ def publish(
     payloads: PayloadFiles,
     surface: Surface,
     scales: Scales,
+    ranges: Mapping[str, AttributeRange],
     deviation_m: Sequence[float],
     about: About,
     options: Options,
     context: Context,
     textured: tuple[TextureSet, TextureInfo] | None = None,
+    carried: CarriedNumbers | None = None,
 ) -> Packed:
     """Write base, payloads, cover and facts, and publish them in one act.
 
@@ -176,6 +258,8 @@ def publish(
     surface : Surface
         For the stable ids of regions.
     scales : Scales
+    ranges : mapping
+        Range of every attribute, for the manifest.
     deviation_m : sequence of float
         50th, 95th, 99th and 99.9th percentile of the distance of detail to base.
     about, options, context
@@ -183,6 +267,8 @@ def publish(
     textured : pair, optional
         The base's texture, and what the manifest says of all; payloads have theirs, or their
         colours.
+    carried : CarriedNumbers, optional
+        Numbers of regions that go on; None where they are matched by their ground.
 
     Returns
     -------
@@ -203,7 +289,11 @@ def publish(
         images, info = textured
         expected += info.image_bytes + len(images.images)
     with SceneWriter(scene_dir, expected_bytes=expected) as writer:
-        # (2) Payloads in order of segment numbers, whichever tile holds them.
+        # (2) Payloads in order of segment numbers, whichever tile holds them; the writer's lock is
+        # held since (1), so the version before stays what it is.
+        hashes = _hashes(segmented, payloads)
+        ids, held = carry_segment_ids(hashes, _hashes_before(scene_dir))
+        segmented = renumbered(segmented, ids)
         progress.start("pack: segments", float(count), "segments")
         payload_bytes = []
         for number, payload in enumerate(_by_number(segmented, payloads)):
@@ -229,8 +319,8 @@ def publish(
         )
         writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
         progress.done({})
-        # (4) Regions with their stable ids; the writer's lock is held since (1).
-        numbered = number_regions(scene_dir, segmented.region_facts, surface, progress)
+        # (4) Regions with their stable ids.
+        numbered = number_regions(scene_dir, segmented.region_facts, surface, progress, carried)
         writer.set_regions(numbered.document)
         # (5) The manifest last: readers see the old scene until it is there, then the new one.
         progress.start("pack: publish", None, "files")
@@ -245,15 +335,33 @@ def publish(
                 hand_off=HandOff(deviation_m=deviation_m[3], tolerance_m=segmented.tolerance_m),
                 build=about.build,
                 crs=about.crs,
-                attributes=_attribute_infos(scales.ranges, attributes),
+                attributes=_attribute_infos(ranges, attributes),
                 has_colour=about.has_colour and (info is None or info.segments == 0),
                 textures=info,
             )
         )
         progress.done({"version": manifest.version[:12]})
-    return Packed(
-        manifest, Facts(pack_counts(manifest, payload_bytes) | numbered.counts, numbered.warnings)
-    )
+    counts = pack_counts(manifest, payload_bytes) | numbered.counts
+    counts["segments_kept"] = int(np.count_nonzero(held))
+    return Packed(manifest, Facts(counts, numbered.warnings))
+
+
+def _hashes(segmented: TiledSegmented, payloads: PayloadFiles) -> UInt64:
+    """Look up the hash of every payload, in order of the segments, (S,)."""
+    hashes = np.empty(len(segmented.tile), np.uint64)
+    for tile in np.unique(segmented.tile).tolist():
+        rows = segmented.tile == tile
+        hashes[rows] = payloads(tile).arrays["glb_xxh3"][segmented.within[rows]]
+    return hashes
+
+
+def _hashes_before(scene_dir: Path) -> UInt64:
+    """Read the hashes of the payloads that are published, by segment; none where it cannot be."""
+    try:
+        with Scene.open(scene_dir) as opened:
+            return opened.index.xxh3.astype(np.uint64)
+    except (SceneNotFoundError, DamagedSceneError):
+        return np.zeros(0, np.uint64)
 
 
 def _by_number(segmented: TiledSegmented, payloads: PayloadFiles) -> Iterator[Payload]:

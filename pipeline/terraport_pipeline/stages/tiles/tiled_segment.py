@@ -1,16 +1,19 @@
 """Segment, tile by tile: regions over all tiles, segments within each, one cover, one set of facts.
 
-Five steps, of which the second and the fourth are the long ones:
+Seven steps, of which the second and the fifth are the long ones:
 
-1. :func:`measure` every tile; :func:`scene_of` adds up what the whole scene must know;
+1. :func:`measure` every tile; :func:`scene_of` adds up what the whole scene must know, and
+   ``scene_facts.py`` decides what tiles are measured by;
 2. :func:`units` of every tile: fine pools, with their borders. An engine that needs the surface in
    one piece gets it as the only tile, and its regions are the units;
 3. :func:`regions`: the units of all tiles united to regions, across the tiles' borders;
-4. :func:`cut` every tile into segments, lay them over the base, sum up its regions' facts;
-5. ``tiled_join.py``: segments numbered along one curve, covers and sums united.
+4. ``region_numbers.py``: regions of tiles that did not change stay what they were;
+5. :func:`cut` every tile into segments, sum up its regions' facts;
+6. ``base_cover.py``: the base faces under each tile's segments;
+7. ``tiled_join.py``: segments numbered along one curve, covers and sums united.
 
-Nothing here holds more than one tile. Memory: about 350 bytes per face of a tile in steps 2 and 4;
-100 in step 1; what steps 3 and 5 hold of the whole scene is small.
+Nothing here holds more than one tile. Memory: about 350 bytes per face of a tile in steps 2 and 5;
+100 in step 1; what the others hold of the whole scene is small.
 """
 
 from __future__ import annotations
@@ -20,25 +23,32 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
+import xxhash
 
-from terraport_payload.types import AnyArray, Int32
+from terraport_payload.types import AnyArray, Float64, Int32
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.cover.far_detail import median_edge
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.mesh.face_measures import (
-    extent_of_area,
     longest_edge,
     surface_area,
 )
+from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
+from terraport_pipeline.geometry.mesh.surface_samples import surface_samples
 from terraport_pipeline.geometry.regions.mean_scale import ColourTotals
-from terraport_pipeline.geometry.regions.region_totals import RegionTotals, slope_bins, tile_totals
+from terraport_pipeline.geometry.regions.region_totals import RegionTotals, tile_totals
 from terraport_pipeline.geometry.segments.segment_shapes import raggedness
 from terraport_pipeline.geometry.segments.segments import (
     SegmentExceptions,
     SegmentOptions,
     build_segments,
 )
-from terraport_pipeline.geometry.tiles.tile_seams import OpenEdges, match_seams, open_edges
-from terraport_pipeline.geometry.tiles.tiled_cover import tile_cover
+from terraport_pipeline.geometry.tiles.tile_seams import (
+    OpenEdges,
+    Seams,
+    match_seams,
+    open_edges,
+)
 from terraport_pipeline.geometry.tiles.tiled_means import (
     JoinedRegions,
     MeansScale,
@@ -46,11 +56,9 @@ from terraport_pipeline.geometry.tiles.tiled_means import (
 )
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
-from terraport_pipeline.stages.region_engine import (
-    means_segmenter,
-)
+from terraport_pipeline.stages.region_engine import means_segmenter
 from terraport_pipeline.stages.segment import MAX_REGIONS, Options
-from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, TiledScene
+from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, SceneScale, TiledScene
 from terraport_pipeline.stages.tiles.tile_engines import tile_engine
 
 __all__ = [
@@ -70,6 +78,10 @@ __all__ = [
 MEASURE_BYTES_PER_FACE: Final = 150
 UNITS_BYTES_PER_FACE: Final = 350
 CUT_BYTES_PER_FACE: Final = 350
+
+_SAMPLES: Final = 2**16
+"""Faces of a tile that the next survey's regions are matched by, and one of every unit: in a tile
+of 2.5 million faces a region of a thousandth of it has 65."""
 
 
 def measure(mesh: Mesh, context: Context) -> Stored:
@@ -92,12 +104,15 @@ def measure(mesh: Mesh, context: Context) -> Stored:
             "low": mesh.vertices.min(axis=0).astype(np.float64).tolist(),
             "high": mesh.vertices.max(axis=0).astype(np.float64).tolist(),
             "longest_m": longest_edge(mesh.vertices, pairs[1], threads=context.threads),
+            "median_edge_m": median_edge(
+                as_kernel_input(mesh.vertices, np.float64), as_kernel_input(mesh.faces, np.int32)
+            ),
             "attributes": {n: [r.low, r.high, r.fraction] for n, r in ranges.items()},
         },
     )
 
 
-def scene_of(tiles: Sequence[Stored], options: Options) -> TiledScene:
+def scene_of(tiles: Sequence[Stored]) -> TiledScene:
     """Add up what :func:`measure` found in every tile."""
     # (1) Sums of colours, which add up exactly.
     values = [tile.values for tile in tiles]
@@ -128,32 +143,55 @@ def scene_of(tiles: Sequence[Stored], options: Options) -> TiledScene:
             attributes[name] = (
                 attributes[name].plus(value_range) if name in attributes else value_range
             )
-    # (4) What all tiles are cut by.
-    faces = tuple(int(value["faces"]) for value in values)
-    area_m2 = float(sum(value["area_m2"] for value in values))
-    low = np.min([value["low"] for value in values], axis=0)
-    high = np.max([value["high"] for value in values], axis=0)
     longest_m = max(
         *(value["longest_m"] for value in values), float(seams.length_m.max(initial=0.0))
     )
     return TiledScene(
-        faces,
+        tuple(int(value["faces"]) for value in values),
         sum(int(value["vertices"]) for value in values),
-        area_m2,
-        low,
-        high,
+        float(sum(value["area_m2"] for value in values)),
+        np.min([value["low"] for value in values], axis=0),
+        np.max([value["high"] for value in values], axis=0),
         seams,
         attributes,
-        MeansScale(means_segmenter(options), totals, longest_m),
-        options.max_extent_m
-        or extent_of_area(area_m2, sum(faces), float((high - low).max()), options.max_faces),
+        totals,
+        longest_m,
+        tuple(float(value["median_edge_m"]) for value in values),
     )
 
 
-def units(mesh: Mesh, tile: int, scene: TiledScene, options: Options, context: Context) -> Stored:
-    """Unite one tile's faces up to the fine pools; see :meth:`.TileEngine.units`."""
+def units(
+    mesh: Mesh,
+    seams: tuple[Int32, Float64],
+    scale: SceneScale,
+    options: Options,
+    context: Context,
+) -> Stored:
+    """Unite one tile's faces up to the fine pools; see :meth:`.TileEngine.units`.
+
+    With samples of its surface, by which ``region_numbers.py`` matches regions of two surveys:
+    ``sample_point`` (N, 3), ``sample_unit``, ``sample_area``.
+    """
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=context.threads)
-    return tile_engine(options).units(mesh, pairs, tile, scene, context)
+    engine = tile_engine(options)
+    united = engine.units(mesh, pairs, seams, _means_scale(scale, options), context)
+    samples = surface_samples(
+        mesh.vertices,
+        mesh.faces,
+        united.arrays["labels"].astype(np.int32, copy=False),
+        faces_per_sample=-(-len(mesh.faces) // _SAMPLES),
+        at_least=1,
+    )
+    sampled: dict[str, AnyArray] = {
+        "sample_point": samples.points.astype(np.float32),
+        "sample_unit": samples.labels,
+        "sample_area": samples.areas.astype(np.float32),
+    }
+    return Stored({**united.arrays, **sampled}, united.values)
+
+
+def _means_scale(scale: SceneScale, options: Options) -> MeansScale:
+    return MeansScale(means_segmenter(options), scale.colours, scale.longest_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -194,7 +232,7 @@ REGIONS_FORM: Final[Form[Regions]] = Form(
 
 
 def regions(
-    tiles: Sequence[Stored], scene: TiledScene, options: Options, context: Context
+    tiles: Sequence[Stored], seams: Seams, scale: SceneScale, options: Options, context: Context
 ) -> Regions:
     """Unite the units of all tiles to regions.
 
@@ -202,7 +240,9 @@ def regions(
     ----------
     tiles : sequence of Stored
         From :func:`units`; only the labels of faces at seams are looked at, so they may be mapped.
-    scene : TiledScene
+    seams : Seams
+        Of all tiles.
+    scale : SceneScale
     options : Options
     context : Context
 
@@ -212,7 +252,9 @@ def regions(
         More regions than can be told apart at run time.
     """
     context.progress.start("segment: regions across tiles", None, "units")
-    joined, facts = tile_engine(options).regions(tiles, scene, context)
+    joined, facts = tile_engine(options).regions(
+        tiles, seams, _means_scale(scale, options), context
+    )
     if joined.count > MAX_REGIONS:
         raise OptionError(
             f"{joined.count} regions; at most {MAX_REGIONS} can be told apart at run time: raise "
@@ -226,15 +268,13 @@ def cut(
     mesh: Mesh,
     units: Stored,
     of_unit: tuple[Int32, Int32],
-    base: Mesh,
-    scene: TiledScene,
+    scale: SceneScale,
     options: Options,
     context: Context,
     *,
-    region_count: int,
-    tolerance_m: float,
+    bins: int,
 ) -> Stored:
-    """Cut one tile into segments, lay them over the base and sum up its regions' facts.
+    """Cut one tile into segments and sum up its regions' facts.
 
     Parameters
     ----------
@@ -244,12 +284,11 @@ def cut(
         From :func:`units`.
     of_unit : pair of ndarray of shape (U,), int32
         Fine pool and region of every unit.
-    base : Mesh
-        The whole base.
-    region_count : int
-        Regions of the scene.
-    tolerance_m : float
-        Of the cover.
+    scale : SceneScale
+    options : Options
+    context : Context
+    bins : int
+        ``slope_bins`` of the scene.
 
     Returns
     -------
@@ -266,12 +305,12 @@ def cut(
         mesh.vertices,
         mesh.faces,
         fine[labels],
-        tile_engine(options).index(mesh, units, scene),
+        tile_engine(options).index(mesh, units, _means_scale(scale, options)),
         faces_region,
         SegmentOptions(
             min_faces=options.min_faces,
             max_faces=options.max_faces,
-            max_extent_m=scene.max_extent_m,
+            max_extent_m=scale.max_extent_m,
             units=options.units,
         ),
         pairs=pairs,
@@ -288,19 +327,8 @@ def cut(
         len(present),
         attributes=mesh.attributes,
         pairs=pairs,
-        roughness_scale_m=scene.roughness_scale_m,
-        bins=slope_bins(region_count),
-    )
-    del pairs, dense
-    # (3) Base faces under the segments; the whole base, as one may lie under several tiles.
-    cover = tile_cover(
-        base.vertices,
-        base.faces,
-        mesh.vertices,
-        mesh.faces,
-        segments.labels,
-        tolerance_m=tolerance_m,
-        threads=threads,
+        roughness_scale_m=scale.roughness_scale_m,
+        bins=bins,
     )
     arrays: dict[str, AnyArray] = {
         "segments": segments.labels,
@@ -309,8 +337,6 @@ def cut(
         "main_region": segments.main_region,
         "region_counts": segments.region_counts,
         "ragged": ragged,
-        "cover_face": cover.base_face,
-        "cover_segment": cover.segment,
         "present": present.astype(np.int32),
     }
     arrays |= {f"totals_{f.name}": getattr(totals, f.name) for f in fields(RegionTotals)}
@@ -320,8 +346,7 @@ def cut(
             "exceptions": {
                 f.name: getattr(segments.exceptions, f.name) for f in fields(SegmentExceptions)
             },
-            "far_faces": cover.far_faces,
-            "baseless_faces": cover.baseless_faces,
+            "segments_xxh3": xxhash.xxh3_128_hexdigest(np.ascontiguousarray(segments.labels).data),
         },
     )
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from terraport_pipeline.geometry.mesh.surface_samples import SurfaceSamples
 from terraport_pipeline.geometry.regions.region_match import (
+    CommonGround,
     Overlaps,
     carry_ids,
     match_regions,
@@ -193,3 +194,18 @@ def test_inputs_stay_as_they_are():
         array.flags.writeable = False
     assert isinstance(overlaps, Overlaps)
     assert match_regions(overlaps)[0].tolist() == [0, 1]
+
+
+def test_common_ground_counts_without_being_sampled():
+    """Half of both regions is bit for bit the same; the other half lies elsewhere now."""
+    common = CommonGround(np.int32([0, 1]), np.int32([3, 4]), np.array([10.0, 5.0]))
+    new, old = line([0] * 10), line([3] * 10, start=50.0)
+    overlaps = as_dict(region_overlaps(new, old, common=common, max_distance_m=0.5))
+    assert overlaps == {(0, 3): (10.0, pytest.approx(1 / 3)), (1, 4): (5.0, 1.0)}
+    nothing = samples([], [])
+    assert as_dict(region_overlaps(nothing, nothing, common=common)) == {
+        (0, 3): (10.0, 1.0),
+        (1, 4): (5.0, 1.0),
+    }
+    moved = line([3] * 10)
+    assert as_dict(region_overlaps(new, moved, common=common))[0, 3] == (20.0, 1.0)
