@@ -289,7 +289,7 @@ def from_textures(mesh: Mesh, segments: np.ndarray, textures: TextureSet) -> Col
             .astype(np.float32)
             .reshape(-1, 2),
             segments.astype(np.int32),
-            ImageCache(files.__getitem__, sizes),
+            ImageCache(files.__getitem__, dict(enumerate(sizes))),
         ),
     )
 
@@ -335,7 +335,7 @@ def other(site: Site, name: str, python: Path | None) -> tuple[ColouredMesh | No
     texturing = Texturing(
         np.ascontiguousarray(wedges.reshape(-1, 2), dtype=np.float32),
         np.zeros(len(faces), np.int32),
-        ImageCache(lambda _: data, [size], 1 << 30),
+        ImageCache(lambda _: data, {0: size}, 1 << 30),
     )
     corners = np.ascontiguousarray(vertices[faces].reshape(-1, 3), dtype=np.float32)
     whole = np.arange(3 * len(faces), dtype=np.int32).reshape(-1, 3)

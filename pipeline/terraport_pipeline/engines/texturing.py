@@ -10,7 +10,7 @@ from __future__ import annotations
 import io
 import threading
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Final, Protocol
 
@@ -56,7 +56,7 @@ class ImageCache:
     ----------
     read : callable
         Image number -> the file's bytes; called in one thread at a time.
-    sizes : list of (int, int)
+    sizes : mapping of int to (int, int)
         Width and height of each.
     max_bytes : int
         Bound on what is kept; one image may exceed it while it is in use.
@@ -65,7 +65,7 @@ class ImageCache:
     def __init__(
         self,
         read: Callable[[int], bytes],
-        sizes: list[tuple[int, int]],
+        sizes: Mapping[int, tuple[int, int]],
         max_bytes: int = CACHE_BYTES,
     ) -> None:
         self._read, self._sizes, self._max_bytes = read, sizes, max_bytes

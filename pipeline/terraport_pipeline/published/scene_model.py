@@ -290,7 +290,7 @@ def _decoded_base(scene: Scene, image: int) -> tuple[Mesh, TextureParts]:
 def _textures(scene: Scene, detail: TextureParts, base: TextureParts) -> SceneTextures | None:
     if not ((detail.image_of_face >= 0).any() or (base.image_of_face >= 0).any()):
         return None
-    sizes = [*detail.sizes, *base.sizes]
+    sizes = {**detail.sizes, **base.sizes}
     images = open_images(scene.path, scene.manifest.version, sizes)
     return SceneTextures(
         Texturing(detail.uvs, detail.image_of_face, images),

@@ -6,6 +6,7 @@ cache, so a scene with gigabytes of textures is drawn in the memory of the cache
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -60,7 +61,7 @@ def colours_from_texture(mesh: SegmentMesh) -> UInt8 | None:
     return colours
 
 
-def open_images(path: Path, version: str, sizes: list[tuple[int, int]]) -> ImageCache:
+def open_images(path: Path, version: str, sizes: Mapping[int, tuple[int, int]]) -> ImageCache:
     """Make the images of a scene available.
 
     Parameters
@@ -69,8 +70,8 @@ def open_images(path: Path, version: str, sizes: list[tuple[int, int]]) -> Image
         The scene directory.
     version : str
         Of the scene that was loaded.
-    sizes : list of (int, int)
-        Width and height by segment, the base's last.
+    sizes : mapping of int to (int, int)
+        Width and height by segment; the base's number follows the last segment's.
     """
 
     def read(image: int) -> bytes:
@@ -98,15 +99,16 @@ class TextureParts:
     def __init__(self, vertices: int, faces: int) -> None:
         self.uvs: Float32 = np.zeros((vertices, 2), np.float32)
         self.image_of_face: Int32 = np.full(faces, -1, np.int32)
-        self.sizes: list[tuple[int, int]] = []
+        self.sizes: dict[int, tuple[int, int]] = {}
+        """Width and height by image; of some segments where not all are loaded."""
 
     def add(self, image: int, mesh: SegmentMesh, vertices: slice, faces: slice) -> UInt8 | None:
         """Add a mesh; returns the vertex colours that stand for its texture, or None."""
         colours = colours_from_texture(mesh)
         if colours is None or mesh.texture is None or mesh.uvs is None:
-            self.sizes.append((0, 0))
+            self.sizes[image] = (0, 0)
             return None
-        self.sizes.append((mesh.texture.width, mesh.texture.height))
+        self.sizes[image] = (mesh.texture.width, mesh.texture.height)
         self.uvs[vertices] = mesh.uvs
         self.image_of_face[faces] = image
         return colours

@@ -38,7 +38,7 @@ def cache_of(*images: np.ndarray, max_bytes: int = 1 << 20) -> tuple[ImageCache,
         return files[number]
 
     sizes = [(image.shape[1], image.shape[0]) for image in images]
-    return ImageCache(get, sizes, max_bytes), read
+    return ImageCache(get, dict(enumerate(sizes)), max_bytes), read
 
 
 QUARTERS = np.zeros((64, 64, 3), dtype=np.uint8)

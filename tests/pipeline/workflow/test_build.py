@@ -21,6 +21,7 @@ from terraport_pipeline.errors import (
     WorkDirectoryError,
 )
 from terraport_pipeline.progress import NullProgress
+from terraport_pipeline.published.scene_model import load_scene_model
 from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.workflow.build import BuildOptions, build, default_work_directory
 from terraport_pipeline.workflow.scene_lock import scene_locked
@@ -35,7 +36,8 @@ KEPT = {
     "read": ["read"],
     "clean": ["clean"],
     "reconstruct": [
-        "measure_survey", "partition", "solve-00000", "join", "tile-00000", "base",
+        "measure_survey", "frame", "plan", "partition", "solve-00000", "edges", "join",
+        "weak-00000", "look-00000", "settle", "tile-00000", "base-tile-00000", "base",
     ],
     "segment": [
         "segment-measure-00000", "segment-scale", "segment-units-00000", "segment-regions",
@@ -96,7 +98,8 @@ def test_the_scene_is_valid_and_nothing_lies_beside_it(built: Path) -> None:
     assert validate_scene(built / "hill") == []
     assert sorted(path.name for path in built.iterdir()) == [".hill.work", "hill", "hill.xyz"]
     left = sorted(path.name for path in (built / ".hill.work").iterdir())
-    assert left == sorted([".terraport-work", *(name for names in KEPT.values() for name in names)])
+    results = [name for names in KEPT.values() for name in names]
+    assert left == sorted([".terraport-work", "published", *results])
 
 
 def test_a_known_point_of_the_survey_is_found_in_the_scene(built: Path) -> None:
@@ -174,6 +177,15 @@ def test_a_scene_that_is_gone_is_published_from_the_work_directory(copy: Path) -
     report = build(options_for(copy / "hill.xyz", copy / "hill"))
     assert [stage.taken_up for stage in report.stages] == [True] * (len(STAGES) - 1) + [False]
     assert published_bytes(copy / "hill") == before
+
+
+def test_the_bases_image_is_at_hand_where_some_segments_are_read_alone(built: Path) -> None:
+    with Scene.open(built / "hill") as scene:
+        model = load_scene_model(scene, segments=np.array([1]))
+        assert model.textures is not None
+        assert set(model.textures.base.image_of_face.tolist()) == {len(scene.index)}
+        width, height = model.textures.base.images.size(len(scene.index))
+        assert model.textures.base.images.get(len(scene.index), 0).shape == (height, width, 3)
 
 
 @pytest.mark.parametrize(
