@@ -41,6 +41,9 @@ def build(
 ) -> None:
     """Turn a survey into a scene: clean, reconstruct, segment, pack, publish.
 
+    Over a scene that is there, a newer survey of the same ground renews what changed:
+    clients that hold the rest keep it.
+
     Interrupt it whenever you like: the same command goes on after the last finished stage. The
     published scene is replaced in one act at the very end.
 

@@ -21,6 +21,7 @@ BUILD_REPORT_NAME: Final = "build.json"
 
 _SHOWN: Final = {
     "read": ("points", "attributes"),
+    "renew": ("changed_share", "cut_m3", "fill_m3", "volume_uncertainty_m3"),
     "clean": ("points", "duplicates", "outliers", "spacing_m"),
     "reconstruct": ("base_from", "cell_m", "base_faces", "detail_faces", "deviation_p99_m"),
     "segment": ("regions", "segments", "max_extent_m", "base_faces_beyond"),
