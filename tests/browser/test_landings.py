@@ -172,11 +172,16 @@ FIND_WALL = """(eye) => {
     const hit = terraport.cast(eye, [dx, 0, dz]);
     if (hit === null || Math.abs(hit.normal[1]) > 0.45 || hit.distanceM < 12) continue;
     const [x, y, z] = hit.position;
+    const isSteepAt = (height) => {
+      const at = terraport.cast([x - 8 * dx, height, z - 8 * dz], [dx, 0, dz]);
+      return at !== null && Math.abs(at.normal[1]) <= 0.45 && Math.abs(at.distanceM - 8) < 3;
+    };
+    if (![y - 2, y - 1, y + 1, y + 2].every(isSteepAt)) continue;
     return {position: hit.position, azimuth, before: [x - 8 * dx, y, z - 8 * dz]};
   }
   return null;
 }"""
-"""A wall at the height of an eye, its azimuth, and a place 8 m before it."""
+"""A wall, steep from 2 m below to 2 m above an eye, its azimuth, and a place 8 m before it."""
 
 SLOPE_AT = """([x, y, z]) => {
   const heights = [[0.4, 0], [-0.4, 0], [0, 0.4], [0, -0.4]].map(
