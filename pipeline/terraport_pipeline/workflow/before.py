@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from terraport_pipeline.engines.readers.npy_columns import link_or_copy
 from terraport_pipeline.stages.contract import Facts, Stored
 from terraport_pipeline.workflow.workdir import Cost, StageRecord, WorkDirectory
 from terraport_store.errors import StoreError
@@ -124,15 +125,8 @@ def remember(
         kept = WorkDirectory(folder)
         for kept_name, name in names.items():
             # Results are never changed in place, only replaced: a link keeps what is there now.
-            shutil.copytree(work.path / name, folder / kept_name, copy_function=_link)
+            shutil.copytree(work.path / name, folder / kept_name, copy_function=link_or_copy)
         kept.save(_ABOUT, version, Stored({}, values), Facts(), Cost(0.0, 0))
-
-
-def _link(source: str, target: str) -> None:
-    try:
-        Path(target).hardlink_to(source)
-    except OSError:  # a file system without hard links
-        shutil.copy2(source, target)
 
 
 def _about(folder: Path) -> StageRecord | None:
