@@ -31,6 +31,7 @@ import tempfile
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import laspy
 import numpy as np
@@ -96,8 +97,9 @@ def _work(scene: Path) -> Path:
     return scene.with_name(f".{scene.name}.work")
 
 
-def _values(scene: Path, stage: str) -> dict:
-    values: dict = json.loads((_work(scene) / stage / "stage.json").read_bytes())["values"]
+def _values(scene: Path, stage: str) -> dict[str, Any]:
+    record = json.loads((_work(scene) / stage / "stage.json").read_bytes())
+    values: dict[str, Any] = record["values"]
     return values
 
 
