@@ -186,7 +186,7 @@ def main() -> int:
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     if arguments.smoke:
-        arguments.points, arguments.side, arguments.rays = 60_000, 3, 10_000
+        arguments.points, arguments.side, arguments.rays = 20_000, 2, 10_000
     folder = arguments.keep or Path(tempfile.mkdtemp(prefix="benchmark-next-survey-"))
     folder.mkdir(parents=True, exist_ok=True)
     try:
@@ -245,6 +245,8 @@ def _deliveries(
     shutil.rmtree(dug, ignore_errors=True)
     dig(first, pit, dug, noise=False)
     yield "pit", dug
+    if arguments.smoke:
+        return
     again = write_delivery(
         quarry_of(arguments.points, sample_seed=9), arguments.side, folder / "sample"
     )

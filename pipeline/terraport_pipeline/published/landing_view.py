@@ -36,6 +36,7 @@ LARGEST_RADIUS_M: Final = 60.0
 """The default radius of a landing; small scenes take a fifth of their width."""
 
 BASE_TINT: Final = (60.0, 120.0, 230.0)
+_TINT_SHARE: Final = 0.45
 """Mixed into base faces so that one sees where the base is shown."""
 
 CANDIDATES: Final = 7
@@ -69,8 +70,9 @@ class MixedMesh:
     normals: Float32
     base_from: int
     """The first face that belongs to the base."""
-    texturing: Texturing | None = None
-    tint: Tint | None = None
+    texturing: Texturing | None
+    tint: Tint
+    """Of the base's faces."""
 
 
 def choose_landing(model: SceneModel, rays: RayScene) -> Landing:
@@ -122,7 +124,7 @@ def _standing_places(vertices: Float32, low: Float32, high: Float32, rays: RaySc
     return nearest
 
 
-def mixed_mesh(model: SceneModel, loaded: Bool, camera: Camera, *, tint: float = 0.45) -> MixedMesh:
+def mixed_mesh(model: SceneModel, loaded: Bool, camera: Camera) -> MixedMesh:
     """Put together what a client shows.
 
     Parameters
@@ -133,8 +135,6 @@ def mixed_mesh(model: SceneModel, loaded: Bool, camera: Camera, *, tint: float =
         Segments that are loaded.
     camera : Camera
         From where it is looked at: the base is pushed back along its lines of sight.
-    tint : float
-        How much of :data:`BASE_TINT` base faces get; 0 leaves their colours.
 
     Returns
     -------
@@ -159,7 +159,7 @@ def mixed_mesh(model: SceneModel, loaded: Bool, camera: Camera, *, tint: float =
         np.concatenate([model.detail.normals, model.base.normals]),
         len(detail_faces),
         None if textures is None else textures.mixed(loaded[model.segment_of_face], ~hidden),
-        Tint(len(detail_faces), BASE_TINT, tint) if tint > 0 else None,
+        Tint(len(detail_faces), BASE_TINT, _TINT_SHARE),
     )
 
 

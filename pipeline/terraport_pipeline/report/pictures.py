@@ -97,16 +97,19 @@ class InputCloud:
     """Points of the survey, of which these may be a part."""
 
 
-class PictureTaker:
-    """Takes the pictures of one scene; ray scenes are built once and kept.
+@dataclass(frozen=True, slots=True)
+class _Mixed:
+    """A picture of the mixed model, see :class:`Picture`."""
 
-    Parameters
-    ----------
-    model : SceneModel
-        The scene.
-    options : PictureOptions, optional
-        Size and fineness.
-    """
+    key: str
+    title: str
+    alt: str
+    caption: str
+    is_tinted: bool = True
+
+
+class PictureTaker:
+    """Takes the pictures of one scene; ray scenes are built once and kept."""
 
     def __init__(self, model: SceneModel, options: PictureOptions | None = None) -> None:
         self._model = model
@@ -162,36 +165,35 @@ class PictureTaker:
         """
         landing, total = self.landing, self._model.manifest.counts.segments
         loaded = int(landing.loaded.sum())
-        yield self._mixed(
-            "hand-off-above",
-            "Hand-off from above",
-            "The mixed model from above: full detail around the landing, the base tinted blue "
-            "around it",
-            f"A landing with a radius of {landing.radius_m:.0f} m: {loaded:,} of {total:,} "
-            "segments loaded; the base, tinted blue, is shown wherever not all segments over it "
-            "are.",
+        yield from self._mixed(
             view_from_above(landing, self._aspect),
             landing.loaded,
-            tint=0.45,
+            _Mixed(
+                "hand-off-above",
+                "Hand-off from above",
+                "The mixed model from above: full detail around the landing, the base tinted blue "
+                "around it",
+                f"A landing with a radius of {landing.radius_m:.0f} m: {loaded:,} of {total:,} "
+                "segments loaded; the base, tinted blue, is shown wherever not all segments over "
+                "it are.",
+            ),
         )
-        eye = view_from_eye(landing, self.detail_rays)
-        yield self._mixed(
-            "hand-off-eye-tinted",
-            "Hand-off at eye height, base tinted",
-            "The view of a visitor at the landing, the base tinted blue in the distance",
-            "The same landing from eye height: where the blue begins, the base takes over.",
-            eye,
+        yield from self._mixed(
+            view_from_eye(landing, self.detail_rays),
             landing.loaded,
-            tint=0.45,
-        )
-        yield self._mixed(
-            "hand-off-eye",
-            "Hand-off at eye height, as seen",
-            "The view of a visitor at the landing, as a client shows it",
-            "The same view as a client shows it.",
-            eye,
-            landing.loaded,
-            tint=0.0,
+            _Mixed(
+                "hand-off-eye-tinted",
+                "Hand-off at eye height, base tinted",
+                "The view of a visitor at the landing, the base tinted blue in the distance",
+                "The same landing from eye height: where the blue begins, the base takes over.",
+            ),
+            _Mixed(
+                "hand-off-eye",
+                "Hand-off at eye height, as seen",
+                "The view of a visitor at the landing, as a client shows it",
+                "The same view as a client shows it.",
+                is_tinted=False,
+            ),
         )
 
     def worst_place(self, worst: WorstRay) -> Picture:
@@ -351,33 +353,27 @@ class PictureTaker:
         )
         return self._picture(key, title, alt, caption, image, legend)
 
-    def _mixed(
-        self,
-        key: str,
-        title: str,
-        alt: str,
-        caption: str,
-        camera: Camera,
-        loaded: Bool,
-        *,
-        tint: float,
-    ) -> Picture:
-        mesh, options = mixed_mesh(self._model, loaded, camera, tint=tint), self._options
-        image = render_mesh(
-            mesh.vertices,
-            mesh.faces,
-            camera,
-            (options.width, options.height),
-            colours=mesh.colours,
-            texturing=mesh.texturing,
-            tint=mesh.tint,
-            normals=mesh.normals,
-            relief=PHOTO_RELIEF,
-            # The two levels shade each other at the rim, which no client does.
-            shadows=False,
-            supersample=options.supersample,
-        )
-        return self._picture(key, title, alt, caption, image)
+    def _mixed(self, camera: Camera, loaded: Bool, *asked: _Mixed) -> Iterator[Picture]:
+        """Draw the mixed model, once for each that is asked for."""
+        mesh, options = mixed_mesh(self._model, loaded, camera), self._options
+        rays = RayScene(mesh.vertices, mesh.faces)
+        for each in asked:
+            image = render_mesh(
+                mesh.vertices,
+                mesh.faces,
+                camera,
+                (options.width, options.height),
+                colours=mesh.colours,
+                texturing=mesh.texturing,
+                tint=mesh.tint if each.is_tinted else None,
+                normals=mesh.normals,
+                relief=PHOTO_RELIEF,
+                # The two levels shade each other at the rim, which no client does.
+                shadows=False,
+                supersample=options.supersample,
+                scene=rays,
+            )
+            yield self._picture(each.key, each.title, each.alt, each.caption, image)
 
     def _picture(
         self,

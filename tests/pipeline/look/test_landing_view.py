@@ -85,13 +85,6 @@ def test_base_is_pushed_back_along_the_line_of_sight_only(loaded_scene, kind) ->
     assert (after[2][ahead] > before[2][ahead]).all()
 
 
-def test_tint_zero_leaves_the_colours(loaded_scene) -> None:
-    camera = top_down(loaded_scene.detail.vertices, aspect=1.0)
-    mixed = mixed_mesh(loaded_scene, np.zeros(64, dtype=np.bool_), camera, tint=0.0)
-    base = mixed.colours[len(loaded_scene.detail.vertices) :]
-    assert_array_equal(base, loaded_scene.base.colours)
-
-
 def test_views_look_at_ground(loaded_scene, rays) -> None:
     landing = choose_landing(loaded_scene, rays)
 
