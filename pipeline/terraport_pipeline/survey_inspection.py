@@ -9,7 +9,7 @@ from typing import Any
 
 from terraport_pipeline.engines.readers.survey_stream import survey_size
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.survey_files import SurveyFiles, one_crs
+from terraport_pipeline.survey_files import OUTSIDE, SurveyFiles, one_crs
 
 __all__ = ["inspect_survey"]
 
@@ -67,5 +67,6 @@ def inspect_survey(survey: SurveyFiles) -> dict[str, Any]:
         "left_out": [
             *({"name": n, "reason": why, "damaged": True} for n, why in survey.damaged),
             *({"name": n, "reason": why, "damaged": False} for n, why in survey.ignored),
+            *({"name": n, "reason": OUTSIDE, "damaged": False} for n, _ in survey.outside),
         ],
     }
