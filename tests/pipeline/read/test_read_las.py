@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
-from terraport_pipeline.engines.readers import read_las as module
 from terraport_pipeline.engines.readers.read_las import read_las
 from terraport_pipeline.errors import ReadError
 

@@ -94,6 +94,8 @@ def file_blocks(path: Path, header: Any) -> Blocks | None:
         if not means_damage(error) and not isinstance(error, (IndexError, TypeError)):
             raise
         return None
+    while chunks and chunks[-1] == (0, 0):  # writers that end a chunk before they know of more
+        chunks.pop()
     # Where chunks have one size, the last is told as full and need not be.
     most = sum(chunk[0] for chunk in chunks)
     end = start + 8 + sum(chunk[1] for chunk in chunks)

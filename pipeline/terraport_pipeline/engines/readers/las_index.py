@@ -140,12 +140,17 @@ def _by_octree(
         and np.array_equal(nodes["points"].astype(np.int64), blocks.rows[filled])
     ):
         raise _UnusableError("its nodes are not the chunks of the file")
-    # (2) Cubes seen from above. The margin: coordinates were rounded after they were sorted in.
-    if (
-        not np.isfinite([*info.center, info.halfsize]).all()
-        or not ((nodes["level"] >= 0) & (nodes["level"] < 32)).all()
+    # (2) Their cubes are an octree: each once, each within that of its parent.
+    keys = [tuple(key) for key in entries[["level", "x", "y", "z"]].tolist()]
+    cubes = {key for key, points in zip(keys, entries["points"], strict=True) if points >= 0}
+    if len(cubes) < int((entries["points"] >= 0).sum()) or not all(
+        level == 0 == max(cell) == min(cell) or (level - 1, *(v >> 1 for v in cell)) in cubes
+        for level, *cell in cubes
     ):
+        raise _UnusableError("its cubes are no octree")
+    if not (np.isfinite([*info.center, info.halfsize]).all() and info.halfsize > 0):
         raise _UnusableError("its cubes have no size")
+    # (3) Cubes seen from above. The margin: coordinates were rounded after they were sorted in.
     side = 2.0 * info.halfsize / np.exp2(nodes["level"])
     low = [info.center[axis] - info.halfsize + nodes["xy"[axis]] * side for axis in (0, 1)]
     step = 2.0 * np.abs(header.scales[:2])
