@@ -34,12 +34,13 @@ def write_copc(path: Path, las: laspy.LasData, *, node_points: int = 60) -> Path
         key, rows = waiting.pop()
         nodes[key], rest = rows[:node_points], rows[node_points:]
         level, *cell = key
-        side = 2 * half / 2 ** (level + 1)
-        child = np.floor((points[rest] - (centre - half)) / side).astype(np.int64)
-        for place in np.unique(child, axis=0):
-            inside = (child == place).all(axis=1)
-            assert (place // 2 == cell).all()
-            waiting.append(((level + 1, *place.tolist()), rest[inside]))
+        middle = centre - half + (np.array(cell) + 0.5) * (2 * half / 2**level)
+        octant = (points[rest] >= middle) @ [1, 2, 4]
+        for bits in range(8):
+            inside = rest[octant == bits]
+            if len(inside):
+                child = [2 * place + (bits >> axis & 1) for axis, place in enumerate(cell)]
+                waiting.append(((level + 1, child[0], child[1], child[2]), inside))
     # (2) Chunks, in an order that is not the tree's.
     keys = sorted(nodes, key=lambda key: hash(key) % 997)
     info = laspy.VLR("copc", 1, "COPC info", bytes(160))
@@ -91,8 +92,8 @@ def write_chunks(
 ) -> tuple[list[int], list[int]]:
     """Write LAZ with these rows as chunks; return where each begins, and its size."""
     # (1) The header as laspy writes it, with the records in front of its own.
-    header = las.header
     las.update_header()
+    header = las.header.copy()
     vlr = lazrs.LazVlr.new_for_compression(
         header.point_format.id, header.point_format.num_extra_bytes, True
     )
@@ -141,7 +142,7 @@ def lasindex(
             index |= upper.astype(np.int64) << axis
     # (2) Sparse cells are joined, level by level.
     level = np.full(len(x), levels)
-    for upper_level in range(levels - 1, 0, -1):
+    for upper_level in range(levels - 1, 0, -1) if least else ():
         parent = index >> 2
         for value in np.unique(parent[level == upper_level + 1]):
             inside = (level == upper_level + 1) & (parent == value)
@@ -154,10 +155,10 @@ def lasindex(
     # (3) The bytes.
     data = bytearray(struct.pack("<4sI4sI4sI", b"LASX", 0, b"LASS", 0, b"LASQ", 0))
     data += struct.pack("<III4f", levels, 0, 0, *tree)
-    cells = np.unique(number)
+    cells, first = np.unique(np.sort(number), return_index=True)
+    rows_of = np.split(np.argsort(number, kind="stable"), first[1:])
     data += struct.pack("<4sII", b"LASV", 0, len(cells))
-    for cell in cells:
-        own = np.flatnonzero(number == cell)
+    for cell, own in zip(cells, rows_of, strict=True):
         breaks = np.flatnonzero(np.diff(own) > gap + 1)
         begins = own[np.append(0, breaks + 1)]
         ends = own[np.append(breaks, len(own) - 1)]
