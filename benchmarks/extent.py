@@ -75,7 +75,7 @@ def write_forms(delivery: Path, folder: Path, chunk: int) -> dict[str, Path]:
     lines = strips(xyz, float(np.ptp(xyz[:, 0])) / 100, chunk)
     write_chunks(forms["LAZ"], las, lines)
     shutil.copy(forms["LAZ"], forms["LAZ, LASindex"])
-    index = lasindex(las, np.concatenate(lines), levels=7, least=0)
+    index = lasindex(las, np.concatenate(lines), levels=7, least=0, gap=1000)
     forms["LAZ, LASindex"].with_suffix(".lax").write_bytes(index)
     write_copc(forms["COPC"], las, node_points=chunk)
     return forms
@@ -93,6 +93,7 @@ def measure(path: Path, extent: Extent | None, folder: Path) -> tuple[float, int
         size if head.ranges is None else sum(end - begin for begin, end in head.ranges)
         for size, head in zip(sizes.values(), heads, strict=True)
     )
+    read += sum(beside.stat().st_size for beside in path.parent.glob("*.lax") if extent)
     decoded = sum(head.points if head.rows is None else head.rows for head in heads)
     shutil.rmtree(folder)
     return seconds, read, decoded, record.facts.counts["points"], record.digest
