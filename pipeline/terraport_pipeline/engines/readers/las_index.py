@@ -67,17 +67,22 @@ class Selection:
         """Points that are read."""
         return int(self.blocks.rows[self.wanted].sum())
 
-    @property
-    def ranges(self) -> tuple[tuple[int, int], ...]:
-        """Bytes of the header with its records and of the blocks that are read, joined."""
-        first, ranges = self.blocks.first_byte, [(0, self.blocks.start)]
-        for number in np.flatnonzero(self.wanted):
-            begin, end = int(first[number]), int(first[number] + self.blocks.bytes[number])
-            if begin == ranges[-1][1]:
-                ranges[-1] = (ranges[-1][0], end)
+    def ranges(self, size: int) -> tuple[tuple[int, int], ...]:
+        """Bytes that are read of a file of that size: blocks, and the records around the points."""
+        blocks = self.blocks
+        wanted = np.flatnonzero(self.wanted)
+        first = blocks.first_byte
+        spans = [(0, blocks.start)]
+        spans += [(int(first[n]), int(first[n] + blocks.bytes[n])) for n in wanted]
+        if len(wanted):  # a CRS may stand behind the points
+            spans.append((blocks.start + int(blocks.bytes.sum()), size))
+        joined = spans[:1]
+        for begin, end in spans[1:]:
+            if begin == joined[-1][1]:
+                joined[-1] = (joined[-1][0], end)
             else:
-                ranges.append((begin, end))
-        return tuple(ranges)
+                joined.append((begin, end))
+        return tuple(joined)
 
 
 class _UnusableError(Exception):

@@ -229,7 +229,7 @@ def open_las(
             chunks,
             box,
             count if selection is None else selection.rows,
-            None if selection is None else selection.ranges,
+            None if selection is None else selection.ranges(path.stat().st_size),
             remarks,
         )
 
@@ -242,7 +242,7 @@ def _select(
         return None, ()
     # The margin: some writers round the box in the header, some the points.
     step = float(np.abs(header.scales[:2]).max())
-    if box is not None and not extent.touches(*box, step):
+    if box is not None and np.isfinite(step) and not extent.touches(box[0], box[1], margin=step):
         return Selection(no_blocks(header), np.zeros(0, bool), "the header"), ()
     if blocks is None:
         return None, ()
