@@ -24,7 +24,7 @@ from terraport_pipeline.extent import Extent
 from terraport_pipeline.inspection import inspect_scene
 from terraport_pipeline.option import EXTENT, parse_offset
 from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.report.facts import input_line
+from terraport_pipeline.report.facts import extent_line, input_line
 from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_pipeline.survey_files import find_survey
 from terraport_pipeline.survey_inspection import inspect_survey
@@ -216,6 +216,8 @@ def _summary(facts: Mapping[str, Any]) -> Table:
     # (4) where it comes from
     source = facts["build"]["input"]
     table.add_row("input", input_line(facts) or (source["name"] if source else "-"))
+    if line := extent_line(facts):
+        table.add_row("extent", line)
     table.add_row("built by", f"terraport {facts['build']['terraport']}")
     table.add_row("on disk", ", ".join(facts["versions_on_disk"]))
     return table

@@ -12,6 +12,7 @@ from pipeline.laz_files import Hill, las_data, write_laz, write_tiles
 
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.extent import Extent
+from terraport_pipeline.inspection import inspect_scene
 from terraport_pipeline.report.facts import extent_line
 from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.workflow.build import BuildOptions, build
@@ -73,6 +74,7 @@ def test_tiles_and_copc_give_one_scene_and_it_says_its_extent(tmp_path: Path) ->
     assert line.startswith("641200 8594700 641219 8594740 in the files' coordinates; ")
     assert line.endswith(" points lie outside it, 3 whole files among them")
     assert f"extent {line}" in report.notes
+    assert inspect_scene(tmp_path / "one" / "pit")["extent"] == extent
     assert not any("not read" in note for note in report.notes)
     other = json.loads((tmp_path / "two" / "pit" / "build.json").read_text())
     assert other["extent"]["points"] == 6000 - WITHIN
