@@ -122,16 +122,16 @@ def _row_blocks(start: int, row_bytes: int, count: int) -> Blocks:
 def iterate_blocks(
     path: Path, header: Any, blocks: Blocks, wanted: Bool
 ) -> Iterator[tuple[Int64, Any]]:
-    """Yield (numbers of the rows, points) of some blocks, in file order and bounded parts."""
+    """Yield (numbers of the rows, points) of some blocks, in file order, in bounded batches."""
     form, compressed = header.point_format, header.are_points_compressed
     record = header.vlrs.get("LasZipVlr")[0].record_data if compressed else b""
     first_row, first_byte = blocks.first_row, blocks.first_byte
     with path.open("rb") as file:
-        for part in _parts(np.flatnonzero(wanted), blocks):
+        for batch in _batches(np.flatnonzero(wanted), blocks):
             # (1) The bytes of all its blocks.
-            table = [(int(blocks.rows[n]), int(blocks.bytes[n])) for n in part]
+            table = [(int(blocks.rows[n]), int(blocks.bytes[n])) for n in batch]
             data = bytearray()
-            for number, (_, size) in zip(part, table, strict=True):
+            for number, (_, size) in zip(batch, table, strict=True):
                 file.seek(int(first_byte[number]))
                 data += file.read(size)
             # (2) Points of them.
@@ -145,7 +145,7 @@ def iterate_blocks(
             except BaseException as error:
                 if not means_damage(error):
                     raise
-                low, high = int(first_row[part[0]]), int(first_row[part[-1]] + table[-1][0])
+                low, high = int(first_row[batch[0]]), int(first_row[batch[-1]] + table[-1][0])
                 raise ReadError(
                     path,
                     f"the point data is cut off or damaged between points {low:,} and {high:,} of "
@@ -154,13 +154,13 @@ def iterate_blocks(
                     f"point {low:,}",
                 ) from error
             numbers = np.concatenate(
-                [np.arange(first_row[n], first_row[n] + blocks.rows[n]) for n in part]
+                [np.arange(first_row[n], first_row[n] + blocks.rows[n]) for n in batch]
             )
             yield numbers, laspy.PackedPointRecord(array, form)
 
 
-def _parts(numbers: Int64, blocks: Blocks) -> Iterator[Int64]:
-    """Cut the blocks that are read into parts of half a million points, or of one block."""
+def _batches(numbers: Int64, blocks: Blocks) -> Iterator[Int64]:
+    """Cut the blocks that are read into batches of half a million points, or of one block."""
     first = rows = 0
     for at, number in enumerate(numbers):
         if at > first and rows + blocks.rows[number] > CHUNK_POINTS:

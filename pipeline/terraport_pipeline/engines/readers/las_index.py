@@ -292,12 +292,12 @@ def _cell_box(
         level += 1
         if level > _MAX_LEVEL:
             raise _UnusableError(f"cell {cell} is deeper than {_MAX_LEVEL} levels")
-    place = [0, 0]
+    columns = [0, 0]
     for bit in range(level):
         for axis in (0, 1):
-            place[axis] |= (cell >> (2 * bit + axis) & 1) << bit
+            columns[axis] |= (cell >> (2 * bit + axis) & 1) << bit
     low, high = [], []
-    for axis, column in enumerate(place):
+    for axis, column in enumerate(columns):
         side = (tree[axis + 2] - tree[axis]) / 2**level
         low.append(-np.inf if column == 0 else tree[axis] + column * side)
         high.append(np.inf if column == 2**level - 1 else tree[axis] + (column + 1) * side)
