@@ -130,8 +130,8 @@ def main() -> None:
                 )
                 digests.add(digest)
                 print(
-                    f"| {title} | {form} | {seconds:,.2f} | {cpu_s:,.2f} | {read / 1e6:,.1f} | {decoded:,} | "
-                    f"{points:,} |",
+                    f"| {title} | {form} | {seconds:,.2f} | {cpu_s:,.2f} | "
+                    f"{read / 1e6:,.1f} | {decoded:,} | {points:,} |",
                     flush=True,
                 )
             if len(digests) > 1:
