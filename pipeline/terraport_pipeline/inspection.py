@@ -42,7 +42,8 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
         ``bytes_per_face``), ``regions`` (the largest, and how many have labels), ``cover``,
         ``hand_off``, ``attributes``, ``files``, ``encodings``, ``limits``, ``build``,
         ``inputs`` and ``left_out`` (the survey's files, from ``build.json``; empty where that is
-        not there) and ``versions_on_disk``.
+        not there), ``extent`` (what lies outside the one that was asked for; None for a whole
+        survey) and ``versions_on_disk``.
 
     Raises
     ------
@@ -85,6 +86,7 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
             "build": manifest.build.model_dump(mode="json"),
             "inputs": record.get("inputs", []),
             "left_out": record.get("left_out", []),
+            "extent": record.get("extent"),
             "versions_on_disk": sorted(path.name for path in scene_path.glob("v-*")),
         }
 

@@ -23,11 +23,13 @@ from dataclasses import MISSING, dataclass, fields
 from typing import Any, Final, Literal, get_args, get_origin, get_type_hints
 
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.extent import Extent
 
 __all__ = [
     "BYTES",
     "COMMON",
     "COUNT",
+    "EXTENT",
     "OFFSET",
     "Notation",
     "Option",
@@ -123,14 +125,22 @@ class Notation:
 
     metavar: str
     """Stands for the value in the help."""
-    parse: Callable[[str, str], Any]
+    parse: Callable[[Any, str], Any]
     """Takes what was written and the option's name."""
     show: Callable[[Any], str]
     """What :attr:`parse` reads back."""
+    type: Any = str
+    """What is written: one word, or a tuple of several."""
 
 
 COUNT: Final = Notation("COUNT", parse_count, "{:,}".format)
 BYTES: Final = Notation("BYTES", parse_bytes, lambda size: f"{size / 2**20:.10g} MiB")
+EXTENT: Final = Notation(
+    "XMIN YMIN XMAX YMAX",
+    lambda values, _what: Extent(*values),
+    str,
+    tuple[float, float, float, float],
+)
 OFFSET: Final = Notation("E,N,H", parse_offset, lambda offset: ",".join(map(repr, offset)))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -21,21 +21,27 @@ from terraport_pipeline.engines.readers.read_xyz import is_table
 from terraport_pipeline.engines.readers.survey_format import FORMATS, find_format
 from terraport_pipeline.engines.readers.survey_stream import FileHead, read_head
 from terraport_pipeline.errors import NoPointsError, ReadError, SurveyError
+from terraport_pipeline.extent import Extent
 from terraport_pipeline.progress import Progress
 
 __all__ = [
     "MAX_FILES",
+    "OUTSIDE",
     "SurveyFile",
     "SurveyFiles",
     "damage_of",
     "find_survey",
     "listed",
+    "nothing_within",
     "one_crs",
     "refuse_far",
 ]
 
 MAX_FILES: Final = 10_000
 """Files of one survey."""
+
+OUTSIDE: Final = "lies outside the extent"
+"""Why a file is not read, or nothing of it is taken."""
 
 _MAX_ENTRIES: Final = 1_000_000
 """Entries of a folder that are looked at, folders within it included."""
@@ -81,6 +87,12 @@ class SurveyFiles:
     """Name and reason of files that cannot be read and are left out because that was asked for."""
     skip_damaged: bool = False
     """Leave out what cannot be read, where anything is left."""
+    extent: Extent | None = None
+    """Only points within it are of the survey."""
+    outside: tuple[tuple[str, int], ...] = ()
+    """Name and points of files that lie outside the extent by their headers."""
+    crs_outside: Any | None = None
+    """pyproj.CRS that files outside the extent state, where no other file states one."""
 
     @classmethod
     def of(cls, path: Path | str | SurveyFiles) -> SurveyFiles:
@@ -110,7 +122,8 @@ class SurveyFiles:
         Returns
         -------
         survey : SurveyFiles
-            Without files that say they have no points and, if asked for, without damaged ones.
+            Without files that say they have no points, without those that lie outside the extent
+            and, if asked for, without damaged ones.
         heads : tuple of FileHead
             One for each file that is left.
 
@@ -119,7 +132,8 @@ class SurveyFiles:
         ReadError
             A file is damaged.
         SurveyError
-            Several are; or the files are in different coordinate reference systems, or far apart.
+            Several are; or the files are in different coordinate reference systems, or far apart;
+            or all lie outside the extent.
         """
         # (1) Every header. Of a single file all errors stand as they are.
         alone = len(self.files) == 1
@@ -130,7 +144,7 @@ class SurveyFiles:
             progress.start("read: headers", float(len(self.files)), "files")
         for file in self.files:
             try:
-                heads[file] = read_head(file.path, file.format)
+                heads[file] = read_head(file.path, file.format, self.extent)
             except NoPointsError:
                 if alone:
                     raise
@@ -162,10 +176,12 @@ class SurveyFiles:
             ignored=(*self.ignored, *empty),
             damaged=(*self.damaged, *((f.name, e.reason) for f, e in damaged)),
         )
-        return survey, tuple(heads.values())
+        return _touching(survey, heads)
 
 
-def find_survey(inputs: Sequence[Path] | Path, *, skip_damaged: bool = False) -> SurveyFiles:
+def find_survey(
+    inputs: Sequence[Path] | Path, *, skip_damaged: bool = False, extent: Extent | None = None
+) -> SurveyFiles:
     """Find the files of a survey.
 
     Parameters
@@ -176,6 +192,8 @@ def find_survey(inputs: Sequence[Path] | Path, *, skip_damaged: bool = False) ->
         no survey is left alone and listed; hidden files are passed over.
     skip_damaged : bool
         Leave out damaged files when they are found, and say so.
+    extent : Extent, optional
+        Take only the points within it, in the files' own coordinates.
 
     Returns
     -------
@@ -227,7 +245,7 @@ def find_survey(inputs: Sequence[Path] | Path, *, skip_damaged: bool = False) ->
         title = files[0].name
     elif not more and given.is_dir():
         title = given.resolve().name or str(given)
-    return SurveyFiles(title, files, tuple(ignored), skip_damaged=skip_damaged)
+    return SurveyFiles(title, files, tuple(ignored), skip_damaged=skip_damaged, extent=extent)
 
 
 def one_crs(files: Sequence[tuple[str, Any | None]]) -> Any | None:
@@ -268,6 +286,40 @@ def one_crs(files: Sequence[tuple[str, Any | None]]) -> Any | None:
             "one: reproject some (PDAL filters.reprojection, las2las), or build them apart"
         )
     return groups[0][0] if groups else None
+
+
+def nothing_within(
+    title: str,
+    extent: Extent,
+    boxes: Sequence[tuple[Sequence[float] | None, Sequence[float] | None]],
+    crs: Any | None,
+) -> SurveyError:
+    """Say that a survey has no point within an extent, and where its points are.
+
+    Parameters
+    ----------
+    title : str
+        Of the survey.
+    extent : Extent
+    boxes : sequence of (low, high)
+        Corners of each file, None where they are not known.
+    crs : pyproj.CRS or None
+        Of the survey.
+    """
+    stated = [(low, high) for low, high in boxes if low is not None and high is not None]
+    where = "its bounds are not known"
+    if stated:
+        lows, highs = zip(*stated, strict=True)
+        (xmin, ymin), (xmax, ymax) = (
+            tuple(pick(corner[axis] for corner in corners) for axis in (0, 1))
+            for pick, corners in ((min, lows), (max, highs))
+        )
+        where = f"it spans {xmin:.15g} {ymin:.15g} {xmax:.15g} {ymax:.15g}"
+    system = "its own coordinates" if crs is None else crs.name
+    return SurveyError(
+        f"{title} has no point within extent {extent}: {where} ({system}); expected XMIN YMIN XMAX "
+        "YMAX in the coordinates of the files"
+    )
 
 
 def listed(names: Sequence[str]) -> str:
@@ -439,6 +491,28 @@ def refuse_far(names: Sequence[str], middles: Sequence[Sequence[float]]) -> None
             f"{listed(far)} lies {max(away) / 1000:,.0f} km from the other files; expected one "
             "survey: is it in another coordinate reference system, or in local coordinates?"
         )
+
+
+def _touching(
+    survey: SurveyFiles, heads: Mapping[SurveyFile, FileHead]
+) -> tuple[SurveyFiles, tuple[FileHead, ...]]:
+    """Leave out files outside the extent, when all were seen to be one survey in one CRS."""
+    kept = tuple(file for file in survey.files if heads[file].rows != 0)
+    if survey.extent is None or len(kept) == len(survey.files):
+        return survey, tuple(heads[file] for file in survey.files)
+    outside = [file for file in survey.files if heads[file].rows == 0]
+    crs = one_crs([(file.name, heads[file].crs) for file in survey.files])
+    if not kept:
+        boxes = [(heads[file].low, heads[file].high) for file in outside]
+        raise nothing_within(survey.title, survey.extent, boxes, crs)
+    is_stated = any(heads[file].crs is not None for file in kept)
+    survey = replace(
+        survey,
+        files=kept,
+        outside=tuple((file.name, heads[file].points) for file in outside),
+        crs_outside=None if is_stated else crs,
+    )
+    return survey, tuple(heads[file] for file in kept)
 
 
 def _natural(name: str) -> list[tuple[int, int, str]]:

@@ -41,8 +41,7 @@ class Hill:
         return ((local >= low) & (local < low + wide + 2 * margin_m)).all(axis=1)
 
 
-def write_laz(
-    path: Path,
+def las_data(
     hill: Hill,
     rows: Any = slice(None),
     *,
@@ -51,8 +50,8 @@ def write_laz(
     fields: Sequence[str] = ("grade",),
     colour: bool = True,
     depth: int = 1,
-) -> Path:
-    """Write some points; `depth` 257 writes 8-bit colours into the 16 bits."""
+) -> laspy.LasData:
+    """Some points in memory; `depth` 257 puts 8-bit colours into the 16 bits."""
     header = laspy.LasHeader(point_format=7 if colour else 6, version="1.4")
     header.scales, header.offsets = np.full(3, STEP_M), np.array(offset, float)
     if epsg is not None:
@@ -69,7 +68,12 @@ def write_laz(
     las.classification = hill.classes[rows]
     for name in fields:
         las[name] = hill.grade[rows] if name == "grade" else hill.classes[rows]
-    las.write(path, laz_backend=laspy.LazBackend.Lazrs)
+    return las
+
+
+def write_laz(path: Path, hill: Hill, rows: Any = slice(None), **options: Any) -> Path:
+    """Write some points, with the options of :func:`las_data`."""
+    las_data(hill, rows, **options).write(path, laz_backend=laspy.LazBackend.Lazrs)
     return path
 
 

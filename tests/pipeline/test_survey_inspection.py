@@ -76,3 +76,28 @@ def test_what_is_neither_scene_nor_survey_is_said(
     result = CliRunner().invoke(app, ["inspect", str(tmp_path / given)])
     assert result.exit_code == 1
     assert "error: " in result.output
+
+
+def test_an_extent_leaves_the_files_that_touch_it(app: typer.Typer, tmp_path: Path) -> None:
+    write_tiles(tmp_path, HILL, tiles=2)
+    extent = ("--extent", "641200", "8594700", "641210", "8594710")
+    result = CliRunner().invoke(app, ["inspect", "--json", str(tmp_path), *extent])
+    facts = json.loads(result.stdout)
+    [file] = facts["files"]
+    assert (file["name"], facts["points"]) == ("tile_1.laz", file["points"])
+    within = facts["within"]
+    assert within["values"] == [641_200, 8_594_700, 641_210, 8_594_710]
+    assert within["points"] == pytest.approx(file["points"] / 4, rel=0.2)
+    assert within["read"] == file["points"]
+    outside = ("tile_2.laz", "tile_3.laz", "tile_4.laz")
+    assert [(one["name"], one["reason"]) for one in facts["left_out"]] == [
+        (name, "lies outside the extent") for name in outside
+    ]
+    shown = (
+        CliRunner().invoke(app, ["inspect", str(tmp_path), *extent], env={"COLUMNS": "100"}).output
+    )
+    assert "641200 8594700 641210 8594710" in shown
+    assert "not read: tile_2.laz (lies outside the extent)" in shown
+    refused = CliRunner().invoke(app, ["inspect", str(tmp_path), "--extent", "1", "2", "1", "3"])
+    assert refused.exit_code == 2
+    assert "XMIN 1 is not below XMAX 1" in refused.output

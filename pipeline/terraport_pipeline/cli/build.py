@@ -55,6 +55,8 @@ def build(
 
         terraport build 'tiles/*.laz' -o scenes/pit
 
+        terraport build delivery/ -o scenes/face --extent 641200 8594700 641300 8594800
+
         terraport build pit.laz -o scenes/pit --photos flight/images
     """
     console = Console(stderr=True, soft_wrap=True)

@@ -126,7 +126,7 @@ def _parameter(field: OptionField, heading: str) -> inspect.Parameter:
             show_default=default is True,  # of flags alone: the text has all others
             rich_help_panel=heading,
         )
-    kind = str if option.notation is not None else field.type
+    kind = field.type if option.notation is None else option.notation.type
     kind = list[kind] if option.many else kind  # type: ignore[valid-type]
     kind = kind | None if default is None else kind
     return _keyword(

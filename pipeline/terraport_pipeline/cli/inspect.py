@@ -20,10 +20,11 @@ from terraport_pipeline.cli.survey_tables import survey_tables
 from terraport_pipeline.engines.camera_files import has_cameras
 from terraport_pipeline.engines.readers.survey_format import is_binary_survey
 from terraport_pipeline.errors import OptionError, SurveyError
+from terraport_pipeline.extent import Extent
 from terraport_pipeline.inspection import inspect_scene
-from terraport_pipeline.option import parse_offset
+from terraport_pipeline.option import EXTENT, parse_offset
 from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.report.facts import input_line
+from terraport_pipeline.report.facts import extent_line, input_line
 from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_pipeline.survey_files import find_survey
 from terraport_pipeline.survey_inspection import inspect_survey
@@ -64,6 +65,15 @@ def inspect(
             show_default=False,
         ),
     ] = None,
+    extent: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(
+            metavar=EXTENT.metavar,
+            help="Look only at the files of the survey that touch this rectangle, in the "
+            "coordinates and the unit of its own CRS; with --cameras only at the points within.",
+            show_default=False,
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Show what is in a scene or a survey, or whether the cameras of photos fit a survey.
@@ -84,16 +94,19 @@ def inspect(
 
         terraport inspect delivery/
 
+        terraport inspect delivery/ --extent 641200 8594700 641300 8594800
+
         terraport inspect survey.laz --cameras colmap/ --photos images/
     """
     console = Console(stderr=True)
     # Facts are gathered as plain values; whether they are printed as JSON or drawn comes last.
     with reporting_errors(console):
+        within = None if extent is None else Extent(*extent)
         if cameras is not None:
             offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
             with RichProgress(console) as progress:
                 facts = inspect_photos(
-                    find_survey(target),
+                    find_survey(target, extent=within),
                     cameras,
                     photos=photos,
                     offset=offset,
@@ -103,32 +116,38 @@ def inspect(
         elif camera_offset is not None:
             raise OptionError("--camera-offset needs --cameras and the survey")
         else:
-            facts, tables = _facts_of(target, photos)
+            facts, tables = _facts_of(target, photos, within)
     if as_json:
         typer.echo(json.dumps(facts, indent=1))
     else:
         Console().print(tables)
 
 
-def _facts_of(targets: list[Path], photos: Path | None) -> tuple[dict[str, Any], Group]:
+def _facts_of(
+    targets: list[Path], photos: Path | None, extent: Extent | None
+) -> tuple[dict[str, Any], Group]:
     """Gather and draw the facts of a scene, of cameras or of a survey: a folder may be any."""
     target = targets[0]
     alone = len(targets) == 1
     # (1) A folder of its own kind: a scene, or a project of cameras.
     no_scene: SceneNotFoundError | None = None
-    if alone and not target.is_file():
+    if alone and extent is None and not target.is_file():
         try:
             facts = inspect_scene(target)
             return facts, _tables(facts)
         except SceneNotFoundError as error:
             no_scene = error
     # (2) Cameras: in a folder, or a text, which a survey may be too.
-    if alone and (has_cameras(target) or (target.is_file() and not is_binary_survey(target))):
+    if (
+        alone
+        and extent is None
+        and (has_cameras(target) or (target.is_file() and not is_binary_survey(target)))
+    ):
         facts = inspect_cameras(target, photos)
         return facts, camera_tables(facts, target.name)
     # (3) A survey. Damage is listed, not refused: this is what is asked.
     try:
-        survey = find_survey(targets, skip_damaged=True)
+        survey = find_survey(targets, skip_damaged=True, extent=extent)
     except SurveyError:
         if no_scene is not None:
             raise no_scene from None
@@ -197,6 +216,8 @@ def _summary(facts: Mapping[str, Any]) -> Table:
     # (4) where it comes from
     source = facts["build"]["input"]
     table.add_row("input", input_line(facts) or (source["name"] if source else "-"))
+    if line := extent_line(facts):
+        table.add_row("extent", line)
     table.add_row("built by", f"terraport {facts['build']['terraport']}")
     table.add_row("on disk", ", ".join(facts["versions_on_disk"]))
     return table

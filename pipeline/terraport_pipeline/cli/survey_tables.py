@@ -30,6 +30,12 @@ def survey_tables(facts: Mapping[str, Any]) -> Group:
     if facts["bounds"]:
         for axis, span in zip(("east", "north", "height"), _spans(facts["bounds"]), strict=True):
             summary.add_row(axis, span)
+    if within := facts.get("within"):
+        corners = " ".join(f"{value:.15g}" for value in within["values"])
+        summary.add_row("extent", corners)
+        summary.add_row(
+            "within it", f"about {within['points']:,} points; {within['read']:,} are read for that"
+        )
     table = Table()
     table.add_column("file")
     table.add_column("kind")

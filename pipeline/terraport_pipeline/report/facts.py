@@ -14,9 +14,17 @@ from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.histogram import Histogram, histogram
 from terraport_pipeline.report.scene_colour import SceneColour
+from terraport_pipeline.survey_files import OUTSIDE
 from terraport_store import DamagedSceneError, RegionNames, Scene, read_labels
 
-__all__ = ["ReportFacts", "collect_facts", "format_bytes", "input_line", "read_build_record"]
+__all__ = [
+    "ReportFacts",
+    "collect_facts",
+    "extent_line",
+    "format_bytes",
+    "input_line",
+    "read_build_record",
+]
 
 MAX_REGIONS: Final = 20
 """Largest regions that the table lists."""
@@ -158,6 +166,27 @@ def input_line(record: Mapping[str, Any]) -> str:
     )
 
 
+def extent_line(record: Mapping[str, Any]) -> str:
+    """Say which extent a scene was built from; empty where it is all of the survey.
+
+    Parameters
+    ----------
+    record : mapping
+        With ``extent``, as :func:`terraport_pipeline.workflow.read_step.inputs_of` makes it.
+    """
+    extent = record.get("extent")
+    values = extent.get("values") if isinstance(extent, Mapping) else None
+    if not isinstance(extent, Mapping) or not isinstance(values, list):
+        return ""
+    corners = " ".join(f"{_number(value, np.nan):.15g}" for value in values)
+    files = _number(extent.get("files"), 0.0)
+    among = f", {files:,.0f} whole files among them" if files else ""
+    return (
+        f"{corners} in the files' coordinates; {_number(extent.get('points'), 0.0):,.0f} points "
+        f"lie outside it{among}"
+    )
+
+
 def _files_beside(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Rows on files that were not read: damaged ones, and what is no survey."""
     rows = []
@@ -165,7 +194,7 @@ def _files_beside(record: Mapping[str, Any]) -> list[tuple[str, str]]:
         each = [
             f"{file.get('name')} ({file.get('reason')})"
             for file in _rows(record, "left_out")
-            if bool(file.get("damaged")) == damaged
+            if bool(file.get("damaged")) == damaged and file.get("reason") != OUTSIDE
         ]
         if each:
             more = f" and {len(each) - MAX_INPUTS:,} more" if len(each) > MAX_INPUTS else ""
@@ -331,6 +360,7 @@ def _details(scene: Scene, record: Mapping[str, Any]) -> tuple[dict[str, str], .
     rows = [
         ("version", manifest.version),
         ("input", input_line(record) or (source.name if source else "not stated")),
+        *((("extent", line),) if (line := extent_line(record)) else ()),
         *_files_beside(record),
         ("colour", str(SceneColour.of(manifest))),
         ("coordinate reference system", _crs(scene)),

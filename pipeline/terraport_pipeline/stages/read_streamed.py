@@ -1,9 +1,11 @@
 """Read a survey, whatever files it comes in, to columns on disk in bounded memory.
 
 The result depends on the points alone: not on how they lie in files, in which order, or whether
-some lie in several (tiles with a margin). Points without finite coordinates are dropped and
-counted, feet become metres, fields that say nothing are left out, records that repeat another in
-every value are taken once, and all are put along a curve through the survey's box.
+some lie in several (tiles with a margin). Points outside the extent that was asked for are left
+out before anything is noted of them, however their file is read; those without finite coordinates
+are dropped and counted, feet become metres, fields that say nothing are left out, records that
+repeat another in every value are taken once, and all are put along a curve through the survey's
+box.
 
 Three passes, each over blocks: files to raw rows on disk, these to buckets that are consecutive
 along the curve, buckets to sorted columns. Memory: one part of a file or one bucket (about 200 MB),
@@ -12,6 +14,7 @@ along the curve, buckets to sorted columns. Memory: one part of a file or one bu
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -35,9 +38,11 @@ from terraport_pipeline.engines.readers.raw_survey import (
     tell_precision,
     thinning_rows,
 )
+from terraport_pipeline.engines.readers.survey_column import SurveyColumn
 from terraport_pipeline.engines.readers.survey_crs import metre_factors
 from terraport_pipeline.engines.readers.survey_stream import SurveyStream, open_stream
 from terraport_pipeline.errors import NoPointsError, OptionError, ReadError, SurveyError
+from terraport_pipeline.extent import Extent
 from terraport_pipeline.model import Crs
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.survey_files import (
@@ -45,6 +50,7 @@ from terraport_pipeline.survey_files import (
     SurveyFiles,
     damage_of,
     listed,
+    nothing_within,
     one_crs,
     refuse_far,
 )
@@ -79,63 +85,6 @@ _MAX_EIGHT_BIT: Final = 255
 
 
 @dataclass(slots=True)
-class _Column:
-    """What is known of a column after all parts of a file, or of all files."""
-
-    dtype: np.dtype[Any]
-    unset: tuple[int, ...] = ()
-    """Values that say nothing where every point has the same one of them."""
-    narrow: bool = False
-    """Whole numbers get an integer type."""
-    low: float = np.inf
-    high: float = -np.inf
-    first: Any = None
-    constant: bool = True
-    whole: bool = True
-    """Finite whole numbers only."""
-
-    def look(self, values: AnyArray) -> None:
-        """Take further values into account."""
-        if not len(values):
-            return
-        if self.first is None:
-            self.first = values.flat[0]
-        self.constant = self.constant and bool((values == self.first).all())
-        if values.dtype.kind == "f":
-            finite = values[np.isfinite(values)]
-            self.whole = self.whole and len(finite) == values.size
-            self.whole = self.whole and bool((finite == np.rint(finite)).all())
-        else:
-            finite = values
-        if finite.size:
-            self.low = min(self.low, float(finite.min()))
-            self.high = max(self.high, float(finite.max()))
-
-    def join(self, other: _Column) -> None:
-        """Take the column of another file into account."""
-        self.dtype = np.result_type(self.dtype, other.dtype)
-        self.unset = tuple(value for value in self.unset if value in other.unset)
-        self.narrow = self.narrow and other.narrow
-        self.low, self.high = min(self.low, other.low), max(self.high, other.high)
-        self.whole = self.whole and other.whole
-        self.constant = self.constant and other.constant and bool(self.first == other.first)
-
-    @property
-    def says_nothing(self) -> bool:
-        """Whether the format fills the column with a default, and nobody changed it."""
-        return self.constant and self.first in self.unset
-
-    @property
-    def narrowed(self) -> np.dtype[Any]:
-        """Type that it is stored in."""
-        if self.narrow and self.dtype.kind == "f" and self.whole and self.first is not None:
-            for code in (np.uint8, np.uint16, np.int32):
-                if np.iinfo(code).min <= self.low and self.high <= np.iinfo(code).max:
-                    return np.dtype(code)
-        return self.dtype.newbyteorder("=")
-
-
-@dataclass(slots=True)
 class _Spooled:
     """One file as rows on disk, and what is known of it."""
 
@@ -144,10 +93,12 @@ class _Spooled:
     stream: SurveyStream
     fields: dict[str, str]
     """Name of every column's field in the rows."""
-    columns: dict[str, _Column]
+    columns: dict[str, SurveyColumn]
     writer: NpyWriter
     read: int = 0
     kept: int = 0
+    dropped: int = 0
+    """Points without finite coordinates."""
     low: Float64 = field(default_factory=lambda: np.full(3, np.inf))
     high: Float64 = field(default_factory=lambda: np.full(3, -np.inf))
     single: Bool = field(default_factory=lambda: np.ones(3, dtype=bool))
@@ -163,6 +114,34 @@ class _Spooled:
             self.low = np.minimum(self.low, points.min(axis=0))
             self.high = np.maximum(self.high, points.max(axis=0))
             self.single &= np.array([(p.astype(np.float32) == p).all() for p in points.T])
+
+
+@dataclass(frozen=True, slots=True)
+class _Outside:
+    """A file without a point within the extent."""
+
+    file: SurveyFile
+    stream: SurveyStream
+    read: int
+    dropped: int
+    box: tuple[Any, Any]
+    """Corners of its points, or None twice."""
+
+
+@dataclass(slots=True)
+class _Outcome:
+    """What came of all files."""
+
+    spooled: list[_Spooled] = field(default_factory=list)
+    outside: list[_Outside] = field(default_factory=list)
+    empty: list[tuple[str, str]] = field(default_factory=list)
+    """Name and reason of files without points."""
+    damaged: list[tuple[str, str]] = field(default_factory=list)
+
+    @property
+    def opened(self) -> list[_Spooled | _Outside]:
+        """All files that were read."""
+        return [*self.spooled, *self.outside]
 
 
 @dataclass(frozen=True, slots=True)
@@ -214,8 +193,10 @@ def run(
     -------
     values, facts
         ``attributes`` (names), ``crs``, ``format``, ``whole``, and the box in ``low`` and ``high``.
-        What depends on the files stands in the facts' notes: ``files`` (xxh3, points, repeats),
-        and of what reading found ``empty`` (names) and ``damaged`` (name and reason).
+        What depends on the files stands in the facts' notes: ``files`` (xxh3, points, those of
+        them outside the extent, repeats), and of what reading found ``outside`` (name and points of
+        files without a point within the extent), ``empty`` (names), ``damaged`` (name and reason)
+        and ``remarks`` (on indices that could not be used).
 
     Raises
     ------
@@ -223,7 +204,7 @@ def run(
         A file is damaged, without x, y, z, without one finite point or in degrees, or cannot be
         read in parts.
     SurveyError
-        The files are no one survey.
+        The files are no one survey, or have no point within its extent.
     OptionError
         `max_points` is not positive.
     """
@@ -232,8 +213,10 @@ def run(
     survey = SurveyFiles.of(survey)
     thinning = None if max_points is None else HashThinning(_THINNED_FROM * max_points)
     try:
-        spooled, empty, damaged = _spool_all(survey, folder, context, thinning, bounded)
-        crs = one_crs([(part.file.name, part.stream.crs) for part in spooled])
+        outcome = _spool_all(survey, folder, context, thinning, bounded)
+        spooled = outcome.spooled
+        crs = one_crs([(part.file.name, part.stream.crs) for part in outcome.opened])
+        crs = survey.crs_outside if crs is None else crs
         layout, decided = _decide(spooled, survey)
         low = np.min([part.low for part in spooled], axis=0)
         high = np.max([part.high for part in spooled], axis=0)
@@ -242,9 +225,9 @@ def run(
         warnings = [
             *_reader_warnings(spooled),
             *decided,
-            *_point_warnings(spooled),
+            *_point_warnings(outcome),
             *notes,
-            *_file_warnings(spooled, [*survey.damaged, *damaged]),
+            *_file_warnings(spooled, crs, [*survey.damaged, *outcome.damaged]),
         ]
         if not layout.has_colour:
             warnings.append("The survey has no colour (RGB): what no photo shows will be grey.")
@@ -256,7 +239,7 @@ def run(
             raise  # our own writing: a full disk, named by the caller
         path = survey.files[0].path if error.filename is None else Path(str(error.filename))
         raise ReadError(path, f"the file cannot be read ({error})", "check the disk") from error
-    return _result(columns, spooled, metre_crs, warnings, empty, damaged)
+    return _result(columns, outcome, metre_crs, warnings)
 
 
 def _spool_all(
@@ -265,35 +248,43 @@ def _spool_all(
     context: Context,
     thinning: HashThinning | None,
     bounded: bool,
-) -> tuple[list[_Spooled], list[tuple[str, str]], list[tuple[str, str]]]:
-    """Write every file down; return them, and names and reasons of empty and of damaged ones."""
-    spooled: list[_Spooled] = []
-    empty: list[tuple[str, str]] = []
-    damaged: list[tuple[str, str]] = []
+) -> _Outcome:
+    """Write every file down."""
+    outcome = _Outcome()
     alone = len(survey.files) == 1
     reading = _Reading(survey, context)
     for number, file in enumerate(survey.files):
         path = folder / f"raw-{number}.npy"
         try:
-            spooled.append(_spool(file, path, thinning, reading, bounded=bounded))
+            part = _spool(file, path, thinning, reading, survey.extent, bounded=bounded)
         except NoPointsError:
             if alone:
                 raise
-            empty.append((file.name, "has no points"))
+            outcome.empty.append((file.name, "has no points"))
         except ReadError as error:
             if alone:
                 raise
             if not survey.skip_damaged:
                 raise damage_of([error], len(survey.files)) from error
-            damaged.append((file.name, error.reason))
+            outcome.damaged.append((file.name, error.reason))
             path.unlink(missing_ok=True)
-    points = sum(part.kept for part in spooled)
-    files = {} if alone else {"files": len(spooled)}
+        else:
+            if isinstance(part, _Outside):
+                outcome.outside.append(part)
+                path.unlink(missing_ok=True)
+            else:
+                outcome.spooled.append(part)
+    points = sum(part.kept for part in outcome.spooled)
+    files = {} if alone else {"files": len(outcome.spooled)}
     context.progress.done({"points": points, **files})
-    if not spooled:
-        names = listed([name for name, _ in (*damaged, *empty)])
-        raise SurveyError(f"{survey.title}: not one of its files can be used: {names}")
-    return spooled, empty, damaged
+    if outcome.spooled:
+        return outcome
+    if survey.extent is not None and outcome.outside:
+        crs = one_crs([(part.file.name, part.stream.crs) for part in outcome.outside])
+        boxes = [part.box for part in outcome.outside]
+        raise nothing_within(survey.title, survey.extent, boxes, crs)
+    names = listed([name for name, _ in (*outcome.damaged, *outcome.empty)])
+    raise SurveyError(f"{survey.title}: not one of its files can be used: {names}")
 
 
 class _Reading:
@@ -321,27 +312,40 @@ def _spool(
     path: Path,
     thinning: HashThinning | None,
     reading: _Reading,
+    extent: Extent | None,
     *,
     bounded: bool,
-) -> _Spooled:
-    """Write a file's points down as it has them, without those that are not finite."""
+) -> _Spooled | _Outside:
+    """Write a file's points within the extent down as it has them, those that are finite.
+
+    Nothing is noted of points outside the extent: what is decided from the columns is the same
+    whether an index leaves them out or not.
+    """
     part: _Spooled | None = None
-    with open_stream(file.path, file.format, bounded=bounded) as stream:
+    box = np.full(3, np.inf), np.full(3, -np.inf)
+    with open_stream(file.path, file.format, bounded=bounded, extent=extent) as stream:
         reading.start(file, stream)
         for chunk in stream.chunks():
+            # (1) Which points are taken. Invariant: read = kept + dropped + those outside.
             columns = _columns_of(chunk, stream)
             if part is None:
                 part = _open_rows(file, path, stream, columns)
-            finite = np.isfinite(chunk.points).all(axis=1)
-            points = (chunk.points if finite.all() else chunk.points[finite]) + 0.0  # no -0.0
             part.read += len(chunk.points)
+            taken = np.isfinite(chunk.points).all(axis=1)
+            part.dropped += len(taken) - int(taken.sum())
+            if extent is not None:
+                _widen(box, chunk.points[taken])
+                taken &= extent.holds(chunk.points)
+            # (2) What they are: position, columns.
+            points = (chunk.points if taken.all() else chunk.points[taken]) + 0.0  # no -0.0
             part.look(points)
             rows: AnyArray = np.empty(len(points), part.writer.dtype)
             rows["position"] = points
             for name, values in columns.items():
-                good = values if finite.all() else values[finite]
+                good = values if taken.all() else values[taken]
                 part.columns[name].look(good)
                 rows[part.fields[name]] = good
+            # (3) Those that may stay where the survey is thinned.
             if thinning is not None:
                 hashes = point_hashes(points)
                 thinning.look(hashes)
@@ -350,16 +354,27 @@ def _spool(
             part.writer.append(rows)
             reading.advance(file, stream, chunk.read)
         late = stream.late_warnings()
-    if part is None or not part.kept:
-        count = 0 if part is None else part.read
-        raise ReadError(
-            file.path,
-            f"not one of {count:,} points has finite coordinates",
-            "export the survey again",
-        )
-    part.writer.close()
-    part.warnings = (*late, *stream.warnings)
-    return part
+    if part is not None:
+        part.writer.close()
+    if part is not None and part.kept:
+        part.warnings = (*late, *stream.warnings)
+        return part
+    read, dropped = (0, 0) if part is None else (part.read, part.dropped)
+    if extent is not None and (stream.skipped or read > dropped):
+        corners = stream.box or (box if read > dropped else (None, None))
+        return _Outside(file, _bare(stream), read, dropped, corners)
+    raise ReadError(
+        file.path,
+        f"not one of {read:,} points has finite coordinates",
+        "export the survey again",
+    )
+
+
+def _widen(box: tuple[Float64, Float64], points: Float64) -> None:
+    """Widen a box so that it holds some points."""
+    if len(points):
+        np.minimum(box[0], points.min(axis=0), out=box[0])
+        np.maximum(box[1], points.max(axis=0), out=box[1])
 
 
 def _open_rows(
@@ -369,12 +384,15 @@ def _open_rows(
     row: list[Any] = [("position", "<f8", (3,))]
     row += [(fields[name], values.dtype, values.shape[1:]) for name, values in columns.items()]
     known = {
-        name: _Column(values.dtype, tuple(stream.unset.get(name, ())), stream.narrow)
+        name: SurveyColumn(values.dtype, tuple(stream.unset.get(name, ())), stream.narrow)
         for name, values in columns.items()
     }
-    # What the stream was made of must not outlive it: thousands of files are kept so.
-    bare = replace(stream, chunks=_no_chunks, late_warnings=tuple)
-    return _Spooled(file, path, bare, fields, known, NpyWriter(path, np.dtype(row)))
+    return _Spooled(file, path, _bare(stream), fields, known, NpyWriter(path, np.dtype(row)))
+
+
+def _bare(stream: SurveyStream) -> SurveyStream:
+    """Part a stream from what it was made of, which must not outlive it: there are thousands."""
+    return replace(stream, chunks=_no_chunks, late_warnings=tuple)
 
 
 def _no_chunks() -> Iterator[StreamChunk]:
@@ -407,7 +425,7 @@ def _decide(spooled: Sequence[_Spooled], survey: SurveyFiles) -> tuple[_Layout, 
     """Decide what only the whole survey can: columns, their types, depth of the colours."""
     depths, warnings = _colour_depths(spooled)
     # (1) The union of all files' columns, each by what all its files hold.
-    joined: dict[str, _Column] = {}
+    joined: dict[str, SurveyColumn] = {}
     lacking: dict[str, list[str]] = {}
     for part in spooled:
         for name, column in part.columns.items():
@@ -416,7 +434,7 @@ def _decide(spooled: Sequence[_Spooled], survey: SurveyFiles) -> tuple[_Layout, 
             if name in joined:
                 joined[name].join(column)
             else:
-                joined[name] = _Column(**{key: getattr(column, key) for key in _COLUMN_KEYS})
+                joined[name] = copy.copy(column)
     for name in joined:
         without = [part.file.name for part in spooled if name not in part.columns]
         if without:
@@ -445,9 +463,6 @@ def _decide(spooled: Sequence[_Spooled], survey: SurveyFiles) -> tuple[_Layout, 
         warnings.append(f"Attribute {name!r} is not in {listed(without)}: it has no value there.")
     has_colour = any(depth is not None for depth in depths)
     return _Layout(names, dtypes, fills, whole, has_colour, depths), warnings
-
-
-_COLUMN_KEYS: Final = tuple(_Column.__dataclass_fields__)
 
 
 def _with_gaps(name: str, dtype: np.dtype[Any], survey: SurveyFiles) -> np.dtype[Any]:
@@ -525,13 +540,14 @@ def _reader_warnings(spooled: Sequence[_Spooled]) -> list[str]:
     ]
 
 
-def _point_warnings(spooled: Sequence[_Spooled]) -> list[str]:
+def _point_warnings(outcome: _Outcome) -> list[str]:
     """Tell of points that were dropped, and of coordinates that are too coarse."""
     warnings: list[str] = []
-    read, kept = sum(part.read for part in spooled), sum(part.kept for part in spooled)
-    if read > kept:
-        warnings.append(f"{read - kept:,} of {read:,} points have no finite coordinates: dropped.")
-    coarse = [part for part in spooled if not part.stream.stated_step]
+    read = sum(part.read for part in outcome.opened)
+    dropped = sum(part.dropped for part in outcome.opened)
+    if dropped:
+        warnings.append(f"{dropped:,} of {read:,} points have no finite coordinates: dropped.")
+    coarse = [part for part in outcome.spooled if not part.stream.stated_step]
     if coarse:
         single = np.all([part.single for part in coarse], axis=0)
         top = np.max([np.abs([part.low, part.high]).max(axis=0) for part in coarse], axis=0)
@@ -539,15 +555,16 @@ def _point_warnings(spooled: Sequence[_Spooled]) -> list[str]:
     return warnings
 
 
-def _file_warnings(spooled: Sequence[_Spooled], damaged: Sequence[tuple[str, str]]) -> list[str]:
+def _file_warnings(
+    spooled: Sequence[_Spooled], crs: Any | None, damaged: Sequence[tuple[str, str]]
+) -> list[str]:
     """Tell of files that differ from the others, and of those that are left out."""
     warnings: list[str] = []
-    stated = [part.stream.crs for part in spooled if part.stream.crs is not None]
-    if stated and len(stated) < len(spooled):
-        without = [part.file.name for part in spooled if part.stream.crs is None]
+    without = [part.file.name for part in spooled if part.stream.crs is None]
+    if crs is not None and without:
         warnings.append(
             f"No coordinate reference system is stated in {listed(without)}: taken to be in "
-            f"that of the others ({stated[0].name})."
+            f"that of the others ({crs.name})."
         )
     if damaged:
         each = "; ".join(f"{name} ({reason})" for name, reason in damaged)
@@ -706,15 +723,10 @@ def _sorted(
 
 
 def _result(
-    columns: _Columns,
-    spooled: Sequence[_Spooled],
-    crs: Crs | None,
-    warnings: list[str],
-    empty: Sequence[tuple[str, str]],
-    damaged: Sequence[tuple[str, str]],
+    columns: _Columns, outcome: _Outcome, crs: Crs | None, warnings: list[str]
 ) -> tuple[Mapping[str, Json], Facts]:
     layout = columns.layout
-    formats = sorted({part.stream.format for part in spooled})
+    formats = sorted({part.stream.format for part in outcome.spooled})
     values = {
         "attributes": layout.names,
         "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,
@@ -732,10 +744,17 @@ def _result(
     }
     notes = {
         "files": [
-            {"xxh3": part.file.xxh3, "points": part.read, "repeats": part.repeats}
-            for part in spooled
+            {
+                "xxh3": part.file.xxh3,
+                "points": part.read + part.stream.skipped,
+                "outside": part.read + part.stream.skipped - part.kept - part.dropped,
+                "repeats": part.repeats,
+            }
+            for part in outcome.spooled
         ],
-        "empty": [name for name, _ in empty],
-        "damaged": [[name, reason] for name, reason in damaged],
+        "outside": [[part.file.name, part.read + part.stream.skipped] for part in outcome.outside],
+        "empty": [name for name, _ in outcome.empty],
+        "damaged": [[name, reason] for name, reason in outcome.damaged],
+        "remarks": [text for part in outcome.opened for text in part.stream.remarks],
     }
     return values, Facts(counts, tuple(warnings), notes)

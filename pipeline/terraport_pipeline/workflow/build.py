@@ -17,8 +17,17 @@ import psutil
 from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.engines.readers.survey_stream import FileHead, survey_size
 from terraport_pipeline.errors import OptionError, PipelineError, ResourceError
+from terraport_pipeline.extent import Extent
 from terraport_pipeline.kernel_threads import limit_threads
-from terraport_pipeline.option import BYTES, COMMON, COUNT, Option, Section, check_options
+from terraport_pipeline.option import (
+    BYTES,
+    COMMON,
+    COUNT,
+    EXTENT,
+    Option,
+    Section,
+    check_options,
+)
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.stages import clean, pack, reconstruct, segment
 from terraport_pipeline.stages.region_engine import check_segment_by
@@ -77,6 +86,12 @@ class BuildOptions:
         int | None, Option(least=clean.MIN_POINTS, notation=COUNT, unset="all of them")
     ] = None
     """Thin the survey to this many points while reading: 500k, 5M."""
+    extent: Annotated[
+        Extent | None, Option(heading="Surface", notation=EXTENT, unset="all of it")
+    ] = None
+    """Build only the points within this rectangle, edges included, in the coordinates and the unit
+    of the survey's own CRS: 641200 8594700 641300 8594800. Of COPC, and of LAS and LAZ with a
+    LASindex (.lax), only what lies there is read."""
     skip_damaged: Annotated[bool, Option(heading="Surface")] = False
     """Of a survey in several files, go on without those that cannot be read; the report names
     them."""
@@ -148,8 +163,11 @@ class BuildOptions:
 
     def recorded(self) -> dict[str, Any]:
         """Options that change the published bytes, as the manifest records them."""
+        # Scenes of whole surveys keep the bytes that they had before there were extents.
+        extent = {} if self.extent is None else {"extent": [*self.extent.values]}
         return {
             "max_points": self.max_points,
+            **extent,
             "clean": asdict(self.clean),
             "reconstruct": asdict(self.reconstruct),
             "segment": asdict(self.segment),
@@ -301,7 +319,7 @@ def _run_stages(
 
 def _forecast_whole(heads: tuple[FileHead, ...], options: BuildOptions) -> WholeForecast:
     """Forecast by the files' headers what the survey takes in one piece."""
-    size = survey_size(heads)
+    size = survey_size(heads, options.extent)
     return forecast_whole(
         min(size.points, options.max_points or size.points),
         detail_depth=options.reconstruct.detail_depth,
@@ -325,7 +343,7 @@ def _check_in_one_piece(
 def _check(options: BuildOptions) -> SurveyFiles:
     """Refuse at once what would end the build after an hour; return the survey's files."""
     scene = options.scene.absolute()
-    survey = find_survey(options.inputs, skip_damaged=options.skip_damaged)
+    survey = find_survey(options.inputs, skip_damaged=options.skip_damaged, extent=options.extent)
     try:
         scene.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, Final
 
 from terraport_pipeline.engines.readers.survey_stream import FileHead
@@ -10,7 +12,7 @@ from terraport_pipeline.model import Crs
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import read_streamed
 from terraport_pipeline.stages.contract import IN_FOLDER
-from terraport_pipeline.survey_files import SurveyFile, SurveyFiles
+from terraport_pipeline.survey_files import OUTSIDE, SurveyFile, SurveyFiles
 from terraport_pipeline.workflow.runner import Runner, Stage
 from terraport_pipeline.workflow.workdir import StageRecord, file_digest
 from terraport_store.manifest import InputInfo
@@ -24,6 +26,8 @@ _MOST_LEFT_OUT: Final = 1000
 def look_at_survey(runner: Runner, survey: SurveyFiles) -> tuple[SurveyFiles, tuple[FileHead, ...]]:
     """Read the headers of a survey's files and hash them, before any point is read.
 
+    Of files with an index only those bytes are hashed that hold what may lie within the extent.
+
     Raises
     ------
     SurveyError, ReadError
@@ -31,7 +35,7 @@ def look_at_survey(runner: Runner, survey: SurveyFiles) -> tuple[SurveyFiles, tu
     """
     survey, heads = survey.heads(runner.progress)
     head_of = {file.path: head for file, head in zip(survey.files, heads, strict=True)}
-    survey = _hashed(survey, runner.progress)
+    survey = _hashed(survey, head_of, runner.progress)
     return survey, tuple(head_of[file.path] for file in survey.files)
 
 
@@ -56,6 +60,9 @@ def read_once(
         "skip_damaged": survey.skip_damaged,
         "damaged": [list(pair) for pair in survey.damaged],
     }
+    if survey.extent is not None:
+        options["extent"] = [*survey.extent.values]
+        options["crs_outside"] = None if survey.crs_outside is None else survey.crs_outside.srs
     return runner.run(
         Stage(
             read_streamed.NAME,
@@ -92,15 +99,23 @@ def inputs_of(survey: SurveyFiles, record: StageRecord) -> dict[str, Any]:
     dict
         ``inputs``: name, format, bytes, xxh3, points (in the file) and repeats (of these, how many
         a file before it has too, in every value; they were taken once). ``left_out``: name,
-        reason, damaged.
+        reason, damaged. With an extent, every input has ``outside`` (points), xxh3 is that of the
+        bytes that were read, and ``extent`` says ``values``, ``points`` and ``files`` outside, and
+        ``remarks``.
     """
     notes = record.facts.notes
     read = {file["xxh3"]: file for file in notes["files"]}
+    outside = [*survey.outside, *((name, points) for name, points in notes["outside"])]
     damaged = [*survey.damaged, *((name, reason) for name, reason in notes["damaged"])]
-    ignored = [*survey.ignored, *((name, "has no points") for name in notes["empty"])]
+    ignored = [
+        *survey.ignored,
+        *((name, "has no points") for name in notes["empty"]),
+        *((name, OUTSIDE) for name, _ in outside),
+    ]
     if len(ignored) > _MOST_LEFT_OUT:
         more = f"{len(ignored) - _MOST_LEFT_OUT:,} more files"
         ignored = [*ignored[:_MOST_LEFT_OUT], (more, "not listed")]
+    extent = survey.extent
     return {
         "inputs": [
             {
@@ -110,6 +125,7 @@ def inputs_of(survey: SurveyFiles, record: StageRecord) -> dict[str, Any]:
                 "xxh3": file.xxh3,
                 "points": read[file.xxh3]["points"],
                 "repeats": read[file.xxh3]["repeats"],
+                **({} if extent is None else {"outside": read[file.xxh3]["outside"]}),
             }
             for file in survey.files
             if file.xxh3 in read
@@ -118,20 +134,38 @@ def inputs_of(survey: SurveyFiles, record: StageRecord) -> dict[str, Any]:
             *({"name": n, "reason": reason, "damaged": True} for n, reason in damaged),
             *({"name": n, "reason": reason, "damaged": False} for n, reason in ignored),
         ],
-    }
+        "extent": None if extent is None else {
+            "values": [*extent.values],
+            "points": sum(f["outside"] for f in notes["files"]) + sum(n for _, n in outside),
+            "files": len(outside),
+            "remarks": list(notes["remarks"]),
+        },
+    }  # fmt: skip
 
 
-def _hashed(survey: SurveyFiles, progress: Progress) -> SurveyFiles:
-    """Compute every file's hash; of files with the same bytes the first stays."""
-    progress.start("read: checksum", float(survey.size_bytes), "bytes")
+def _hashed(
+    survey: SurveyFiles, head_of: Mapping[Path, FileHead], progress: Progress
+) -> SurveyFiles:
+    """Compute the hash of what is read of every file; of files with the same one the first stays.
+
+    Where an index leaves out points their bytes do not count, or a hundredth of a large file would
+    cost reading all of it.
+    """
+    ranges_of = {file.path: head_of[file.path].ranges for file in survey.files}
+    total = sum(
+        file.bytes if ranges is None else sum(end - begin for begin, end in ranges)
+        for file, ranges in zip(survey.files, ranges_of.values(), strict=True)
+    )
+    progress.start("read: checksum", float(total), "bytes")
     unique: dict[tuple[int, str], SurveyFile] = {}
     ignored = list(survey.ignored)
     for file in survey.files:
-        xxh3 = file_digest(file.path, progress.advance)
+        xxh3 = file_digest(file.path, progress.advance, ranges_of[file.path])
         first = unique.get((file.bytes, xxh3))
         if first is None:
             unique[file.bytes, xxh3] = replace(file, xxh3=xxh3)
         else:
-            ignored.append((file.name, f"has the same bytes as {first.name}"))
+            what = "bytes" if ranges_of[file.path] is None else "bytes within the extent"
+            ignored.append((file.name, f"has the same {what} as {first.name}"))
     progress.done({} if len(survey.files) == 1 else {"files": len(unique)})
     return replace(survey, files=tuple(unique.values()), ignored=tuple(ignored))

@@ -11,7 +11,9 @@ from typing import Any, Final
 
 from rich.table import Table
 
+from terraport_pipeline.report.facts import extent_line
 from terraport_pipeline.stages.contract import Facts
+from terraport_pipeline.survey_files import OUTSIDE
 from terraport_pipeline.workflow.workdir import Cost
 
 __all__ = ["BUILD_REPORT_NAME", "BuildReport", "StageReport", "write_build_report"]
@@ -72,6 +74,8 @@ class BuildReport:
     """The survey's files, as :func:`terraport_pipeline.workflow.read_step.inputs_of` lists them."""
     left_out: Sequence[Mapping[str, Any]] = ()
     """Files beside them that are no part of the survey, or damaged."""
+    extent: Mapping[str, Any] | None = None
+    """What lies outside the extent that was asked for, if one was; as listed there."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -89,7 +93,14 @@ class BuildReport:
                 f"{len(self.inputs)} files with {points:,} points; {repeats:,} lie in several and "
                 "were taken once"
             )
-        ignored = [f"{f['name']} ({f['reason']})" for f in self.left_out if not f["damaged"]]
+        if self.extent is not None:
+            notes.append(f"extent {extent_line({'extent': self.extent})}")
+            notes += self.extent["remarks"]
+        ignored = [
+            f"{f['name']} ({f['reason']})"
+            for f in self.left_out
+            if not f["damaged"] and f["reason"] != OUTSIDE
+        ]
         if ignored:
             more = f" and {len(ignored) - _NAMED} more" if len(ignored) > _NAMED else ""
             notes.append(f"not read: {', '.join(ignored[:_NAMED])}{more}")
@@ -126,6 +137,7 @@ class BuildReport:
             "peak_bytes": self.peak_bytes,
             "inputs": list(self.inputs),
             "left_out": list(self.left_out),
+            **({} if self.extent is None else {"extent": dict(self.extent)}),
             "stages": [
                 {
                     "name": stage.name,

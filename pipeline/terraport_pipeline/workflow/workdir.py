@@ -20,7 +20,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Final
@@ -47,6 +47,9 @@ _BLOCK_BYTES: Final = 1 << 24
 
 _DISK_FULL: Final = frozenset({28, 27, 122})
 """errno ENOSPC, EFBIG, EDQUOT."""
+
+_DIGEST_BYTES: Final = 1 << 22
+"""Bytes of a file in memory at once while they are hashed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -297,18 +300,38 @@ def _map(path: Path) -> AnyArray:
     return array
 
 
-def file_digest(path: Path, advance: Callable[[int], None] | None = None) -> str:
+def file_digest(
+    path: Path,
+    advance: Callable[[int], None] | None = None,
+    ranges: Sequence[tuple[int, int]] | None = None,
+) -> str:
     """Compute the XXH3-64 of a file's bytes, 16 hexadecimal digits.
 
-    `advance` is told how many bytes were read since it was last.
+    Parameters
+    ----------
+    path : pathlib.Path
+    advance : callable, optional
+        Told how many bytes were read since it was last.
+    ranges : sequence of (int, int), optional
+        First byte and the one behind the last of what is read; where they lie counts, too. All
+        bytes without it.
     """
     digest = xxhash.xxh3_64()
+    if ranges is not None:
+        digest.update(repr([*ranges]).encode())
     with path.open("rb") as file:
-        while block := file.read(1 << 22):
-            digest.update(block)
-            if advance is not None:
-                advance(len(block))
+        for begin, end in ((0, None),) if ranges is None else ranges:
+            file.seek(begin)
+            while block := file.read(_left(file.tell(), end)):
+                digest.update(block)
+                if advance is not None:
+                    advance(len(block))
     return digest.hexdigest()
+
+
+def _left(at: int, end: int | None) -> int:
+    """Bytes of a block that is read at once, up to the end of its range."""
+    return _DIGEST_BYTES if end is None else min(_DIGEST_BYTES, max(0, end - at))
 
 
 @contextlib.contextmanager

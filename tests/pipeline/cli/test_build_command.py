@@ -72,6 +72,8 @@ def test_a_folder_and_a_pattern_become_a_scene_and_say_what_was_read(tmp_path: P
             2,
             "error: camera offset '1,2'; expected three finite numbers",
         ),
+        (["--extent", "nan", "0", "1", "1"], 2, "error: extent nan 0 1 1; expected four finite"),
+        (["--extent", "5", "0", "1", "1"], 2, "error: extent 5 0 1 1: XMIN 5 is not below XMAX 1"),
         (["--texture-quality", "50"], 2, "without photos; expected the folder of the photos with"),
         (["--no-such-option"], 2, "No such option"),
     ],
@@ -94,6 +96,14 @@ def test_a_bad_survey_exits_with_1(tmp_path: Path) -> None:
     assert code == 1
     assert "error: 3 different points (of 3 read)" in output
     assert "Traceback" not in output
+
+
+def test_an_extent_beside_the_survey_exits_with_1(hill_file: Path, tmp_path: Path) -> None:
+    """Negative coordinates are no options."""
+    code, output = run(hill_file, "-o", tmp_path / "scene", "--extent", "-9.5", "-9", "9", "9")
+    assert code == 1
+    assert "has no point within extent -9.5 -9 9 9: it spans" in output
+    assert not (tmp_path / "scene").exists()
 
 
 def test_ctrl_c_exits_with_130_and_says_how_to_go_on(

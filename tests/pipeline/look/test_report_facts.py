@@ -7,7 +7,7 @@ from pathlib import Path
 
 from store.tiny_scene import write_tiny_scene
 
-from terraport_pipeline.report.facts import collect_facts
+from terraport_pipeline.report.facts import collect_facts, extent_line
 from terraport_store import Scene, SceneWriter, change_labels
 
 
@@ -114,3 +114,12 @@ def test_the_files_of_a_survey_are_listed_and_what_was_not_read(tmp_path: Path) 
     assert details["input"].endswith("tile_19.laz and 10 more")
     assert details["damaged files, left out"] == "tile_31.laz (it is cut off)"
     assert details["files not read"] == "README.txt (is no survey)"
+
+
+def test_an_extent_is_said_in_a_line_and_rubbish_is_not() -> None:
+    extent = {"values": [1.5, 2.0, 3.0, 4.0], "points": 1200, "files": 0, "remarks": []}
+    assert extent_line({"extent": extent}) == (
+        "1.5 2 3 4 in the files' coordinates; 1,200 points lie outside it"
+    )
+    for rubbish in (None, [], {"values": 7}, "1 2 3 4"):
+        assert extent_line({"extent": rubbish}) == ""

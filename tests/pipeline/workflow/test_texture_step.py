@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 import PIL.Image
 import pytest
-from pipeline.flat_photos import ORIGIN, field_colour, write_field
+from pipeline.flat_photos import ORIGIN, field_colour, field_views, render_field, write_field
 
 from terraport_payload import SegmentMesh, decode_glb
+from terraport_pipeline.engines.camera_files.write_colmap import write_colmap
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.errors import OptionError, PhotoError
+from terraport_pipeline.extent import Extent
 from terraport_pipeline.stages import reconstruct, segment, texture
 from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_pipeline.workflow.photo_input import Texturing
@@ -210,6 +212,28 @@ def test_a_set_with_something_wrong_ends_in_a_scene_and_a_word(
     counts = next(stage.facts.counts for stage in result.stages if stage.name == "texture")
     assert (counts["photos"], counts["photos_left_out"]) == (5 - left_out, left_out)
     assert any(word in text for text in result.warnings), result.warnings
+
+
+def test_an_extent_takes_photos_that_show_nothing_of_it(tmp_path: Path) -> None:
+    """A photo of the other end of the field is no fault of the photos."""
+    write_field(tmp_path)
+    aside = replace(field_views()[0], name="aside.png", position=np.array([300.0, 40.0, 0.0]))
+    PIL.Image.fromarray(render_field(aside)).save(tmp_path / "photos" / "aside.png")
+    write_colmap(tmp_path / "colmap", [*field_views(), aside], origin=ORIGIN)
+    east, north = ORIGIN[:2]
+    west = Extent(east - 12, north - 12, east - 1, north + 12)
+    result = build(options_for(tmp_path, tmp_path / "scene", extent=west))
+    assert validate_scene(tmp_path / "scene") == []
+    assert not any("photos" in text for text in result.warnings)
+    with Scene.open(tmp_path / "scene") as scene:
+        offset = np.array(scene.manifest.origin) - ORIGIN
+        meshes = list(payloads(scene))
+    rng = np.random.default_rng(1)
+    for mesh in meshes:
+        points, level = shown(mesh, rng)
+        assert points[:, 0].max() + offset[0] < 1.5
+        truth = field_colour(points[:, 0] + offset[0], -points[:, 2] + offset[1])
+        assert np.abs(level - truth).mean() < 4
 
 
 def test_where_no_photo_shows_the_survey_its_own_colours_are_drawn(

@@ -168,6 +168,24 @@ def test_file_digest_is_of_the_bytes(tmp_path: Path) -> None:
     assert file_digest(path) != "2d06800538d394c2"
 
 
+def test_file_digest_of_ranges_is_of_their_bytes_and_places(tmp_path: Path) -> None:
+    path = tmp_path / "f"
+    path.write_bytes(bytes(range(100)))
+    read: list[int] = []
+    ranges = [(0, 10), (40, 50), (95, 200)]
+    digest = file_digest(path, read.append, ranges)
+    assert sum(read) == 25
+    changed = bytearray(path.read_bytes())
+    changed[20] = 0  # not in them
+    path.write_bytes(changed)
+    assert file_digest(path, None, ranges) == digest
+    changed[45] = 0
+    path.write_bytes(changed)
+    assert file_digest(path, None, ranges) != digest
+    path.write_bytes(bytes(100))
+    assert file_digest(path, None, [(0, 10)]) != file_digest(path, None, [(10, 20)])
+
+
 def test_records_are_readable(work: WorkDirectory) -> None:
     work.save("clean", "k1", STORED, FACTS, COST)
     record = json.loads((work.path / "clean" / "stage.json").read_text())

@@ -3,6 +3,9 @@
 COPC is LAZ with an index: its full resolution is read in file order. Every dimension is kept as an
 attribute under its LAS name, except X, Y, Z and colour, and except standard fields that hold their
 "not set" value in every point (0; 1 for the return numbers).
+
+For an extent only those blocks are read that may hold points within it, where the file has an index
+that says which (:mod:`.las_index`); a file whose header puts it outside the extent is not read.
 """
 
 from __future__ import annotations
@@ -15,11 +18,20 @@ from pathlib import Path
 from typing import Any, Final
 
 import laspy
-import lazrs
 import numpy as np
 from pyproj.exceptions import CRSError
 
-from terraport_payload.types import AnyArray, Float64
+from terraport_payload.types import AnyArray, Float64, Int64
+from terraport_pipeline.engines.readers.las_blocks import (
+    CHUNK_POINTS,
+    Blocks,
+    brief,
+    file_blocks,
+    iterate_blocks,
+    means_damage,
+    no_blocks,
+)
+from terraport_pipeline.engines.readers.las_index import Selection, select_blocks
 from terraport_pipeline.engines.readers.raw_survey import (
     Advance,
     RawSurvey,
@@ -28,11 +40,18 @@ from terraport_pipeline.engines.readers.raw_survey import (
     to_eight_bits,
 )
 from terraport_pipeline.errors import NoPointsError, ReadError
+from terraport_pipeline.extent import Extent
 
 __all__ = ["UNSET", "LasStream", "open_las", "read_las"]
 
-_CHUNK_POINTS: Final = 500_000
-"""Points decoded at once: about 60 MB."""
+_CHUNK_POINTS: Final = CHUNK_POINTS
+"""Points decoded at once where a file is read from its beginning to its end."""
+
+_MOST_BLOCK_POINTS: Final = 4 * CHUNK_POINTS
+"""Points of a block that is still decoded whole; some writers put a whole file into one chunk."""
+
+_WIDEST: Final = 1e7
+"""A header that states a wider box is wrong."""
 
 _COLOURS: Final = ("red", "green", "blue")
 
@@ -50,21 +69,6 @@ _MOST_STEPS: Final = 2.0**52
 _STEP_ERROR: Final = 1e-6
 """Scale and offset count as whole numbers of steps of 1/k up to 2^52 of them, within a millionth of
 one: what is left of a decimal fraction in float64."""
-
-_DAMAGED: Final = (
-    laspy.LaspyException,
-    lazrs.LazrsError,
-    ArithmeticError,
-    EOFError,
-    MemoryError,
-    OSError,
-    ValueError,
-)
-"""What laspy and lazrs raise on damaged files (found by flipping bytes)."""
-
-_PANIC_MODULE: Final = "pyo3_runtime"
-"""Home of the exception that a failed check inside lazrs raises; it has no importable name and is
-no :class:`Exception`."""
 
 
 def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
@@ -125,19 +129,20 @@ class LasStream:
     """Dimensions that the standard names; they are left out where they hold nothing."""
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
-    low: tuple[float, float, float]
-    high: tuple[float, float, float]
-    """Corners of the box that the header states, in the file's unit; may be nonsense."""
-
-    @property
-    def sides(self) -> tuple[float, float, float]:
-        """Sides of that box."""
-        (a, b, c), (x, y, z) = self.low, self.high
-        return x - a, y - b, z - c
+    box: tuple[tuple[float, float, float], tuple[float, float, float]] | None
+    """Corners that the header states, in the file's unit; None where they are nonsense."""
+    rows: int
+    """Points that are read: fewer than all where an extent and an index leave some out."""
+    ranges: tuple[tuple[int, int], ...] | None = None
+    """Bytes that are read, as first and the one behind the last; None where all are."""
+    remarks: tuple[str, ...] = ()
+    """Why an index is not used."""
 
 
 @contextlib.contextmanager
-def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream]:
+def open_las(
+    path: Path, *, max_points: int | None = None, extent: Extent | None = None
+) -> Iterator[LasStream]:
     """Open a file for reading in parts of half a million points.
 
     Parameters
@@ -145,7 +150,10 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
     path : pathlib.Path
         Starts with ``LASF``.
     max_points : int, optional
-        Thin to this many points.
+        Thin to this many points; of a whole file, not of an extent.
+    extent : Extent, optional
+        Leave out what an index or the header shows to lie outside it. Of what is read, points may
+        lie outside it all the same.
 
     Raises
     ------
@@ -157,11 +165,11 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
     try:
         reader = laspy.open(path, laz_backend=laspy.LazBackend.Lazrs)
     except BaseException as error:
-        if not _means_damage(error):
+        if not means_damage(error):
             raise
         raise ReadError(
             path,
-            f"the LAS header or the compressed table cannot be read ({_brief(error)})",
+            f"the LAS header or the compressed table cannot be read ({brief(error)})",
             "the file is cut off or damaged: copy or export it again",
         ) from error
     # (2) Header and size agree; several threads only where the compressed table is whole.
@@ -172,12 +180,15 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
         if count == 0:
             raise NoPointsError(path, "the header says 0 points", "export the survey again")
         _check_size(path, header)
-        if header.are_points_compressed and _has_whole_table(path, header):
+        blocks = file_blocks(path, header)
+        if header.are_points_compressed and blocks is not None:
             reader = stack.enter_context(
                 laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel)
             )
-        # (3) Frame, thinning and columns.
+        # (3) Frame, extent, thinning and columns.
         crs, warnings = _find_crs(header)
+        box = _stated_box(header)
+        selection, remarks = _select(path, header, box, blocks, extent)
         rows = thinning_rows(count, max_points)
         names = [n for n in header.point_format.dimension_names if n not in ("X", "Y", "Z")]
         if not all(names) or len(set(names)) < len(names):
@@ -190,13 +201,22 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
 
         # (4) Chunks in file order; thinned rows count from the start of the file.
         def chunks() -> Iterator[StreamChunk]:
+            if selection is not None:
+                for numbers, chunk in iterate_blocks(
+                    path, header, selection.blocks, selection.wanted
+                ):
+                    points = _points_of(chunk, header)
+                    if extent is not None and selection.intervals is not None:
+                        _check_index(path, selection, numbers[extent.holds(points)])
+                    columns = {name: np.asarray(chunk[name]) for name in names}
+                    yield StreamChunk(points, columns, len(chunk))
+                return
             for first, chunk in _iterate(reader, path, count):
                 wanted: Any = slice(None)
                 if rows is not None:
                     low, high = np.searchsorted(rows, (first, first + len(chunk)))
                     wanted = rows[low:high] - first
-                ticks = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
-                points = _placed(ticks, header.scales, header.offsets)
+                points = _points_of(chunk, header, wanted)
                 columns = {name: np.asarray(chunk[name])[wanted] for name in names}
                 yield StreamChunk(points, columns, len(chunk))
 
@@ -207,8 +227,61 @@ def open_las(path: Path, *, max_points: int | None = None) -> Iterator[LasStream
             warnings,
             frozenset(header.point_format.standard_dimension_names),
             chunks,
-            _corner(header.mins),
-            _corner(header.maxs),
+            box,
+            count if selection is None else selection.rows,
+            None if selection is None else selection.ranges(path.stat().st_size),
+            remarks,
+        )
+
+
+def _select(
+    path: Path, header: Any, box: Any, blocks: Blocks | None, extent: Extent | None
+) -> tuple[Selection | None, tuple[str, ...]]:
+    """Select the blocks to read for an extent; None reads all. Also why an index is not used."""
+    if extent is None:
+        return None, ()
+    # The margin: some writers round the box in the header, some the points.
+    step = float(np.abs(header.scales[:2]).max())
+    if box is not None and np.isfinite(step) and not extent.touches(box[0], box[1], margin=step):
+        return Selection(no_blocks(header), np.zeros(0, bool), "the header"), ()
+    if blocks is None:
+        return None, ()
+    selection, remarks = select_blocks(path, header, blocks, extent)
+    if selection is not None and blocks.rows[selection.wanted].max(initial=0) > _MOST_BLOCK_POINTS:
+        return None, remarks
+    return selection, remarks
+
+
+def _stated_box(
+    header: Any,
+) -> tuple[tuple[float, float, float], tuple[float, float, float]] | None:
+    """Corners that a header states; some writers leave them 0."""
+    low, high = _corner(header.mins), _corner(header.maxs)
+    sane = all(0 < b - a < _WIDEST for a, b in zip(low, high, strict=True))
+    return (low, high) if sane else None
+
+
+def _points_of(chunk: Any, header: Any, wanted: Any = slice(None)) -> Float64:
+    """Coordinates of some rows of a chunk."""
+    ticks = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
+    return _placed(ticks, header.scales, header.offsets)
+
+
+def _check_index(path: Path, selection: Selection, rows: Int64) -> None:
+    """Refuse an index that leaves out rows which lie within the extent: it is of other points.
+
+    Blocks are read whole, so most indices that do not belong to the file are found out.
+    """
+    assert selection.intervals is not None
+    first, behind = selection.intervals.T
+    number = np.searchsorted(first, rows, side="right") - 1
+    missed = rows[(number < 0) | (rows >= behind[number])]
+    if len(missed):
+        raise ReadError(
+            path,
+            f"{selection.index} leaves out points that lie within the extent",
+            "it is of an earlier state of the file: make it again (lasindex), or delete it",
+            f"point {int(missed[0]):,}",
         )
 
 
@@ -334,28 +407,6 @@ def _check_chunk_table(path: Path, table: int, count: int) -> None:
         )
 
 
-def _has_whole_table(path: Path, header: Any) -> bool:
-    """Whether the table of chunks accounts for every point and byte, so that threads may use it.
-
-    The decoder in threads trusts the table; the one that reads on in the file does not need it.
-    """
-    try:
-        with path.open("rb") as file:
-            file.seek(int(header.offset_to_point_data))
-            (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\xff"))
-            file.seek(int(header.offset_to_point_data))
-            records = header.vlrs.get("LasZipVlr")
-            chunks = lazrs.read_chunk_table(file, lazrs.LazVlr(records[0].record_data))
-    except BaseException as error:
-        if not _means_damage(error) and not isinstance(error, (IndexError, TypeError)):
-            raise
-        return False
-    # Where chunks have one size, the last is told as full and need not be.
-    most = sum(chunk[0] for chunk in chunks)
-    end = int(header.offset_to_point_data) + 8 + sum(chunk[1] for chunk in chunks)
-    return bool(chunks and most - chunks[-1][0] < header.point_count <= most and end == table)
-
-
 def _iterate(reader: Any, path: Path, count: int) -> Iterator[tuple[int, Any]]:
     """Yield (first point, chunk); turn whatever the decoder raises into a ReadError."""
     first = 0
@@ -364,13 +415,13 @@ def _iterate(reader: Any, path: Path, count: int) -> Iterator[tuple[int, Any]]:
         try:
             chunk = next(chunks, None)
         except BaseException as error:
-            if not _means_damage(error):
+            if not means_damage(error):
                 raise
             last = min(first + _CHUNK_POINTS, count)
             raise ReadError(
                 path,
                 f"the point data is cut off or damaged between points {first:,} and {last:,} of "
-                f"{count:,} ({_brief(error)})",
+                f"{count:,} ({brief(error)})",
                 "copy or export the file again",
                 f"point {first:,}",
             ) from error
@@ -390,7 +441,7 @@ def _find_crs(header: Any) -> tuple[Any | None, tuple[str, ...]]:
         return header.parse_crs(), ()
     except (CRSError, ValueError, KeyError, laspy.LaspyException) as error:
         warning = (
-            f"The file's coordinate reference system cannot be understood ({_brief(error)}); the "
+            f"The file's coordinate reference system cannot be understood ({brief(error)}); the "
             "survey is treated as one without."
         )
         return None, (warning,)
@@ -422,12 +473,3 @@ def _keep_attributes(columns: dict[str, AnyArray], standard: set[str]) -> dict[s
             for component in range(values.shape[1]):
                 kept[f"{name}_{component}"] = np.ascontiguousarray(values[:, component])
     return kept
-
-
-def _means_damage(error: BaseException) -> bool:
-    return isinstance(error, _DAMAGED) or type(error).__module__ == _PANIC_MODULE
-
-
-def _brief(error: BaseException) -> str:
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text[:160]

@@ -8,8 +8,9 @@ deep the colours are) is written down as rules for whoever puts the parts togeth
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,6 +21,7 @@ from terraport_pipeline.engines.readers.read_pcd import is_binary_pcd, read_pcd,
 from terraport_pipeline.engines.readers.read_ply import stream_ply
 from terraport_pipeline.engines.readers.read_xyz import stream_xyz
 from terraport_pipeline.engines.readers.survey_format import find_format
+from terraport_pipeline.extent import Extent
 
 __all__ = [
     "FileHead",
@@ -33,9 +35,8 @@ __all__ = [
 _LAS_COLOURS: Final = ("red", "green", "blue")
 _PCD_COLOUR: Final = "rgb"
 
-
 _WIDEST: Final = 1e7
-"""A header that states a wider box is wrong."""
+"""A survey that is said to be wider has a wrong header."""
 
 _BYTES_PER_POINT: Final = {"xyz": 40, "pcd": 20}
 """Of usual coloured files; only decides early whether a survey might not fit."""
@@ -66,6 +67,12 @@ class SurveyStream:
     opener looks itself."""
     late_warnings: Callable[[], tuple[str, ...]] = tuple
     """What is known when all parts were read."""
+    skipped: int = 0
+    """Points that are not read, because an index shows that they lie outside the extent."""
+    box: tuple[tuple[float, float, float], tuple[float, float, float]] | None = None
+    """Corners that the header states, in the file's unit."""
+    remarks: tuple[str, ...] = ()
+    """What changes how the file is read, and not what is read of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +86,10 @@ class FileHead:
     low: tuple[float, float, float] | None = None
     high: tuple[float, float, float] | None = None
     """Corners of its box, in the file's unit; None where the header does not say them."""
+    rows: int | None = None
+    """Points that are read where an extent and an index leave some out; None: all."""
+    ranges: tuple[tuple[int, int], ...] | None = None
+    """Bytes that are read then, as first and the one behind the last; None: all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +103,7 @@ class SurveySize:
     """Of the box seen from above, in the same unit squared."""
 
 
-def read_head(path: Path, name: str) -> FileHead:
+def read_head(path: Path, name: str, extent: Extent | None = None) -> FileHead:
     """Read what a file's header says.
 
     Parameters
@@ -101,6 +112,8 @@ def read_head(path: Path, name: str) -> FileHead:
     name : str
         Format, from :func:`~terraport_pipeline.engines.readers.survey_format.find_format`; empty
         where that refused the file: it does so again here.
+    extent : Extent, optional
+        That the file is to be read for.
 
     Raises
     ------
@@ -109,10 +122,9 @@ def read_head(path: Path, name: str) -> FileHead:
     """
     name = name or find_format(path)
     if name == "las":
-        with open_las(path) as las:
-            sane = all(0 < side < _WIDEST for side in las.sides)  # some writers leave it 0
-            corners = (las.low, las.high) if sane else (None, None)
-            return FileHead(las.count, las.crs, *corners)
+        with open_las(path, extent=extent) as las:
+            rows = None if las.ranges is None else las.rows
+            return FileHead(las.count, las.crs, *(las.box or (None, None)), rows, las.ranges)
     if name == "e57":
         with open_e57(path) as e57:
             return FileHead(e57.count, e57.crs)
@@ -121,8 +133,13 @@ def read_head(path: Path, name: str) -> FileHead:
     return FileHead(path.stat().st_size // _BYTES_PER_POINT[name])
 
 
-def survey_size(heads: Sequence[FileHead]) -> SurveySize:
-    """Say how large a survey of so many files is."""
+def survey_size(heads: Sequence[FileHead], extent: Extent | None = None) -> SurveySize:
+    """Say how large a survey of so many files is, or what lies of it within an extent.
+
+    Points are taken to be spread evenly over each file's box.
+    """
+    if extent is not None:
+        heads = [_within(head, extent) for head in heads]
     points = sum(head.points for head in heads)
     boxes = [(h.low, h.high) for h in heads if h.low is not None and h.high is not None]
     if len(boxes) < len(heads):
@@ -136,8 +153,20 @@ def survey_size(heads: Sequence[FileHead]) -> SurveySize:
     return SurveySize(points, max(sides), sides[0] * sides[1])
 
 
+def _within(head: FileHead, extent: Extent) -> FileHead:
+    """Reduce a head to the part of its box within an extent."""
+    most = head.points if head.rows is None else head.rows
+    if head.low is None or head.high is None:
+        return replace(head, points=most)
+    points = min(most, math.ceil(head.points * extent.share(head.low, head.high)))
+    low, high = extent.clipped(head.low, head.high)
+    return replace(head, points=points, low=low, high=high)
+
+
 @contextlib.contextmanager
-def open_stream(path: Path, name: str, *, bounded: bool = True) -> Iterator[SurveyStream]:
+def open_stream(
+    path: Path, name: str, *, bounded: bool = True, extent: Extent | None = None
+) -> Iterator[SurveyStream]:
     """Open a survey for reading in parts.
 
     Parameters
@@ -147,23 +176,27 @@ def open_stream(path: Path, name: str, *, bounded: bool = True) -> Iterator[Surv
         Format, from :func:`~terraport_pipeline.engines.readers.survey_format.find_format`.
     bounded : bool
         Refuse what can only be read whole; otherwise it comes as one part.
+    extent : Extent, optional
+        Leave out what an index or the header shows to lie outside it. All other formats, and LAS
+        without an index, come whole: whoever takes the points decides which are within.
 
     Raises
     ------
     ReadError
         The file is damaged, or of a kind that cannot be read in parts; says how to convert it.
     """
-    with _OPENERS[name](path, bounded) as stream:
+    opened = _open_las(path, extent) if name == "las" else _OPENERS[name](path, bounded)
+    with opened as stream:
         yield stream
 
 
 @contextlib.contextmanager
-def _open_las(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
-    with open_las(path) as stream:
+def _open_las(path: Path, extent: Extent | None) -> Iterator[SurveyStream]:
+    with open_las(path, extent=extent) as stream:
         unset = {name: UNSET.get(name, (0,)) for name in stream.standard}
         yield SurveyStream(
             "las",
-            stream.count,
+            stream.rows,
             "points",
             stream.chunks,
             stream.crs,
@@ -171,6 +204,9 @@ def _open_las(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
             _LAS_COLOURS if stream.standard.issuperset(_LAS_COLOURS) else (),
             unset,
             stated_step=True,
+            skipped=stream.count - stream.rows,
+            box=stream.box,
+            remarks=stream.remarks,
         )
 
 
@@ -232,7 +268,6 @@ def _open_e57(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
 
 
 _OPENERS: Final[dict[str, Callable[[Path, bool], Any]]] = {
-    "las": _open_las,
     "ply": _open_ply,
     "pcd": _open_pcd,
     "xyz": _open_xyz,
