@@ -551,7 +551,8 @@ def _file_warnings(spooled: Sequence[_Spooled], damaged: Sequence[tuple[str, str
         )
     if damaged:
         each = "; ".join(f"{name} ({reason})" for name, reason in damaged)
-        warnings.append(f"Left out, as they cannot be read: {each}.")
+        share = len(damaged) / (len(damaged) + len(spooled))
+        warnings.append(f"Left out, {share:.1%} of the files, as they cannot be used: {each}.")
     return warnings
 
 
