@@ -56,9 +56,11 @@ def noise_in_header(path: Path) -> None:
 
 
 def flipped_bit(path: Path) -> None:
-    """Flip a bit in the middle of the compressed points."""
+    """Flip a bit of the compressed coordinates: they come first, colours after them."""
     data = bytearray(path.read_bytes())
-    data[len(data) // 2] ^= 0x40
+    with laspy.open(path) as reader:
+        start = reader.header.offset_to_point_data
+    data[start + (len(data) - start) // 5] ^= 0x40
     path.write_bytes(data)
 
 
