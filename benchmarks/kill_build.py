@@ -1,12 +1,13 @@
 """Kill -9 builds of several tiles: what is published is whole, and the next run goes on.
 
 Three series; after every kill the scene is opened and every hash, bound and payload checked, the
-same command is given again, and the bytes that it publishes are compared with an undisturbed run's.
+same command is given again, and the bytes that it publishes at last are compared with those of an
+undisturbed run.
 
-first   The first build of a scene, killed at random moments. There is no scene, or the whole one;
-        tiles that were finished are not done again.
-next    A build of the next survey over a scene, killed at random moments. The old scene stands, or
-        the new one does.
+first   The first build of a scene, killed at random moments, and given again until it ends. There
+        is no scene, or the whole one; tiles that were finished are not done again.
+next    A build of the next survey over a scene, in the same way. The old scene stands, or the new
+        one does.
 exact   The same, killed before acts that have to do with publishing: renames, links, deletions and
         files opened in the scene and in what the work directory keeps for the survey after. Around
         the rename that publishes that survey is built, too: after the same command, and without it.
@@ -40,6 +41,9 @@ from parts.killed_command import (
 )
 
 PUBLISH: Final = "os.rename"
+
+_SHARE: Final = 0.4
+"""Of an undisturbed build's time: how late a run is killed at most."""
 
 
 @dataclass
@@ -97,35 +101,50 @@ class Place:
 
 
 def kill_at_random(
-    place: Place, title: str, flight: int, start: str | None, moments_s: Sequence[float]
+    place: Place, title: str, flight: int, start: str | None, kills: int, rng: np.random.Generator
 ) -> None:
-    """Kill a build at moments, look at the scene, give the command again, compare."""
-    # (1) Undisturbed.
+    """Kill a build again and again at random moments until it has ended; begin anew; compare."""
+    # (1) Undisturbed; how long it takes is the range from which the moments are drawn.
     place.begin_from(start)
     old, _ = check_scene(place.scene)
     place.begin_from(f"flight {flight}")
     new, _ = check_scene(place.scene)
     expected = scene_bytes(place.scene)
-    for number, moment_s in enumerate(moments_s):
-        # (2) Killed: the old scene or the new one is there, whole.
+    whole_s = float((place.folder / f"flight {flight}" / "seconds").read_text(encoding="ascii"))
+    killed = 0
+    while killed < kills:
         place.begin_from(start)
-        given = finished_tiles(place.work)
-        was_running = run_killed(place.build(flight), after_s=moment_s)
-        version, said = place.whole((old, new))
-        # (3) The same command: a tile that the killed run finished is not done again.
-        left = finished_tiles(place.work)
-        own = {name: time for name, time in left.items() if given.get(name) != time}
+        given, own = finished_tiles(place.work), dict[str, int]()
+        # Invariant: `own` are the results of tiles that killed runs of this build have finished.
+        was_running = True
+        while was_running and killed < kills:
+            # (2) Killed: the old scene or the new one is there, whole.
+            moment_s = float(rng.uniform(0, _SHARE * whole_s))
+            was_running = run_killed(place.build(flight), after_s=moment_s)
+            version, said = place.whole((old, new))
+            # (3) A tile that an earlier run had finished was not done again.
+            left = finished_tiles(place.work)
+            again = sum(left.get(name) != time for name, time in own.items())
+            said += place.expect(again == 0, f"{again} finished results were computed again")
+            more = sum(name not in own and given.get(name) != left[name] for name in left)
+            own = {name: time for name, time in left.items() if given.get(name) != time}
+            state = "no" if version is None else "old" if version == old else "new"
+            killed += was_running
+            verb = f"kill {killed}" if was_running else "ended"
+            print(
+                f"{title}: {verb} after {moment_s:.1f} s, {state} scene, {more} more results of "
+                f"tiles, {again} of {len(own) - more} a second time{said}",
+                flush=True,
+            )
+        # (4) To the end.
         run(place.build(flight))
         after = finished_tiles(place.work)
         again = sum(after.get(name) != time for name, time in own.items())
-        more = sum(left.get(name) != time for name, time in after.items())
-        said += place.expect(again == 0, f"{again} finished results were computed again")
+        said = place.expect(again == 0, f"{again} finished results were computed again")
         said += place.expect(scene_bytes(place.scene) == expected, "other bytes")
-        state = "no" if version is None else "old" if version == old else "new"
         print(
-            f"{title} {number + 1:2d}: killed after {moment_s:5.2f} s"
-            f"{'' if was_running else ' (had ended)'}: {state} scene, {len(own)} results of tiles; "
-            f"again: {more} computed, {again} of them a second time{said}",
+            f"{title}: to the end, {len(after) - len(own)} more, {again} of {len(own)} a second "
+            f"time, the same bytes{said}",
             flush=True,
         )
 
@@ -231,8 +250,8 @@ def _few(acts: Sequence[list[str]], until: int, renames: Sequence[int]) -> list[
     ]
 
 
-def undisturbed(place: Place, *, flights: int) -> list[float]:
-    """Build flights over one another, and keep each; return the seconds that they took."""
+def undisturbed(place: Place, *, flights: int) -> None:
+    """Build flights over one another, and keep each with the seconds that it took."""
     seconds: list[float] = []
     for flight in range(flights):
         noted = place.folder / f"flight {flight}" / "seconds"
@@ -247,7 +266,6 @@ def undisturbed(place: Place, *, flights: int) -> list[float]:
         write_hill(place.survey(flight), flight)
     tiles = len(list((place.folder / "flight 0" / place.work.name).glob("solve-*")))
     print(f"{tiles} tiles; {', then '.join(f'{took_s:.1f}' for took_s in seconds)} s", flush=True)
-    return seconds
 
 
 def main() -> int:
@@ -271,15 +289,12 @@ def main() -> int:
     place = Place(folder)
     kills = 0
     try:
-        # How long a build takes is the range from which the moments of the kills are drawn.
-        seconds = undisturbed(place, flights=1 if arguments.smoke else 2)
+        undisturbed(place, flights=1 if arguments.smoke else 2)
         if "first" in series:
-            moments_s = rng.uniform(0, seconds[0], rounds)
-            kill_at_random(place, "first", 0, None, moments_s.tolist())
+            kill_at_random(place, "first", 0, None, rounds, rng)
             kills += rounds
         if "next" in series:
-            moments_s = rng.uniform(0, seconds[1], next_rounds)
-            kill_at_random(place, "next", 1, "flight 0", moments_s.tolist())
+            kill_at_random(place, "next", 1, "flight 0", next_rounds, rng)
             kills += next_rounds
         if "exact" in series:
             kills += exact_series(place, few=arguments.smoke, share=slice(*arguments.acts))
