@@ -23,7 +23,7 @@ import argparse
 import shutil
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -42,8 +42,10 @@ from parts.killed_command import (
 
 PUBLISH: Final = "os.rename"
 
-_SHARE: Final = 0.4
-"""Of an undisturbed build's time: how late a run is killed at most."""
+_RESULTS: Final = 40
+_MOST_S: Final = 1.5
+"""A run is killed after it has finished some more results of tiles, fewer than this, and so many
+seconds more at most: moments that do not depend on how fast a machine is."""
 
 
 @dataclass
@@ -71,6 +73,15 @@ class Place:
     def build(self, flight: int) -> list[str]:
         """Give the command that builds a flight's survey over what is there."""
         return ["build", str(self.survey(flight)), "-o", str(self.scene), *BUILD_OPTIONS]
+
+    def finished(self, given: dict[str, int], count: int) -> Callable[[], bool]:
+        """Make what says whether so many results of tiles are finished beside those given."""
+
+        def is_so() -> bool:
+            times = finished_tiles(self.work)
+            return sum(given.get(name) != time for name, time in times.items()) >= count
+
+        return is_so
 
     def keep(self, name: str) -> None:
         """Keep scene and work directory as they are."""
@@ -104,13 +115,12 @@ def kill_at_random(
     place: Place, title: str, flight: int, start: str | None, kills: int, rng: np.random.Generator
 ) -> None:
     """Kill a build again and again at random moments until it has ended; begin anew; compare."""
-    # (1) Undisturbed; how long it takes is the range from which the moments are drawn.
+    # (1) Undisturbed.
     place.begin_from(start)
     old, _ = check_scene(place.scene)
     place.begin_from(f"flight {flight}")
     new, _ = check_scene(place.scene)
     expected = scene_bytes(place.scene)
-    whole_s = float((place.folder / f"flight {flight}" / "seconds").read_text(encoding="ascii"))
     killed = 0
     while killed < kills:
         place.begin_from(start)
@@ -119,8 +129,13 @@ def kill_at_random(
         was_running = True
         while was_running and killed < kills:
             # (2) Killed: the old scene or the new one is there, whole.
-            moment_s = float(rng.uniform(0, _SHARE * whole_s))
-            was_running = run_killed(place.build(flight), after_s=moment_s)
+            wanted, moment_s = (
+                len(own) + int(rng.integers(_RESULTS)),
+                float(rng.uniform(0, _MOST_S)),
+            )
+            was_running = run_killed(
+                place.build(flight), reached=place.finished(given, wanted), after_s=moment_s
+            )
             version, said = place.whole((old, new))
             # (3) A tile that an earlier run had finished was not done again.
             left = finished_tiles(place.work)
@@ -132,7 +147,7 @@ def kill_at_random(
             killed += was_running
             verb = f"kill {killed}" if was_running else "ended"
             print(
-                f"{title}: {verb} after {moment_s:.1f} s, {state} scene, {more} more results of "
+                f"{title}: {verb}, {state} scene, {more} more results of "
                 f"tiles, {again} of {len(own) - more} a second time{said}",
                 flush=True,
             )

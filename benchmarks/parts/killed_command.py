@@ -6,12 +6,13 @@ write. A hook that kills needs no debugger and no hook in the code that is teste
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -102,17 +103,33 @@ def run_recorded(command: Sequence[str], paths: str, record: Path) -> list[list[
 
 
 def run_killed(
-    command: Sequence[str], *, after_s: float = 0.0, paths: str = "", before_act: int = -1
+    command: Sequence[str],
+    *,
+    reached: Callable[[], bool] = lambda: True,
+    after_s: float = 0.0,
+    paths: str = "",
+    before_act: int = -1,
 ) -> bool:
-    """Kill the command after some seconds, or before an act; return whether it was still running.
+    """Kill the command; return whether it was still running.
 
     Waits until none of its children is left.
+
+    Parameters
+    ----------
+    command : sequence of str
+    reached, after_s
+        Killed so many seconds after this is so.
+    paths, before_act
+        Killed before this act on paths that match; see :func:`run_recorded`.
     """
     process = _start(command, paths=paths, kill_before=before_act)
     assert process.stdout is not None
     process.stdout.readline()
     if before_act < 0:
-        time.sleep(after_s)
+        while process.poll() is None and not reached():
+            time.sleep(0.01)
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            process.wait(after_s)
         process.kill()
     process.communicate()  # its children have the same pipes: this waits for the last of them
     return process.returncode < 0
@@ -144,8 +161,9 @@ def results(folder: Path) -> dict[str, list[object]]:
 
 def finished_tiles(work: Path) -> dict[str, int]:
     """When every tile's result was written, by its name."""
-    return {
-        path.parent.name: path.stat().st_mtime_ns
-        for path in work.glob("*/stage.json")
-        if re.search(r"-\d{5}$", path.parent.name)
-    }
+    times = {}
+    for path in work.glob("*/stage.json"):
+        if re.search(r"-\d{5}$", path.parent.name):
+            with contextlib.suppress(FileNotFoundError):  # replaced at this moment
+                times[path.parent.name] = path.stat().st_mtime_ns
+    return times
