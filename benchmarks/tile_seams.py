@@ -6,7 +6,7 @@ Takes the work directories of two builds of one survey, in several tiles and in 
   (from the build's own report), and what stayed open after: edges along seams that only one face
   has, counted again here over the tiles' files;
 * how far the joined surface lies from the one that was reconstructed in one tile: at the shared
-  vertices, near them, far from any.
+  vertices, near them, far from any; in cells, and the 99th percentile in spacings of the points.
 
     terraport build quarry.laz -o whole --work whole.work --tile-depth 10
     terraport build quarry.laz -o tiles --work tiles.work --tile-depth 9
@@ -31,7 +31,7 @@ from typing import Final
 
 import numpy as np
 from parts.first_steps import single_tile_depth
-from parts.work_arrays import Tiles, read_tiles, welded
+from parts.work_arrays import Tiles, read_tiles, spacing_of, welded
 from PIL import Image
 from scipy.spatial import cKDTree
 
@@ -86,18 +86,23 @@ def small(folder: Path) -> tuple[Path, Path]:
 
 def run(tiled: Path, whole: Path, picture: Path | None) -> None:
     tiles = read_tiles(tiled)
-    counts = json.loads((tiled / "join" / "stage.json").read_text())["facts"]["counts"]
+    counts: dict[str, float] = {}
+    for name in ("join", "settle"):
+        counts |= json.loads((tiled / name / "stage.json").read_text())["facts"]["counts"]
     cell_m = cell_of(tiled)
+    spacings = cell_m / spacing_of(tiled)
+    shared = len(np.unique(tiles.shared)) - 1
     print(
         f"{int(tiles.tile.max()) + 1} tiles with {len(tiles.faces):,} faces, cells of "
-        f"{cell_m:.3f} m; {counts['shared_vertices']:,} shared vertices, {counts['seam_edges']:,} "
+        f"{cell_m:.3f} m; {shared:,} shared vertices, {counts['seam_edges']:,} "
         f"edges along seams, {counts['seam_fillers']} triangles filled in, {counts['seam_cracks']} "
         f"cracks, {counts['seam_rims']} rims; counted again: {open_seam_edges(tiles)} open edges "
         "between two shared vertices\n"
     )
-    print("| cells | median | 95 % | 99 % | largest |\n|---|---:|---:|---:|---:|")
+    print("| cells | median | 95 % | 99 % | largest | 99 %, spacings |")
+    print("|---|---:|---:|---:|---:|---:|")
     gaps = [counts[f"seam_gap_p{p}_cells"] for p in (50, 95, 99, 100)]
-    row("the two surfaces along the wall, before joining", np.array(gaps))
+    row("the two surfaces along the wall, before joining", np.array(gaps), spacings)
     detail = welded(read_tiles(whole))
     at = np.flatnonzero(tiles.shared >= 0)
     away = cKDTree(tiles.vertices[at]).query(tiles.vertices)[0] / cell_m
@@ -111,13 +116,14 @@ def run(tiled: Path, whole: Path, picture: Path | None) -> None:
             distances_to_mesh(tiles.vertices[some], detail.vertices, detail.faces, workers=2)
             / cell_m
         )
-        row(name, np.percentile(apart, (50, 95, 99, 100)))
+        row(name, np.percentile(apart, (50, 95, 99, 100)), spacings)
     if picture is not None:
         Image.fromarray(draw(tiles)).save(picture)
 
 
-def row(name: str, values: AnyFloat) -> None:
-    print(f"| {name} | " + " | ".join(f"{value:.2g}" for value in values) + " |", flush=True)
+def row(name: str, values: AnyFloat, spacings: float) -> None:
+    shown = [*values, values[2] * spacings]
+    print(f"| {name} | " + " | ".join(f"{value:.2g}" for value in shown) + " |", flush=True)
 
 
 def cell_of(work: Path) -> float:

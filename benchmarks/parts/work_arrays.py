@@ -37,15 +37,17 @@ def read_tiles(work: Path) -> Tiles:
     """Read the detail; tiles without faces do not count."""
     columns: dict[str, list[AnyArray]] = {}
     first = number = 0
-    for folder in sorted(work.glob("tile-*")):
+    # A tile names its shared vertices in numbers of its own; those of the scene are in `settle`.
+    ids, starts = (np.load(work / "settle" / f"{name}.npy") for name in ("ids", "ids-starts"))
+    for each, folder in enumerate(sorted(work.glob("tile-*"))):
         tile = {
             name: np.load(folder / f"{name}.npy")
-            for name in ("vertices", "faces", "normals", "colours", "border-rows", "border-ids")
+            for name in ("vertices", "faces", "normals", "colours", "border-rows", "border-shared")
         }
         if not len(tile["faces"]):
             continue
         shared = np.full(len(tile["vertices"]), -1, np.int64)
-        shared[tile["border-rows"]] = tile["border-ids"]
+        shared[tile["border-rows"]] = ids[starts[each] : starts[each + 1]][tile["border-shared"]]
         for name, array in (
             ("vertices", tile["vertices"]),
             ("faces", tile["faces"].astype(np.int64) + first),

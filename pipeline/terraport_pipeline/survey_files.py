@@ -159,8 +159,13 @@ class SurveyFiles:
             points = sum(head.points for head in heads.values())
             left = len(self.ignored) + len(empty) + len(damaged)
             progress.done({"files": len(heads), "points": points, "left out": left})
-        # (2) Damage: refused with all names at once, or left out.
-        if damaged and not self.skip_damaged:
+        # (2) Damage: refused with all names at once, or left out; so is a CRS of its own.
+        in_other_crs = _in_other_crs(heads)
+        if self.skip_damaged:
+            for file, reason in in_other_crs:
+                del heads[file]
+                damaged.append((file, ReadError(file.path, reason, "reproject it")))
+        elif damaged:
             raise damage_of([error for _, error in damaged], len(self.files))
         if not heads:
             raise SurveyError(
@@ -169,7 +174,8 @@ class SurveyFiles:
             )
         kept = tuple(heads)
         _near_each_other(kept, [heads[file] for file in kept])
-        one_crs([(file.name, heads[file].crs) for file in kept])
+        advice = "; --skip-damaged goes on without the fewer" if in_other_crs else ""
+        one_crs([(file.name, heads[file].crs) for file in kept], advice)
         survey = replace(
             self,
             files=kept,
@@ -191,7 +197,8 @@ def find_survey(
         for any folders). A file that is named is taken whatever its ending; in a folder what is
         no survey is left alone and listed; hidden files are passed over.
     skip_damaged : bool
-        Leave out damaged files when they are found, and say so.
+        Leave out damaged files when they are found, and say so; of files in several coordinate
+        reference systems those that are not in the one of more than half.
     extent : Extent, optional
         Take only the points within it, in the files' own coordinates.
 
@@ -248,13 +255,15 @@ def find_survey(
     return SurveyFiles(title, files, tuple(ignored), skip_damaged=skip_damaged, extent=extent)
 
 
-def one_crs(files: Sequence[tuple[str, Any | None]]) -> Any | None:
+def one_crs(files: Sequence[tuple[str, Any | None]], advice: str = "") -> Any | None:
     """Find the coordinate reference system that all files which state one agree on.
 
     Parameters
     ----------
     files : sequence of (str, pyproj.CRS or None)
         Name of every file, and what it states.
+    advice : str
+        What else can be done where they differ.
 
     Returns
     -------
@@ -283,7 +292,7 @@ def one_crs(files: Sequence[tuple[str, Any | None]]) -> Any | None:
         stated = "; ".join(f"{crs.name} in {listed(names)}" for crs, names in groups)
         raise SurveyError(
             f"the files are in {len(groups)} coordinate reference systems ({stated}); expected "
-            "one: reproject some (PDAL filters.reprojection, las2las), or build them apart"
+            f"one: reproject some (PDAL filters.reprojection, las2las), or build them apart{advice}"
         )
     return groups[0][0] if groups else None
 
@@ -320,6 +329,28 @@ def nothing_within(
         f"{title} has no point within extent {extent}: {where} ({system}); expected XMIN YMIN XMAX "
         "YMAX in the coordinates of the files"
     )
+
+
+def _in_other_crs(heads: Mapping[SurveyFile, FileHead]) -> list[tuple[SurveyFile, str]]:
+    """Find files in another CRS than most, and say so; none where no CRS is that of over half."""
+    by_text: dict[str, list[SurveyFile]] = {}  # comparing two systems is slow, texts is not
+    stated: dict[str, Any] = {}
+    for file, head in heads.items():
+        if head.crs is not None:
+            by_text.setdefault(head.crs.srs, []).append(file)
+            stated[head.crs.srs] = head.crs
+    if len(stated) < 2:
+        return []
+    count = sum(map(len, by_text.values()))
+    usual = stated[max(by_text, key=lambda text: len(by_text[text]))]
+    others = {text: crs for text, crs in stated.items() if crs != usual}
+    if 2 * sum(len(by_text[text]) for text in others) >= count:
+        return []
+    return [
+        (file, f"it is in {crs.name}, most others in {usual.name}")
+        for text, crs in others.items()
+        for file in by_text[text]
+    ]
 
 
 def listed(names: Sequence[str]) -> str:

@@ -174,6 +174,19 @@ def test_two_reference_systems_are_refused_with_names(tmp_path: Path) -> None:
     assert "2 coordinate reference systems" in str(caught.value)
     assert "UTM zone 35S in t0.laz, t1.laz, t2.laz and 2 more" in str(caught.value)
     assert "UTM zone 36S in t4.laz" in str(caught.value)
+    assert str(caught.value).endswith("--skip-damaged goes on without the fewer")
+    survey, heads = find_survey(tmp_path, skip_damaged=True).heads(NullProgress())
+    assert len(heads) == 5
+    reason = "it is in WGS 84 / UTM zone 36S, most others in WGS 84 / UTM zone 35S"
+    assert survey.damaged == (("t4.laz", reason),)
+
+
+def test_of_two_reference_systems_neither_is_left_out_where_none_is_of_most(tmp_path: Path) -> None:
+    hill = Hill(90)
+    for number in range(4):
+        write_laz(tmp_path / f"t{number}.laz", hill, epsg=32735 + number % 2)
+    with pytest.raises(SurveyError, match=r"or build them apart$"):
+        find_survey(tmp_path, skip_damaged=True).heads(NullProgress())
 
 
 def test_files_without_a_system_agree_with_any() -> None:

@@ -10,6 +10,7 @@ import multiprocessing
 import os
 import secrets
 import signal
+import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import (
@@ -34,6 +35,15 @@ R = TypeVar("R")
 _ATTEMPTS: Final = 2
 
 _CONNECT_TIMEOUT: Final = "20s"
+
+_ABANDONED_S: Final = 60.0
+"""A cluster without a worker for so long is given up: one that starts its workers again does it
+within seconds, and no build waits for ever."""
+
+_LOOK_S: Final = 5.0
+"""Between two looks at a cluster's workers: each asks the scheduler."""
+
+_POLL_S: Final = 0.1
 
 
 class TilePool:
@@ -190,8 +200,18 @@ class TilePool:
             for number, job in enumerate(jobs)
         }
         try:
-            for future in distributed.as_completed(list(futures), loop=self._client.loop):
-                done(futures[future], _result_of(future, futures[future], distributed))
+            completed = distributed.as_completed(list(futures), loop=self._client.loop)
+            seen = looked = time.monotonic()
+            while not completed.is_empty():
+                for future in completed.next_batch(block=False):
+                    done(futures[future], _result_of(future, futures[future], distributed))
+                time.sleep(_POLL_S)
+                now = time.monotonic()
+                if now - looked > _LOOK_S:
+                    looked = now
+                    if self._client.scheduler_info(n_workers=-1)["workers"]:
+                        seen = now
+                    _refuse_abandoned(str(self._cluster), now - seen)
         except BaseException:
             self._client.cancel(list(futures))
             raise
@@ -203,6 +223,15 @@ def _refuse_twice_lost(number: int, times: int) -> None:
             f"the process that worked on job {number} of the tiles was ended from outside, "
             f"{times} times (out of memory?); lower --max-memory or --tile-depth so that tiles "
             "are smaller, and give the same command again: finished tiles are kept"
+        )
+
+
+def _refuse_abandoned(cluster: str, without_workers_s: float) -> None:
+    if without_workers_s > _ABANDONED_S:
+        raise EngineError(
+            f"the Dask scheduler at {cluster} has had no workers for {without_workers_s:.0f} s; "
+            f"start some (dask worker {cluster}) and give the same command again: finished tiles "
+            "are kept"
         )
 
 

@@ -568,7 +568,8 @@ def _file_warnings(
         )
     if damaged:
         each = "; ".join(f"{name} ({reason})" for name, reason in damaged)
-        warnings.append(f"Left out, as they cannot be read: {each}.")
+        share = len(damaged) / (len(damaged) + len(spooled))
+        warnings.append(f"Left out, {share:.1%} of the files, as they cannot be used: {each}.")
     return warnings
 
 

@@ -4,27 +4,32 @@
 
     WORK/published/  of the version that stands there, with a note of it in ``about/``
     WORK/before/     of the version that it was built over
+    WORK/next/       of the version that is being published
 
 A build of the same survey goes by what the published one went by, so that it makes the same scene;
-a build of another survey goes by the published one, which becomes what was before.
+a build of another survey goes by the published one, which becomes what was before. Publishing and
+noting it are two acts: of a build that is killed in between, ``next`` becomes ``published``.
 """
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
+import xxhash
+
 from terraport_pipeline.engines.readers.npy_columns import link_or_copy
-from terraport_pipeline.stages.contract import Facts, Stored
+from terraport_pipeline.stages.contract import Facts, Json, Stored
 from terraport_pipeline.workflow.workdir import Cost, StageRecord, WorkDirectory
 from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
-from terraport_store.manifest import Manifest
+from terraport_store.manifest import BuildInfo, Manifest
 
-__all__ = ["SURVEY", "Before", "find_before", "remember"]
+__all__ = ["SURVEY", "Before", "find_before", "prepare", "remember"]
 
 SURVEY: Final = "survey"
 """Columns of the survey that a version was built from, as read or renewed."""
@@ -67,6 +72,7 @@ def find_before(work: WorkDirectory, scene: Path, survey: str) -> Before | None:
     if manifest is None:
         return None
     published, before = work.path / "published", work.path / "before"
+    _note_publication(work, manifest)
     record = _about(published)
     if record is not None and record.values["version"] != manifest.version:
         record = None  # somebody else published here since
@@ -77,14 +83,49 @@ def find_before(work: WorkDirectory, scene: Path, survey: str) -> Before | None:
     about = _about(before)
     if about is None:
         return None
-    # Of the published version, or of the one before it where this survey was published last (the
-    # build may have ended in between publishing and remembering).
+    # Of the published version, or of the one before it where this survey was published last.
     versions = {manifest.version, None if record is None else record.values["before"]}
     source = manifest.build.input
     is_this_survey = source is not None and source.xxh3 == survey[:16]
     if about.values["version"] not in versions and not is_this_survey:
         return None
     return Before(WorkDirectory(before), about.values["version"], about.values["decisions"])
+
+
+def prepare(
+    work: WorkDirectory,
+    names: Mapping[str, str],
+    decisions: Mapping[str, str],
+    *,
+    build: BuildInfo,
+    survey: str,
+    before: Before | None,
+) -> None:
+    """Keep results of a build that is about to publish, as :func:`remember` does after it.
+
+    Parameters
+    ----------
+    work, names, decisions, survey, before
+        See :func:`remember`.
+    build : BuildInfo
+        As the manifest will have it: by this the version is known to be this build's.
+    """
+    values = {**_values(decisions, survey, before), "build": _digest(build)}
+    _keep(work, "next", names, values)
+
+
+def _note_publication(work: WorkDirectory, manifest: Manifest) -> None:
+    """Remember a version whose build was killed after publishing it and before remembering it."""
+    prepared, published = work.path / "next", work.path / "published"
+    record, noted = _about(prepared), _about(published)
+    if record is None or record.values["build"] != _digest(manifest.build):
+        return
+    if noted is None or noted.values["version"] != manifest.version:
+        values = {**record.values, "version": manifest.version}
+        WorkDirectory(prepared).save(_ABOUT, "", Stored({}, values), Facts(), Cost(0.0, 0))
+        # Killed between these two, the next build comes by here again.
+        shutil.rmtree(published, ignore_errors=True)
+        prepared.rename(published)
 
 
 def remember(
@@ -112,21 +153,36 @@ def remember(
     before : Before or None
         What the build went by.
     """
-    values = {
-        "version": version,
+    values = {**_values(decisions, survey, before), "version": version}
+    record = _about(work.path / "published")
+    if record is None or {**record.values, "build": ""} != {**values, "build": ""}:
+        _keep(work, "published", names, values)
+    work.forget("next")
+
+
+def _values(decisions: Mapping[str, str], survey: str, before: Before | None) -> dict[str, Json]:
+    return {
         "survey": survey,
         "before": None if before is None else before.version,
         "decisions": dict(decisions),
     }
-    record = _about(work.path / "published")
-    if record is not None and dict(record.values) == values:
-        return
-    with work.beside("published") as folder:
+
+
+def _keep(
+    work: WorkDirectory, name: str, names: Mapping[str, str], values: Mapping[str, Json]
+) -> None:
+    """Put links to results, and a note of what they are, in place of what a folder had."""
+    with work.beside(name) as folder:
         kept = WorkDirectory(folder)
-        for kept_name, name in names.items():
+        for kept_name, result in names.items():
             # Results are never changed in place, only replaced: a link keeps what is there now.
-            shutil.copytree(work.path / name, folder / kept_name, copy_function=link_or_copy)
-        kept.save(_ABOUT, version, Stored({}, values), Facts(), Cost(0.0, 0))
+            shutil.copytree(work.path / result, folder / kept_name, copy_function=link_or_copy)
+        kept.save(_ABOUT, "", Stored({}, values), Facts(), Cost(0.0, 0))
+
+
+def _digest(build: BuildInfo) -> str:
+    document = json.dumps(build.model_dump(mode="json"), sort_keys=True)
+    return xxhash.xxh3_128_hexdigest(document.encode())
 
 
 def _about(folder: Path) -> StageRecord | None:

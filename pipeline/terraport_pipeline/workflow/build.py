@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import time
 from dataclasses import asdict, dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -311,8 +312,9 @@ def _run_stages(
         build=build_info(recorded, input_info(read), runner.reports),
     )
     version, published = publish_tiles(
-        runner, scene, surface, segmented, textures, base_texture, about, options.pack_options()
-    )
+        runner, scene, surface, segmented, textures, base_texture, about, options.pack_options(),
+        prepare=partial(runner.prepare, about.build, read.digest, survey=renewed.name),
+    )  # fmt: skip
     runner.remember(version, read.digest, survey=renewed.name)
     return version, published, inputs_of(survey, read)
 

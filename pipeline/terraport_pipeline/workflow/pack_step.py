@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -38,6 +38,8 @@ def publish_tiles(
     base_texture: BaseTexture | None,
     about: pack.About,
     options: pack.Options,
+    *,
+    prepare: Callable[[], None] = lambda: None,
 ) -> tuple[str, bool]:
     """Encode every tile's payloads and publish them, unless the scene already is that version.
 
@@ -56,6 +58,8 @@ def publish_tiles(
     about : pack.About
         What the manifest says beyond the meshes.
     options : pack.Options
+    prepare : callable
+        Called right before the scene is published, unless it is already.
 
     Returns
     -------
@@ -142,6 +146,9 @@ def publish_tiles(
         record = runner.take_up(stage.name, stage.key)
         if record is not None and not _is_published(scene, record.values):
             runner.work.forget(stage.name)  # packed once, and gone or replaced since
+            record = None
+        if record is None:
+            prepare()
         published = runner.run(stage)
         return str(published.record.values["version"]), not runner.reports[-1].taken_up
 

@@ -26,9 +26,10 @@ from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.measure import Measure, StepClock
 from terraport_pipeline.progress import ESTIMATE_UNIT, NullProgress, Progress
 from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
-from terraport_pipeline.workflow.before import SURVEY, Before, remember
+from terraport_pipeline.workflow.before import SURVEY, Before, prepare, remember
 from terraport_pipeline.workflow.report import StageReport
 from terraport_pipeline.workflow.workdir import Cost, StageRecord, WorkDirectory, stage_key
+from terraport_store.manifest import BuildInfo
 
 __all__ = [
     "Group",
@@ -269,6 +270,19 @@ class Runner:
             return stage
         return replace(stage, run=lambda _: decided, inputs={"decided": record.digest})
 
+    def prepare(self, build: BuildInfo, read: str, *, survey: str) -> None:
+        """Keep what :meth:`remember` will, right before publishing.
+
+        Parameters
+        ----------
+        build : BuildInfo
+            As the manifest will have it.
+        read, survey
+            See :meth:`remember`.
+        """
+        names, decisions = self._to_remember(survey)
+        prepare(self.work, names, decisions, build=build, survey=read, before=self.before)
+
     def remember(self, version: str, read: str, *, survey: str) -> None:
         """Keep what the next survey over the scene goes by.
 
@@ -281,9 +295,14 @@ class Runner:
         survey : str
             Name of the result that holds the survey that was worked on.
         """
+        names, decisions = self._to_remember(survey)
+        remember(self.work, names, decisions, version=version, survey=read, before=self.before)
+
+    def _to_remember(self, survey: str) -> tuple[dict[str, str], dict[str, str]]:
+        """Names of results by the name that they are kept under, and keys of decisions."""
         names = {name: name for name in self._remembered} | {SURVEY: survey}
         decisions = {name: key for name, key in self._remembered.items() if key is not None}
-        remember(self.work, names, decisions, version=version, survey=read, before=self.before)
+        return names, decisions
 
     def take_up(self, name: str, key: str) -> StageRecord | None:
         """Look for a kept result; None where it is to be made."""

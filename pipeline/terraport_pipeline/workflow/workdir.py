@@ -16,6 +16,7 @@ files have the size that was written.
 from __future__ import annotations
 
 import contextlib
+import errno
 import json
 import os
 import shutil
@@ -45,8 +46,12 @@ _RECORD: Final = "stage.json"
 _BLOCK_BYTES: Final = 1 << 24
 """Read at once where a file is digested."""
 
-_DISK_FULL: Final = frozenset({28, 27, 122})
-"""errno ENOSPC, EFBIG, EDQUOT."""
+_DISK_FULL: Final = {
+    errno.ENOSPC: "{free} free now",
+    errno.EFBIG: "the limit of a file's size is reached",
+    errno.EDQUOT: "a quota is reached",
+}
+"""What each error says of the disk; what the step had written is deleted by then."""
 
 _DIGEST_BYTES: Final = 1 << 22
 """Bytes of a file in memory at once while they are hashed."""
@@ -342,8 +347,11 @@ def disk_full_named(path: Path) -> Iterator[None]:
     except OSError as error:
         if error.errno not in _DISK_FULL:
             raise
+        disk = path if path.exists() else path.parent
+        free = f"{shutil.disk_usage(disk).free / 2**20:,.1f} MiB"
         raise ResourceError(
-            f"no space left for {path}; free some, or give --work a directory on another disk"
+            f"no space left for {path} ({_DISK_FULL[error.errno].format(free=free)}); free some, "
+            "or give --work a directory on another disk"
         ) from error
 
 

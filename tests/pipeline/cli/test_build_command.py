@@ -46,7 +46,7 @@ def test_a_folder_and_a_pattern_become_a_scene_and_say_what_was_read(tmp_path: P
     assert code == 0, said
     assert "3 files with " in said
     assert "not read: README.txt (is text beside a survey" in said
-    assert "warning: Left out, as they cannot be read: tile_4.laz (" in said
+    assert "warning: Left out, 25.0% of the files, as they cannot be used: tile_4.laz (" in said
     code, said = run(pattern, *options, "--skip-damaged")
     assert code == 0, said
     assert "is up to date" in said

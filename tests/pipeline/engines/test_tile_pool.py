@@ -7,9 +7,11 @@ import signal
 import sys
 from dataclasses import dataclass
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from terraport_pipeline.engines import tile_pool
 from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.errors import EngineError, OptionError, ResourceError
 
@@ -88,3 +90,51 @@ def test_a_scheduler_that_does_not_answer_is_named(
         pytest.raises(EngineError, match=r"no Dask scheduler answers at tcp://127\.0\.0\.1:9"),
     ):
         pool.run(work, [Job(1, tmp_path)])
+
+
+def test_a_cluster_without_workers_is_given_up(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Client:
+        """Has a worker when it is asked first, and none after."""
+
+        loop = None
+        asked = 0
+
+        def __init__(self, *_: object, **__: object) -> None: ...
+
+        def scheduler_info(self, **_: object) -> dict[str, object]:
+            self.asked += 1
+            return {"workers": {"tcp://127.0.0.1:9": {}} if self.asked == 1 else {}}
+
+        def submit(self, *_: object, key: str) -> str:
+            return key
+
+        def cancel(self, futures: list[str]) -> None:
+            cancelled.extend(futures)
+
+        def close(self) -> None: ...
+
+    class AsCompleted:
+        """Nothing is ever ready."""
+
+        def __init__(self, *_: object, **__: object) -> None: ...
+
+        def is_empty(self) -> bool:
+            return False
+
+        def next_batch(self, *, block: bool) -> list[str]:
+            assert not block
+            return []
+
+    cancelled: list[str] = []
+    fake = SimpleNamespace(Client=Client, as_completed=AsCompleted)
+    monkeypatch.setitem(sys.modules, "distributed", fake)
+    monkeypatch.setattr(tile_pool, "_LOOK_S", 0.0)
+    monkeypatch.setattr(tile_pool, "_ABANDONED_S", 0.2)
+    with (
+        TilePool(0, "tcp://127.0.0.1:8786") as pool,
+        pytest.raises(EngineError, match=r"at tcp://127\.0\.0\.1:8786 has had no workers for 0 s"),
+    ):
+        pool.run(work, [Job(1, tmp_path), Job(2, tmp_path)])
+    assert len(cancelled) == 2

@@ -151,7 +151,7 @@ def test_damage_among_the_points_names_the_file_or_leaves_it_out(tmp_path: Path)
     survey = find_survey(tmp_path / "tiles", skip_damaged=True)
     left, facts = columns_of(survey, tmp_path / "left")
     assert [name for name, _ in facts.notes["damaged"]] == ["tile_5.laz"]
-    assert any(text.startswith("Left out, as they cannot be read: tile_5.laz (")
+    assert any(text.startswith("Left out, 11.1% of the files, as they cannot be used: tile_5.laz (")
                for text in facts.warnings)  # fmt: skip
     assert facts.counts["points"] == len(HILL) - HILL.inside(1, 1, 3).sum()
     paths[4].unlink()

@@ -5,8 +5,10 @@ One tile changes, and nothing that is computed of the others is computed again.
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -66,8 +68,13 @@ def with_pile(detail: Mesh) -> Mesh:
     return replace(detail, colours=colours)
 
 
-def build(folder: Path, survey: str, surface: Surface, *, resume: bool = True) -> Runner:
-    """Build over the scene in a folder; the survey is known by 16 letters."""
+def build(
+    folder: Path, survey: str, surface: Surface, *, resume: bool = True, killed: bool = False
+) -> Runner:
+    """Build over the scene in a folder, killed right after publishing or not.
+
+    The survey is known by 16 letters.
+    """
     runner = runner_in(folder, threads=2, max_memory_bytes=2**31)
     runner.resume = resume
     scene = folder / "scene"
@@ -79,9 +86,11 @@ def build(folder: Path, survey: str, surface: Surface, *, resume: bool = True) -
         BuildInfo(terraport="0", options={}, input=source),
     )  # fmt: skip
     version, _ = publish_tiles(
-        runner, scene, surface, segmented, None, None, about, pack.Options("ground")
-    )
-    runner.remember(version, survey * 16, survey="segment")
+        runner, scene, surface, segmented, None, None, about, pack.Options("ground"),
+        prepare=partial(runner.prepare, about.build, survey * 16, survey="segment"),
+    )  # fmt: skip
+    if not killed:
+        runner.remember(version, survey * 16, survey="segment")
     return runner
 
 
@@ -176,6 +185,29 @@ def test_the_same_survey_again_is_the_same_scene(detail: Mesh, folder: Path) -> 
     assert computed(times, runner) == set()
     build(folder, "b", surface, resume=False)
     assert files(folder) == whole
+
+
+def test_killed_right_after_publishing_the_next_survey_goes_by_what_stands(
+    detail: Mesh, folder: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(folder, tmp_path / "killed")
+    for where, killed in ((folder, False), (tmp_path / "killed", True)):
+        build(where, "b", surface_of(with_pit(with_pile(detail))), killed=killed)
+        build(where, "c", surface_of(with_pile(detail)))
+    assert files(tmp_path / "killed") == files(folder)
+    assert [row["stable_id"] for row in published(folder).regions] == [0, 1, 2, 3]
+
+
+def test_killed_before_publishing_the_next_survey_goes_by_what_stands(
+    detail: Mesh, folder: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(folder, tmp_path / "killed")
+    build(tmp_path / "killed", "b", surface_of(with_pile(detail)), killed=True)
+    shutil.rmtree(tmp_path / "killed" / "scene")
+    shutil.copytree(folder / "scene", tmp_path / "killed" / "scene")
+    for where in (folder, tmp_path / "killed"):
+        build(where, "c", surface_of(with_pit(detail)))
+    assert files(tmp_path / "killed") == files(folder)
 
 
 def test_another_base_elsewhere_leaves_the_covers(detail: Mesh, folder: Path) -> None:
