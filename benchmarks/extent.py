@@ -118,7 +118,7 @@ def main() -> None:
             delivery, chunk = folder / "tiles", 1000
         forms = write_forms(delivery, folder, chunk)
         survey = find_survey(forms["LAZ tiles"])
-        extents = {"all": None}
+        extents: dict[str, Extent | None] = {"all": None}
         extents |= {f"{share:.3%}": middle_of(survey, share) for share in arguments.share}
         print("| extent | form | s | CPU s | MB read | points decoded | points taken |")
         print("| -- | -- | -- | -- | -- | -- | -- |")

@@ -332,7 +332,7 @@ def _spool(
                 part = _open_rows(file, path, stream, columns)
             part.read += len(chunk.points)
             taken = np.isfinite(chunk.points).all(axis=1)
-            part.dropped += len(taken) - int(taken.sum())
+            part.dropped += len(chunk.points) - int(taken.sum())
             if extent is not None:
                 _widen(box, chunk.points[taken])
                 taken &= extent.holds(chunk.points)

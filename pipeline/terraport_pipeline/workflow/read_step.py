@@ -55,7 +55,7 @@ def read_once(
     bounded : bool
         Refuse files that can only be read whole.
     """
-    options = {
+    options: dict[str, Any] = {
         "max_points": max_points,
         "skip_damaged": survey.skip_damaged,
         "damaged": [list(pair) for pair in survey.damaged],

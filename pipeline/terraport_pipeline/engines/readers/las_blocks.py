@@ -138,7 +138,7 @@ def iterate_blocks(
             count = sum(rows for rows, _ in table)
             try:
                 if compressed:
-                    plain = np.zeros(count * form.size, np.uint8)
+                    plain = bytearray(count * form.size)
                     lazrs.decompress_points_with_chunk_table(data, record, plain, table)
                     data = plain
                 array = np.frombuffer(data, form.dtype(), count)

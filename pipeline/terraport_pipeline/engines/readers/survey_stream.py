@@ -124,7 +124,8 @@ def read_head(path: Path, name: str, extent: Extent | None = None) -> FileHead:
     if name == "las":
         with open_las(path, extent=extent) as las:
             rows = None if las.ranges is None else las.rows
-            return FileHead(las.count, las.crs, *(las.box or (None, None)), rows, las.ranges)
+            low, high = las.box or (None, None)
+            return FileHead(las.count, las.crs, low, high, rows, las.ranges)
     if name == "e57":
         with open_e57(path) as e57:
             return FileHead(e57.count, e57.crs)
