@@ -40,8 +40,9 @@ from terraport_pipeline.geometry.clouds.height_changes import HeightChanges
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.partition import BLOCK_CELLS
+from terraport_pipeline.stages.survey_change import load_height_changes, save_height_changes
 
-__all__ = ["NAME", "load_height_changes", "run"]
+__all__ = ["NAME", "run"]
 
 NAME: Final = "renew"
 
@@ -155,9 +156,8 @@ def run(
         order, then rows of `after` in blocks that changed. Further ``change-dz.npy``,
         ``change-lod.npy`` (metres) and ``change-moved.npy``: the raster (nx, nz) of
         :class:`~terraport_pipeline.geometry.clouds.change_raster.ChangeRaster`;
-        ``change-blocks.npy``: indices (C, 3) of blocks that changed, int64; and what
-        :func:`load_height_changes` reads: the last change of all ground, that of earlier surveys
-        among it.
+        ``change-blocks.npy``: indices (C, 3) of blocks that changed, int64; and the last change of
+        all ground, that of earlier surveys among it, for :func:`.load_height_changes`.
 
     Returns
     -------
@@ -205,9 +205,7 @@ def run(
     if earlier is None or earlier.per_block != columns:
         earlier = HeightChanges.none(columns)
     heights = earlier.renewed(raster, columns // cubes.per_block, blocks)
-    np.save(context.folder / "heights-keys.npy", heights.keys)
-    np.save(context.folder / "heights-dz.npy", heights.dz_m)
-    np.save(context.folder / "heights-per-block.npy", np.array(heights.per_block))
+    save_height_changes(context.folder, heights)
     anchor_m = np.array(lattice.anchor_m)[[0, 2]]
     low_m = anchor_m + np.array(raster.low) * scale.width_m
     values = {
@@ -226,18 +224,6 @@ def run(
     }
     colour_alone = changed & ~_blocks_with(change.shifted, cubes)
     return values, _facts(values, change, raster, scale, int(colour_alone.sum()), widened)
-
-
-def load_height_changes(folder: Path) -> HeightChanges | None:
-    """Read the last change of all ground from a survey's columns; None where it is a first one."""
-    path = folder / "heights-keys.npy"
-    if not path.exists():
-        return None
-    keys, dz_m, per_block = (
-        np.load(folder / f"heights-{name}.npy", allow_pickle=False)
-        for name in ("keys", "dz", "per-block")
-    )
-    return HeightChanges(int(per_block), keys, dz_m)
 
 
 def _occupied(surveys: tuple[_Columns, _Columns], cubes: _Cubes, context: Context) -> Int64:

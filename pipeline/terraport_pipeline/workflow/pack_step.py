@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
@@ -16,12 +16,8 @@ from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.stages import pack
 from terraport_pipeline.stages.contract import STORED, Form, Stored
 from terraport_pipeline.stages.region_ids import CarriedNumbers
+from terraport_pipeline.stages.survey_change import SurveyChange, TileHeights, clashing_attribute
 from terraport_pipeline.stages.tiles import tiled_change, tiled_pack
-from terraport_pipeline.stages.tiles.tiled_change import (
-    SurveyChange,
-    TileHeights,
-    clashing_attribute,
-)
 from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.report import StageReport
 from terraport_pipeline.workflow.runner import Result, Runner, Stage, TileStage, for_tiles
@@ -122,7 +118,11 @@ def publish_tiles(
             )
         )
         # (2) Volumes of cut and fill by region.
-        volumes = None if change is None else _volumes(runner, surface, labels, change)
+        volumes = None
+        if change is not None:
+            volumes = _volumes(runner, surface, labels, change)
+            facts = tiled_change.with_volumes(joined.region_facts, volumes.value().values)
+            joined = replace(joined, region_facts=facts)
         # (3) One scene of them all, published in one act.
         numbers = segmented.numbers
         carried = None
@@ -136,7 +136,7 @@ def publish_tiles(
                 scene, surface.base, joined, payloads.stored, pieces, scales, extents.ranges,
                 surface.deviation_m, about, options, context,
                 None if base_texture is None else (base_texture.textures, base_texture.info),
-                carried, None if volumes is None else volumes.value().values,
+                carried,
             ),
             _PUBLISHED,
             {

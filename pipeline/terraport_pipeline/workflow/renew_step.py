@@ -14,7 +14,7 @@ from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages import renew
 from terraport_pipeline.stages.contract import IN_FOLDER, Facts, Json
-from terraport_pipeline.stages.tiles.tiled_change import SurveyChange, clashing_attribute
+from terraport_pipeline.stages.survey_change import SurveyChange, clashing_attribute
 from terraport_pipeline.workflow.before import SURVEY, Before
 from terraport_pipeline.workflow.runner import Runner, Stage
 from terraport_pipeline.workflow.tile_ground import FRAME

@@ -30,7 +30,7 @@ from terraport_payload.types import AnyArray, Int32, UInt64
 from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE, HEIGHT_CHANGE_SCALE
 from terraport_pipeline.geometry.segments.segment_ids import carry_segment_ids
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
+from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
 from terraport_pipeline.stages.pack import (
     EXPECTED_BYTES_PER_FACE,
     About,
@@ -45,9 +45,9 @@ from terraport_pipeline.stages.pack import (
     whole_payload,
 )
 from terraport_pipeline.stages.region_ids import CarriedNumbers, Surface, number_regions
+from terraport_pipeline.stages.survey_change import TileHeights
 from terraport_pipeline.stages.texture_set import TextureSet
 from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, TiledScene
-from terraport_pipeline.stages.tiles.tiled_change import TileHeights, with_volumes
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented, renumbered
 from terraport_store import DamagedSceneError, Scene, SceneNotFoundError
 from terraport_store.manifest import AttributeInfo, HandOff, TextureInfo
@@ -269,7 +269,6 @@ def publish(
     context: Context,
     textured: tuple[TextureSet, TextureInfo] | None = None,
     carried: CarriedNumbers | None = None,
-    volumes: Mapping[str, Json] | None = None,
 ) -> Packed:
     """Write base, payloads, cover and facts, and publish them in one act.
 
@@ -295,8 +294,6 @@ def publish(
         colours.
     carried : CarriedNumbers, optional
         Numbers of regions that go on; None where they are matched by their ground.
-    volumes : mapping, optional
-        Values of :func:`.tiled_change.run`, over a scene that was there.
 
     Returns
     -------
@@ -348,10 +345,7 @@ def publish(
         writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
         progress.done({})
         # (4) Regions with their stable ids.
-        facts = segmented.region_facts
-        if volumes is not None:
-            facts = with_volumes(facts, volumes)
-        numbered = number_regions(scene_dir, facts, surface, progress, carried)
+        numbered = number_regions(scene_dir, segmented.region_facts, surface, progress, carried)
         writer.set_regions(numbered.document)
         # (5) The manifest last: readers see the old scene until it is there, then the new one.
         progress.start("pack: publish", None, "files")

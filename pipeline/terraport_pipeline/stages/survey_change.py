@@ -1,0 +1,126 @@
+"""What the renew stage leaves of a change beside the survey's columns, and how it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from terraport_payload import gltf_attribute_name
+from terraport_payload.types import AnyFloat, Float32, Float64
+from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE, HeightChanges
+from terraport_pipeline.geometry.regions.region_changes import ChangeMap
+from terraport_pipeline.geometry.tiles.tile_plan import Lattice
+from terraport_pipeline.stages.contract import Json
+from terraport_pipeline.stages.partition import BLOCK_CELLS
+
+__all__ = [
+    "SurveyChange",
+    "TileHeights",
+    "clashing_attribute",
+    "load_change_map",
+    "load_height_changes",
+    "save_height_changes",
+]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TileHeights:
+    """Height differences near one tile."""
+
+    lattice: Lattice
+    heights: HeightChanges
+
+    @property
+    def digest(self) -> str | None:
+        """What identifies them; None where no height is known to have changed."""
+        return self.heights.digest() if len(self.heights.keys) else None
+
+    def at(self, vertices: AnyFloat) -> Float32:
+        """Interpolate at vertices (V, 3), scene frame; (V,) metres, NaN for none."""
+        return self.heights.at(self.lattice.cells(vertices) / BLOCK_CELLS)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SurveyChange:
+    """What the renew stage found, opened for the stages that tell of it."""
+
+    lattice: Lattice
+    heights: HeightChanges
+    raster: ChangeMap
+    digest: str
+    """Of the renewed survey."""
+
+    @classmethod
+    def load(
+        cls, folder: Path, values: Mapping[str, Json], lattice: Lattice, digest: str
+    ) -> SurveyChange:
+        """Read it from the folder and values of the renew stage's result."""
+        heights = load_height_changes(folder)
+        assert heights is not None  # every result of the stage has them
+        return cls(lattice, heights, load_change_map(folder, values), digest)
+
+    def of_tile(self, box: Float64) -> TileHeights:
+        """Take what lies near a box, (6,) lowest and highest x, y, z."""
+        low, high = self.lattice.cells(box.reshape(2, 3)) / BLOCK_CELLS
+        return TileHeights(self.lattice, self.heights.within(low, high))
+
+
+def clashing_attribute(attributes: Iterable[str]) -> str | None:
+    """Name the survey's attribute in whose place the height differences would stand, if any."""
+    taken = gltf_attribute_name(HEIGHT_CHANGE)
+    return next((name for name in attributes if gltf_attribute_name(name) == taken), None)
+
+
+def load_height_changes(folder: Path) -> HeightChanges | None:
+    """Read the last change of all ground from a survey's columns; None where it is a first one."""
+    path = folder / "heights-keys.npy"
+    if not path.exists():
+        return None
+    keys, dz_m, per_block = (
+        np.load(folder / f"heights-{name}.npy", allow_pickle=False)
+        for name in ("keys", "dz", "per-block")
+    )
+    return HeightChanges(int(per_block[0]), keys, dz_m)
+
+
+def save_height_changes(folder: Path, heights: HeightChanges) -> None:
+    """Write what :func:`load_height_changes` reads."""
+    np.save(folder / "heights-keys.npy", heights.keys)
+    np.save(folder / "heights-dz.npy", heights.dz_m)
+    np.save(folder / "heights-per-block.npy", np.array([heights.per_block]))
+
+
+def load_change_map(folder: Path, values: Mapping[str, Json]) -> ChangeMap:
+    """Read the raster that the renew stage left.
+
+    Parameters
+    ----------
+    folder : Path
+    values : mapping
+        The result's values.
+
+    Raises
+    ------
+    OSError, ValueError, KeyError, TypeError
+        It is not there, or not what the stage writes.
+    """
+    raster = values["raster"]
+    dz_m, lod_m, moved = (
+        np.load(folder / f"change-{name}.npy", allow_pickle=False)
+        for name in ("dz", "lod", "moved")
+    )
+    shape = tuple(raster["shape"])
+    if not dz_m.shape == lod_m.shape == moved.shape == shape:
+        raise ValueError(f"rasters of {dz_m.shape}, {lod_m.shape}, {moved.shape}; expected {shape}")
+    low_x, low_z = (float(side) for side in raster["low_m"])
+    return ChangeMap(
+        (low_x, low_z),
+        float(raster["cell_m"]),
+        dz_m.astype(np.float32),
+        lod_m.astype(np.float32),
+        moved.astype(np.bool_),
+        float(raster["registration_m"]),
+    )
