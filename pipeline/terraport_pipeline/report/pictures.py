@@ -11,6 +11,7 @@ import numpy as np
 from terraport_payload.types import Bool, Float32, UInt8
 from terraport_pipeline.engines.cameras import Camera, oblique
 from terraport_pipeline.engines.palettes import (
+    DIVERGING_STOPS,
     RAMP_STOPS,
     distinct_colours,
     ramp_colours,
@@ -19,6 +20,7 @@ from terraport_pipeline.engines.palettes import (
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh, render_points
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.texturing import Texturing
+from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.published.landing_view import (
     Landing,
     choose_landing,
@@ -27,6 +29,7 @@ from terraport_pipeline.published.landing_view import (
     view_from_eye,
 )
 from terraport_pipeline.published.scene_model import SceneModel
+from terraport_pipeline.report.change_map import change_colours, change_span_m
 from terraport_pipeline.validate.handoff_report import WorstRay
 from terraport_pipeline.validate.worst_place import compare_at, describe, to_survey
 
@@ -151,6 +154,33 @@ class PictureTaker:
         varied = [name for name, values in detail.attributes.items() if _varies(values)]
         for name in varied[:MAX_ATTRIBUTES]:
             yield self._attribute(name)
+
+    def change(self, change: ChangeMap) -> Picture:
+        """Take the picture of what the last survey changed, from the overview's camera.
+
+        Parameters
+        ----------
+        change : ChangeMap
+            Of the survey that the scene was renewed by.
+
+        Returns
+        -------
+        Picture
+        """
+        span_m = change_span_m(change)
+        return self._detail_picture(
+            "change",
+            "Change since the survey before",
+            "The ground coloured by how far its height changed: red where it sank, blue where it "
+            "rose, grey where no change is beyond doubt",
+            f"Height differences, metres, in cells of {change.cell_m:.3g} m: red where the ground "
+            "sank (cut), blue where it rose (fill), the stronger the more; the ends of the ramp "
+            "hold 99 % of them. Grey: no change beyond doubt, or within the level of detection at "
+            "95 % of its cell.",
+            face_colours=change_colours(change, self._model.detail, span_m),
+            relief=FLAT_RELIEF,
+            legend=Legend(-span_m, span_m, "height difference, m", DIVERGING_STOPS),
+        )
 
     def hand_off(self) -> Iterator[Picture]:
         """Take the pictures of a landing: from above, and from eye height.
