@@ -14,7 +14,6 @@ from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE, Hei
 from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages.contract import Json
-from terraport_pipeline.stages.partition import BLOCK_CELLS
 
 __all__ = [
     "SurveyChange",
@@ -31,6 +30,8 @@ class TileHeights:
     """Height differences near one tile."""
 
     lattice: Lattice
+    block_cells: int
+    """Cells of the lattice along a block."""
     heights: HeightChanges
 
     @property
@@ -40,7 +41,7 @@ class TileHeights:
 
     def at(self, vertices: AnyFloat) -> Float32:
         """Interpolate at vertices (V, 3), scene frame; (V,) metres, NaN for none."""
-        return self.heights.at(self.lattice.cells(vertices) / BLOCK_CELLS)
+        return self.heights.at(self.lattice.cells(vertices) / self.block_cells)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -48,6 +49,7 @@ class SurveyChange:
     """What the renew stage found, opened for the stages that tell of it."""
 
     lattice: Lattice
+    block_cells: int
     heights: HeightChanges
     raster: ChangeMap
     digest: str
@@ -55,17 +57,22 @@ class SurveyChange:
 
     @classmethod
     def load(
-        cls, folder: Path, values: Mapping[str, Json], lattice: Lattice, digest: str
+        cls,
+        folder: Path,
+        values: Mapping[str, Json],
+        lattice: Lattice,
+        block_cells: int,
+        digest: str,
     ) -> SurveyChange:
         """Read it from the folder and values of the renew stage's result."""
         heights = load_height_changes(folder)
         assert heights is not None  # every result of the stage has them
-        return cls(lattice, heights, load_change_map(folder, values), digest)
+        return cls(lattice, block_cells, heights, load_change_map(folder, values), digest)
 
     def of_tile(self, box: Float64) -> TileHeights:
         """Take what lies near a box, (6,) lowest and highest x, y, z."""
-        low, high = self.lattice.cells(box.reshape(2, 3)) / BLOCK_CELLS
-        return TileHeights(self.lattice, self.heights.within(low, high))
+        low, high = self.lattice.cells(box.reshape(2, 3)) / self.block_cells
+        return TileHeights(self.lattice, self.block_cells, self.heights.within(low, high))
 
 
 def clashing_attribute(attributes: Iterable[str]) -> str | None:

@@ -14,6 +14,7 @@ from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages import renew
 from terraport_pipeline.stages.contract import IN_FOLDER, Facts, Json
+from terraport_pipeline.stages.partition import BLOCK_CELLS
 from terraport_pipeline.stages.survey_change import SurveyChange, clashing_attribute
 from terraport_pipeline.workflow.before import SURVEY, Before
 from terraport_pipeline.workflow.runner import Runner, Stage
@@ -78,7 +79,7 @@ def survey_change(runner: Runner, survey: StageRecord, lattice: Lattice) -> Surv
     if survey.name != renew.NAME:
         return None
     folder = runner.work.path / survey.name
-    return SurveyChange.load(folder, survey.values, lattice, survey.digest)
+    return SurveyChange.load(folder, survey.values, lattice, BLOCK_CELLS, survey.digest)
 
 
 def _renew(

@@ -119,7 +119,7 @@ def change_of(
     blocks = np.array([(x, y, z) for x in every for y in range(-3, 3) for z in every], np.int64)
     heights = (earlier or HeightChanges.none(4)).renewed(raster, 1, blocks)
     seen = ChangeMap((0.0, 0.0), 1.0, dz_m, raster.lod_m, moved, 0.02)
-    return SurveyChange(LATTICE, heights, seen, f"change-{by_m}-{low}-{high}")
+    return SurveyChange(LATTICE, 16, heights, seen, f"change-{by_m}-{low}-{high}")
 
 
 def payloads(folder: Path) -> list[SegmentMesh]:
