@@ -179,7 +179,7 @@ def _row(name: str, label: str, region: int | None, sums: Mapping[str, float]) -
         "region": region,
         "cut": f"{sums['cut_m3']:,.1f}",
         "fill": f"{sums['fill_m3']:,.1f}",
-        "net": f"{sums['fill_m3'] - sums['cut_m3']:+,.1f}",
+        "net": f"{round(sums['fill_m3'] - sums['cut_m3'], 1) + 0.0:+,.1f}",
         "uncertainty": f"{sums['uncertainty_m3']:,.1f}",
         "area": f"{sums['area_m2']:,.0f}",
     }

@@ -142,8 +142,8 @@ def write_report(
         .get_template("report.html.j2")
         .render(
             facts=facts,
-            overview=[picture for picture in overview if picture.key != "change"],
-            changes=[picture for picture in overview if picture.key == "change"],
+            overview=[picture for picture in overview if not picture.key.startswith("change")],
+            changes=[picture for picture in overview if picture.key.startswith("change")],
             textures=textures,
             compared=compared,
             landing=landing,
@@ -256,12 +256,13 @@ def _taken(
 def _overview(
     taker: PictureTaker, points: InputCloud | None, change: ChangeMap | None, watcher: Progress
 ) -> list[Picture]:
-    """Take the pictures of the whole scene; last that of what changed."""
+    """Take the pictures of the whole scene; last those of what changed."""
     overview = []
     for picture in taker.overview(points):
         overview.append(picture)
         watcher.advance(1)
     if change is not None:
-        overview.append(taker.change(change))
-        watcher.advance(1)
+        for picture in taker.change(change):
+            overview.append(picture)
+            watcher.advance(1)
     return overview

@@ -156,24 +156,51 @@ def test_without_volumes_there_is_no_table(change: object) -> None:
     assert change_facts({"change": change, "regions": []}, [], has_map=False) is None
 
 
-def test_the_page_shows_where_the_ground_sank(renewed: Path, tmp_path: Path) -> None:
-    result = write_report(renewed, tmp_path / "page.html", SMALL)
-    assert "change" in result.pictures
-    text = result.path.read_text()
-    assert 'href="#change"' in text
-    assert "pit &lt;old&gt;" in text
-    assert "below no region" in text
-    figure = text[text.index('id="picture-change"') :]
+@pytest.fixture(scope="module")
+def page(renewed: Path, tmp_path_factory) -> str:
+    path = tmp_path_factory.mktemp("page") / "page.html"
+    result = write_report(renewed, path, SMALL)
+    assert {"change", "change-above"} <= set(result.pictures)
+    return path.read_text()
+
+
+def shown(page: str, key: str) -> np.ndarray:
+    """Pixels of one picture."""
+    figure = page[page.index(f'id="picture-{key}"') :]
     data = re.search(r'data:image/jpeg;base64,([^"]+)', figure)
     assert data is not None
-    image = np.array(Image.open(io.BytesIO(base64.b64decode(data[1])))).astype(int)
-    red, green, blue = image[..., 0], image[..., 1], image[..., 2]
-    is_red = (red > 1.5 * green) & (red > 1.5 * blue) & (red > 40)
-    assert 0.01 < is_red.mean() < 0.3
-    is_sky = blue > red + 12
-    grey = ~is_red & ~is_sky
-    assert (np.ptp(image[grey], axis=1) < 30).mean() > 0.95
-    assert ", ".join(DIVERGING_STOPS) in figure
+    return np.array(Image.open(io.BytesIO(base64.b64decode(data[1])))).astype(int)
+
+
+def is_red(image: np.ndarray) -> np.ndarray:
+    red, green, blue = (image[..., channel] for channel in range(3))
+    return (red > 1.5 * green) & (red > 1.5 * blue) & (red > 40)
+
+
+def test_the_map_is_red_where_the_ground_sank_and_grey_elsewhere(page: str) -> None:
+    """North is up: the hole is 15 m to 45 m from the west, and as far from the north."""
+    image = shown(page, "change-above")
+    red = is_red(image)
+    metres = 180 / (100 * 1.06)  # pixels; the margin is 3 % on each side
+    left, top = 160 - 50 * metres, 90 - 50 * metres
+    hole = np.s_[
+        round(top + 17 * metres) : round(top + 43 * metres),
+        round(left + 17 * metres) : round(left + 43 * metres),
+    ]
+    assert red[hole].mean() > 0.95
+    assert red.sum() == pytest.approx((30 * metres) ** 2, rel=0.1)
+    ground = np.s_[round(top + 4) : round(top + 98 * metres), round(left + 4) : 235]
+    grey = ~red[ground] & (np.ptp(image[ground], axis=-1) < 30)
+    assert (red[ground] | grey).mean() > 0.95
+
+
+def test_the_other_picture_shows_it_and_both_have_the_ramp(page: str) -> None:
+    assert 0.01 < is_red(shown(page, "change")).mean() < 0.3
+    for key in ("change", "change-above"):
+        assert ", ".join(DIVERGING_STOPS) in page[page.index(f'id="picture-{key}"') :]
+    assert 'href="#change"' in page
+    assert "pit &lt;old&gt;" in page
+    assert "below no region" in page
 
 
 def test_without_the_work_directory_the_volumes_stay(renewed: Path, tmp_path: Path) -> None:
