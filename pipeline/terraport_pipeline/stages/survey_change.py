@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -24,15 +25,36 @@ __all__ = [
     "save_height_changes",
 ]
 
+_DRAWN_IN: Final = 1e-3
+"""Of a block's width, from the walls of a tile's box: far more than what 32 bits make of a vertex in
+a wall."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class TileHeights:
-    """Height differences near one tile."""
+    """Height differences within the box of one tile.
+
+    Nothing beyond it counts, not even for vertices in its walls: a tile in whose core no sample was
+    renewed has the table that it had, though the ground beside it changed.
+    """
 
     lattice: Lattice
     block_cells: int
     """Cells of the lattice along a block."""
+    low: Float64
+    """(3,) corner of the box, widths of a block; drawn in, so that walls lie within."""
+    high: Float64
     heights: HeightChanges
+
+    @classmethod
+    def of(
+        cls, heights: HeightChanges, lattice: Lattice, block_cells: int, box: Float64
+    ) -> TileHeights:
+        """Take what lies in a box, (6,) lowest and highest x, y, z."""
+        low, high = lattice.cells(box.reshape(2, 3)) / block_cells
+        low = low + _DRAWN_IN
+        high = np.maximum(high - _DRAWN_IN, low)
+        return cls(lattice, block_cells, low, high, heights.within(low, high))
 
     @property
     def digest(self) -> str | None:
@@ -41,7 +63,8 @@ class TileHeights:
 
     def at(self, vertices: AnyFloat) -> Float32:
         """Interpolate at vertices (V, 3), scene frame; (V,) metres, NaN for none."""
-        return self.heights.at(self.lattice.cells(vertices) / self.block_cells)
+        positions = self.lattice.cells(vertices) / self.block_cells
+        return self.heights.at(np.clip(positions, self.low, self.high))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,9 +93,8 @@ class SurveyChange:
         return cls(lattice, block_cells, heights, load_change_map(folder, values), digest)
 
     def of_tile(self, box: Float64) -> TileHeights:
-        """Take what lies near a box, (6,) lowest and highest x, y, z."""
-        low, high = self.lattice.cells(box.reshape(2, 3)) / self.block_cells
-        return TileHeights(self.lattice, self.block_cells, self.heights.within(low, high))
+        """Take what lies in a box, (6,) lowest and highest x, y, z."""
+        return TileHeights.of(self.heights, self.lattice, self.block_cells, box)
 
 
 def clashing_attribute(attributes: Iterable[str]) -> str | None:

@@ -81,7 +81,7 @@ class HeightChanges:
         return HeightChanges(self.per_block, every, np.concatenate(steps_m)[::-1][rows])
 
     def within(self, low: Float64, high: Float64) -> HeightChanges:
-        """Take what :meth:`at` looks at for positions in a box.
+        """Take the columns that reach into a box, and none that only touch it.
 
         Parameters
         ----------
@@ -90,9 +90,8 @@ class HeightChanges:
         """
         index = key_indices(self.keys)
         wide = np.array([self.per_block, 1, self.per_block])
-        first = np.floor(np.asarray(low) * wide) - 1
-        last = np.floor(np.asarray(high) * wide) + 1
-        rows = ((index >= first) & (index <= last)).all(axis=1)
+        first, last = np.floor(np.asarray(low) * wide), np.ceil(np.asarray(high) * wide) - 1
+        rows = ((index >= first) & (index <= np.maximum(first, last))).all(axis=1)
         return HeightChanges(self.per_block, self.keys[rows], self.dz_m[rows])
 
     def digest(self) -> str:

@@ -117,15 +117,16 @@ def test_many_blocks_are_looked_up_in_parts(monkeypatch: pytest.MonkeyPatch) -> 
     assert HeightChanges.none(COLUMNS).renewed(cells, 1, blocks).digest() == whole.digest()
 
 
-def test_a_box_holds_all_that_its_vertices_look_at() -> None:
-    rng = np.random.default_rng(3)
-    cells = raster((rng.normal(0, 1, (16, 16)) + 5).tolist())
+def test_a_box_takes_the_columns_that_reach_into_it_and_none_that_touch() -> None:
+    cells = raster([[-1.0] * 16] * 16)
     blocks = np.stack(np.meshgrid(range(4), [0, 1], range(4)), axis=-1).reshape(-1, 3)
     changes = HeightChanges.none(COLUMNS).renewed(cells, 1, blocks.astype(np.int64))
-    low, high = np.array([1.0, 0.9, 1.3]), np.array([2.1, 1.2, 2.0])
-    inside = rng.uniform(low, high, (500, 3))
-    np.testing.assert_array_equal(changes.within(low, high).at(inside), changes.at(inside))
-    assert len(changes.within(low, high).keys) < len(changes.keys)
+    inner = changes.within(np.array([1.0, 0.0, 1.0]), np.array([2.0, 1.0, 2.5]))
+    assert len(inner.keys) == 4 * 6
+    wider = changes.within(np.array([0.99, 0.0, 1.0]), np.array([2.0, 1.01, 2.51]))
+    assert len(wider.keys) == 5 * 2 * 7
+    # A box without width is in one column.
+    assert len(changes.within(np.full(3, 1.1), np.full(3, 1.1)).keys) == 1
 
 
 def test_the_scale_is_exact_at_zero_and_leaves_out_what_it_cannot_hold() -> None:
