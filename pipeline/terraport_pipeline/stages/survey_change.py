@@ -26,8 +26,8 @@ __all__ = [
 ]
 
 _DRAWN_IN: Final = 1e-3
-"""Of a block's width, from the walls of a tile's box: far more than what 32 bits make of a vertex in
-a wall."""
+"""Of a block's width, from the walls of a tile's box: far more than rounding to 32 bits moves a
+vertex in a wall."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
