@@ -49,9 +49,11 @@ def region_rows(
         none), ``region``, and, None where the file does not say: ``area_m2``, ``faces``,
         ``east_m``, ``north_m``, ``height_m`` (of the centre, in the survey's coordinates),
         ``lowest_m``, ``highest_m``, ``mean_colour`` (``#rrggbb``), ``slope_deg``, ``roughness_m``.
-        Equal areas: by region.
+        Of a scene that was built over another also ``cut_m3``, ``fill_m3`` and
+        ``volume_uncertainty_m3``. Equal areas: by region.
     """
     rows = []
+    was_renewed = isinstance(document.get("change"), Mapping)
     for region, facts in enumerate(document.get("regions", [])):
         values: Mapping[str, Any] = facts if isinstance(facts, Mapping) else {}
         x, y, z = _numbers(values.get("centroid"))
@@ -73,6 +75,7 @@ def region_rows(
                 "mean_colour": _css(values.get("mean_colour")),
                 "slope_deg": _number(steep.get("mean")),
                 "roughness_m": _number(values.get("roughness_m")),
+                **(_volumes(values.get("change")) if was_renewed else {}),
             }
         )
     rows.sort(key=lambda row: (-(_number(row["area_m2"]) or 0.0), row["region"]))
@@ -215,6 +218,16 @@ def _text(path: Path) -> str:
             f"byte 0x{data[error.start]:02x} is not UTF-8",
             'save the table as "CSV UTF-8"',
         ) from None
+
+
+def _volumes(change: object) -> dict[str, float | None]:
+    """Volumes of a region; 0 where none of its ground moved."""
+    values: Mapping[str, Any] = change if isinstance(change, Mapping) else {}
+    return {
+        "cut_m3": _number(values.get("cut_m3", 0.0)),
+        "fill_m3": _number(values.get("fill_m3", 0.0)),
+        "volume_uncertainty_m3": _number(values.get("uncertainty_m3", 0.0)),
+    }
 
 
 def _css(colour: object) -> str | None:

@@ -163,6 +163,14 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         Yes("tests/browser/test_pictures.py", "test_ways_to_colour_the_ground"),
         *both(LAND, "test_textures_colours_and_attributes_are_those_of_the_python_sdk"),
     ),
+    "segments that lack an attribute of the scene": (
+        Yes(
+            "tests/conformance/scene/test_scene_corpus.py",
+            "test_an_attribute_of_one_segment_alone",
+        ),
+        Yes(f"{WEB}/versions/missing-attribute.test.ts", "height_change_m in view"),
+        *both("tests/engines/test_corpora.py", "test_the_whole_corpus_passes"),
+    ),
     "axes, winding and V of the engine": (
         No("stays in the scene frame"),
         No("stays in the scene frame"),

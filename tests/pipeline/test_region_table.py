@@ -54,6 +54,18 @@ def write(folder: Path, text: str | bytes) -> Path:
     return path
 
 
+def test_volumes_of_a_scene_that_was_built_over_another() -> None:
+    """In columns at the end, for all regions or for none; 0 where no ground moved."""
+    change = {"cut_m3": 12.5, "fill_m3": 0.25, "area_m2": 20.0, "uncertainty_m3": 1.5}
+    first, *others = DOCUMENT["regions"]
+    document = {**DOCUMENT, "change": {}, "regions": [{**first, "change": change}, *others]}
+    rows = region_rows(NAMES, document, ORIGIN)
+    names = ("cut_m3", "fill_m3", "volume_uncertainty_m3")
+    assert tuple(rows[0])[-3:] == names
+    by_region = {row["region"]: [row[name] for name in names] for row in rows}
+    assert by_region == {0: [12.5, 0.25, 1.5], 1: [0.0] * 3, 2: [0.0] * 3}
+
+
 def test_the_table_written_out() -> None:
     """Largest first, equal areas by region; places in the survey's coordinates, z to the south."""
     assert region_table_text(region_rows(NAMES, DOCUMENT, ORIGIN)) == TABLE

@@ -168,7 +168,7 @@ def test_missing_and_shortened_files(tiny: TinyScene) -> None:
         (["limits", "max_segment_bytes"], 1, "count", "limits.max_segment_bytes 1"),
         (["limits", "max_extent_m"], 9.0, "count", "limits.max_extent_m 9.0, expected 1.5"),
         (["encodings", "glb", "payload_bytes"], 1, "count", "encodings.glb.payload_bytes 1"),
-        (["attributes"], [], "attributes", "attributes ['grade'], expected []"),
+        (["attributes"], [], "attributes", "attributes ['grade'], expected some of []"),
         (["attributes", 0, "max"], 0.5, "attribute-range", "expected within 0.0 to 0.5"),
         (["attributes", 0, "max"], None, "attribute-range", "expected within 0.0 to None"),
     ],
@@ -211,7 +211,9 @@ def shifted(mesh: SegmentMesh) -> SegmentMesh:
         (lambda mesh: encode(replace(mesh, faces=mesh.faces[:-1])), {"payload-count"}),
         (lambda mesh: encode(replace(mesh, colours=None)), {"colour"}),
         (
-            lambda mesh: encode(replace(mesh, attributes={})),
+            lambda mesh: encode(
+                replace(mesh, attributes={"height_change_m": mesh.positions[:, 0]})
+            ),
             {"attributes"},
         ),
         (
@@ -234,6 +236,12 @@ def test_payload_that_is_not_what_the_index_says(
     findings = forger.seal()
     assert codes(findings) == expected
     assert {finding.segment for finding in findings} == {1}
+
+
+def test_an_attribute_without_a_value_may_be_left_out(tiny: TinyScene) -> None:
+    forger = Forger(tiny)
+    forger.replace_payload(1, encode(replace(lattice_mesh(0, 6), attributes={})))
+    assert forger.seal() == []
 
 
 def test_indexes_that_differ(tiny: TinyScene) -> None:

@@ -38,7 +38,18 @@ STEP_M = 2.0**-12
 CELLS = 6
 """Quads along one side of a segment."""
 SPACING_M = 0.25
-SCALES = {"grade": AttributeScale(offset=0.0, step=2.5 / 65534)}
+SCALES = {
+    "grade": AttributeScale(offset=0.0, step=2.5 / 65534),
+    "height_change_m": AttributeScale(offset=-256.0, step=2.0**-7),
+}
+CHANGE = AttributeInfo(
+    name="height_change_m",
+    gltf_name="_HEIGHT_CHANGE_M",
+    offset=-256.0,
+    step=2.0**-7,
+    min=-1.5,
+    max=0.5,
+)
 
 
 def lattice_mesh(
@@ -96,11 +107,13 @@ def write_tiny_scene(
     stable_ids: tuple[int, ...] | None = None,
     image: bytes | None = None,
     base_image: bytes | None = None,
+    changed: bool = False,
 ) -> TinyScene:
     """Publish the patch; another seed is another version; copies repeats every segment.
 
     With three ``stable_ids`` the regions have them, and the next one is 10. With an ``image`` the
     base and every other segment have it for a texture; with a ``base_image`` the base alone has.
+    Where it ``changed``, the last segment alone says how far, and the others lack that attribute.
     """
     tiles = [(i, j) for i in (0, CELLS) for j in (0, CELLS)] * copies
     segments = [lattice_mesh(i, j, seed=seed) for i, j in tiles]
@@ -110,6 +123,8 @@ def write_tiny_scene(
         segments[::2] = [textured(mesh, image) for mesh in segments[::2]]
     elif base_image is not None:
         base = textured(base, base_image)
+    if changed:
+        segments[-1] = sunken(segments[-1])
     glbs = [encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES) for mesh in segments]
     with SceneWriter(path) as writer:
         for (i, j), glb in zip(tiles, glbs, strict=True):
@@ -120,6 +135,8 @@ def write_tiny_scene(
         )
         writer.set_regions(tiny_regions(stable_ids))
         info = scene_info(seed, image=image, textured=len(segments[::2]), base_image=base_image)
+        if changed:
+            info = replace(info, attributes=(*info.attributes, CHANGE))
         manifest = writer.publish(info)
     return TinyScene(path, manifest, segments, glbs)
 
@@ -172,6 +189,13 @@ def textured(mesh: SegmentMesh, image: bytes) -> SegmentMesh:
     low, high = plan.min(axis=0), plan.max(axis=0)
     uvs = ((plan - low) / (high - low)).astype(np.float32)
     return replace(mesh, colours=None, uvs=uvs, texture=Texture.of(image))
+
+
+def sunken(mesh: SegmentMesh) -> SegmentMesh:
+    """The mesh with how far its ground sank and rose; every third vertex does not say."""
+    steps = np.linspace(-1.5, 0.5, len(mesh.positions), dtype=np.float32)
+    steps[1::3] = np.nan
+    return replace(mesh, attributes={**mesh.attributes, "height_change_m": steps})
 
 
 def scene_info(

@@ -70,7 +70,7 @@ afterEach(() => {
 });
 
 describe("a whole scene", () => {
-  it.each(["tiny", "tiny-textured", "tiny-base-image"])("%s is loaded", async (name) => {
+  it.each(["tiny", "tiny-textured", "tiny-base-image", "tiny-changed"])("%s is loaded", async (name) => {
     scenes.set(name, filesOf(name));
     const progress: [number, number][] = [];
     const onProgress = (doneBytes: number, totalBytes: number) => progress.push([doneBytes, totalBytes]);

@@ -13,7 +13,15 @@ import numpy as np
 
 from terraport_payload.types import AnyFloat, Float64, UInt8
 
-__all__ = ["NO_VALUE", "RAMP_STOPS", "distinct_colours", "ramp_colours", "value_range"]
+__all__ = [
+    "DIVERGING_STOPS",
+    "NO_VALUE",
+    "RAMP_STOPS",
+    "distinct_colours",
+    "diverging_colours",
+    "ramp_colours",
+    "value_range",
+]
 
 RAMP_STOPS: Final[tuple[str, ...]] = (
     "#440154",
@@ -28,6 +36,23 @@ RAMP_STOPS: Final[tuple[str, ...]] = (
 )
 """Viridis (Smith and van der Walt 2015, CC0) at nine even stops: even steps of lightness, safe for
 colour-blind eyes."""
+
+DIVERGING_STOPS: Final[tuple[str, ...]] = (
+    "#67001f",
+    "#b2182b",
+    "#d6604d",
+    "#f4a582",
+    "#fddbc7",
+    "#f7f7f7",
+    "#d1e5f0",
+    "#92c5de",
+    "#4393c3",
+    "#2166ac",
+    "#053061",
+)
+"""RdBu (ColorBrewer, C. Brewer and M. Harrower, Apache 2.0) at eleven even stops: below, and above,
+a middle that counts as nothing. Red and blue are told apart by all common kinds of colour-blind
+eyes."""
 
 NO_VALUE: Final = (150, 150, 150)
 """Drawn where a value is missing (NaN)."""
@@ -80,7 +105,29 @@ def ramp_colours(values: AnyFloat, low: float, high: float) -> UInt8:
     ndarray of shape (N, 3), uint8
         sRGB.
     """
-    stops = np.array([[int(stop[i : i + 2], 16) for i in (1, 3, 5)] for stop in RAMP_STOPS])
+    return _between_stops(values, low, high, RAMP_STOPS)
+
+
+def diverging_colours(values: AnyFloat, span: float) -> UInt8:
+    """Colour values that may lie on either side of 0: red below, blue above.
+
+    Parameters
+    ----------
+    values : ndarray of shape (N,)
+        NaN gives :data:`NO_VALUE`.
+    span : float
+        Values at and beyond which, on either side, the last colour is drawn.
+
+    Returns
+    -------
+    ndarray of shape (N, 3), uint8
+        sRGB.
+    """
+    return _between_stops(values, -span, span, DIVERGING_STOPS)
+
+
+def _between_stops(values: AnyFloat, low: float, high: float, ramp: tuple[str, ...]) -> UInt8:
+    stops = np.array([[int(stop[i : i + 2], 16) for i in (1, 3, 5)] for stop in ramp])
     span = high - low
     share = (np.asarray(values, np.float64) - low) / span if span > 0 else np.zeros(len(values))
     share = np.where(np.isnan(values), np.nan, share)

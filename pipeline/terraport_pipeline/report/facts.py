@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import numpy as np
 
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.region_table import region_rows
+from terraport_pipeline.report.change_map import ChangeFacts, change_facts
 from terraport_pipeline.report.histogram import Histogram, histogram
 from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_pipeline.survey_files import OUTSIDE
@@ -51,6 +53,8 @@ class ReportFacts:
     regions: tuple[dict[str, Any], ...]
     region_columns: tuple[str, ...]
     regions_note: str
+    change: ChangeFacts | None
+    """None where the scene was not built over another."""
     files: tuple[dict[str, Any], ...]
     attributes: tuple[dict[str, str], ...]
     stages: tuple[dict[str, Any], ...]
@@ -60,7 +64,7 @@ class ReportFacts:
     terraport: str
 
 
-def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
+def collect_facts(scene: Scene, *, has_input: bool, has_change_map: bool = False) -> ReportFacts:
     """Read what a report says.
 
     Parameters
@@ -69,6 +73,8 @@ def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
         Open.
     has_input : bool
         Whether there is a picture of the input.
+    has_change_map : bool
+        Whether there is one of what the last survey changed.
 
     Returns
     -------
@@ -98,6 +104,7 @@ def collect_facts(scene: Scene, *, has_input: bool) -> ReportFacts:
         regions=regions,
         region_columns=columns,
         regions_note=note,
+        change=_change(scene, has_map=has_change_map),
         files=tuple(
             {"name": key, "bytes": info.bytes, "share": info.bytes / max(1, total)}
             for key, info in sorted(manifest.files.items(), key=lambda item: -item[1].bytes)
@@ -303,6 +310,22 @@ def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...],
         + problem
     )
     return columns, tuple(table), note
+
+
+def _change(scene: Scene, *, has_map: bool) -> ChangeFacts | None:
+    """Volumes of the regions, with their colours in the picture of regions."""
+    try:
+        names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
+    except DamagedSceneError:
+        return None  # said where the regions are
+    with contextlib.suppress(DamagedSceneError):
+        names = names.with_labels(read_labels(scene.path))
+    rows = region_rows(names, scene.regions, scene.manifest.origin)
+    facts = change_facts(scene.regions, rows, has_map=has_map)
+    colours = distinct_colours(len(rows))
+    for row in () if facts is None else facts.rows:
+        row["colour"] = "" if row["region"] is None else _css(colours[row["region"]])
+    return facts
 
 
 def _region_cells(row: Mapping[str, Any]) -> list[dict[str, str]]:

@@ -9,8 +9,9 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import Bool, Float32, UInt8
-from terraport_pipeline.engines.cameras import Camera, oblique
+from terraport_pipeline.engines.cameras import Camera, oblique, top_down
 from terraport_pipeline.engines.palettes import (
+    DIVERGING_STOPS,
     RAMP_STOPS,
     distinct_colours,
     ramp_colours,
@@ -19,6 +20,7 @@ from terraport_pipeline.engines.palettes import (
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh, render_points
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.texturing import Texturing
+from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.published.landing_view import (
     Landing,
     choose_landing,
@@ -27,6 +29,7 @@ from terraport_pipeline.published.landing_view import (
     view_from_eye,
 )
 from terraport_pipeline.published.scene_model import SceneModel
+from terraport_pipeline.report.change_map import change_colours, change_span_m
 from terraport_pipeline.validate.handoff_report import WorstRay
 from terraport_pipeline.validate.worst_place import compare_at, describe, to_survey
 
@@ -118,8 +121,8 @@ class PictureTaker:
         self.base_rays = RayScene(model.base.vertices, model.base.faces)
         self._aspect = self._options.width / self._options.height
         vertices = model.detail.vertices
-        thin = vertices[:: max(1, len(vertices) // FRAMING_POINTS)]
-        self._camera = oblique(thin, aspect=self._aspect)
+        self._thin = vertices[:: max(1, len(vertices) // FRAMING_POINTS)]
+        self._camera = oblique(self._thin, aspect=self._aspect)
         self.landing: Landing = choose_landing(model, self.detail_rays)
 
     def overview(self, cloud: InputCloud | None = None) -> Iterator[Picture]:
@@ -154,6 +157,46 @@ class PictureTaker:
         varied = [name for name, values in detail.attributes.items() if _varies(values)]
         for name in varied[:MAX_ATTRIBUTES]:
             yield self._attribute(name)
+
+    def change(self, change: ChangeMap) -> Iterator[Picture]:
+        """Take the pictures of what the last survey changed: from above, and as the overview's.
+
+        Parameters
+        ----------
+        change : ChangeMap
+            Of the survey that the scene was renewed by.
+
+        Yields
+        ------
+        Picture
+            Ground that did not change beyond doubt is grey.
+        """
+        span_m = change_span_m(change)
+        colours = change_colours(change, self._model.detail, span_m)
+        legend = Legend(-span_m, span_m, "height difference, m", DIVERGING_STOPS)
+        yield self._detail_picture(
+            "change-above",
+            "Change since the survey before, from above",
+            "The ground from above, north up, coloured by how far its height changed: red where it "
+            "sank, blue where it rose, grey where no change is beyond doubt",
+            f"Height differences, metres, in cells of {change.cell_m:.3g} m: red where the ground "
+            "sank (cut), blue where it rose (fill), the stronger the more; the ends of the ramp "
+            "hold 99 % of them. Grey: no change beyond doubt, or within the level of detection at "
+            "95 % of its cell. North is up.",
+            face_colours=colours,
+            relief=FLAT_RELIEF,
+            legend=legend,
+            camera=top_down(self._thin, aspect=self._aspect),
+        )
+        yield self._detail_picture(
+            "change",
+            "Change since the survey before",
+            "The same colours on the ground seen obliquely from above",
+            "The same, seen as in the other pictures of the whole.",
+            face_colours=colours,
+            relief=FLAT_RELIEF,
+            legend=legend,
+        )
 
     def hand_off(self) -> Iterator[Picture]:
         """Take the pictures of a landing: from above, and from eye height.
@@ -336,12 +379,14 @@ class PictureTaker:
         texturing: Texturing | None = None,
         face_colours: UInt8 | None = None,
         legend: Legend | None = None,
+        camera: Camera | None = None,
     ) -> Picture:
+        """Draw the detail; from the overview's camera where no other is given."""
         detail, options = self._model.detail, self._options
         image = render_mesh(
             detail.vertices,
             detail.faces,
-            self._camera,
+            camera or self._camera,
             (options.width, options.height),
             colours=colours,
             texturing=texturing,

@@ -15,8 +15,10 @@ import numpy as np
 
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.published.scene_model import WHOLE_FACES, SceneModel, load_scene_model
+from terraport_pipeline.report.change_map import find_change_map
 from terraport_pipeline.report.facts import collect_facts, read_build_record
 from terraport_pipeline.report.html_page import page_templates, replace_page
 from terraport_pipeline.report.pictures import (
@@ -121,23 +123,27 @@ def write_report(
     # (2) Facts and pictures; a scene too large for memory is drawn thinned.
     with Scene.open(scene_path) as scene:
         points = cloud(scene) if cloud is not None else None
-        facts = collect_facts(scene, has_input=points is not None)
+        change = find_change_map(scene, work)
+        facts = collect_facts(
+            scene, has_input=points is not None, has_change_map=change is not None
+        )
         textures = texture_rows(scene.manifest, read_build_record(scene.path))
         compared: list[Picture] = []
         if int(scene.index.face_count.sum(dtype=np.int64)) > WHOLE_FACES:
-            overview, landing, proof = _look_at_large(scene, points, chosen, watcher)
+            overview, landing, proof = _look_at_large(scene, points, change, chosen, watcher)
         else:
             beside = None
             if photos is not None and textures:
                 beside = _Beside(photos, find_vertex_colours(scene, work), compared)
-            overview, landing, proof = _look_at(scene, points, chosen, watcher, beside)
+            overview, landing, proof = _look_at(scene, points, change, chosen, watcher, beside)
     # (3) One page with everything inside, put in its place in one step.
     page = (
         page_templates("terraport_pipeline.report")
         .get_template("report.html.j2")
         .render(
             facts=facts,
-            overview=overview,
+            overview=[picture for picture in overview if not picture.key.startswith("change")],
+            changes=[picture for picture in overview if picture.key.startswith("change")],
             textures=textures,
             compared=compared,
             landing=landing,
@@ -162,6 +168,7 @@ class _Beside:
 def _look_at(
     scene: Scene,
     points: InputCloud | None,
+    change: ChangeMap | None,
     chosen: ReportOptions,
     watcher: Progress,
     beside: _Beside | None,
@@ -170,7 +177,7 @@ def _look_at(
     model = load_scene_model(scene, progress=watcher)
     taker = PictureTaker(model, chosen.pictures)
     watcher.start("pictures", None, "pictures")
-    overview, landing = _taken(taker, points, watcher)
+    overview, landing = _taken(taker, points, change, watcher)
     watcher.done({"pictures": len(overview) + len(landing)})
     if beside is not None:
         watcher.start("pictures: photos", None, "pictures")
@@ -196,17 +203,18 @@ def _look_at(
 
 
 def _look_at_large(
-    scene: Scene, points: InputCloud | None, chosen: ReportOptions, watcher: Progress
+    scene: Scene,
+    points: InputCloud | None,
+    change: ChangeMap | None,
+    chosen: ReportOptions,
+    watcher: Progress,
 ) -> tuple[list[Picture], list[Picture], HandOffReport | None]:
     """Draw a scene larger than memory thinned, its landing in full, and prove it in windows."""
     taker = PictureTaker(
         load_scene_model(scene, max_faces=THINNED_FACES, progress=watcher), chosen.pictures
     )
     watcher.start("pictures", None, "pictures")
-    overview = []
-    for picture in taker.overview(points):
-        overview.append(picture)
-        watcher.advance(1)
+    overview = _overview(taker, points, change, watcher)
     watcher.done({"pictures": len(overview)})
     near = np.zeros(len(scene.index), np.bool_)
     near[segments_around(scene, taker.landing.position, THINNED_FACES)] = True
@@ -236,13 +244,25 @@ def _proof_options(chosen: ReportOptions) -> HandOffOptions:
 
 
 def _taken(
-    taker: PictureTaker, points: InputCloud | None, watcher: Progress
+    taker: PictureTaker, points: InputCloud | None, change: ChangeMap | None, watcher: Progress
 ) -> tuple[list[Picture], list[Picture]]:
-    overview, landing = [], []
-    for picture in taker.overview(points):
-        overview.append(picture)
-        watcher.advance(1)
+    overview, landing = _overview(taker, points, change, watcher), []
     for picture in taker.hand_off():
         landing.append(picture)
         watcher.advance(1)
     return overview, landing
+
+
+def _overview(
+    taker: PictureTaker, points: InputCloud | None, change: ChangeMap | None, watcher: Progress
+) -> list[Picture]:
+    """Take the pictures of the whole scene; last those of what changed."""
+    overview = []
+    for picture in taker.overview(points):
+        overview.append(picture)
+        watcher.advance(1)
+    if change is not None:
+        for picture in taker.change(change):
+            overview.append(picture)
+            watcher.advance(1)
+    return overview

@@ -36,9 +36,11 @@ from terraport_pipeline.geometry.clouds.ground_change import (
     block_keys,
     find_changes,
 )
+from terraport_pipeline.geometry.clouds.height_changes import HeightChanges
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.partition import BLOCK_CELLS
+from terraport_pipeline.stages.survey_change import load_height_changes, save_height_changes
 
 __all__ = ["NAME", "run"]
 
@@ -153,15 +155,17 @@ def run(
         Its `folder` gets the columns: rows of `before` in blocks that are as they were, in their
         order, then rows of `after` in blocks that changed. Further ``change-dz.npy``,
         ``change-lod.npy`` (metres) and ``change-moved.npy``: the raster (nx, nz) of
-        :class:`~terraport_pipeline.geometry.clouds.change_raster.ChangeRaster`; and
-        ``change-blocks.npy``: indices (C, 3) of blocks that changed, int64.
+        :class:`~terraport_pipeline.geometry.clouds.change_raster.ChangeRaster`;
+        ``change-blocks.npy``: indices (C, 3) of blocks that changed, int64; and the last change of
+        all ground, that of earlier surveys among it, for :func:`.load_height_changes`.
 
     Returns
     -------
     values, facts
         ``blocks``, ``changed_blocks``, ``kept_rows``, ``new_rows``, ``gains`` (of the colours, new
         over old), ``density_ratio`` (samples, new over old, of blocks with both) and
-        ``raster``: ``low_m`` (x and z of its corner, scene frame), ``cell_m`` and ``shape``.
+        ``raster``: ``low_m`` (x and z of its corner, scene frame), ``cell_m``, ``shape`` and
+        ``registration_m``, by which all of its heights may be off together.
 
     Raises
     ------
@@ -176,7 +180,8 @@ def run(
     widened = sum(a.dtype != dtype for a, dtype in zip(old.attributes, dtypes, strict=True))
     scale_m = max(_CUBE_SPACINGS * spacing_m, _CUBE_NOISE * noise_m)
     halvings = np.clip(np.rint(np.log2(BLOCK_CELLS * lattice.cell_m / scale_m)), 0, 4)
-    cubes = _Cubes(lattice, origin, 1 << int(halvings))
+    columns = 1 << int(halvings)
+    cubes = _Cubes(lattice, origin, columns)
     # (1) Which cubes are occupied, then the sums of each.
     cubes.take(_occupied((old, new), cubes, context))
     sums, same = _add_up(old, new, cubes, dtypes, context)
@@ -194,7 +199,13 @@ def run(
     np.save(context.folder / "change-dz.npy", raster.dz_m)
     np.save(context.folder / "change-lod.npy", raster.lod_m)
     np.save(context.folder / "change-moved.npy", raster.moved)
-    np.save(context.folder / "change-blocks.npy", key_indices(cubes.blocks[changed]))
+    blocks = key_indices(cubes.blocks[changed])
+    np.save(context.folder / "change-blocks.npy", blocks)
+    earlier = load_height_changes(before)
+    if earlier is None or earlier.per_block != columns:
+        earlier = HeightChanges.none(columns)
+    heights = earlier.renewed(raster, columns // cubes.per_block, blocks)
+    save_height_changes(context.folder, heights)
     anchor_m = np.array(lattice.anchor_m)[[0, 2]]
     low_m = anchor_m + np.array(raster.low) * scale.width_m
     values = {
@@ -208,6 +219,7 @@ def run(
             "low_m": low_m.tolist(),
             "cell_m": raster.cell_m,
             "shape": list(raster.dz_m.shape),
+            "registration_m": scale.registration_m,
         },
     }
     colour_alone = changed & ~_blocks_with(change.shifted, cubes)

@@ -46,7 +46,7 @@ from terraport_pipeline.workflow.read_step import (
     read_once,
 )
 from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
-from terraport_pipeline.workflow.renew_step import renew_survey
+from terraport_pipeline.workflow.renew_step import renew_survey, survey_change
 from terraport_pipeline.workflow.report import BuildReport, write_build_report
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.scene_lock import scene_locked
@@ -311,9 +311,10 @@ def _run_stages(
         has_colour=reconstructed.sample_colours is not None,
         build=build_info(recorded, input_info(read), runner.reports),
     )
+    change = survey_change(runner, renewed, ground.lattice)
     version, published = publish_tiles(
         runner, scene, surface, segmented, textures, base_texture, about, options.pack_options(),
-        prepare=partial(runner.prepare, about.build, read.digest, survey=renewed.name),
+        change, prepare=partial(runner.prepare, about.build, read.digest, survey=renewed.name),
     )  # fmt: skip
     runner.remember(version, read.digest, survey=renewed.name)
     return version, published, inputs_of(survey, read)

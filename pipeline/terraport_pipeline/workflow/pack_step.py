@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
@@ -14,12 +14,13 @@ import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.stages import pack
-from terraport_pipeline.stages.contract import Form, Stored
+from terraport_pipeline.stages.contract import STORED, Form, Stored
 from terraport_pipeline.stages.region_ids import CarriedNumbers
-from terraport_pipeline.stages.tiles import tiled_pack
+from terraport_pipeline.stages.survey_change import SurveyChange, TileHeights, clashing_attribute
+from terraport_pipeline.stages.tiles import tiled_change, tiled_pack
 from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.report import StageReport
-from terraport_pipeline.workflow.runner import Runner, Stage, TileStage, for_tiles
+from terraport_pipeline.workflow.runner import Result, Runner, Stage, TileStage, for_tiles
 from terraport_pipeline.workflow.segment_step import Labels, Segmented, tile_numbers
 from terraport_pipeline.workflow.texture_step import BaseTexture, Textures
 from terraport_store.errors import StoreError
@@ -38,6 +39,7 @@ def publish_tiles(
     base_texture: BaseTexture | None,
     about: pack.About,
     options: pack.Options,
+    change: SurveyChange | None = None,
     *,
     prepare: Callable[[], None] = lambda: None,
 ) -> tuple[str, bool]:
@@ -58,6 +60,8 @@ def publish_tiles(
     about : pack.About
         What the manifest says beyond the meshes.
     options : pack.Options
+    change : SurveyChange, optional
+        What the survey changed, over a scene that was there.
     prepare : callable
         Called right before the scene is published, unless it is already.
 
@@ -81,8 +85,9 @@ def publish_tiles(
                 stands=lambda decided: decided.stands(extents),
             )
         ).value()
+        heights = _heights_of(surface, change)
         # (1) Payloads of every tile. Its inputs name all that a payload holds, so a tile whose
-        # surface, labels, cut and textures are unchanged is not encoded again.
+        # surface, labels, cut, textures and height differences are unchanged is not encoded again.
         payloads = runner.run_tiles(
             TileStage(
                 "pack-tile",
@@ -97,6 +102,7 @@ def publish_tiles(
                         scales,
                         context,
                         None if textures is None else textures.tile(tile),
+                        heights[tile],
                     ),
                 ),
                 [
@@ -105,6 +111,7 @@ def publish_tiles(
                         "labels": labels.digest(tile),
                         "cut": segmented.cut_digest(tile),
                         **({} if textures is None else {"textures": textures.digest_of(tile)}),
+                        **_digest_of(heights[tile]),
                     }
                     for tile in range(tiles.count)
                 ],
@@ -114,7 +121,13 @@ def publish_tiles(
                 numbers=tile_numbers(tiles),
             )
         )
-        # (2) One scene of them all, published in one act.
+        # (2) Volumes of cut and fill by region.
+        volumes = None
+        if change is not None:
+            volumes = _volumes(runner, surface, labels, change)
+            facts = tiled_change.with_volumes(joined.region_facts, volumes.value().values)
+            joined = replace(joined, region_facts=facts)
+        # (3) One scene of them all, published in one act.
         numbers = segmented.numbers
         carried = None
         if runner.before is not None:
@@ -141,6 +154,7 @@ def publish_tiles(
                 "numbers": numbers.digest,
                 "base": surface.base_digest,
                 **({} if base_texture is None else {"base_texture": base_texture.digest}),
+                **({} if volumes is None else {"volumes": volumes.digest}),
             },
         )  # fmt: skip
         record = runner.take_up(stage.name, stage.key)
@@ -151,6 +165,40 @@ def publish_tiles(
             prepare()
         published = runner.run(stage)
         return str(published.record.values["version"]), not runner.reports[-1].taken_up
+
+
+def _heights_of(surface: Surface, change: SurveyChange | None) -> list[TileHeights | None]:
+    """Take the height differences near every tile; None where there are none to be written."""
+    tiles = surface.tiles
+    if change is None or clashing_attribute(tiles.attributes) is not None:
+        return [None] * tiles.count
+    near = [change.of_tile(tiles.box(tile)) for tile in range(tiles.count)]
+    return [None if heights.digest is None else heights for heights in near]
+
+
+def _digest_of(heights: TileHeights | None) -> dict[str, str]:
+    """Give the key's entry; none where a tile is as it would be of a first survey."""
+    digest = None if heights is None else heights.digest
+    return {} if digest is None else {"heights": digest}
+
+
+def _volumes(
+    runner: Runner, surface: Surface, labels: Labels, change: SurveyChange
+) -> Result[Stored]:
+    """Share the volumes of cut and fill out over the regions."""
+    return runner.run(
+        Stage(
+            tiled_change.NAME,
+            tiled_change,
+            lambda _: tiled_change.run(change.raster, surface.tiles, labels.region),
+            STORED,
+            inputs={
+                "change": change.digest,
+                "tiles": surface.tiles.digest,
+                "labels": "-".join(labels.digest(tile) for tile in range(surface.tiles.count)),
+            },
+        )
+    )
 
 
 _PUBLISHED: Final[Form[pack.Packed]] = Form(

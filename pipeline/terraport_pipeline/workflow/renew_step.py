@@ -3,21 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
 from terraport_pipeline.engines.readers.npy_columns import NpyReader
+from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages import renew
 from terraport_pipeline.stages.contract import IN_FOLDER, Facts, Json
+from terraport_pipeline.stages.partition import BLOCK_CELLS
+from terraport_pipeline.stages.survey_change import SurveyChange, clashing_attribute
 from terraport_pipeline.workflow.before import SURVEY, Before
 from terraport_pipeline.workflow.runner import Runner, Stage
 from terraport_pipeline.workflow.tile_ground import FRAME
 from terraport_pipeline.workflow.workdir import StageRecord
 
-__all__ = ["renew_survey"]
+__all__ = ["renew_survey", "survey_change"]
 
 _MOST_DENSER: Final = 1.5
 """Points per area over those of the survey before, or the other way round, from which the scene is
@@ -61,6 +65,23 @@ def renew_survey(runner: Runner, read: StageRecord) -> tuple[StageRecord, tuple[
     return read, (f"the survey {differs}: the scene is built anew, and clients load all of it",)
 
 
+def survey_change(runner: Runner, survey: StageRecord, lattice: Lattice) -> SurveyChange | None:
+    """Open what a survey changed; None where it is the scene's first, or the scene is built anew.
+
+    Parameters
+    ----------
+    runner : Runner
+    survey : StageRecord
+        From :func:`renew_survey`.
+    lattice : Lattice
+        Of the scene.
+    """
+    if survey.name != renew.NAME:
+        return None
+    folder = runner.work.path / survey.name
+    return SurveyChange.load(folder, survey.values, lattice, BLOCK_CELLS, survey.digest)
+
+
 def _renew(
     runner: Runner, before: Before, earlier: StageRecord, frame: StageRecord, read: StageRecord
 ) -> StageRecord:
@@ -93,6 +114,13 @@ def _with_values(
 ) -> tuple[Mapping[str, Json], Facts]:
     """Say of the renewed survey what the read stage says of one."""
     values, facts = result
+    taken = clashing_attribute(stated["attributes"])
+    if taken is not None:
+        text = (
+            f"the survey's attribute {taken!r} stands where {HEIGHT_CHANGE} would: how far the "
+            "ground's height changed is in the report alone; rename it to see both"
+        )
+        facts = replace(facts, warnings=(*facts.warnings, text))
     return {**values, **stated}, facts
 
 

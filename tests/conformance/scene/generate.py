@@ -25,7 +25,7 @@ if __name__ == "__main__":  # run as a script: the packages imported below lie i
 from conformance.scene.axes_scene import write_axes_scene
 from conformance.scene.covers import write_covers
 from payload.images import ktx2, pillow, png
-from store.tiny_scene import SCALES, STEP_M, lattice_mesh, textured, write_tiny_scene
+from store.tiny_scene import SCALES, STEP_M, lattice_mesh, sunken, textured, write_tiny_scene
 
 from terraport_payload import (
     SegmentMesh,
@@ -41,13 +41,22 @@ HERE = Path(__file__).resolve().parent
 
 def main() -> None:
     """Write all of it anew."""
-    for name in ("axes", "tiny", "tiny-textured", "tiny-base-image", "payload", "cover"):
+    for name in (
+        "axes",
+        "tiny",
+        "tiny-textured",
+        "tiny-base-image",
+        "tiny-changed",
+        "payload",
+        "cover",
+    ):
         shutil.rmtree(HERE / name, ignore_errors=True)
     write_axes_scene(HERE / "axes")
     write_tiny_scene(HERE / "tiny", stable_ids=(5, 2, 9))
     (HERE / "tiny" / LABELS).write_bytes(encode_labels({7: "Süd 石", 9: "haul road"}))
     write_tiny_scene(HERE / "tiny-textured", image=pillow("JPEG"))
     write_tiny_scene(HERE / "tiny-base-image", base_image=pillow("JPEG"))
+    write_tiny_scene(HERE / "tiny-changed", changed=True)
     (HERE / "payload").mkdir()
     write_good()
     write_bad()
@@ -63,6 +72,7 @@ def write_good() -> None:
         "bare": (replace(full, colours=None, region_ids=None, attributes={}), {}),
         "plain": (full, {"compress": False}),
         "base": (full, {"keep_face_order": True}),
+        "changed": (sunken(full), {}),
         "float": (replace(full, positions=full.positions * np.float32(500)), {}),
         "jpeg": (textured(full, pillow("JPEG")), {}),
         "png": (textured(full, png()), {"compress": False}),
@@ -157,7 +167,6 @@ def write_bad_textures() -> None:
 
 def described(mesh: SegmentMesh) -> dict[str, Any]:
     """Everything that a decoder should find, NaN as null."""
-    grade = mesh.attributes.get("grade")
     texture: dict[str, Any] = {}
     if mesh.uvs is not None and mesh.texture is not None:
         texture = {
@@ -177,9 +186,10 @@ def described(mesh: SegmentMesh) -> dict[str, Any]:
         "colours": None if mesh.colours is None else mesh.colours.tolist(),
         "region_ids": None if mesh.region_ids is None else mesh.region_ids.tolist(),
         **texture,
-        "attributes": {}
-        if grade is None
-        else {"grade": [None if np.isnan(value) else float(value) for value in grade]},
+        "attributes": {
+            name: [None if np.isnan(value) else float(value) for value in values]
+            for name, values in mesh.attributes.items()
+        },
     }
 
 

@@ -17,8 +17,9 @@ from terraport_payload import Cover, PayloadError, decode_glb
 from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
 
 HERE = Path(__file__).resolve().parent
-SCENES = ("tiny", "tiny-textured", "tiny-base-image", "axes")
-"""One with names, one with textures, one whose base alone has one, and one to see axes by."""
+SCENES = ("tiny", "tiny-textured", "tiny-base-image", "tiny-changed", "axes")
+"""One with names, one with textures, one whose base alone has one, one of which a segment alone has
+an attribute, and one to see axes by."""
 DAMAGED = json.loads((HERE / "damaged.json").read_text())
 COVERS = sorted((HERE / "cover").glob("*.cover"))
 PAYLOADS = sorted(p for p in (HERE / "payload").iterdir() if p.suffix != ".json")
@@ -94,6 +95,17 @@ def test_a_texture_of_the_base_alone() -> None:
     assert base.texture is not None
     assert base.colours is None
     assert all(mesh.texture is None and mesh.colours is not None for mesh in meshes)
+
+
+def test_an_attribute_of_one_segment_alone() -> None:
+    with Scene.open(HERE / "tiny-changed") as scene:
+        names = [info.name for info in scene.manifest.attributes]
+        meshes = [decode_glb(scene.payload(segment)) for segment in range(4)]
+    assert names == ["grade", "height_change_m"]
+    assert [list(mesh.attributes) for mesh in meshes] == [["grade"]] * 3 + [names]
+    steps = meshes[3].attributes["height_change_m"]
+    assert (np.nanmin(steps), np.nanmax(steps)) == (-1.5, 0.5)
+    assert np.isnan(steps).sum() == 16
 
 
 def test_the_axes_scene_is_what_it_is_said_to_be() -> None:

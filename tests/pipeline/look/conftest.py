@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -127,7 +128,15 @@ STEP_M = 2.0**-10
 GRADE = AttributeScale(offset=0.0, step=1e-4)
 
 
-def publish_scene(path: Path, model: HandOffModel, detail: Terrain, base: Terrain) -> Path:
+def publish_scene(
+    path: Path,
+    model: HandOffModel,
+    detail: Terrain,
+    base: Terrain,
+    *,
+    regions: dict[str, Any] | None = None,
+    stages: tuple[dict[str, Any], ...] = (),
+) -> Path:
     """Publish a model as a scene with two regions, an attribute, a CRS and a warning."""
     normals = np.tile(np.float32([0, 1, 0]), (len(detail.vertices), 1))
     with SceneWriter(path) as writer:
@@ -158,7 +167,7 @@ def publish_scene(path: Path, model: HandOffModel, detail: Terrain, base: Terrai
             encode_glb(level, step_m=STEP_M, attribute_scales={}, keep_face_order=True),
             Cover(model.cover_offsets.astype(np.uint32), model.cover_segments.astype(np.uint32)),
         )
-        writer.set_regions({"regions": [{"id": 0}, {"id": 1}]})
+        writer.set_regions(regions or {"regions": [{"id": 0}, {"id": 1}]})
         writer.publish(
             SceneInfo(
                 name="rolling <ground>",
@@ -172,6 +181,7 @@ def publish_scene(path: Path, model: HandOffModel, detail: Terrain, base: Terrai
                     options={"seed": 7},
                     input=InputInfo(name="ground.laz", bytes=9_999, xxh3="0" * 16),
                     warnings=("12 points were outliers",),
+                    stages=stages,
                 ),
                 crs=CrsInfo(name="WGS 84 / UTM zone 33N", epsg=32633),
                 attributes=(

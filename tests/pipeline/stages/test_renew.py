@@ -15,6 +15,7 @@ from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages import renew
 from terraport_pipeline.stages.contract import Context, Facts
 from terraport_pipeline.stages.partition import BLOCK_CELLS
+from terraport_pipeline.stages.survey_change import load_height_changes
 from terraport_pipeline.synth import QuarryOptions, synthesise
 
 ORIGIN = np.array([641_200.0, 8_594_700.0, 1_287.0])
@@ -180,6 +181,44 @@ def test_a_pit_and_a_pile_take_the_new_samples(
         result.folder / "change-moved.npy"), np.abs(dz_m), np.nan)), dz_m.shape)  # fmt: skip
     middle_m = np.array(raster["low_m"]) + (np.array([x, z]) + 0.5) * raster["cell_m"]
     np.testing.assert_allclose(middle_m, [PIT[0], -PIT[1]], atol=1.5 * raster["cell_m"])
+
+
+def heights_at(folder: Path, points: Float64) -> Float64:
+    """What vertices at these points would say of the last change, (N,) metres."""
+    heights = load_height_changes(folder)
+    assert heights is not None
+    local = points - ORIGIN
+    scene = np.stack([local[:, 0], local[:, 2], -local[:, 1]], axis=1)
+    return heights.at(LATTICE.cells(scene) / BLOCK_CELLS)
+
+
+def test_the_last_change_of_all_ground_is_kept(
+    tmp_path: Path, before: Path, first: Flight, second: Flight
+) -> None:
+    """A pit, then a pile elsewhere: the depth of the pit is still known, and nothing else."""
+    assert load_height_changes(before) is None
+    pit = -2.0 * np.maximum(1 - second.away() ** 2 / 100, 0)
+    dug = replace(second, points=second.points + pit[:, None] * np.array([0, 0, 1.0]))
+    one = renewed(tmp_path, before, dug)
+    found = heights_at(one.folder, dug.points)
+    inside = second.away() < 8
+    assert np.isfinite(found[inside]).mean() > 0.99
+    error = (found - pit)[inside & np.isfinite(found)]
+    assert abs(np.median(error)) < 0.05  # cells of 1.9 m fill a bowl by 4 cm
+    assert np.percentile(np.abs(error), 95) < 0.1
+    assert np.isnan(found[second.away() > 10 + BEYOND_M]).all()
+    # The next survey finds a pile, and the pit as it was left.
+    heap_m = np.array([30.0, 15.0])
+    heap = 2.0 * np.maximum(1 - second.away(heap_m) ** 2 / 100, 0)
+    heaped = replace(dug, points=dug.points + heap[:, None] * np.array([0, 0, 1.0]))
+    (tmp_path / "next").mkdir()
+    two = renewed(tmp_path / "next", one.folder, heaped)
+    assert two.facts.counts["cut_m3"] < 5.0
+    again = heights_at(two.folder, heaped.points)
+    far = second.away(heap_m) > 10 + BEYOND_M
+    np.testing.assert_array_equal(again[far], heights_at(one.folder, heaped.points)[far])
+    top = second.away(heap_m) < 2
+    assert np.nanmedian(again[top]) == pytest.approx(np.median(heap[top]), abs=0.08)
 
 
 def test_painted_ground_takes_the_new_samples(

@@ -17,9 +17,15 @@ from coloured_ground import cut_mesh, ground
 from memory_tiles import MemoryTiles
 from pipeline.one_piece import runner_in, surface_in_tiles
 
+from terraport_payload import SegmentMesh, decode_glb
 from terraport_payload.types import Bool
+from terraport_pipeline.geometry.clouds.change_raster import ChangeRaster
+from terraport_pipeline.geometry.clouds.height_changes import HeightChanges
+from terraport_pipeline.geometry.regions.region_changes import ChangeMap
+from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import pack, segment
+from terraport_pipeline.stages.survey_change import SurveyChange
 from terraport_pipeline.workflow.before import find_before
 from terraport_pipeline.workflow.pack_step import publish_tiles
 from terraport_pipeline.workflow.reconstruct_step import Surface
@@ -30,6 +36,7 @@ from terraport_store.validate import validate_scene
 
 SEGMENT = segment.Options(min_faces=150, max_faces=900)
 PASSES = ("segment-measure", "segment-units", "segment-cut", "segment-cover", "pack-tile")
+LATTICE = Lattice((0.0, 0.0, 0.0), 0.25)
 DEVIATION_M = (0.1, 0.2, 0.5, 0.6)
 
 
@@ -69,7 +76,13 @@ def with_pile(detail: Mesh) -> Mesh:
 
 
 def build(
-    folder: Path, survey: str, surface: Surface, *, resume: bool = True, killed: bool = False
+    folder: Path,
+    survey: str,
+    surface: Surface,
+    *,
+    resume: bool = True,
+    killed: bool = False,
+    change: SurveyChange | None = None,
 ) -> Runner:
     """Build over the scene in a folder, killed right after publishing or not.
 
@@ -86,12 +99,40 @@ def build(
         BuildInfo(terraport="0", options={}, input=source),
     )  # fmt: skip
     version, _ = publish_tiles(
-        runner, scene, surface, segmented, None, None, about, pack.Options("ground"),
+        runner, scene, surface, segmented, None, None, about, pack.Options("ground"), change,
         prepare=partial(runner.prepare, about.build, survey * 16, survey="segment"),
     )  # fmt: skip
     if not killed:
         runner.remember(version, survey * 16, survey="segment")
     return runner
+
+
+def sunk(detail: Mesh, by_m: float, *, low: float, high: float) -> Mesh:
+    """Dig a square hole."""
+    vertices = detail.vertices.copy()
+    vertices[within(detail, low=low, high=high), 1] -= np.float32(by_m)
+    return replace(detail, vertices=vertices, attributes={"height": vertices[:, 1].copy()})
+
+
+def change_of(
+    by_m: float, low: int, high: int, earlier: HeightChanges | None = None
+) -> SurveyChange:
+    """What the comparison finds of such a hole, in cubes of 1 m, four to a block."""
+    dz_m = np.zeros((60, 60), np.float32)
+    moved = np.zeros((60, 60), np.bool_)
+    dz_m[low:high, low:high] = -by_m
+    moved[low:high, low:high] = True
+    raster = ChangeRaster((0.0, 0.0), 1.0, 1.0, dz_m, np.full_like(dz_m, 0.1), moved, (0, 0))
+    every = range(low // 4, -(-high // 4))
+    blocks = np.array([(x, y, z) for x in every for y in range(-3, 3) for z in every], np.int64)
+    heights = (earlier or HeightChanges.none(4)).renewed(raster, 1, blocks)
+    seen = ChangeMap((0.0, 0.0), 1.0, dz_m, raster.lod_m, moved, 0.02)
+    return SurveyChange(LATTICE, 16, heights, seen, f"change-{by_m}-{low}-{high}")
+
+
+def payloads(folder: Path) -> list[SegmentMesh]:
+    with Scene.open(folder / "scene") as opened:
+        return [decode_glb(opened.payload(number)) for number in range(len(opened.index))]
 
 
 def published(folder: Path) -> Version:
@@ -273,3 +314,81 @@ def test_the_next_survey_goes_by_what_was_decided_first(detail: Mesh, folder: Pa
         held = before.find(record.name)
         assert held is not None
         assert held.digest == record.digest
+
+
+def test_a_hole_is_in_the_payloads_over_it_and_in_no_other(detail: Mesh, folder: Path) -> None:
+    old, times = published(folder), keys(runner_in(folder))
+    build(folder, "b", surface_of(sunk(detail, 1.5, low=22.0, high=26.0)),
+                   change=change_of(1.5, 22, 26))  # fmt: skip
+    assert computed(times, runner_in(folder)) == {f"{name}-00004" for name in PASSES}
+    new = published(folder)
+    # (1) Payloads of other tiles are those of before, bit by bit.
+    others = {value for tile, value in zip(old.tiles, old.hashes, strict=True) if tile != 4}
+    assert others <= set(new.hashes)
+    # (2) Where the ground sank, vertices say by how much; segments beside it say nothing at all.
+    has_change = 0
+    for mesh in payloads(folder):
+        dz_m = mesh.attributes.get("height_change_m")
+        x, _, z = mesh.positions.T
+        inside = (x > 22) & (x < 26) & (z > 22) & (z < 26)
+        assert inside.any() == (dz_m is not None)
+        if dz_m is not None:
+            has_change += 1
+            np.testing.assert_allclose(dz_m[inside], -1.5, atol=0.004)
+            beyond = (x < 21.9) | (x > 26.1) | (z < 21.9) | (z > 26.1)
+            assert np.isnan(dz_m[beyond]).all()
+    assert 0 < has_change < sum(tile == 4 for tile in new.tiles)
+    # (3) The manifest has its range, and the scale that never changes.
+    with Scene.open(folder / "scene") as opened:
+        (info,) = (a for a in opened.manifest.attributes if a.name == "height_change_m")
+    assert (info.min, info.max, info.offset, info.step) == (-1.5, -1.5, -256.0, 2.0**-7)
+
+
+def test_the_survey_after_it_keeps_what_tiles_say_that_do_not_change(
+    detail: Mesh, folder: Path
+) -> None:
+    hole, times = sunk(detail, 1.5, low=25.0, high=33.0), keys(runner_in(folder))
+    first = change_of(1.5, 25, 33)
+    build(folder, "b", surface_of(hole), change=first)
+    old, times = published(folder), keys(runner_in(folder))
+    later = change_of(0.5, 5, 13, first.heights)
+    runner = build(folder, "c", surface_of(sunk(hole, 0.5, low=5.0, high=13.0)), change=later)
+    assert computed(times, runner) == {f"{name}-00000" for name in PASSES}
+    others = {value for tile, value in zip(old.tiles, old.hashes, strict=True) if tile != 0}
+    assert others <= set(published(folder).hashes)
+    values = [mesh.attributes.get("height_change_m") for mesh in payloads(folder)]
+    lowest = [float(np.nanmin(dz_m)) for dz_m in values if dz_m is not None]
+    assert sorted(set(lowest)) == [-1.5, -0.5]
+    # Nothing was found: all the same.
+    whole = files(folder)["segments.pack"]
+    nothing = change_of(0.5, 0, 0, later.heights)
+    runner = build(folder, "d", surface_of(sunk(hole, 0.5, low=5.0, high=13.0)), change=nothing)
+    assert files(folder)["segments.pack"] == whole
+
+
+def test_volumes_of_the_regions_add_up(detail: Mesh, folder: Path) -> None:
+    build(folder, "b", surface_of(sunk(detail, 1.5, low=15.0, high=33.0)),
+          change=change_of(1.5, 15, 33))  # fmt: skip
+    with Scene.open(folder / "scene") as opened:
+        document = opened.regions
+    whole = document["change"]["whole"]
+    assert whole["cut_m3"] == pytest.approx(1.5 * 18 * 18)
+    assert whole["fill_m3"] == 0.0
+    assert whole["uncertainty_m3"] == pytest.approx(0.02 * 18 * 18)
+    regions = [row["change"] for row in document["regions"] if "change" in row]
+    assert len(regions) >= 2  # it lies across a border
+    for name, value in whole.items():
+        pieces = [row[name] for row in (*regions, document["change"]["beyond"])]
+        assert sum(pieces) == pytest.approx(value, abs=0.01)
+
+
+def test_an_attribute_of_the_survey_by_that_name_stands(detail: Mesh, tmp_path: Path) -> None:
+    def named(mesh: Mesh) -> Mesh:
+        return replace(mesh, attributes={"Height_Change_m": mesh.vertices[:, 1].copy()})
+
+    base = named(ground(16, low=-3.0, high=63.0))
+    build(tmp_path, "a", surface_of(named(detail), base))
+    hole = named(sunk(detail, 1.5, low=25.0, high=33.0))
+    build(tmp_path, "b", surface_of(hole, base), change=change_of(1.5, 25, 33))
+    assert published(tmp_path).regions
+    assert {name for mesh in payloads(tmp_path) for name in mesh.attributes} == {"Height_Change_m"}

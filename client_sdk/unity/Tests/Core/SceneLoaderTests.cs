@@ -16,6 +16,7 @@ namespace Terraport.Tests
         [TestCase("tiny", false, true, false)]
         [TestCase("tiny-textured", true, false, false)]
         [TestCase("tiny-base-image", true, true, true)]
+        [TestCase("tiny-changed", false, true, false)]
         public void Scene_IsLoadedWhole(string name, bool hasTexture, bool hasColour, bool ofPoints)
         {
             long receivedBytes = 0;

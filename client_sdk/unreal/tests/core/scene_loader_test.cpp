@@ -124,7 +124,7 @@ std::string replaced(std::string text, const std::string& pattern, const std::st
 
 TEST_SUITE("scene loader") {
   TEST_CASE("every scene of the corpus is loaded, with its labels") {
-    for (const char* folder : {"tiny", "tiny-textured", "tiny-base-image", "axes"}) {
+    for (const char* folder : {"tiny", "tiny-textured", "tiny-base-image", "tiny-changed", "axes"}) {
       CAPTURE(folder);
       FakeHttp http;
       addScene(http, folder, "one");
@@ -144,11 +144,12 @@ TEST_SUITE("scene loader") {
       CHECK_FALSE(files.regions.empty());
       CHECK(loader.doneBytes() == loader.totalBytes());
       CHECK(loader.totalBytes() > 1000);
-      CHECK(files.manifest.hasTextures == (std::string(folder) != "tiny"));
+      const std::string name = folder;
+      const bool isPlain = name == "tiny" || name == "tiny-changed";
+      CHECK(files.manifest.hasTextures == !isPlain);
       // Each payload says itself what it has: an image in the base alone leaves segments their colours.
-      const bool hasBaseImage = std::string(folder).rfind("tiny-", 0) == 0;
-      CHECK((files.base.image.bytes > 0) == hasBaseImage);
-      CHECK(files.manifest.hasColour == (std::string(folder) == "tiny" || std::string(folder) == "tiny-base-image"));
+      CHECK((files.base.image.bytes > 0) == (!isPlain && name != "axes"));
+      CHECK(files.manifest.hasColour == (isPlain || name == "tiny-base-image"));
       CHECK(http.tokens.back() == "secret");
       CHECK(http.open() == 0);
       // There and back, and the origin is the origin.

@@ -59,6 +59,8 @@ class ChangeRaster:
 
     low: tuple[float, float]
     """x and z of the corner of cell (0, 0), widths of a cube from the lattice's anchor."""
+    cube_m: float
+    """Width of a cube."""
     cell_m: float
     dz_m: Float32
     """(nx, nz) new mean height less old; NaN where one survey has fewer than a few samples."""
@@ -142,7 +144,8 @@ def make_raster(
             only[side] += np.count_nonzero(touched & (own[:, 0] >= _LEAST) & (other[:, 0] == 0))
     corner = (float(x0 * factor), float(z0 * factor))
     lost, gained = only.tolist()
-    return ChangeRaster(corner, scale.width_m * factor, dz_m, lod_m, near_moved, (lost, gained))
+    width_m = scale.width_m
+    return ChangeRaster(corner, width_m, width_m * factor, dz_m, lod_m, near_moved, (lost, gained))
 
 
 def _box(keys: Int64) -> tuple[int, int, int, int, int]:

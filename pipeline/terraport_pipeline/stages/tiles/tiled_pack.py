@@ -8,8 +8,8 @@ before had: those keep theirs. Memory: one tile and a few payloads.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -19,6 +19,7 @@ import xxhash
 from terraport_payload import (
     AttributeScale,
     Cover,
+    SegmentMesh,
     choose_attribute_scale,
     choose_step_m,
     encode_glb,
@@ -26,6 +27,7 @@ from terraport_payload import (
 )
 from terraport_payload.grid import NULL_CODE
 from terraport_payload.types import AnyArray, Int32, UInt64
+from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE, HEIGHT_CHANGE_SCALE
 from terraport_pipeline.geometry.segments.segment_ids import carry_segment_ids
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
@@ -43,6 +45,7 @@ from terraport_pipeline.stages.pack import (
     whole_payload,
 )
 from terraport_pipeline.stages.region_ids import CarriedNumbers, Surface, number_regions
+from terraport_pipeline.stages.survey_change import TileHeights
 from terraport_pipeline.stages.texture_set import TextureSet
 from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, TiledScene
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented, renumbered
@@ -189,6 +192,7 @@ def encode(
     scales: Scales,
     context: Context,
     textures: TextureSet | None = None,
+    heights: TileHeights | None = None,
 ) -> Stored:
     """Encode one tile's segments.
 
@@ -202,18 +206,28 @@ def encode(
     context : Context
     textures : TextureSet, optional
         An image for every segment, instead of the vertex colours.
+    heights : TileHeights, optional
+        How far the ground's height changed: an attribute of the segments in which it did. Those of
+        all others have the bytes that they would have without.
 
     Returns
     -------
     Stored
         ``glb``: payloads one after the other in order of the segments, with their
-        lengths and hashes; boxes and counts of the segments.
+        lengths and hashes; boxes and counts of the segments; value ``height_change``: least and
+        greatest height difference, where any was written.
     """
-    attributes = scales.attributes
+    attributes, values = scales.attributes, {}
+    if heights is not None:
+        dz_m = heights.at(mesh.vertices)
+        if not np.isnan(dz_m).all():
+            values["height_change"] = [float(np.nanmin(dz_m)), float(np.nanmax(dz_m))]
+            attributes = {**attributes, HEIGHT_CHANGE: HEIGHT_CHANGE_SCALE}
+            mesh = replace(mesh, attributes={**mesh.attributes, HEIGHT_CHANGE: dz_m})
     payloads = list(
         in_order(
             lambda piece: encode_payload(piece, scales.step_m, attributes),
-            split_segments(mesh, segments, regions, textures),
+            _without_empty(split_segments(mesh, segments, regions, textures)),
             context.threads,
         )
     )
@@ -227,7 +241,18 @@ def encode(
             [xxhash.xxh3_64_intdigest(payload.glb) for payload in payloads], np.uint64
         ),
     }
-    return Stored(arrays, {})
+    return Stored(arrays, values)
+
+
+def _without_empty(pieces: Iterable[SegmentMesh]) -> Iterator[SegmentMesh]:
+    """Leave the height differences out of segments in which no vertex has one."""
+    for piece in pieces:
+        dz_m = piece.attributes.get(HEIGHT_CHANGE)
+        if dz_m is not None and np.isnan(dz_m).all():
+            kept = {n: values for n, values in piece.attributes.items() if n != HEIGHT_CHANGE}
+            yield replace(piece, attributes=kept)
+        else:
+            yield piece
 
 
 def publish(
@@ -335,7 +360,10 @@ def publish(
                 hand_off=HandOff(deviation_m=deviation_m[3], tolerance_m=segmented.tolerance_m),
                 build=about.build,
                 crs=about.crs,
-                attributes=_attribute_infos(ranges, attributes),
+                attributes=(
+                    *_attribute_infos(ranges, attributes),
+                    *_height_change_info(segmented, payloads),
+                ),
                 has_colour=about.has_colour and (info is None or info.segments == 0),
                 textures=info,
             )
@@ -400,3 +428,17 @@ def _attribute_infos(
             )
         )
     return tuple(infos)
+
+
+def _height_change_info(
+    segmented: TiledSegmented, payloads: PayloadFiles
+) -> tuple[AttributeInfo, ...]:
+    """Describe the height differences, where any payload has them."""
+    ends = [payloads(tile).values.get("height_change") for tile in np.unique(segmented.tile)]
+    every = [end for pair in ends if pair is not None for end in pair]
+    if not every:
+        return ()
+    return _attribute_infos(
+        {HEIGHT_CHANGE: AttributeRange(min(every), max(every), None)},
+        {HEIGHT_CHANGE: HEIGHT_CHANGE_SCALE},
+    )
