@@ -3,11 +3,16 @@
 First pass: samples per block of the lattice, for the plan. Second pass: every sample goes to the
 file of each tile whose data box it lies in, in file order. Memory: one block of the survey, and one
 number per occupied block.
+
+Over a scene that is there, a tile in whose core nothing changed keeps the samples that it had, also
+those of its margins: a margin only steadies the surface within, and a change in it would make the
+neighbours of every changed tile anew.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
@@ -15,12 +20,12 @@ import numpy as np
 import xxhash
 
 from terraport_payload.types import AnyArray, Float64, Int64
-from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter
+from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter, link_or_copy
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.tiles.solve_tile import sample_type
 
-__all__ = ["BLOCK_CELLS", "NAME", "count_blocks", "run", "samples_name"]
+__all__ = ["BLOCK_CELLS", "NAME", "Earlier", "count_blocks", "run", "samples_name"]
 
 NAME: Final = "partition"
 
@@ -80,12 +85,24 @@ def count_blocks(
     return split - _KEY_SPAN // 2, counts
 
 
+@dataclass(frozen=True, slots=True)
+class Earlier:
+    """What was handed out for the version of the scene before, and where the ground has changed."""
+
+    folder: Path
+    values: Mapping[str, Json]
+    """As :func:`run` returned them."""
+    changed: Int64
+    """(C, 3) indices of the blocks that changed since."""
+
+
 def run(
     source: Path,
     attributes: int,
     plan: TilePlan,
     origin: Float64,
     context: Context,
+    earlier: Earlier | None = None,
 ) -> tuple[Mapping[str, Json], Facts]:
     """Write every tile's samples.
 
@@ -99,11 +116,14 @@ def run(
     origin : ndarray of shape (3,), float64
     context : Context
         Its `folder` gets one ``samples-<tile>.npy`` per tile.
+    earlier : Earlier, optional
+        Tiles in whose core nothing changed get what they had.
 
     Returns
     -------
     values, facts
-        ``samples``: per tile, how many; ``digests``: per tile, the hash of its samples.
+        ``samples``: per tile, how many; ``digests``: per tile, the hash of its samples; ``laid``
+        and ``tiles``: how the tiles lie, and the index of each.
     """
     # (1) Columns in, one file of rows per tile out; one buffered block each.
     points = NpyReader(source / "points.npy")
@@ -111,13 +131,17 @@ def run(
     colours = NpyReader(source / "colours.npy") if has_colour else None
     columns = [NpyReader(source / f"attribute-{i}.npy") for i in range(attributes)]
     dtype = sample_type([("", column.dtype.str) for column in columns], has_colour=has_colour)
+    laid = repr((plan.shape, plan.lattice, plan.offset, dtype.descr))
+    kept = _kept(plan, laid, earlier)
     digests = [xxhash.xxh3_128(repr(dtype.descr).encode()) for _ in range(plan.count)]
-    writers = [
-        NpyWriter(context.folder / f"{samples_name(t)}.npy", dtype) for t in range(plan.count)
-    ]
+    writers = {
+        tile: NpyWriter(context.folder / f"{samples_name(tile)}.npy", dtype)
+        for tile in range(plan.count)
+        if tile not in kept
+    }
     context.progress.start("tiles: samples", float(len(points)), "points")
-    # (2) Block by block. Invariant: a tile's file holds its core and margin samples of all blocks
-    # so far, in file order.
+    # (2) Block by block. Invariant: a tile's new file holds its core and margin samples of all
+    # blocks so far, in file order.
     for first, block in points.blocks(_BLOCK_ROWS):
         rows: AnyArray = np.zeros(len(block), dtype=dtype)
         last = first + len(block)
@@ -127,14 +151,23 @@ def run(
         for number, column in enumerate(columns):
             rows[f"a{number}"] = column.read(first, last)
         for tile, mine in plan.members(_cells(block, plan.lattice, origin)):
+            if tile in kept:
+                continue
             samples = rows[mine]
             writers[tile].append(samples)
             digests[tile].update(samples.view(np.uint8).data)
         context.progress.advance(len(block))
-    for writer in writers:
+    for writer in writers.values():
         writer.close()
+    hashes = [digest.hexdigest() for digest in digests]
+    counts = [writers[tile].rows if tile in writers else 0 for tile in range(plan.count)]
+    if earlier is not None:
+        for tile in kept:
+            file = f"{samples_name(tile)}.npy"
+            link_or_copy(earlier.folder / file, context.folder / file)
+            hashes[tile] = earlier.values["digests"][tile]
+            counts[tile] = earlier.values["samples"][tile]
     # (3) What the margins cost.
-    counts = [writer.rows for writer in writers]
     context.progress.done({"tiles": plan.count, "with margins": sum(counts)})
     facts = {
         "tiles": plan.count,
@@ -145,9 +178,23 @@ def run(
         "samples": sum(counts),
         "largest_tile_samples": max(counts),
         "overlap": sum(counts) / len(points),
+        "kept_tiles": len(kept),
     }
-    hashes = [digest.hexdigest() for digest in digests]
-    return {"samples": counts, "digests": hashes}, Facts(facts)
+    values = {
+        "samples": counts, "digests": hashes, "laid": laid, "tiles": plan.indices.tolist(),
+    }  # fmt: skip
+    return values, Facts(facts)
+
+
+def _kept(plan: TilePlan, laid: str, earlier: Earlier | None) -> frozenset[int]:
+    """Tiles that keep their samples."""
+    if earlier is None or earlier.values.get("laid") != laid:
+        return frozenset()
+    touched = plan.touched(earlier.changed, BLOCK_CELLS)
+    pairs = zip(plan.indices.tolist(), earlier.values["tiles"], strict=False)
+    return frozenset(
+        tile for tile, (index, before) in enumerate(pairs) if index == before and not touched[tile]
+    )
 
 
 def _cells(points: Float64, lattice: Lattice, origin: Float64) -> Float64:

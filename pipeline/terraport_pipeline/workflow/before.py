@@ -22,6 +22,7 @@ from typing import Final
 
 import xxhash
 
+from terraport_pipeline.engines.readers.npy_columns import link_or_copy
 from terraport_pipeline.stages.contract import Facts, Json, Stored
 from terraport_pipeline.workflow.workdir import Cost, StageRecord, WorkDirectory
 from terraport_store.errors import StoreError
@@ -175,20 +176,13 @@ def _keep(
         kept = WorkDirectory(folder)
         for kept_name, result in names.items():
             # Results are never changed in place, only replaced: a link keeps what is there now.
-            shutil.copytree(work.path / result, folder / kept_name, copy_function=_link)
+            shutil.copytree(work.path / result, folder / kept_name, copy_function=link_or_copy)
         kept.save(_ABOUT, "", Stored({}, values), Facts(), Cost(0.0, 0))
 
 
 def _digest(build: BuildInfo) -> str:
     document = json.dumps(build.model_dump(mode="json"), sort_keys=True)
     return xxhash.xxh3_128_hexdigest(document.encode())
-
-
-def _link(source: str, target: str) -> None:
-    try:
-        Path(target).hardlink_to(source)
-    except OSError:  # a file system without hard links
-        shutil.copy2(source, target)
 
 
 def _about(folder: Path) -> StageRecord | None:

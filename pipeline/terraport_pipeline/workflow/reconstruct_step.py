@@ -17,9 +17,9 @@ The stages, each kept in the work directory:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from terraport_pipeline.engines.readers.npy_columns import NpyReader
 from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.errors import SurveyError, WorkDirectoryError
 from terraport_pipeline.geometry.clouds.edges import EdgeRule
-from terraport_pipeline.geometry.tiles.tile_weld import Seams, TileBorder, weld_tiles
+from terraport_pipeline.geometry.tiles.tile_weld import HeldBorder, Seams, TileBorder, weld_tiles
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import partition
 from terraport_pipeline.stages.contract import STORED, Context, Facts, Stored
@@ -272,14 +272,18 @@ def _join(
             is_decision=True,
         )
     )
+    before = _Earlier.of(runner, "join")
     welded = runner.run(
         Stage(
             join_tiles.NAME,
             joined_tile,
-            lambda _: _weld(ground, tasks, solved, float(edges.value().values["threshold"])),
+            lambda _: _weld(
+                ground, tasks, solved, float(edges.value().values["threshold"]), before
+            ),
             join_tiles.JOIN_FORM,
             {"largest": options.trim_spacings},
-            {"solved": solved.digest, "edges": edges.digest},
+            {"solved": solved.digest, "edges": edges.digest, **before.input},
+            is_remembered=True,
         )
     )
     join = welded.value()
@@ -315,16 +319,16 @@ def _join(
         ),
         pool,
     )  # fmt: skip
+    before = _Earlier.of(runner, "settle")
     settled = runner.run(
         Stage(
             "settle",
             joined_tile,
-            lambda _: join_tiles.settle(
-                join, [Look.of(stored) for stored in looks.every()], min_faces=options.island_faces
-            ),
+            lambda _: _settle(join, looks, options.island_faces, before),
             join_tiles.SETTLED_FORM,
             {"island_faces": options.island_faces},
-            {"join": welded.digest, "looks": looks.digest},
+            {"join": welded.digest, "looks": looks.digest, **before.input},
+            is_remembered=True,
         )
     )
     # (4) Every tile as later stages read it.
@@ -346,9 +350,38 @@ def _join(
     return welded, settled, finished
 
 
-def _weld(ground: Ground, tasks: Sequence[TileTask], solved: TileResults, threshold: float) -> Join:
+@dataclass(frozen=True, slots=True)
+class _Earlier:
+    """What was decided for all tiles of the scene before, where there is one."""
+
+    stored: Stored | None = None
+    input: Mapping[str, str] = field(default_factory=dict)
+    """For the key of what is decided now."""
+
+    @classmethod
+    def of(cls, runner: Runner, name: str) -> Self:
+        """Open a decision of the scene before."""
+        record = None if runner.before is None else runner.before.find(name)
+        if runner.before is None or record is None:
+            return cls()
+        return cls(runner.before.work.looked_up(record), {"before": record.digest})
+
+
+def _same(before: Sequence[str], now: Sequence[str]) -> list[int]:
+    """Tiles whose hash is what it was."""
+    return [tile for tile, (a, b) in enumerate(zip(before, now, strict=False)) if a == b]
+
+
+def _weld(
+    ground: Ground,
+    tasks: Sequence[TileTask],
+    solved: TileResults,
+    threshold: float,
+    before: _Earlier,
+) -> Join:
     """Weld the borders of all tiles."""
-    arrays, options = _arrays(solved), ground.options
+    # (1) Where the surface ends; what tiles that are as they were shared.
+    arrays, options, plan = _arrays(solved), ground.options, ground.plan
     rules = edge_rules(
         arrays,
         ground.raster,
@@ -356,10 +389,41 @@ def _weld(ground: Ground, tasks: Sequence[TileTask], solved: TileResults, thresh
         largest=options.trim_spacings,
         spacing_m=ground.measured["spacing_m"],
     )
-    seams = weld_tiles([_border(each) for each in arrays], ground.plan.neighbours())
+    digests = tuple(record.digest for record in solved.records)
+    held: dict[int, TileJoin] = {}
+    if before.stored is not None:
+        earlier = join_tiles.JOIN_FORM.restore(before.stored, Facts())
+        if len(earlier.attributes) == len(tasks[0].attributes):
+            held = {
+                tile: earlier.tile(tile, *_core_m(ground, tile))
+                for tile in _same(earlier.solved, digests)
+            }
+    # (2) The seams.
+    seams = weld_tiles(
+        [_border(each) for each in arrays],
+        plan.neighbours(),
+        {
+            tile: HeldBorder(join.rows, join.cells, join.ratio, join.fillers, plan.core(tile))
+            for tile, join in held.items()
+        },
+    )
     names, codes = tasks[0].attributes, tasks[0].codes
     code_positions = tuple(position for position, name in enumerate(names) if name in codes)
-    return Join.of(seams, arrays, len(names), code_positions, rules, _seam_facts(seams, rules[0]))
+    facts = _seam_facts(seams, rules[0])
+    return Join.of(seams, arrays, len(names), code_positions, rules, facts, digests, held)
+
+
+def _settle(join: Join, looks: TileResults, island_faces: int, before: _Earlier) -> Settled:
+    """Settle what only all tiles decide."""
+    digests = tuple(record.digest for record in looks.records)
+    held: dict[int, SettledTile] = {}
+    if before.stored is not None:
+        earlier = join_tiles.SETTLED_FORM.restore(before.stored, Facts())
+        held = {tile: earlier.tiles[tile] for tile in _same(earlier.looks, digests)}
+    return join_tiles.settle(
+        join, [Look.of(stored) for stored in looks.every()],
+        min_faces=island_faces, digests=digests, held=held,
+    )  # fmt: skip
 
 
 def _core_m(ground: Ground, tile: int) -> tuple[Float64, Float64]:

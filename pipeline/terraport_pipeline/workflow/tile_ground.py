@@ -8,6 +8,7 @@ samples are the same is the same.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -195,12 +196,13 @@ def prepare(
     plan, forecast = _plan(
         runner, source, lattice, cloud.origin, dict(measured.value().values), tiles, in_one_piece
     )
+    earlier, earlier_digest = _handed_out(runner, source)
     samples = runner.run(
         Stage(
             partition.NAME,
             partition,
             lambda context: partition.run(
-                source, len(survey.values["attributes"]), plan, cloud.origin, context
+                source, len(survey.values["attributes"]), plan, cloud.origin, context, earlier
             ),
             IN_FOLDER,
             {
@@ -209,13 +211,28 @@ def prepare(
                 "offset": plan.offset,
                 "tiles": plan.indices.tolist(),
             },
-            {"survey": survey.digest, "cloud": cleaned.digest},
+            {"survey": survey.digest, "cloud": cleaned.digest, **earlier_digest},
+            is_remembered=True,
         )
     )
     return Ground(
         survey, cleaned, cloud.origin, values["measured"], lattice, raster, plan, samples.record,
         forecast, tuple(values["warnings"]), clean_options, options,
     )  # fmt: skip
+
+
+def _handed_out(runner: Runner, source: Path) -> tuple[partition.Earlier | None, Mapping[str, str]]:
+    """Open the tiles' samples of the version before, where it is known what changed since.
+
+    Also what they add to the key of what is made with them.
+    """
+    record = None if runner.before is None else runner.before.find(partition.NAME)
+    changed = source / "change-blocks.npy"
+    if runner.before is None or record is None or not changed.exists():
+        return None, {}
+    folder = runner.before.work.path / record.name
+    earlier = partition.Earlier(folder, record.values, np.load(changed))
+    return earlier, {"before": record.digest}
 
 
 def _frame(measured: dict[str, Any], origin: Float64, detail_depth: int | None) -> dict[str, Any]:

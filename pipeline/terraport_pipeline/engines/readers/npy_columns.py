@@ -6,6 +6,7 @@ something else needs the room; a build that promises a bound reads and writes by
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from terraport_payload.types import AnyArray
 
-__all__ = ["NpyReader", "NpyWriter"]
+__all__ = ["NpyReader", "NpyWriter", "link_or_copy"]
 
 
 class NpyWriter:
@@ -129,3 +130,14 @@ class NpyReader:
         """Yield (first row, rows) one after the other."""
         for first in range(0, len(self), rows):
             yield first, self.read(first, min(first + rows, len(self)))
+
+
+def link_or_copy(source: str | Path, target: str | Path) -> None:
+    """Give a file a second name; copies it where the file system has no hard links.
+
+    For files that are replaced and never changed in place.
+    """
+    try:
+        Path(target).hardlink_to(source)
+    except OSError:
+        shutil.copy2(source, target)

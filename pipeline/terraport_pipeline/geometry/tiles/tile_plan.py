@@ -32,7 +32,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import AnyFloat, Float32, Float64, Int64
+from terraport_payload.types import AnyFloat, Bool, Float32, Float64, Int64
 
 __all__ = [
     "MARGIN_CELLS",
@@ -171,6 +171,14 @@ class TilePlan:
                     )
         for tile in sorted(rows_of_tile):
             yield tile, np.sort(np.concatenate(rows_of_tile[tile]))
+
+    def touched(self, blocks: Int64, block_cells: int) -> Bool:
+        """Mark tiles with one of these blocks (B, 3) in their cores, (T,)."""
+        low = blocks * block_cells - np.array(self.offset)
+        if not len(low):
+            return np.zeros(self.count, dtype=bool)
+        cores, _ = _cores_touched(low, low + block_cells, self.shape.core)
+        return np.isin(_pack(self.indices), _pack(cores))
 
     def neighbours(self) -> list[tuple[int, int, int]]:
         """List (tile, tile beyond its high wall, axis) for all tiles that share a wall."""

@@ -19,8 +19,8 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numba
@@ -30,7 +30,7 @@ from scipy.spatial import cKDTree
 from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.mesh.loop_fill import directed_loops, fill_loop
 
-__all__ = ["Seams", "TileBorder", "weld_tiles"]
+__all__ = ["HeldBorder", "Seams", "TileBorder", "weld_tiles"]
 
 
 EDGE_REACH_CELLS: Final = 1.0
@@ -66,6 +66,49 @@ class TileBorder:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class HeldBorder:
+    """What an earlier join said of a tile that is as it was: it enters this one as it left that."""
+
+    rows: Int32
+    """(R,) its vertices that were shared; among the rows of its border."""
+    cells: Float64
+    """(K, 3) positions of these, then of vertices that it got for its fillers."""
+    ratio: Float32
+    """(K,) support ratio."""
+    fillers: Int32
+    """(M, 3) triangles that it got, places in `cells`."""
+    core: tuple[Int64, Int64]
+    """Low and high corner of its core, cells."""
+
+    def entered(self, border: TileBorder) -> TileBorder:
+        """Give the tile's border, moved to where it was, with its fillers as faces of the tile's.
+
+        Vertices that it got follow its own, and have no row (-1).
+        """
+        # (1) Vertices at their earlier positions. `place` is that of each of the K.
+        shared, guests = len(self.rows), len(self.cells) - len(self.rows)
+        place = np.concatenate(
+            [np.searchsorted(border.rows, self.rows), len(border.rows) + np.arange(guests)]
+        )
+        cells = np.concatenate([border.cells, self.cells[shared:]])
+        ratio = np.concatenate([border.ratio, self.ratio[shared:]])
+        cells[place], ratio[place] = self.cells, self.ratio
+        rows = np.concatenate([border.rows, np.full(guests, -1, np.int32)])
+        # (2) Edges of fillers, on the wall that each filler lies in. An edge is open where the
+        # tile has no face that runs along it the other way.
+        faces = place[self.fillers.reshape(-1, 3)]
+        planes = np.stack(self.core, axis=1)  # (3, 2)
+        off = np.abs(cells[faces][:, :, :, None] - planes).max(axis=1).reshape(-1, 6)
+        sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+        edges = np.concatenate([border.edges, sides.astype(np.int32)])
+        walls = np.concatenate([border.walls, np.tile(off.argmin(axis=1), 3).astype(np.uint8)])
+        key = edges[:, 0].astype(np.int64) * len(rows) + edges[:, 1]
+        opposite = edges[:, 1].astype(np.int64) * len(rows) + edges[:, 0]
+        is_open = ~np.isin(key, opposite)
+        return TileBorder(rows, cells, ratio, edges[is_open], walls[is_open])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Seams:
     """How the tiles are joined. Shared vertices have ids 0 to G-1."""
 
@@ -76,7 +119,7 @@ class Seams:
     owner_tile: Int32
     """(G,) tile that gives colour and attributes: the first."""
     owner_row: Int32
-    """(G,) vertex in that tile."""
+    """(G,) vertex in that tile; -1 where it was held and had none."""
     tile_rows: tuple[Int32, ...]
     """Per tile: its vertices that are shared, ascending."""
     tile_ids: tuple[Int64, ...]
@@ -90,9 +133,15 @@ class Seams:
     open_edges: int
     """Edges along walls between tiles that neither cancel nor bound a filled loop: rims of the
     surface, mostly."""
+    held: frozenset[int] = frozenset()
+    """Tiles of which all is as it was in the earlier join."""
 
 
-def weld_tiles(borders: Sequence[TileBorder], neighbours: Sequence[tuple[int, int, int]]) -> Seams:
+def weld_tiles(
+    borders: Sequence[TileBorder],
+    neighbours: Sequence[tuple[int, int, int]],
+    held: Mapping[int, HeldBorder] | None = None,
+) -> Seams:
     """Join tiles.
 
     Parameters
@@ -101,13 +150,46 @@ def weld_tiles(borders: Sequence[TileBorder], neighbours: Sequence[tuple[int, in
         Of all tiles.
     neighbours : sequence of (tile, tile, axis)
         The second lies beyond the high wall of the first; ``TilePlan.neighbours``.
+    held : mapping of int to HeldBorder, optional
+        Of tiles whose own surface is as it was in an earlier join. What they shared stays where it
+        was, and their neighbours come to it; those whose border cannot stay are joined anew
+        (:attr:`Seams.held` names the others).
 
     Returns
     -------
     Seams
         Depends on the tiles alone, not on the order of `neighbours`.
     """
-    neighbours = sorted(neighbours)
+    held = dict(held or {})
+    # A tile that cannot be held is let go, and its neighbours try again: at most once per tile.
+    while True:
+        seams = _weld(borders, sorted(neighbours), held)
+        kept = frozenset(tile for tile, border in held.items() if _is_held(seams, tile, border))
+        if len(kept) == len(held):
+            return replace(seams, held=kept)
+        held = {tile: held[tile] for tile in kept}
+
+
+def _is_held(seams: Seams, tile: int, border: HeldBorder) -> bool:
+    """Check that a tile came out as it was."""
+    ids = seams.tile_ids[tile]
+    return (
+        np.array_equal(seams.tile_rows[tile], border.rows)
+        and np.array_equal(seams.cells[ids], border.cells)
+        and np.array_equal(seams.ratio[ids], border.ratio)
+        and np.array_equal(seams.fillers[tile], ids[border.fillers.reshape(-1, 3)])
+    )
+
+
+def _weld(
+    borders: Sequence[TileBorder],
+    neighbours: Sequence[tuple[int, int, int]],
+    held: Mapping[int, HeldBorder],
+) -> Seams:
+    borders = [
+        held[tile].entered(border) if tile in held else border
+        for tile, border in enumerate(borders)
+    ]
     starts = np.cumsum([0, *(len(border.rows) for border in borders)])
     count = int(starts[-1])
     tile_of = np.repeat(np.arange(len(borders)), np.diff(starts))
@@ -128,9 +210,12 @@ def weld_tiles(borders: Sequence[TileBorder], neighbours: Sequence[tuple[int, in
     open_edges = 0
     for wall, keep in zip(walls, _uncancelled(walls, root), strict=True):
         closed, left = _missing_loops(root[wall.edges[keep]], wall.side[keep], cells)
-        loops += [(wall.tile, loop) for loop in closed]
+        filled = wall.beyond if wall.tile in held and wall.beyond not in held else wall.tile
+        loops += [(filled, loop) for loop in closed]
         open_edges += left
-    return _assemble(borders, starts, tile_of, cells, root, loops, gaps, unmatched, open_edges)
+    return _assemble(
+        borders, starts, tile_of, cells, root, loops, gaps, unmatched, open_edges, held
+    )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,6 +223,8 @@ class _Wall:
     """A wall between two tiles; vertices by their number over all tiles."""
 
     tile: int
+    """The one below."""
+    beyond: int
     axis: int
     low: Int64
     """Vertices of the tile below it, ascending."""
@@ -158,6 +245,7 @@ def _wall_pair(
     side = np.repeat([0, 1], [len(edges) for edges in sides_edges]).astype(np.uint8)
     return _Wall(
         low,
+        high,
         axis,
         np.unique(sides_edges[0]),
         np.unique(sides_edges[1]),
@@ -309,15 +397,23 @@ def _assemble(
     gaps: Float64,
     unmatched: int,
     open_edges: int,
+    held: Mapping[int, HeldBorder],
 ) -> Seams:
     """Give shared vertices their ids and hand everything to the tiles."""
-    # (1) Which classes are shared: those of several vertices, and those on a loop to be filled.
+    # (1) Which classes are shared: those of several vertices, those on a loop to be filled, and
+    # those of what is held.
     # Invariant: `root` is the lowest vertex of each class, so ids ascend with the vertices.
     count = len(root)
     members = np.bincount(root, minlength=count)
     used = members > 1
     for _, loop in loops:
         used[loop] = True
+    rows = np.concatenate([np.zeros(0, np.int32), *(border.rows for border in borders)])
+    held_vertices = {}
+    for tile, each in held.items():
+        own = np.arange(starts[tile], starts[tile + 1])
+        held_vertices[tile] = own[np.isin(rows[own], each.rows) | (rows[own] < 0)]
+        used[root[held_vertices[tile]]] = True
     shared = np.flatnonzero(used[root])  # vertices whose class is shared
     heads = np.flatnonzero(used & (root == np.arange(count)))
     ids = np.full(count, -1, dtype=np.int64)
@@ -339,20 +435,26 @@ def _assemble(
     ratio = np.full(len(heads), np.inf, dtype=np.float32)
     all_ratio = np.concatenate([np.zeros(0, np.float32), *(border.ratio for border in borders)])
     np.minimum.at(ratio, of_vertex[shared], all_ratio[shared])
-    rows = np.concatenate([np.zeros(0, np.int32), *(border.rows for border in borders)])
+    for tile in sorted(held, reverse=True):  # the lowest last: it has its way
+        middle[of_vertex[held_vertices[tile]]] = held[tile].cells
+        ratio[of_vertex[held_vertices[tile]]] = held[tile].ratio
     # (4) Faces that fill loops, given to the tile of each loop.
     triangles: list[list[Int64]] = [[] for _ in borders]
     for tile, loop in loops:
         faces = fill_loop(middle[ids[loop]])
         triangles[tile].append(ids[loop][faces])
-    # (5) What every tile needs: its rows, their ids, and ids that only its fillers use.
+    # (5) What every tile needs: its rows, their ids, and ids that only its fillers use. What a
+    # held tile had of both is among its own.
     tile_rows, tile_ids, fillers = [], [], []
     for tile in range(len(borders)):
         own = np.arange(starts[tile], starts[tile + 1])
         own = own[of_vertex[own] >= 0]
         mine = np.concatenate([np.zeros((0, 3), np.int64), *triangles[tile]])
+        if tile in held:
+            before = of_vertex[held_vertices[tile]][held[tile].fillers.reshape(-1, 3)]
+            mine = np.concatenate([before, mine])
         guests = np.setdiff1d(mine, of_vertex[own])
-        tile_rows.append(rows[own])
+        tile_rows.append(rows[own][rows[own] >= 0])
         tile_ids.append(np.concatenate([of_vertex[own], guests]))
         fillers.append(mine)
     return Seams(

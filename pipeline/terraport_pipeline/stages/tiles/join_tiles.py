@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final, Self
 
 import numpy as np
@@ -120,6 +121,8 @@ class Join:
     base_rule: EdgeRule
     """Where the surface ends that the base is thinned from: farther out, with fewer gaps."""
     facts: Facts
+    solved: tuple[str, ...] = ()
+    """Per tile: hash of the surface that was joined."""
 
     @classmethod
     def of(
@@ -130,6 +133,8 @@ class Join:
         codes: tuple[int, ...],
         rules: tuple[EdgeRule, EdgeRule],
         facts: Facts | None = None,
+        solved: tuple[str, ...] = (),
+        held: Mapping[int, TileJoin] = MappingProxyType({}),
     ) -> Self:
         """Take colours and attributes of shared vertices from their owners.
 
@@ -146,6 +151,11 @@ class Join:
             Of the surface, of the base.
         facts : Facts, optional
             What to tell of the seams.
+        solved : tuple of str
+            Per tile the hash of its surface.
+        held : mapping of int to TileJoin, optional
+            What an earlier join said of tiles; those of :attr:`.Seams.held` keep the values of
+            their shared vertices.
         """
         count = len(seams.cells)
         colours = np.zeros((count, 3), np.uint8)
@@ -160,6 +170,11 @@ class Join:
             colours[mine] = arrays["colours"][rows]
             for number, values in enumerate(attributes):
                 values[mine] = arrays[f"attribute-{number}"][rows]
+        for tile in sorted(seams.held, reverse=True):  # as in the weld: the lowest has its way
+            ids = seams.tile_ids[tile]
+            colours[ids] = held[tile].colours
+            for values, earlier in zip(attributes, held[tile].attributes, strict=True):
+                values[ids] = earlier
         return cls(
             seams.cells,
             seams.ratio,
@@ -171,6 +186,7 @@ class Join:
             seams.fillers,
             *rules,
             facts or Facts(),
+            solved,
         )
 
     @property
@@ -288,6 +304,8 @@ class Settled:
     """Edges along walls that are open on both sides within a cell: must be 0."""
     rims: int
     """Other open edges along walls: the surface ends there."""
+    looks: tuple[str, ...] = ()
+    """Per tile: hash of its :class:`Look`."""
 
 
 def forgive(join: Join, weak: Sequence[Weak]) -> tuple[Forgiven, ...]:
@@ -308,7 +326,14 @@ def forgive(join: Join, weak: Sequence[Weak]) -> tuple[Forgiven, ...]:
     )
 
 
-def settle(join: Join, looks: Sequence[Look], *, min_faces: int) -> Settled:
+def settle(
+    join: Join,
+    looks: Sequence[Look],
+    *,
+    min_faces: int,
+    digests: tuple[str, ...] = (),
+    held: Mapping[int, SettledTile] = MappingProxyType({}),
+) -> Settled:
     """Decide what is left to decide.
 
     Parameters
@@ -318,6 +343,10 @@ def settle(join: Join, looks: Sequence[Look], *, min_faces: int) -> Settled:
         Of every tile.
     min_faces : int
         Pieces of the joined surface with fewer faces go; the largest stays.
+    digests : tuple of str
+        Hashes of the looks.
+    held : mapping of int to SettledTile, optional
+        What was settled earlier for tiles whose looks are as they were: their normals stay.
     """
     # (1) Numbers over all tiles of the vertices that the cut left, and of those that it made.
     named = [np.sort(ids[look.ends], axis=1) for look, ids in zip(looks, join.ids, strict=True)]
@@ -338,6 +367,8 @@ def settle(join: Join, looks: Sequence[Look], *, min_faces: int) -> Settled:
     for each, own in zip(looks, ids, strict=True):
         np.add.at(total, own, each.sums)
     normals = unit_normals(total)
+    for tile in sorted(held, reverse=True):  # the lowest last: it has its way
+        normals[ids[tile]] = held[tile].normals
     tiles = tuple(
         SettledTile(
             normals[own],
@@ -346,7 +377,7 @@ def settle(join: Join, looks: Sequence[Look], *, min_faces: int) -> Settled:
         for tile, own in enumerate(ids)
     )
     islands = int(((whole > 0) & ~large).sum())
-    return Settled(tuple(ids), tiles, count, islands, *_count_open(looks, join.ids))
+    return Settled(tuple(ids), tiles, count, islands, *_count_open(looks, join.ids), digests)
 
 
 def _cut_ids(pairs: Int64, cut_pairs: Int64, count: int) -> Int64:
@@ -368,6 +399,7 @@ def _store_join(join: Join) -> Stored:
         "colours": join.colours,
     }
     values: dict[str, Any] = {"attributes": len(join.attributes), "codes": list(join.codes)}
+    values["solved"] = list(join.solved)
     for name, rule in (("rule", join.rule), ("base_rule", join.base_rule)):
         arrays[f"{name}-footprint"] = _field_of(rule)
         values[name] = _rule_values(rule)
@@ -404,6 +436,7 @@ def _restore_join(stored: Stored, facts: Facts) -> Join:
         rule("rule"),
         rule("base_rule"),
         facts,
+        tuple(values["solved"]),
     )
 
 
@@ -420,7 +453,8 @@ def _store_settled(settled: Settled) -> Stored:
         {
             "numbers": [
                 settled.count, settled.islands, settled.seam_edges, settled.cracks, settled.rims,
-            ]
+            ],
+            "looks": list(settled.looks),
         },
     )  # fmt: skip
 
@@ -428,10 +462,16 @@ def _store_settled(settled: Settled) -> Stored:
 def _restore_settled(stored: Stored, _facts: Facts) -> Settled:
     arrays = stored.arrays
     tiles = zip(_split(arrays, "normals"), _split(arrays, "dropped"), strict=True)
+    count, islands, seam_edges, cracks, rims = stored.values["numbers"]
     return Settled(
         _split(arrays, "ids"),
         tuple(SettledTile(normals, dropped) for normals, dropped in tiles),
-        *stored.values["numbers"],
+        count,
+        islands,
+        seam_edges,
+        cracks,
+        rims,
+        tuple(stored.values["looks"]),
     )
 
 

@@ -7,7 +7,12 @@ import itertools
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.tiles.tile_weld import Seams, TileBorder, weld_tiles
+from terraport_pipeline.geometry.tiles.tile_weld import (
+    HeldBorder,
+    Seams,
+    TileBorder,
+    weld_tiles,
+)
 
 LOW, HIGH = 1, 0  # wall codes along x: the high wall of the tile below, the low wall of the other
 
@@ -188,3 +193,89 @@ def test_no_neighbours_share_nothing() -> None:
     seams = weld_tiles([polyline(PLACES, wall=LOW, backwards=False)], [])
     assert len(seams.cells) == 0
     assert seams.tile_rows[0].tolist() == []
+
+
+CORES = (
+    (np.array([0, 0, 0]), np.array([16, 16, 16])),
+    (np.array([16, 0, 0]), np.array([32, 16, 16])),
+)
+
+
+def left_of(seams: Seams, tile: int) -> HeldBorder:
+    """What a join said of a tile."""
+    ids = seams.tile_ids[tile]
+    order = np.argsort(ids)
+    fillers = order[np.searchsorted(ids[order], seams.fillers[tile])].astype(np.int32)
+    return HeldBorder(
+        seams.tile_rows[tile], seams.cells[ids], seams.ratio[ids], fillers.reshape(-1, 3),
+        CORES[tile],
+    )  # fmt: skip
+
+
+def pair(first: list[tuple[float, float]], second: list[tuple[float, float]]) -> list[TileBorder]:
+    return [
+        polyline(first, wall=LOW, backwards=False),
+        polyline(second, wall=HIGH, backwards=True),
+    ]
+
+
+def uncancelled(seams: Seams, borders: list[TileBorder]) -> list[tuple[int, int]]:
+    """Edges along the wall without one the other way, over tiles and fillers."""
+    edges = []
+    for tile, border in enumerate(borders):
+        id_of = dict(
+            zip(seams.tile_rows[tile].tolist(), seams.tile_ids[tile].tolist(), strict=False)
+        )
+        edges += [tuple(id_of[border.rows[v]] for v in edge) for edge in border.edges.tolist()]
+        for a, b, c in seams.fillers[tile].tolist():
+            edges += [(a, b), (b, c), (c, a)]
+    return [(a, b) for a, b in edges if (b, a) not in edges and a != b]
+
+
+OFF_EVERY_LINE = [*PLACES[:2], (5.9, 1.6), (5.9, 2.4), *PLACES[3:]]
+
+
+@pytest.mark.parametrize("still", [0, 1])
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        (PLACES, [(y + 0.02, z) for y, z in PLACES]),
+        (PLACES, OFF_EVERY_LINE),  # fillers with vertices of the other tile
+        (PLACES, [place for place in PLACES if place != (5.6, 2.0)]),
+    ],
+)
+def test_a_tile_that_is_as_it_was_stays_so_and_its_neighbour_comes_to_it(
+    still: int, first: list[tuple[float, float]], second: list[tuple[float, float]]
+) -> None:
+    held = {still: left_of(weld_tiles(pair(first, second), PAIR), still)}
+    moved = [[(y + 0.1 + 0.05 * z, z) for y, z in side] for side in (first, second)]
+    now = [first, second]
+    now[1 - still] = moved[1 - still]
+    seams = weld_tiles(pair(*now), PAIR, held)
+    assert seams.held == {still}
+    again = left_of(seams, still)
+    for name in ("rows", "cells", "ratio", "fillers"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(held[still], name))
+    assert uncancelled(seams, pair(*now)) == []
+    # The neighbour moves: its own position would be a tenth of a cell off.
+    assert not np.array_equal(seams.cells, weld_tiles(pair(*now), PAIR).cells)
+
+
+def test_all_tiles_as_they_were_are_joined_as_they_were() -> None:
+    borders = pair(PLACES, OFF_EVERY_LINE)
+    before = weld_tiles(borders, PAIR)
+    seams = weld_tiles(borders, PAIR, {tile: left_of(before, tile) for tile in (0, 1)})
+    assert seams.held == {0, 1}
+    for tile in (0, 1):
+        again, first = left_of(seams, tile), left_of(before, tile)
+        for name in ("rows", "cells", "ratio", "fillers"):
+            np.testing.assert_array_equal(getattr(again, name), getattr(first, name))
+
+
+def test_a_rim_that_gets_a_neighbour_is_let_go() -> None:
+    """Its vertices there were not shared and are now: the tile cannot be what it was."""
+    held = {0: left_of(weld_tiles(pair(PLACES, PLACES[:3]), PAIR), 0)}
+    seams = weld_tiles(pair(PLACES, PLACES), PAIR, held)
+    assert seams.held == frozenset()
+    assert seams.tile_rows[0].tolist() == [0, 2, 4, 6, 8]
+    assert (seams.unmatched, seams.open_edges) == (0, 0)
