@@ -20,6 +20,7 @@ exact   The same, killed before acts that have to do with publishing: renames, l
 from __future__ import annotations
 
 import argparse
+import json
 import shutil
 import sys
 import tempfile
@@ -274,6 +275,10 @@ def undisturbed(place: Place, *, flights: int) -> None:
             write_hill(place.survey(flight), flight)
             place.begin_from(f"flight {flight - 1}" if flight else None)
             took_s = run(place.build(flight))
+            stages = json.loads((place.scene / "build.json").read_bytes())["stages"]
+            renewed = [stage["counts"] for stage in stages if stage["name"] == "renew"]
+            if flight and not renewed[0]["changed_blocks"]:
+                raise SystemExit(f"flight {flight} changes nothing; expected work for some tiles")
             place.keep(f"flight {flight}")
             noted.write_text(str(took_s), encoding="ascii")
         seconds.append(float(noted.read_text(encoding="ascii")))

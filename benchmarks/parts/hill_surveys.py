@@ -17,10 +17,10 @@ BUILD_OPTIONS: Final = (
 
 _SIDES_M: Final = (34.0, 17.0)
 _POINTS: Final = 1_250
-_WORKS: Final = ((0.0, 0.0, 0.0), (-9.0, -3.0, -0.5), (10.0, 2.0, 0.6), (-1.0, 3.0, 0.5))
+_WORKS: Final = ((0.0, 0.0, 0.0), (-9.0, -3.0, -1.5), (10.0, 2.0, 1.8), (-1.0, 3.0, 1.5))
 """Where each survey finds ground moved since the one before, and by how much: x, y, height."""
 
-_WORKS_RADIUS_M: Final = 3.0
+_WORKS_RADIUS_M: Final = 4.0
 
 
 def write_hill(path: Path, flight: int = 0) -> None:

@@ -118,12 +118,16 @@ def _note_publication(work: WorkDirectory, manifest: Manifest) -> None:
     """Remember a version whose build was killed after publishing it and before remembering it."""
     prepared, published = work.path / "next", work.path / "published"
     record, noted = _about(prepared), _about(published)
-    if record is None or record.values["build"] != _digest(manifest.build):
+    if record is None:
+        return
+    # By its version where an earlier call was killed between the two steps below.
+    ours = {record.values.get("build"), record.values.get("version")}
+    if not ours & {_digest(manifest.build), manifest.version}:
         return
     if noted is None or noted.values["version"] != manifest.version:
         values = {**record.values, "version": manifest.version}
+        values.pop("build", None)
         WorkDirectory(prepared).save(_ABOUT, "", Stored({}, values), Facts(), Cost(0.0, 0))
-        # Killed between these two, the next build comes by here again.
         shutil.rmtree(published, ignore_errors=True)
         prepared.rename(published)
 
@@ -155,7 +159,7 @@ def remember(
     """
     values = {**_values(decisions, survey, before), "version": version}
     record = _about(work.path / "published")
-    if record is None or {**record.values, "build": ""} != {**values, "build": ""}:
+    if record is None or dict(record.values) != values:
         _keep(work, "published", names, values)
     work.forget("next")
 
