@@ -403,7 +403,9 @@ def _weld(
         [_border(each) for each in arrays],
         plan.neighbours(),
         {
-            tile: HeldBorder(join.rows, join.cells, join.ratio, join.fillers, plan.core(tile))
+            tile: HeldBorder(
+                join.rows, join.cells, join.ratio, join.fillers, plan.core(tile), rules[0].largest
+            )
             for tile, join in held.items()
         },
     )

@@ -79,11 +79,14 @@ class HeldBorder:
     """(M, 3) triangles that it got, places in `cells`."""
     core: tuple[Int64, Int64]
     """Low and high corner of its core, cells."""
+    largest_ratio: float
+    """Support ratio from which the detail is cut away, whatever it is joined to."""
 
     def entered(self, border: TileBorder) -> TileBorder:
         """Give the tile's border, moved to where it was, with its fillers as faces of the tile's.
 
-        Vertices that it got follow its own, and have no row (-1).
+        Vertices that it got follow its own, and have no row (-1). Those that were not shared and
+        will be cut away are left out with their edges: a chance match there would change the tile.
         """
         # (1) Vertices at their earlier positions. `place` is that of each of the K.
         shared, guests = len(self.rows), len(self.cells) - len(self.rows)
@@ -104,7 +107,9 @@ class HeldBorder:
         walls = np.concatenate([border.walls, np.tile(off.argmin(axis=1), 3).astype(np.uint8)])
         key = edges[:, 0].astype(np.int64) * len(rows) + edges[:, 1]
         opposite = edges[:, 1].astype(np.int64) * len(rows) + edges[:, 0]
-        is_open = ~np.isin(key, opposite)
+        alone = ratio > self.largest_ratio
+        alone[place] = False
+        is_open = ~np.isin(key, opposite) & ~alone[edges].any(axis=1)
         return TileBorder(rows, cells, ratio, edges[is_open], walls[is_open])
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -208,7 +209,7 @@ def left_of(seams: Seams, tile: int) -> HeldBorder:
     fillers = order[np.searchsorted(ids[order], seams.fillers[tile])].astype(np.int32)
     return HeldBorder(
         seams.tile_rows[tile], seams.cells[ids], seams.ratio[ids], fillers.reshape(-1, 3),
-        CORES[tile],
+        CORES[tile], 4.0,
     )  # fmt: skip
 
 
@@ -279,3 +280,24 @@ def test_a_rim_that_gets_a_neighbour_is_let_go() -> None:
     assert seams.held == frozenset()
     assert seams.tile_rows[0].tolist() == [0, 2, 4, 6, 8]
     assert (seams.unmatched, seams.open_edges) == (0, 0)
+
+
+def test_a_rim_far_from_all_samples_is_nobodys_neighbour() -> None:
+    """It is cut away, whatever it is joined to: a chance match there leaves the tile as it was."""
+
+    def faint(places: list[tuple[float, float]], *, wall: int, backwards: bool) -> TileBorder:
+        border = polyline(places, wall=wall, backwards=backwards)
+        ratio = np.linspace(0.1, 8.1, len(PLACES), dtype=np.float32)[: len(places)]
+        return replace(border, ratio=ratio)
+
+    def sides(beyond: int) -> list[TileBorder]:
+        return [
+            faint(PLACES, wall=LOW, backwards=False),
+            faint(PLACES[:beyond], wall=HIGH, backwards=True),
+        ]
+
+    held = {0: left_of(weld_tiles(sides(3), PAIR), 0)}
+    seams = weld_tiles(sides(5), PAIR, held)
+    assert seams.held == {0}
+    assert seams.tile_rows[0].tolist() == seams.tile_rows[1].tolist() == [0, 2, 4]
+    assert seams.tile_ids[0].tolist() == seams.tile_ids[1].tolist()
