@@ -28,7 +28,7 @@ from typing import Final
 
 import laspy
 import numpy as np
-from growth import write_delivery
+from parts.deliveries import quarry_of, write_delivery
 from parts.killed_command import check_scene, scene_bytes
 from pyproj import CRS
 
@@ -186,7 +186,8 @@ def main() -> int:
     arguments = parser.parse_args()
     folder = Path(tempfile.mkdtemp(prefix="damaged-delivery-"))
     try:
-        delivery = write_delivery(20_000 if arguments.smoke else arguments.points, SIDE, folder)
+        quarry = quarry_of(20_000 if arguments.smoke else arguments.points)
+        delivery = write_delivery(quarry, SIDE, folder / "delivery")
         wrong = refused(delivery, folder)
         if arguments.flips:
             print(count_found(delivery / "tile-3-3.laz", arguments.flips))
