@@ -14,7 +14,7 @@ exact   The same, killed before acts that have to do with publishing: renames, l
 
     python benchmarks/kill_build.py            20 + 10 + 24 kills, about 20 minutes
     python benchmarks/kill_build.py --series exact
-    python benchmarks/kill_build.py --smoke    4 kills, about a minute
+    python benchmarks/kill_build.py --smoke    2 kills, about a minute
 """
 
 from __future__ import annotations
@@ -172,7 +172,6 @@ def kill_exactly(
     paths: str,
     *,
     until_turned: bool,
-    few: bool,
     share: slice,
 ) -> int:
     """Kill the build of a flight before acts on paths; go on with it, and with the flight after.
@@ -193,10 +192,7 @@ def kill_exactly(
     renames = [number for number, act in enumerate(acts) if act[0] == PUBLISH]
     published = next((n for n in renames if acts[n][2] == str(place.scene / "scene.json")), -1)
     until = renames[0] + 1 if until_turned else len(acts)
-    chosen = _few(acts, until, renames)
-    if few:  # the first and the one right after publishing
-        chosen = [number for number in chosen if number in {renames[0], published + 1}]
-    chosen = chosen[share]
+    chosen = _few(acts, until, renames)[share]
     for act in chosen:
         # (2) Killed: the new scene is there if it was published, else the old one; whole.
         event, *names = acts[act]
@@ -232,25 +228,21 @@ def kill_exactly(
     return len(chosen)
 
 
-def exact_series(place: Place, *, few: bool, share: slice) -> int:
+def exact_series(place: Place, *, share: slice) -> int:
     """Kill before the acts of turning results over, then before those of publishing."""
     scene, work = str(place.scene), str(place.work)
     # (1) At the start what was published becomes what was before: over a scene that has both.
     kills = 0
     paths = f"^{work}/(before|published)"
-    if not (few or share.start):
-        kills = kill_exactly(
-            place, 2, "flight 1", paths, until_turned=True, few=False, share=slice(None)
-        )
+    if not share.start:
+        kills = kill_exactly(place, 2, "flight 1", paths, until_turned=True, share=slice(None))
     # (2) The end, from where all tiles are finished.
     if not (place.folder / "to publish").exists():
         place.begin_from("flight 0")
         run_killed(place.build(1), paths=f"^{scene}/", before_act=0)
         place.keep("to publish")
     paths = f"^({scene}/|{work}/(pack$|\\.pack\\.|published|\\.published|next|\\.next))"
-    return kills + kill_exactly(
-        place, 1, "to publish", paths, until_turned=False, few=few, share=share
-    )
+    return kills + kill_exactly(place, 1, "to publish", paths, until_turned=False, share=share)
 
 
 def _few(acts: Sequence[list[str]], until: int, renames: Sequence[int]) -> list[int]:
@@ -301,7 +293,7 @@ def main() -> int:
     parser.add_argument("--keep", type=Path, help="folder of undisturbed builds, taken up again")
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
-    series = ("first", "exact") if arguments.smoke else arguments.series
+    series = ("first",) if arguments.smoke else arguments.series
     rounds, next_rounds = (2, 0) if arguments.smoke else (arguments.rounds, arguments.next_rounds)
     rng = np.random.default_rng(arguments.seed)
     folder = arguments.keep or Path(tempfile.mkdtemp(prefix="kill-build-"))
@@ -317,7 +309,7 @@ def main() -> int:
             kill_at_random(place, "next", 1, "flight 0", next_rounds, rng)
             kills += next_rounds
         if "exact" in series:
-            kills += exact_series(place, few=arguments.smoke, share=slice(*arguments.acts))
+            kills += exact_series(place, share=slice(*arguments.acts))
         left = [p.name for p in (*place.scene.iterdir(), *place.work.glob(".*.tmp"))]
         left = [name for name in left if name.endswith(".tmp")]
         place.expect(not left, f"left behind: {left}")
