@@ -123,7 +123,7 @@ def make(folder: Path, n_faces: int, noise: float, base_faces: int) -> None:
         (
             "tile-00000",
             "",
-            {"border-rows": none, "border-ids": none}
+            {"border-rows": none, "border-shared": none}
             | terrain(n_faces, detail=True, noise=noise, side_m=side_m),
         ),
         ("base", "base-", terrain(base_faces, detail=False, noise=noise, side_m=side_m)),
@@ -132,6 +132,9 @@ def make(folder: Path, n_faces: int, noise: float, base_faces: int) -> None:
         (folder / name).mkdir(exist_ok=True)
         for array, values in mesh.items():
             np.save(folder / name / f"{prefix}{array}.npy", values)
+    (folder / "settle").mkdir(exist_ok=True)
+    np.save(folder / "settle" / "ids.npy", none)  # one tile shares nothing
+    np.save(folder / "settle" / "ids-starts.npy", np.zeros(2, np.int64))
 
 
 class Clock:
