@@ -13,7 +13,7 @@ Three builds by the command, each over the one before:
 3. ``flown again``: another sample of all of it, the pit included, with 3 cm of noise and 3 % more
    red.
 
-For each: time and CPU seconds (with and without the report), tiles computed again, payload bytes
+For each: time and CPU seconds with the report, tiles computed again, payload bytes
 and segments that changed, ids kept, and what a Python client with a cache on disk loads of a
 landing that reaches the whole scene. Fails (exit status 1) where an unchanged tile's payload
 changed, a hole opened, or the client loaded what it held.
@@ -165,9 +165,8 @@ def report(name: str, build: Measured, before: Version, now: Version, loaded: in
     changed = total - sum(now.bytes_of[number] for number, _ in kept)
     tiles = sum(now.tiles.get(tile) != digest for tile, digest in before.tiles.items())
     regions = len(before.regions & now.regions) / max(1, len(before.regions))
-    stages = sum(stage["seconds"] for stage in build.report["stages"])  # type: ignore[attr-defined]
     return (
-        f"| {name} | {build.wall_s:.0f} | {build.cpu_s:.0f} | {stages:.0f} "
+        f"| {name} | {build.wall_s:.0f} | {build.cpu_s:.0f} "
         f"| {tiles} of {len(now.tiles)} | {len(kept)} of {len(now.hashes)} | {changed:,} "
         f"| {changed / total:.2%} | {loaded:,} | {regions:.0%} |"
     )
@@ -204,10 +203,10 @@ def _run(arguments: argparse.Namespace, folder: Path) -> bool:
     cache = folder / "cache"
     before: Version | None = None
     print(
-        "| survey | wall s | CPU s | stages s | tiles anew | segments kept | bytes changed "
+        "| survey | wall s | CPU s | tiles anew | segments kept | bytes changed "
         "| share | client loads | regions kept |"
     )
-    print("| -- | -- | -- | -- | -- | -- | -- | -- | -- | -- |")
+    print("| -- | -- | -- | -- | -- | -- | -- | -- | -- |")
     # (2) Each survey over the one before. Invariant: the cache holds what the last version had.
     for name, delivery in _deliveries(arguments, folder, first, scene):
         build = measure(
