@@ -10,19 +10,22 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import xxhash
 
 from terraport_pipeline.engines.readers.read_ply import has_faces
 from terraport_pipeline.engines.readers.read_xyz import is_table
+from terraport_pipeline.engines.readers.survey_crs import metre_factors
 from terraport_pipeline.engines.readers.survey_format import FORMATS, find_format
 from terraport_pipeline.engines.readers.survey_stream import FileHead, read_head
-from terraport_pipeline.errors import NoPointsError, ReadError, SurveyError
+from terraport_pipeline.errors import NoPointsError, OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.progress import Progress
+from terraport_pipeline.survey_statement import SurveyStatement
 
 __all__ = [
     "MAX_FILES",
@@ -93,6 +96,8 @@ class SurveyFiles:
     """Name and points of files that lie outside the extent by their headers."""
     crs_outside: Any | None = None
     """pyproj.CRS that files outside the extent state, where no other file states one."""
+    statement: SurveyStatement = field(default_factory=SurveyStatement)
+    """What the user says of it."""
 
     @classmethod
     def of(cls, path: Path | str | SurveyFiles) -> SurveyFiles:
@@ -175,7 +180,8 @@ class SurveyFiles:
         kept = tuple(heads)
         _near_each_other(kept, [heads[file] for file in kept])
         advice = "; --skip-damaged goes on without the fewer" if in_other_crs else ""
-        one_crs([(file.name, heads[file].crs) for file in kept], advice)
+        crs = one_crs([(file.name, heads[file].crs) for file in kept], advice)
+        _check_meaning(kept, [heads[file] for file in kept], crs, self.statement)
         survey = replace(
             self,
             files=kept,
@@ -186,7 +192,11 @@ class SurveyFiles:
 
 
 def find_survey(
-    inputs: Sequence[Path] | Path, *, skip_damaged: bool = False, extent: Extent | None = None
+    inputs: Sequence[Path] | Path,
+    *,
+    skip_damaged: bool = False,
+    extent: Extent | None = None,
+    statement: SurveyStatement | None = None,
 ) -> SurveyFiles:
     """Find the files of a survey.
 
@@ -201,6 +211,8 @@ def find_survey(
         reference systems those that are not in the one of more than half.
     extent : Extent, optional
         Take only the points within it, in the files' own coordinates.
+    statement : SurveyStatement, optional
+        What the user says of CRS, units and columns.
 
     Returns
     -------
@@ -213,6 +225,8 @@ def find_survey(
         There is no such file, no file matches, a folder holds no survey, or there are too many.
     ReadError
         A file that was named is no survey.
+    OptionError
+        Columns are stated, and no file is a text.
     """
     inputs = [inputs] if isinstance(inputs, Path) else list(inputs)
     found: list[SurveyFile] = []
@@ -252,7 +266,20 @@ def find_survey(
         title = files[0].name
     elif not more and given.is_dir():
         title = given.resolve().name or str(given)
-    return SurveyFiles(title, files, tuple(ignored), skip_damaged=skip_damaged, extent=extent)
+    statement = statement or SurveyStatement()
+    if statement.columns is not None and not any(file.format == _TEXT for file in files):
+        raise OptionError(
+            f"columns {','.join(statement.columns)}, of {title}; expected a text (XYZ, CSV, TXT): "
+            "other formats name their columns themselves"
+        )
+    return SurveyFiles(
+        title,
+        files,
+        tuple(ignored),
+        skip_damaged=skip_damaged,
+        extent=extent,
+        statement=statement,
+    )
 
 
 def one_crs(files: Sequence[tuple[str, Any | None]], advice: str = "") -> Any | None:
@@ -485,6 +512,22 @@ def _nothing_found(inputs: Sequence[Path], ignored: list[tuple[str, str]]) -> Su
         f"{where} holds no survey, but {listed([name for name, _ in ignored])}; terraport reads "
         f"{readable}"
     )
+
+
+def _check_meaning(
+    files: Sequence[SurveyFile],
+    heads: Sequence[FileHead],
+    crs: Any | None,
+    statement: SurveyStatement,
+) -> None:
+    """Refuse by the headers' boxes what :func:`.metre_factors` refuses when all points are read."""
+    corners = [(h.low, h.high) for h in heads if h.low is not None and h.high is not None]
+    if len(corners) < len(heads):
+        return
+    lows, highs = (np.array(corner, np.float64) for corner in zip(*corners, strict=True))
+    low, high = lows.min(axis=0), highs.max(axis=0)
+    if np.isfinite([low, high]).all() and (high > low)[:2].all():
+        metre_factors(files[0].path, low, high, crs, statement)
 
 
 def _near_each_other(files: Sequence[SurveyFile], heads: Sequence[FileHead]) -> None:

@@ -42,7 +42,6 @@ from terraport_pipeline.engines.readers.survey_column import SurveyColumn
 from terraport_pipeline.engines.readers.survey_crs import metre_factors
 from terraport_pipeline.engines.readers.survey_stream import SurveyStream, open_stream
 from terraport_pipeline.errors import NoPointsError, OptionError, ReadError, SurveyError
-from terraport_pipeline.extent import Extent
 from terraport_pipeline.model import Crs
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.survey_files import (
@@ -221,7 +220,9 @@ def run(
         low = np.min([part.low for part in spooled], axis=0)
         high = np.max([part.high for part in spooled], axis=0)
         _check_box(spooled, low, high)
-        factors, metre_crs, notes = metre_factors(survey.files[0].path, low, high, crs)
+        factors, metre_crs, notes = metre_factors(
+            survey.files[0].path, low, high, crs, survey.statement
+        )
         warnings = [
             *_reader_warnings(spooled),
             *decided,
@@ -256,7 +257,7 @@ def _spool_all(
     for number, file in enumerate(survey.files):
         path = folder / f"raw-{number}.npy"
         try:
-            part = _spool(file, path, thinning, reading, survey.extent, bounded=bounded)
+            part = _spool(file, path, thinning, reading, survey, bounded=bounded)
         except NoPointsError:
             if alone:
                 raise
@@ -312,7 +313,7 @@ def _spool(
     path: Path,
     thinning: HashThinning | None,
     reading: _Reading,
-    extent: Extent | None,
+    survey: SurveyFiles,
     *,
     bounded: bool,
 ) -> _Spooled | _Outside:
@@ -322,8 +323,15 @@ def _spool(
     whether an index leaves them out or not.
     """
     part: _Spooled | None = None
+    extent = survey.extent
     box = np.full(3, np.inf), np.full(3, -np.inf)
-    with open_stream(file.path, file.format, bounded=bounded, extent=extent) as stream:
+    with open_stream(
+        file.path,
+        file.format,
+        bounded=bounded,
+        extent=extent,
+        columns=survey.statement.columns,
+    ) as stream:
         reading.start(file, stream)
         for chunk in stream.chunks():
             # (1) Which points are taken. Invariant: read = kept + dropped + those outside.

@@ -34,6 +34,7 @@ from terraport_pipeline.stages import clean, pack, reconstruct, segment
 from terraport_pipeline.stages.region_engine import check_segment_by
 from terraport_pipeline.stages.tiles import base_atlas
 from terraport_pipeline.survey_files import SurveyFiles, find_survey
+from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.unforeseen import build_failed
 from terraport_pipeline.workflow.before import find_before
 from terraport_pipeline.workflow.pack_step import build_info, publish_tiles
@@ -68,6 +69,9 @@ __all__ = ["BuildOptions", "available_memory_bytes", "build", "default_work_dire
 _MEMORY_SHARE: Final = 0.8
 """Share of the memory that is free at the start which a build allows itself."""
 
+_SURVEY: Final = "Survey"
+"""Heading of the options that say what is read, and what it means."""
+
 _MACHINE: Final = "Machine and tiles"
 """Heading of the options that change how a build runs, not what it makes."""
 
@@ -87,13 +91,15 @@ class BuildOptions:
         int | None, Option(least=clean.MIN_POINTS, notation=COUNT, unset="all of them")
     ] = None
     """Thin the survey to this many points while reading: 500k, 5M."""
+    statement: Annotated[SurveyStatement, Section(_SURVEY)] = field(default_factory=SurveyStatement)
+    """What the files do not say of the survey."""
     extent: Annotated[
-        Extent | None, Option(heading="Surface", notation=EXTENT, unset="all of it")
+        Extent | None, Option(heading=_SURVEY, notation=EXTENT, unset="all of it")
     ] = None
     """Build only the points within this rectangle, edges included, in the coordinates and the unit
     of the survey's own CRS: 641200 8594700 641300 8594800. Of COPC, and of LAS and LAZ with a
     LASindex (.lax), only what lies there is read."""
-    skip_damaged: Annotated[bool, Option(heading="Surface")] = False
+    skip_damaged: Annotated[bool, Option(heading=_SURVEY)] = False
     """Of a survey in several files, go on without those that cannot be read; the report names
     them."""
     clean: Annotated[clean.Options, Section("Surface")] = field(default_factory=clean.Options)
@@ -164,11 +170,13 @@ class BuildOptions:
 
     def recorded(self) -> dict[str, Any]:
         """Options that change the published bytes, as the manifest records them."""
-        # Scenes of whole surveys keep the bytes that they had before there were extents.
+        # Scenes without them keep the bytes that they had before there were these options.
         extent = {} if self.extent is None else {"extent": [*self.extent.values]}
+        statement = {"statement": self.statement.recorded} if self.statement.recorded else {}
         return {
             "max_points": self.max_points,
             **extent,
+            **statement,
             "clean": asdict(self.clean),
             "reconstruct": asdict(self.reconstruct),
             "segment": asdict(self.segment),
@@ -346,7 +354,12 @@ def _check_in_one_piece(
 def _check(options: BuildOptions) -> SurveyFiles:
     """Refuse at once what would end the build after an hour; return the survey's files."""
     scene = options.scene.absolute()
-    survey = find_survey(options.inputs, skip_damaged=options.skip_damaged, extent=options.extent)
+    survey = find_survey(
+        options.inputs,
+        skip_damaged=options.skip_damaged,
+        extent=options.extent,
+        statement=options.statement,
+    )
     try:
         scene.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:

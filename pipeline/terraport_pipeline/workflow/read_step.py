@@ -60,6 +60,8 @@ def read_once(
         "skip_damaged": survey.skip_damaged,
         "damaged": [list(pair) for pair in survey.damaged],
     }
+    if survey.statement.recorded:
+        options["statement"] = survey.statement.recorded
     if survey.extent is not None:
         options["extent"] = [*survey.extent.values]
         options["crs_outside"] = None if survey.crs_outside is None else survey.crs_outside.srs
