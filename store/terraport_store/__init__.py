@@ -48,6 +48,7 @@ from terraport_store.manifest import (
     InputInfo,
     Limits,
     Manifest,
+    SurveyUnits,
     TextureInfo,
     manifest_digest,
 )
@@ -101,6 +102,7 @@ __all__ = [
     "SegmentIndex",
     "SpatialIndex",
     "StoreError",
+    "SurveyUnits",
     "TextureInfo",
     "change_labels",
     "is_url",

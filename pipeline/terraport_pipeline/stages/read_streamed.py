@@ -191,7 +191,8 @@ def run(
     Returns
     -------
     values, facts
-        ``attributes`` (names), ``crs``, ``format``, ``whole``, and the box in ``low`` and ``high``.
+        ``attributes`` (names), ``crs``, ``format``, ``whole``, the box in ``low`` and ``high``, and
+        ``units_m`` (metres in a unit of the eastings, and of the heights) where they are not 1.
         What depends on the files stands in the facts' notes: ``files`` (xxh3, points, those of
         them outside the extent, repeats), and of what reading found ``outside`` (name and points of
         files without a point within the extent), ``empty`` (names), ``damaged`` (name and reason)
@@ -642,7 +643,7 @@ class _Columns:
     """The survey's columns, written row by row in metres."""
 
     def __init__(self, folder: Path, layout: _Layout, factors: Float64 | None) -> None:
-        self.layout, self._factors = layout, factors
+        self.layout, self.factors = layout, factors
         self._points = NpyWriter(folder / "points.npy", np.float64, (3,))
         self._colours = (
             NpyWriter(folder / "colours.npy", np.uint8, (3,)) if layout.has_colour else None
@@ -662,8 +663,8 @@ class _Columns:
         if not len(rows):
             return
         points = np.ascontiguousarray(rows["position"])
-        if self._factors is not None:
-            points = points * self._factors
+        if self.factors is not None:
+            points = points * self.factors
         self.low = np.minimum(self.low, points.min(axis=0))
         self.high = np.maximum(self.high, points.max(axis=0))
         self._points.append(points)
@@ -741,6 +742,7 @@ def _result(
         "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,
         "format": ", ".join(formats),
         **({"whole": layout.whole} if layout.whole else {}),
+        **({} if columns.factors is None else {"units_m": columns.factors[[0, 2]].tolist()}),
     }
     counts = {
         "points": columns.rows,

@@ -45,6 +45,7 @@ from terraport_pipeline.workflow.read_step import (
     inputs_of,
     look_at_survey,
     read_once,
+    units_of,
 )
 from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
 from terraport_pipeline.workflow.renew_step import renew_survey, survey_change
@@ -315,6 +316,7 @@ def _run_stages(
     about = pack.About(
         origin=ground.origin,
         crs=None if ground.crs is None else CrsInfo(**asdict(ground.crs)),
+        survey_units=units_of(read),
         points=reconstructed.points,
         has_colour=reconstructed.sample_colours is not None,
         build=build_info(recorded, input_info(read), runner.reports),
