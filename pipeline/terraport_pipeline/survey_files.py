@@ -28,6 +28,7 @@ from terraport_pipeline.progress import Progress
 from terraport_pipeline.survey_statement import SurveyStatement
 
 __all__ = [
+    "FAR",
     "MAX_FILES",
     "OUTSIDE",
     "SurveyFile",
@@ -59,7 +60,7 @@ _UNSURE_TEXT: Final = frozenset({".txt", ".csv", ".dat"})
 
 _SCENE: Final = "scene.json"
 
-_FAR: Final = 100_000.0
+FAR: Final = 100_000.0
 """Files of one survey lie nearer to each other than this, in metres or the CRS's unit."""
 
 
@@ -178,9 +179,9 @@ class SurveyFiles:
                 f"{listed([*(f.name for f, _ in damaged), *(name for name, _ in empty)])}"
             )
         kept = tuple(heads)
-        _near_each_other(kept, [heads[file] for file in kept])
         advice = "; --skip-damaged goes on without the fewer" if in_other_crs else ""
         crs = one_crs([(file.name, heads[file].crs) for file in kept], advice)
+        _near_each_other(kept, [heads[file] for file in kept])
         _check_meaning(kept, [heads[file] for file in kept], crs, self.statement)
         survey = replace(
             self,
@@ -526,7 +527,8 @@ def _check_meaning(
         return
     lows, highs = (np.array(corner, np.float64) for corner in zip(*corners, strict=True))
     low, high = lows.min(axis=0), highs.max(axis=0)
-    if np.isfinite([low, high]).all() and (high > low)[:2].all():
+    # A box without size is no box; one as wide as a country holds a stray point.
+    if (high > low)[:2].all() and float((high - low)[:2].max()) < FAR:
         metre_factors(files[0].path, low, high, crs, statement)
 
 
@@ -559,7 +561,7 @@ def refuse_far(names: Sequence[str], middles: Sequence[Sequence[float]]) -> None
         return
     usual = [sorted(axis)[len(middles) // 2] for axis in zip(*middles, strict=True)]
     away = [max(abs(middle[axis] - usual[axis]) for axis in (0, 1)) for middle in middles]
-    far = [name for name, distance in zip(names, away, strict=True) if not distance < _FAR]
+    far = [name for name, distance in zip(names, away, strict=True) if not distance < FAR]
     if far:
         raise SurveyError(
             f"{listed(far)} lies {max(away) / 1000:,.0f} km from the other files; expected one "

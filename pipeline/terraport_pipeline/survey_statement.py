@@ -76,7 +76,10 @@ class SurveyStatement:
     @property
     def recorded(self) -> dict[str, Any]:
         """What was stated, by the names of the options; empty where nothing was."""
-        return {name: value for name, value in asdict(self).items() if value is not None}
+        stated = {name: value for name, value in asdict(self).items() if value is not None}
+        if self.columns is not None:
+            stated["columns"] = [*self.columns]
+        return stated
 
 
 @lru_cache(maxsize=4)

@@ -16,7 +16,7 @@ TOKEN = "a-token-that-is-long-enough"
 
 @pytest.fixture(scope="session")
 def scenes_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the scenes `grid`, `feet` (36 small segments) and `big` (36 of about 300 KB)."""
+    """A folder with `grid`, `feet` (36 small segments) and `big` (36 of about 300 KB)."""
     root = tmp_path_factory.mktemp("scenes")
     write_grid_scene(root / "grid")
     feet = SurveyUnits(horizontal_m=1200 / 3937, height_m=0.3048)

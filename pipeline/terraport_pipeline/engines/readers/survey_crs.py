@@ -157,7 +157,8 @@ def _refuse_doubts(path: Path, low: Float64, high: Float64, *, says_more: bool) 
     """Refuse coordinates without CRS and unit that are hardly metres; warn of large ones."""
     span = high - low
     x, y = (0.5 * (low + high))[:2]
-    on_a_globe = bool((np.abs([low[:2], high[:2]]).max(axis=0) <= (180.0, 90.0)).all())
+    widest = np.sort(np.abs([low[:2], high[:2]]).max(axis=0))
+    on_a_globe = bool((widest <= (90.0, 180.0)).all())  # whichever of them is the latitude
     if on_a_globe and span[2] >= _DEGREES_RATIO * max(float(span[:2].max()), 1e-12):
         raise ReadError(
             path,

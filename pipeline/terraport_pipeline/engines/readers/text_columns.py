@@ -30,13 +30,16 @@ __all__ = [
 ]
 
 ALIASES: Final[dict[str, tuple[str, ...]]] = {
-    "x": ("x", "e", "east", "easting", "coord_x", "utm_x", "x_m", "rechtswert"),
-    "y": ("y", "n", "north", "northing", "coord_y", "utm_y", "y_m", "hochwert"),
-    "z": ("z", "h", "height", "elevation", "elev", "altitude", "alt", "coord_z", "z_m"),
+    "x": ("x", "e", "east", "easting", "coord_x", "utm_x", "x_m", "rechtswert", "este"),
+    "y": ("y", "n", "north", "northing", "coord_y", "utm_y", "y_m", "hochwert", "norte"),
+    "z": (
+        "z", "h", "height", "elevation", "elev", "altitude", "alt", "coord_z", "z_m", "höhe",
+        "hoehe", "cota", "quota",
+    ),
     "red": ("red", "r"),
     "green": ("green", "g"),
     "blue": ("blue", "b"),
-}
+}  # fmt: skip
 """Column names that mean a coordinate or a colour, lower case."""
 
 _COLOURS: Final = ("red", "green", "blue")
