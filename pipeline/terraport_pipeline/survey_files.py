@@ -7,6 +7,7 @@ of their own when they are read.
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +17,8 @@ from typing import Any, Final
 
 import numpy as np
 import xxhash
+from pyproj import CRS
+from pyproj.exceptions import CRSError
 
 from terraport_pipeline.engines.readers.read_ply import has_faces
 from terraport_pipeline.engines.readers.read_xyz import is_table
@@ -50,6 +53,9 @@ OUTSIDE: Final = "lies outside the extent"
 _MAX_ENTRIES: Final = 1_000_000
 """Entries of a folder that are looked at, folders within it included."""
 
+_MAX_PRJ_LENGTH: Final = 100_000
+"""Characters of a ``.prj`` that are read; a usual one has 500."""
+
 _LISTED: Final = 3
 """Names in a message; of the others the number."""
 
@@ -76,6 +82,13 @@ class SurveyFile:
     bytes: int
     xxh3: str = ""
     """XXH3-64 of its bytes; empty until it was computed."""
+    prj: str = ""
+    """Text of the ``.prj`` beside it: a CRS as WKT, for files that state none."""
+
+    @property
+    def crs_beside(self) -> Any | None:
+        """The pyproj.CRS that the ``.prj`` beside it states; None without one."""
+        return _crs_of_prj(self.prj) if self.prj else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,7 +119,8 @@ class SurveyFiles:
         if isinstance(path, SurveyFiles):
             return path
         path = Path(path)
-        file = SurveyFile(path, path.name, find_format(path), path.stat().st_size)
+        kind, size = find_format(path), path.stat().st_size
+        file = SurveyFile(path, path.name, kind, size, prj=_prj_beside(path))
         return cls(path.name, (file,))
 
     @property
@@ -117,7 +131,7 @@ class SurveyFiles:
     @property
     def key(self) -> str:
         """What identifies the files' bytes, whatever their names and order."""
-        each = sorted(f"{f.bytes}-{f.xxh3}-{_suffix(f)}" for f in self.files)
+        each = sorted(f"{f.bytes}-{f.xxh3}-{_suffix(f)}{f.prj}" for f in self.files)
         return (
             "+".join(each) if len(each) == 1 else xxhash.xxh3_128_hexdigest("+".join(each).encode())
         )
@@ -150,7 +164,8 @@ class SurveyFiles:
             progress.start("read: headers", float(len(self.files)), "files")
         for file in self.files:
             try:
-                heads[file] = read_head(file.path, file.format, self.extent)
+                head = read_head(file.path, file.format, self.extent)
+                heads[file] = head if head.crs else replace(head, crs=file.crs_beside)
             except NoPointsError:
                 if alone:
                     raise
@@ -246,7 +261,7 @@ def find_survey(
             if alone:
                 raise
             kind = ""
-        found.append(SurveyFile(path, path.name, kind, _size(path)))
+        found.append(SurveyFile(path, path.name, kind, _size(path), prj=_prj_beside(path)))
     # (2) Each file once, by its own name rather than a link's; in natural order.
     unique: dict[object, SurveyFile] = {}
     for file in sorted(found, key=lambda file: (file.path.is_symlink(), _natural(file.name))):
@@ -428,11 +443,15 @@ def _search(
     """Take the surveys out of a folder and those in it, and list what is none."""
     # (1) By kind: binary formats by their first bytes, text apart.
     text: list[SurveyFile] = []
+    sidecars: list[tuple[Path, str]] = []
     binary = 0
     for path in _walk(folder):
         name = prefix + path.relative_to(folder).as_posix()
         if path.suffix.lower() not in _ENDINGS:
-            ignored.append((name, "is no survey"))
+            if path.suffix.lower() == ".prj":
+                sidecars.append((path, name))
+            else:
+                ignored.append((name, "is no survey"))
             continue
         try:
             kind = find_format(path)
@@ -441,7 +460,7 @@ def _search(
                 ignored.append((name, error.reason))
                 continue
             kind = ""  # damaged, or a link to nothing: told with the others when headers are read
-        file = SurveyFile(path, name, kind, _size(path))
+        file = SurveyFile(path, name, kind, _size(path), prj=_prj_beside(path))
         if kind == _TEXT:
             text.append(file)
         elif kind == "ply" and has_faces(path):
@@ -458,6 +477,10 @@ def _search(
             ignored.append((file.name, "is no table of points"))
         else:
             found.append(file)
+    # (3) What states the CRS of a survey beside it is read with that.
+    stems = {file.path.with_suffix("") for file in found if file.prj}
+    reason = "states no CRS of a survey beside it"
+    ignored += [(name, reason) for path, name in sidecars if path.with_suffix("") not in stems]
 
 
 _ENDINGS: Final = frozenset(ending for endings in FORMATS.values() for ending in endings)
@@ -495,6 +518,28 @@ def _identity(path: Path) -> object:
     except OSError:
         return path
     return stat.st_dev, stat.st_ino
+
+
+def _prj_beside(path: Path) -> str:
+    """Read the ``.prj`` of a file, if there is one and it states a CRS; else the empty text."""
+    for ending in (".prj", ".PRJ"):
+        beside = path.with_suffix(ending)
+        if beside != path and beside.is_file():
+            try:
+                with beside.open(encoding="utf-8-sig", errors="replace") as file:
+                    text = file.read(_MAX_PRJ_LENGTH).strip()
+            except OSError:
+                return ""
+            return text if _crs_of_prj(text) is not None else ""
+    return ""
+
+
+@functools.lru_cache(maxsize=64)  # tiles of a delivery have the same text
+def _crs_of_prj(text: str) -> Any | None:
+    try:
+        return CRS.from_wkt(text)
+    except CRSError:
+        return None
 
 
 def _size(path: Path) -> int:

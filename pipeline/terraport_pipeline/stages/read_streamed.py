@@ -343,6 +343,8 @@ def _spool(
         extent=extent,
         columns=survey.statement.columns,
     ) as stream:
+        if stream.crs is None:
+            stream = replace(stream, crs=file.crs_beside)
         reading.start(file, stream)
         for chunk in stream.chunks():
             # (1) Which points are taken. Invariant: read = kept + dropped + those outside.
