@@ -14,11 +14,12 @@ from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.errors import PipelineError
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.published.scene_model import SceneModel
+from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.report.input_cloud import find_input_cloud
 from terraport_pipeline.report.report import REPORT_NAME, write_report
 from terraport_pipeline.report.textures import open_scene_photos
 from terraport_pipeline.unforeseen import stage_failed
-from terraport_pipeline.workflow.build import BuildOptions, default_work_directory
+from terraport_pipeline.workflow.build import BuildOptions
 from terraport_pipeline.workflow.build import build as run_build
 from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_pipeline.workflow.report import BuildReport
@@ -109,5 +110,5 @@ def _report(options: BuildOptions, built: BuildReport, progress: Progress) -> No
             error,
             "the report",
             f"{built.scene} is published and whole, and terraport report writes the report again",
-            options.work or default_work_directory(options.scene.absolute()),
+            options.work or default_work_directory(options.scene),
         ) from error

@@ -18,6 +18,7 @@ from terraport_payload.types import Float32, UInt8
 from terraport_pipeline.engines.palettes import NO_VALUE, diverging_colours
 from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.stages.survey_change import load_change_map
 from terraport_store import Scene
 
@@ -61,8 +62,7 @@ def find_change_map(scene: Scene, work: Path | None = None) -> ChangeMap | None:
     stated = _counts(scene)
     if stated is None:
         return None
-    scene_path = scene.path.absolute()
-    folder = (work or scene_path.parent / f".{scene_path.name}.work") / "renew"
+    folder = (work or default_work_directory(scene.path)) / "renew"
     try:
         with (folder / "stage.json").open("rb") as file:
             record = json.loads(file.read(MAX_RECORD_BYTES))

@@ -15,6 +15,7 @@ from typing import Final
 
 import numpy as np
 
+from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.report.pictures import InputCloud
 from terraport_store import Scene
 
@@ -46,8 +47,7 @@ def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | Non
         None when they are not there, are damaged, or belong to another build (another origin or
         number of points): a report goes without.
     """
-    scene_path = scene.path.absolute()
-    folder = (work or scene_path.parent / f".{scene_path.name}.work") / "clean"
+    folder = (work or default_work_directory(scene.path)) / "clean"
     try:
         with (folder / "stage.json").open("rb") as file:
             record = json.loads(file.read(MAX_RECORD_BYTES))

@@ -23,6 +23,7 @@ from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.model import Crs
 from terraport_pipeline.published.scene_model import SceneModel
+from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.report.pictures import Picture, PictureOptions
 from terraport_store import Manifest, Scene
 
@@ -118,8 +119,7 @@ def find_vertex_colours(scene: Scene, work: Path | None = None) -> VertexColours
     VertexColours or None
         None when they are not there or belong to another build.
     """
-    scene_path = scene.path.absolute()
-    folder = work or scene_path.parent / f".{scene_path.name}.work"
+    folder = work or default_work_directory(scene.path)
     return _colours_of(scene, sorted(folder.glob("tile-*"))[:MAX_TILES])
 
 

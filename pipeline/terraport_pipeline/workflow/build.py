@@ -30,6 +30,7 @@ from terraport_pipeline.option import (
     check_options,
 )
 from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.stages import clean, pack, reconstruct, segment
 from terraport_pipeline.stages.region_engine import check_segment_by
 from terraport_pipeline.stages.tiles import base_atlas
@@ -65,7 +66,7 @@ from terraport_store.errors import StoreError
 from terraport_store.layout import MANIFEST_NAME
 from terraport_store.manifest import CrsInfo
 
-__all__ = ["BuildOptions", "available_memory_bytes", "build", "default_work_directory"]
+__all__ = ["BuildOptions", "available_memory_bytes", "build"]
 
 _MEMORY_SHARE: Final = 0.8
 """Share of the memory that is free at the start which a build allows itself."""
@@ -183,11 +184,6 @@ class BuildOptions:
             "segment": asdict(self.segment),
             "base_texture": self.base_texture,
         }
-
-
-def default_work_directory(scene: Path) -> Path:
-    """Where a build keeps its stages when not told."""
-    return scene.parent / f".{scene.name}.work"
 
 
 def available_memory_bytes() -> int:
