@@ -15,7 +15,7 @@ from typing import Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from terraport_payload.types import AnyFloat, Float32, Float64
+from terraport_payload.types import AnyFloat, Bool, Float32, Float64, Int32
 from terraport_pipeline.geometry.photos.lens import View
 
 __all__ = ["Camera", "PhotoCamera", "eye_level", "oblique", "top_down"]
@@ -28,6 +28,9 @@ EYE_FIELD_OF_VIEW_DEG: Final = 65.0
 
 NEAR_M: Final = 0.05
 """Points nearer than this to the camera's plane are not projected."""
+
+_SIGHT_MARGIN: Final = 1e-3
+"""Share by which the picture is taken larger where faces beside it are left out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,6 +85,38 @@ class Camera:
             return np.full(len(distance_m), size, dtype=np.float32)
         result: Float32 = distance_m * size
         return result
+
+    def may_see(self, vertices: AnyFloat, faces: Int32, aspect: float) -> Bool:
+        """Tell which faces may be in the picture: no ray of it meets any other.
+
+        Parameters
+        ----------
+        vertices : ndarray of shape (V, 3)
+            Metres, scene frame.
+        faces : ndarray of shape (F, 3), int32
+        aspect : float
+            Width over height of the picture.
+
+        Returns
+        -------
+        ndarray of shape (F,), bool
+            False where all three vertices lie beyond the same side of the picture, or behind the
+            eye; a face beyond a corner may count as seen.
+        """
+        local = np.asarray(vertices, dtype=np.float32) - np.array(self.eye, np.float32)
+        depth = local @ np.array(self.forward, np.float32)
+        # Half width and height of the picture where the vertex is, a little larger for rounding.
+        half = np.float32(self.half_height * (1 + _SIGHT_MARGIN)) * (
+            depth if self.kind == "perspective" else np.ones_like(depth)
+        )
+        beyond = (depth < 0).astype(np.uint8)
+        for axis, reach, bit in ((self.right, half * np.float32(aspect), 2), (self.up, half, 8)):
+            across = local @ np.array(axis, np.float32)
+            beyond |= np.where(across < -reach, bit, 0).astype(np.uint8)
+            beyond |= np.where(across > reach, 2 * bit, 0).astype(np.uint8)
+        first, second, third = beyond[faces.T]
+        seen: Bool = (first & second & third) == 0
+        return seen
 
     def project(
         self, points: AnyFloat, width: int, height: int

@@ -124,8 +124,8 @@ def _standing_places(vertices: Float32, low: Float32, high: Float32, rays: RaySc
     return nearest
 
 
-def mixed_mesh(model: SceneModel, loaded: Bool, camera: Camera) -> MixedMesh:
-    """Put together what a client shows.
+def mixed_mesh(model: SceneModel, loaded: Bool, camera: Camera, aspect: float) -> MixedMesh:
+    """Put together what a client shows in one picture, without shadows from outside it.
 
     Parameters
     ----------
@@ -135,14 +135,14 @@ def mixed_mesh(model: SceneModel, loaded: Bool, camera: Camera) -> MixedMesh:
         Segments that are loaded.
     camera : Camera
         From where it is looked at: the base is pushed back along its lines of sight.
+    aspect : float
+        Width over height of the picture. Faces beside it are left out: of millions few are in it.
 
     Returns
     -------
     MixedMesh
     """
     hidden = hidden_base_faces(model.cover.offsets, model.cover.segments, loaded)
-    detail_faces = model.detail.faces[loaded[model.segment_of_face]]
-    base_faces = model.base.faces[~hidden] + np.int32(len(model.detail.vertices))
     back = model.manifest.hand_off.deviation_m
     base_vertices = model.base.vertices.astype(np.float64)
     if camera.kind == "orthographic":
@@ -151,14 +151,20 @@ def mixed_mesh(model: SceneModel, loaded: Bool, camera: Camera) -> MixedMesh:
         sight = base_vertices - np.array(camera.eye)
         length = np.linalg.norm(sight, axis=1, keepdims=True)
         base_vertices = base_vertices + sight / np.maximum(length, 1e-6) * back
+    base_vertices = base_vertices.astype(np.float32)
+    detail, base = model.detail, model.base
+    shown = loaded[model.segment_of_face] & camera.may_see(detail.vertices, detail.faces, aspect)
+    shown_base = ~hidden & camera.may_see(base_vertices, base.faces, aspect)
+    detail_faces = detail.faces[shown]
+    base_faces = base.faces[shown_base] + np.int32(len(detail.vertices))
     textures = model.textures
     return MixedMesh(
-        np.concatenate([model.detail.vertices, base_vertices.astype(np.float32)]),
+        np.concatenate([detail.vertices, base_vertices]),
         np.concatenate([detail_faces, base_faces]),
-        np.concatenate([model.detail.colours, model.base.colours]),
-        np.concatenate([model.detail.normals, model.base.normals]),
+        np.concatenate([detail.colours, base.colours]),
+        np.concatenate([detail.normals, base.normals]),
         len(detail_faces),
-        None if textures is None else textures.mixed(loaded[model.segment_of_face], ~hidden),
+        None if textures is None else textures.mixed(shown, shown_base),
         Tint(len(detail_faces), BASE_TINT, _TINT_SHARE),
     )
 

@@ -400,7 +400,8 @@ class PictureTaker:
 
     def _mixed(self, camera: Camera, loaded: Bool, *asked: _Mixed) -> Iterator[Picture]:
         """Draw the mixed model, once for each that is asked for."""
-        mesh, options = mixed_mesh(self._model, loaded, camera), self._options
+        options = self._options
+        mesh = mixed_mesh(self._model, loaded, camera, options.width / options.height)
         rays = RayScene(mesh.vertices, mesh.faces)
         for each in asked:
             image = render_mesh(

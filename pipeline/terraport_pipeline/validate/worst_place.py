@@ -155,7 +155,7 @@ def compare_at(
         supersample=supersample,
         scene=detail_scene,
     )
-    mesh = mixed_mesh(model, loaded, camera)
+    mesh = mixed_mesh(model, loaded, camera, size[0] / size[1])
     mixed = render_mesh(
         mesh.vertices,
         mesh.faces,

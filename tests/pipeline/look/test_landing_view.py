@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from terraport_pipeline.engines.cameras import Camera, eye_level, top_down
 from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.geometry.cover.handoff_rays import hidden_base_faces
 from terraport_pipeline.published.landing_view import (
     choose_landing,
     mixed_mesh,
@@ -56,13 +57,13 @@ def test_without_level_ground_the_nearest_vertex_serves(loaded_scene) -> None:
 def test_mixed_mesh_is_loaded_detail_and_shown_base(loaded_scene) -> None:
     loaded = np.zeros(64, dtype=np.bool_)
     camera = top_down(loaded_scene.detail.vertices, aspect=1.0)
-    nothing = mixed_mesh(loaded_scene, loaded, camera)
+    nothing = mixed_mesh(loaded_scene, loaded, camera, 1.0)
     assert nothing.base_from == 0
     assert len(nothing.faces) == len(loaded_scene.base.faces)
-    everything = mixed_mesh(loaded_scene, ~loaded, camera)
+    everything = mixed_mesh(loaded_scene, ~loaded, camera, 1.0)
     assert everything.base_from == len(everything.faces) == len(loaded_scene.detail.faces)
     loaded[:8] = True
-    some = mixed_mesh(loaded_scene, loaded, camera)
+    some = mixed_mesh(loaded_scene, loaded, camera, 1.0)
     assert some.base_from == (loaded_scene.segment_of_face < 8).sum()
     assert len(some.faces) > some.base_from
 
@@ -74,7 +75,7 @@ def test_base_is_pushed_back_along_the_line_of_sight_only(loaded_scene, kind) ->
         if kind == "perspective"
         else top_down(loaded_scene.detail.vertices, aspect=1.0)
     )
-    mixed = mixed_mesh(loaded_scene, np.zeros(64, dtype=np.bool_), camera)
+    mixed = mixed_mesh(loaded_scene, np.zeros(64, dtype=np.bool_), camera, 640 / 360)
     moved = mixed.vertices[len(loaded_scene.detail.vertices) :].astype(np.float64)
     base = loaded_scene.base.vertices.astype(np.float64)
     assert_allclose(np.linalg.norm(moved - base, axis=1), 0.3, atol=1e-4)
@@ -83,6 +84,21 @@ def test_base_is_pushed_back_along_the_line_of_sight_only(loaded_scene, kind) ->
     assert_allclose(after[0][ahead], before[0][ahead], atol=0.02)
     assert_allclose(after[1][ahead], before[1][ahead], atol=0.02)
     assert (after[2][ahead] > before[2][ahead]).all()
+
+
+def test_faces_beside_the_picture_are_left_out_and_nothing_else(loaded_scene) -> None:
+    camera, size = eye_level((50, 30, 50), azimuth_deg=10), (64, 36)
+    loaded = np.arange(64) < 32
+    mixed = mixed_mesh(loaded_scene, loaded, camera, size[0] / size[1])
+    hidden = hidden_base_faces(loaded_scene.cover.offsets, loaded_scene.cover.segments, loaded)
+    detail_faces = loaded_scene.detail.faces[loaded[loaded_scene.segment_of_face]]
+    base_faces = loaded_scene.base.faces[~hidden] + len(loaded_scene.detail.vertices)
+    everything = np.concatenate([detail_faces, base_faces])
+    assert 0 < len(mixed.faces) < 0.7 * len(everything)
+    rays = camera.rays(*size)
+    cut = RayScene(mixed.vertices, mixed.faces).closest_hit(*rays)[0]
+    assert np.isfinite(cut).any()
+    assert_allclose(cut, RayScene(mixed.vertices, everything).closest_hit(*rays)[0], rtol=1e-5)
 
 
 def test_views_look_at_ground(loaded_scene, rays) -> None:
