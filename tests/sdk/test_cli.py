@@ -31,7 +31,9 @@ sys.meta_path.insert(0, Blocker())
 """
 
 EXTRAS = (
+    "contourpy",
     "embreex",
+    "ezdxf",
     "fast_simplification",
     "fastapi",
     "jinja2",
@@ -44,8 +46,10 @@ EXTRAS = (
     "pycolmap",
     "pydantic_settings",
     "pye57",
+    "pyogrio",
     "pypcd4",
     "pyproj",
+    "rasterio",
     "rtree",
     "scipy",
     "trimesh",

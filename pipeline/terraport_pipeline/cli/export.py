@@ -1,0 +1,108 @@
+"""``terraport export``: hand a scene on to other tools."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.export.hand_on import Exported, ExportRequest, export_scene
+from terraport_pipeline.export.products import ENDINGS, Product
+from terraport_pipeline.extent import Extent
+from terraport_pipeline.option import EXTENT
+from terraport_pipeline.progress import RichProgress
+from terraport_pipeline.report.facts import format_bytes
+
+__all__ = ["export", "register"]
+
+
+def register(app: typer.Typer) -> None:
+    """Add ``terraport export`` to the command line `app`."""
+    app.command("export")(export)
+
+
+def export(
+    scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
+    output: Annotated[
+        Path,
+        typer.Option(
+            "--output",
+            "-o",
+            help=f"The file; its ending is the format: {' '.join(ENDINGS)}",
+            show_default=False,
+        ),
+    ],
+    product: Annotated[
+        Product | None,
+        typer.Option(
+            "--as",
+            help="What the file shall hold, where its ending leaves a choice (.tif, .dxf).",
+            show_default=False,
+        ),
+    ] = None,
+    extent: Annotated[
+        tuple[float, float, float, float] | None,
+        typer.Option(
+            metavar=EXTENT.metavar,
+            help="Only what lies in this rectangle, in the coordinates and the unit of the "
+            "survey's CRS.",
+            show_default=False,
+        ),
+    ] = None,
+    region: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="LABEL|ID",
+            help="Only this region, by label or stable id (see terraport label); may be repeated.",
+            show_default=False,
+        ),
+    ] = None,
+    step_m: Annotated[
+        float | None,
+        typer.Option(
+            help="Size of a pixel on the ground, metres; of contours the step of the heights that "
+            "they are drawn from. [default: about the distance of the mesh's vertices]",
+            show_default=False,
+        ),
+    ] = None,
+    force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")] = False,
+) -> None:
+    """Hand a scene on: orthophoto, height model, mesh, points, contours, cross-sections.
+
+    All coordinates are the survey's, in its own CRS and unit. Whole, in a rectangle, or some
+    regions.
+
+    For example:
+
+        terraport export scenes/pit -o pit.tif --as orthophoto --step-m 0.05
+
+        terraport export scenes/pit -o heights.tif --as heights --step-m 0.1
+    """
+    errors = Console(stderr=True)
+    start = time.perf_counter()
+    with reporting_errors(errors):
+        request = ExportRequest(
+            output,
+            product,
+            None if extent is None else Extent(*extent),
+            tuple(region or ()),
+            step_m,
+            force,
+        )
+        with RichProgress(errors) as progress:
+            written = export_scene(scene, request, progress)
+    seconds = time.perf_counter() - start
+    Console().print(_line(written, seconds), markup=False, highlight=False, soft_wrap=True)
+
+
+def _line(written: Exported, seconds: float) -> str:
+    facts = ", ".join(f"{name} {value}" for name, value in written.facts.items())
+    beside = f"\nbeside it: {', '.join(written.companions)}" if written.companions else ""
+    return (
+        f"{written.path}  {written.product}, {format_bytes(written.bytes)}, {facts}, "
+        f"{seconds:,.1f} s\ncoordinates: {written.crs}, unit {written.unit}{beside}"
+    )
