@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from rich.console import Console
@@ -20,8 +21,21 @@ from terraport_pipeline.report.facts import format_bytes
 __all__ = ["export", "register"]
 
 
+_PACKAGES: Final = ("contourpy", "ezdxf", "pyogrio", "rasterio")
+"""What the extra brings; some are imported only by the formats that need them."""
+
+
 def register(app: typer.Typer) -> None:
-    """Add ``terraport export`` to the command line `app`."""
+    """Add ``terraport export`` to the command line `app`.
+
+    Raises
+    ------
+    ModuleNotFoundError
+        A package of the extra is missing: better said now than in the midst of an export.
+    """
+    for package in _PACKAGES:
+        if find_spec(package) is None:
+            raise ModuleNotFoundError(f"No module named {package!r}", name=package)
     app.command("export")(export)
 
 
@@ -69,6 +83,29 @@ def export(
             show_default=False,
         ),
     ] = None,
+    interval: Annotated[
+        float | None,
+        typer.Option(
+            help="Between contours, in the unit of the survey's heights. [default: 1]",
+            show_default=False,
+        ),
+    ] = None,
+    line: Annotated[
+        str | None,
+        typer.Option(
+            metavar='"E,N E,N ..."',
+            help="What a section is cut along, in the survey's coordinates.",
+            show_default=False,
+        ),
+    ] = None,
+    full_coordinates: Annotated[
+        bool,
+        typer.Option(
+            "--full-coordinates",
+            help="Write a mesh (.ply, .obj) with its whole coordinates and no shift, for programs "
+            "that shift them themselves (CloudCompare).",
+        ),
+    ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")] = False,
 ) -> None:
     """Hand a scene on: orthophoto, height model, mesh, points, contours, cross-sections.
@@ -81,6 +118,14 @@ def export(
         terraport export scenes/pit -o pit.tif --as orthophoto --step-m 0.05
 
         terraport export scenes/pit -o heights.tif --as heights --step-m 0.1
+
+        terraport export scenes/pit -o pit.glb --extent 641200 8594700 641300 8594800
+
+        terraport export scenes/pit -o stockpile.laz --region "stockpile 3"
+
+        terraport export scenes/pit -o contours.gpkg --interval 0.5
+
+        terraport export scenes/pit -o cut.dxf --as section --line "641150,8594650 641250,8594750"
     """
     errors = Console(stderr=True)
     start = time.perf_counter()
@@ -91,6 +136,9 @@ def export(
             None if extent is None else Extent(*extent),
             tuple(region or ()),
             step_m,
+            interval,
+            line,
+            full_coordinates,
             force,
         )
         with RichProgress(errors) as progress:

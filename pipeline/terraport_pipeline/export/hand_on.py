@@ -10,9 +10,11 @@ from typing import Any, Final
 
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.export.frame import SurveyFrame, survey_frame
+from terraport_pipeline.export.meshes import mesh_companions, write_mesh
 from terraport_pipeline.export.output import writing_beside
 from terraport_pipeline.export.products import Product, product_of
 from terraport_pipeline.export.raster_grid import make_grid
+from terraport_pipeline.export.section import parse_line, write_section
 from terraport_pipeline.export.selection import Selection, find_regions, ground_extent
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.progress import NullProgress, Progress
@@ -36,6 +38,12 @@ class ExportRequest:
     """Labels or stable ids."""
     step_m: float | None = None
     """Metres; None: about the distance of the detail's vertices."""
+    interval: float | None = None
+    """Between contours, in the unit of the survey's heights; None: 1."""
+    line: str | None = None
+    """Of a section: ``E,N E,N ...`` in the survey's coordinates and unit."""
+    full_coordinates: bool = False
+    """A mesh with whole coordinates in 64 bits, without a shift."""
     force: bool = False
 
 
@@ -132,6 +140,19 @@ def _check(request: ExportRequest, product: Product) -> None:
         if not (math.isfinite(request.step_m) and request.step_m > 0):
             raise OptionError(f"step {request.step_m}; expected metres above 0")
 
+    if request.interval is not None:
+        if product != "contours":
+            raise OptionError(f"--interval is of contours, received it for {product}")
+        if not (math.isfinite(request.interval) and request.interval > 0):
+            raise OptionError(f"interval {request.interval}; expected a number above 0")
+    if (request.line is None) == (product == "section"):
+        said = "received none" if request.line is None else f"received it for {product}"
+        raise OptionError(f"--line is what a section is cut along, {said}")
+    if request.line is not None:
+        parse_line(request.line)
+    if request.full_coordinates and product != "mesh":
+        raise OptionError(f"--full-coordinates is of meshes, received it for {product}")
+
 
 def _usual_step_m(scene: Scene) -> float:
     """About the distance of the detail's vertices: 1, 2 or 5 of a power of ten, not below it."""
@@ -163,6 +184,42 @@ def _heights(job: _Job) -> dict[str, Any]:
     return {"step": f"{grid.step:.6g} {job.frame.unit_name}", **facts}
 
 
+def _mesh(job: _Job) -> dict[str, Any]:
+    from terraport_pipeline.export.gathered import gather_mesh
+
+    mesh = gather_mesh(job.scene, job.frame, job.selection, job.progress)
+    return write_mesh(
+        job.path,
+        mesh,
+        job.frame,
+        job.scene.manifest,
+        job.progress,
+        full=job.request.full_coordinates,
+    )
+
+
+def _points(job: _Job) -> dict[str, Any]:
+    from terraport_pipeline.export.las import write_points
+
+    return write_points(job.path, job.scene, job.frame, job.selection, job.progress)
+
+
+def _contours(job: _Job) -> dict[str, Any]:
+    from terraport_pipeline.export.contours import write_contours
+
+    grid = make_grid(ground_extent(job.scene, job.frame, job.selection), job.step)
+    interval = 1.0 if job.request.interval is None else job.request.interval
+    return write_contours(
+        job.path, job.scene, job.frame, job.selection, grid, interval, job.progress
+    )
+
+
+def _section(job: _Job) -> dict[str, Any]:
+    assert job.request.line is not None
+    line = parse_line(job.request.line)
+    return write_section(job.path, job.scene, job.frame, job.selection, line, job.progress)
+
+
 def _alone(_path: Path) -> tuple[str, ...]:
     return ()
 
@@ -172,5 +229,9 @@ _Writer = Callable[[_Job], dict[str, Any]]
 _WRITERS: Final[dict[Product, tuple[_Writer, Callable[[Path], tuple[str, ...]]]]] = {
     "orthophoto": (_orthophoto, _alone),
     "heights": (_heights, _alone),
+    "mesh": (_mesh, mesh_companions),
+    "points": (_points, _alone),
+    "contours": (_contours, _alone),
+    "section": (_section, _alone),
 }
 """What writes each product, and the names of what it may write beside the file."""

@@ -97,21 +97,26 @@ def _cut(
     # (2) A new vertex on each mesh edge that is cut, numbered by that edge.
     ends = np.concatenate([np.stack([first, second], 1), np.stack([first, third], 1)])
     edges, number = np.unique(np.sort(ends, axis=1), axis=0, return_inverse=True)
-    number = number.reshape(-1) + len(values)
+    number = number.reshape(-1)
     a, b = values[edges[:, 0]], values[edges[:, 1]]
     share = (limit - a[:, axis]) / (b[:, axis] - a[:, axis])
     between = a + share[:, None] * (b - a)
     between[:, axis] = limit
+    # Where an end lies on the limit already, it is the cut.
+    new = np.arange(len(values), len(values) + len(edges))
+    for end in (0, 1):
+        on_limit = values[edges[:, end], axis] == limit
+        new[on_limit] = edges[on_limit, end]
+    number = new[number]
     # (3) A corner that stays alone leaves a triangle, one that goes a quadrilateral.
     near, far = number[: len(crossed)], number[len(crossed) :]
     lone = np.stack([first, near, far], axis=1)[alone]
     lower = np.stack([near, second, third], axis=1)[~alone]
     upper = np.stack([near, third, far], axis=1)[~alone]
     whole = kept == 3
-    return (
-        np.concatenate([values, between]),
-        np.concatenate([triangles[whole], lone, lower, upper]),
-        np.concatenate(
-            [origin[whole], crossed_origin[alone], crossed_origin[~alone], crossed_origin[~alone]]
-        ),
+    pieces = np.concatenate([triangles[whole], lone, lower, upper])
+    parents = np.concatenate(
+        [origin[whole], crossed_origin[alone], crossed_origin[~alone], crossed_origin[~alone]]
     )
+    solid = (pieces != np.roll(pieces, 1, axis=1)).all(axis=1)
+    return np.concatenate([values, between]), pieces[solid], parents[solid]
