@@ -46,7 +46,6 @@ EXTRAS = (
     "pycolmap",
     "pydantic_settings",
     "pye57",
-    "pyogrio",
     "pypcd4",
     "pyproj",
     "rasterio",

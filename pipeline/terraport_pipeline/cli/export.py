@@ -21,7 +21,7 @@ from terraport_pipeline.report.facts import format_bytes
 __all__ = ["export", "register"]
 
 
-_PACKAGES: Final = ("contourpy", "ezdxf", "pyogrio", "rasterio")
+_PACKAGES: Final = ("contourpy", "ezdxf", "rasterio")
 """What the extra brings; some are imported only by the formats that need them."""
 
 

@@ -15,6 +15,7 @@ from terraport_payload.types import Float32, Float64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.export.dxf import new_drawing, save_drawing
 from terraport_pipeline.export.frame import SurveyFrame
+from terraport_pipeline.export.geopackage import write_height_lines
 from terraport_pipeline.export.raster_grid import PixelGrid
 from terraport_pipeline.export.sampling import height_windows
 from terraport_pipeline.export.selection import Selection
@@ -176,7 +177,7 @@ def _write_geojson(path: Path, lines: list[_Contour], frame: SurveyFrame) -> Non
         for number, line in enumerate(lines):
             feature = {
                 "type": "Feature",
-                "properties": {"height": line.height, "index": line.is_index},
+                "properties": {"height": line.height, "is_index": line.is_index},
                 "geometry": {
                     "type": "LineString",
                     "coordinates": np.round(line.points, 3).tolist(),
@@ -187,22 +188,10 @@ def _write_geojson(path: Path, lines: list[_Contour], frame: SurveyFrame) -> Non
 
 
 def _write_gpkg(path: Path, lines: list[_Contour], frame: SurveyFrame) -> None:
-    from pyogrio.raw import write
-
-    geometry = np.array([_wkb(line.points) for line in lines], object)
-    write(
+    write_height_lines(
         path,
-        geometry,
-        [np.array([line.height for line in lines]), np.array([line.is_index for line in lines])],
-        ["height", "index"],
-        layer="contours",
-        driver="GPKG",
-        geometry_type="LineString",
-        crs=None if frame.crs is None else frame.crs.to_wkt(),
+        [line.points for line in lines],
+        [line.height for line in lines],
+        [line.is_index for line in lines],
+        frame.crs,
     )
-
-
-def _wkb(points: Float64) -> bytes:
-    """Well-known binary of a line (OGC 06-103r4, section 8): little-endian, type 2."""
-    head = np.array([2, len(points)], "<u4").tobytes()
-    return b"\x01" + head + np.ascontiguousarray(points, "<f8").tobytes()

@@ -12,6 +12,7 @@ import pytest
 from pyproj import CRS
 
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.export.geopackage import write_height_lines
 from terraport_pipeline.export.hand_on import ExportRequest, export_scene
 from terraport_pipeline.export.section import parse_line
 from terraport_pipeline.extent import Extent
@@ -130,3 +131,27 @@ def test_what_cannot_be_drawn_is_said(scene_path, tmp_path) -> None:
     for text in ("", "1,2 1,2", "1;2 3;4", "1,2,3 4,5,6", "nan,0 1,1"):
         with pytest.raises(OptionError, match="line"):
             parse_line(text)
+
+
+@pytest.mark.parametrize("crs", [None, "NAD83 / Texas South Central (ftUS)", "mine grid"])
+def test_a_geopackage_says_its_crs_whatever_it_is(tmp_path, crs) -> None:
+    path = tmp_path / "c.gpkg"
+    stated = None if crs is None else CRS.from_epsg(32633)
+    if crs == "mine grid":
+        stated = CRS.from_proj4("+proj=tmerc +lon_0=13.37 +k=1 +x_0=1000 +y_0=2000 +ellps=WGS84")
+    elif crs is not None:
+        stated = CRS.from_user_input(crs)
+    line = np.array([[0.0, 1.0], [2.0, 3.0], [5.0, -1.0]])
+    write_height_lines(path, [line, line + 7], [10.5, 15.0], [False, True], stated)
+    meta, _, geometry, (heights, is_index) = pyogrio.raw.read(path, layer="contours")
+    assert heights.tolist() == [10.5, 15.0]
+    assert is_index.astype(bool).tolist() == [False, True]
+    assert np.frombuffer(geometry[0][9:], "<f8").reshape(-1, 2).tolist() == line.tolist()
+    info = pyogrio.read_info(path)
+    assert info["total_bounds"] == (0.0, -1.0, 12.0, 10.0)
+    if stated is None:
+        assert meta["crs"] is None or "ndefined" in meta["crs"]
+    else:
+        assert CRS.from_user_input(meta["crs"]).is_exact_same(stated) or CRS.from_user_input(
+            meta["crs"]
+        ).equals(stated, ignore_axis_order=True)
