@@ -17,6 +17,7 @@ from terraport_pipeline.extent import Extent
 from terraport_pipeline.option import EXTENT
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report.facts import format_bytes
+from terraport_store import is_url
 
 __all__ = ["export", "register"]
 
@@ -40,7 +41,12 @@ def register(app: typer.Typer) -> None:
 
 
 def export(
-    scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
+    scene: Annotated[
+        str,
+        typer.Argument(
+            help="Scene directory, or a scene's address (s3://...).", show_default=False
+        ),
+    ],
     output: Annotated[
         Path,
         typer.Option(
@@ -142,7 +148,7 @@ def export(
             force,
         )
         with RichProgress(errors) as progress:
-            written = export_scene(scene, request, progress)
+            written = export_scene(scene if is_url(scene) else Path(scene), request, progress)
     seconds = time.perf_counter() - start
     Console().print(_line(written, seconds), markup=False, highlight=False, soft_wrap=True)
 

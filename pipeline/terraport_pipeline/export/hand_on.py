@@ -82,13 +82,15 @@ class _Job:
         return (_usual_step_m(self.scene) if step_m is None else step_m) / self.frame.unit_m
 
 
-def export_scene(path: Path, request: ExportRequest, progress: Progress | None = None) -> Exported:
+def export_scene(
+    path: Path | str, request: ExportRequest, progress: Progress | None = None
+) -> Exported:
     """Write one file, and what belongs beside it.
 
     Parameters
     ----------
-    path : Path
-        The scene directory.
+    path : Path or str
+        The scene directory, or its address (s3://...).
     request : ExportRequest
     progress : Progress, optional
 
@@ -108,14 +110,14 @@ def export_scene(path: Path, request: ExportRequest, progress: Progress | None =
     _check(request, product)
     write, companions = _WRITERS[product]
     names = companions(request.output)
-    regions, stable_ids = find_regions(path, request.regions)
-    selection = Selection(request.extent, regions, stable_ids)
     # (2) The scene, and what is in it.
     with (
         writing_beside(request.output, companions=names, force=request.force) as folder,
         Scene.open(path) as scene,
     ):
         frame = survey_frame(scene.manifest)
+        regions, stable_ids = find_regions(scene, request.regions)
+        selection = Selection(request.extent, regions, stable_ids)
         ground_extent(scene, frame, selection)  # refuses a selection of nothing
         job = _Job(
             folder / request.output.name,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -13,7 +12,7 @@ from terraport_payload.types import Bool, Float64, Int64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.extent import Extent
-from terraport_store import RegionNames, Scene, read_names
+from terraport_store import RegionNames, Scene, read_labels
 
 __all__ = ["Selection", "choose_segments", "find_regions", "ground_extent"]
 
@@ -41,14 +40,14 @@ class Selection:
 
 
 def find_regions(
-    path: Path, wanted: Sequence[str]
+    scene: Scene, wanted: Sequence[str]
 ) -> tuple[frozenset[int] | None, tuple[int, ...]]:
     """Find regions by what people call them.
 
     Parameters
     ----------
-    path : Path
-        The scene directory.
+    scene : Scene
+        Open: numbers of regions are those of its version.
     wanted : sequence of str
         Labels (all regions of that label, whatever the case) or stable ids.
 
@@ -63,12 +62,15 @@ def find_regions(
     ------
     OptionError
         No region is called so.
+    DamagedSceneError
+        Regions or labels are not what the format says.
     """
-    names, document = read_names(path)
+    names = RegionNames.of(scene.regions)
     stable_ids = () if names.stable_ids is None else tuple(names.stable_ids.tolist())
     if not wanted:
         return None, stable_ids
-    count = len(document.get("regions", []))
+    names = names.with_labels(read_labels(scene.files))
+    count = len(scene.regions["regions"])
     chosen: set[int] = set()
     for text in wanted:
         matching = _regions_called(names, count, text.strip())
