@@ -131,8 +131,14 @@ def export_scene(
         written = [file for file in folder.rglob("*") if file.is_file()]
         size = sum(file.stat().st_size for file in written)
         beside = tuple(name for name in names if (folder / name).exists())
-    crs = "no coordinate reference system stated" if frame.crs is None else frame.crs.name
-    return Exported(request.output, product, size, crs, frame.unit_name, beside, facts)
+        written_in = frame.in_metres(scene.manifest) if _is_glb(request.output) else frame
+    crs = written_in.crs
+    name = "no coordinate reference system stated" if crs is None else crs.name
+    return Exported(request.output, product, size, name, written_in.unit_name, beside, facts)
+
+
+def _is_glb(path: Path) -> bool:
+    return path.suffix.lower() == ".glb"
 
 
 def _check(request: ExportRequest, product: Product) -> None:

@@ -6,9 +6,13 @@ import json
 import shutil
 from pathlib import Path
 
+import ezdxf
+import laspy
 import numpy as np
+import pyogrio.raw
 import pytest
 import rasterio
+import trimesh
 from numpy.testing import assert_array_equal
 from pyproj import CRS
 
@@ -190,3 +194,56 @@ def test_an_unknown_name_in_feet_stays_in_metres(scene_path, tmp_path) -> None:
     crs = {"name": "Mine grid (in metres)", "wkt": CRS.from_epsg(32633).to_wkt(), "epsg": None}
     frame = survey_frame(read_manifest(restated(scene_path, tmp_path / "mine", crs)))
     assert (frame.unit_m, frame.crs) == (1.0, CRS.from_epsg(32633))
+
+
+def test_everything_else_in_feet_is_in_feet_but_glb(in_feet, tmp_path) -> None:
+    foot = 1200 / 3937
+    box = Extent(*(value / foot for value in (EAST + 20, NORTH - 50, EAST + 40, NORTH - 30)))
+    export(in_feet, tmp_path / "p.laz", extent=box)
+    points = laspy.read(tmp_path / "p.laz")
+    assert points.header.parse_crs().name == FEET
+    east, north, height = (np.asarray(axis) * foot for axis in (points.x, points.y, points.z))
+    assert np.abs(height - truth(east, north)).max() < 0.05
+    assert box.xmin <= points.x.min() < points.x.max() <= box.xmax
+
+    for name in ("m.ply", "m.glb"):
+        done = export(in_feet, tmp_path / name, extent=box)
+        mesh = trimesh.load(tmp_path / name, process=False, force="mesh")
+        vertices = mesh.vertices
+        unit = foot
+        if name == "m.glb":
+            # glTF is in metres: so is its shift, and the CRS that it states.
+            vertices, unit = vertices[:, [0, 2, 1]] * (1, -1, 1), 1.0
+        shift = np.loadtxt(tmp_path / f"{name}.offset.xyz")
+        assert (shift == np.round(shift)).all()
+        east, north, height = (vertices + shift).T * unit
+        assert np.abs(height - truth(east, north)).max() < 0.05
+        assert (east.min(), east.max()) == pytest.approx((EAST + 20, EAST + 40), abs=1e-4)
+        assert done.unit == ("m" if name == "m.glb" else "us-ft")
+
+    line = " ".join(
+        f"{e / foot},{n / foot}" for e, n in ((500_010, 5_999_950), (500_090, 5_999_940))
+    )
+    export(in_feet, tmp_path / "s.dxf", product="section", line=line)
+    drawing = ezdxf.readfile(tmp_path / "s.dxf")
+    assert drawing.header["$INSUNITS"] == 21  # US survey feet
+    (cut,) = drawing.modelspace().query("POLYLINE")
+    east, north, height = np.array([v.dxf.location.xyz for v in cut.vertices]).T * foot
+    assert np.abs(height - truth(east, north)).max() < CHORD_M
+
+    export(in_feet, tmp_path / "c.gpkg", interval=2.0, step_m=0.5, extent=box)
+    meta, _, geometry, (heights, _) = pyogrio.raw.read(tmp_path / "c.gpkg")
+    assert CRS.from_user_input(meta["crs"]).axis_info[0].unit_name == "US survey foot"
+    assert (heights % 2 == 0).all()
+    east, north = np.frombuffer(geometry[0][9:], "<f8").reshape(-1, 2).T * foot
+    assert np.abs(truth(east, north) - heights[0] * foot).max() < 2 * CHORD_M
+
+
+def test_without_a_crs_every_file_is_written_and_states_none(scene_path, tmp_path) -> None:
+    scene = restated(scene_path, tmp_path / "nowhere", None)
+    for name in ("p.laz", "m.ply", "m.glb", "c.gpkg", "c.geojson"):
+        export(scene, tmp_path / name)
+    assert laspy.read(tmp_path / "p.laz").header.parse_crs() is None
+    assert b"none stated" in (tmp_path / "m.ply").read_bytes()[:400]
+    assert b'"crs":null' in (tmp_path / "m.glb").read_bytes()[:400]
+    assert "crs" not in json.loads((tmp_path / "c.geojson").read_text())
