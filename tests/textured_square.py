@@ -33,19 +33,26 @@ def png(image: UInt8) -> bytes:
     return buffer.getvalue()
 
 
-def write_square(path: Path) -> bytes:
-    """Publish the square; return its image file."""
+def write_square(path: Path, *, sliver: bool = False) -> bytes:
+    """Publish the square; return its image file.
+
+    With a sliver: a triangle of which two corners are at one place.
+    """
     corners = np.array([[0, 0, 0], [0, 0, SIDE_M], [SIDE_M, 0, SIDE_M], [SIDE_M, 0, 0]], np.float32)
     up = np.tile(np.array([0, 1, 0], np.float32), (4, 1))
     faces = np.array([[0, 1, 2], [0, 2, 3]], np.uint32)
     data = png(quadrants())
+    places, triangles = corners, faces
+    if sliver:
+        places = np.concatenate([corners, corners[:1]])
+        triangles = np.concatenate([faces, np.array([[0, 4, 2]], np.uint32)])
     # The image's upper left is the square's north-west.
     mesh = SegmentMesh(
-        corners,
-        faces,
-        up,
-        region_ids=np.zeros(4, np.uint16),
-        uvs=corners[:, [0, 2]] / np.float32(SIDE_M),
+        places,
+        triangles,
+        np.resize(up, places.shape),
+        region_ids=np.zeros(len(places), np.uint16),
+        uvs=places[:, [0, 2]] / np.float32(SIDE_M),
         texture=Texture.of(data),
     )
     base = SegmentMesh(corners, faces, up, np.full((4, 3), 120, np.uint8))

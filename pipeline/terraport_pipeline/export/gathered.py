@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from terraport_payload import Texture
-from terraport_payload.types import Float32, Float64, Int32, Int64, UInt8
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.pieces import Piece, read_pieces
@@ -20,7 +20,7 @@ from terraport_pipeline.export.selection import Selection, choose_segments
 from terraport_pipeline.progress import Progress
 from terraport_store import Scene
 
-__all__ = ["MAX_MESH_FACES", "GatheredMesh", "gather_mesh", "weld"]
+__all__ = ["MAX_MESH_FACES", "GatheredMesh", "gather_mesh", "has_three_corners", "weld"]
 
 MAX_MESH_FACES: Final = 30_000_000
 """Largest mesh in one file: some 6 GB while it is written, and more than most programs open."""
@@ -148,3 +148,14 @@ def weld(positions: Float64) -> tuple[Int64, Int64]:
     rank = np.empty(len(order), np.int64)
     rank[order] = np.arange(len(order))
     return first[order].astype(np.int64), rank[number.reshape(-1)]
+
+
+def has_three_corners(faces: Int64) -> Bool:
+    """Tell which faces (F, 3) have three different corners.
+
+    A scene's grid puts the corners of the smallest triangles at one place; once these are one
+    vertex, other programs drop such a face, or stumble over it.
+    """
+    a, b, c = faces.T
+    different: Bool = (a != b) & (b != c) & (c != a)
+    return different

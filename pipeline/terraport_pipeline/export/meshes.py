@@ -21,7 +21,7 @@ from terraport_payload.glb_container import join_glb
 from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.export.frame import SurveyFrame
-from terraport_pipeline.export.gathered import GatheredMesh, weld
+from terraport_pipeline.export.gathered import GatheredMesh, has_three_corners, weld
 from terraport_pipeline.progress import Progress
 from terraport_store import Manifest
 
@@ -85,10 +85,10 @@ def write_mesh(
     shift = (0.0, 0.0, 0.0) if full else frame.shift
     progress.start("write mesh", len(mesh.faces), "triangles")
     write = {".obj": write_obj, ".ply": write_ply, ".glb": write_glb}[kind]
-    vertices = write(path, mesh, frame, shift, _about(manifest, frame), progress)
+    vertices, triangles = write(path, mesh, frame, shift, _about(manifest, frame), progress)
     if not full:
         _write_shift(path, shift, manifest.name)
-    facts = {"triangles": f"{len(mesh.faces):,}", "vertices": f"{vertices:,}"}
+    facts = {"triangles": f"{triangles:,}", "vertices": f"{vertices:,}"}
     progress.done(facts)
     if not full:
         facts["add"] = " ".join(f"{value:.0f}" for value in shift)
@@ -102,8 +102,8 @@ def write_ply(
     shift: tuple[float, float, float],
     about: list[str],
     progress: Progress,
-) -> int:
-    """Write a binary PLY with normals and vertex colours; return how many vertices it has.
+) -> tuple[int, int]:
+    """Write a binary PLY with normals and vertex colours; return its vertices and triangles.
 
     Z is up. Positions are float32, or float64 where nothing is shifted. Textures become colours of
     the vertices: PLY has no form of them that programs agree on.
@@ -124,8 +124,10 @@ def write_ply(
     if mesh.colours is not None:
         for channel, name in enumerate(("red", "green", "blue")):
             vertices[name] = mesh.colours[first, channel]
-    rows = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    rows["count"], rows["corners"] = 3, number[mesh.faces]
+    faces = number[mesh.faces]
+    faces = faces[has_three_corners(faces)]
+    rows = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
+    rows["count"], rows["corners"] = 3, faces
     types = {"<f4": "float", "<f8": "double", "u1": "uchar"}
     header = [
         "ply",
@@ -141,8 +143,8 @@ def write_ply(
         file.write(("\n".join(header) + "\n").encode("ascii", "replace"))
         vertices.tofile(file)
         rows.tofile(file)
-    progress.advance(len(rows))
-    return len(vertices)
+    progress.advance(len(mesh.faces))
+    return len(vertices), len(rows)
 
 
 def write_obj(
@@ -152,8 +154,10 @@ def write_obj(
     shift: tuple[float, float, float],
     about: list[str],
     progress: Progress,
-) -> int:
-    """Write an OBJ, with its materials and images where it has textures; return its vertices.
+) -> tuple[int, int]:
+    """Write an OBJ, with its materials and images where it has textures.
+
+    Returns how many vertices and triangles it has.
 
     Z is up. Without textures vertices have colours behind their positions, 0 to 1, as CloudCompare,
     MeshLab and Blender read them.
@@ -162,6 +166,7 @@ def write_obj(
     local = frame.to_survey(mesh.positions[first]) - shift
     # 0.1 mm, or 0.3 of it in feet: below the grid of any scene's positions.
     form = "v %.4f %.4f %.4f"
+    triangles = 0
     with path.open("wb") as file:
         _lines(file, [f"# {line}" for line in [*about, _shift_line(shift)]])
         if mesh.uvs is None:
@@ -171,9 +176,11 @@ def write_obj(
             _table(file, form, local)
             for start in range(0, len(mesh.faces), _ROWS):
                 rows = number[mesh.faces[start : start + _ROWS]] + 1
-                _table(file, "f %d %d %d", rows)
+                solid = has_three_corners(rows)
+                _table(file, "f %d %d %d", rows[solid])
+                triangles += int(solid.sum())
                 progress.advance(len(rows))
-            return len(first)
+            return len(first), triangles
         _lines(file, [f"mtllib {path.stem}.mtl"])
         _table(file, form, local)
         # OBJ counts v from below.
@@ -184,15 +191,17 @@ def write_obj(
             name = "plain" if texture is None else f"texture_{run}"
             _lines(file, [f"usemtl {name}"])
             corners = mesh.faces[span]
-            rows = np.stack([number[corners] + 1, corners + 1], axis=2).reshape(-1, 6)
-            _table(file, "f %d/%d %d/%d %d/%d", rows)
+            rows = np.stack([number[corners] + 1, corners + 1], axis=2)
+            solid = has_three_corners(rows[:, :, 0])
+            _table(file, "f %d/%d %d/%d %d/%d", rows[solid].reshape(-1, 6))
+            triangles += int(solid.sum())
             if texture is not None:
                 materials += _material(name, texture, images)
             progress.advance(len(rows))
     if any(texture is None for texture, _ in mesh.texture_faces):
         materials += ["newmtl plain", "Kd 0.6 0.6 0.6", ""]
     path.with_suffix(".mtl").write_text("\n".join(materials) + "\n", encoding="ascii")
-    return len(first)
+    return len(first), triangles
 
 
 def write_glb(
@@ -202,8 +211,8 @@ def write_glb(
     shift: tuple[float, float, float],
     about: list[str],
     progress: Progress,
-) -> int:
-    """Write a plain binary glTF 2.0 that every program reads; return how many vertices it has.
+) -> tuple[int, int]:
+    """Write a plain binary glTF 2.0 that every program reads; return its vertices and triangles.
 
     Y is up and lengths are metres, as glTF has it. No compression and no quantisation, which
     Blender and others do not read. Images are the scene's own bytes. The shift stands in the
@@ -215,7 +224,10 @@ def write_glb(
     positions = (mesh.positions + np.array([east, height, -north])).astype(np.float32)
     if mesh.uvs is None:
         first, number = weld(mesh.positions)
-        spans: list[tuple[Texture | None, Int64, AnyArray]] = [(None, first, number[mesh.faces])]
+        welded = number[mesh.faces]
+        spans: list[tuple[Texture | None, Int64, AnyArray]] = [
+            (None, first, welded[has_three_corners(welded)])
+        ]
     else:
         spans = []
         for texture, span in mesh.texture_faces:
@@ -224,7 +236,7 @@ def write_glb(
     primitives: list[dict[str, Any]] = []
     materials: list[dict[str, Any]] = []
     images: list[dict[str, Any]] = []
-    count = 0
+    count = triangles = 0
     for texture, used, faces in spans:
         attributes = {
             "POSITION": buffer.accessor(positions[used], "VEC3", bounds=True),
@@ -251,6 +263,7 @@ def write_glb(
         )
         materials.append({"pbrMetallicRoughness": pbr, "doubleSided": True})
         count += len(used)
+        triangles += len(faces)
         progress.advance(len(faces))
     extras = {
         "global_shift": list(shift),
@@ -271,7 +284,7 @@ def write_glb(
         document["samplers"] = [{"wrapS": 33071, "wrapT": 33071}]
         document["textures"] = [{"sampler": 0, "source": at} for at in range(len(images))]
     path.write_bytes(join_glb(document, buffer.bytes()))
-    return count
+    return count, triangles
 
 
 class _GlbBuffer:

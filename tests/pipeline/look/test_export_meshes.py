@@ -138,6 +138,18 @@ def test_too_large_a_mesh_is_refused_before_it_is_read(scene_path, tmp_path, mon
     assert list(tmp_path.iterdir()) == []
 
 
+def test_triangles_that_the_grid_made_a_line_are_left_out(tmp_path) -> None:
+    scene = tmp_path / "square"
+    # A fifth vertex at the place of the first: a triangle without width.
+    write_square(scene, sliver=True)
+    for ending in ("ply", "obj", "glb"):
+        export(scene, tmp_path / f"sq.{ending}")
+    for name in ("sq.ply", "sq.obj"):
+        mesh = trimesh.load(tmp_path / name, process=False, force="mesh")
+        assert len(mesh.faces) == 2
+    assert trimesh.load(tmp_path / "sq.glb", force="mesh").area == pytest.approx(SIDE_M**2)
+
+
 @pytest.mark.parametrize("ending", ["las", "laz"])
 def test_points_are_on_the_ground_with_region_and_attribute(scene_path, tmp_path, ending) -> None:
     path = tmp_path / f"pit.{ending}"
