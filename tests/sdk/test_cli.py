@@ -31,7 +31,9 @@ sys.meta_path.insert(0, Blocker())
 """
 
 EXTRAS = (
+    "contourpy",
     "embreex",
+    "ezdxf",
     "fast_simplification",
     "fastapi",
     "jinja2",
@@ -46,6 +48,7 @@ EXTRAS = (
     "pye57",
     "pypcd4",
     "pyproj",
+    "rasterio",
     "rtree",
     "scipy",
     "trimesh",

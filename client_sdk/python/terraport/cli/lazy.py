@@ -94,6 +94,12 @@ VERBS: Final = (
         "Write one HTML page with pictures and figures of a scene.",
     ),
     Verb(
+        "export",
+        "terraport_pipeline.cli.export",
+        "export",
+        "Hand a scene on: orthophoto, heights, mesh, points, contours, sections.",
+    ),
+    Verb(
         "synth",
         "terraport_pipeline.cli.synth",
         "pipeline",

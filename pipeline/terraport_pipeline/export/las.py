@@ -1,0 +1,150 @@
+"""Points of a scene as LAS or LAZ: the centres of its triangles, each with its region and class.
+
+Centres and not vertices: a triangle belongs to one region and one segment, so no point stands twice
+and none is between two regions. Points are as dense as the mesh, and lie on it exactly.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Final
+
+import laspy
+import numpy as np
+
+from terraport_payload.types import AnyFloat, Float64, UInt8
+from terraport_pipeline.engines.texturing import bilinear, decode_halved
+from terraport_pipeline.errors import EngineError
+from terraport_pipeline.export.frame import SurveyFrame
+from terraport_pipeline.export.pieces import Piece, read_pieces
+from terraport_pipeline.export.selection import Selection, choose_segments
+from terraport_pipeline.progress import Progress
+from terraport_store import Scene
+
+__all__ = ["write_points"]
+
+_CLASS: Final = "classification"
+"""Attribute of surveys that come as LAS: the ASPRS class, whole numbers."""
+
+_SCALE: Final = 1e-3
+"""Step of the coordinates in the file, unit of the CRS: a millimetre, or a thousandth of a foot."""
+
+_POINT_FORMAT: Final = 7
+"""LAS 1.4: colours, and classes above 31."""
+
+_OWN: Final = frozenset({"region", *laspy.PointFormat(_POINT_FORMAT).dimension_names})
+"""Names that an attribute of the survey cannot have beside the others."""
+
+_TAKEN: Final = "survey_"
+"""Stands before such a name."""
+
+_MAX_NAME: Final = 32
+"""Bytes of the name of an extra dimension."""
+
+
+def write_points(
+    path: Path, scene: Scene, frame: SurveyFrame, selection: Selection, progress: Progress
+) -> dict[str, Any]:
+    """Write the points of a selection, segment by segment.
+
+    Parameters
+    ----------
+    path : Path
+        Ends with .las or .laz.
+    scene : Scene
+        Open.
+    frame : SurveyFrame
+    selection : Selection
+    progress : Progress
+        A step of segments.
+
+    Returns
+    -------
+    dict
+        What to say of it.
+    """
+    manifest = scene.manifest
+    names = [attribute.name for attribute in manifest.attributes]
+    extra = {name: _dimension(name) for name in names if name != _CLASS}
+    header = laspy.LasHeader(point_format=_POINT_FORMAT, version="1.4")
+    header.scales, header.offsets = np.full(3, _SCALE), np.array(frame.shift)
+    header.system_identifier = "MODIFICATION"
+    header.generating_software = f"terraport {manifest.build.terraport}"[:32]
+    header.creation_date = None  # the same scene gives the same bytes
+    # Ids that people use, where there are; -1 for a triangle of no region.
+    dimensions = [laspy.ExtraBytesParams("region", np.int32, "stable id of the region")]
+    dimensions += [laspy.ExtraBytesParams(name, np.float32) for name in extra.values()]
+    header.add_extra_dims(dimensions)
+    if frame.crs is not None:
+        header.add_crs(frame.crs, keep_compatibility=False)
+    segments = choose_segments(scene, frame, selection)
+    progress.start("points", len(segments), "segments")
+    total = done = 0
+    with laspy.open(path, mode="w", header=header) as file:
+        for piece in read_pieces(scene, frame, selection, segments):
+            file.write_points(_points(piece, frame, selection, header, extra))
+            total += len(piece.faces)
+            reached = int(np.searchsorted(segments, piece.segment)) + 1
+            progress.advance(reached - done)
+            done = reached
+    facts = {"points": f"{total:,}", "class": "from the survey" if _CLASS in names else "none"}
+    progress.done(facts)
+    return facts
+
+
+def _points(
+    piece: Piece,
+    frame: SurveyFrame,
+    selection: Selection,
+    header: laspy.LasHeader,
+    extra: dict[str, str],
+) -> laspy.ScaleAwarePointRecord:
+    record = laspy.ScaleAwarePointRecord.zeros(len(piece.faces), header=header)
+    centres = frame.to_survey(piece.positions[piece.faces].mean(axis=1))
+    record.x, record.y, record.z = centres.T
+    record.return_number = record.number_of_returns = np.ones(len(piece.faces), np.uint8)
+    record["region"] = selection.name_of(piece.regions).astype(np.int32)
+    colours = _colours(piece)
+    if colours is not None:
+        # LAS has 16 bits a channel; the full range is what readers expect.
+        for channel, name in enumerate(("red", "green", "blue")):
+            record[name] = colours[:, channel].astype(np.uint16) * 257
+    if _CLASS in piece.attributes:
+        record.classification = _classes(piece.attributes[_CLASS][piece.faces])
+    for attribute, dimension in extra.items():
+        values = piece.attributes.get(attribute)
+        record[dimension] = (
+            np.full(len(piece.faces), np.nan, np.float32)
+            if values is None
+            else values[piece.faces].mean(axis=1)
+        )
+    return record
+
+
+def _classes(corners: AnyFloat) -> UInt8:
+    """Class of triangles: the middle one of their corners', which two that agree decide."""
+    middle = np.sort(np.nan_to_num(corners, nan=0.0), axis=1)[:, 1]
+    classes: UInt8 = np.clip(np.rint(middle), 0, 255).astype(np.uint8)
+    return classes
+
+
+def _colours(piece: Piece) -> UInt8 | None:
+    """SRGB levels at the centres: of the texture where it decodes, else of the vertices."""
+    if piece.texture is not None and piece.uvs is not None:
+        try:
+            image = decode_halved(piece.texture.data, 0)
+        except EngineError:
+            image = None
+        if image is not None:
+            levels: AnyFloat = bilinear(image, piece.uvs[piece.faces].mean(axis=1))
+            return np.rint(levels).astype(np.uint8)
+    if piece.colours is None:
+        return None
+    mean: Float64 = piece.colours[piece.faces].mean(axis=1)
+    return np.rint(mean).astype(np.uint8)
+
+
+def _dimension(name: str) -> str:
+    """Name of an attribute among the extra dimensions: ASCII, short, and nobody else's."""
+    plain = name.encode("ascii", "replace").decode("ascii").replace("?", "_")
+    return (_TAKEN + plain if plain.lower() in _OWN else plain)[:_MAX_NAME]
