@@ -1,15 +1,14 @@
 """The coordinates that exports are written in: those of the survey, in its own unit.
 
 A survey in feet is built in metres (:mod:`terraport_pipeline.engines.readers.survey_crs`), and the
-manifest then has the same projection with axes in metres, called "... (in metres)". What is handed
-on goes back to the survey's own CRS where PROJ knows it by that name and its metric form is the
-manifest's, letter by letter; else it stays in metres, in the CRS that the manifest states.
+manifest then has the same projection with axes in metres, called "... (in metres)", and the length
+of the survey's units. What is handed on goes back to the survey's own units, and its own CRS where
+PROJ knows it by that name in these units; else it stays in metres, in the CRS that is stated.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -17,15 +16,17 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from terraport_payload.types import AnyFloat, Float64
-from terraport_pipeline.engines.readers.survey_crs import metre_factors
 from terraport_pipeline.model import to_crs
 from terraport_store import Manifest
-from terraport_store.manifest import CrsInfo
+from terraport_store.manifest import CrsInfo, SurveyUnits
 
 __all__ = ["SurveyFrame", "survey_frame"]
 
 _METRIC: Final = " (in metres)"
 """What the reader puts behind the name of a CRS whose axes it turned into metres."""
+
+_SAME_UNIT: Final = 1e-9
+"""Share by which two lengths of a unit may differ: feet of two kinds differ by two millionths."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,18 +96,29 @@ def survey_frame(manifest: Manifest) -> SurveyFrame:
     -------
     SurveyFrame
     """
-    stated = _stated(manifest.crs)
-    if stated is None or manifest.crs is None or not manifest.crs.name.endswith(_METRIC):
+    stated, units = _stated(manifest.crs), manifest.survey_units
+    if units is None:
         return SurveyFrame(manifest.origin, stated)
-    nowhere = np.zeros(3)
+    own = None
+    if stated is not None and manifest.crs is not None:
+        own = _own_crs(manifest.crs.name, units)
+        if own is None:
+            return SurveyFrame(manifest.origin, stated)
+    return SurveyFrame(manifest.origin, own, units.horizontal_m, units.height_m)
+
+
+def _own_crs(name: str, units: SurveyUnits) -> CRS | None:
+    """Find the CRS whose metric form a scene states; None where PROJ has none in these units."""
     try:
-        own = CRS.from_user_input(manifest.crs.name.removesuffix(_METRIC))
-        factors, metric, _ = metre_factors(Path("scene.json"), nowhere, nowhere, own)
-    except (CRSError, ValueError):  # a name of the file's own, or of something in degrees
-        return SurveyFrame(manifest.origin, stated)
-    if factors is None or metric is None or CRS.from_wkt(metric.wkt) != stated:
-        return SurveyFrame(manifest.origin, stated)
-    return SurveyFrame(manifest.origin, own, float(factors[0]), float(factors[2]))
+        own = CRS.from_user_input(name.removesuffix(_METRIC))
+    except CRSError:  # a name of the file's own
+        return None
+    for axis in own.axis_info:
+        is_height = axis.direction in ("up", "down")
+        unit_m = units.height_m if is_height else units.horizontal_m
+        if abs(axis.unit_conversion_factor - unit_m) > _SAME_UNIT * unit_m:
+            return None
+    return own
 
 
 def _stated(info: CrsInfo | None) -> CRS | None:

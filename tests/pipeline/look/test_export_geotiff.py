@@ -53,13 +53,16 @@ def centres(picture: rasterio.DatasetReader) -> tuple[np.ndarray, np.ndarray]:
 
 
 def restated(
-    scene_path: Path, path: Path, crs: dict[str, object] | None, factor: float = 1.0
+    scene_path: Path,
+    path: Path,
+    crs: dict[str, object] | None,
+    units: dict[str, float] | None = None,
 ) -> Path:
-    """Copy a scene as if its survey had stated another CRS."""
+    """Copy a scene as if its survey had stated another CRS, or been in other units."""
     shutil.copytree(scene_path, path)
     document = json.loads((path / "scene.json").read_text())
     document["crs"] = crs
-    document["origin"] = [value * factor for value in document["origin"]]
+    document["survey_units"] = units
     (path / "scene.json").write_text(json.dumps(document))
     return path
 
@@ -67,11 +70,14 @@ def restated(
 @pytest.fixture(scope="module")
 def in_feet(scene_path, tmp_path_factory) -> Path:
     """The scene as the build makes it of a survey in US survey feet."""
-    nowhere = np.zeros(3)
-    _, metric, _ = metre_factors(Path("x.laz"), nowhere, nowhere, CRS.from_user_input(FEET))
+    low, high = np.array([2e6, 1.37e7, 100.0]), np.array([2.001e6, 1.3701e7, 150.0])
+    factors, metric, _ = metre_factors(Path("x.laz"), low, high, CRS.from_user_input(FEET))
     assert metric is not None
+    assert factors is not None
+    units = {"horizontal_m": factors[0], "height_m": factors[2]}
     path = tmp_path_factory.mktemp("feet") / "ground"
-    return restated(scene_path, path, {"name": metric.name, "wkt": metric.wkt, "epsg": None})
+    crs = {"name": metric.name, "wkt": metric.wkt, "epsg": None}
+    return restated(scene_path, path, crs, units)
 
 
 def export(scene: Path, output: Path, **options: object):
@@ -192,8 +198,20 @@ def test_a_scene_without_a_crs_keeps_its_coordinates(scene_path, heights, tmp_pa
 
 def test_an_unknown_name_in_feet_stays_in_metres(scene_path, tmp_path) -> None:
     crs = {"name": "Mine grid (in metres)", "wkt": CRS.from_epsg(32633).to_wkt(), "epsg": None}
-    frame = survey_frame(read_manifest(restated(scene_path, tmp_path / "mine", crs)))
+    units = {"horizontal_m": 0.3048, "height_m": 0.3048}
+    frame = survey_frame(read_manifest(restated(scene_path, tmp_path / "mine", crs, units)))
     assert (frame.unit_m, frame.crs) == (1.0, CRS.from_epsg(32633))
+
+
+def test_feet_without_a_crs_are_feet_and_heights_have_their_own(scene_path, tmp_path) -> None:
+    feet = {"horizontal_m": 0.3048, "height_m": 0.3048}
+    bare = survey_frame(read_manifest(restated(scene_path, tmp_path / "bare", None, feet)))
+    assert (bare.crs, bare.unit_name, bare.height_unit_name) == (None, "ft", "ft")
+    crs = {"name": "WGS 84 / UTM zone 33N (in metres)", "wkt": "", "epsg": 32633}
+    units = {"horizontal_m": 1.0, "height_m": 1200 / 3937}
+    tall = survey_frame(read_manifest(restated(scene_path, tmp_path / "tall", crs, units)))
+    assert tall.crs == CRS.from_epsg(32633)
+    assert (tall.unit_m, tall.height_unit_name) == (1.0, "us-ft")
 
 
 def test_everything_else_in_feet_is_in_feet_but_glb(in_feet, tmp_path) -> None:
