@@ -18,6 +18,8 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+from terraport_store.addresses import meant_url
+
 __all__ = [
     "CorruptPayloadError",
     "DamagedSceneError",
@@ -46,8 +48,18 @@ class SceneNotFoundError(StoreError):
     """
 
     def __init__(self, path: str) -> None:
-        super().__init__(f"no scene at {path}, expected a directory with scene.json")
+        super().__init__(_no_scene(path))
         self.path = path
+
+
+def _no_scene(path: str) -> str:
+    url = meant_url(path)
+    if url is None:
+        return f"no scene at {path}, expected a directory with scene.json"
+    return (
+        f"no scene at {path}, expected a directory of this machine; object storage is read by "
+        f"terraport serve and terraport validate, as {url}"
+    )
 
 
 class DamagedSceneError(StoreError):

@@ -18,6 +18,13 @@ from terraport_store import (
     ("error", "text"),
     [
         (SceneNotFoundError("a/b"), "no scene at a/b, expected a directory with scene.json"),
+        (
+            SceneNotFoundError("s3:/bucket/pit"),
+            (
+                "no scene at s3:/bucket/pit, expected a directory of this machine; object storage "
+                "is read by terraport serve and terraport validate, as s3://bucket/pit"
+            ),
+        ),
         (DamagedSceneError("v/f", "3 bytes, expected 4"), "v/f: 3 bytes, expected 4"),
         (DamagedSceneError("v/f", "bad", offset=9), "v/f at byte 9: bad"),
         (

@@ -23,7 +23,8 @@ def test_a_port_in_use_is_said_before_anything_is_made(tmp_path: Path) -> None:
         )
     assert result.exit_code == 1
     assert result.stdout == ""
-    assert f"error: could not listen on 127.0.0.1:{port}: another program does" in result.stderr
+    assert f"error: could not listen on 127.0.0.1:{port}: " in result.stderr
+    assert "does; stop it, or choose another port: --port " in result.stderr
     assert not (tmp_path / "demo").exists()
 
 
