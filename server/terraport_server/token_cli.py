@@ -7,6 +7,7 @@ import functools
 import json
 import re
 import secrets
+import shlex
 import sys
 import time
 from pathlib import Path
@@ -78,9 +79,10 @@ def new_key_command(
         shown = [k.public() if k.algorithm == "EdDSA-private" else k for k in (signing_key, *keys)]
         write_keys(served, _lines(tuple(shown), revoked))
         typer.echo(f"wrote what checks its tokens to {served}: for the service")
-    typer.echo(f"the service: terraport serve DIRECTORY --token-keys {served}")
+    checking, signing = shlex.quote(str(served)), shlex.quote(str(file))
+    typer.echo(f"the service: terraport serve DIRECTORY --token-keys {checking}")
     typer.echo(
-        f"a token:     terraport token create --keys {file} --name NAME --scene ID --valid 8h"
+        f"a token:     terraport token create --keys {signing} --name NAME --scene ID --valid 8h"
     )
 
 
@@ -168,19 +170,26 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(
         help=_HELP, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
     )
-    group.command("new-key")(_with_plain_errors(new_key_command))
+    group.command("new-key")(_with_plain_errors(new_key_command, keys="FILE"))
     group.command("create")(_with_plain_errors(create))
     group.command("show")(_with_plain_errors(show))
     app.add_typer(group, name="token")
 
 
-def _with_plain_errors(command: Any) -> Any:
-    """Return the command with expected errors as one line and exit code 1."""
+def _with_plain_errors(command: Any, keys: str = "--keys") -> Any:
+    """Return the command with expected errors as one line and exit code 1.
+
+    `keys` is what its key file is given by; the service has another name for it.
+    """
 
     @functools.wraps(command)
     def checked(*arguments: Any, **options: Any) -> None:
         try:
             command(*arguments, **options)
+        except SettingsError as error:
+            name = keys if error.setting == "token_keys_file" else error.setting
+            typer.echo(f"error: {name}: {error.what}", err=True)
+            raise typer.Exit(1) from None
         except (ServerError, OSError) as error:
             typer.echo(f"error: {error}", err=True)
             raise typer.Exit(1) from None
