@@ -62,6 +62,12 @@ def new_key_command(
 
     With --algorithm EdDSA the public halves go to FILE.public: give that file to the service, and
     keep FILE where tokens are made.
+
+    For example:
+
+      terraport token new-key keys
+
+      terraport token new-key keys --algorithm EdDSA --id 2027
     """
     old = read_keys(file) if file.exists() else None
     keys = () if old is None else old.keys
@@ -102,7 +108,14 @@ def create(
     ] = None,
     guide: Annotated[bool, typer.Option("--guide", help="It may move a group.")] = False,
 ) -> None:
-    """Print a token, alone on standard output; what it says goes to standard error."""
+    """Print a token, alone on standard output; what it says goes to standard error.
+
+    For example:
+
+      terraport token create --keys keys --name anna --scene pit --valid 8h
+
+      terraport token create --keys keys --name tour --all-scenes --guide > token
+    """
     # What the token grants, and when.
     if all_scenes == bool(scene):
         raise SettingsError("--scene", "expected --scene ID, once or more, or --all-scenes")
@@ -144,7 +157,14 @@ def show(
         str | None, typer.Option(help="The service's TERRAPORT_TOKEN_AUDIENCE, if it has one.")
     ] = None,
 ) -> None:
-    """Show what a token says: it is signed, not encrypted, so anyone who has it can read it."""
+    """Show what a token says: it is signed, not encrypted, so anyone who has it can read it.
+
+    For example:
+
+      terraport token show - < token
+
+      terraport token show - --keys keys < token          is it accepted, too?
+    """
     text = sys.stdin.readline(MAX_TOKEN_BYTES + 2).strip() if token == _STANDARD_INPUT else token
     decoded = look_into(text)
     if decoded is None:

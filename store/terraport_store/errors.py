@@ -18,6 +18,9 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Final
+
 from terraport_store.addresses import meant_url
 
 __all__ = [
@@ -34,6 +37,10 @@ __all__ = [
 ]
 
 
+_NAMED: Final = 8
+"""Scenes that a message names."""
+
+
 class StoreError(Exception):
     """Base of all errors of the store."""
 
@@ -45,17 +52,22 @@ class SceneNotFoundError(StoreError):
     ----------
     path : str
         The directory that was asked for.
+    inside : sequence of str, optional
+        Names of scenes in it: one of them was meant.
     """
 
-    def __init__(self, path: str) -> None:
-        super().__init__(_no_scene(path))
+    def __init__(self, path: str, inside: Sequence[str] = ()) -> None:
+        super().__init__(_no_scene(path, inside))
         self.path = path
+        self.inside = tuple(inside)
 
 
-def _no_scene(path: str) -> str:
+def _no_scene(path: str, inside: Sequence[str]) -> str:
     url = meant_url(path)
     if url is None:
-        return f"no scene at {path}, expected a directory with scene.json"
+        more = f" and {len(inside) - _NAMED} more" if len(inside) > _NAMED else ""
+        there = f"; scenes in it: {', '.join(inside[:_NAMED])}{more}" if inside else ""
+        return f"no scene at {path}, expected a directory with scene.json{there}"
     return (
         f"no scene at {path}, expected a directory of this machine; object storage is read by "
         f"terraport serve and terraport validate, as {url}"

@@ -47,6 +47,8 @@ def upload(
 
         terraport upload scenes/quarry s3://bucket/scenes/quarry
 
+        terraport upload scenes/quarry s3://bucket/quarry --endpoint http://127.0.0.1:9000
+
         terraport serve s3://bucket/scenes
     """
     errors = Console(stderr=True)
