@@ -176,7 +176,9 @@ class Origin:
         try:
             self._store = store if store is not None else _make_store(self.url, options)
         except (BaseError, ValueError) as error:
-            raise OriginError(self.url, f"cannot be used: {_said(error)}") from None
+            may_come = url.startswith("file:")  # a folder that is not mounted yet
+            what = f"cannot be used: {_said(error)}"
+            raise OriginError(url, what, passing=may_come) from None
 
     def twin(self) -> Origin:
         """Return the same place once more, to be interrupted by itself."""
@@ -397,7 +399,7 @@ class Origin:
 def _make_store(url: str, options: ObjectOptions) -> _Store:
     address = urlsplit(url)
     if not address.scheme or (address.scheme != "file" and not address.netloc):
-        raise ValueError(f"got {url!r}, expected an address like s3://BUCKET/PREFIX")
+        raise ValueError("expected an address like s3://BUCKET/PREFIX")
     client: ClientConfig = {
         "timeout": timedelta(seconds=options.timeout_s),
         "read_timeout": timedelta(seconds=options.stall_s),

@@ -121,6 +121,11 @@ def test_help_teaches() -> None:
         (["{dir}/nowhere"], "DIRECTORY: there is no folder {dir}/nowhere, expected a folder of"),
         (["{dir}/file"], "DIRECTORY: {dir}/file is a file, expected a folder of scenes"),
         (["s3:/bucket/x"], "DIRECTORY: got 's3:/bucket/x', expected s3://bucket/x for scenes in"),
+        (
+            ["s3://"],
+            "DIRECTORY: s3://: cannot be used: expected an address like s3://BUCKET/PREFIX",
+        ),
+        (["ftp://x/y"], "DIRECTORY: ftp://x/y: cannot be used: "),
         (["{dir}", "--host", "0.0.0.0"], "--token: got none while listening on 0.0.0.0"),
         (["{dir}", "--token", "short"], "--token: got a token of 5 characters"),
         (["{dir}", "--tokens-file", "{dir}/file"], "--tokens-file: {dir}/file line 1: got a token"),

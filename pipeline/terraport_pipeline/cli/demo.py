@@ -62,7 +62,9 @@ def demo(
     ] = True,
     keep: Annotated[
         Path | None,
-        typer.Option(help="Keep everything in this directory, and take up there next time."),
+        typer.Option(
+            help="Keep everything in this directory, and take up there next time.", file_okay=False
+        ),
     ] = None,
     open_page: Annotated[
         bool | None,
