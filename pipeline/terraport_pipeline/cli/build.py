@@ -67,7 +67,7 @@ def build(
 
         terraport build pit.laz --extent 641200 8594700 641300 8594800
 
-    Then `terraport serve scenes` shows it.
+        terraport serve scenes                           shows what was built
     """
     console = Console(stderr=True, soft_wrap=True)
     with watching(console, quiet=quiet) as progress:
