@@ -113,6 +113,7 @@ def _extent(manifest: Manifest) -> dict[str, Any]:
     return {
         "crs": manifest.crs.model_dump(exclude={"wkt"}) if manifest.crs else None,
         "origin": list(manifest.origin),
+        "survey_units": manifest.survey_units and manifest.survey_units.model_dump(),
         "size_m": {
             "east_west": round(float(size[0]), 3),
             "north_south": round(float(size[2]), 3),

@@ -7,24 +7,31 @@ of their own when they are read.
 
 from __future__ import annotations
 
+import functools
 import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import xxhash
+from pyproj import CRS
+from pyproj.exceptions import CRSError
 
 from terraport_pipeline.engines.readers.read_ply import has_faces
 from terraport_pipeline.engines.readers.read_xyz import is_table
+from terraport_pipeline.engines.readers.survey_crs import metre_factors
 from terraport_pipeline.engines.readers.survey_format import FORMATS, find_format
 from terraport_pipeline.engines.readers.survey_stream import FileHead, read_head
-from terraport_pipeline.errors import NoPointsError, ReadError, SurveyError
+from terraport_pipeline.errors import NoPointsError, OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.progress import Progress
+from terraport_pipeline.survey_statement import SurveyStatement
 
 __all__ = [
+    "FAR",
     "MAX_FILES",
     "OUTSIDE",
     "SurveyFile",
@@ -46,6 +53,9 @@ OUTSIDE: Final = "lies outside the extent"
 _MAX_ENTRIES: Final = 1_000_000
 """Entries of a folder that are looked at, folders within it included."""
 
+_MAX_PRJ_LENGTH: Final = 100_000
+"""Characters of a ``.prj`` that are read; a usual one has 500."""
+
 _LISTED: Final = 3
 """Names in a message; of the others the number."""
 
@@ -56,7 +66,7 @@ _UNSURE_TEXT: Final = frozenset({".txt", ".csv", ".dat"})
 
 _SCENE: Final = "scene.json"
 
-_FAR: Final = 100_000.0
+FAR: Final = 100_000.0
 """Files of one survey lie nearer to each other than this, in metres or the CRS's unit."""
 
 
@@ -72,6 +82,13 @@ class SurveyFile:
     bytes: int
     xxh3: str = ""
     """XXH3-64 of its bytes; empty until it was computed."""
+    prj: str = ""
+    """Text of the ``.prj`` beside it: a CRS as WKT, for files that state none."""
+
+    @property
+    def crs_beside(self) -> Any | None:
+        """The pyproj.CRS that the ``.prj`` beside it states; None without one."""
+        return _crs_of_prj(self.prj) if self.prj else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +110,8 @@ class SurveyFiles:
     """Name and points of files that lie outside the extent by their headers."""
     crs_outside: Any | None = None
     """pyproj.CRS that files outside the extent state, where no other file states one."""
+    statement: SurveyStatement = field(default_factory=SurveyStatement)
+    """What the user says of it."""
 
     @classmethod
     def of(cls, path: Path | str | SurveyFiles) -> SurveyFiles:
@@ -100,7 +119,8 @@ class SurveyFiles:
         if isinstance(path, SurveyFiles):
             return path
         path = Path(path)
-        file = SurveyFile(path, path.name, find_format(path), path.stat().st_size)
+        kind, size = find_format(path), path.stat().st_size
+        file = SurveyFile(path, path.name, kind, size, prj=_prj_beside(path))
         return cls(path.name, (file,))
 
     @property
@@ -111,7 +131,7 @@ class SurveyFiles:
     @property
     def key(self) -> str:
         """What identifies the files' bytes, whatever their names and order."""
-        each = sorted(f"{f.bytes}-{f.xxh3}-{_suffix(f)}" for f in self.files)
+        each = sorted(f"{f.bytes}-{f.xxh3}-{_suffix(f)}{f.prj}" for f in self.files)
         return (
             "+".join(each) if len(each) == 1 else xxhash.xxh3_128_hexdigest("+".join(each).encode())
         )
@@ -144,7 +164,8 @@ class SurveyFiles:
             progress.start("read: headers", float(len(self.files)), "files")
         for file in self.files:
             try:
-                heads[file] = read_head(file.path, file.format, self.extent)
+                head = read_head(file.path, file.format, self.extent)
+                heads[file] = head if head.crs else replace(head, crs=file.crs_beside)
             except NoPointsError:
                 if alone:
                     raise
@@ -173,9 +194,10 @@ class SurveyFiles:
                 f"{listed([*(f.name for f, _ in damaged), *(name for name, _ in empty)])}"
             )
         kept = tuple(heads)
-        _near_each_other(kept, [heads[file] for file in kept])
         advice = "; --skip-damaged goes on without the fewer" if in_other_crs else ""
-        one_crs([(file.name, heads[file].crs) for file in kept], advice)
+        crs = one_crs([(file.name, heads[file].crs) for file in kept], advice)
+        _near_each_other(kept, [heads[file] for file in kept])
+        _check_meaning(kept, [heads[file] for file in kept], crs, self.statement)
         survey = replace(
             self,
             files=kept,
@@ -186,7 +208,11 @@ class SurveyFiles:
 
 
 def find_survey(
-    inputs: Sequence[Path] | Path, *, skip_damaged: bool = False, extent: Extent | None = None
+    inputs: Sequence[Path] | Path,
+    *,
+    skip_damaged: bool = False,
+    extent: Extent | None = None,
+    statement: SurveyStatement | None = None,
 ) -> SurveyFiles:
     """Find the files of a survey.
 
@@ -201,6 +227,8 @@ def find_survey(
         reference systems those that are not in the one of more than half.
     extent : Extent, optional
         Take only the points within it, in the files' own coordinates.
+    statement : SurveyStatement, optional
+        What the user says of CRS, units and columns.
 
     Returns
     -------
@@ -213,6 +241,8 @@ def find_survey(
         There is no such file, no file matches, a folder holds no survey, or there are too many.
     ReadError
         A file that was named is no survey.
+    OptionError
+        Columns are stated, and no file is a text.
     """
     inputs = [inputs] if isinstance(inputs, Path) else list(inputs)
     found: list[SurveyFile] = []
@@ -231,7 +261,7 @@ def find_survey(
             if alone:
                 raise
             kind = ""
-        found.append(SurveyFile(path, path.name, kind, _size(path)))
+        found.append(SurveyFile(path, path.name, kind, _size(path), prj=_prj_beside(path)))
     # (2) Each file once, by its own name rather than a link's; in natural order.
     unique: dict[object, SurveyFile] = {}
     for file in sorted(found, key=lambda file: (file.path.is_symlink(), _natural(file.name))):
@@ -252,7 +282,20 @@ def find_survey(
         title = files[0].name
     elif not more and given.is_dir():
         title = given.resolve().name or str(given)
-    return SurveyFiles(title, files, tuple(ignored), skip_damaged=skip_damaged, extent=extent)
+    statement = statement or SurveyStatement()
+    if statement.columns is not None and not any(file.format == _TEXT for file in files):
+        raise OptionError(
+            f"columns {','.join(statement.columns)}, of {title}; expected a text (XYZ, CSV, TXT): "
+            "other formats name their columns themselves"
+        )
+    return SurveyFiles(
+        title,
+        files,
+        tuple(ignored),
+        skip_damaged=skip_damaged,
+        extent=extent,
+        statement=statement,
+    )
 
 
 def one_crs(files: Sequence[tuple[str, Any | None]], advice: str = "") -> Any | None:
@@ -400,11 +443,15 @@ def _search(
     """Take the surveys out of a folder and those in it, and list what is none."""
     # (1) By kind: binary formats by their first bytes, text apart.
     text: list[SurveyFile] = []
+    sidecars: list[tuple[Path, str]] = []
     binary = 0
     for path in _walk(folder):
         name = prefix + path.relative_to(folder).as_posix()
         if path.suffix.lower() not in _ENDINGS:
-            ignored.append((name, "is no survey"))
+            if path.suffix.lower() == ".prj":
+                sidecars.append((path, name))
+            else:
+                ignored.append((name, "is no survey"))
             continue
         try:
             kind = find_format(path)
@@ -413,7 +460,7 @@ def _search(
                 ignored.append((name, error.reason))
                 continue
             kind = ""  # damaged, or a link to nothing: told with the others when headers are read
-        file = SurveyFile(path, name, kind, _size(path))
+        file = SurveyFile(path, name, kind, _size(path), prj=_prj_beside(path))
         if kind == _TEXT:
             text.append(file)
         elif kind == "ply" and has_faces(path):
@@ -430,6 +477,10 @@ def _search(
             ignored.append((file.name, "is no table of points"))
         else:
             found.append(file)
+    # (3) What states the CRS of a survey beside it is read with that.
+    stems = {file.path.with_suffix("") for file in found if file.prj}
+    reason = "states no CRS of a survey beside it"
+    ignored += [(name, reason) for path, name in sidecars if path.with_suffix("") not in stems]
 
 
 _ENDINGS: Final = frozenset(ending for endings in FORMATS.values() for ending in endings)
@@ -469,6 +520,28 @@ def _identity(path: Path) -> object:
     return stat.st_dev, stat.st_ino
 
 
+def _prj_beside(path: Path) -> str:
+    """Read the ``.prj`` of a file, if there is one and it states a CRS; else the empty text."""
+    for ending in (".prj", ".PRJ"):
+        beside = path.with_suffix(ending)
+        if beside != path and beside.is_file():
+            try:
+                with beside.open(encoding="utf-8-sig", errors="replace") as file:
+                    text = file.read(_MAX_PRJ_LENGTH).strip()
+            except OSError:
+                return ""
+            return text if _crs_of_prj(text) is not None else ""
+    return ""
+
+
+@functools.lru_cache(maxsize=64)  # tiles of a delivery have the same text
+def _crs_of_prj(text: str) -> Any | None:
+    try:
+        return CRS.from_wkt(text)
+    except CRSError:
+        return None
+
+
 def _size(path: Path) -> int:
     try:
         return path.stat().st_size
@@ -485,6 +558,23 @@ def _nothing_found(inputs: Sequence[Path], ignored: list[tuple[str, str]]) -> Su
         f"{where} holds no survey, but {listed([name for name, _ in ignored])}; terraport reads "
         f"{readable}"
     )
+
+
+def _check_meaning(
+    files: Sequence[SurveyFile],
+    heads: Sequence[FileHead],
+    crs: Any | None,
+    statement: SurveyStatement,
+) -> None:
+    """Refuse by the headers' boxes what :func:`.metre_factors` refuses when all points are read."""
+    corners = [(h.low, h.high) for h in heads if h.low is not None and h.high is not None]
+    if len(corners) < len(heads):
+        return
+    lows, highs = (np.array(corner, np.float64) for corner in zip(*corners, strict=True))
+    low, high = lows.min(axis=0), highs.max(axis=0)
+    # A box without size is no box; one as wide as a country holds a stray point.
+    if (high > low)[:2].all() and float((high - low)[:2].max()) < FAR:
+        metre_factors(files[0].path, low, high, crs, statement)
 
 
 def _near_each_other(files: Sequence[SurveyFile], heads: Sequence[FileHead]) -> None:
@@ -516,7 +606,7 @@ def refuse_far(names: Sequence[str], middles: Sequence[Sequence[float]]) -> None
         return
     usual = [sorted(axis)[len(middles) // 2] for axis in zip(*middles, strict=True)]
     away = [max(abs(middle[axis] - usual[axis]) for axis in (0, 1)) for middle in middles]
-    far = [name for name, distance in zip(names, away, strict=True) if not distance < _FAR]
+    far = [name for name, distance in zip(names, away, strict=True) if not distance < FAR]
     if far:
         raise SurveyError(
             f"{listed(far)} lies {max(away) / 1000:,.0f} km from the other files; expected one "

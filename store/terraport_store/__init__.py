@@ -49,6 +49,7 @@ from terraport_store.manifest import (
     InputInfo,
     Limits,
     Manifest,
+    SurveyUnits,
     TextureInfo,
     manifest_digest,
 )
@@ -102,6 +103,7 @@ __all__ = [
     "SegmentIndex",
     "SpatialIndex",
     "StoreError",
+    "SurveyUnits",
     "TextureInfo",
     "change_labels",
     "is_url",

@@ -25,6 +25,7 @@ from terraport_store.manifest import (
     HandOff,
     Limits,
     Manifest,
+    SurveyUnits,
     TextureInfo,
 )
 
@@ -48,6 +49,7 @@ class SceneInfo:
     hand_off: HandOff
     build: BuildInfo
     crs: CrsInfo | None = None
+    survey_units: SurveyUnits | None = None
     attributes: tuple[AttributeInfo, ...] = ()
     has_colour: bool = True
     """Whether every segment has vertex colours, and the base those or a texture."""
@@ -106,6 +108,7 @@ def assemble_manifest(
         name=info.name,
         crs=info.crs,
         origin=info.origin,
+        survey_units=info.survey_units,
         step_m=info.step_m,
         bounds=Bounds(min=_vector(boxes[:, :3].min(axis=0)), max=_vector(boxes[:, 3:].max(axis=0))),
         encodings={

@@ -29,6 +29,7 @@ __all__ = [
     "InputInfo",
     "Limits",
     "Manifest",
+    "SurveyUnits",
     "TextureInfo",
     "manifest_digest",
 ]
@@ -55,6 +56,13 @@ class CrsInfo(_Frozen):
     name: str
     wkt: str = ""
     epsg: int | None = None
+
+
+class SurveyUnits(_Frozen):
+    """Metres in one unit of the survey's own coordinates, where that is not a metre."""
+
+    horizontal_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    height_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
 
 
 class Bounds(_Frozen):
@@ -175,6 +183,7 @@ class Manifest(_Frozen):
     crs: CrsInfo | None = None
     origin: _Vector
     """E0, N0, H0: scene position (0, 0, 0) in the CRS."""
+    survey_units: SurveyUnits | None = None
     step_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
     bounds: Bounds
     encodings: dict[str, EncodingInfo]
@@ -201,16 +210,22 @@ class Manifest(_Frozen):
         """Folder of this version, relative to the scene directory."""
         return self.files["base.glb"].path.partition("/")[0]
 
+    def _document(self) -> dict[str, Any]:
+        """Give the plain values; scenes in metres have the bytes that they had before units."""
+        document = self.model_dump(mode="json")
+        if document["survey_units"] is None:
+            del document["survey_units"]
+        return document
+
     def digest(self) -> str:
         """Compute the version that the contents ask for; see :func:`manifest_digest`."""
-        return manifest_digest(self.model_dump(mode="json"))
+        return manifest_digest(self._document())
 
     def to_bytes(self) -> bytes:
         """Write ``scene.json``; same contents, same bytes."""
-        document = self.model_dump(mode="json")
-        return (json.dumps(document, indent=1, allow_nan=False, ensure_ascii=False) + "\n").encode(
-            "utf-8"
-        )
+        return (
+            json.dumps(self._document(), indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+        ).encode("utf-8")
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Manifest:

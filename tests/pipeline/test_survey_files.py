@@ -51,7 +51,7 @@ def test_a_folder_is_searched_and_the_rest_is_told(delivery: Path) -> None:
     assert dict(survey.ignored) == {
         "README.txt": "is text beside a survey; name it to read it as points",
         "cameras.csv": "is text beside a survey; name it to read it as points",
-        "area.prj": "is no survey",
+        "area.prj": "states no CRS of a survey beside it",
         "mesh.ply": "is a mesh; name it to read its vertices",
         "photos/1.jpg": "is no survey",
     }

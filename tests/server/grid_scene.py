@@ -5,7 +5,7 @@ Segment ``row * SIDE + column`` covers x from ``10 * column`` and z from ``10 * 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,15 @@ from terraport_payload import (
     encode_glb,
     gltf_attribute_name,
 )
-from terraport_store import AttributeInfo, BuildInfo, HandOff, Manifest, SceneInfo, SceneWriter
+from terraport_store import (
+    AttributeInfo,
+    BuildInfo,
+    HandOff,
+    Manifest,
+    SceneInfo,
+    SceneWriter,
+    SurveyUnits,
+)
 
 SIDE = 6
 TILE_M = 10.0
@@ -72,6 +80,7 @@ def write_grid_scene(
     compress: bool = True,
     name: str = "grid",
     stable_ids: tuple[int, ...] | None = None,
+    survey_units: SurveyUnits | None = None,
 ) -> GridScene:
     """Publish a grid of SIDE x SIDE segments; another seed is another version.
 
@@ -94,7 +103,7 @@ def write_grid_scene(
             _cover(),
         )
         writer.set_regions(_regions(stable_ids))
-        manifest = writer.publish(_info(name, seed))
+        manifest = writer.publish(replace(_info(name, seed), survey_units=survey_units))
     return GridScene(path, manifest, payloads, [decode_glb(glb) for glb in payloads])
 
 

@@ -9,15 +9,18 @@ import pytest
 from server.grid_scene import GridScene, write_grid_scene
 
 from terraport_server import BackgroundServer
+from terraport_store import SurveyUnits
 
 TOKEN = "a-token-that-is-long-enough"
 
 
 @pytest.fixture(scope="session")
 def scenes_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with the scenes `grid` (36 small segments) and `big` (36 of about 300 KB)."""
+    """A folder with `grid`, `feet` (36 small segments) and `big` (36 of about 300 KB)."""
     root = tmp_path_factory.mktemp("scenes")
     write_grid_scene(root / "grid")
+    feet = SurveyUnits(horizontal_m=1200 / 3937, height_m=0.3048)
+    write_grid_scene(root / "feet", cells=2, name="feet", survey_units=feet)
     write_grid_scene(root / "big", cells=80, compress=False, name="big")
     return root
 

@@ -83,6 +83,23 @@ def test_crs_coordinates_mean_the_same_place(land, server: BackgroundServer) -> 
     assert json.loads(negative.stdout)["position"] == [-3.0, -0.5, -10.0]
 
 
+def test_a_survey_in_feet_is_landed_in_with_its_own_coordinates(
+    land, server: BackgroundServer
+) -> None:
+    """Heights have a unit of their own; what comes back is in the survey's units, too."""
+    foot_m = 1200 / 3937
+    given = (500_030 / foot_m, 7_999_970.5 / foot_m, 101 / 0.3048)
+    facts = json.loads(land(server.scene_url("feet"), *given, "--crs", "--json").stdout)
+    assert facts["position"] == pytest.approx([30.0, 1.0, 29.5], abs=1e-6)
+    assert facts["position_crs"] == pytest.approx(given, rel=1e-12)
+    shown = " ".join(land(server.scene_url("feet"), *given, "--crs").stdout.split())
+    assert "E 1,640,515.09" in shown
+    assert "in the survey's own units" in shown
+    # Left out, --crs is what the message asks for: it knows the feet.
+    beside = land(server.scene_url("feet"), *given)
+    assert "As easting, northing and height it is: add --crs" in beside.stderr
+
+
 def test_ground_puts_the_landing_onto_the_surface(land, server: BackgroundServer) -> None:
     """Whatever height was given; beside the scene there is none."""
     shown = land(server.scene_url("grid"), 30, 400, 30, "--ground", "--json")

@@ -27,13 +27,15 @@ class SceneBox:
     low: Point
     high: Point
     origin: Point
-    """Easting, northing, height of the scene frame's origin."""
+    """Easting, northing, height of the scene frame's origin, metres."""
+    survey_units: Mapping[str, float] | None = None
+    """As the manifest has it."""
 
     @classmethod
     def of(cls, manifest: Mapping[str, Any]) -> SceneBox:
         """Read it from a manifest (``spec/scene-format.md``, section 4)."""
         low, high = (_point(manifest["bounds"][end]) for end in ("min", "max"))
-        return cls(low, high, _point(manifest["origin"]))
+        return cls(low, high, _point(manifest["origin"]), manifest.get("survey_units"))
 
     def nearest(self, position: Sequence[float]) -> Point:
         """Return the place of the box that is nearest."""
@@ -67,8 +69,9 @@ class SceneBox:
         )
 
     def is_survey_place(self, position: Sequence[float]) -> bool:
-        """Whether a place lies in the scene when read as easting, northing and height."""
-        return self.distance_m(to_scene(position, self.origin)) <= _INSIDE_M
+        """Whether a place lies in the scene when read as the survey's easting, northing, height."""
+        as_survey = to_scene(position, self.origin, self.survey_units)
+        return self.distance_m(as_survey) <= _INSIDE_M
 
     def is_above_or_below(self, position: Sequence[float]) -> bool:
         """Whether only the height is wrong."""

@@ -11,6 +11,7 @@ function manifest(texturesOf: SceneManifest["texturesOf"], hasColour: boolean): 
     version: "0".repeat(32),
     crs: null,
     origin: [0, 0, 0],
+    surveyUnits: null,
     stepM: 0.001,
     bounds: [0, 0, 0, 1, 1, 1],
     attributes: [],

@@ -17,7 +17,7 @@ from terraport_pipeline.report.change_map import ChangeFacts, change_facts
 from terraport_pipeline.report.histogram import Histogram, histogram
 from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_pipeline.survey_files import OUTSIDE
-from terraport_store import DamagedSceneError, RegionNames, Scene, read_labels
+from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
 
 __all__ = [
     "ReportFacts",
@@ -388,6 +388,7 @@ def _details(scene: Scene, record: Mapping[str, Any]) -> tuple[dict[str, str], .
         ("colour", str(SceneColour.of(manifest))),
         ("coordinate reference system", _crs(scene)),
         ("origin (east, north, height)", f"{origin} m"),
+        *_survey_units(manifest),
         *_reconstruction(record),
         ("grid step", f"{manifest.step_m * 1000:.4g} mm"),
         (
@@ -420,6 +421,22 @@ def _reconstruction(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     if smoothing_m:
         line += f"; noise of {noise_m:.2g} m, smoothed over {smoothing_m:.2g} m about each sample"
     return [("reconstruction", line)]
+
+
+def _survey_units(manifest: Manifest) -> list[tuple[str, str]]:
+    """Say the box of a survey in feet as the survey has it."""
+    units = manifest.survey_units
+    if units is None:
+        return []
+    (east, north, height), low, high = manifest.origin, manifest.bounds.min, manifest.bounds.max
+    axes = (
+        ("E", east + low[0], east + high[0], units.horizontal_m),
+        ("N", north - high[2], north - low[2], units.horizontal_m),
+        ("H", height + low[1], height + high[1], units.height_m),
+    )
+    box = ", ".join(f"{axis} {a / m:,.2f} to {b / m:,.2f}" for axis, a, b, m in axes)
+    length = f"{units.horizontal_m:.9g} m, heights {units.height_m:.9g} m"
+    return [("in the survey's own units", f"{box} ({length}); everything here is in metres")]
 
 
 def _crs(scene: Scene) -> str:

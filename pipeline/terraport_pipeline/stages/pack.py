@@ -24,7 +24,7 @@ from terraport_pipeline.model import Mesh
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.stages.contract import Facts, Json
 from terraport_pipeline.stages.texture_set import TextureSet
-from terraport_store.manifest import BuildInfo, CrsInfo, Manifest
+from terraport_store.manifest import BuildInfo, CrsInfo, Manifest, SurveyUnits
 
 __all__ = [
     "EXPECTED_BYTES_PER_FACE",
@@ -70,6 +70,7 @@ class About:
     """Points that were used."""
     has_colour: bool
     build: BuildInfo
+    survey_units: SurveyUnits | None = None
     spacing_m: float = 0.0
     """Typical distance between the points: decides how fine the grid is; 0 is as fine as fits."""
 

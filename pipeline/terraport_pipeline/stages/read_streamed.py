@@ -42,10 +42,10 @@ from terraport_pipeline.engines.readers.survey_column import SurveyColumn
 from terraport_pipeline.engines.readers.survey_crs import metre_factors
 from terraport_pipeline.engines.readers.survey_stream import SurveyStream, open_stream
 from terraport_pipeline.errors import NoPointsError, OptionError, ReadError, SurveyError
-from terraport_pipeline.extent import Extent
 from terraport_pipeline.model import Crs
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.survey_files import (
+    FAR,
     SurveyFile,
     SurveyFiles,
     damage_of,
@@ -83,6 +83,12 @@ _GREY: Final = 160
 
 _MAX_EIGHT_BIT: Final = 255
 
+_MEDIAN_POINTS: Final = 1_000_000
+"""Points that the survey's middle is the median of, about."""
+
+_MOST_STRAYS: Final = 0.01
+"""Share of points that may lie far from the others; more are another site, not a slip."""
+
 
 @dataclass(slots=True)
 class _Spooled:
@@ -104,6 +110,8 @@ class _Spooled:
     single: Bool = field(default_factory=lambda: np.ones(3, dtype=bool))
     warnings: tuple[str, ...] = ()
     samples: list[Float64] = field(default_factory=list)
+    strays: int = 0
+    """Points that lie so far from all others that they are left out."""
     repeats: int = 0
     """Its points that a file before it has, too, or that are in it twice."""
 
@@ -192,7 +200,8 @@ def run(
     Returns
     -------
     values, facts
-        ``attributes`` (names), ``crs``, ``format``, ``whole``, and the box in ``low`` and ``high``.
+        ``attributes`` (names), ``crs``, ``format``, ``whole``, the box in ``low`` and ``high``, and
+        ``units_m`` (metres in a unit of the eastings, and of the heights) where they are not 1.
         What depends on the files stands in the facts' notes: ``files`` (xxh3, points, those of
         them outside the extent, repeats), and of what reading found ``outside`` (name and points of
         files without a point within the extent), ``empty`` (names), ``damaged`` (name and reason)
@@ -218,10 +227,13 @@ def run(
         crs = one_crs([(part.file.name, part.stream.crs) for part in outcome.opened])
         crs = survey.crs_outside if crs is None else crs
         layout, decided = _decide(spooled, survey)
+        near = _leave_strays(spooled)
         low = np.min([part.low for part in spooled], axis=0)
         high = np.max([part.high for part in spooled], axis=0)
         _check_box(spooled, low, high)
-        factors, metre_crs, notes = metre_factors(survey.files[0].path, low, high, crs)
+        factors, metre_crs, notes = metre_factors(
+            survey.files[0].path, low, high, crs, survey.statement
+        )
         warnings = [
             *_reader_warnings(spooled),
             *decided,
@@ -231,7 +243,7 @@ def run(
         ]
         if not layout.has_colour:
             warnings.append("The survey has no colour (RGB): what no photo shows will be grey.")
-        buckets = _distribute(spooled, layout, low, high, folder, context, thinning)
+        buckets = _distribute(spooled, layout, low, high, folder, context, thinning, near)
         columns = _Columns(folder, layout, factors)
         _finish(buckets, spooled, columns, folder, context, max_points)
     except OSError as error:
@@ -256,7 +268,7 @@ def _spool_all(
     for number, file in enumerate(survey.files):
         path = folder / f"raw-{number}.npy"
         try:
-            part = _spool(file, path, thinning, reading, survey.extent, bounded=bounded)
+            part = _spool(file, path, thinning, reading, survey, bounded=bounded)
         except NoPointsError:
             if alone:
                 raise
@@ -312,7 +324,7 @@ def _spool(
     path: Path,
     thinning: HashThinning | None,
     reading: _Reading,
-    extent: Extent | None,
+    survey: SurveyFiles,
     *,
     bounded: bool,
 ) -> _Spooled | _Outside:
@@ -322,8 +334,17 @@ def _spool(
     whether an index leaves them out or not.
     """
     part: _Spooled | None = None
+    extent = survey.extent
     box = np.full(3, np.inf), np.full(3, -np.inf)
-    with open_stream(file.path, file.format, bounded=bounded, extent=extent) as stream:
+    with open_stream(
+        file.path,
+        file.format,
+        bounded=bounded,
+        extent=extent,
+        columns=survey.statement.columns,
+    ) as stream:
+        if stream.crs is None:
+            stream = replace(stream, crs=file.crs_beside)
         reading.start(file, stream)
         for chunk in stream.chunks():
             # (1) Which points are taken. Invariant: read = kept + dropped + those outside.
@@ -514,6 +535,60 @@ def _colour_depths(spooled: Sequence[_Spooled]) -> tuple[list[Depth | None], lis
     return [rules.get(id(part)) for part in spooled], warnings
 
 
+@dataclass(frozen=True, slots=True)
+class _Near:
+    """Where the survey is, when some points are so far away that they cannot be of it."""
+
+    middle: Float64
+    """(3,) median of all points."""
+
+    def holds(self, points: Float64) -> Bool:
+        """Tell which of some points (n, 3) are of the survey."""
+        near: Bool = np.abs(points - self.middle).max(axis=1) <= FAR
+        return near
+
+
+def _leave_strays(spooled: Sequence[_Spooled]) -> _Near | None:
+    """Leave out the few points that lie hundreds of kilometres from all others, such as 0 0 0.
+
+    Returns
+    -------
+    _Near or None
+        None where there is none, or where they are too many: then the survey is refused by
+        :func:`_check_box`. What the columns noted of them (greatest values) stays noted.
+    """
+    low = np.min([part.low for part in spooled], axis=0)
+    high = np.max([part.high for part in spooled], axis=0)
+    if float((high - low).max()) <= 2 * FAR:
+        return None
+    # (1) The median of at most a million points.
+    total = sum(part.writer.rows for part in spooled)
+    step = max(1, total // _MEDIAN_POINTS)
+    chosen = [
+        rows["position"][::step]
+        for part in spooled
+        for _, rows in NpyReader(part.path).blocks(_BLOCK_ROWS)
+    ]
+    near = _Near(np.median(np.concatenate(chosen), axis=0))
+    # (2) How many there are of each file, and the box of the others.
+    strays, boxes = [], []
+    for part in spooled:
+        count, box = 0, (np.full(3, np.inf), np.full(3, -np.inf))
+        for _, rows in NpyReader(part.path).blocks(_BLOCK_ROWS):
+            inside = near.holds(rows["position"])
+            count += len(rows) - int(inside.sum())
+            _widen(box, rows["position"][inside])
+        strays.append(count)
+        boxes.append(box)
+    some_left = all(n < part.writer.rows for n, part in zip(strays, spooled, strict=True))
+    if sum(strays) > _MOST_STRAYS * total or not some_left:
+        return None
+    for part, count, (least, most) in zip(spooled, strays, boxes, strict=True):
+        part.kept, part.strays, part.low, part.high = part.kept - count, count, least, most
+        part.samples = [some[near.holds(some)] for some in part.samples]
+    return near
+
+
 def _check_box(spooled: Sequence[_Spooled], low: Float64, high: Float64) -> None:
     """Refuse damaged coordinates, and files that lie far from the others."""
     span = float((high - low).max())
@@ -526,6 +601,12 @@ def _check_box(spooled: Sequence[_Spooled], low: Float64, high: Float64) -> None
         )
     names = [part.file.name for part in spooled]
     refuse_far(names, [((part.low + part.high) / 2).tolist() for part in spooled])
+    if span > 2 * FAR:
+        raise SurveyError(
+            f"the points lie up to {span / 1000:,.0f} km apart, more than {_MOST_STRAYS:.0%} of "
+            "them far from the others; expected one site: cut one out with --extent, or remove "
+            "the stray points"
+        )
 
 
 def _reader_warnings(spooled: Sequence[_Spooled]) -> list[str]:
@@ -547,6 +628,12 @@ def _point_warnings(outcome: _Outcome) -> list[str]:
     dropped = sum(part.dropped for part in outcome.opened)
     if dropped:
         warnings.append(f"{dropped:,} of {read:,} points have no finite coordinates: dropped.")
+    strays = sum(part.strays for part in outcome.spooled)
+    if strays:
+        warnings.append(
+            f"{strays:,} of {read:,} points lie more than {FAR / 1000:.0f} km from the others: "
+            "dropped."
+        )
     coarse = [part for part in outcome.spooled if not part.stream.stated_step]
     if coarse:
         single = np.all([part.single for part in coarse], axis=0)
@@ -581,6 +668,7 @@ def _distribute(
     folder: Path,
     context: Context,
     thinning: HashThinning | None,
+    near: _Near | None,
 ) -> list[NpyWriter]:
     """Hand the rows out to buckets that follow one another along the curve."""
     # (1) Where buckets begin, from a sample. It decides their size, not what comes out.
@@ -596,6 +684,8 @@ def _distribute(
     for number, part in enumerate(spooled):
         for _, raw in NpyReader(part.path).blocks(_BLOCK_ROWS):
             context.progress.advance(len(raw))
+            if near is not None:
+                raw = raw[near.holds(raw["position"])]
             if thinning is not None:  # the limit has fallen since
                 raw = raw[point_hashes(raw["position"]) <= np.uint64(thinning.limit)]
             rows = _converted(raw, number, part, layout)
@@ -634,7 +724,7 @@ class _Columns:
     """The survey's columns, written row by row in metres."""
 
     def __init__(self, folder: Path, layout: _Layout, factors: Float64 | None) -> None:
-        self.layout, self._factors = layout, factors
+        self.layout, self.factors = layout, factors
         self._points = NpyWriter(folder / "points.npy", np.float64, (3,))
         self._colours = (
             NpyWriter(folder / "colours.npy", np.uint8, (3,)) if layout.has_colour else None
@@ -654,8 +744,8 @@ class _Columns:
         if not len(rows):
             return
         points = np.ascontiguousarray(rows["position"])
-        if self._factors is not None:
-            points = points * self._factors
+        if self.factors is not None:
+            points = points * self.factors
         self.low = np.minimum(self.low, points.min(axis=0))
         self.high = np.maximum(self.high, points.max(axis=0))
         self._points.append(points)
@@ -733,6 +823,7 @@ def _result(
         "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,
         "format": ", ".join(formats),
         **({"whole": layout.whole} if layout.whole else {}),
+        **({} if columns.factors is None else {"units_m": columns.factors[[0, 2]].tolist()}),
     }
     counts = {
         "points": columns.rows,
@@ -748,7 +839,9 @@ def _result(
             {
                 "xxh3": part.file.xxh3,
                 "points": part.read + part.stream.skipped,
-                "outside": part.read + part.stream.skipped - part.kept - part.dropped,
+                "outside": (
+                    part.read + part.stream.skipped - part.kept - part.dropped - part.strays
+                ),
                 "repeats": part.repeats,
             }
             for part in outcome.spooled

@@ -34,7 +34,7 @@ class Options(RegionOptions):
         float | None, Option(above=0, unit="m", unset="by the density of the faces")
     ] = None
     """Segments wider than this, metres, are cut."""
-    units: Annotated[Literal["segments", "pools"], Option()] = "segments"
+    units: Annotated[Literal["segments", "pools"], Option(flags=("--streamed",))] = "segments"
     """What is streamed as one piece. pools: each pool of the thesis as it is, to compare."""
 
     def __post_init__(self) -> None:
@@ -52,4 +52,4 @@ class Options(RegionOptions):
             return f"engine {self.engine}"
         if self.segment_by != COLOUR:
             return f"segments by {self.segment_by}"
-        return None if self.units == "segments" else f"units {self.units}"
+        return None if self.units == "segments" else f"streamed {self.units}"

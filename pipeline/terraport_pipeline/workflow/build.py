@@ -34,6 +34,7 @@ from terraport_pipeline.stages import clean, pack, reconstruct, segment
 from terraport_pipeline.stages.region_engine import check_segment_by
 from terraport_pipeline.stages.tiles import base_atlas
 from terraport_pipeline.survey_files import SurveyFiles, find_survey
+from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.unforeseen import build_failed
 from terraport_pipeline.workflow.before import find_before
 from terraport_pipeline.workflow.pack_step import build_info, publish_tiles
@@ -44,6 +45,7 @@ from terraport_pipeline.workflow.read_step import (
     inputs_of,
     look_at_survey,
     read_once,
+    units_of,
 )
 from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
 from terraport_pipeline.workflow.renew_step import renew_survey, survey_change
@@ -67,6 +69,9 @@ __all__ = ["BuildOptions", "available_memory_bytes", "build", "default_work_dire
 
 _MEMORY_SHARE: Final = 0.8
 """Share of the memory that is free at the start which a build allows itself."""
+
+_SURVEY: Final = "Survey"
+"""Heading of the options that say what is read, and what it means."""
 
 _MACHINE: Final = "Machine and tiles"
 """Heading of the options that change how a build runs, not what it makes."""
@@ -93,13 +98,15 @@ class BuildOptions:
         int | None, Option(least=clean.MIN_POINTS, notation=COUNT, unset="all of them")
     ] = None
     """Thin the survey to this many points while reading: 500k, 5M."""
+    statement: Annotated[SurveyStatement, Section(_SURVEY)] = field(default_factory=SurveyStatement)
+    """What the files do not say of the survey."""
     extent: Annotated[
-        Extent | None, Option(heading="Surface", notation=EXTENT, unset="all of it")
+        Extent | None, Option(heading=_SURVEY, notation=EXTENT, unset="all of it")
     ] = None
     """Build only the points within this rectangle, edges included, in the coordinates and the unit
     of the survey's own CRS: 641200 8594700 641300 8594800. Of COPC, and of LAS and LAZ with a
     LASindex (.lax), only what lies there is read."""
-    skip_damaged: Annotated[bool, Option(heading="Surface")] = False
+    skip_damaged: Annotated[bool, Option(heading=_SURVEY)] = False
     """Of a survey in several files, go on without those that cannot be read; the report names
     them."""
     clean: Annotated[clean.Options, Section("Surface")] = field(default_factory=clean.Options)
@@ -175,11 +182,13 @@ class BuildOptions:
 
     def recorded(self) -> dict[str, Any]:
         """Options that change the published bytes, as the manifest records them."""
-        # Scenes of whole surveys keep the bytes that they had before there were extents.
+        # Scenes without them keep the bytes that they had before there were these options.
         extent = {} if self.extent is None else {"extent": [*self.extent.values]}
+        statement = {"statement": self.statement.recorded} if self.statement.recorded else {}
         return {
             "max_points": self.max_points,
             **extent,
+            **statement,
             "clean": asdict(self.clean),
             "reconstruct": asdict(self.reconstruct),
             "segment": asdict(self.segment),
@@ -318,6 +327,7 @@ def _run_stages(
     about = pack.About(
         origin=ground.origin,
         crs=None if ground.crs is None else CrsInfo(**asdict(ground.crs)),
+        survey_units=units_of(read),
         points=reconstructed.points,
         has_colour=reconstructed.sample_colours is not None,
         build=build_info(recorded, input_info(read), runner.reports),
@@ -356,7 +366,12 @@ def _check_in_one_piece(
 
 def _check(options: BuildOptions) -> SurveyFiles:
     """Refuse at once what would end the build after an hour; return the survey's files."""
-    survey = find_survey(options.inputs, skip_damaged=options.skip_damaged, extent=options.extent)
+    survey = find_survey(
+        options.inputs,
+        skip_damaged=options.skip_damaged,
+        extent=options.extent,
+        statement=options.statement,
+    )
     check_scene_path(options.scene, options.inputs, is_default=options.output is None)
     if options.texture is not None and options.texture.options.kind == "ktx2":
         require_encoder()

@@ -15,9 +15,9 @@ from terraport_pipeline.stages.contract import IN_FOLDER
 from terraport_pipeline.survey_files import OUTSIDE, SurveyFile, SurveyFiles
 from terraport_pipeline.workflow.runner import Runner, Stage
 from terraport_pipeline.workflow.workdir import StageRecord, file_digest
-from terraport_store.manifest import InputInfo
+from terraport_store.manifest import InputInfo, SurveyUnits
 
-__all__ = ["crs_of", "input_info", "inputs_of", "look_at_survey", "read_once"]
+__all__ = ["crs_of", "input_info", "inputs_of", "look_at_survey", "read_once", "units_of"]
 
 _MOST_LEFT_OUT: Final = 1000
 """Files beside a survey that build.json lists: a folder may hold a hundred thousand photos."""
@@ -60,6 +60,8 @@ def read_once(
         "skip_damaged": survey.skip_damaged,
         "damaged": [list(pair) for pair in survey.damaged],
     }
+    if survey.statement.recorded:
+        options["statement"] = survey.statement.recorded
     if survey.extent is not None:
         options["extent"] = [*survey.extent.values]
         options["crs_outside"] = None if survey.crs_outside is None else survey.crs_outside.srs
@@ -81,6 +83,12 @@ def crs_of(read: StageRecord) -> Crs | None:
     """Coordinate reference system of a survey as read; None where it states none."""
     crs = read.values["crs"]
     return Crs(**crs) if crs else None
+
+
+def units_of(read: StageRecord) -> SurveyUnits | None:
+    """Length of the units of a survey as delivered; None where they are metres."""
+    units = read.values.get("units_m")
+    return None if units is None else SurveyUnits(horizontal_m=units[0], height_m=units[1])
 
 
 def input_info(record: StageRecord) -> InputInfo:

@@ -25,6 +25,7 @@ import numpy as np
 from terraport_payload.types import Float32, UInt8
 from terraport_pipeline.engines.readers.npy_columns import NpyReader
 from terraport_pipeline.engines.tile_pool import TilePool
+from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import partition
 from terraport_pipeline.stages.contract import Context, Facts, Stored
@@ -109,7 +110,7 @@ def reconstruct_tiles(runner: Runner, ground: Ground, cluster: str | None = None
     with TilePool(ground.forecast.workers if len(tasks) > 1 else 0, cluster) as pool:
         solved = _solve(runner, ground, tasks, pool)
         join, settled, finished = join_solved(runner, ground, tasks, solved, pool)
-    tiles = _stored_tiles(runner, tasks, settled, finished)
+    tiles = _stored_tiles(runner, tasks, settled, finished, options.island_faces)
     join.release()
     # (2) The base, from all tiles and the thinned cloud.
     cleaned = ground.cleaned.value()
@@ -231,9 +232,15 @@ def _stored_tiles(
     tasks: Sequence[TileTask],
     settled: Result[Settled],
     finished: TileResults,
+    island_faces: int,
 ) -> StoredTiles:
     """Give the tiles that have a surface, as later stages read them."""
     kept = [tile for tile, record in enumerate(finished.records) if record.values["faces"]]
+    if not kept:
+        raise SurveyError(
+            f"no surface is left: every piece of it has fewer than {island_faces} faces, or "
+            "stands beside the samples; are the points of one surface? lower --island-faces to see"
+        )
     values = [record.values for record in finished.records]
     ids = settled.value().ids
     return StoredTiles(

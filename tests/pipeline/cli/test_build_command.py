@@ -21,7 +21,7 @@ def run(*arguments: object) -> tuple[int, str]:
 
 def test_a_survey_becomes_a_scene_with_a_table(hill_file: Path, tmp_path: Path) -> None:
     code, output = run(
-        hill_file, "-o", tmp_path / "hill", "--min-faces", 150, "--max-faces", 900,
+        hill_file, "--units", "m", "-o", tmp_path / "hill", "--min-faces", 150, "--max-faces", 900,
         "--base-faces", "1k", "--max-memory", "4G", "--no-report",
     )  # fmt: skip
     assert code == 0, output
@@ -80,7 +80,7 @@ def test_a_folder_and_a_pattern_become_a_scene_and_say_what_was_read(tmp_path: P
     ("more", "code", "message"),
     [
         (["--detail-depth", "99"], 2, "error: detail depth 99; expected 3 to 16"),
-        (["--units", "tiles"], 2, "error: units 'tiles'; expected segments or pools"),
+        (["--streamed", "tiles"], 2, "error: streamed 'tiles'; expected segments or pools"),
         (["--max-memory", "lots"], 2, "error: max memory 'lots'; expected a number with"),
         (
             ["--max-memory", "1k"],

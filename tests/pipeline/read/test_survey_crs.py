@@ -6,11 +6,24 @@ import numpy as np
 import pytest
 from pyproj import CRS, Transformer
 
-from terraport_pipeline.engines.readers.survey_crs import to_metres
-from terraport_pipeline.errors import ReadError
+from terraport_pipeline.engines.readers.survey_crs import metre_factors
+from terraport_pipeline.errors import OptionError, ReadError
+from terraport_pipeline.survey_statement import SurveyStatement
 
 UTM = np.array([[641_200.0, 8_594_700.0, 1_287.0], [641_300.0, 8_594_800.0, 1_250.0]])
 PATH = Path("survey.laz")
+
+
+def to_metres(path: Path, points: np.ndarray, system: CRS | None, **stated: str):
+    statement = SurveyStatement(**stated)
+    low, high = points.min(axis=0), points.max(axis=0)
+    factors, metric, warnings = metre_factors(path, low, high, system, statement)
+    return (points if factors is None else points * factors), metric, warnings
+
+
+def at(x: float, y: float, epsg: int | None = None, **stated: str):
+    points = np.array([[x, y, 100.0], [x + 300.0, y + 300.0, 150.0]])
+    return to_metres(PATH, points, None if epsg is None else CRS.from_epsg(epsg), **stated)
 
 
 def test_metres_pass_untouched() -> None:
@@ -73,8 +86,122 @@ def test_earth_centred_is_refused_or_not_believed() -> None:
     assert len(warnings) == 1
 
 
-def test_suspicion_of_degrees_without_a_crs() -> None:
+def test_degrees_without_a_crs_are_refused_unless_a_unit_is_stated() -> None:
     degrees = np.array([[28.300, -12.700, 1287.0], [28.303, -12.697, 1250.0]])
-    assert "look like degrees" in to_metres(PATH, degrees, None)[2][0]
+    with pytest.raises(ReadError, match="look like degrees") as caught:
+        to_metres(PATH, degrees, None)
+    assert "--units m" in caught.value.advice
+    assert to_metres(PATH, degrees, None, units="m")[0] is degrees
     bunny = np.array([[-0.09, 0.03, -0.06], [0.06, 0.18, 0.06]])
     assert to_metres(PATH, bunny, None) == (bunny, None, [])
+
+
+FEET = 1 / 0.3048
+
+
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [
+        (984_000, 200_000),  # New York Long Island, ftUS
+        (6_500_000, 1_900_000),  # California zone 5, ftUS
+        (480_000 * FEET, 2_210_000 * FEET),  # UTM in feet
+        (3_100_000, 10_000_000),  # Texas central, ftUS
+    ],
+)
+def test_feet_without_a_crs_are_refused_unless_a_unit_is_stated(x: float, y: float) -> None:
+    with pytest.raises(ReadError, match="look like feet") as caught:
+        at(x, y)
+    assert "--units us-ft" in caught.value.advice
+    points, crs, warnings = at(x, y, units="us-ft")
+    assert points[0, 0] == pytest.approx(x * 1200 / 3937)
+    assert crs is None
+    assert "converted to metres" in warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("x", "y"),
+    [
+        (480_000, 2_210_000),  # UTM
+        (641_200, 8_594_700),
+        (652_000, 6_862_000),  # Lambert-93
+        (2_600_000, 1_200_000),  # LV95
+        (4_468_000, 5_334_000),  # Gauss-Krueger
+        (39_500_000, 4_400_000),  # CGCS2000
+        (1_750_000, 5_420_000),  # NZTM
+        (30_000, 180_000),  # a plane of Japan
+    ],
+)
+def test_metres_of_usual_grids_need_no_statement(x: float, y: float) -> None:
+    points, crs, [warning] = at(x, y)
+    assert points[0].tolist() == [x, y, 100.0]
+    assert crs is None
+    assert "taken as metres" in warning
+    assert "--units us-ft" in warning
+
+
+def test_a_local_frame_is_metres_without_a_word() -> None:
+    assert at(-20, 35)[2] == []
+    assert at(10, 20, 32614)[2] == []
+
+
+def test_a_stated_crs_overrules_the_files() -> None:
+    _, crs, warnings = at(480_000, 2_210_000, 32613, crs="EPSG:32614")
+    assert crs is not None
+    assert crs.epsg == 32614
+    assert warnings[0].startswith("The files state WGS 84 / UTM zone 13N; the survey is taken")
+    # A survey that states degrees, wrongly.
+    assert at(480_000, 2_210_000, 4326, crs="EPSG:32614")[1] == crs
+
+
+def test_feet_of_a_stated_crs_become_metres() -> None:
+    points, crs, _ = at(984_000, 200_000, crs="EPSG:2263")
+    assert points[0] == pytest.approx(np.array([984_000, 200_000, 100]) * 1200 / 3937)
+    assert crs is not None
+    assert "Long Island" in crs.name
+
+
+def test_units_overrule_the_crs_and_heights_have_their_own() -> None:
+    points, crs, _ = at(480_000 * FEET, 2_210_000 * FEET, 32614, units="ft")
+    assert points[0] == pytest.approx([480_000, 2_210_000, 30.48])
+    assert crs is not None
+    assert "UTM zone 14N" in crs.name
+    points, _, _ = at(480_000, 2_210_000, 32614, height_units="us-ft")
+    assert points[0] == pytest.approx([480_000, 2_210_000, 100 * 1200 / 3937])
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "crs", "reason", "advice"),
+    [
+        (2_210_000, 480_000, 32614, "with x and y swapped", "--columns y,x,z"),
+        (480_000 * FEET, 2_210_000 * FEET, 32614, "within it in us-ft", "--units us-ft"),
+        (984_000 * 0.3048, 200_000 * 0.3048, 2263, "within it in m", "--units m"),
+        (-8_240_000, 4_970_000, 3857, "are 1.3", "reproject it"),
+    ],
+)
+def test_coordinates_that_contradict_their_crs_are_refused(
+    x: float, y: float, crs: int, reason: str, advice: str
+) -> None:
+    with pytest.raises(ReadError, match=reason) as caught:
+        at(x, y, crs)
+    assert advice in caught.value.advice
+
+
+def test_web_mercator_goes_with_a_stated_unit() -> None:
+    assert at(-8_240_000, 4_970_000, 3857, units="m")[2] == []
+
+
+def test_coordinates_elsewhere_on_earth_are_told() -> None:
+    [warning] = at(480_000, -3_000_000, 32614)[2]
+    assert "outside the area that WGS 84 / UTM zone 14N is made for" in warning
+
+
+def test_statements_that_cannot_be_are_refused() -> None:
+    for crs, message in (
+        ("EPSG:999999", "expected one that PROJ knows"),
+        ("EPSG:4326", "has degrees"),
+        ("EPSG:4978", "has Earth-centred"),
+    ):
+        with pytest.raises(OptionError, match=message):
+            SurveyStatement(crs=crs)
+    with pytest.raises(OptionError, match="y stands twice"):
+        SurveyStatement(columns=("x", "y", "Y", "z"))

@@ -3,7 +3,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.engines.readers.text_columns import name_bare_columns, name_header_columns
+from terraport_pipeline.engines.readers.text_columns import (
+    first_column_names_points,
+    name_bare_columns,
+    name_header_columns,
+)
 
 XYZ = [[1.5, 2.5, 3.5], [1.6, 2.6, 3.6], [1.7, 2.7, 3.7]]
 RGB = [[200, 100, 50], [201, 101, 51], [202, 0, 255]]
@@ -53,3 +57,20 @@ def test_headers_in_any_case_order_and_dress() -> None:
     assert name_header_columns(["x", "y", "z", "g"])[3] == "g"
     # The first column of a meaning wins; empty and repeated names get numbers.
     assert name_header_columns(["x", "east", "", "x"]) == ["x", "east", "column_3", "column_4"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "says"),
+    [
+        ([[1, 594.25, 412.5, 12.1], [2, 593.5, 411.75, 12.2]], "counts the points"),
+        ([[7, 594.25, 412.5, 12.1], [19, 593.5, 411.75, 12.2]], "counts the points"),
+        ([[np.nan, 594.25, 412.5, 12.1], [np.nan, 593.5, 411.75, 12.2]], "is text"),
+        # A raster by rows: x rises by whole metres, y stays.
+        ([[641200, 8594700, 12.1, 3], [641201, 8594700, 12.2, 3]], None),
+        ([[641200, 8594700.5, 12.1], [641201, 8594700.5, 12.2]], None),
+        ([[5, 594.25, 412.5, 12.1], [2, 593.5, 411.75, 12.2]], None),
+        ([[1.5, 594.25, 412.5, 12.1], [2.5, 593.5, 411.75, 12.2]], None),
+    ],
+)
+def test_first_columns_that_name_points(rows, says) -> None:
+    assert first_column_names_points(np.array(rows, dtype=np.float64)) == says

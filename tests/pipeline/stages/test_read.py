@@ -146,6 +146,25 @@ def test_missing_files_and_folders(tmp_path: Path) -> None:
 # Real surveys
 
 
+def test_stray_points_far_from_all_others_are_dropped(tmp_path: Path) -> None:
+    ground = [f"{480_000 + n % 20} {2_210_000 + n // 20} {1_200 + n % 7}" for n in range(400)]
+    survey = read_survey(ply(tmp_path / "a.ply", ["0 0 0", *ground, "4e30 1 1"]))
+    assert len(survey.points) == 400
+    assert survey.points.min(axis=0).tolist() == [480_000, 2_210_000, 1_200]
+    assert any("2 of 402 points lie more than 100 km" in text for text in survey.warnings)
+    with pytest.raises(SurveyError, match="expected one site"):
+        read_survey(ply(tmp_path / "b.ply", [*["0 0 0"] * 10, *ground]))
+
+
+def test_a_grid_of_half_metres_is_told(tmp_path: Path) -> None:
+    header = laspy.LasHeader(point_format=6, version="1.4")
+    header.scales = [0.5, 0.5, 0.5]
+    las = laspy.LasData(header)
+    las.x, las.y, las.z = np.arange(30).reshape(3, 10) * 0.5
+    las.write(tmp_path / "a.las")
+    assert any("in steps of 0.5" in text for text in read_survey(tmp_path / "a.las").warnings)
+
+
 @pytest.mark.shared_data
 @pytest.mark.parametrize(
     ("name", "points", "grey", "epsg"),

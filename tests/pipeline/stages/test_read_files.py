@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pipeline.laz_files import Hill, write_laz, write_tiles
+from pyproj import CRS
 
 from terraport_pipeline.engines.readers import point_order
 from terraport_pipeline.errors import ReadError, SurveyError
@@ -191,3 +192,21 @@ def test_progress_is_one_bar_over_all_files(tmp_path: Path) -> None:
         "read: order: 8000 points",
     ]
     assert recorder.amounts == [pytest.approx(survey.size_bytes), 8000]
+
+
+def test_a_prj_beside_a_file_states_its_crs(tmp_path: Path) -> None:
+    """Other reading, other key: a build takes up nothing that was read without it."""
+    rows = "".join(f"{641_200 + n % 9}.5 {8_594_700 + n // 9}.5 {n % 5}.25\n" for n in range(90))
+    (tmp_path / "a.xyz").write_text("x y z\n" + rows)
+    without = find_survey(tmp_path)
+    assert read_survey(without).crs is None
+    (tmp_path / "a.prj").write_text(CRS.from_epsg(32735).to_wkt("WKT1_ESRI"))
+    survey = find_survey(tmp_path)
+    assert survey.ignored == ()
+    crs = read_survey(survey).crs
+    assert crs is not None
+    assert CRS.from_wkt(crs.wkt) == CRS.from_wkt((tmp_path / "a.prj").read_text())
+    assert survey.key != without.key
+    # What states nothing is listed as what is left out.
+    (tmp_path / "a.prj").write_text("unknown")
+    assert find_survey(tmp_path).ignored == (("a.prj", "states no CRS of a survey beside it"),)

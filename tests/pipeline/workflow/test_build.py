@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from terraport.frames import to_scene
 from terraport_payload import decode_glb
 from terraport_pipeline.errors import (
     BuildLockedError,
@@ -22,10 +23,13 @@ from terraport_pipeline.errors import (
 )
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.published.scene_model import load_scene_model
+from terraport_pipeline.report.facts import collect_facts
 from terraport_pipeline.stages import reconstruct, segment
+from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.workflow.build import BuildOptions, build, default_work_directory
 from terraport_pipeline.workflow.scene_lock import scene_locked
 from terraport_pipeline.workflow.workdir import file_digest
+from terraport_store.manifest import SurveyUnits
 from terraport_store.reader import Scene
 from terraport_store.validate import validate_scene
 
@@ -92,6 +96,29 @@ def copy(built: Path, tmp_path: Path) -> Path:
     target = tmp_path / "copy"
     shutil.copytree(built, target)
     return target
+
+
+def test_a_survey_in_feet_says_so_and_a_statement_makes_another_scene(built: Path) -> None:
+    statement = SurveyStatement(units="us-ft", height_units="m")
+    survey, scene = built / "hill.xyz", built / "feet" / "hill"
+    report = build(options_for(survey, scene, statement=statement))
+    rows = np.loadtxt(survey, skiprows=1, delimiter=None, usecols=(0, 1, 2), ndmin=2)
+    with Scene.open(scene) as opened:
+        manifest = opened.manifest
+        facts = collect_facts(opened, has_input=False)
+    assert report.published
+    assert manifest.survey_units == SurveyUnits(horizontal_m=1200 / 3937, height_m=1.0)
+    assert manifest.build.options["statement"] == {"units": "us-ft", "height_units": "m"}
+    assert any("converted to metres" in text for text in manifest.build.warnings)
+    # There and back: the scene's middle is that of the file's own numbers.
+    low, high = rows.min(axis=0), rows.max(axis=0)
+    units = manifest.survey_units.model_dump()
+    x, _, z = to_scene(tuple((low + high) / 2), manifest.origin, units)
+    assert abs(x) < 1
+    assert abs(z) < 1
+    [own] = [row["value"] for row in facts.details if row["label"] == "in the survey's own units"]
+    assert f"E {low[0]:,.0f}"[:-3] in own
+    shutil.rmtree(scene.parent)
 
 
 def test_the_scene_is_valid_and_nothing_lies_beside_it(built: Path) -> None:

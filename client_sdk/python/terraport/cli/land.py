@@ -70,7 +70,8 @@ def land(
     ] = None,
     radius: Annotated[float, typer.Option(help="Metres around the place.")] = 60.0,
     crs: Annotated[
-        bool, typer.Option("--crs", help="X Y Z are easting, northing, height of the survey's CRS.")
+        bool,
+        typer.Option("--crs", help="X Y Z are E, N, H as the survey has them."),
     ] = False,
     ground: Annotated[
         bool, typer.Option("--ground", help="Land on the surface above or below that place.")
@@ -209,7 +210,9 @@ async def _land(
         async def target() -> tuple[float, float, float]:
             assert coordinates is not None
             box = SceneBox.of(manifest)
-            position = to_scene(coordinates, manifest["origin"]) if crs else coordinates
+            position = coordinates
+            if crs:
+                position = to_scene(coordinates, manifest["origin"], manifest.get("survey_units"))
             # From the scene's own heights: a pick does not reach down from anywhere.
             hit = await session.pick(box.at_its_height(position)) if ground else None
             if hit is None:
@@ -272,7 +275,8 @@ async def _report_facts(
             "url": session.url,
         },
         "position": list(position),
-        "position_crs": list(to_crs(position, manifest["origin"])),
+        "position_crs": list(to_crs(position, manifest["origin"], manifest.get("survey_units"))),
+        "survey_units": manifest.get("survey_units"),
         "landings": landing_facts,
         "visible_set_hash": await session.visible_set_hash(),
     }
@@ -412,7 +416,10 @@ def _print(facts: dict[str, Any], landing: Landing) -> None:
     east, north, height = facts["position_crs"]
     position = ", ".join(f"{value:,.2f}" for value in facts["position"])
     console.print(f"[bold]{scene['name']}[/]  version {scene['version'][:12]}")
-    console.print(f"landed at {position} m  (E {east:,.2f}, N {north:,.2f}, H {height:,.2f})")
+    units = "" if facts["survey_units"] is None else " in the survey's own units"
+    console.print(
+        f"landed at {position} m  (E {east:,.2f}, N {north:,.2f}, H {height:,.2f}{units})"
+    )
     table = Table("", *(f"landing {number}" for number in range(1, len(landings) + 1)), box=None)
     for column in table.columns[1:]:
         column.justify = "right"

@@ -100,6 +100,8 @@ export interface SceneManifest {
   readonly crs: { readonly name: string; readonly epsg: number | null } | null;
   /** East, north, height of the frame's origin in the CRS, metres: E = E0 + x, N = N0 - z, H = H0 + y. */
   readonly origin: Vec3;
+  /** Metres in one unit of the survey's own coordinates; null where they are metres. */
+  readonly surveyUnits: { readonly horizontalM: number; readonly heightM: number } | null;
   readonly stepM: number;
   readonly bounds: Bounds;
   readonly attributes: readonly AttributeInfo[];

@@ -70,6 +70,9 @@ _STEP_ERROR: Final = 1e-6
 """Scale and offset count as whole numbers of steps of 1/k up to 2^52 of them, within a millionth of
 one: what is left of a decimal fraction in float64."""
 
+_WORST_STEP: Final = 0.05
+"""Scale factors from this on are worth a warning, in the file's unit."""
+
 
 def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
     """Read a LAS, LAZ or COPC file.
@@ -187,6 +190,7 @@ def open_las(
             )
         # (3) Frame, extent, thinning and columns.
         crs, warnings = _find_crs(header)
+        warnings += _tell_steps(header.scales)
         box = _stated_box(header)
         selection, remarks = _select(path, header, box, blocks, extent)
         rows = thinning_rows(count, max_points)
@@ -445,6 +449,18 @@ def _find_crs(header: Any) -> tuple[Any | None, tuple[str, ...]]:
             "survey is treated as one without."
         )
         return None, (warning,)
+
+
+def _tell_steps(scales: Float64) -> tuple[str, ...]:
+    """Warn of a file that has so coarse a grid that surfaces become stairs."""
+    step = float(np.abs(scales).max())
+    if not step >= _WORST_STEP:
+        return ()
+    warning = (
+        f"The file has its coordinates in steps of {step:g}: detail below that is lost, and slopes "
+        "may come out as stairs. Export the survey with a finer scale factor."
+    )
+    return (warning,)
 
 
 def _take_colours(columns: dict[str, AnyArray]) -> tuple[Any, tuple[str, ...]]:

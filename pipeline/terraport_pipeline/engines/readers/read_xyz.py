@@ -1,9 +1,10 @@
 """XYZ, CSV, TXT, ASC and PTS by pyarrow's CSV reader.
 
 Delimiter (comma, semicolon, tab or blanks), decimal comma (with semicolons, tabs or blanks) and a
-header are detected from the start of the file. Lines that begin with ``#`` or ``//`` are comments;
-one directly above the first row that names as many columns as the row has is the header
-(CloudCompare writes it so). A first line with a single whole number is a point count (PTS).
+header are detected from the start of the file; columns that the user states go before a header.
+Lines that begin with ``#`` or ``//`` are comments; one directly above the first row that names as
+many columns as the row has is the header (CloudCompare writes it so). A first line with a single
+whole number is a point count (PTS).
 """
 
 from __future__ import annotations
@@ -30,10 +31,12 @@ from terraport_pipeline.engines.readers.raw_survey import (
 )
 from terraport_pipeline.engines.readers.text_columns import (
     DEGREES,
+    first_column_names_points,
     name_bare_columns,
     name_header_columns,
 )
 from terraport_pipeline.errors import ReadError
+from terraport_pipeline.survey_statement import LEFT_OUT
 
 __all__ = ["XyzStream", "is_table", "read_xyz", "stream_xyz"]
 
@@ -50,15 +53,27 @@ _NULLS: Final = ["", "nan", "NaN", "NAN", "null", "NULL", "-", "*", "inf", "-inf
 
 
 @dataclass(frozen=True, slots=True)
-class _Layout:
+class _Form:
+    """How a text is a table, whatever its columns mean."""
+
     delimiter: str
     """One character; a blank stands for any run of blanks and tabs."""
     decimal: str
     skip_lines: int
     """Lines before the first row, comments not counted."""
+    header: list[str] | None
+    cells: list[list[str]]
+    """The first rows."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Layout:
+    delimiter: str
+    decimal: str
+    skip_lines: int
     names: list[str]
     bare: bool
-    """The file has no header."""
+    """The file has no header, and nobody stated its columns."""
 
 
 def read_xyz(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
@@ -110,21 +125,32 @@ class XyzStream:
     """Makes the iterator; once."""
 
 
-def stream_xyz(path: Path, *, max_points: int | None = None) -> XyzStream:
+def stream_xyz(
+    path: Path, *, max_points: int | None = None, columns: tuple[str, ...] | None = None
+) -> XyzStream:
     """Read a text in parts; a first pass finds the columns' types and counts the rows.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    max_points : int, optional
+        Thin to this many points.
+    columns : tuple of str, optional
+        What all columns are, in their order, whatever a header says.
 
     Raises
     ------
     ReadError
         As :func:`read_xyz`.
     """
-    layout = _find_layout(path)
+    layout = _find_layout(path, columns)
     types, count = _find_types(path, layout)
     if count == 0:
         raise ReadError(path, "there is not one row of numbers", "export the survey again")
     rows = thinning_rows(count, max_points)
-    names = [n for n in layout.names if types[n] in (pa.int64(), pa.float64())]
-    text = [n for n in layout.names if types[n] == pa.string()]
+    wanted_names = [name for name in layout.names if not name.startswith(LEFT_OUT)]
+    names = [n for n in wanted_names if types[n] in (pa.int64(), pa.float64())]
+    text = [n for n in wanted_names if types[n] == pa.string()]
     warnings = []
     if text:
         warnings.append(_left_out(text))
@@ -152,10 +178,12 @@ def stream_xyz(path: Path, *, max_points: int | None = None) -> XyzStream:
 def is_table(path: Path) -> bool:
     """Whether a text begins as a table of points does."""
     try:
-        _find_layout(path)
+        form = _find_form(path)
     except (OSError, ReadError):
         return False
-    return True
+    if form.header is None:
+        return len(form.cells[0]) >= len(_AXES)
+    return set(_AXES) <= set(name_header_columns(form.header))
 
 
 def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], int]:
@@ -254,7 +282,29 @@ def _bare(layout: _Layout) -> str:
     return f"The file has no header; its columns were taken as {', '.join(layout.names)}."
 
 
-def _find_layout(path: Path) -> _Layout:
+def _find_layout(path: Path, columns: tuple[str, ...] | None = None) -> _Layout:
+    """Find how the text is a table, and what its columns are: as stated, by header, by rule."""
+    form = _find_form(path)
+    if columns is not None:
+        names = _name_stated(path, form, columns)
+    elif form.header is not None:
+        _refuse_degrees(path, form.header)
+        names = name_header_columns(form.header)
+        missing = [axis for axis in _AXES if axis not in names]
+        if missing:
+            raise ReadError(
+                path,
+                f"there is no column {', '.join(missing)}; the columns are {', '.join(names)}",
+                "name the coordinates x, y, z (or easting, northing, height), or state all columns "
+                "with --columns",
+            )
+    else:
+        names = _name_bare(path, form)
+    is_bare = columns is None and form.header is None
+    return _Layout(form.delimiter, form.decimal, form.skip_lines, names, is_bare)
+
+
+def _find_form(path: Path) -> _Form:
     # (1) The first lines, as text.
     with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
@@ -292,9 +342,10 @@ def _find_layout(path: Path) -> _Layout:
     cells = [_split(row, delimiter) for row in rows]
     comma = delimiter != "," and any(re.search(r"\d,\d", cell) for cell in cells[-1])
     decimal = "," if comma else "."
-    # (5) A header, in the first row or in the comment.
+    # (5) A header, in the first row or in the comment. A row with three numbers is a point, though
+    # its name or code is text.
     header: list[str] | None = None
-    if not all(_is_number(cell, decimal) for cell in cells[0]):
+    if sum(_is_number(cell, decimal) for cell in cells[0]) < min(len(_AXES), len(cells[0])):
         header, skip, cells = cells[0], skip + 1, cells[1:]
     elif above:
         named = _split(above.lstrip("#/ \t"), delimiter)
@@ -305,22 +356,41 @@ def _find_layout(path: Path) -> _Layout:
             f"{rows[0][:60]!r} is not followed by rows of numbers",
             "expected one point per line: x y z, then colours or other values",
         )
-    # (6) Names of the columns: the header's, or by what the numbers look like.
-    if header is not None:
-        _refuse_degrees(path, header)
-        names = name_header_columns(header)
-        missing = [axis for axis in "xyz" if axis not in names]
-        if missing:
-            raise ReadError(
-                path,
-                f"there is no column {', '.join(missing)}; the columns are {', '.join(names)}",
-                "name the coordinates x, y, z (or easting, northing, height)",
-            )
-        return _Layout(delimiter, decimal, skip, names, bare=False)
-    return _Layout(delimiter, decimal, skip, _name_bare(path, cells, decimal), bare=True)
+    return _Form(delimiter, decimal, skip, header, cells)
 
 
-def _name_bare(path: Path, cells: list[list[str]], decimal: str) -> list[str]:
+def _name_stated(path: Path, form: _Form, columns: tuple[str, ...]) -> list[str]:
+    """Take the names that the user states; those left out get names that nothing else has."""
+    width = len(form.cells[0])
+    stated = ",".join(columns)
+    if width != len(columns):
+        raise ReadError(
+            path,
+            f"its rows have {width} columns ({_first_row(form)}), and {len(columns)} are stated "
+            f"({stated})",
+            f"name every column; {LEFT_OUT} leaves one out",
+        )
+    kept = iter(name_header_columns([name for name in columns if name != LEFT_OUT]))
+    names = [
+        f"{LEFT_OUT}{number}" if name == LEFT_OUT else next(kept)
+        for number, name in enumerate(columns, 1)
+    ]
+    missing = [axis for axis in _AXES if axis not in names]
+    if missing:
+        raise ReadError(
+            path,
+            f"no column {', '.join(missing)} is stated ({stated})",
+            "name x, y, z (or easting, northing, height) among them",
+        )
+    return names
+
+
+def _first_row(form: _Form) -> str:
+    return " ".join(form.cells[0])[:60]
+
+
+def _name_bare(path: Path, form: _Form) -> list[str]:
+    cells, decimal = form.cells, form.decimal
     width = len(cells[0])
     if width < 3:
         raise ReadError(
@@ -333,8 +403,19 @@ def _name_bare(path: Path, cells: list[list[str]], decimal: str) -> list[str]:
         for row in cells
         if len(row) == width
     ]
+    sample = np.array(numbers, dtype=np.float64)
+    named = first_column_names_points(sample)
+    if named is not None:
+        rest = ",".join(f"c{column}" for column in range(5, width + 1))
+        example = f"{LEFT_OUT},y,x,z{',' * bool(rest)}{rest}"
+        raise ReadError(
+            path,
+            f"the first of its {width} columns {named}, expected x, y, z ({_first_row(form)})",
+            f"say what the columns are, as in --columns {example} ({LEFT_OUT} leaves one out; "
+            "northing y, easting x); or --columns x,y,z,... where the first is x",
+        )
     pts = path.suffix.lower() == ".pts"
-    return name_bare_columns(np.array(numbers, dtype=np.float64), intensity_first=pts)
+    return name_bare_columns(sample, intensity_first=pts)
 
 
 def _refuse_degrees(path: Path, header: list[str]) -> None:

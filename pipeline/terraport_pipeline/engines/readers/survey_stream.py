@@ -166,7 +166,12 @@ def _within(head: FileHead, extent: Extent) -> FileHead:
 
 @contextlib.contextmanager
 def open_stream(
-    path: Path, name: str, *, bounded: bool = True, extent: Extent | None = None
+    path: Path,
+    name: str,
+    *,
+    bounded: bool = True,
+    extent: Extent | None = None,
+    columns: tuple[str, ...] | None = None,
 ) -> Iterator[SurveyStream]:
     """Open a survey for reading in parts.
 
@@ -180,13 +185,20 @@ def open_stream(
     extent : Extent, optional
         Leave out what an index or the header shows to lie outside it. All other formats, and LAS
         without an index, come whole: whoever takes the points decides which are within.
+    columns : tuple of str, optional
+        What the columns of a text are; other formats name theirs.
 
     Raises
     ------
     ReadError
         The file is damaged, or of a kind that cannot be read in parts; says how to convert it.
     """
-    opened = _open_las(path, extent) if name == "las" else _OPENERS[name](path, bounded)
+    if name == "las":
+        opened = _open_las(path, extent)
+    elif name == "xyz":
+        opened = _open_xyz(path, columns)
+    else:
+        opened = _OPENERS[name](path, bounded)
     with opened as stream:
         yield stream
 
@@ -244,8 +256,8 @@ def _whole_pcd(path: Path) -> SurveyStream:
 
 
 @contextlib.contextmanager
-def _open_xyz(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
-    text = stream_xyz(path)
+def _open_xyz(path: Path, columns: tuple[str, ...] | None) -> Iterator[SurveyStream]:
+    text = stream_xyz(path, columns=columns)
     yield SurveyStream(
         "xyz", text.size, "bytes", text.chunks, warnings=text.warnings, colours=text.colours
     )
@@ -271,6 +283,5 @@ def _open_e57(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
 _OPENERS: Final[dict[str, Callable[[Path, bool], Any]]] = {
     "ply": _open_ply,
     "pcd": _open_pcd,
-    "xyz": _open_xyz,
     "e57": _open_e57,
 }

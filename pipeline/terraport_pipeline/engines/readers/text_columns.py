@@ -21,22 +21,34 @@ import numpy as np
 
 from terraport_payload.types import Float64
 
-__all__ = ["ALIASES", "DEGREES", "name_bare_columns", "name_header_columns"]
+__all__ = [
+    "ALIASES",
+    "DEGREES",
+    "first_column_names_points",
+    "name_bare_columns",
+    "name_header_columns",
+]
 
 ALIASES: Final[dict[str, tuple[str, ...]]] = {
-    "x": ("x", "e", "east", "easting", "coord_x", "utm_x", "x_m", "rechtswert"),
-    "y": ("y", "n", "north", "northing", "coord_y", "utm_y", "y_m", "hochwert"),
-    "z": ("z", "h", "height", "elevation", "elev", "altitude", "alt", "coord_z", "z_m"),
+    "x": ("x", "e", "east", "easting", "coord_x", "utm_x", "x_m", "rechtswert", "este"),
+    "y": ("y", "n", "north", "northing", "coord_y", "utm_y", "y_m", "hochwert", "norte"),
+    "z": (
+        "z", "h", "height", "elevation", "elev", "altitude", "alt", "coord_z", "z_m", "höhe",
+        "hoehe", "cota", "quota",
+    ),
     "red": ("red", "r"),
     "green": ("green", "g"),
     "blue": ("blue", "b"),
-}
+}  # fmt: skip
 """Column names that mean a coordinate or a colour, lower case."""
 
 _COLOURS: Final = ("red", "green", "blue")
 
 DEGREES: Final = ("lon", "longitude", "long", "lat", "latitude")
 """Column names that mean an angle."""
+
+_MOST_DECIMALS: Final = 0.5
+"""Share of measured coordinates that are not whole: of centimetres 0.99."""
 
 _UNIT_TOLERANCE: Final = 0.02
 """Normals are written with three or more digits."""
@@ -101,6 +113,33 @@ def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[str]:
     if beside < count and names[beside].startswith("column_") and (colour >= 0 or count == 4):
         names[beside] = "intensity"
     return names
+
+
+def first_column_names_points(sample: Float64) -> str | None:
+    """Say why the first column of a file without a header names points instead of being x.
+
+    It does where it is no number, or where, beside coordinates with decimals, it is whole and
+    rises from row to row. A raster's x also does that, but its y is the same in a whole row.
+
+    Parameters
+    ----------
+    sample : ndarray of shape (K, C), float64
+        The first rows; NaN where a cell is no number.
+
+    Examples
+    --------
+    >>> rows = np.array([[101, 594.25, 412.5, 12.1], [102, 593.5, 411.75, 12.2]])
+    >>> first_column_names_points(rows)
+    'counts the points'
+    """
+    first = sample[:, 0]
+    if np.isnan(first).all():
+        return "is text"
+    if sample.shape[1] < 4 or len(sample) < 2 or not np.isfinite(sample[:, :4]).all():
+        return None
+    counts = (first == np.rint(first)).all() and (np.diff(first) > 0).all()
+    decimals = (sample[:, 1:3] != np.rint(sample[:, 1:3])).mean(axis=0)
+    return "counts the points" if counts and decimals.min() >= _MOST_DECIMALS else None
 
 
 def _are_colours(triple: Float64) -> bool:

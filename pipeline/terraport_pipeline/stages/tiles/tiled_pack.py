@@ -360,6 +360,7 @@ def publish(
                 hand_off=HandOff(deviation_m=deviation_m[3], tolerance_m=segmented.tolerance_m),
                 build=about.build,
                 crs=about.crs,
+                survey_units=about.survey_units,
                 attributes=(
                     *_attribute_infos(ranges, attributes),
                     *_height_change_info(segmented, payloads),

@@ -161,6 +161,8 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     // What it is, where it is, what was measured there.
     const region = actions.regions[answer?.region ?? picked?.region ?? -1];
     const survey = position === null ? null : surveyOf(position);
+    const { manifest } = state;
+    const isMetric = manifest.surveyUnits === null;
     const hasPick = picked !== null;
     const label = answer?.label ?? null;
     pickFacts.set("region", hasPick ? (label ?? regionName(region)) : "");
@@ -168,7 +170,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     pickFacts.set("region-slope", region?.slopeDeg == null ? "" : formatDegrees(region.slopeDeg));
     pickFacts.set("east", survey === null ? "" : formatCoordinate(survey[0]));
     pickFacts.set("north", survey === null ? "" : formatCoordinate(survey[1]));
-    pickFacts.set("height", survey === null ? "" : `${formatCoordinate(answer?.heightM ?? survey[2])} m`);
+    pickFacts.set("height", survey === null ? "" : `${formatCoordinate(survey[2])}${isMetric ? " m" : ""}`);
     pickFacts.set("slope", answer === null ? "" : formatDegrees(slopeOf(answer.normal)));
     const segment = answer?.segment ?? picked?.segment ?? -1;
     pickFacts.set("segment", !hasPick ? "" : segment < 0 ? "base" : String(segment));
@@ -183,14 +185,14 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
         ),
       ),
     );
-    const { manifest } = state;
     setShown(crs, hasPick);
-    setText(
-      crs,
+    const system =
       manifest.crs === null
         ? "The survey names no coordinate system."
-        : `${manifest.crs.name}${manifest.crs.epsg === null ? "" : ` (EPSG:${manifest.crs.epsg})`}`,
-    );
+        : `${manifest.crs.name}${manifest.crs.epsg === null ? "" : ` (EPSG:${manifest.crs.epsg})`}`;
+    const units = `As the survey has them: in units of ${manifest.surveyUnits?.horizontalM} m`;
+    const heights = `heights of ${manifest.surveyUnits?.heightM} m.`;
+    setText(crs, isMetric ? system : `${system} ${units}, ${heights}`);
     setShown(copyPick, hasPick);
   }
 

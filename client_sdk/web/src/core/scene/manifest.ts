@@ -74,6 +74,7 @@ function readManifest(json: JsonObject, id: string): CheckedManifest {
     version: expectDigest(json.version, DIGEST, "version"),
     crs: readCrs(json.crs),
     origin: expectTriple(json.origin, "origin"),
+    surveyUnits: readSurveyUnits(json.survey_units ?? null),
     stepM: expectStep(json.step_m),
     bounds: readBounds(json.bounds),
     attributes: expectList(json.attributes, "attributes").map(readAttribute),
@@ -99,6 +100,17 @@ function readCrs(value: unknown): SceneManifest["crs"] {
   const crs = expectObject(value, "crs");
   const epsg = crs.epsg ?? null;
   return { name: expectText(crs.name, "crs.name"), epsg: epsg === null ? null : expectWhole(epsg, "crs.epsg", 0) };
+}
+
+function readSurveyUnits(value: unknown): SceneManifest["surveyUnits"] {
+  if (value === null) return null;
+  const units = expectObject(value, "survey_units");
+  const [horizontalM, heightM] = [
+    expectLength(units.horizontal_m, "survey_units.horizontal_m"),
+    expectLength(units.height_m, "survey_units.height_m"),
+  ];
+  if (horizontalM === 0 || heightM === 0) throw new PayloadError("survey_units has a unit of 0 m");
+  return { horizontalM, heightM };
 }
 
 function readBounds(value: unknown): Bounds {
