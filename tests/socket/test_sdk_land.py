@@ -136,7 +136,7 @@ def test_refusals_are_one_line(
     land, server: BackgroundServer, scenes_dir: Path, token: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for arguments, text in (
-        (("nowhere", 0, 0, 0), "lists; it serves big, grid"),
+        (("nowhere", 0, 0, 0), "lists; it serves big, "),
         (("grid", 0, 0), "got X Y, expected x, y and z"),
         (("grid", 0, 0, 0, "--radius", 501), "radius_too_large"),
         (("grid", 0, 0, 0, "--radius", -1), "radius_m"),
