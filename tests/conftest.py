@@ -10,10 +10,11 @@ from pathlib import Path
 from typing import Final
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
-# Wall time is never asserted: a busy machine is no fault of an example's.
-settings.register_profile("terraport", deadline=None)
+# Wall time is never asserted, neither of an example (deadline) nor of its making (too_slow): a busy
+# machine is no fault of theirs.
+settings.register_profile("terraport", deadline=None, suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile("terraport")
 
 # A script that runs in the background ignores SIGINT, and all its children inherit that; several

@@ -107,6 +107,10 @@ class Cover:
                 f"segments over base face {face} do not ascend, expected each once, ascending"
             )
 
+    def __repr__(self) -> str:
+        """Say how large it is, not its arrays."""
+        return f"<Cover of {len(self.offsets) - 1:,} faces by {len(self.segments):,} entries>"
+
     @property
     def base_faces(self) -> int:
         """Number of base faces, B."""

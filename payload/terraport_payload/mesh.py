@@ -36,3 +36,15 @@ class SegmentMesh:
     """(V, 2) texture coordinates 0..1 from the image's upper left; None without a texture."""
     texture: Texture | None = None
     """Instead of vertex colours."""
+
+    def __repr__(self) -> str:
+        """Say what it holds, not its arrays: a mesh is printed by people who look around."""
+        held = [f"{len(self.faces):,} faces", f"{len(self.positions):,} vertices"]
+        if len(self.positions):
+            size_m = self.positions.max(axis=0) - self.positions.min(axis=0)
+            held.append(" x ".join(f"{side:.4g}" for side in size_m) + " m")
+        held += [name for name in ("colours", "region_ids") if getattr(self, name) is not None]
+        held += sorted(self.attributes)
+        if self.texture is not None:
+            held.append(repr(self.texture))
+        return f"<SegmentMesh {', '.join(held)}>"

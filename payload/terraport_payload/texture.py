@@ -81,6 +81,11 @@ class Texture:
                     f"most {MAX_SIDE}"
                 )
 
+    def __repr__(self) -> str:
+        """Say what it is, without the image's bytes."""
+        size = f"{self.width} x {self.height} pixels, {len(self.data):,} bytes"
+        return f"<Texture {self.media_type}, {size}>"
+
     @classmethod
     def of(cls, data: bytes) -> Texture:
         """Read type and sides from an image file's own header; raises as the class does."""

@@ -89,7 +89,7 @@ def prepare_demo(
     """
     low, high = POINT_RANGE
     if not low <= points <= high:
-        raise OptionError(f"received {points} points, expected {low} to {high} for a demo")
+        raise OptionError(f"received {points:,} points, expected {low:,} to {high:,} for a demo")
     watcher = progress or NullProgress()
     scenes = directory / "scenes"
     scenes.mkdir(exist_ok=True)

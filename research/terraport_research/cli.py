@@ -30,7 +30,8 @@ _QUICK_DEPTHS: Final = (6, 7, 8)
 
 _app = typer.Typer(
     name="evaluate",
-    help="Compare algorithms with each other and with the thesis, on data whose truth is known.",
+    help="Compare algorithms with each other and with the thesis, on data whose truth is known.\n\n"
+    "For example:\n\n    terraport evaluate reconstruction --quick",
     no_args_is_help=True,
     rich_markup_mode="markdown",
 )

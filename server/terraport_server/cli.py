@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import ipaddress
+import shlex
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
+from urllib.parse import quote
 
-import pydantic
 import typer
 
 from terraport_server.errors import ServerError, SettingsError
+from terraport_server.listeners import host_in_url
 from terraport_server.serving import run
-from terraport_server.settings import ENV_PREFIX, Settings
+from terraport_server.setting_errors import read_settings, typed_name
+from terraport_server.settings import Settings
 from terraport_server.viewer_page import BUILT_PAGE
 from terraport_store import StoreError, is_url, list_scenes, read_manifest
 
@@ -23,6 +26,14 @@ _DIRECTORY = typer.Argument(
     show_default=False,
 )
 
+_OPTIONS: Final = {
+    "scenes_dir": "DIRECTORY",
+    "scenes_url": "DIRECTORY",
+    "token_keys_file": "--token-keys",
+    "allowed_origins": "--allow-origin",
+    "max_radius_m": "--max-radius",
+}
+"""What is typed for a setting, where that is not its name with hyphens."""
 
 _HELP = """Serve scenes to VR clients: landings over WebSocket, files over HTTP.
 
@@ -118,14 +129,20 @@ def serve(
         "log_level": log_level,
     }
     options = {name: value for name, value in given.items() if value is not None}
+    if "scenes_dir" in options:
+        options["scenes_url"] = None  # which would win, from the environment, over what is given
     # Serve; what the operator can mend is one line, not a trace.
     try:
-        settings = _settings(options)
+        settings = read_settings(options)
 
         def announce(port: int) -> None:
             _announce(settings.model_copy(update={"port": port}))
 
-        run(settings, lambda: _settings(options), announce)
+        run(settings, lambda: read_settings(options), announce)
+    except SettingsError as error:
+        names = {name: _OPTIONS.get(name, f"--{name.replace('_', '-')}") for name in given}
+        typer.echo(f"error: {typed_name(error.setting, names, options)}: {error.what}", err=True)
+        raise typer.Exit(1) from None
     except (ServerError, StoreError) as error:
         typer.echo(f"error: {error}", err=True)
         raise typer.Exit(1) from None
@@ -136,22 +153,14 @@ def register(app: typer.Typer) -> None:
     app.command("serve", help=_HELP)(serve)
 
 
-def _settings(given: dict[str, Any]) -> Settings:
-    try:
-        return Settings(**given)
-    except pydantic.ValidationError as error:
-        first = error.errors(include_url=False, include_input=False)[0]
-        name = ".".join(str(key) for key in first["loc"])
-        what = f"{first['msg']}; give the option or set {ENV_PREFIX}{name.upper()}"
-        raise SettingsError(name, what) from None
-
-
 def _announce(settings: Settings) -> None:
     """Print where, what and for whom: the port is had, and the log has not begun."""
     scheme = "https" if settings.tls_certificate else "http"
-    address = f"{scheme}://{settings.host}:{settings.port}"
+    address = _address(settings, scheme)
     access = "open to everyone who can connect" if settings.is_open else "with a token"
     location = settings.scenes_url or settings.scenes_dir
+    if _is_every_address(settings.host):
+        access = f"all addresses of this machine; {access}"
     typer.echo(f"terraport serves {location} at {address} ({access})")
     typer.echo(f"  viewer: {_viewer_line(settings, scheme)}")
     if settings.scenes_url is not None:
@@ -159,18 +168,27 @@ def _announce(settings: Settings) -> None:
         return
     scenes = list_scenes(settings.scenes_dir)
     for scene_id, directory in scenes.items():
+        url = f"{address}/scenes/{quote(scene_id, safe='')}"
         try:
             manifest = read_manifest(directory)
         except (StoreError, OSError) as error:
-            typer.echo(f"  {address}/scenes/{scene_id}  not served: {error}")
+            typer.echo(f"  {url}  not served: {error}")
             continue
         counts = manifest.counts
         typer.echo(
-            f"  {address}/scenes/{scene_id}  {manifest.name}: {counts.segments} segments, "
-            f"{counts.detail_faces} triangles"
+            f"  {url}  {manifest.name}: {counts.segments} segments, {counts.detail_faces} triangles"
         )
     if not scenes:
-        typer.echo("  no scene yet; one that appears is served within seconds")
+        output = shlex.quote(str(settings.scenes_dir / "NAME"))
+        typer.echo("  no scene yet; one that appears is served within seconds:")
+        typer.echo(f"  terraport build SURVEY -o {output}")
+
+
+def _address(settings: Settings, scheme: str) -> str:
+    """Return an address that can be opened on this machine: no wildcard, IPv6 in brackets."""
+    # An address that stands for all of them is none that a browser could be pointed at.
+    host = "localhost" if _is_every_address(settings.host) else settings.host
+    return f"{scheme}://{host_in_url(host)}:{settings.port}"
 
 
 def _viewer_line(settings: Settings, scheme: str) -> str:
@@ -179,10 +197,7 @@ def _viewer_line(settings: Settings, scheme: str) -> str:
         return "switched off"
     if settings.viewer_dir is None and not (BUILT_PAGE / "index.html").is_file():
         return "not built; in a checkout `pip install -e .` builds it"
-    # An address that stands for all of them is none that a browser could be pointed at.
-    host = "localhost" if _is_every_address(settings.host) else settings.host
-    host = f"[{host}]" if ":" in host else host
-    return f"{scheme}://{host}:{settings.port}/"
+    return f"{_address(settings, scheme)}/"
 
 
 def _is_every_address(host: str) -> bool:

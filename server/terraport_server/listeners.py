@@ -16,8 +16,9 @@ import sys
 from typing import Any, Final
 
 from terraport_server.errors import ServerError
+from terraport_server.port_holder import port_holder
 
-__all__ = ["Listeners"]
+__all__ = ["Listeners", "host_in_url"]
 
 _BACKLOG: Final = 2048
 
@@ -27,6 +28,17 @@ mind more easily."""
 
 _NO_FAMILY: Final = (errno.EAFNOSUPPORT, errno.EADDRNOTAVAIL)
 """What a machine without IPv6 answers for the ``::1`` of a name like localhost."""
+
+
+def host_in_url(host: str) -> str:
+    """Write a host as addresses have it: IPv6 in brackets.
+
+    Examples
+    --------
+    >>> host_in_url("::1"), host_in_url("pit.example")
+    ('[::1]', 'pit.example')
+    """
+    return f"[{host}]" if ":" in host else host
 
 
 class Listeners:
@@ -43,7 +55,7 @@ class Listeners:
     ------
     ServerError
         When an address cannot be had, also where another service listens there that would share:
-        which, why, and for a taken port one that is free.
+        which, why, and for a taken port who holds it, where that can be told, and one that is free.
     """
 
     def __init__(self, host: str, port: int, slots: int) -> None:
@@ -132,11 +144,12 @@ def _probe(host: str, port: int) -> tuple[list[tuple[int, str]], int]:
 
 def _refusal(host: str, port: int, error: OSError) -> str:
     """Say which address cannot be had, why, and what to do."""
-    text = f"could not listen on {host}:{port}"
+    text = f"could not listen on {host_in_url(host)}:{port}"
     if error.errno == errno.EADDRINUSE:
         free = _free_port(host, port)
         advice = "--port 0 for any free one" if free is None else f"--port {free}, which is free"
-        return f"{text}: another program does; stop it, or choose another port: {advice}"
+        holder = port_holder(port) or "another program"
+        return f"{text}: {holder} does; stop it, or choose another port: {advice}"
     if error.errno == errno.EACCES:
         return f"{text}: not allowed; expected a port from 1024 on, or the right to use lower ones"
     if isinstance(error, socket.gaierror) or error.errno == errno.EADDRNOTAVAIL:

@@ -181,13 +181,14 @@ def root_of(settings: Settings) -> SceneRoot:
     Raises
     ------
     SettingsError
-        When the package for object storage is missing, or the cache's folder cannot be written to.
+        When the package for object storage is missing, the address can never be used, or the
+        cache's folder cannot be written to.
     """
     if settings.scenes_url is None:
         return FolderRoot(settings.scenes_dir)
     try:
         from terraport_store.object_files import ObjectStorage  # needs an extra
-        from terraport_store.origin import ObjectOptions
+        from terraport_store.origin import ObjectOptions, Origin
     except ModuleNotFoundError as missing:
         if missing.name != "obstore":
             raise
@@ -203,6 +204,11 @@ def root_of(settings: Settings) -> SceneRoot:
         read_ahead_bytes=settings.object_read_ahead_bytes,
         timeout_s=settings.object_timeout_s,
     )
+    try:
+        Origin(settings.scenes_url, options)  # asks for nothing
+    except OriginError as error:
+        if not error.passing:
+            raise SettingsError("scenes_url", str(error)) from None
     try:
         return ObjectRoot(settings.scenes_url, ObjectStorage(options))
     except OSError as error:

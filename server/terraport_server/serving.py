@@ -21,7 +21,7 @@ from terraport_server.app import create_app
 from terraport_server.descriptors import make_room
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.http_connection import http_protocol_class
-from terraport_server.listeners import Listeners
+from terraport_server.listeners import Listeners, host_in_url
 from terraport_server.logs import configure_logging
 from terraport_server.service import Service
 from terraport_server.settings import Settings
@@ -154,7 +154,21 @@ def make_server(settings: Settings) -> TerraportServer:
         server_header=False,
         lifespan="on",
     )
+    try:
+        config.load()  # reads the certificate: before an address is said, not after
+    except OSError as error:
+        raise _tls_error(settings, error) from None
     return TerraportServer(config, service)
+
+
+def _tls_error(settings: Settings, error: OSError) -> SettingsError:
+    """Say which file is missing; OpenSSL's error does not."""
+    for name in ("tls_certificate", "tls_key"):
+        path = getattr(settings, name)
+        if path is not None and not path.is_file():
+            return SettingsError(name, f"there is no file {path}, expected one in PEM")
+    what = f"got {settings.tls_certificate}: {error.strerror or error}"
+    return SettingsError("tls_certificate", f"{what}, expected a certificate and its key in PEM")
 
 
 def run(
@@ -188,14 +202,19 @@ def run(
     make_room(settings.max_connections)  # workers inherit it
     listeners = Listeners(settings.host, settings.port, settings.workers)
     try:
-        server = make_server(settings) if settings.workers == 1 else None
+        # Made for several workers too: what each of them would refuse is said once, and before the
+        # address. They make their own.
+        server = make_server(settings)
+        is_alone = settings.workers == 1
+        if not is_alone:
+            server.service.registry.close()
         if announce is not None:
             announce(listeners.port)
         configure_logging(settings.log_level, settings.log_format)
-        if server is None:
-            asyncio.run(Supervisor(settings, listeners, reread).run())
-        else:
+        if is_alone:
             _run_alone(server, listeners)
+        else:
+            asyncio.run(Supervisor(settings, listeners, reread).run())
     finally:
         listeners.close()
 
@@ -276,12 +295,11 @@ class BackgroundServer:
     @property
     def url(self) -> str:
         """Address of the service, ``http://HOST:PORT``."""
-        host = self._server.config.host
-        return f"http://{host}:{self.port}"
+        return f"http://{host_in_url(self._server.config.host)}:{self.port}"
 
     def scene_url(self, scene_id: str) -> str:
         """Address of one scene."""
-        return f"{self.url}/scenes/{scene_id}"
+        return f"{self.url}/scenes/{quote(scene_id, safe='')}"
 
     def viewer_url(self, scene_id: str) -> str | None:
         """Address of the viewer with one scene open; None where no viewer is served."""

@@ -17,7 +17,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from terraport_server.actions import SessionLimits
 from terraport_server.errors import SettingsError
 from terraport_server.groups import GroupLimits
-from terraport_store import is_url
+from terraport_store import is_url, meant_url
 from terraport_wire import (
     MAX_CLIENT_MESSAGE_BYTES,
     MAX_DEADLINE_MS,
@@ -253,7 +253,7 @@ class Settings(BaseSettings):
                 what = f"got {self.scenes_url!r}, expected an address like s3://BUCKET/PREFIX"
                 raise SettingsError("scenes_url", what)
         elif not self.scenes_dir.is_dir():
-            raise SettingsError("scenes_dir", f"{self.scenes_dir} is no directory, expected one")
+            raise SettingsError("scenes_dir", _no_folder(self.scenes_dir))
         if self.viewer_dir is not None and not (self.viewer_dir / "index.html").is_file():
             what = f"{self.viewer_dir} has no index.html, expected the folder of a built viewer"
             raise SettingsError("viewer_dir", what)
@@ -302,6 +302,17 @@ class Settings(BaseSettings):
     def checks_host(self) -> bool:
         """Whether a request must call the service by a name that is its own."""
         return self.is_open and not self.allow_open and _is_loopback(self.host)
+
+
+def _no_folder(path: Path) -> str:
+    """Say what a path is instead of a folder of scenes."""
+    meant = meant_url(path)
+    if meant is not None:
+        return f"got {str(path)!r}, expected {meant} for scenes in object storage"
+    expected = "expected a folder of scenes, or one scene (terraport build makes them)"
+    if path.is_file():
+        return f"{path} is a file, {expected}; it lies in {path.absolute().parent}"
+    return f"there is no folder {path}, {expected}"
 
 
 def _is_loopback(host: str) -> bool:

@@ -7,6 +7,7 @@ import functools
 import json
 import re
 import secrets
+import shlex
 import sys
 import time
 from pathlib import Path
@@ -61,6 +62,12 @@ def new_key_command(
 
     With --algorithm EdDSA the public halves go to FILE.public: give that file to the service, and
     keep FILE where tokens are made.
+
+    For example:
+
+      terraport token new-key keys
+
+      terraport token new-key keys --algorithm EdDSA --id 2027
     """
     old = read_keys(file) if file.exists() else None
     keys = () if old is None else old.keys
@@ -78,9 +85,10 @@ def new_key_command(
         shown = [k.public() if k.algorithm == "EdDSA-private" else k for k in (signing_key, *keys)]
         write_keys(served, _lines(tuple(shown), revoked))
         typer.echo(f"wrote what checks its tokens to {served}: for the service")
-    typer.echo(f"the service: terraport serve DIRECTORY --token-keys {served}")
+    checking, signing = shlex.quote(str(served)), shlex.quote(str(file))
+    typer.echo(f"the service: terraport serve DIRECTORY --token-keys {checking}")
     typer.echo(
-        f"a token:     terraport token create --keys {file} --name NAME --scene ID --valid 8h"
+        f"a token:     terraport token create --keys {signing} --name NAME --scene ID --valid 8h"
     )
 
 
@@ -100,7 +108,14 @@ def create(
     ] = None,
     guide: Annotated[bool, typer.Option("--guide", help="It may move a group.")] = False,
 ) -> None:
-    """Print a token, alone on standard output; what it says goes to standard error."""
+    """Print a token, alone on standard output; what it says goes to standard error.
+
+    For example:
+
+      terraport token create --keys keys --name anna --scene pit --valid 8h
+
+      terraport token create --keys keys --name tour --all-scenes --guide > token
+    """
     # What the token grants, and when.
     if all_scenes == bool(scene):
         raise SettingsError("--scene", "expected --scene ID, once or more, or --all-scenes")
@@ -142,7 +157,14 @@ def show(
         str | None, typer.Option(help="The service's TERRAPORT_TOKEN_AUDIENCE, if it has one.")
     ] = None,
 ) -> None:
-    """Show what a token says: it is signed, not encrypted, so anyone who has it can read it."""
+    """Show what a token says: it is signed, not encrypted, so anyone who has it can read it.
+
+    For example:
+
+      terraport token show - < token
+
+      terraport token show - --keys keys < token          is it accepted, too?
+    """
     text = sys.stdin.readline(MAX_TOKEN_BYTES + 2).strip() if token == _STANDARD_INPUT else token
     decoded = look_into(text)
     if decoded is None:
@@ -168,19 +190,26 @@ def register(app: typer.Typer) -> None:
     group = typer.Typer(
         help=_HELP, no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False
     )
-    group.command("new-key")(_with_plain_errors(new_key_command))
+    group.command("new-key")(_with_plain_errors(new_key_command, keys="FILE"))
     group.command("create")(_with_plain_errors(create))
     group.command("show")(_with_plain_errors(show))
     app.add_typer(group, name="token")
 
 
-def _with_plain_errors(command: Any) -> Any:
-    """Return the command with expected errors as one line and exit code 1."""
+def _with_plain_errors(command: Any, keys: str = "--keys") -> Any:
+    """Return the command with expected errors as one line and exit code 1.
+
+    `keys` is what its key file is given by; the service has another name for it.
+    """
 
     @functools.wraps(command)
     def checked(*arguments: Any, **options: Any) -> None:
         try:
             command(*arguments, **options)
+        except SettingsError as error:
+            name = keys if error.setting == "token_keys_file" else error.setting
+            typer.echo(f"error: {name}: {error.what}", err=True)
+            raise typer.Exit(1) from None
         except (ServerError, OSError) as error:
             typer.echo(f"error: {error}", err=True)
             raise typer.Exit(1) from None

@@ -50,7 +50,7 @@ def read_tokens(path: Path) -> list[StaticToken]:
         if len(words) < 2:
             what = f"{path} line {number}: got one word, expected NAME TOKEN [SCENE ...]"
             raise SettingsError("tokens_file", what)
-        check_token(f"tokens_file: {path} line {number}", words[1])
+        check_token("tokens_file", words[1], where=f"{path} line {number}: ")
         scenes = frozenset(words[2:]) - {_GUIDE}
         tokens.append(StaticToken(words[0], words[1], scenes or None, _GUIDE in words[2:]))
     if not tokens:
@@ -81,8 +81,10 @@ def read_lines(setting: str, path: Path) -> list[tuple[int, list[str]]]:
     return [(number, line) for number, line in words if line and not line[0].startswith("#")]
 
 
-def check_token(setting: str, token: str) -> None:
+def check_token(setting: str, token: str, where: str = "") -> None:
     """Refuse a token that is too short to be secret, or too long to be sent.
+
+    `where` in a file it stands goes before the message.
 
     Raises
     ------
@@ -91,7 +93,7 @@ def check_token(setting: str, token: str) -> None:
     """
     if not MIN_TOKEN_CHARACTERS <= len(token) <= MAX_TOKEN_BYTES:
         what = (
-            f"got a token of {len(token)} characters, expected {MIN_TOKEN_CHARACTERS} to "
+            f"{where}got a token of {len(token)} characters, expected {MIN_TOKEN_CHARACTERS} to "
             f"{MAX_TOKEN_BYTES}"
         )
         raise SettingsError(setting, what)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import logging
 import signal
 import socket
 import sys
@@ -17,7 +18,7 @@ from typing import Any
 
 from terraport_server.control import Channel
 from terraport_server.errors import ServerError
-from terraport_server.logs import configure_logging
+from terraport_server.logs import configure_logging, log
 from terraport_server.serving import TerraportServer, make_server
 from terraport_server.settings import Settings
 
@@ -117,7 +118,11 @@ def main(arguments: list[str]) -> int:
     settings = Settings(**start["settings"])
     configure_logging(settings.log_level, settings.log_format)
     listeners = [socket.socket(fileno=number) for number in start["listeners"]]
-    server = make_server(settings)
+    try:
+        server = make_server(settings)
+    except ServerError as error:
+        log("worker cannot serve", level=logging.ERROR, reason=str(error))
+        return 1
     server.owns_process = True
     _Worker(server, end)
     with contextlib.suppress(KeyboardInterrupt, SystemExit):

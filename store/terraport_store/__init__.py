@@ -17,6 +17,7 @@ A scene is a directory that is published atomically; format in ``spec/scene-form
 
 from __future__ import annotations
 
+from terraport_store.addresses import is_url, meant_url
 from terraport_store.assembly import SceneInfo
 from terraport_store.cover import Cover
 from terraport_store.errors import (
@@ -35,7 +36,7 @@ from terraport_store.files import FolderFiles, SceneFiles, path_inside
 from terraport_store.index import SegmentIndex
 from terraport_store.labelling import change_labels, read_labels, read_names
 from terraport_store.labels import MAX_LABEL_LENGTH, label_fault
-from terraport_store.location import is_url, scene_files
+from terraport_store.location import scene_files
 from terraport_store.manifest import (
     AttributeInfo,
     Bounds,
@@ -109,6 +110,7 @@ __all__ = [
     "label_fault",
     "list_scenes",
     "manifest_digest",
+    "meant_url",
     "path_inside",
     "read_labels",
     "read_manifest",

@@ -18,6 +18,11 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Final
+
+from terraport_store.addresses import meant_url
+
 __all__ = [
     "CorruptPayloadError",
     "DamagedSceneError",
@@ -32,6 +37,10 @@ __all__ = [
 ]
 
 
+_NAMED: Final = 8
+"""Scenes that a message names."""
+
+
 class StoreError(Exception):
     """Base of all errors of the store."""
 
@@ -43,11 +52,26 @@ class SceneNotFoundError(StoreError):
     ----------
     path : str
         The directory that was asked for.
+    inside : sequence of str, optional
+        Names of scenes in it: one of them was meant.
     """
 
-    def __init__(self, path: str) -> None:
-        super().__init__(f"no scene at {path}, expected a directory with scene.json")
+    def __init__(self, path: str, inside: Sequence[str] = ()) -> None:
+        super().__init__(_no_scene(path, inside))
         self.path = path
+        self.inside = tuple(inside)
+
+
+def _no_scene(path: str, inside: Sequence[str]) -> str:
+    url = meant_url(path)
+    if url is None:
+        more = f" and {len(inside) - _NAMED} more" if len(inside) > _NAMED else ""
+        there = f"; scenes in it: {', '.join(inside[:_NAMED])}{more}" if inside else ""
+        return f"no scene at {path}, expected a directory with scene.json{there}"
+    return (
+        f"no scene at {path}, expected a directory of this machine; object storage is read by "
+        f"terraport serve and terraport validate, as {url}"
+    )
 
 
 class DamagedSceneError(StoreError):

@@ -2,26 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 
+from terraport_store.addresses import is_url
 from terraport_store.errors import OriginError
 from terraport_store.files import FolderFiles, SceneFiles
 
-__all__ = ["is_url", "scene_files"]
-
-_URL = re.compile(r"[A-Za-z][A-Za-z0-9+.-]+://")
-
-
-def is_url(location: str | Path) -> bool:
-    """Tell an address (``s3://bucket/scene``) from a path.
-
-    Examples
-    --------
-    >>> is_url("s3://bucket/scene"), is_url("scenes/quarry"), is_url("C://x")
-    (True, False, False)
-    """
-    return isinstance(location, str) and _URL.match(location) is not None
+__all__ = ["scene_files"]
 
 
 def scene_files(location: str | Path | SceneFiles) -> SceneFiles:

@@ -59,7 +59,9 @@ def read_manifest(directory: str | Path | SceneFiles) -> Manifest:
     try:
         data = files.read(MANIFEST_NAME, MAX_MANIFEST_BYTES)
     except FileNotFoundError:
-        raise SceneNotFoundError(files.location) from None
+        folder = Path(files.location)
+        inside = [*list_scenes(folder)] if folder.is_dir() else []
+        raise SceneNotFoundError(files.location, inside) from None
     finally:
         if files is not directory:
             files.close()

@@ -53,6 +53,9 @@ _FINAL: Final = (
 """Errors that the next attempt would meet again."""
 
 _STATUS: Final = re.compile(r"status code: (\d{3})")
+_NO_ANSWER: Final = re.compile(r"performing \w+ (https?://[^/\s]+)\S* in .*error sending request")
+_ROLE_SERVICES: Final = ("//169.254.169.254", "//169.254.170.2")
+"""Where Amazon's machines and containers ask for their credentials: others have none there."""
 _WORTH_ANOTHER_TRY: Final = frozenset({408, 425, 429})
 
 _Store = S3Store | HTTPStore | LocalStore | MemoryStore | Any
@@ -173,7 +176,9 @@ class Origin:
         try:
             self._store = store if store is not None else _make_store(self.url, options)
         except (BaseError, ValueError) as error:
-            raise OriginError(self.url, f"cannot be used: {_said(error)}") from None
+            may_come = url.startswith("file:")  # a folder that is not mounted yet
+            what = f"cannot be used: {_said(error)}"
+            raise OriginError(url, what, passing=may_come) from None
 
     def twin(self) -> Origin:
         """Return the same place once more, to be interrupted by itself."""
@@ -337,8 +342,8 @@ class Origin:
                 if final or late or not patient or self._closing.is_set():
                     self._note_end(worked=final, now_s=time.monotonic())
                     self.counts.add(failures=1)
-                    took = f"{tries} tries in {time.monotonic() - began_s:.1f} s"
-                    what = f"{error.what} ({took})"
+                    times = "1 try" if tries == 1 else f"{tries} tries"
+                    what = f"{error.what} ({times} in {time.monotonic() - began_s:.1f} s)"
                     raise OriginError(error.url, what, passing=error.passing) from None
             else:
                 self._note_end(worked=True, now_s=time.monotonic())
@@ -394,7 +399,7 @@ class Origin:
 def _make_store(url: str, options: ObjectOptions) -> _Store:
     address = urlsplit(url)
     if not address.scheme or (address.scheme != "file" and not address.netloc):
-        raise ValueError(f"got {url!r}, expected an address like s3://BUCKET/PREFIX")
+        raise ValueError("expected an address like s3://BUCKET/PREFIX")
     client: ClientConfig = {
         "timeout": timedelta(seconds=options.timeout_s),
         "read_timeout": timedelta(seconds=options.stall_s),
@@ -414,6 +419,10 @@ def _make_store(url: str, options: ObjectOptions) -> _Store:
     config: S3Config = {}
     endpoint = options.endpoint or _environment("AWS_ENDPOINT_URL_S3", "AWS_ENDPOINT_URL")
     if endpoint is not None:
+        service = urlsplit(endpoint)
+        if service.scheme not in {"http", "https"} or not service.netloc:
+            # obstore would panic at the first request.
+            raise ValueError(f"the endpoint is {endpoint!r}, expected one like http://HOST:9000")
         config["endpoint"] = endpoint.rstrip("/")
         # Whoever names an http address wants it.
         client["allow_http"] = endpoint.startswith("http://")
@@ -435,5 +444,14 @@ def _environment(*names: str) -> str | None:
 
 
 def _said(error: BaseException) -> str:
-    """First line of what an error says: the rest is obstore's innards."""
-    return str(error).partition("\n")[0].strip()[:300] or type(error).__name__
+    """Say what an error means; else its first line: the rest is obstore's innards."""
+    line = str(error).partition("\n")[0].strip()
+    if any(service in line for service in _ROLE_SERVICES):
+        return (
+            "no credentials, expected AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY in the "
+            "environment, or a role of this machine"
+        )
+    unanswered = _NO_ANSWER.search(line)
+    if unanswered is not None:
+        return f"nothing answers at {unanswered[1]}, expected the storage's service"
+    return line[:300] or type(error).__name__

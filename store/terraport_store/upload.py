@@ -40,6 +40,10 @@ _TIMEOUT_S: Final = 120.0
 
 _PART_RETRIES: Final = 8
 
+_REACH_S: Final = 5.0
+"""For the first request, which brings nothing: what is wrong with address, credentials or network
+is said within seconds, not after the patience that a part deserves."""
+
 _HASH: Final = "xxh3"
 """Metadata of an object: the hash that the manifest names, so that a half-done upload resumes."""
 
@@ -103,6 +107,7 @@ def upload_scene(
     except FileNotFoundError:
         raise SceneNotFoundError(local.location) from None
     manifest = Manifest.from_bytes(text)
+    Origin(url, replace(asked, timeout_s=_REACH_S)).head(MANIFEST_NAME)
     before = _published_folder(origin)
     upload = _Upload(origin, local.directory, progress or _nobody)
     for file in sorted(manifest.files.values(), key=lambda file: file.bytes):

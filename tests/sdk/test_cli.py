@@ -105,10 +105,14 @@ def test_help_lists_every_verb_and_version_is_the_distributions() -> None:
 
 def test_every_verb_explains_itself() -> None:
     """With all extras installed each is really there."""
-    answers = many([[verb.name, "--help"] for verb in VERBS])
-    for verb, (code, out, err) in zip(VERBS, answers, strict=True):
+    commands = [[verb.name] for verb in VERBS]
+    commands += [["token", name] for name in ("new-key", "create", "show")]
+    commands += [["evaluate", "reconstruction"]]
+    answers = many([[*command, "--help"] for command in commands])
+    for command, (code, out, err) in zip(commands, answers, strict=True):
         assert code == 0, err
-        assert f"terraport {verb.name}" in out
+        example = f"terraport {' '.join(command)} "
+        assert any(f"{line.strip()} ".startswith(example) for line in out.splitlines()), command
 
 
 def test_help_imports_nothing_heavy() -> None:

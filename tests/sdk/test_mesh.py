@@ -8,13 +8,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from payload.images import png
 from store.tiny_scene import CELLS, SCALES, STEP_M, base_cover, lattice_mesh
 
 from terraport.base import BaseMesh
+from terraport.cache import CachedSegment, SegmentFacts
 from terraport.cover import CoverCounters
 from terraport.errors import MissingExtraError, ProtocolViolationError, UsageError
 from terraport.mesh import concatenate, mixed_model, to_trimesh, write_glb
-from terraport_payload import SegmentMesh, decode_glb, encode_glb
+from terraport.segment import Segment
+from terraport_payload import SegmentMesh, Texture, decode_glb, encode_glb
 
 
 @pytest.fixture
@@ -25,6 +28,23 @@ def base() -> BaseMesh:
 
 def tile(number: int) -> SegmentMesh:
     return lattice_mesh(number // 2 * CELLS, number % 2 * CELLS)
+
+
+def test_what_is_printed_is_short_and_says_what_there_is(base: BaseMesh) -> None:
+    image = Texture.of(png(128, 64))
+    textured = dataclasses.replace(tile(0), colours=None, attributes={}, texture=image)
+    assert repr(base.mesh) == (
+        "<SegmentMesh 32 faces, 25 vertices, 3 x 0.7075 x 3 m, colours, region_ids, grade>"
+    )
+    assert repr(image) == f"<Texture image/png, 128 x 64 pixels, {len(image.data):,} bytes>"
+    assert repr(textured).endswith(f"region_ids, {image!r}>")
+    assert repr(concatenate([])) == "<SegmentMesh 0 faces, 0 vertices>"
+    assert repr(base) == (
+        f"<BaseMesh of version v: {base.mesh!r}, <Cover of 32 faces by 32 entries>>"
+    )
+    facts = SegmentFacts(12, 2048, 7, 32, 25, (0, 0, 0, 1, 1, 1))
+    segment = Segment(CachedSegment(facts, bytes(2048)), "stream")
+    assert repr(segment) == "<Segment 12: 32 faces, 25 vertices, 2,048 bytes, from stream>"
 
 
 def test_to_trimesh_keeps_every_vertex_and_face() -> None:

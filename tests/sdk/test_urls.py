@@ -36,6 +36,8 @@ def test_addresses_are_quoted_and_keys_differ() -> None:
     ("text", "reason"),
     [
         ("quarry", "expected http"),
+        ("localhost:8080/scenes/pit", r"; perhaps http://localhost:8080/scenes/pit$"),
+        ("user:secret@h/scenes/pit", r"\(or ws, wss\)$"),
         ("ftp://h/scenes/pit", "expected http"),
         ("http:///scenes/pit", "expected http"),
         ("http://h:99999/scenes/pit", "[Pp]ort"),

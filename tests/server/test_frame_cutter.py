@@ -17,7 +17,7 @@ def written(data: bytes, mask: bool) -> bytes:
     return Frame(Opcode.BINARY, data).serialize(mask=mask)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(data=st.data(), contents=contents, mask=st.booleans())
 def test_pieces_end_where_frames_end(
     data: st.DataObject, contents: list[bytes], mask: bool

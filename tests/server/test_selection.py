@@ -225,7 +225,7 @@ def test_superset_and_order_of_candidates_do_not_matter(
 few = st.none() | st.integers(0, 6)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=400)
 @given(
     data=st.data(),
     table=scenes(),

@@ -118,19 +118,63 @@ def test_help_teaches() -> None:
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (["{dir}/nowhere"], "no directory, expected one"),
-        (["{dir}", "--host", "0.0.0.0"], "expected a token, tokens file or token keys"),
-        (["{dir}", "--token", "short"], "got a token of 5 characters"),
-        (["{dir}", "--max-radius", "-1"], "max_radius_m: Input should be greater than 0"),
-        (["{dir}", "--tls-key", "x"], "got one of tls_certificate and tls_key"),
+        (["{dir}/nowhere"], "DIRECTORY: there is no folder {dir}/nowhere, expected a folder of"),
+        (["{dir}/file"], "DIRECTORY: {dir}/file is a file, expected a folder of scenes"),
+        (["s3:/bucket/x"], "DIRECTORY: got 's3:/bucket/x', expected s3://bucket/x for scenes in"),
+        (
+            ["s3://"],
+            "DIRECTORY: s3://: cannot be used: expected an address like s3://BUCKET/PREFIX",
+        ),
+        (["ftp://x/y"], "DIRECTORY: ftp://x/y: cannot be used: "),
+        (["{dir}", "--host", "0.0.0.0"], "--token: got none while listening on 0.0.0.0"),
+        (["{dir}", "--token", "short"], "--token: got a token of 5 characters"),
+        (["{dir}", "--tokens-file", "{dir}/file"], "--tokens-file: {dir}/file line 1: got a token"),
+        (["{dir}", "--token-keys", "{dir}/no"], "--token-keys: {dir}/no: No such file"),
+        (["{dir}", "--max-radius", "-1"], "--max-radius: got -1, expected a number above 0"),
+        (["{dir}", "--port", "70000"], "--port: got 70000, expected a whole number from 0 to 65"),
+        (["{dir}", "--tls-key", "x"], "--tls-key: got one of tls_certificate and tls_key"),
+        (
+            ["{dir}", "--tls-key", "{dir}/x", "--tls-certificate", "{dir}/file"],
+            "--tls-key: there is no file {dir}/x, expected one in PEM",
+        ),
+        (
+            ["{dir}", "--tls-key", "{dir}/file", "--tls-certificate", "{dir}/file"],
+            "--tls-certificate: got {dir}/file: ",
+        ),
     ],
 )
-def test_bad_options_are_said_and_exit_1(tmp_path: Path, arguments: list[str], text: str) -> None:
-    code, output = run(*[argument.format(dir=tmp_path) for argument in arguments])
+@pytest.mark.parametrize("workers", ["1", "2"])
+def test_bad_options_are_said_before_any_address_and_exit_1(
+    tmp_path: Path, arguments: list[str], text: str, workers: str
+) -> None:
+    (tmp_path / "file").write_text("name short\n")
+    given = [argument.format(dir=tmp_path) for argument in arguments]
+    if "--port" not in given:
+        given += ["--port", "0"]
+    code, output = run(*given, "--workers", workers)
     assert code == 1
-    assert "error: " in output
-    assert text in " ".join(output.split())
-    assert "Traceback" not in output
+    (line,) = output.splitlines()
+    assert line.startswith(f"error: {text.format(dir=tmp_path)}")
+
+
+def test_what_the_environment_says_wrongly_is_named_by_its_variable(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERRAPORT_MAX_RADIUS_M", "far")
+    code, output = run(str(tmp_path))
+    assert (code, output) == (
+        1,
+        "error: TERRAPORT_MAX_RADIUS_M: got 'far', expected a number above 0 to 1,000,000\n",
+    )
+
+
+def test_a_folder_that_is_given_wins_over_an_address_in_the_environment(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TERRAPORT_SCENES_URL", "s3://bucket/scenes")
+    code, output = run(str(tmp_path / "nowhere"))
+    assert code == 1
+    assert "there is no folder" in output
 
 
 @pytest.mark.parametrize("workers", ["1", "2"])
@@ -147,7 +191,9 @@ def test_a_port_in_use_is_an_error_and_nothing_else_is_said(tmp_path: Path, work
     assert process.returncode == 1
     assert process.stdout == ""  # no address that somebody else answers at
     (line,) = process.stderr.splitlines()
-    assert line.startswith(f"error: could not listen on 127.0.0.1:{port}: another program does")
+    assert line.startswith(f"error: could not listen on 127.0.0.1:{port}: ")
+    if sys.platform == "linux":
+        assert f" (process {os.getpid()}) does; stop it" in line
     assert re.search(r"choose another port: --port \d+, which is free$", line)
 
 
@@ -172,7 +218,7 @@ def test_a_free_port_is_said_as_it_is(tmp_path: Path) -> None:
 def test_background_server_on_a_port_in_use_says_so(tmp_path: Path) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
-        with pytest.raises(ServerError, match=f"could not listen on 127.0.0.1:{port}: another"):
+        with pytest.raises(ServerError, match=f"could not listen on 127.0.0.1:{port}: "):
             BackgroundServer(tmp_path, port=port)
 
 

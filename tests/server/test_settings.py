@@ -108,7 +108,9 @@ def test_open_to_others_must_be_said(tmp_path: Path, host: str) -> None:
 
 
 def test_a_missing_directory(tmp_path: Path) -> None:
-    with pytest.raises(SettingsError, match="no directory, expected one"):
+    with pytest.raises(
+        SettingsError, match=r"there is no folder .*nowhere, expected a folder of scenes"
+    ):
         Settings(scenes_dir=tmp_path / "nowhere").check()
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import stat
 from pathlib import Path
 
@@ -21,11 +22,14 @@ def run(*arguments: str | Path, typed: str | None = None) -> tuple[int, str, str
 
 @pytest.mark.parametrize("algorithm", ["HS256", "EdDSA"])
 def test_from_key_to_open_scene(tmp_path: Path, algorithm: str) -> None:
+    tmp_path = tmp_path / "with a space"  # printed commands can be copied
+    tmp_path.mkdir()
     keys = tmp_path / "keys"
     code, output, _ = run("new-key", keys, "--algorithm", algorithm)
     assert code == 0
     served = keys if algorithm == "HS256" else tmp_path / "keys.public"
-    assert f"--token-keys {served}" in output
+    assert f"--token-keys {shlex.quote(str(served))}" in output
+    assert f"--keys {shlex.quote(str(keys))} --name" in output
     for path in tmp_path.iterdir():
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
     code, token, output = run(
@@ -47,6 +51,17 @@ def test_from_key_to_open_scene(tmp_path: Path, algorithm: str) -> None:
     served.write_text(served.read_text() + revoked[0] + "\n")
     code, _, error = run("show", token.strip(), "--keys", served)
     assert (code, "it was revoked" in error) == (1, True)
+
+
+def test_a_key_file_is_named_as_it_was_given(tmp_path: Path) -> None:
+    keys = tmp_path / "keys"
+    code, _, error = run("create", "--keys", keys, "--name", "anna", "--all-scenes")
+    assert code == 1
+    assert error.startswith(f"error: --keys: {keys}: No such file")
+    keys.write_text("no key\n")
+    code, _, error = run("new-key", keys)
+    assert code == 1
+    assert error.startswith(f"error: FILE: {keys} line 1: ")
 
 
 def test_a_new_key_signs_and_the_old_one_still_counts(tmp_path: Path) -> None:

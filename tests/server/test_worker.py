@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import socket
 import subprocess
 import sys
@@ -58,3 +59,25 @@ def test_a_worker_serves_answers_and_ends_with_its_supervisor(tmp_path: Path) ->
         listeners.close()
 
     asyncio.run(asyncio.wait_for(work(), 60))
+
+
+def test_a_worker_that_cannot_serve_says_why_in_one_line(tmp_path: Path) -> None:
+    """As after a rolling restart over a file of tokens that somebody has broken."""
+    (tmp_path / "tokens").write_text("name short\n")
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        settings = {"scenes_dir": str(tmp_path), "tokens_file": str(tmp_path / "tokens")}
+        start = {"kind": "start", "settings": settings, "listeners": []}
+        ours.sendall(json.dumps(start).encode() + b"\n")
+        process = subprocess.run(
+            [sys.executable, "-m", "terraport_server.worker", str(theirs.fileno())],
+            pass_fds=(theirs.fileno(),),
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    assert process.returncode == 1
+    (line,) = process.stderr.splitlines()
+    assert "worker cannot serve" in line
+    assert "tokens line 1: got a token of 5 characters" in line

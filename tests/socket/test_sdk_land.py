@@ -136,7 +136,8 @@ def test_refusals_are_one_line(
     land, server: BackgroundServer, scenes_dir: Path, token: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for arguments, text in (
-        (("nowhere", 0, 0, 0), "unknown_scene"),
+        (("nowhere", 0, 0, 0), "lists; it serves big, "),
+        (("grid", 0, 0), "got X Y, expected x, y and z"),
         (("grid", 0, 0, 0, "--radius", 501), "radius_too_large"),
         (("grid", 0, 0, 0, "--radius", -1), "radius_m"),
         (("grid", 0, 0, 0, "--radius", "nan"), "radius_m"),
@@ -151,7 +152,12 @@ def test_refusals_are_one_line(
         failed = land(url, 0, 0, 0, "--token", "wrong-wrong-wrong-wrong")
         assert failed.returncode == 1
         assert "unauthorised" in failed.stderr
+        assert "; the one given is wrong, has expired, or is not for this service" in failed.stderr
         assert "wrong-wrong" not in failed.stderr
+        for address in (url, closed.url):
+            failed = land(address, 0, 0, 0)
+            assert failed.returncode == 1
+            assert failed.stderr.endswith("; give one by --token or TERRAPORT_TOKEN\n")
         monkeypatch.setenv("TERRAPORT_TOKEN", token)
         assert land(url, 0, 0, 0).returncode == 0
 

@@ -155,7 +155,7 @@ def test_after_every_hop_exactly_what_is_within_the_radius_is_shown(
             assert session.stats.repeated_bytes == 0
 
     # Inside: the scene's bytes are no argument to be printed.
-    @settings(max_examples=10, deadline=None)
+    @settings(max_examples=10)
     @given(hops=st.lists(st.tuples(positions, st.floats(3, 25)), min_size=2, max_size=6))
     @example(hops=[(CENTRE, 25.0), ((40.0, 1.0, 35.0), 20.0), (CENTRE, 25.0)])
     def check(hops: list[tuple[tuple[float, float, float], float]]) -> None:

@@ -40,6 +40,7 @@ def test_it_does_what_the_asynchronous_one_does(server: BackgroundServer) -> Non
         assert session.url.endswith("/scenes/grid")
         assert session.stats.connections == 1
         assert "Landing 1" in repr(landing)
+        assert repr(session) == f"<Session {session.url}>"
     assert threads() == []
 
 
@@ -64,6 +65,7 @@ def test_failing_to_open_leaves_no_thread(server: BackgroundServer) -> None:
 
 
 def test_outside_its_block_it_says_so(server: BackgroundServer) -> None:
+    assert repr(terraport.sync.connect(server.url)) == "<Session, not open yet>"
     session = terraport.sync.connect(server.scene_url("grid"))
     with pytest.raises(SessionClosedError, match="not entered"):
         session.land(CENTRE)

@@ -18,6 +18,24 @@ from terraport_store import (
     ("error", "text"),
     [
         (SceneNotFoundError("a/b"), "no scene at a/b, expected a directory with scene.json"),
+        (
+            SceneNotFoundError("a", ["pit", "quarry"]),
+            "no scene at a, expected a directory with scene.json; scenes in it: pit, quarry",
+        ),
+        (
+            SceneNotFoundError("a", [str(number) for number in range(10)]),
+            (
+                "no scene at a, expected a directory with scene.json; scenes in it: "
+                "0, 1, 2, 3, 4, 5, 6, 7 and 2 more"
+            ),
+        ),
+        (
+            SceneNotFoundError("s3:/bucket/pit"),
+            (
+                "no scene at s3:/bucket/pit, expected a directory of this machine; object storage "
+                "is read by terraport serve and terraport validate, as s3://bucket/pit"
+            ),
+        ),
         (DamagedSceneError("v/f", "3 bytes, expected 4"), "v/f: 3 bytes, expected 4"),
         (DamagedSceneError("v/f", "bad", offset=9), "v/f at byte 9: bad"),
         (

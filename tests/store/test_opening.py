@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from store.tiny_scene import TinyScene
 
-from terraport_store import SceneNotFoundError, list_scenes
+from terraport_store import SceneNotFoundError, list_scenes, read_manifest
 
 
 def test_no_folder_no_scenes(tmp_path: Path) -> None:
@@ -26,3 +26,5 @@ def test_list_scenes(tmp_path: Path, tiny: TinyScene) -> None:
     assert list_scenes(root) == {"a": root / "a", "b": root / "b"}
     assert list(list_scenes(root)) == ["a", "b"]
     assert list_scenes(tiny.path) == {"tiny": tiny.path}
+    with pytest.raises(SceneNotFoundError, match=r"; scenes in it: a, b$"):
+        read_manifest(root)

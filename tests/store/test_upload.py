@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import socket
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -11,6 +13,7 @@ from store.tiny_scene import TinyScene, write_tiny_scene
 
 from terraport_store import DamagedSceneError, OriginError, Scene, SceneNotFoundError, change_labels
 from terraport_store import upload as upload_module
+from terraport_store.origin import ObjectOptions
 from terraport_store.upload import upload_scene
 
 
@@ -42,6 +45,18 @@ def test_the_manifest_goes_last(proxy: FaultProxy, url: str, tmp_path: Path) -> 
     assert set(sent[:-3]) == set(scene.manifest.files)
     assert done[-1] == sum(file.bytes for file in scene.manifest.files.values())
     assert (report.sent_files, report.kept_files) == (len(sent) - 1, 0)
+
+
+def test_where_nobody_answers_it_fails_within_seconds(tiny: TinyScene) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as probe:
+        endpoint = f"http://127.0.0.1:{probe.getsockname()[1]}"
+    began_s = time.monotonic()
+    with (
+        s3_environment(),
+        pytest.raises(OriginError, match=rf"nothing answers at {endpoint}, expected .* tries in"),
+    ):
+        upload_scene(tiny.path, "s3://scenes/tiny", ObjectOptions(endpoint=endpoint))
+    assert time.monotonic() - began_s < 15
 
 
 def test_what_is_there_is_not_sent_again(proxy: FaultProxy, url: str, tiny: TinyScene) -> None:

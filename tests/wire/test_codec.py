@@ -7,7 +7,7 @@ import tracemalloc
 import msgpack
 import pytest
 from conformance.wire_samples import FULL, MINIMAL
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import terraport_wire as m
@@ -94,7 +94,7 @@ def test_every_flipped_byte_gives_a_message_or_a_documented_error(message: m.Mes
                 continue
 
 
-@settings(max_examples=250, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=250)
 @given(data=st.data())
 def test_round_trip(any_message: st.SearchStrategy[m.Message], data: st.DataObject) -> None:
     message = data.draw(any_message)
@@ -127,7 +127,7 @@ _ANY = st.recursive(
 )
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=300)
 @given(data=st.data())
 def test_any_value_in_any_field_gives_a_message_or_a_documented_error(data: st.DataObject) -> None:
     message = data.draw(st.sampled_from(FULL))

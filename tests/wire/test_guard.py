@@ -61,7 +61,7 @@ def test_depth_is_bounded() -> None:
             check_msgpack(msgpack.packb(value))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(value=_VALUES)
 def test_values_are_counted_with_keys_and_containers(value: object) -> None:
     data, count = msgpack.packb(value), _count(value)

@@ -26,6 +26,10 @@ class BaseMesh:
     counters: CoverCounters
     """The incremental form of the cover; its state is whatever was shown last."""
 
+    def __repr__(self) -> str:
+        """Say what it holds, not its arrays."""
+        return f"<BaseMesh of version {self.version[:12]}: {self.mesh!r}, {self.cover!r}>"
+
     @classmethod
     def of(cls, version: str, glb: bytes, cover: bytes) -> BaseMesh:
         """Decode what the server gives as ``base.glb`` and ``base.cover``.

@@ -17,6 +17,7 @@ from terraport.access import Access
 from terraport.base import BaseMesh
 from terraport.disk_cache import DiskCache
 from terraport.errors import HttpError, ProtocolViolationError, UsageError
+from terraport.unreached import why_unreached
 from terraport.urls import SceneUrl
 
 __all__ = ["MAX_BASE_BYTES", "SceneHttp"]
@@ -58,11 +59,7 @@ class SceneHttp:
         """
         if self._url.scene is not None:
             return self._url
-        document = await self._json(self._url.scenes)
-        try:
-            ids = [str(scene["id"]) for scene in document["scenes"]]
-        except (KeyError, TypeError):
-            raise ProtocolViolationError(f"{self._url.scenes} lists no scenes") from None
+        ids = await self.scene_ids()
         if len(ids) != 1:
             named = ", ".join(ids) or "none"
             raise UsageError(
@@ -71,6 +68,20 @@ class SceneHttp:
             )
         self._url = self._url.with_scene(ids[0])
         return self._url
+
+    async def scene_ids(self) -> list[str]:
+        """Return the ids of the server's scenes, as far as the token opens them.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer, or refuses.
+        """
+        document = await self._json(self._url.scenes)
+        try:
+            return [str(scene["id"]) for scene in document["scenes"]]
+        except (KeyError, TypeError):
+            raise ProtocolViolationError(f"{self._url.scenes} lists no scenes") from None
 
     async def manifest(self, version: str | None = None) -> dict[str, Any]:
         """Return the scene's manifest as ``spec/scene-format.md`` section 4 has it.
@@ -153,7 +164,7 @@ class SceneHttp:
                     text = _error_text(b"".join(chunks), response.reason_phrase)
                     raise HttpError(url, response.status_code, text)
         except httpx.HTTPError as error:
-            raise HttpError(url, 0, str(error) or type(error).__name__) from error
+            raise HttpError(url, 0, why_unreached(error)) from error
         return b"".join(chunks)
 
 

@@ -36,6 +36,7 @@ from terraport.events import Event, Noticed, Opened, Ready, Refused
 from terraport.pacing import Pacer
 from terraport.session import ClientSession
 from terraport.timeouts import Timeouts
+from terraport.unreached import why_unreached
 from terraport_wire import MAX_SERVER_MESSAGE_BYTES, SUBPROTOCOL, CloseCode, ErrorCode
 
 __all__ = ["Link"]
@@ -317,11 +318,11 @@ def _lost_before(error: Exception) -> _Lost:
         temporary = status >= 500 or status in {408, 425, 429}
         refusal = _refused(_HTTP_TO_CLOSE + status, f"HTTP status {status}")
         return _Lost(str(refusal), temporary=temporary, error=refusal)
-    text = str(error) or type(error).__name__
+    text = why_unreached(error)
     if isinstance(error, ssl.SSLCertVerificationError | InvalidURI):
         final = ConnectionFailedError("the server", 1, text)
         return _Lost(text, temporary=False, error=final)
-    return _Lost("no answer in time" if isinstance(error, TimeoutError) else text, temporary=True)
+    return _Lost(text, temporary=True)
 
 
 def _refused(close_code: int, text: str) -> ServerError:

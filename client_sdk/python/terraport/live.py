@@ -86,6 +86,10 @@ class Session:
 
     # ---- what is served
 
+    def __repr__(self) -> str:
+        """Say which scene it is a session of; never the token."""
+        return f"<Session {self.url}>"
+
     @property
     def scene(self) -> SceneInfo:
         """Id, version, name and number of segments, as of the newest connection."""

@@ -24,6 +24,11 @@ class Segment:
     source: str
     """``"stream"``: sent for this landing; ``"memory"``, ``"disk"``: held before."""
 
+    def __repr__(self) -> str:
+        """Say what the index says of it, and where it came from."""
+        size = f"{self.faces:,} faces, {self.vertices:,} vertices, {len(self.payload):,} bytes"
+        return f"<Segment {self.id}: {size}, from {self.source}>"
+
     @property
     def id(self) -> int:
         """Segment id, unique in one scene version."""

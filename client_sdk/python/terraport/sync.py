@@ -81,6 +81,10 @@ class Session:
         finally:
             self._stop()
 
+    def __repr__(self) -> str:
+        """Say which scene it is a session of; never the token."""
+        return "<Session, not open yet>" if self._session is None else repr(self._session)
+
     @property
     def scene(self) -> SceneInfo:
         """Id, version, name and number of segments."""

@@ -5,6 +5,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from urllib.parse import quote, unquote, urlsplit
 
@@ -13,6 +14,9 @@ import xxhash
 from terraport.errors import UsageError
 
 __all__ = ["SceneUrl"]
+
+_HOST_FIRST = re.compile(r"[\w.-]+(:\d+)?(/[^@?#]*)?\Z")
+"""What people copy without its beginning: ``localhost:8080/scenes/pit``."""
 
 _HTTP_OF = {"http": "http", "https": "https", "ws": "http", "wss": "https"}
 
@@ -51,8 +55,11 @@ class SceneUrl:
             raise UsageError(f"URL {url!r}: {error}") from None
         scheme = _HTTP_OF.get(address.scheme)
         if scheme is None or not address.hostname:
+            perhaps = f"; perhaps http://{url}" if _HOST_FIRST.match(url) else ""
+            # Before an @ or behind a ? there may be a secret.
+            got = "URL" if "@" in url or "?" in url else f"URL {url!r}"
             raise UsageError(
-                f"URL {url!r}, expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss)"
+                f"{got}, expected http(s)://host[:port][/prefix]/scenes/ID (or ws, wss){perhaps}"
             )
         if address.username is not None or address.query or address.fragment:
             raise UsageError(

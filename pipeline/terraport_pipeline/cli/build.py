@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
 from typing import Annotated
+from urllib.parse import quote
 
 import typer
 from rich.console import Console
@@ -23,7 +27,7 @@ from terraport_pipeline.workflow.build import BuildOptions
 from terraport_pipeline.workflow.build import build as run_build
 from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_pipeline.workflow.report import BuildReport
-from terraport_store import StoreError
+from terraport_store import StoreError, read_manifest
 
 __all__ = ["build", "register"]
 
@@ -50,15 +54,21 @@ def build(
 
     For example:
 
-        terraport build pit.laz -o scenes/pit
+        terraport build pit.laz                          makes the scene pit, here
 
-        terraport build delivery/ -o scenes/pit
+        terraport build pit.laz -o scenes/pit            makes it elsewhere
 
-        terraport build 'tiles/*.laz' -o scenes/pit
+        terraport build delivery/ -o scenes/pit          of all files of a folder
 
-        terraport build delivery/ -o scenes/face --extent 641200 8594700 641300 8594800
+        terraport build 'tiles/*.laz' -o scenes/pit      of those of a pattern
 
-        terraport build pit.laz -o scenes/pit --photos flight/images
+        terraport build pit.laz --max-points 2M          a quick look first
+
+        terraport build pit.laz --photos flight/images   with textures
+
+        terraport build pit.laz --extent 641200 8594700 641300 8594800
+
+        terraport serve scenes                           shows what was built
     """
     console = Console(stderr=True, soft_wrap=True)
     with watching(console, quiet=quiet) as progress:
@@ -71,6 +81,26 @@ def build(
         console.print(built.table())
         state = "published" if built.published else "is up to date"
         console.print(f"{built.scene} {state}", markup=False, highlight=False)
+        for text in _last_lines(built.scene):
+            console.print(text, markup=False, highlight=False)
+
+
+def _last_lines(scene: Path) -> list[str]:
+    """Say where the report is, and the commands that serve the scene and land in it."""
+    lines = []
+    if (scene / REPORT_NAME).exists():
+        lines.append(f"report  {scene / REPORT_NAME}")
+    # A scene in the current directory is served by itself: beside it there is no scene, mostly.
+    served = scene if scene.parent == Path.cwd() else scene.parent
+    with suppress(ValueError):
+        served = served.relative_to(Path.cwd())
+    lines.append(f"serve   {shlex.join(['terraport', 'serve', str(served)])}")
+    bounds, name = read_manifest(scene).bounds, quote(scene.name, safe="")
+    middle = [(low + high) / 2 for low, high in zip(bounds.min, bounds.max, strict=True)]
+    x, _, z = (f"{round(value)}" for value in middle)
+    url = f"http://127.0.0.1:8080/scenes/{name}"
+    lines.append(f"land    {shlex.join(['terraport', 'land', url, x, '0', z])} --ground")
+    return lines
 
 
 def _photos_beside(texturing: Texturing | None) -> Callable[[SceneModel], OpenPhotos] | None:
@@ -109,6 +139,7 @@ def _report(options: BuildOptions, built: BuildReport, progress: Progress) -> No
         raise stage_failed(
             error,
             "the report",
-            f"{built.scene} is published and whole, and terraport report writes the report again",
+            f"{built.scene} is published and whole, and "
+            f"{shlex.join(['terraport', 'report', str(built.scene)])} writes the report again",
             options.work or default_work_directory(options.scene),
         ) from error

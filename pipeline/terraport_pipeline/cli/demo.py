@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import shlex
 import shutil
 import sys
 import tempfile
@@ -61,7 +62,9 @@ def demo(
     ] = True,
     keep: Annotated[
         Path | None,
-        typer.Option(help="Keep everything in this directory, and take up there next time."),
+        typer.Option(
+            help="Keep everything in this directory, and take up there next time.", file_okay=False
+        ),
     ] = None,
     open_page: Annotated[
         bool | None,
@@ -114,7 +117,9 @@ def demo(
                     webbrowser.open(next(iter(pages.values())))
                 _wait(console)
         if keep is not None:
-            console.print(f"kept in {keep}", highlight=False, soft_wrap=True)
+            command = shlex.join(["terraport", "serve", str(demo_scene.scenes_dir)])
+            text = f"kept in {keep}; {command} serves it again"
+            console.print(text, markup=False, highlight=False, soft_wrap=True)
 
 
 def has_display() -> bool:
@@ -154,9 +159,8 @@ def _directory(keep: Path | None) -> Iterator[Path]:
         try:
             yield temporary
         except StageFailedError as error:  # what is finished, and the trace, are in there
-            error.advice = (
-                f"what is finished is kept, and terraport demo --keep {temporary} goes on with it"
-            )
+            command = shlex.join(["terraport", "demo", "--keep", str(temporary)])
+            error.advice = f"what is finished is kept, and {command} goes on with it"
             raise
         except BaseException:
             shutil.rmtree(temporary, ignore_errors=True)

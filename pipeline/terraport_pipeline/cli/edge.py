@@ -34,7 +34,10 @@ def reporting_errors(console: Console) -> Iterator[None]:
     try:
         yield
     except (PipelineError, StoreError, OSError) as error:
-        console.print(f"error: {error}", markup=False, highlight=False, soft_wrap=True)
+        text = str(error)
+        if isinstance(error, OSError) and error.filename is not None:
+            text = f"{error.filename}: {error.strerror}"  # without its number
+        console.print(f"error: {text}", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(2 if isinstance(error, OptionError) else 1) from error
     except KeyboardInterrupt as error:
         console.print("stopped", markup=False)

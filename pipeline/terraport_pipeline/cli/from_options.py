@@ -117,7 +117,7 @@ def _parameter(field: OptionField, heading: str) -> inspect.Parameter:
         flags[0] += f"/--no-{flags[0].removeprefix('--')}"
     described: Any
     if option.is_argument:
-        described = typer.Argument(help=field.text, metavar=field.metavar)
+        described = typer.Argument(help=field.text, metavar=field.metavar or field.key.upper())
     else:
         described = typer.Option(
             *flags,

@@ -44,13 +44,18 @@ def report(
     photos: Annotated[
         Path | None,
         typer.Option(
-            help="Folder of a textured scene's photos, to show them beside it.", show_default=False
+            help="Folder of a textured scene's photos, to show them beside it.",
+            show_default=False,
+            exists=True,
+            file_okay=False,
         ),
     ] = None,
     cameras: Annotated[
         Path | None,
         typer.Option(
-            help="Their cameras; looked for beside the photos by default.", show_default=False
+            help="Their cameras; looked for beside the photos by default.",
+            show_default=False,
+            exists=True,
         ),
     ] = None,
     rays: Annotated[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -122,11 +123,19 @@ def synth(
     table = _make_table(quarry, options, seconds)
     if photo_set is not None:
         _add_photos(table, photo_set, photo_seconds)
-        table.caption = (
-            f"Next: terraport build {output} -o scenes/quarry "
-            f"--photos {photo_set.directory / 'images'} --cameras {photo_set.directory / 'colmap'}"
-        )
-    Console(soft_wrap=True).print(table)
+    console = Console(soft_wrap=True)
+    console.print(table)
+    # Below the table, whose width would break it: to be copied.
+    console.print(f"Next: {_next_command(quarry, photo_set)}", markup=False, highlight=False)
+
+
+def _next_command(quarry: WrittenQuarry, photo_set: WrittenPhotos | None) -> str:
+    """Say how to build a scene of what was written."""
+    words: list[str | Path] = ["terraport", "build", quarry.survey_path, "-o", "scenes/quarry"]
+    if photo_set is not None:
+        words += ["--photos", photo_set.directory / "images"]
+        words += ["--cameras", photo_set.directory / "colmap"]
+    return shlex.join(map(str, words))
 
 
 def parse_size(text: str) -> tuple[int, int]:
@@ -177,5 +186,4 @@ def _make_table(quarry: WrittenQuarry, options: QuarryOptions, seconds: float) -
     for name, count in quarry.material_points.items():
         table.add_row(f"  {name}", f"{count:,}  {100.0 * count / quarry.points:5.1f} %")
     table.add_row("time", f"{seconds:,.1f} s  ({quarry.points / seconds:,.0f} points/s)")
-    table.caption = f"Next: terraport build {quarry.survey_path} -o scenes/quarry"
     return table

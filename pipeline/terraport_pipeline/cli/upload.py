@@ -10,7 +10,7 @@ from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.progress import RichProgress
-from terraport_store import OriginError, is_url, read_manifest
+from terraport_store import OriginError, is_url, meant_url, read_manifest
 
 __all__ = ["register", "upload"]
 
@@ -47,13 +47,16 @@ def upload(
 
         terraport upload scenes/quarry s3://bucket/scenes/quarry
 
+        terraport upload scenes/quarry s3://bucket/quarry --endpoint http://127.0.0.1:9000
+
         terraport serve s3://bucket/scenes
     """
     errors = Console(stderr=True)
     with reporting_errors(errors):
         # (1) refuse what cannot be sent
         if not is_url(url):
-            raise OriginError(url, "is a path, expected an address like s3://BUCKET/PREFIX/NAME")
+            example = meant_url(url) or "s3://BUCKET/PREFIX/NAME"
+            raise OriginError(url, f"is a path, expected an address like {example}")
         try:
             from terraport_store.origin import ObjectOptions  # needs an extra
             from terraport_store.upload import upload_scene

@@ -36,7 +36,7 @@ from terraport_pipeline.report.textures import (
 from terraport_pipeline.validate.handoff import check_hand_off
 from terraport_pipeline.validate.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.validate.scene_windows import prove_in_windows, segments_around
-from terraport_store import Scene
+from terraport_store import Scene, read_manifest
 
 __all__ = ["REPORT_NAME", "ReportOptions", "ReportResult", "write_report"]
 
@@ -113,7 +113,8 @@ def write_report(
     OptionError
         When the output cannot be written where it is asked for.
     """
-    # (1) Refuse a page that cannot be written before anything is drawn.
+    # (1) Refuse what is no scene, and a page that cannot be written, before anything is drawn.
+    read_manifest(scene_path)
     chosen, watcher = options or ReportOptions(), progress or NullProgress()
     target = output or scene_path / REPORT_NAME
     if not target.absolute().parent.is_dir():

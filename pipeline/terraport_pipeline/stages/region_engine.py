@@ -27,7 +27,7 @@ from terraport_pipeline.geometry.regions.segmenter import (
 from terraport_pipeline.geometry.regions.shape_index import shape_index
 from terraport_pipeline.geometry.regions.triangle_pool import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.option import COMMON, Option, check_options, option_fields
+from terraport_pipeline.option import Option, check_options, option_fields
 
 __all__ = [
     "COLOUR",
@@ -60,7 +60,7 @@ _MOST: Final = 1e6
 class RegionOptions:
     """Which engine, by what, and how finely; ``ENGINE_...`` is of that engine alone."""
 
-    engine: Annotated[Engine, Option(heading=COMMON)] = "means"
+    engine: Annotated[Engine, Option()] = "means"
     """What cuts the surface into regions. means: mean colours of whole pieces; best on coloured
     ground. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
     thesis's Triangle Pool Algorithm, one number per face; blind to hue. felzenszwalb, grid: to

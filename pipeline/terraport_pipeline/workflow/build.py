@@ -53,6 +53,7 @@ from terraport_pipeline.workflow.renew_step import renew_survey, survey_change
 from terraport_pipeline.workflow.report import BuildReport, write_build_report
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.scene_lock import scene_locked
+from terraport_pipeline.workflow.scene_path import check_scene_path, default_scene_path
 from terraport_pipeline.workflow.segment_step import segment_tiles
 from terraport_pipeline.workflow.texture_step import (
     texture_base_alone,
@@ -63,7 +64,6 @@ from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, 
 from terraport_pipeline.workflow.tile_memory import WholeForecast, forecast_whole
 from terraport_pipeline.workflow.workdir import WorkDirectory
 from terraport_store.errors import StoreError
-from terraport_store.layout import MANIFEST_NAME
 from terraport_store.manifest import CrsInfo
 
 __all__ = ["BuildOptions", "available_memory_bytes", "build"]
@@ -85,7 +85,13 @@ class BuildOptions:
     survey: Annotated[Path | tuple[Path, ...], Option(is_argument=True, many=True)]
     """Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57. A file, several, a folder of them, or
     a pattern in quotes."""
-    scene: Annotated[Path, Option(flags=("--output", "-o"))]
+    output: Annotated[
+        Path | None,
+        Option(
+            flags=("--output", "-o"),
+            unset="the survey's name without its ending, in the current directory",
+        ),
+    ] = None
     """Scene directory to publish, or to renew."""
     name: Annotated[str | None, Option(unset="the scene directory's name")] = None
     """The scene's name for people."""
@@ -151,6 +157,11 @@ class BuildOptions:
     def inputs(self) -> tuple[Path, ...]:
         """What was given as the survey: files, folders, patterns."""
         return (self.survey,) if isinstance(self.survey, Path) else self.survey
+
+    @property
+    def scene(self) -> Path:
+        """Scene directory: the one that was asked for, or one of the survey's name."""
+        return default_scene_path(self.inputs) if self.output is None else self.output
 
     @property
     def base_image(self) -> base_atlas.Options | None:
@@ -351,28 +362,13 @@ def _check_in_one_piece(
 
 def _check(options: BuildOptions) -> SurveyFiles:
     """Refuse at once what would end the build after an hour; return the survey's files."""
-    scene = options.scene.absolute()
     survey = find_survey(
         options.inputs,
         skip_damaged=options.skip_damaged,
         extent=options.extent,
         statement=options.statement,
     )
-    try:
-        scene.parent.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OptionError(
-            f"cannot make {scene.parent} for the scene to stand in: {error.strerror}"
-        ) from error
-    if scene.exists() and not scene.is_dir():
-        raise OptionError(f"{scene} is a file; expected a scene directory or nothing")
-    if scene.is_dir() and not (scene / MANIFEST_NAME).exists():
-        others = [path for path in scene.iterdir() if not path.name.startswith((".v-", "v-"))]
-        if others:
-            raise OptionError(
-                f"{scene} holds other files ({others[0].name}); expected a scene, or an empty or "
-                "new directory"
-            )
+    check_scene_path(options.scene, options.inputs, is_default=options.output is None)
     if options.texture is not None and options.texture.options.kind == "ktx2":
         require_encoder()
     return survey

@@ -28,8 +28,32 @@ def test_a_survey_becomes_a_scene_with_a_table(hill_file: Path, tmp_path: Path) 
     assert validate_scene(tmp_path / "hill") == []
     for word in ("read", "clean", "reconstruct", "segment", "pack", "MiB", "published"):
         assert word in output
+    assert "report " not in output.partition("published")[2]
+    assert "land terraport land http://127.0.0.1:8080/scenes/hill " in output
     assert "warning" not in output  # nothing was asked for that was not done
     assert not (tmp_path / "hill" / "report.html").exists()
+
+
+def test_without_an_output_the_scene_is_called_as_the_survey_and_the_last_lines_say_what_next(
+    hill_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    survey = tmp_path / "surveys" / "north pit.xyz"
+    survey.parent.mkdir()
+    survey.write_bytes(hill_file.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    options = ("--min-faces", 150, "--max-faces", 900, "--base-faces", "1k", "--no-report")
+    code, output = run("surveys/north pit.xyz", *options)
+    assert code == 0, output
+    scene = tmp_path / "north pit"
+    assert validate_scene(scene) == []
+    (scene / "report.html").write_text("<html>")
+    code, output = run("surveys/north pit.xyz", *options)
+    land = "land terraport land http://127.0.0.1:8080/scenes/north%20pit 0 0 0 --ground"
+    assert output.endswith(
+        f"{scene} is up to date report {scene}/report.html serve terraport serve 'north pit' {land}"
+    )
+    code, output = run("surveys/north pit.xyz", "-o", "scenes/pit", *options)
+    assert "serve terraport serve scenes land terraport land http" in output
 
 
 def test_a_folder_and_a_pattern_become_a_scene_and_say_what_was_read(tmp_path: Path) -> None:

@@ -23,8 +23,23 @@ def test_a_port_in_use_is_said_before_anything_is_made(tmp_path: Path) -> None:
         )
     assert result.exit_code == 1
     assert result.stdout == ""
-    assert f"error: could not listen on 127.0.0.1:{port}: another program does" in result.stderr
+    assert f"error: could not listen on 127.0.0.1:{port}: " in result.stderr
+    assert "does; stop it, or choose another port: --port " in result.stderr
     assert not (tmp_path / "demo").exists()
+
+
+def test_a_file_is_no_folder_to_keep_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("file").touch()
+    result = CliRunner().invoke(app, ["demo", "--keep", "file"])
+    assert result.exit_code == 2
+    assert "is a file" in result.stderr
+
+
+def test_how_many_points_make_a_demo(tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["demo", "--points", "5", "--keep", str(tmp_path / "demo")])
+    assert result.exit_code == 2
+    assert "received 5 points, expected 20,000 to 20,000,000 for a demo" in result.stderr
 
 
 def test_a_number_that_is_no_port_is_refused() -> None:

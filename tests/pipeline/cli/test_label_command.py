@@ -74,7 +74,8 @@ def test_what_else_is_refused(scene: Path, tmp_path: Path) -> None:
     both = run(scene, table, "--export", tmp_path / "x")
     assert (both.exit_code, "expected one of them" in both.stderr) == (2, True)
     missing = run(scene, table)
-    assert (missing.exit_code, "No such file" in missing.stderr) == (1, True)
+    assert missing.exit_code == 1
+    assert missing.stderr == f"error: {table}: No such file or directory\n"
     nothing = run(tmp_path)
     assert (nothing.exit_code, nothing.stderr.startswith("error: no scene at")) == (1, True)
     table.write_text("stable_id,label\n4,pile\n")

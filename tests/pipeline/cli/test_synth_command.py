@@ -20,14 +20,16 @@ def run(*arguments: str | Path):
 
 
 def test_a_quarry_and_its_table(tmp_path: Path) -> None:
-    path = tmp_path / "q.laz"
+    path = tmp_path / "a b" / "q.laz"
+    path.parent.mkdir()
     result = run("-o", path, "--points", "2k", "--seed", "4", "--size", "90", "--noise", "0")
     assert result.exit_code == 0, result.output
     assert len(read_survey(path).points) == 2000
     assert "2,000" in result.output
     assert "EPSG:32735" in result.output
     assert "rock_face" in result.output
-    options = load_options(tmp_path / "q.truth.npz")
+    assert result.output.endswith(f"Next: terraport build '{path}' -o scenes/quarry\n")
+    options = load_options(path.with_suffix(".truth.npz"))
     assert (options.seed, options.size_m, options.noise_m, options.holes) == (4, 90.0, 0.0, 2)
 
 
@@ -89,7 +91,8 @@ def test_photos_come_with_the_cloud_they_show(tmp_path: Path) -> None:
     )  # fmt: skip
     assert result.exit_code == 0, result.output
     assert "cm a pixel" in result.output
-    assert "--cameras" in result.output
+    photos = tmp_path / "p"
+    assert result.output.endswith(f" --photos {photos}/images --cameras {photos}/colmap\n")
     assert load_options(tmp_path / "q.truth.npz").detail == 1.0
     assert len(list((tmp_path / "p" / "images").iterdir())) == 2
 

@@ -55,9 +55,15 @@ def test_what_cannot_be_is_one_line(s3: str, tiny: TinyScene, tmp_path: Path) ->
     for arguments, text in (
         ((tiny.path, "scenes/tiny"), "is a path, expected an address like s3://"),
         ((tmp_path, "s3://scenes/x"), "no scene at"),
+        ((tiny.path, "s3:/scenes/tiny"), "expected an address like s3://scenes/tiny"),
+        (("s3://scenes/tiny", "s3://scenes/x"), "expected a directory of this machine; object"),
         ((tiny.path, "s3://no-such-bucket/x"), "expected a bucket that exists"),
+        (
+            (tiny.path, "s3://scenes/x", "--endpoint", "minio:9000"),
+            "s3://scenes/x: cannot be used: the endpoint is 'minio:9000', expected one like http://",
+        ),
     ):
-        done = run("upload", *arguments, "--endpoint", s3)
+        done = run("upload", "--endpoint", s3, *arguments)
         assert done.exit_code == 1
         assert text in done.stderr
         assert len(done.stderr.splitlines()) <= 3  # the progress bar's lines among them

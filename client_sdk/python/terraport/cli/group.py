@@ -45,7 +45,10 @@ def place_of(
             raise UsageError("got X Y Z as a member of a group, expected none: the guide says")
         return None
     if x is None or y is None or z is None:
-        raise UsageError("got no X Y Z, expected x, y and z (or --group without --guide)")
+        got = " ".join(name for name, value in zip("XYZ", given, strict=True) if value is not None)
+        raise UsageError(
+            f"got {got or 'no X Y Z'}, expected x, y and z (or --group without --guide)"
+        )
     return x, y, z
 
 

@@ -6,7 +6,7 @@ import asyncio
 import importlib
 import json
 import warnings
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable
 from contextlib import asynccontextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -19,12 +19,14 @@ from rich.table import Table
 
 from terraport.base import BaseMesh
 from terraport.cli.group import GroupOptions, land_together, place_of
-from terraport.cli.reach import nothing_there, require_reach
+from terraport.cli.reach import explain_refusal, nothing_there, require_reach
 from terraport.client import connect
 from terraport.errors import (
+    HttpError,
     LandingTimeoutError,
     MissingExtraError,
     OutsideSceneWarning,
+    ServerError,
     UsageError,
 )
 from terraport.frames import to_crs, to_scene
@@ -148,24 +150,34 @@ def land(
     with warnings.catch_warnings():
         # Said in this command's own words: before the landing, or after one that a guide called.
         warnings.simplefilter("ignore", OutsideSceneWarning)
-        asyncio.run(
-            _land(
-                url,
-                coordinates,
-                radius,
-                group_options=group_options,
-                crs=crs,
-                ground=ground,
-                token=token,
-                repeat=repeat,
-                timeout_s=timeout,
-                options=options,
-                glb=glb,
-                png=png,
-                trace=trace,
-                as_json=as_json,
-            )
+        landing = _land(
+            url,
+            coordinates,
+            radius,
+            group_options=group_options,
+            crs=crs,
+            ground=ground,
+            token=token,
+            repeat=repeat,
+            timeout_s=timeout,
+            options=options,
+            glb=glb,
+            png=png,
+            trace=trace,
+            as_json=as_json,
         )
+        asyncio.run(_with_advice(landing, url, token))
+
+
+async def _with_advice(landing: Awaitable[None], url: str, token: str | None) -> None:
+    """Land; of a refusal say what can be typed about it."""
+    try:
+        await landing
+    except (ServerError, HttpError) as error:
+        explained = await explain_refusal(error, url, token)
+        if explained is error:
+            raise
+        raise explained from error
 
 
 async def _land(

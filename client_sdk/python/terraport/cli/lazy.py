@@ -202,4 +202,6 @@ def _reporting(verb: Verb | None) -> Iterator[None]:
         text = f'"terraport {verb.name}" needs {missing}: install "terraport[{verb.extra}]"'
         raise fail(text, 2) from None
     except OSError as error:
-        raise fail(str(error)) from None
+        named = error.filename is not None
+        text = f"{error.filename}: {error.strerror}" if named else str(error)  # without its number
+        raise fail(text) from None

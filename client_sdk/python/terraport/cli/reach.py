@@ -1,14 +1,55 @@
-"""``terraport land``: places that the scene does not reach."""
+"""``terraport land``: services that refuse, and places that the scene does not reach."""
 
 from __future__ import annotations
 
-from terraport.errors import UsageError
+from typing import Final
+
+from terraport.access import Access
+from terraport.errors import HttpError, ServerError, TerraportError, UsageError
+from terraport.http import SceneHttp
 from terraport.landing import Landing
 from terraport.scene_box import SceneBox
+from terraport.urls import SceneUrl
+from terraport_wire import CLOSE_CODES, HTTP_STATUS, ErrorCode
 
-__all__ = ["nothing_there", "require_reach"]
+__all__ = ["explain_refusal", "nothing_there", "require_reach"]
+
+_UNAUTHORISED: Final = HTTP_STATUS[CLOSE_CODES[ErrorCode.UNAUTHORISED]]
+
+_LIST_TIMEOUT_S: Final = 5.0
+"""For the list of scenes, which only adds to an error."""
 
 Point = tuple[float, float, float]
+
+
+async def explain_refusal(
+    error: ServerError | HttpError, url: str, token: str | None
+) -> TerraportError:
+    """Add to a refusal what can be typed about it; return any other as it is.
+
+    Parameters
+    ----------
+    error : ServerError or HttpError
+    url, token : str
+        As they stood on the command line.
+    """
+    code = error.code if isinstance(error, ServerError) else None
+    status = error.status if isinstance(error, HttpError) else 0
+    if code == ErrorCode.UNAUTHORISED or status == _UNAUTHORISED:
+        advice = "give one by --token or TERRAPORT_TOKEN"
+        if token is not None:
+            advice = "the one given is wrong, has expired, or is not for this service"
+        return TerraportError(f"{error}; {advice}")
+    if code == ErrorCode.UNKNOWN_SCENE:
+        http = SceneHttp(SceneUrl.parse(url), Access(token), _LIST_TIMEOUT_S)
+        try:
+            ids = await http.scene_ids()
+        except TerraportError:
+            return error
+        finally:
+            await http.aclose()
+        return TerraportError(f"{error}; it serves {', '.join(ids) or 'none'}")
+    return error
 
 
 def require_reach(

@@ -63,7 +63,7 @@ def test_sums_of_a_cube_are_those_of_its_samples() -> None:
     assert not ground.voxels[0]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 2**32 - 1), cut=st.integers(0, 300))
 def test_the_order_of_samples_does_not_count(seed: int, cut: int) -> None:
     rng = np.random.default_rng(seed)

@@ -108,7 +108,7 @@ def test_the_ratio_of_densities_is_that_of_the_samples(share: float) -> None:
     assert changes(pair.swapped).density_ratio == pytest.approx(1 / share, rel=0.06)
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**32 - 1), depth_m=st.floats(-3, 3))
 def test_exchanged_surveys_change_the_same_ground(seed: int, depth_m: float) -> None:
     before, after = hill(seed, side_m=16.0), hill(seed + 1, side_m=16.0)

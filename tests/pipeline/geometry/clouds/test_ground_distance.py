@@ -91,7 +91,7 @@ def clouds(seed: int) -> tuple[Float64, Float64]:
     return before, after
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_exchanged_surveys_change_the_sign_alone(seed: int) -> None:
     pair = pair_of(*clouds(seed))

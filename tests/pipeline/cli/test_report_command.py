@@ -1,0 +1,33 @@
+"""``terraport report``: what is refused before anything is drawn."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from store.tiny_scene import write_tiny_scene
+from typer.testing import CliRunner
+
+from terraport.cli import app
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "text"),
+    [
+        (["nowhere"], 1, "error: no scene at nowhere, expected a directory with scene.json"),
+        (["."], 1, "error: no scene at ., expected a directory with scene.json; scenes in it: pit"),
+        (["pit", "-o", "no/page.html"], 2, "error: received the output no/page.html, expected an"),
+        (["pit", "--photos", "no"], 2, "'no' does not exist"),
+        (["pit", "--photos", "pit/scene.json"], 2, "is a file"),
+        (["pit", "--cameras", "no"], 2, "'no' does not exist"),
+    ],
+)
+def test_what_cannot_be_is_said_at_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], code: int, text: str
+) -> None:
+    write_tiny_scene(tmp_path / "pit")
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["report", *arguments])
+    assert (result.exit_code, result.stdout) == (code, "")
+    assert text in " ".join(result.stderr.replace("│", " ").split())
+    assert not (tmp_path / "pit" / "report.html").exists()
