@@ -56,7 +56,7 @@ def test_demo_goes_from_nothing_to_three_landings(tmp_path, monkeypatch) -> None
 
 @pytest.mark.parametrize("points", [10, 10**9])
 def test_senseless_sizes_are_refused_before_work(tmp_path, points) -> None:
-    with pytest.raises(OptionError, match=f"received {points} points"):
+    with pytest.raises(OptionError, match=f"received {points:,} points"):
         prepare_demo(tmp_path, points=points)
     assert list(tmp_path.iterdir()) == []
 
