@@ -16,9 +16,10 @@ from terraport_pipeline.errors import PhotoError
 from terraport_pipeline.geometry.photos.lens import Lens, valid_radius
 from terraport_pipeline.geometry.photos.view_cover import cover_points
 from terraport_pipeline.model import to_scene
-from terraport_pipeline.progress import Progress
+from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.stages.read import read_survey
 from terraport_pipeline.survey_files import SurveyFiles
+from terraport_pipeline.survey_sample import choose_files
 
 __all__ = ["inspect_cameras", "inspect_photos"]
 
@@ -80,7 +81,7 @@ def inspect_photos(
     Parameters
     ----------
     files : SurveyFiles or Path
-        The survey.
+        The survey; of a large one pieces that are spread over it are read.
     cameras : Path
     photos : Path, optional
         Folder of the photos; with it sizes are checked and colours are compared.
@@ -104,7 +105,8 @@ def inspect_photos(
         Also when the cameras do not look at the cloud.
     """
     # (1) The survey's samples, in the scene's frame.
-    survey = read_survey(files, max_points=MAX_POINTS, progress=progress)
+    chosen, share = choose_files(*SurveyFiles.of(files).heads(NullProgress()))
+    survey = read_survey(chosen, max_points=MAX_POINTS, progress=progress, share=share)
     origin = np.floor(survey.points.min(axis=0))
     points = to_scene(survey.points, origin).astype(np.float64)
     placed = read_cameras(

@@ -39,6 +39,7 @@ __all__ = [
     "damage_of",
     "find_survey",
     "listed",
+    "meaning_of",
     "nothing_within",
     "one_crs",
     "refuse_far",
@@ -136,8 +137,16 @@ class SurveyFiles:
             "+".join(each) if len(each) == 1 else xxhash.xxh3_128_hexdigest("+".join(each).encode())
         )
 
-    def heads(self, progress: Progress) -> tuple[SurveyFiles, tuple[FileHead, ...]]:
+    def heads(
+        self, progress: Progress, *, check_meaning: bool = True
+    ) -> tuple[SurveyFiles, tuple[FileHead, ...]]:
         """Read every file's header, and refuse what cannot be one survey, before any point is read.
+
+        Parameters
+        ----------
+        progress : Progress
+        check_meaning : bool
+            Refuse coordinates that contradict their CRS or unit; without it whoever asks does.
 
         Returns
         -------
@@ -197,7 +206,8 @@ class SurveyFiles:
         advice = "; --skip-damaged goes on without the fewer" if in_other_crs else ""
         crs = one_crs([(file.name, heads[file].crs) for file in kept], advice)
         _near_each_other(kept, [heads[file] for file in kept])
-        _check_meaning(kept, [heads[file] for file in kept], crs, self.statement)
+        if check_meaning:
+            meaning_of(kept, [heads[file] for file in kept], crs, self.statement)
         survey = replace(
             self,
             files=kept,
@@ -560,21 +570,32 @@ def _nothing_found(inputs: Sequence[Path], ignored: list[tuple[str, str]]) -> Su
     )
 
 
-def _check_meaning(
+def meaning_of(
     files: Sequence[SurveyFile],
     heads: Sequence[FileHead],
     crs: Any | None,
     statement: SurveyStatement,
-) -> None:
-    """Refuse by the headers' boxes what :func:`.metre_factors` refuses when all points are read."""
+) -> list[str]:
+    """Refuse by the headers' boxes what :func:`.metre_factors` refuses when all points are read.
+
+    Returns
+    -------
+    list of str
+        What is doubtful, as whole sentences.
+
+    Raises
+    ------
+    ReadError
+    """
     corners = [(h.low, h.high) for h in heads if h.low is not None and h.high is not None]
     if len(corners) < len(heads):
-        return
+        return []
     lows, highs = (np.array(corner, np.float64) for corner in zip(*corners, strict=True))
     low, high = lows.min(axis=0), highs.max(axis=0)
     # A box without size is no box; one as wide as a country holds a stray point.
-    if (high > low)[:2].all() and float((high - low)[:2].max()) < FAR:
-        metre_factors(files[0].path, low, high, crs, statement)
+    if not ((high > low)[:2].all() and float((high - low)[:2].max()) < FAR):
+        return []
+    return metre_factors(files[0].path, low, high, crs, statement)[2]
 
 
 def _near_each_other(files: Sequence[SurveyFile], heads: Sequence[FileHead]) -> None:

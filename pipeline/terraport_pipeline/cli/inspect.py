@@ -4,33 +4,46 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
 
 import typer
-from rich.console import Console, Group
+from rich.console import Console, Group, RenderableType
+from rich.markup import escape
+from rich.status import Status
 from rich.table import Table
 from rich.text import Text
 
 from terraport_pipeline.camera_inspection import inspect_cameras, inspect_photos
 from terraport_pipeline.cli.camera_tables import camera_tables
-from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.cli.label import regions_table
-from terraport_pipeline.cli.survey_tables import survey_tables
+from terraport_pipeline.cli.survey_tables import point_tables, survey_tables
 from terraport_pipeline.engines.camera_files import has_cameras
+from terraport_pipeline.engines.pictures import save_png
+from terraport_pipeline.engines.readers.read_xyz import is_table
 from terraport_pipeline.engines.readers.survey_format import is_binary_survey
-from terraport_pipeline.errors import OptionError, SurveyError
+from terraport_pipeline.errors import OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.inspection import inspect_scene
 from terraport_pipeline.option import EXTENT, parse_offset
-from terraport_pipeline.progress import RichProgress
+from terraport_pipeline.progress import NullProgress, RichProgress
+from terraport_pipeline.report.density_picture import draw_density
 from terraport_pipeline.report.facts import extent_line, input_line
 from terraport_pipeline.report.scene_colour import SceneColour
-from terraport_pipeline.survey_files import find_survey
-from terraport_pipeline.survey_inspection import inspect_survey
+from terraport_pipeline.survey_files import SurveyFiles, find_survey
+from terraport_pipeline.survey_inspection import inspect_headers, inspect_points
+from terraport_pipeline.survey_statement import SurveyStatement
+from terraport_pipeline.workflow.build import default_memory_bytes, usable_cores
 from terraport_store import SceneNotFoundError
 
 __all__ = ["inspect", "register"]
+
+_NOTHING_STATED: Final = SurveyStatement()
+
+_SURVEY_TEXT: Final = frozenset({".xyz", ".csv", ".asc", ".pts", ".xyzrgb"})
+"""Endings of text that is a survey, if it is no file of cameras; of any other its lines tell."""
 
 _REGIONS: Final = 10
 """Regions in the table; --json has twice as many, terraport label --export has all."""
@@ -38,7 +51,7 @@ _REGIONS: Final = 10
 
 def register(app: typer.Typer) -> None:
     """Add ``terraport inspect`` to the command line `app`."""
-    app.command("inspect")(inspect)
+    app.command("inspect")(command_of(inspect))
 
 
 def inspect(
@@ -74,6 +87,19 @@ def inspect(
             show_default=False,
         ),
     ] = None,
+    statement: SurveyStatement = _NOTHING_STATED,
+    headers: Annotated[
+        bool,
+        typer.Option("--headers", help="Of a survey only what the files' headers say, at once."),
+    ] = False,
+    density_map: Annotated[
+        Path | None,
+        typer.Option(
+            "--map",
+            help="Write the density of the survey's points as a picture (PNG).",
+            show_default=False,
+        ),
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON instead of tables.")] = False,
 ) -> None:
     """Show what is in a scene or a survey, or whether the cameras of photos fit a survey.
@@ -81,10 +107,13 @@ def inspect(
     Of a scene: counts, sizes, regions, segments, attributes, coordinates. Reads manifest, index and
     region facts only, so it answers at once however large the scene is.
 
-    Of a survey: files, points, extent and CRS by their headers, and files that cannot be read.
+    Of a survey: what looks wrong, first; files, points, extent, CRS and units by their headers, at
+    once; then, by at most five million points spread over it, density, spacing, noise, copies,
+    colours and attributes, and what a build of it will make and take.
 
-    Of a survey with --cameras: format, lenses, pixel size on the ground, how much of the cloud the
-    photos show, and with --photos whether their colours agree with the cloud's.
+    Of a survey with --cameras: also format, lenses, pixel size on the ground, how much of the cloud
+    the photos show and how many each point is in, and with --photos whether their colours agree
+    with the cloud's.
 
     For example:
 
@@ -94,66 +123,129 @@ def inspect(
 
         terraport inspect delivery/
 
+        terraport inspect delivery/ --map density.png
+
         terraport inspect delivery/ --extent 641200 8594700 641300 8594800
 
         terraport inspect survey.laz --cameras colmap/ --photos images/
     """
-    console = Console(stderr=True)
-    # Facts are gathered as plain values; whether they are printed as JSON or drawn comes last.
-    with reporting_errors(console):
-        within = None if extent is None else Extent(*extent)
-        if cameras is not None:
-            offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
-            with RichProgress(console) as progress:
-                facts = inspect_photos(
-                    find_survey(target, extent=within),
-                    cameras,
-                    photos=photos,
-                    offset=offset,
-                    progress=progress,
-                )
-            tables = camera_tables(facts, cameras.name)
-        elif camera_offset is not None:
-            raise OptionError("--camera-offset needs --cameras and the survey")
-        else:
-            facts, tables = _facts_of(target, photos, within)
-    if as_json:
-        typer.echo(json.dumps(facts, indent=1))
-    else:
-        Console().print(tables)
-
-
-def _facts_of(
-    targets: list[Path], photos: Path | None, extent: Extent | None
-) -> tuple[dict[str, Any], Group]:
-    """Gather and draw the facts of a scene, of cameras or of a survey: a folder may be any."""
-    target = targets[0]
-    alone = len(targets) == 1
-    # (1) A folder of its own kind: a scene, or a project of cameras.
+    console = Console(stderr=True, soft_wrap=True)
+    within = None if extent is None else Extent(*extent)
+    if camera_offset is not None and cameras is None:
+        raise OptionError("--camera-offset needs --cameras and the survey")
+    asked = _Asked(console, Console(), density_map, only_headers=headers, as_json=as_json)
+    # (1) Cameras with their survey.
+    if cameras is not None:
+        offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
+        survey = find_survey(target, extent=within, statement=statement)
+        survey_facts = _inspect_survey(survey, asked)
+        with RichProgress(console) as progress:
+            facts = inspect_photos(survey, cameras, photos=photos, offset=offset, progress=progress)
+        asked.show({**facts, "survey": survey_facts}, camera_tables(facts, cameras.name))
+        return
+    # (2) A folder or file of another kind: a scene, a project of cameras.
     no_scene: SceneNotFoundError | None = None
-    if alone and extent is None and not target.is_file():
+    if len(target) == 1 and within is None and not statement.recorded:
+        try:
+            other = _scene_or_cameras(target[0], photos)
+        except SceneNotFoundError as error:
+            no_scene = error
+        else:
+            if other is not None:
+                asked.show(*other)
+                return
+    # (3) A survey. Damage is listed, not refused: this is what is asked.
+    try:
+        survey = find_survey(target, skip_damaged=True, extent=within, statement=statement)
+    except SurveyError:
+        if no_scene is not None:
+            raise no_scene from None
+        raise
+    asked.show(_inspect_survey(survey, asked))
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """How facts are shown."""
+
+    console: Console
+    """Of progress."""
+    out: Console
+    density_map: Path | None
+    only_headers: bool
+    as_json: bool
+
+    def show(self, facts: Mapping[str, Any], tables: RenderableType | None = None) -> None:
+        """Print JSON, or tables; those of a survey were drawn while it was looked at."""
+        if self.as_json:
+            typer.echo(json.dumps(facts, indent=1))
+        elif tables is not None:
+            self.out.print(tables)
+
+
+def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any], Group] | None:
+    """Gather and draw the facts of a scene or of cameras; None of what is neither by its kind.
+
+    Raises
+    ------
+    SceneNotFoundError
+        A folder that is neither; it may hold a survey.
+    """
+    no_scene: SceneNotFoundError | None = None
+    if not target.is_file():
         try:
             facts = inspect_scene(target)
             return facts, _tables(facts)
         except SceneNotFoundError as error:
             no_scene = error
-    # (2) Cameras: in a folder, or a text, which a survey may be too.
-    if (
-        alone
-        and extent is None
-        and (has_cameras(target) or (target.is_file() and not is_binary_survey(target)))
-    ):
-        facts = inspect_cameras(target, photos)
+    if has_cameras(target) or (target.is_file() and not is_binary_survey(target)):
+        try:
+            facts = inspect_cameras(target, photos)
+        except ReadError:
+            if target.suffix.lower() not in _SURVEY_TEXT and not is_table(target):
+                raise
+            return None
         return facts, camera_tables(facts, target.name)
-    # (3) A survey. Damage is listed, not refused: this is what is asked.
-    try:
-        survey = find_survey(targets, skip_damaged=True, extent=extent)
-    except SurveyError:
-        if no_scene is not None:
-            raise no_scene from None
-        raise
-    facts = inspect_survey(survey)
-    return facts, survey_tables(facts)
+    if no_scene is not None:
+        raise no_scene
+    return None
+
+
+def _inspect_survey(survey: SurveyFiles, asked: _Asked) -> dict[str, Any]:
+    """Draw what the headers say as soon as they are read, then what the points say."""
+    with RichProgress(asked.console) as progress:
+        survey, heads = survey.heads(progress, check_meaning=False)
+    facts = inspect_headers(survey, heads)
+    if not asked.as_json:
+        asked.out.print(survey_tables(facts))
+    if asked.only_headers or facts["refused"] is not None:
+        return facts
+    shown = facts["warnings"]
+    with asked.console.status("points") as status:
+        facts, density = inspect_points(
+            survey,
+            heads,
+            facts,
+            max_memory_bytes=default_memory_bytes(),
+            threads=usable_cores(),
+            progress=_StepNames(status),
+        )
+    if asked.density_map is not None and density is not None:
+        save_png(draw_density(density), asked.density_map)
+    if not asked.as_json:
+        asked.out.print(point_tables(facts, shown))
+    return facts
+
+
+class _StepNames(NullProgress):
+    """Names the step that runs beside the spinner: all of them together take seconds."""
+
+    def __init__(self, status: Status) -> None:
+        self._status = status
+
+    def start(self, stage: str, _total: float | None, _unit: str) -> None:
+        """Name a step."""
+        self._status.update(escape(stage))
 
 
 def _tables(facts: Mapping[str, Any]) -> Group:

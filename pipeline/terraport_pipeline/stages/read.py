@@ -29,6 +29,7 @@ def read_survey(
     *,
     progress: Progress | None = None,
     max_points: int | None = None,
+    share: float = 1.0,
 ) -> Survey:
     """Read a survey.
 
@@ -41,6 +42,8 @@ def read_survey(
     max_points : int, optional
         Thin the cloud to this many points, evenly over the ground and the same ones each time;
         None reads all. At least 1.
+    share : float
+        Read about this share of each file, for a look at a survey that is too large for more.
 
     Returns
     -------
@@ -67,6 +70,7 @@ def read_survey(
             Context(folder, progress or NullProgress()),
             max_points=max_points,
             bounded=False,
+            share=share,
         )
         arrays = {path.stem: np.load(path) for path in folder.glob("*.npy")}
     return _survey_of(Stored(arrays, values), facts)

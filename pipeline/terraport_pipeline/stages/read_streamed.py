@@ -183,6 +183,7 @@ def run(
     *,
     max_points: int | None = None,
     bounded: bool = True,
+    share: float = 1.0,
 ) -> tuple[Mapping[str, Json], Facts]:
     """Read a survey into a folder.
 
@@ -196,6 +197,9 @@ def run(
         Thin to this many points, evenly over the ground, the same ones each time. At least 1.
     bounded : bool
         Refuse files that can only be read whole.
+    share : float
+        Read about this share of each file, as :func:`open_stream` does: for a look at the survey,
+        not for a build.
 
     Returns
     -------
@@ -203,9 +207,9 @@ def run(
         ``attributes`` (names), ``crs``, ``format``, ``whole``, the box in ``low`` and ``high``, and
         ``units_m`` (metres in a unit of the eastings, and of the heights) where they are not 1.
         What depends on the files stands in the facts' notes: ``files`` (xxh3, points, those of
-        them outside the extent, repeats), and of what reading found ``outside`` (name and points of
-        files without a point within the extent), ``empty`` (names), ``damaged`` (name and reason)
-        and ``remarks`` (on indices that could not be used).
+        them outside the extent, repeats), and of what reading found ``colours`` (how deep),
+        ``outside`` (name and points of files without a point within the extent), ``empty`` (names),
+        ``damaged`` (name and reason) and ``remarks`` (on indices that could not be used).
 
     Raises
     ------
@@ -222,7 +226,7 @@ def run(
     survey = SurveyFiles.of(survey)
     thinning = None if max_points is None else HashThinning(_THINNED_FROM * max_points)
     try:
-        outcome = _spool_all(survey, folder, context, thinning, bounded)
+        outcome = _spool_all(survey, folder, context, thinning, bounded, share)
         spooled = outcome.spooled
         crs = one_crs([(part.file.name, part.stream.crs) for part in outcome.opened])
         crs = survey.crs_outside if crs is None else crs
@@ -260,6 +264,7 @@ def _spool_all(
     context: Context,
     thinning: HashThinning | None,
     bounded: bool,
+    share: float,
 ) -> _Outcome:
     """Write every file down."""
     outcome = _Outcome()
@@ -268,7 +273,7 @@ def _spool_all(
     for number, file in enumerate(survey.files):
         path = folder / f"raw-{number}.npy"
         try:
-            part = _spool(file, path, thinning, reading, survey, bounded=bounded)
+            part = _spool(file, path, thinning, reading, survey, bounded=bounded, share=share)
         except NoPointsError:
             if alone:
                 raise
@@ -327,6 +332,7 @@ def _spool(
     survey: SurveyFiles,
     *,
     bounded: bool,
+    share: float,
 ) -> _Spooled | _Outside:
     """Write a file's points within the extent down as it has them, those that are finite.
 
@@ -342,6 +348,7 @@ def _spool(
         bounded=bounded,
         extent=extent,
         columns=survey.statement.columns,
+        share=share,
     ) as stream:
         if stream.crs is None:
             stream = replace(stream, crs=file.crs_beside)
@@ -847,6 +854,7 @@ def _result(
             for part in outcome.spooled
         ],
         "outside": [[part.file.name, part.read + part.stream.skipped] for part in outcome.outside],
+        "colours": sorted({depth for depth in layout.depths if depth is not None}),
         "empty": [name for name, _ in outcome.empty],
         "damaged": [[name, reason] for name, reason in outcome.damaged],
         "remarks": [text for part in outcome.opened for text in part.stream.remarks],

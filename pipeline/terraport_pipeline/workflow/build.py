@@ -66,7 +66,13 @@ from terraport_pipeline.workflow.workdir import WorkDirectory
 from terraport_store.errors import StoreError
 from terraport_store.manifest import CrsInfo
 
-__all__ = ["BuildOptions", "available_memory_bytes", "build"]
+__all__ = [
+    "BuildOptions",
+    "available_memory_bytes",
+    "build",
+    "default_memory_bytes",
+    "usable_cores",
+]
 
 _MEMORY_SHARE: Final = 0.8
 """Share of the memory that is free at the start which a build allows itself."""
@@ -208,6 +214,11 @@ def available_memory_bytes() -> int:
     return free if limit == "max" else max(0, min(free, int(limit) - used))
 
 
+def default_memory_bytes() -> int:
+    """Memory that a build allows itself when not told."""
+    return int(_MEMORY_SHARE * available_memory_bytes())
+
+
 def build(options: BuildOptions, progress: Progress | None = None) -> BuildReport:
     """Build a scene from a survey and publish it.
 
@@ -244,15 +255,14 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
     survey = _check(options)
     scene = options.scene.absolute()
     with scene_locked(scene):
-        threads = options.threads or _cores()
+        threads = options.threads or usable_cores()
         limit_threads(threads)
         runner = Runner(
             WorkDirectory(options.work or default_work_directory(scene)),
             resume=options.resume,
             progress=progress or NullProgress(),
             threads=threads,
-            max_memory_bytes=options.max_memory_bytes
-            or int(_MEMORY_SHARE * available_memory_bytes()),
+            max_memory_bytes=options.max_memory_bytes or default_memory_bytes(),
         )
         try:
             version_of, published, files = _run_stages(runner, survey, scene, options)
@@ -273,7 +283,8 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
     return report
 
 
-def _cores() -> int:
+def usable_cores() -> int:
+    """Cores that this process may use, and a build does where it is not told."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 

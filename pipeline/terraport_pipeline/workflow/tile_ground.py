@@ -46,7 +46,16 @@ from terraport_pipeline.workflow.tile_memory import (
 )
 from terraport_pipeline.workflow.workdir import StageRecord
 
-__all__ = ["FRAME", "Ground", "TileOptions", "clean_thinned", "prepare", "tile_tasks"]
+__all__ = [
+    "FRAME",
+    "Ground",
+    "TileOptions",
+    "choose_tiles",
+    "clean_thinned",
+    "lattice_of",
+    "prepare",
+    "tile_tasks",
+]
 
 FRAME: Final = "frame"
 """Decision: origin, lattice and measures of a scene."""
@@ -249,7 +258,7 @@ def _frame(measured: dict[str, Any], origin: Float64, detail_depth: int | None) 
     return {
         "origin": origin.tolist(),
         "measured": measured,
-        **asdict(_lattice(measured, cell_m)),
+        **asdict(lattice_of(measured, cell_m)),
         "raster_low": list(raster.low),
         "raster_cell_m": raster.cell_m,
         "warnings": list(warnings),
@@ -281,13 +290,49 @@ def _thinned(source: Path, survey: StageRecord) -> Survey:
     )
 
 
-def _lattice(measured: dict[str, Any], cell_m: float) -> Lattice:
-    """Make the lattice of one octree over the whole survey."""
+def lattice_of(measured: Mapping[str, Any], cell_m: float) -> Lattice:
+    """Make the lattice of one octree over the whole survey, as `measure_survey` describes it."""
     low, high = np.array(measured["low"]), np.array(measured["high"])
     levels = np.log2(poisson.SCALE * measured["extent_m"] / cell_m)
     side_m = cell_m * 2.0 ** np.ceil(levels - 1e-9)  # an octree depth that was asked for stays
     anchor = (low + high) / 2 - side_m / 2
     return Lattice((float(anchor[0]), float(anchor[1]), float(anchor[2])), float(cell_m))
+
+
+def choose_tiles(
+    lattice: Lattice,
+    blocks: Int64,
+    counts: Int64,
+    *,
+    points: int,
+    surface_spacing_m: float,
+    max_memory_bytes: int,
+    asked: int | None = None,
+    in_one_piece: str | None = None,
+    block_cells: int = partition.BLOCK_CELLS,
+) -> TilePlan:
+    """Choose the tiles of a survey that nothing was built from before.
+
+    Parameters
+    ----------
+    lattice : Lattice
+    blocks, counts, block_cells
+        Occupied blocks and their samples, as :func:`plan_tiles` takes them.
+    points : int
+        Of the survey.
+    surface_spacing_m : float
+        Root of the area that a sample stands for.
+    max_memory_bytes, asked, in_one_piece
+        As :func:`choose_plan`.
+    """
+    return choose_plan(
+        lambda depth: plan_tiles(lattice, tile_shape(depth), blocks, counts, block_cells),
+        points=points,
+        area_m2=points * surface_spacing_m**2,
+        max_memory_bytes=max_memory_bytes,
+        asked=asked,
+        in_one_piece=in_one_piece,
+    )
 
 
 def _plan(
@@ -314,12 +359,12 @@ def _plan(
     ):
         plan = None
     if plan is None:
-        plan = choose_plan(
-            lambda depth: plan_tiles(
-                lattice, tile_shape(depth), blocks, counts, partition.BLOCK_CELLS
-            ),
+        plan = choose_tiles(
+            lattice,
+            blocks,
+            counts,
             points=points,
-            area_m2=area_m2,
+            surface_spacing_m=measured["surface_spacing_m"],
             max_memory_bytes=memory,
             asked=tiles.depth,
             in_one_piece=in_one_piece,

@@ -112,6 +112,7 @@ def test_the_command(project):
         assert phrase in shown.output
     inspection = json.loads(run(project / "survey.txt", *options, "--json").stdout)
     assert inspection["count"] == 6
+    assert inspection["survey"]["name"] == "survey.txt"
     assert "perhaps" in run(project / "colmap").output
     assert json.loads(run(project / "colmap" / "images.txt", "--json").stdout)["count"] == 6
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import contextlib
 import struct
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,6 +22,7 @@ import numpy as np
 from pyproj.exceptions import CRSError
 
 from terraport_payload.types import AnyArray, Float64, Int64
+from terraport_pipeline.engines.readers.file_sample import spread_pieces
 from terraport_pipeline.engines.readers.las_blocks import (
     CHUNK_POINTS,
     Blocks,
@@ -144,7 +145,11 @@ class LasStream:
 
 @contextlib.contextmanager
 def open_las(
-    path: Path, *, max_points: int | None = None, extent: Extent | None = None
+    path: Path,
+    *,
+    max_points: int | None = None,
+    extent: Extent | None = None,
+    share: float = 1.0,
 ) -> Iterator[LasStream]:
     """Open a file for reading in parts of half a million points.
 
@@ -157,6 +162,9 @@ def open_las(
     extent : Extent, optional
         Leave out what an index or the header shows to lie outside it. Of what is read, points may
         lie outside it all the same.
+    share : float
+        Read about this share of what would be read, in chunks spread over the file; of a file
+        without a table of them its beginning.
 
     Raises
     ------
@@ -193,6 +201,8 @@ def open_las(
         warnings += _tell_steps(header.scales)
         box = _stated_box(header)
         selection, remarks = _select(path, header, box, blocks, extent)
+        if share < 1.0:
+            selection = _sampled(selection, blocks, share)
         rows = thinning_rows(count, max_points)
         names = [n for n in header.point_format.dimension_names if n not in ("X", "Y", "Z")]
         if not all(names) or len(set(names)) < len(names):
@@ -216,6 +226,8 @@ def open_las(
                     yield StreamChunk(points, columns, len(chunk))
                 return
             for first, chunk in _iterate(reader, path, count):
+                if first and first >= share * count:
+                    return
                 wanted: Any = slice(None)
                 if rows is not None:
                     low, high = np.searchsorted(rows, (first, first + len(chunk)))
@@ -254,6 +266,18 @@ def _select(
     if selection is not None and blocks.rows[selection.wanted].max(initial=0) > _MOST_BLOCK_POINTS:
         return None, remarks
     return selection, remarks
+
+
+def _sampled(selection: Selection | None, blocks: Blocks | None, share: float) -> Selection | None:
+    """Select some of the blocks that would be read; None reads on from the beginning."""
+    if selection is None:
+        if blocks is None or blocks.rows.max(initial=0) > _MOST_BLOCK_POINTS:
+            return None
+        selection = Selection(blocks, np.ones(len(blocks.rows), bool), "a sample")
+    numbers = np.flatnonzero(selection.wanted)
+    wanted = np.zeros(len(selection.wanted), bool)
+    wanted[numbers[spread_pieces(selection.blocks.rows[numbers], share)]] = True
+    return replace(selection, wanted=wanted)
 
 
 def _stated_box(

@@ -19,6 +19,7 @@ import pydantic
 from pypcd4.pypcd4 import Encoding, MetaData, PointCloud
 
 from terraport_payload.types import AnyArray, UInt8
+from terraport_pipeline.engines.readers.file_sample import spread_pieces
 from terraport_pipeline.engines.readers.raw_survey import (
     Advance,
     RawSurvey,
@@ -89,8 +90,10 @@ class PcdStream:
     """Makes the iterator; once."""
 
 
-def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
+def stream_pcd(path: Path, *, max_points: int | None = None, share: float = 1.0) -> PcdStream:
     """Check a binary file as :func:`read_pcd` does, and read its points in parts of a million.
+
+    With a `share` below 1 about so much is read, in parts that are spread over the file.
 
     Raises
     ------
@@ -112,7 +115,9 @@ def stream_pcd(path: Path, *, max_points: int | None = None) -> PcdStream:
     colours = (packed,) if packed is not None else (find_colours(names) or ())
 
     def chunks() -> Iterator[StreamChunk]:
-        for first in range(0, meta.points, _CHUNK_POINTS):
+        starts = np.arange(0, meta.points, _CHUNK_POINTS)
+        sizes = np.minimum(meta.points - starts, _CHUNK_POINTS)
+        for first in starts[spread_pieces(sizes, share)].tolist():
             want = min(_CHUNK_POINTS, meta.points - first)
             offset = start + first * dtype.itemsize
             table = np.fromfile(path, dtype=dtype, count=want, offset=offset)

@@ -10,12 +10,14 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO, Final
 
 import numpy as np
 
 from terraport_payload.types import AnyArray, Float64, Int64
+from terraport_pipeline.engines.readers.file_sample import spread_pieces
 from terraport_pipeline.engines.readers.raw_survey import (
     Advance,
     RawSurvey,
@@ -123,25 +125,34 @@ class PlyStream:
     """Makes the iterator; once."""
 
 
-def stream_ply(path: Path, *, max_points: int | None = None) -> PlyStream:
-    """Check a file as :func:`read_ply` does, and read its vertices in parts of a million."""
+def stream_ply(path: Path, *, max_points: int | None = None, share: float = 1.0) -> PlyStream:
+    """Check a file as :func:`read_ply` does, and read its vertices in parts of a million.
+
+    With a `share` below 1 about so much is read: of a binary file parts that are spread over it, of
+    a text its beginning.
+    """
     with path.open("rb") as file:
         header = _read_header(path, file)
     vertex, before, others = _find_vertex(path, header)
     _check_names(path, vertex)
     rows = thinning_rows(vertex.count, max_points)
-    tables = _ascii_tables if header.format == "ascii" else _binary_tables
+    is_text = header.format == "ascii"
+    tables = _ascii_tables if is_text else partial(_binary_tables, share=share)
     names = [name for name, _ in vertex.properties]
     lower = {name.lower(): name for name in reversed(names)}
     axes = [lower[axis] for axis in "xyz"]
 
     def chunks() -> Iterator[StreamChunk]:
+        done = 0
         for table, read in tables(path, header, vertex, before, rows):
             points = np.stack([table[axis].astype(np.float64) for axis in axes], axis=1)
             columns = {
                 name: np.ascontiguousarray(table[name]) for name in names if name not in axes
             }
             yield StreamChunk(points, columns, read)
+            done += read
+            if is_text and done >= share * vertex.count:
+                return
 
     return PlyStream(vertex.count, _ignored(others), find_colours(names) or (), chunks)
 
@@ -247,6 +258,7 @@ def _binary_tables(
     vertex: _Element,
     before: list[_Element],
     rows: Int64 | None,
+    share: float = 1.0,
 ) -> Iterator[tuple[AnyArray, int]]:
     """Yield (vertices that are kept, vertices read)."""
     dtype = _row_type(vertex, header.format)
@@ -262,7 +274,9 @@ def _binary_tables(
             "it is cut off: copy or export it again",
             f"byte {size:,}",
         )
-    for first in range(0, vertex.count, _CHUNK_POINTS):
+    starts = np.arange(0, vertex.count, _CHUNK_POINTS)
+    sizes = np.minimum(vertex.count - starts, _CHUNK_POINTS)
+    for first in starts[spread_pieces(sizes, share)].tolist():
         want = min(_CHUNK_POINTS, vertex.count - first)
         # Not mapped: mapped pages count as this process's memory until something else needs it.
         table = np.fromfile(path, dtype=dtype, count=want, offset=start + first * dtype.itemsize)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
+from terraport_pipeline.engines.readers.file_sample import first_chunks, text_sample
 from terraport_pipeline.engines.readers.raw_survey import StreamChunk
 from terraport_pipeline.engines.readers.read_e57 import open_e57
 from terraport_pipeline.engines.readers.read_las import UNSET, open_las
@@ -172,6 +173,7 @@ def open_stream(
     bounded: bool = True,
     extent: Extent | None = None,
     columns: tuple[str, ...] | None = None,
+    share: float = 1.0,
 ) -> Iterator[SurveyStream]:
     """Open a survey for reading in parts.
 
@@ -187,6 +189,9 @@ def open_stream(
         without an index, come whole: whoever takes the points decides which are within.
     columns : tuple of str, optional
         What the columns of a text are; other formats name theirs.
+    share : float
+        Read about this share, in pieces spread over the file; of E57, and of PLY as text, its
+        beginning. 1 reads all.
 
     Raises
     ------
@@ -194,18 +199,18 @@ def open_stream(
         The file is damaged, or of a kind that cannot be read in parts; says how to convert it.
     """
     if name == "las":
-        opened = _open_las(path, extent)
+        opened = _open_las(path, extent, share)
     elif name == "xyz":
-        opened = _open_xyz(path, columns)
+        opened = _open_xyz(path, columns, share)
     else:
-        opened = _OPENERS[name](path, bounded)
+        opened = _OPENERS[name](path, bounded, share)
     with opened as stream:
         yield stream
 
 
 @contextlib.contextmanager
-def _open_las(path: Path, extent: Extent | None) -> Iterator[SurveyStream]:
-    with open_las(path, extent=extent) as stream:
+def _open_las(path: Path, extent: Extent | None, share: float) -> Iterator[SurveyStream]:
+    with open_las(path, extent=extent, share=share) as stream:
         unset = {name: UNSET.get(name, (0,)) for name in stream.standard}
         yield SurveyStream(
             "las",
@@ -224,19 +229,19 @@ def _open_las(path: Path, extent: Extent | None) -> Iterator[SurveyStream]:
 
 
 @contextlib.contextmanager
-def _open_ply(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
-    ply = stream_ply(path)
+def _open_ply(path: Path, _bounded: bool, share: float) -> Iterator[SurveyStream]:
+    ply = stream_ply(path, share=share)
     yield SurveyStream(
         "ply", ply.count, "points", ply.chunks, warnings=ply.warnings, colours=ply.colours
     )
 
 
 @contextlib.contextmanager
-def _open_pcd(path: Path, bounded: bool) -> Iterator[SurveyStream]:
+def _open_pcd(path: Path, bounded: bool, share: float) -> Iterator[SurveyStream]:
     if not bounded and not is_binary_pcd(path):
         yield _whole_pcd(path)
         return
-    pcd = stream_pcd(path)
+    pcd = stream_pcd(path, share=share)
     yield SurveyStream("pcd", pcd.count, "points", pcd.chunks, colours=pcd.colours)
 
 
@@ -256,21 +261,22 @@ def _whole_pcd(path: Path) -> SurveyStream:
 
 
 @contextlib.contextmanager
-def _open_xyz(path: Path, columns: tuple[str, ...] | None) -> Iterator[SurveyStream]:
-    text = stream_xyz(path, columns=columns)
-    yield SurveyStream(
-        "xyz", text.size, "bytes", text.chunks, warnings=text.warnings, colours=text.colours
-    )
+def _open_xyz(path: Path, columns: tuple[str, ...] | None, share: float) -> Iterator[SurveyStream]:
+    with text_sample(path, share) if share < 1.0 else contextlib.nullcontext(path) as source:
+        text = stream_xyz(source, columns=columns)
+        yield SurveyStream(
+            "xyz", text.size, "bytes", text.chunks, warnings=text.warnings, colours=text.colours
+        )
 
 
 @contextlib.contextmanager
-def _open_e57(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
+def _open_e57(path: Path, _bounded: bool, share: float) -> Iterator[SurveyStream]:
     with open_e57(path) as stream:
         yield SurveyStream(
             "e57",
             stream.count,
             "points",
-            stream.chunks,
+            lambda: first_chunks(stream.chunks(), stream.count, share),
             stream.crs,
             stream.warnings,
             stream.colours,
@@ -280,7 +286,7 @@ def _open_e57(path: Path, _bounded: bool) -> Iterator[SurveyStream]:
         )
 
 
-_OPENERS: Final[dict[str, Callable[[Path, bool], Any]]] = {
+_OPENERS: Final[dict[str, Callable[[Path, bool, float], Any]]] = {
     "ply": _open_ply,
     "pcd": _open_pcd,
     "e57": _open_e57,
