@@ -265,7 +265,7 @@ def test_a_server_url_means_its_only_scene(tmp_path: Path, server: BackgroundSer
                 assert session.scene.id == "alone"
                 assert session.url == f"{alone.url}/scenes/alone"
                 assert (await session.manifest())["origin"][0] == 500_000.0
-        with pytest.raises(UsageError, match="serves 2 scenes \\(big, grid\\), expected one"):
+        with pytest.raises(UsageError, match="serves 3 scenes \\(big, feet, grid\\), expected one"):
             async with terraport.connect(server.url):
                 pass
 
