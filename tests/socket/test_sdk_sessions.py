@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from eventually import eventually
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from server.grid_scene import SIDE, STEP_M, TILE_M, GridScene, tile_mesh, write_grid_scene
@@ -415,3 +416,32 @@ async def _until(reached) -> None:
     async with asyncio.timeout(20):
         while not reached():  # noqa: ASYNC110 - counters of the session raise no event
             await asyncio.sleep(0.002)
+
+
+def test_a_first_connection_waits_for_a_service_that_is_replaced(tmp_path: Path) -> None:
+    """It drains, is gone for a moment, and the next one answers; a wrong address fails at once."""
+    write_grid_scene(tmp_path / "alone", cells=2)
+    first = BackgroundServer(tmp_path, drain_timeout_s=20.0)
+    first.start()
+    url = f"{first.url}/scenes/alone"
+
+    async def check() -> None:
+        async with terraport.connect(url, credit_bytes=1) as holding:
+            landing = await holding.land(CENTRE, EVERYWHERE_M)
+            stopping = asyncio.create_task(asyncio.to_thread(first.stop))
+            await asyncio.to_thread(eventually, lambda: first.service.draining)
+            late = terraport.connect(url)
+            connecting = asyncio.create_task(late.__aenter__())
+            await asyncio.sleep(0.2)
+            assert not connecting.done()
+            assert not landing.is_ready
+        await stopping
+        with BackgroundServer(tmp_path, port=first.port):
+            session = await connecting
+            assert session.scene.id == "alone"
+            await late.__aexit__(None, None, None)
+        with pytest.raises(ConnectionFailedError, match="after 1 attempt"):
+            async with terraport.connect(url):
+                pass
+
+    run(check())

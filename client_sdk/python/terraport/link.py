@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import math
 import random
 import ssl
 import time
@@ -60,6 +61,8 @@ class _Lost:
     temporary: bool
     error: TerraportError | None = None
     """What to raise where it is final."""
+    draining: bool = False
+    """The service itself says that it goes away: another one is about to answer."""
 
 
 class Link:
@@ -138,11 +141,13 @@ class Link:
         ServerError
             The server refuses, and would again.
         ConnectionFailedError
-            The first attempt failed, or ``reconnect_s`` ran out.
+            The first attempt failed, other than by a service that drains (that is tried again for
+            ``connect_s``), or ``reconnect_s`` ran out.
         ProtocolViolationError
             The server broke the protocol.
         """
         lost_at_s = 0.0
+        replaced = False
         while True:
             began_s = time.monotonic()
             self._welcomed.clear()
@@ -167,9 +172,13 @@ class Link:
             pause_s = self._pause_s()
             self._attempt += 1
             limit_s = self._timeouts.reconnect_s
-            late = limit_s is not None and now_s + pause_s - lost_at_s > limit_s
-            # A first connection that fails is not tried again: the address may be wrong.
-            if late or self.connections == 0:
+            waited_s = now_s + pause_s - lost_at_s
+            late = limit_s is not None and waited_s > limit_s
+            # A first connection that fails is not tried again, as the address may be wrong; but one
+            # where a service drains is right: the next is about to be there.
+            replaced = replaced or lost.draining
+            late_for_first = waited_s > (self._timeouts.connect_s or math.inf)
+            if late or (self.connections == 0 and (late_for_first or not replaced)):
                 raise lost.error or ConnectionFailedError(self._url, self._attempt, lost.cause)
             _log.info("connection lost (%s), next attempt in %.1f s", lost.cause, pause_s)
             await asyncio.sleep(pause_s)
@@ -301,13 +310,14 @@ class Link:
         reason = "" if closed.rcvd is None else closed.rcvd.reason
         if self._refusal is not None:
             refusal = ServerError(self._refusal.code, self._refusal.message, fatal=True)
-            return _Lost(str(refusal), temporary=is_temporary(code), error=refusal)
+            draining = refusal.code == ErrorCode.DRAINING
+            return _Lost(str(refusal), is_temporary(code), refusal, draining)
         text = reason or str(closed)
         if code == CloseCode.NORMAL:
             ended = SessionClosedError("the server ended it")
             return _Lost(text, temporary=False, error=ended)
         if is_temporary(code):
-            return _Lost(text, temporary=True)
+            return _Lost(text, temporary=True, draining=code == CloseCode.DRAINING)
         return _Lost(text, temporary=False, error=_refused(code, text))
 
 
