@@ -66,11 +66,11 @@ def test_chunks_add_up_to_what_was_announced(tmp_path, name, file, write) -> Non
         chunks = list(stream.chunks())
         assert isinstance(stream.late_warnings(), tuple)
     assert sum(chunk.read for chunk in chunks) == stream.total
-    assert sum(chunk.kept for chunk in chunks) == COUNT
+    assert sum(len(chunk.points) for chunk in chunks) == COUNT
     first = {column: values.dtype for column, values in chunks[0].columns.items()}
     for chunk in chunks:
         assert {column: values.dtype for column, values in chunk.columns.items()} == first
-        assert all(len(values) == chunk.kept for values in chunk.columns.values())
+        assert all(len(values) == len(chunk.points) for values in chunk.columns.values())
     assert set(stream.colours) <= set(first)
 
 

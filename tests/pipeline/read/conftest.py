@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,17 +25,3 @@ def sample() -> Sample:
     colours[0] = (255, 254, 1)
     grade = rng.uniform(0, 4, 500).astype(np.float32)
     return Sample(points, colours, grade, rng.integers(1, 9, 500).astype(np.uint8))
-
-
-@pytest.fixture
-def advance() -> Callable[[int, int], None]:
-    """A progress callback that checks what it is told: never more than the whole."""
-    seen = 0
-
-    def check_count(count: int, total: int) -> None:
-        nonlocal seen
-        seen += count
-        assert 0 <= count <= total
-        assert seen <= total
-
-    return check_count

@@ -5,7 +5,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terraport_pipeline.engines.readers.raw_survey import find_colours, thinning_rows, to_eight_bits
+from terraport_pipeline.engines.readers.raw_survey import (
+    apply_depth,
+    choose_depth,
+    find_colours,
+    thinning_rows,
+)
 
 
 @given(st.integers(1, 5000), st.integers(1, 5000))
@@ -31,33 +36,26 @@ def test_thinning_is_the_same_each_time_and_off_without_a_bound() -> None:
 @pytest.mark.parametrize("factor", [1, 256, 257])
 def test_eight_bit_colours_come_back_exactly_however_widened(factor: int) -> None:
     eight = np.arange(256).repeat(3).reshape(-1, 3)
-    colours, warnings = to_eight_bits((eight * factor).astype(np.uint16), where="rgb")
-    np.testing.assert_array_equal(colours, eight)
+    wide = (eight * factor).astype(np.uint16)
+    rule, warnings = choose_depth(0.0, float(wide.max()), wide.dtype, where="rgb")
+    assert rule is not None
+    np.testing.assert_array_equal(apply_depth(wide, rule), eight)
     assert warnings == ()
 
 
 def test_float_colours_within_one_are_scaled() -> None:
-    colours, _ = to_eight_bits(np.array([[0.0, 0.5, 1.0]], dtype=np.float32), where="rgb")
-    assert colours is not None
-    assert colours.tolist() == [[0, 128, 255]]
+    colours = np.array([[0.0, 0.5, 1.0]], dtype=np.float32)
+    assert choose_depth(0.0, 1.0, colours.dtype, where="rgb") == ("unit", ())
+    assert apply_depth(colours, "unit").tolist() == [[0, 128, 255]]
 
 
 def test_black_or_impossible_colours_are_none_and_said() -> None:
-    colours, warnings = to_eight_bits(np.zeros((4, 3), dtype=np.uint16), where="r, g, b")
-    assert colours is None
+    rule, warnings = choose_depth(0.0, 0.0, np.dtype(np.uint16), where="r, g, b")
+    assert rule is None
     assert warnings == ("The fields r, g, b are 0 in every point.",)
-    colours, warnings = to_eight_bits(np.full((4, 3), -2.5), where="r, g, b")
-    assert colours is None
+    rule, warnings = choose_depth(-2.5, 3.0, np.dtype(np.float64), where="r, g, b")
+    assert rule is None
     assert "-2.5" in warnings[0]
-
-
-def test_a_colour_that_is_nan_turns_black_and_the_input_stays() -> None:
-    values = np.array([[np.nan, 1.0, 2.0], [10.0, 20.0, 30.0]])
-    before = values.copy()
-    colours, _ = to_eight_bits(values, where="rgb")
-    assert colours is not None
-    assert colours.tolist() == [[0, 0, 0], [10, 20, 30]]
-    np.testing.assert_array_equal(values, before)
 
 
 def test_colour_names_are_found_in_any_case_and_spelling() -> None:

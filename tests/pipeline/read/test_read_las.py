@@ -7,10 +7,11 @@ import laspy
 import lazrs
 import numpy as np
 import pytest
+from pipeline.read.read_in_order import read_in_order
 from pyproj import CRS
 
-from terraport_pipeline.engines.readers.read_las import read_las
 from terraport_pipeline.errors import ReadError
+from terraport_pipeline.stages.read import read_survey
 
 STEP = 0.001
 
@@ -36,86 +37,78 @@ def write(path: Path, sample, *, widen=257, crs=32735, point_format=7, **fields)
 
 
 @pytest.mark.parametrize("name", ["a.las", "a.laz"])
-def test_everything_comes_back(tmp_path: Path, sample, advance, name: str) -> None:
-    raw = read_las(write(tmp_path / name, sample), advance=advance)
-    np.testing.assert_allclose(raw.points, sample.points, rtol=0, atol=STEP / 2 + 1e-9)
-    np.testing.assert_array_equal(raw.colours, sample.colours)
-    assert raw.attributes["grade"].dtype == np.float32
-    np.testing.assert_array_equal(raw.attributes["grade"], sample.grade)
-    np.testing.assert_array_equal(raw.attributes["classification"], sample.classes)
-    np.testing.assert_array_equal(raw.attributes["vector_2"], 2.0 * sample.grade)
-    assert raw.crs.to_epsg() == 32735
-    assert raw.warnings == ()
+def test_everything_comes_back(tmp_path: Path, sample, name: str) -> None:
+    survey = read_in_order(write(tmp_path / name, sample), sample.points)
+    np.testing.assert_allclose(survey.points, sample.points, rtol=0, atol=STEP / 2 + 1e-9)
+    np.testing.assert_array_equal(survey.colours, sample.colours)
+    assert survey.attributes["grade"].dtype == np.float32
+    np.testing.assert_array_equal(survey.attributes["grade"], sample.grade)
+    np.testing.assert_array_equal(survey.attributes["classification"], sample.classes)
+    np.testing.assert_array_equal(survey.attributes["vector_2"], 2.0 * sample.grade)
+    assert survey.crs is not None
+    assert survey.crs.epsg == 32735
+    assert survey.warnings == ()
 
 
-def test_unset_standard_fields_are_left_out_and_set_ones_kept(tmp_path, sample, advance) -> None:
+def test_unset_standard_fields_are_left_out_and_set_ones_kept(tmp_path, sample) -> None:
     path = write(tmp_path / "a.laz", sample, point_source_id=np.full(500, 12, np.uint16))
-    raw = read_las(path, advance=advance)
-    assert set(raw.attributes) == {
+    survey = read_in_order(path, sample.points)
+    assert set(survey.attributes) == {
         "classification", "grade", "point_source_id", "vector_0", "vector_1", "vector_2",
     }  # fmt: skip
 
 
-def test_eight_bit_colours_in_sixteen_bits_are_seen_and_said(tmp_path, sample, advance) -> None:
-    raw = read_las(write(tmp_path / "a.las", sample, widen=1), advance=advance)
-    np.testing.assert_array_equal(raw.colours, sample.colours)
-    assert "only 8 of the 16 bits" in raw.warnings[0]
+def test_eight_bit_colours_in_sixteen_bits_are_seen_and_said(tmp_path, sample) -> None:
+    survey = read_in_order(write(tmp_path / "a.las", sample, widen=1), sample.points)
+    np.testing.assert_array_equal(survey.colours, sample.colours)
+    assert "only 8 of the 16 bits" in survey.warnings[0]
 
 
-def test_a_format_without_colour_has_none(tmp_path, sample, advance) -> None:
-    raw = read_las(write(tmp_path / "a.laz", sample, point_format=6, crs=None), advance=advance)
-    assert raw.colours is None
-    assert raw.crs is None
+def test_a_format_without_colour_has_none(tmp_path, sample) -> None:
+    path = write(tmp_path / "a.laz", sample, point_format=6, crs=None)
+    survey = read_in_order(path, sample.points)
+    assert survey.colours is None
+    assert survey.crs is None
 
 
-def test_thinning_takes_whole_points(tmp_path, sample, advance) -> None:
-    raw = read_las(write(tmp_path / "a.laz", sample), advance=advance, max_points=50)
-    assert raw.points.shape == (50, 3)
-    for point, colour, grade in zip(raw.points, raw.colours, raw.attributes["grade"], strict=True):
-        at = int(np.abs(sample.points - point).max(axis=1).argmin())
-        assert np.abs(sample.points[at] - point).max() < STEP
-        assert sample.colours[at].tolist() == colour.tolist()
-        assert sample.grade[at] == grade
-
-
-def test_no_points_is_an_error(tmp_path, advance) -> None:
+def test_no_points_is_an_error(tmp_path) -> None:
     path = tmp_path / "a.las"
     laspy.LasData(laspy.LasHeader(point_format=7, version="1.4")).write(path)
     with pytest.raises(ReadError, match="the header says 0 points"):
-        read_las(path, advance=advance)
+        read_survey(path)
 
 
-def test_a_cut_las_says_at_which_point_and_byte(tmp_path, sample, advance) -> None:
+def test_a_cut_las_says_at_which_point_and_byte(tmp_path, sample) -> None:
     path = write(tmp_path / "a.las", sample)
     data = path.read_bytes()
     with laspy.open(path) as reader:
         start, size = reader.header.offset_to_point_data, reader.header.point_format.size
     path.write_bytes(data[: start + 123 * size + 5])
     with pytest.raises(ReadError, match="ends after 123 of 500 points") as caught:
-        read_las(path, advance=advance)
+        read_survey(path)
     assert caught.value.location == f"byte {start + 123 * size + 5:,}"
     assert caught.value.path == path
 
 
-def test_a_cut_laz_says_how_much_is_there(tmp_path, sample, advance) -> None:
+def test_a_cut_laz_says_how_much_is_there(tmp_path, sample) -> None:
     path = write(tmp_path / "a.laz", sample)
     data = path.read_bytes()
     path.write_bytes(data[: len(data) * 3 // 4])
     with pytest.raises(ReadError, match=r"about \d+% of 500 points are there"):
-        read_las(path, advance=advance)
+        read_survey(path)
 
 
 @pytest.mark.parametrize("name", ["a.las", "a.laz"])
-def test_every_truncation_is_a_read_error(tmp_path, sample, advance, name: str) -> None:
+def test_every_truncation_is_a_read_error(tmp_path, sample, name: str) -> None:
     path = write(tmp_path / name, sample)
     data = path.read_bytes()
     for length in [*range(4, len(data) - 1, 509), len(data) - 1]:
         path.write_bytes(data[:length])
         with pytest.raises(ReadError):
-            read_las(path, advance=lambda count, total: None)
+            read_survey(path)
 
 
-def test_a_laz_damaged_in_the_middle_is_refused(tmp_path, sample, advance) -> None:
+def test_a_laz_damaged_in_the_middle_is_refused(tmp_path, sample) -> None:
     path = write(tmp_path / "a.laz", sample)
     data = bytearray(path.read_bytes())
     with laspy.open(path) as reader:
@@ -124,25 +117,19 @@ def test_a_laz_damaged_in_the_middle_is_refused(tmp_path, sample, advance) -> No
     data[table : table + 8] = b"\xff" * 8
     path.write_bytes(data)
     with pytest.raises(ReadError):
-        read_las(path, advance=advance)
+        read_survey(path)
 
 
-def test_an_absurd_point_count_is_refused_before_allocation(tmp_path, sample, advance) -> None:
+def test_an_absurd_point_count_is_refused_before_allocation(tmp_path, sample) -> None:
     path = write(tmp_path / "a.laz", sample)
     data = bytearray(path.read_bytes())
     struct.pack_into("<Q", data, 247, 10**15)
     path.write_bytes(data)
     with pytest.raises(ReadError, match="1,000,000,000,000,000 points"):
-        read_las(path, advance=advance)
+        read_survey(path)
 
 
-def ignore(count: int, total: int) -> None:
-    """Progress of more than one read."""
-
-
-def test_a_table_that_does_not_add_up_is_not_trusted(
-    tmp_path, sample, advance, monkeypatch
-) -> None:
+def test_a_table_that_does_not_add_up_is_not_trusted(tmp_path, sample, monkeypatch) -> None:
     """The decoder in threads goes by the table of chunks; the plain one does without."""
     path = write(tmp_path / "a.laz", sample)
     used = []
@@ -153,17 +140,17 @@ def test_a_table_that_does_not_add_up_is_not_trusted(
         return opened(*arguments, laz_backend=laz_backend, **more)
 
     monkeypatch.setattr(laspy, "open", open_and_note)
-    trusted = read_las(path, advance=ignore)
+    trusted = read_survey(path)
     assert used == [laspy.LazBackend.Lazrs, laspy.LazBackend.LazrsParallel]
     monkeypatch.setattr(lazrs, "read_chunk_table", lambda *_: [(500, 1)])
-    plain = read_las(path, advance=ignore)
+    plain = read_survey(path)
     assert used[2:] == [laspy.LazBackend.Lazrs]
     np.testing.assert_array_equal(plain.points, trusted.points)
 
 
 def test_a_damaged_table_of_chunks_is_refused_or_does_not_matter(tmp_path, sample) -> None:
     path = write(tmp_path / "a.laz", sample)
-    whole = read_las(path, advance=ignore).points
+    whole = read_survey(path).points
     data = path.read_bytes()
     with laspy.open(path) as reader:
         start = reader.header.offset_to_point_data
@@ -171,7 +158,7 @@ def test_a_damaged_table_of_chunks_is_refused_or_does_not_matter(tmp_path, sampl
     for at in [*range(start, start + 8), *range(table, len(data))]:
         path.write_bytes(data[:at] + bytes([data[at] ^ 0x15]) + data[at + 1 :])
         try:
-            points = read_las(path, advance=ignore).points
+            points = read_survey(path).points
         except ReadError:
             continue
         np.testing.assert_array_equal(points, whole)

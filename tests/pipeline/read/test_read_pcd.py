@@ -4,10 +4,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pipeline.read.read_in_order import read_in_order
 from pypcd4 import Encoding, PointCloud
 
-from terraport_pipeline.engines.readers.read_pcd import read_pcd
 from terraport_pipeline.errors import ReadError
+from terraport_pipeline.stages.read import read_survey
 
 ENCODINGS = [Encoding.ASCII, Encoding.BINARY, Encoding.BINARY_COMPRESSED]
 
@@ -33,32 +34,28 @@ def write(path: Path, sample, encoding, *, packed=True) -> Path:
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
 @pytest.mark.parametrize("packed", [True, False])
-def test_everything_comes_back(tmp_path, sample, advance, encoding, packed: bool) -> None:
-    raw = read_pcd(write(tmp_path / "a.pcd", sample, encoding, packed=packed), advance=advance)
-    np.testing.assert_allclose(raw.points, sample.points, rtol=0, atol=1e-6)
-    np.testing.assert_array_equal(raw.colours, sample.colours)
-    np.testing.assert_allclose(raw.attributes["intensity"], sample.grade, rtol=1e-6)
-    np.testing.assert_array_equal(raw.attributes["label"], sample.classes)
-    assert list(raw.attributes) == ["intensity", "label"]
+def test_everything_comes_back(tmp_path, sample, encoding, packed: bool) -> None:
+    survey = read_in_order(
+        write(tmp_path / "a.pcd", sample, encoding, packed=packed), sample.points
+    )
+    np.testing.assert_allclose(survey.points, sample.points, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(survey.colours, sample.colours)
+    np.testing.assert_allclose(survey.attributes["intensity"], sample.grade, rtol=1e-6)
+    np.testing.assert_array_equal(survey.attributes["label"], sample.classes)
+    assert list(survey.attributes) == ["intensity", "label"]
 
 
-def test_colour_packed_into_a_float(tmp_path, sample, advance) -> None:
+def test_colour_packed_into_a_float(tmp_path, sample) -> None:
     """PCL's own habit: 0x00RRGGBB stored as if it were a float32."""
     wide = sample.colours.astype(np.uint32)
     bits = (wide[:, 0] << 16) | (wide[:, 1] << 8) | wide[:, 2]
-    columns = [*sample.points.astype(np.float32).T, bits.view(np.float32)]
+    local = (sample.points - sample.points[0]).astype(np.float32)
+    columns = [*local.T, bits.view(np.float32)]
     path = tmp_path / "a.pcd"
     PointCloud.from_points(columns, ("x", "y", "z", "rgb"), (np.float32,) * 4).save(
         path, encoding=Encoding.BINARY
     )
-    np.testing.assert_array_equal(read_pcd(path, advance=advance).colours, sample.colours)
-
-
-def test_thinning(tmp_path, sample, advance) -> None:
-    path = write(tmp_path / "a.pcd", sample, Encoding.BINARY)
-    raw = read_pcd(path, advance=advance, max_points=30)
-    assert raw.points.shape == (30, 3)
-    assert len(raw.attributes["label"]) == 30
+    np.testing.assert_array_equal(read_in_order(path, local).colours, sample.colours)
 
 
 @pytest.mark.parametrize("encoding", ENCODINGS)
@@ -69,7 +66,7 @@ def test_every_truncation_is_a_read_error(tmp_path, sample, encoding) -> None:
     for length in range(5, len(data) - 12, 601):
         path.write_bytes(data[:length])
         with pytest.raises(ReadError):
-            read_pcd(path, advance=lambda count, total: None)
+            read_survey(path)
 
 
 def test_damage_inside_compressed_points_is_a_read_error(tmp_path, sample) -> None:
@@ -81,16 +78,16 @@ def test_damage_inside_compressed_points_is_a_read_error(tmp_path, sample) -> No
         spoilt[at] = 255 - spoilt[at]
         path.write_bytes(spoilt)
         with pytest.raises(ReadError):
-            read_pcd(path, advance=lambda count, total: None)
+            read_survey(path)
 
 
-def test_a_cut_binary_file_says_at_which_point(tmp_path, sample, advance) -> None:
+def test_a_cut_binary_file_says_at_which_point(tmp_path, sample) -> None:
     path = write(tmp_path / "a.pcd", sample, Encoding.BINARY)
     data = path.read_bytes()
     start = data.index(b"DATA binary\n") + 12
     path.write_bytes(data[: start + 100 * 34 + 1])
     with pytest.raises(ReadError, match="ends after 100 of 500 points"):
-        read_pcd(path, advance=advance)
+        read_survey(path)
 
 
 HEAD = "VERSION 0.7\nFIELDS {fields}\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH {n}\nHEIGHT 1\n"
@@ -104,6 +101,11 @@ HEAD = "VERSION 0.7\nFIELDS {fields}\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH
         (
             HEAD.format(fields="x y z", n=1).replace("SIZE 4 4 4", "SIZE 4 4 9")
             + "POINTS 1\nDATA ascii\n1 2 3\n",
+            "cannot be read",
+        ),
+        (
+            HEAD.format(fields="x y z", n=1).replace("SIZE 4 4 4", "SIZE 4 4 9")
+            + "POINTS 1\nDATA binary\n12345678901234567",
             "cannot be read",
         ),
         (
@@ -122,9 +124,9 @@ HEAD = "VERSION 0.7\nFIELDS {fields}\nSIZE 4 4 4\nTYPE F F F\nCOUNT 1 1 1\nWIDTH
         (HEAD.format(fields="x y z", n=1) + "POINTS 1\nDATA ascii\n1 2 three\n", "cannot be read"),
     ],
 )
-def test_bad_files_are_named(tmp_path, advance, text: str, message: str) -> None:
+def test_bad_files_are_named(tmp_path, text: str, message: str) -> None:
     path = tmp_path / "a.pcd"
     path.write_text(text)
     with pytest.raises(ReadError) as caught:
-        read_pcd(path, advance=advance)
+        read_survey(path)
     assert message in str(caught.value)

@@ -4,9 +4,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pipeline.read.read_in_order import read_in_order
 
-from terraport_pipeline.engines.readers.read_ply import read_ply
 from terraport_pipeline.errors import ReadError
+from terraport_pipeline.stages.read import read_survey
 
 TYPES = [
     ("x", "double", "f8"), ("y", "double", "f8"), ("z", "double", "f8"),
@@ -49,47 +50,40 @@ KINDS = ["ascii", "binary_little_endian", "binary_big_endian"]
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_every_scalar_property_comes_back(tmp_path, sample, advance, kind: str) -> None:
-    raw = read_ply(write(tmp_path / "a.ply", sample, kind), advance=advance)
-    np.testing.assert_array_equal(raw.points, sample.points)
-    np.testing.assert_array_equal(raw.colours, sample.colours)
-    assert list(raw.attributes) == ["scalar_grade", "class", "id"]
-    np.testing.assert_array_equal(raw.attributes["scalar_grade"], sample.grade)
-    assert raw.attributes["class"].dtype == np.uint16
-    np.testing.assert_array_equal(raw.attributes["id"], -np.arange(500))
-    assert raw.warnings == ("Only the vertices are read; the file's 2 face elements are ignored.",)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_thinning_takes_whole_points(tmp_path, sample, advance, kind: str) -> None:
-    raw = read_ply(write(tmp_path / "a.ply", sample, kind), advance=advance, max_points=60)
-    at = -raw.attributes["id"]
-    assert len(at) == 60
-    np.testing.assert_array_equal(raw.points, sample.points[at])
-    np.testing.assert_array_equal(raw.colours, sample.colours[at])
+def test_every_scalar_property_comes_back(tmp_path, sample, kind: str) -> None:
+    survey = read_in_order(write(tmp_path / "a.ply", sample, kind), sample.points)
+    np.testing.assert_array_equal(survey.points, sample.points)
+    np.testing.assert_array_equal(survey.colours, sample.colours)
+    assert list(survey.attributes) == ["scalar_grade", "class", "id"]
+    np.testing.assert_array_equal(survey.attributes["scalar_grade"], sample.grade)
+    assert survey.attributes["class"].dtype == np.uint16
+    np.testing.assert_array_equal(survey.attributes["id"], -np.arange(500))
+    warning, no_crs = survey.warnings
+    assert warning == "Only the vertices are read; the file's 2 face elements are ignored."
+    assert no_crs.startswith("No coordinate reference system")
 
 
 @pytest.mark.parametrize("kind", KINDS[1:])
-def test_a_cut_binary_file_says_at_which_vertex(tmp_path, sample, advance, kind: str) -> None:
+def test_a_cut_binary_file_says_at_which_vertex(tmp_path, sample, kind: str) -> None:
     path = write(tmp_path / "a.ply", sample, kind)
     row = rows(sample, "<").itemsize
     length = len(header(kind, 500)) + 77 * row + 3
     path.write_bytes(path.read_bytes()[:length])
     with pytest.raises(ReadError, match="ends after 77 of 500 vertices") as caught:
-        read_ply(path, advance=advance)
+        read_survey(path)
     assert caught.value.location == f"byte {length:,}"
 
 
-def test_a_cut_ascii_file_says_at_which_vertex(tmp_path, sample, advance) -> None:
+def test_a_cut_ascii_file_says_at_which_vertex(tmp_path, sample) -> None:
     path = write(tmp_path / "a.ply", sample, "ascii")
     lines = path.read_bytes().splitlines(keepends=True)
     head = header("ascii", 500).count(b"\n")
     path.write_bytes(b"".join(lines[: head + 450]))
     with pytest.raises(ReadError, match="ends after 450 of 500 vertices"):
-        read_ply(path, advance=advance)
+        read_survey(path)
     path.write_bytes(b"".join(lines[: head + 450]) + b"1.0 2.0")
     with pytest.raises(ReadError, match="is no row of 9 numbers") as caught:
-        read_ply(path, advance=advance)
+        read_survey(path)
     assert caught.value.location == "vertex 450"
 
 
@@ -101,24 +95,24 @@ def test_every_truncation_of_the_vertices_is_a_read_error(tmp_path, sample, kind
     for length in range(3, last, 997):
         path.write_bytes(data[:length])
         with pytest.raises(ReadError):
-            read_ply(path, advance=lambda count, total: None)
+            read_survey(path)
 
 
-def test_nan_is_read_and_left_to_the_stage(tmp_path, advance) -> None:
+def test_nan_is_a_number_and_no_damage(tmp_path) -> None:
     path = tmp_path / "a.ply"
     path.write_bytes(header("ascii", 2, TYPES[:3], "") + b"nan 1 2\n3 4 5\n")
-    raw = read_ply(path, advance=advance)
-    assert np.isnan(raw.points[0, 0])
-    assert raw.points[1].tolist() == [3.0, 4.0, 5.0]
+    survey = read_survey(path)
+    assert survey.points.tolist() == [[3.0, 4.0, 5.0]]
+    assert "1 of 2 points have no finite coordinates: dropped." in survey.warnings
 
 
-def test_an_element_before_the_vertices_is_stepped_over(tmp_path, advance) -> None:
+def test_an_element_before_the_vertices_is_stepped_over(tmp_path) -> None:
     camera = b"element camera 1\nproperty double a\nproperty uchar b\n"
     head = header("binary_little_endian", 1, TYPES[:3], "")
     at = head.index(b"element vertex")
     path = tmp_path / "a.ply"
     path.write_bytes(head[:at] + camera + head[at:] + b"\x07" * 9 + np.arange(3.0).tobytes())
-    assert read_ply(path, advance=advance).points.tolist() == [[0.0, 1.0, 2.0]]
+    assert read_survey(path).points.tolist() == [[0.0, 1.0, 2.0]]
 
 
 @pytest.mark.parametrize(
@@ -136,9 +130,9 @@ def test_an_element_before_the_vertices_is_stepped_over(tmp_path, advance) -> No
         (header("binary_little_endian", 10**15, TYPES[:3], ""), "ends after 0 of"),
     ],
 )
-def test_bad_headers_are_named(tmp_path, advance, data: bytes, text: str) -> None:
+def test_bad_headers_are_named(tmp_path, data: bytes, text: str) -> None:
     path = tmp_path / "a.ply"
     path.write_bytes(data)
     with pytest.raises(ReadError) as caught:
-        read_ply(path, advance=advance)
+        read_survey(path)
     assert text in str(caught.value)

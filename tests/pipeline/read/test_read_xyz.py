@@ -4,9 +4,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pipeline.read.read_in_order import read_in_order
 
-from terraport_pipeline.engines.readers.read_xyz import read_xyz
+from terraport_pipeline.engines.readers import clean_text, read_xyz
 from terraport_pipeline.errors import ReadError
+from terraport_pipeline.stages.read import read_survey
+
+NO_CRS = (
+    "No coordinate reference system is stated: the coordinates are taken as metres. If they are "
+    "feet, build with --units us-ft or ft; --crs EPSG:n says where on Earth they lie."
+)
 
 
 def lines(sample, delimiter=" ", decimal=".") -> str:
@@ -17,100 +24,96 @@ def lines(sample, delimiter=" ", decimal=".") -> str:
     return "\n".join(text) + "\n"
 
 
-def check(raw, sample) -> None:
-    np.testing.assert_allclose(raw.points, sample.points, rtol=0, atol=1e-9)
-    np.testing.assert_array_equal(raw.colours, sample.colours)
-    np.testing.assert_allclose(raw.attributes["grade"], sample.grade, rtol=1e-7)
+def check(survey, sample) -> None:
+    np.testing.assert_allclose(survey.points, sample.points, rtol=0, atol=1e-9)
+    np.testing.assert_array_equal(survey.colours, sample.colours)
+    np.testing.assert_allclose(survey.attributes["grade"], sample.grade, rtol=1e-7)
 
 
 @pytest.mark.parametrize("delimiter", [" ", "   ", "\t", " \t", ",", ";", ", "])
 @pytest.mark.parametrize("head", ["{h}", "// {h}", "# made by us\n#{h}", "\n{h}"])
-def test_delimiters_and_headers(tmp_path, sample, advance, delimiter: str, head: str) -> None:
+def test_delimiters_and_headers(tmp_path, sample, delimiter: str, head: str) -> None:
     names = delimiter.join(["X", "Y", "Z", "R", "G", "B", "grade"])
     path = tmp_path / "a.csv"
     path.write_text(head.format(h=names) + "\n" + lines(sample, delimiter))
-    raw = read_xyz(path, advance=advance)
-    check(raw, sample)
-    assert raw.warnings == ()
+    survey = read_in_order(path, sample.points)
+    check(survey, sample)
+    assert survey.warnings == (NO_CRS,)
 
 
-def test_windows_line_ends_bom_and_blanks_at_both_ends(tmp_path, sample, advance) -> None:
+def test_windows_line_ends_bom_and_blanks_at_both_ends(tmp_path, sample) -> None:
     path = tmp_path / "a.txt"
     body = "x y z r g b grade\n" + lines(sample)
     text = "".join(f"  {line} \r\n" for line in body.splitlines())
     path.write_bytes(b"\xef\xbb\xbf" + text.encode())
-    check(read_xyz(path, advance=advance), sample)
+    check(read_in_order(path, sample.points), sample)
 
 
 @pytest.mark.parametrize("delimiter", [";", "\t", " "])
-def test_decimal_comma(tmp_path, sample, advance, delimiter: str) -> None:
+def test_decimal_comma(tmp_path, sample, delimiter: str) -> None:
     path = tmp_path / "a.csv"
     names = delimiter.join(["x", "y", "z", "r", "g", "b", "grade"])
     path.write_text(names + "\n" + lines(sample, delimiter, decimal=","))
-    check(read_xyz(path, advance=advance), sample)
+    check(read_in_order(path, sample.points), sample)
 
 
-def test_numbers_alone_are_taken_by_rule_and_said(tmp_path, sample, advance) -> None:
+def test_numbers_alone_are_taken_by_rule_and_said(tmp_path, sample) -> None:
     path = tmp_path / "a.xyz"
     path.write_text(lines(sample))
-    raw = read_xyz(path, advance=advance)
-    np.testing.assert_array_equal(raw.colours, sample.colours)
-    np.testing.assert_allclose(raw.attributes["intensity"], sample.grade, rtol=1e-7)
-    assert raw.warnings == (
+    survey = read_in_order(path, sample.points)
+    np.testing.assert_array_equal(survey.colours, sample.colours)
+    np.testing.assert_allclose(survey.attributes["intensity"], sample.grade, rtol=1e-7)
+    assert survey.warnings == (
         "The file has no header; its columns were taken as x, y, z, red, green, blue, intensity.",
+        NO_CRS,
     )
 
 
-def test_pts_with_a_count_line(tmp_path, advance) -> None:
+def test_pts_with_a_count_line(tmp_path) -> None:
     path = tmp_path / "a.pts"
     path.write_text("2\n1.5 2.5 3.5 -1200 10 20 30\n4.5 5.5 6.5 900 11 21 31\n")
-    raw = read_xyz(path, advance=advance)
-    assert raw.points.tolist() == [[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]
-    assert raw.colours.tolist() == [[10, 20, 30], [11, 21, 31]]
-    assert raw.attributes["intensity"].tolist() == [-1200, 900]
+    survey = read_in_order(path, np.array([[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]))
+    assert survey.colours is not None
+    assert survey.colours.tolist() == [[10, 20, 30], [11, 21, 31]]
+    assert survey.attributes["intensity"].tolist() == [-1200, 900]
 
 
-def test_northing_before_easting_is_put_right(tmp_path, advance) -> None:
+def test_northing_before_easting_is_put_right(tmp_path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("Northing,Easting,Height,class\n8594700.25,641200.5,1287,3\n")
-    raw = read_xyz(path, advance=advance)
-    assert raw.points.tolist() == [[641200.5, 8594700.25, 1287.0]]
-    assert raw.attributes["class"].tolist() == [3]
-    assert raw.attributes["class"].dtype == np.int64
+    survey = read_survey(path)
+    assert survey.points.tolist() == [[641200.5, 8594700.25, 1287.0]]
+    assert survey.attributes["class"].tolist() == [3]
+    assert survey.attributes["class"].dtype == np.int64
 
 
-def test_text_columns_are_left_out_and_named(tmp_path, advance) -> None:
+def test_text_columns_are_left_out_and_named(tmp_path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("x,y,z,name\n1,2,3,rock\n4,5,6,road\n")
-    raw = read_xyz(path, advance=advance)
-    assert raw.attributes == {}
-    assert raw.warnings == ("The columns name hold text and were left out.",)
+    survey = read_survey(path)
+    assert survey.attributes == {}
+    assert survey.warnings[0] == "The columns name hold text and were left out."
 
 
-def test_missing_values_become_nan(tmp_path, advance) -> None:
+def test_missing_values_become_nan(tmp_path) -> None:
     path = tmp_path / "a.csv"
-    path.write_text("x,y,z,g\n1,2,nan,0.5\n4,5,,\n7,8,9,1.5\n")
-    raw = read_xyz(path, advance=advance)
-    assert np.isnan(raw.points[:2, 2]).all()
-    np.testing.assert_array_equal(raw.attributes["g"], [0.5, np.nan, 1.5])
+    path.write_text("x,y,z,g\n1,2,nan,0.5\n4,5,6,\n7,8,,2.5\n7,8,9,1.5\n")
+    survey = read_in_order(path, np.array([[4.0, 5.0, 6.0], [7.0, 8.0, 9.0]]))
+    np.testing.assert_array_equal(survey.attributes["g"], [np.nan, 1.5])
+    assert survey.warnings[0] == "2 of 4 points have no finite coordinates: dropped."
 
 
-def test_a_type_that_changes_late_is_followed(tmp_path, advance) -> None:
+def test_a_type_that_changes_many_blocks_later_is_followed(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(clean_text, "BLOCK_BYTES", 4096)
+    monkeypatch.setattr(read_xyz, "_BLOCK_BYTES", 4096)
+    numbers = np.arange(3000)
     path = tmp_path / "a.csv"
-    rows = "".join(f"{n},{n},{n},{n}\n" for n in range(600_000))
-    path.write_text("x,y,z,value\n" + rows + "1,2,3,0.25\n")
-    raw = read_xyz(path, advance=advance)
-    assert raw.attributes["value"][-1] == 0.25
-    assert len(raw.points) == 600_001
-
-
-def test_thinning_takes_whole_points(tmp_path, sample, advance) -> None:
-    path = tmp_path / "a.csv"
-    path.write_text("x y z r g b grade\n" + lines(sample))
-    raw = read_xyz(path, advance=advance, max_points=40)
-    assert len(raw.points) == 40
-    at = [int(np.abs(sample.points - point).sum(axis=1).argmin()) for point in raw.points]
-    np.testing.assert_array_equal(raw.colours, sample.colours[at])
+    path.write_text(
+        "x,y,z,value\n" + "".join(f"{n},{n},{n},{n}\n" for n in numbers) + "1,2,3,0.25\n"
+    )
+    written = np.concatenate([np.repeat(numbers, 3).reshape(-1, 3), [[1, 2, 3]]])
+    survey = read_in_order(path, written.astype(np.float64))
+    assert survey.attributes["value"].tolist() == [*numbers, 0.25]
 
 
 @pytest.mark.parametrize(
@@ -126,27 +129,27 @@ def test_thinning_takes_whole_points(tmp_path, sample, advance) -> None:
         ("x,y,class\n1,2,3\n", "no column z"),
     ],
 )
-def test_bad_text_is_named(tmp_path, advance, text: str, message: str) -> None:
+def test_bad_text_is_named(tmp_path, text: str, message: str) -> None:
     path = tmp_path / "a.csv"
     path.write_text(text)
     with pytest.raises(ReadError) as caught:
-        read_xyz(path, advance=advance)
+        read_survey(path)
     assert message.lower() in str(caught.value).lower()
 
 
-def test_the_line_of_a_damaged_row_is_named(tmp_path, sample, advance) -> None:
+def test_the_line_of_a_damaged_row_is_named(tmp_path, sample) -> None:
     path: Path = tmp_path / "a.csv"
     body = ("x y z r g b grade\n" + lines(sample)).splitlines()
     body[400] = "1.0 2.0"
     path.write_text("\n".join(body))
     with pytest.raises(ReadError) as caught:
-        read_xyz(path, advance=advance)
+        read_survey(path)
     assert caught.value.location == "line 401 (comments not counted)"
 
 
-def test_binary_under_a_text_name_is_refused(tmp_path, advance) -> None:
+def test_binary_under_a_text_name_is_refused(tmp_path) -> None:
     path = tmp_path / "a.xyz"
     path.write_bytes(b"1 2 3\n\x00\x01\x02")
     with pytest.raises(ReadError, match="no text: it has zero bytes") as caught:
-        read_xyz(path, advance=advance)
+        read_survey(path)
     assert caught.value.location == "byte 6"

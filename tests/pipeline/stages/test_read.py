@@ -58,6 +58,14 @@ def test_points_without_finite_coordinates_are_dropped_with_their_values(tmp_pat
     assert survey.warnings == ("2 of 3 points have no finite coordinates: dropped.",)
 
 
+def test_a_colour_that_is_nan_turns_black(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("x,y,z,r,g,b\n1,2,3,nan,1,2\n4,5,6,10,20,30\n")
+    survey = read_survey(path)
+    assert survey.colours is not None
+    assert survey.colours.tolist() == [[0, 0, 0], [10, 20, 30]]
+
+
 def test_no_finite_point_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="not one of 2 points has finite coordinates"):
         read_survey(ply(tmp_path / "a.ply", ["nan 1 2", "1 inf 2"]))

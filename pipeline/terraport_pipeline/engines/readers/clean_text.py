@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Final
-
-from terraport_pipeline.engines.readers.raw_survey import Advance
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer  # in collections.abc from Python 3.12
@@ -32,10 +31,8 @@ class CleanText(io.RawIOBase):
         Values are parted by any run of blanks and tabs.
     skip_lines : int
         Lines before the first row, comments not counted.
-    size : int
-        Bytes of the file.
     advance : callable
-        Told of bytes read.
+        Told of bytes read since last time.
     """
 
     def __init__(
@@ -44,13 +41,11 @@ class CleanText(io.RawIOBase):
         *,
         blanks: bool,
         skip_lines: int,
-        size: int,
-        advance: Advance,
+        advance: Callable[[int], None],
     ) -> None:
         super().__init__()
         self._file = file
         self._blanks = blanks
-        self._size = size
         self._advance = advance
         self._skip = skip_lines
         self._first = True
@@ -69,7 +64,7 @@ class CleanText(io.RawIOBase):
             if not block:
                 return 0
             block += self._file.readline()
-            self._advance(len(block), self._size)
+            self._advance(len(block))
             self._ready, self._at = self._clean(block), 0
         chunk = self._ready[self._at : self._at + len(view)]
         view[: len(chunk)] = chunk

@@ -1,11 +1,11 @@
-"""What every reader returns, and the three rules that they share: thinning, colour depth, names.
+"""What every reader yields, and the rules for it: colour names and depth, precision, thinning.
 
 PURE.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
@@ -14,26 +14,18 @@ import numpy as np
 from terraport_payload.types import AnyArray, Bool, Float64, Int64, UInt8
 
 __all__ = [
-    "COLOUR_NAMES",
-    "Advance",
-    "RawSurvey",
     "StreamChunk",
     "apply_depth",
-    "check_precision",
     "choose_depth",
     "find_colours",
     "tell_precision",
     "thinning_rows",
-    "to_eight_bits",
 ]
 
 Depth = Literal["unit", "eight", "sixteen"]
 """How colour values become 0..255: from 0..1, from 0..255, or from 0..65,535."""
 
-Advance = Callable[[int, int], None]
-"""Told (points read since last time, points in the file); a reader calls it about once a chunk."""
-
-COLOUR_NAMES: Final = (
+_COLOUR_NAMES: Final = (
     ("red", "green", "blue"),
     ("r", "g", "b"),
     ("diffuse_red", "diffuse_green", "diffuse_blue"),
@@ -46,37 +38,16 @@ _WORST_STEP_M: Final = 0.001
 _MAX_EIGHT_BIT: Final = 255
 
 
-@dataclass(frozen=True, slots=True)
-class RawSurvey:
-    """Points as one reader found them, before anything is dropped or converted."""
-
-    points: Float64
-    """(N, 3) in the file's unit and axis order east, north, up."""
-    colours: UInt8 | None
-    """(N, 3) sRGB."""
-    attributes: dict[str, AnyArray]
-    """(N,) each, in the file's dtype."""
-    crs: Any | None
-    """pyproj.CRS as the file states it."""
-    warnings: tuple[str, ...] = ()
-    """Whole sentences about what was assumed or left out."""
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class StreamChunk:
     """Some points of a survey that is read in parts."""
 
     points: Float64
-    """(n, 3) in the file's unit and axis order east, north, up; n may be 0 where it is thinned."""
+    """(n, 3) in the file's unit and axis order east, north, up; n may be 0."""
     columns: dict[str, AnyArray]
     """Everything else by name, colours too, (n,) or (n, k), in the file's dtype."""
     read: int
     """What this part adds to the progress: points of the file, or bytes of a text."""
-
-    @property
-    def kept(self) -> int:
-        """Number of points in the chunk; fewer than were read where the survey is thinned."""
-        return len(self.points)
 
 
 def thinning_rows(count: int, max_points: int | None) -> Int64 | None:
@@ -112,8 +83,10 @@ def thinning_rows(count: int, max_points: int | None) -> Int64 | None:
     return rows
 
 
-def to_eight_bits(colours: AnyArray, *, where: str) -> tuple[UInt8 | None, tuple[str, ...]]:
-    """Bring colours to 0..255.
+def choose_depth(
+    low: float, high: float, dtype: np.dtype[Any], *, where: str
+) -> tuple[Depth | None, tuple[str, ...]]:
+    """Choose by a survey's lowest and highest colour value how its colours become 0..255.
 
     The rules: floats within 0..1 are scaled by 255; whole numbers within 0..255 are taken as they
     are; larger ones up to 65,535 lose their low byte (which is right both for files that multiply
@@ -122,33 +95,12 @@ def to_eight_bits(colours: AnyArray, *, where: str) -> tuple[UInt8 | None, tuple
 
     Parameters
     ----------
-    colours : ndarray of shape (N, 3)
-        Any numeric dtype; not modified.
+    low, high : float
+        Of all finite values.
+    dtype : numpy.dtype
+        That the file has them in.
     where : str
         Names the fields in warnings, for example ``"red, green, blue"``.
-
-    Returns
-    -------
-    colours : ndarray of shape (N, 3), uint8, or None
-    warnings : tuple of str
-    """
-    if len(colours) == 0:
-        return None, ()
-    if colours.dtype.kind == "f":
-        finite: Bool = np.all(np.isfinite(colours), axis=1)
-        if not finite.all():
-            # A point without a valid colour keeps its place and turns black.
-            colours = np.where(finite[:, None], colours, colours.dtype.type(0))
-    rule, warnings = choose_depth(
-        float(colours.min()), float(colours.max()), colours.dtype, where=where
-    )
-    return (None if rule is None else apply_depth(colours, rule)), warnings
-
-
-def choose_depth(
-    low: float, high: float, dtype: np.dtype[Any], *, where: str
-) -> tuple[Depth | None, tuple[str, ...]]:
-    """Apply the rules of :func:`to_eight_bits` to a survey's lowest and highest colour value.
 
     Returns
     -------
@@ -176,35 +128,21 @@ def apply_depth(colours: AnyArray, rule: Depth) -> UInt8:
     return (colours.astype(np.uint16) >> 8).astype(np.uint8)
 
 
-def check_precision(points: Float64) -> tuple[str, ...]:
+def tell_precision(single: Bool, top: Float64) -> tuple[str, ...]:
     """Warn where coordinates went through 32-bit floats that are too coarse for them.
 
     Parameters
     ----------
-    points : ndarray of shape (N, 3), float64
-        Finite, as stored (before any pose or offset is added).
+    single : ndarray of shape (3,), bool
+        Every value of the axis, as stored, is a 32-bit float.
+    top : ndarray of shape (3,), float64
+        Largest absolute value of each axis.
 
     Returns
     -------
     tuple of str
-        One sentence, or nothing. An axis counts when each of its values is a 32-bit float and the
-        largest one's neighbour is more than 1 mm away.
-    """
-    single = np.zeros(3, dtype=bool)
-    if len(points):
-        single = np.array([(p.astype(np.float32) == p).all() for p in points.T])
-    return tell_precision(single, np.abs(points).max(axis=0, initial=0.0))
-
-
-def tell_precision(single: Bool, top: Float64) -> tuple[str, ...]:
-    """Warn by what was found in parts: see :func:`check_precision`.
-
-    Parameters
-    ----------
-    single : ndarray of shape (3,), bool
-        Every value of the axis is a 32-bit float.
-    top : ndarray of shape (3,), float64
-        Largest absolute value of each axis.
+        One sentence, or nothing. An axis counts when its largest value's neighbour among 32-bit
+        floats is more than 1 mm away.
     """
     steps = np.where(single, np.spacing(top.astype(np.float32)), 0.0).astype(np.float64)
     axis = int(steps.argmax())
@@ -221,7 +159,7 @@ def tell_precision(single: Bool, top: Float64) -> tuple[str, ...]:
 def find_colours(names: Sequence[str]) -> tuple[str, str, str] | None:
     """Return the three names, as spelt in `names`, that hold red, green and blue."""
     lower = {name.lower(): name for name in reversed(names)}
-    for triple in COLOUR_NAMES:
+    for triple in _COLOUR_NAMES:
         if all(name in lower for name in triple):
             return lower[triple[0]], lower[triple[1]], lower[triple[2]]
     return None

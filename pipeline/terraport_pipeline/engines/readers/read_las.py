@@ -33,17 +33,11 @@ from terraport_pipeline.engines.readers.las_blocks import (
     no_blocks,
 )
 from terraport_pipeline.engines.readers.las_index import Selection, select_blocks
-from terraport_pipeline.engines.readers.raw_survey import (
-    Advance,
-    RawSurvey,
-    StreamChunk,
-    thinning_rows,
-    to_eight_bits,
-)
+from terraport_pipeline.engines.readers.raw_survey import StreamChunk
 from terraport_pipeline.errors import NoPointsError, ReadError
 from terraport_pipeline.extent import Extent
 
-__all__ = ["UNSET", "LasStream", "open_las", "read_las"]
+__all__ = ["UNSET", "LasStream", "open_las"]
 
 _CHUNK_POINTS: Final = CHUNK_POINTS
 """Points decoded at once where a file is read from its beginning to its end."""
@@ -53,8 +47,6 @@ _MOST_BLOCK_POINTS: Final = 4 * CHUNK_POINTS
 
 _WIDEST: Final = 1e7
 """A header that states a wider box is wrong."""
-
-_COLOURS: Final = ("red", "green", "blue")
 
 UNSET: Final = {"return_number": (0, 1), "number_of_returns": (0, 1)}
 """Values of a standard field that say nothing when every point has them; 0 for the others."""
@@ -75,58 +67,12 @@ _WORST_STEP: Final = 0.05
 """Scale factors from this on are worth a warning, in the file's unit."""
 
 
-def read_las(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
-    """Read a LAS, LAZ or COPC file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Starts with ``LASF``.
-    advance : callable
-        Told of progress.
-    max_points : int, optional
-        Thin to this many points while reading.
-
-    Returns
-    -------
-    RawSurvey
-        Coordinates with scale and offset applied in float64.
-
-    Raises
-    ------
-    ReadError
-        When header or points are damaged or cut off; names the point where reading ended.
-    """
-    points = np.zeros((0, 3))
-    columns: dict[str, AnyArray] = {}
-    done = 0
-    with open_las(path, max_points=max_points) as stream:
-        for chunk in stream.chunks():
-            target = slice(done, done + chunk.kept)
-            if not done:
-                points = np.empty((stream.kept, 3))
-                columns = {
-                    name: np.empty((stream.kept, *values.shape[1:]), dtype=values.dtype)
-                    for name, values in chunk.columns.items()
-                }
-            points[target] = chunk.points
-            for name, values in chunk.columns.items():
-                columns[name][target] = values
-            done = target.stop
-            advance(chunk.read, stream.count)
-    colours, notes = _take_colours(columns)
-    attributes = _keep_attributes(columns, set(stream.standard))
-    return RawSurvey(points, colours, attributes, stream.crs, (*stream.warnings, *notes))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class LasStream:
     """An open LAS, LAZ or COPC file that yields its points chunk by chunk."""
 
     count: int
     """Points in the file."""
-    kept: int
-    """Points that all parts together hold: fewer where the file is thinned."""
     crs: Any | None
     warnings: tuple[str, ...]
     standard: frozenset[str]
@@ -145,11 +91,7 @@ class LasStream:
 
 @contextlib.contextmanager
 def open_las(
-    path: Path,
-    *,
-    max_points: int | None = None,
-    extent: Extent | None = None,
-    share: float = 1.0,
+    path: Path, *, extent: Extent | None = None, share: float = 1.0
 ) -> Iterator[LasStream]:
     """Open a file for reading in parts of half a million points.
 
@@ -157,8 +99,6 @@ def open_las(
     ----------
     path : pathlib.Path
         Starts with ``LASF``.
-    max_points : int, optional
-        Thin to this many points; of a whole file, not of an extent.
     extent : Extent, optional
         Leave out what an index or the header shows to lie outside it. Of what is read, points may
         lie outside it all the same.
@@ -169,7 +109,8 @@ def open_las(
     Raises
     ------
     ReadError
-        As :func:`read_las`; what is damaged in the points is found while the parts are read.
+        When the header is damaged, or the file ends before the points that it says; damage in the
+        points is found while the parts are read. Names the byte or the point.
     """
     # (1) The header; what laspy cannot read is damage, and so said.
     _check_records(path)
@@ -196,14 +137,13 @@ def open_las(
             reader = stack.enter_context(
                 laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel)
             )
-        # (3) Frame, extent, thinning and columns.
+        # (3) Frame, extent and columns.
         crs, warnings = _find_crs(header)
         warnings += _tell_steps(header.scales)
         box = _stated_box(header)
         selection, remarks = _select(path, header, box, blocks, extent)
         if share < 1.0:
             selection = _sampled(selection, blocks, share)
-        rows = thinning_rows(count, max_points)
         names = [n for n in header.point_format.dimension_names if n not in ("X", "Y", "Z")]
         if not all(names) or len(set(names)) < len(names):
             raise ReadError(
@@ -213,7 +153,7 @@ def open_las(
                 "the header is damaged: copy or export the file again",
             )
 
-        # (4) Chunks in file order; thinned rows count from the start of the file.
+        # (4) Chunks in file order.
         def chunks() -> Iterator[StreamChunk]:
             if selection is not None:
                 for numbers, chunk in iterate_blocks(
@@ -228,17 +168,11 @@ def open_las(
             for first, chunk in _iterate(reader, path, count):
                 if first and first >= share * count:
                     return
-                wanted: Any = slice(None)
-                if rows is not None:
-                    low, high = np.searchsorted(rows, (first, first + len(chunk)))
-                    wanted = rows[low:high] - first
-                points = _points_of(chunk, header, wanted)
-                columns = {name: np.asarray(chunk[name])[wanted] for name in names}
-                yield StreamChunk(points, columns, len(chunk))
+                columns = {name: np.asarray(chunk[name]) for name in names}
+                yield StreamChunk(_points_of(chunk, header), columns, len(chunk))
 
         yield LasStream(
             count,
-            count if rows is None else len(rows),
             crs,
             warnings,
             frozenset(header.point_format.standard_dimension_names),
@@ -289,9 +223,9 @@ def _stated_box(
     return (low, high) if sane else None
 
 
-def _points_of(chunk: Any, header: Any, wanted: Any = slice(None)) -> Float64:
-    """Coordinates of some rows of a chunk."""
-    ticks = np.stack([np.asarray(chunk[axis])[wanted] for axis in "XYZ"], axis=1)
+def _points_of(chunk: Any, header: Any) -> Float64:
+    """Coordinates of a chunk."""
+    ticks = np.stack([np.asarray(chunk[axis]) for axis in "XYZ"], axis=1)
     return _placed(ticks, header.scales, header.offsets)
 
 
@@ -485,31 +419,3 @@ def _tell_steps(scales: Float64) -> tuple[str, ...]:
         "may come out as stairs. Export the survey with a finer scale factor."
     )
     return (warning,)
-
-
-def _take_colours(columns: dict[str, AnyArray]) -> tuple[Any, tuple[str, ...]]:
-    if not all(name in columns for name in _COLOURS):
-        return None, ()
-    wide = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
-    colours, warnings = to_eight_bits(wide, where="red, green, blue")
-    if colours is not None and int(wide.max()) <= np.iinfo(np.uint8).max:
-        warnings = (
-            *warnings,
-            "The colours use only 8 of the 16 bits that LAS gives them; they are taken as 0..255.",
-        )
-    return colours, warnings
-
-
-def _keep_attributes(columns: dict[str, AnyArray], standard: set[str]) -> dict[str, AnyArray]:
-    """Leave out unset standard fields; give each part of a vector field its own name."""
-    kept: dict[str, AnyArray] = {}
-    for name, values in columns.items():
-        unset = name in standard and values.ndim == 1 and values[0] in UNSET.get(name, (0,))
-        if unset and (values == values[0]).all():
-            continue
-        if values.ndim == 1:
-            kept[name] = values
-        else:
-            for component in range(values.shape[1]):
-                kept[f"{name}_{component}"] = np.ascontiguousarray(values[:, component])
-    return kept

@@ -20,17 +20,10 @@ from pypcd4.pypcd4 import Encoding, MetaData, PointCloud
 
 from terraport_payload.types import AnyArray, UInt8
 from terraport_pipeline.engines.readers.file_sample import spread_pieces
-from terraport_pipeline.engines.readers.raw_survey import (
-    Advance,
-    RawSurvey,
-    StreamChunk,
-    find_colours,
-    thinning_rows,
-    to_eight_bits,
-)
+from terraport_pipeline.engines.readers.raw_survey import StreamChunk, find_colours
 from terraport_pipeline.errors import NoPointsError, ReadError
 
-__all__ = ["PcdStream", "is_binary_pcd", "read_pcd", "stream_pcd"]
+__all__ = ["PcdStream", "stream_pcd"]
 
 _MAX_HEADER_BYTES: Final = 1 << 14
 
@@ -44,44 +37,13 @@ _PACKED: Final = ("rgb", "rgba")
 
 _CUT: Final = "it is cut off: copy or export it again"
 
-
-def read_pcd(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
-    """Read a PCD file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    advance : callable
-        Told of progress: once, pypcd4 reads in one go.
-    max_points : int, optional
-        Thin to this many points (after reading).
-
-    Raises
-    ------
-    ReadError
-        When the header is wrong, x, y or z is missing, or the data is cut off; names the byte.
-    """
-    meta, start = _check_header(path)
-    try:
-        table = PointCloud.from_path(path).pc_data
-    except (ValueError, TypeError, LookupError, RuntimeError, OSError, struct.error) as error:
-        raise ReadError(
-            path,
-            f"the points cannot be read ({' '.join(str(error).split())[:160]})",
-            "the file is cut off or damaged: copy or export it again",
-            f"byte {start:,}",
-        ) from error
-    table = np.atleast_1d(table)
-    if len(table) < meta.points:
-        raise ReadError(path, f"the file ends after {len(table):,} of {meta.points:,} points", _CUT)
-    rows = thinning_rows(len(table), max_points)
-    advance(len(table), len(table))
-    return _assemble(table if rows is None else table[rows])
+_DAMAGED: Final = (ValueError, TypeError, LookupError, RuntimeError, OSError, struct.error)
+"""What pypcd4 raises on damaged files."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PcdStream:
-    """An open binary PCD file that yields its points chunk by chunk."""
+    """An open file that yields its points chunk by chunk."""
 
     count: int
     colours: tuple[str, ...]
@@ -90,53 +52,90 @@ class PcdStream:
     """Makes the iterator; once."""
 
 
-def stream_pcd(path: Path, *, max_points: int | None = None, share: float = 1.0) -> PcdStream:
-    """Check a binary file as :func:`read_pcd` does, and read its points in parts of a million.
+def stream_pcd(path: Path, *, bounded: bool = True, share: float = 1.0) -> PcdStream:
+    """Check a file's header and size, and read its points in parts of a million.
 
-    With a `share` below 1 about so much is read, in parts that are spread over the file.
+    Parameters
+    ----------
+    path : pathlib.Path
+    bounded : bool
+        Refuse points that are text or compressed: pypcd4 reads those only whole. Otherwise they
+        are read at once and come as one part.
+    share : float
+        Read about this share, in parts that are spread over the file; of a file that is read whole
+        all of it.
 
     Raises
     ------
     ReadError
-        Also when the points are text or compressed: pypcd4 reads those only whole.
+        When the header is wrong, x, y or z is missing, or the data is cut off; names the byte.
     """
+    # (1) What a row holds; colours packed into one field, or three fields.
     meta, start = _check_header(path)
-    if meta.data != Encoding.BINARY:
-        raise ReadError(
-            path,
-            f"a PCD file with DATA {meta.data.value} cannot be read in parts",
-            "convert it to DATA binary (pcl_convert_pcd_ascii_binary in.pcd out.pcd 1) or to LAZ, "
-            "or give --max-memory more",
-        )
-    dtype = meta.build_dtype()
-    rows = thinning_rows(meta.points, max_points)
+    dtype = _row_type(path, meta, start)
     names = [name for name in dtype.names or () if not name.startswith(_PADDING)]
     packed = next((n for n in names if n.lower() in _PACKED and dtype[n].itemsize == 4), None)
     colours = (packed,) if packed is not None else (find_colours(names) or ())
 
+    def chunk_of(table: AnyArray) -> StreamChunk:
+        points = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
+        columns = {n: np.ascontiguousarray(table[n]) for n in names if n not in ("x", "y", "z")}
+        if packed is not None:
+            columns[packed] = _unpacked(columns[packed])
+        return StreamChunk(points, columns, len(table))
+
+    # (2) Text and compressed points.
+    if meta.data != Encoding.BINARY:
+        if bounded:
+            raise ReadError(
+                path,
+                f"a PCD file with DATA {meta.data.value} cannot be read in parts",
+                "convert it to DATA binary (pcl_convert_pcd_ascii_binary in.pcd out.pcd 1) or to "
+                "LAZ, or give --max-memory more",
+            )
+        chunk = chunk_of(_whole_table(path, meta, start))
+        return PcdStream(chunk.read, colours, lambda: iter((chunk,)))
+
+    # (3) Binary points.
     def chunks() -> Iterator[StreamChunk]:
         starts = np.arange(0, meta.points, _CHUNK_POINTS)
         sizes = np.minimum(meta.points - starts, _CHUNK_POINTS)
         for first in starts[spread_pieces(sizes, share)].tolist():
             want = min(_CHUNK_POINTS, meta.points - first)
             offset = start + first * dtype.itemsize
-            table = np.fromfile(path, dtype=dtype, count=want, offset=offset)
-            if rows is not None:
-                low, high = np.searchsorted(rows, (first, first + want))
-                table = table[rows[low:high] - first]
-            points = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
-            columns = {n: np.ascontiguousarray(table[n]) for n in names if n not in ("x", "y", "z")}
-            if packed is not None:
-                columns[packed] = _unpacked(columns[packed])
-            yield StreamChunk(points, columns, want)
+            yield chunk_of(np.fromfile(path, dtype=dtype, count=want, offset=offset))
 
     return PcdStream(meta.points, colours, chunks)
 
 
-def is_binary_pcd(path: Path) -> bool:
-    """Whether the points are plain binary, which :func:`stream_pcd` needs."""
-    meta, _ = _check_header(path)
-    return bool(meta.data == Encoding.BINARY)
+def _row_type(path: Path, meta: Any, start: int) -> np.dtype[Any]:
+    """Type of a row; a type that PCD does not have, or a name twice, is an error."""
+    try:
+        dtype: np.dtype[Any] = meta.build_dtype()
+    except _DAMAGED as error:
+        raise _unreadable(path, start, error) from error
+    return dtype
+
+
+def _whole_table(path: Path, meta: Any, start: int) -> AnyArray:
+    """Read all points by pypcd4."""
+    try:
+        table = PointCloud.from_path(path).pc_data
+    except _DAMAGED as error:
+        raise _unreadable(path, start, error) from error
+    table = np.atleast_1d(table)
+    if len(table) < meta.points:
+        raise ReadError(path, f"the file ends after {len(table):,} of {meta.points:,} points", _CUT)
+    return table
+
+
+def _unreadable(path: Path, start: int, error: Exception) -> ReadError:
+    return ReadError(
+        path,
+        f"the points cannot be read ({' '.join(str(error).split())[:160]})",
+        "the file is cut off or damaged: copy or export it again",
+        f"byte {start:,}",
+    )
 
 
 def _unpacked(values: AnyArray) -> UInt8:
@@ -221,22 +220,3 @@ def _check_size(path: Path, meta: Any, start: int) -> None:
             else f"{have:,} bytes of points, expected at least {need:,}"
         )
         raise ReadError(path, reason, _CUT, f"byte {size:,}")
-
-
-def _assemble(table: AnyArray) -> RawSurvey:
-    names = [name for name in table.dtype.names or () if not name.startswith(_PADDING)]
-    points = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
-    used = {"x", "y", "z"}
-    packed = next((name for name in names if name.lower() in _PACKED), None)
-    triple = find_colours(names)
-    colours: UInt8 | None = None
-    warnings: tuple[str, ...] = ()
-    if packed is not None and table.dtype[packed].itemsize == 4:
-        colours, warnings = to_eight_bits(_unpacked(table[packed]), where=packed)
-        used.add(packed)
-    elif triple is not None:
-        channels = np.stack([table[name] for name in triple], axis=1)
-        colours, warnings = to_eight_bits(channels, where=", ".join(triple))
-        used |= set(triple)
-    attributes = {name: np.ascontiguousarray(table[name]) for name in names if name not in used}
-    return RawSurvey(points, colours, attributes, None, warnings)

@@ -16,19 +16,12 @@ from typing import Any, BinaryIO, Final
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, Float64, Int64
+from terraport_payload.types import AnyArray, Float64
 from terraport_pipeline.engines.readers.file_sample import spread_pieces
-from terraport_pipeline.engines.readers.raw_survey import (
-    Advance,
-    RawSurvey,
-    StreamChunk,
-    find_colours,
-    thinning_rows,
-    to_eight_bits,
-)
+from terraport_pipeline.engines.readers.raw_survey import StreamChunk, find_colours
 from terraport_pipeline.errors import ReadError
 
-__all__ = ["PlyStream", "has_faces", "read_ply", "stream_ply"]
+__all__ = ["PlyStream", "has_faces", "stream_ply"]
 
 _MAX_HEADER_BYTES: Final = 1 << 16
 """A header of 64 KiB has a thousand properties; more is no PLY."""
@@ -70,49 +63,6 @@ class _Header:
     """Bytes up to and including the line ``end_header``."""
 
 
-def read_ply(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
-    """Read the vertices of a PLY file.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Starts with ``ply``.
-    advance : callable
-        Told of progress.
-    max_points : int, optional
-        Thin to this many points.
-
-    Returns
-    -------
-    RawSurvey
-        Property names keep their spelling; ``x``, ``y``, ``z`` and the colours are found in any
-        case.
-
-    Raises
-    ------
-    ReadError
-        When the header is not PLY, x, y or z is missing, a list property is in the way, or the
-        vertices are cut off; names the byte, line or vertex.
-    """
-    with path.open("rb") as file:
-        header = _read_header(path, file)
-    vertex, before, others = _find_vertex(path, header)
-    _check_names(path, vertex)
-    rows = thinning_rows(vertex.count, max_points)
-    kept = vertex.count if rows is None else len(rows)
-    tables = _ascii_tables if header.format == "ascii" else _binary_tables
-    whole: AnyArray | None = None
-    done = 0
-    for table, read in tables(path, header, vertex, before, rows):
-        if whole is None:
-            whole = np.empty(kept, dtype=table.dtype)
-        whole[done : done + len(table)] = table
-        done += len(table)
-        advance(read, vertex.count)
-    assert whole is not None  # there is at least one vertex
-    return _assemble(whole, _ignored(others))
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class PlyStream:
     """An open file; its vertices come in parts."""
@@ -125,17 +75,24 @@ class PlyStream:
     """Makes the iterator; once."""
 
 
-def stream_ply(path: Path, *, max_points: int | None = None, share: float = 1.0) -> PlyStream:
-    """Check a file as :func:`read_ply` does, and read its vertices in parts of a million.
+def stream_ply(path: Path, *, share: float = 1.0) -> PlyStream:
+    """Check a file's header, and read its vertices in parts of a million.
 
     With a `share` below 1 about so much is read: of a binary file parts that are spread over it, of
-    a text its beginning.
+    a text its beginning. Columns keep their properties' spelling; ``x``, ``y``, ``z`` and the
+    colours are recognised in any case.
+
+    Raises
+    ------
+    ReadError
+        When the header is not PLY, x, y or z is missing, or a list property is in the way; names
+        the line. Vertices that are cut off or damaged are found while they are read; names the
+        byte or the vertex.
     """
     with path.open("rb") as file:
         header = _read_header(path, file)
     vertex, before, others = _find_vertex(path, header)
     _check_names(path, vertex)
-    rows = thinning_rows(vertex.count, max_points)
     is_text = header.format == "ascii"
     tables = _ascii_tables if is_text else partial(_binary_tables, share=share)
     names = [name for name, _ in vertex.properties]
@@ -144,13 +101,13 @@ def stream_ply(path: Path, *, max_points: int | None = None, share: float = 1.0)
 
     def chunks() -> Iterator[StreamChunk]:
         done = 0
-        for table, read in tables(path, header, vertex, before, rows):
+        for table in tables(path, header, vertex, before):
             points = np.stack([table[axis].astype(np.float64) for axis in axes], axis=1)
             columns = {
                 name: np.ascontiguousarray(table[name]) for name in names if name not in axes
             }
-            yield StreamChunk(points, columns, read)
-            done += read
+            yield StreamChunk(points, columns, len(table))
+            done += len(table)
             if is_text and done >= share * vertex.count:
                 return
 
@@ -257,10 +214,9 @@ def _binary_tables(
     header: _Header,
     vertex: _Element,
     before: list[_Element],
-    rows: Int64 | None,
     share: float = 1.0,
-) -> Iterator[tuple[AnyArray, int]]:
-    """Yield (vertices that are kept, vertices read)."""
+) -> Iterator[AnyArray]:
+    """Yield vertices of a binary file, a million at a time."""
     dtype = _row_type(vertex, header.format)
     start = header.length
     for element in before:
@@ -280,20 +236,13 @@ def _binary_tables(
         want = min(_CHUNK_POINTS, vertex.count - first)
         # Not mapped: mapped pages count as this process's memory until something else needs it.
         table = np.fromfile(path, dtype=dtype, count=want, offset=start + first * dtype.itemsize)
-        if rows is not None:
-            low, high = np.searchsorted(rows, (first, first + want))
-            table = table[rows[low:high] - first]
-        yield table.astype(dtype.newbyteorder("="), copy=False), want
+        yield table.astype(dtype.newbyteorder("="), copy=False)
 
 
 def _ascii_tables(
-    path: Path,
-    header: _Header,
-    vertex: _Element,
-    before: list[_Element],
-    rows: Int64 | None,
-) -> Iterator[tuple[AnyArray, int]]:
-    """Yield (vertices that are kept, vertices read)."""
+    path: Path, header: _Header, vertex: _Element, before: list[_Element]
+) -> Iterator[AnyArray]:
+    """Yield vertices of a text, some at a time."""
     # (1) Refuse a header that promises more than the file can hold, before memory is taken for
     # it.
     dtype = _row_type(vertex, "ascii")
@@ -321,13 +270,10 @@ def _ascii_tables(
                     "it is cut off: copy or export it again",
                     f"vertex {first + len(values):,}",
                 )
-            if rows is not None:
-                low, high = np.searchsorted(rows, (first, first + want))
-                values = values[rows[low:high] - first]
-            table = np.zeros(len(values), dtype=dtype)
+            table = np.zeros(want, dtype=dtype)
             for column, (name, _) in enumerate(vertex.properties):
                 table[name] = values[:, column]
-            yield table, want
+            yield table
 
 
 def _parse_lines(path: Path, lines: list[bytes], first: int, columns: int) -> Float64:
@@ -359,19 +305,3 @@ def _bad_line(
                 f"vertex {first + number:,}",
             )
     return cause
-
-
-def _assemble(table: AnyArray, warnings: tuple[str, ...]) -> RawSurvey:
-    names = list(table.dtype.names or ())
-    lower = {name.lower(): name for name in reversed(names)}
-    axes = [lower[axis] for axis in "xyz"]
-    points = np.stack([table[axis].astype(np.float64) for axis in axes], axis=1)
-    triple = find_colours(names)
-    colours = None
-    if triple is not None:
-        where = ", ".join(triple)
-        colours, notes = to_eight_bits(np.stack([table[n] for n in triple], axis=1), where=where)
-        warnings += notes
-    used = {*axes, *(triple or ())}
-    attributes = {name: np.ascontiguousarray(table[name]) for name in names if name not in used}
-    return RawSurvey(points, colours, attributes, None, warnings)

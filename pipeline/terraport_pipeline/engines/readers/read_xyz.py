@@ -20,15 +20,8 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import csv
 
-from terraport_payload.types import AnyArray
 from terraport_pipeline.engines.readers.clean_text import CleanText
-from terraport_pipeline.engines.readers.raw_survey import (
-    Advance,
-    RawSurvey,
-    StreamChunk,
-    thinning_rows,
-    to_eight_bits,
-)
+from terraport_pipeline.engines.readers.raw_survey import StreamChunk
 from terraport_pipeline.engines.readers.text_columns import (
     DEGREES,
     first_column_names_points,
@@ -38,7 +31,7 @@ from terraport_pipeline.engines.readers.text_columns import (
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.survey_statement import LEFT_OUT
 
-__all__ = ["XyzStream", "is_table", "read_xyz", "stream_xyz"]
+__all__ = ["XyzStream", "is_table", "stream_xyz"]
 
 _SAMPLE_BYTES: Final = 1 << 16
 _SAMPLE_ROWS: Final = 200
@@ -76,43 +69,6 @@ class _Layout:
     """The file has no header, and nobody stated its columns."""
 
 
-def read_xyz(path: Path, *, advance: Advance, max_points: int | None = None) -> RawSurvey:
-    """Read a text file with one point per line.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        Its suffix matters in one case: ``.pts`` has intensity before colour.
-    advance : callable
-        Told of progress, in bytes read and bytes of the file.
-    max_points : int, optional
-        Thin to this many points (after reading).
-
-    Raises
-    ------
-    ReadError
-        When the text is no table of numbers, x, y or z is missing, columns are degrees, or a line
-        is damaged; names the line where it can.
-    """
-    layout = _find_layout(path)
-    table = _parse(path, layout, advance)
-    if table.num_rows == 0:
-        raise ReadError(path, "there is not one row of numbers", "export the survey again")
-    rows = thinning_rows(table.num_rows, max_points)
-    columns: dict[str, AnyArray] = {}
-    text: list[str] = []
-    for name in layout.names:
-        column = table[name]
-        if pa.types.is_integer(column.type) or pa.types.is_floating(column.type):
-            values = column.to_numpy()
-            columns[name] = values if rows is None else values[rows]
-        elif pa.types.is_null(column.type):
-            continue  # an empty column, such as a delimiter at the end of every line makes
-        else:
-            text.append(name)
-    return _assemble(columns, layout, text)
-
-
 @dataclass(frozen=True, slots=True, eq=False)
 class XyzStream:
     """An open text of points that yields them chunk by chunk."""
@@ -125,29 +81,24 @@ class XyzStream:
     """Makes the iterator; once."""
 
 
-def stream_xyz(
-    path: Path, *, max_points: int | None = None, columns: tuple[str, ...] | None = None
-) -> XyzStream:
-    """Read a text in parts; a first pass finds the columns' types and counts the rows.
+def stream_xyz(path: Path, *, columns: tuple[str, ...] | None = None) -> XyzStream:
+    """Read a text in parts; a first pass finds the columns' types.
 
     Parameters
     ----------
     path : pathlib.Path
-    max_points : int, optional
-        Thin to this many points.
+        Its suffix matters in one case: ``.pts`` has intensity before colour.
     columns : tuple of str, optional
         What all columns are, in their order, whatever a header says.
 
     Raises
     ------
     ReadError
-        As :func:`read_xyz`.
+        When the text is no table of numbers, x, y or z is missing, columns are degrees, or a line
+        is damaged; names the line where it can.
     """
     layout = _find_layout(path, columns)
-    types, count = _find_types(path, layout)
-    if count == 0:
-        raise ReadError(path, "there is not one row of numbers", "export the survey again")
-    rows = thinning_rows(count, max_points)
+    types = _find_types(path, layout)
     wanted_names = [name for name in layout.names if not name.startswith(LEFT_OUT)]
     names = [n for n in wanted_names if types[n] in (pa.int64(), pa.float64())]
     text = [n for n in wanted_names if types[n] == pa.string()]
@@ -159,18 +110,10 @@ def stream_xyz(
     has_colour = all(name in names for name in _COLOURS)
 
     def chunks() -> Iterator[StreamChunk]:
-        first = 0
         for batch, read in _batches(path, layout, types):
-            wanted: Any = slice(None)
-            if rows is not None:
-                low, high = np.searchsorted(rows, (first, first + batch.num_rows))
-                wanted = rows[low:high] - first
-            columns = {
-                name: batch.column(name).to_numpy(zero_copy_only=False)[wanted] for name in names
-            }
+            columns = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in names}
             points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
             yield StreamChunk(points, columns, read)
-            first += batch.num_rows
 
     return XyzStream(path.stat().st_size, tuple(warnings), _COLOURS if has_colour else (), chunks)
 
@@ -186,8 +129,8 @@ def is_table(path: Path) -> bool:
     return set(_AXES) <= set(name_header_columns(form.header))
 
 
-def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], int]:
-    """Find the narrowest type that every row of each column has, and count the rows."""
+def _find_types(path: Path, layout: _Layout) -> dict[str, pa.DataType]:
+    """Find the narrowest type that every row of each column has."""
     types = {axis: pa.float64() for axis in "xyz"}
     while True:
         seen: dict[str, pa.DataType] = {}
@@ -207,14 +150,16 @@ def _find_types(path: Path, layout: _Layout) -> tuple[dict[str, pa.DataType], in
             former = types.get(name)
             types[name] = pa.string() if former == pa.float64() else pa.float64()
             continue
+        if count == 0:
+            raise ReadError(path, "there is not one row of numbers", "export the survey again")
         for name, kind in seen.items():
             whole = pa.types.is_integer(kind)
             if whole or pa.types.is_floating(kind):
-                # A gap in whole numbers makes them floats, as in a whole table.
+                # A gap in whole numbers makes them floats.
                 types[name] = pa.int64() if whole and name not in nulls else pa.float64()
             else:
                 types[name] = pa.null() if pa.types.is_null(kind) else pa.string()
-        return types, count
+        return types
 
 
 def _batches(
@@ -223,7 +168,7 @@ def _batches(
     """Yield (record batch, bytes of the file read since the last one)."""
     read = 0
 
-    def count(size: int, _total: int) -> None:
+    def count(size: int) -> None:
         nonlocal read
         read += size
 
@@ -232,7 +177,6 @@ def _batches(
             file,
             blanks=layout.delimiter == " ",
             skip_lines=layout.skip_lines,
-            size=path.stat().st_size,
             advance=count,
         )
         try:
@@ -452,34 +396,3 @@ def _is_number(cell: str, decimal: str) -> bool:
     except ValueError:
         return False
     return True
-
-
-def _parse(path: Path, layout: _Layout, advance: Advance) -> pa.Table:
-    types = {axis: pa.float64() for axis in "xyz"}
-    with path.open("rb") as file:
-        source = CleanText(
-            file,
-            blanks=layout.delimiter == " ",
-            skip_lines=layout.skip_lines,
-            size=path.stat().st_size,
-            advance=advance,
-        )
-        try:
-            return csv.read_csv(pa.PythonFile(source, mode="r"), *_csv_options(layout, types))
-        except pa.ArrowInvalid as error:
-            raise _no_table(path, layout, error) from error
-
-
-def _assemble(columns: dict[str, AnyArray], layout: _Layout, text: list[str]) -> RawSurvey:
-    points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
-    warnings: list[str] = []
-    if text:
-        warnings.append(_left_out(text))
-    colours = None
-    if all(name in columns for name in _COLOURS):
-        channels = np.stack([columns.pop(name) for name in _COLOURS], axis=1)
-        colours, notes = to_eight_bits(channels, where="red, green, blue")
-        warnings += notes
-    if layout.bare:
-        warnings.append(_bare(layout))
-    return RawSurvey(points, colours, columns, None, tuple(warnings))

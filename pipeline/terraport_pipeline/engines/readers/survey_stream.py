@@ -1,8 +1,8 @@
 """Surveys in parts: any file that can be read from its beginning to its end in bounded memory.
 
-Each opener checks the header as the whole reader of the format does, and then hands out points and
-columns as the file has them; what only the whole survey can decide (which columns say nothing, how
-deep the colours are) is written down as rules for whoever puts the parts together.
+Each opener checks the header, and then hands out points and columns as the file has them; what only
+the whole survey can decide (which columns say nothing, how deep the colours are) is written down as
+rules for whoever puts the parts together.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from terraport_pipeline.engines.readers.file_sample import first_chunks, text_sa
 from terraport_pipeline.engines.readers.raw_survey import StreamChunk
 from terraport_pipeline.engines.readers.read_e57 import open_e57
 from terraport_pipeline.engines.readers.read_las import UNSET, open_las
-from terraport_pipeline.engines.readers.read_pcd import is_binary_pcd, read_pcd, stream_pcd
+from terraport_pipeline.engines.readers.read_pcd import stream_pcd
 from terraport_pipeline.engines.readers.read_ply import stream_ply
 from terraport_pipeline.engines.readers.read_xyz import stream_xyz
 from terraport_pipeline.engines.readers.survey_format import find_format
@@ -34,7 +34,6 @@ __all__ = [
 ]
 
 _LAS_COLOURS: Final = ("red", "green", "blue")
-_PCD_COLOUR: Final = "rgb"
 
 _WIDEST: Final = 1e7
 """A survey that is said to be wider has a wrong header."""
@@ -238,26 +237,8 @@ def _open_ply(path: Path, _bounded: bool, share: float) -> Iterator[SurveyStream
 
 @contextlib.contextmanager
 def _open_pcd(path: Path, bounded: bool, share: float) -> Iterator[SurveyStream]:
-    if not bounded and not is_binary_pcd(path):
-        yield _whole_pcd(path)
-        return
-    pcd = stream_pcd(path, share=share)
+    pcd = stream_pcd(path, bounded=bounded, share=share)
     yield SurveyStream("pcd", pcd.count, "points", pcd.chunks, colours=pcd.colours)
-
-
-def _whole_pcd(path: Path) -> SurveyStream:
-    """Read a PCD of text or compressed points whole, and give it as one part."""
-    raw = read_pcd(path, advance=lambda _read, _total: None)
-    colours = {} if raw.colours is None else {_PCD_COLOUR: raw.colours}
-    part = StreamChunk(raw.points, {**raw.attributes, **colours}, len(raw.points))
-    return SurveyStream(
-        "pcd",
-        len(raw.points),
-        "points",
-        lambda: iter((part,)),
-        warnings=raw.warnings,
-        colours=tuple(colours),
-    )
 
 
 @contextlib.contextmanager
