@@ -23,7 +23,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     command = ["git", "rev-parse", "HEAD"]
     root = Path(__file__).resolve().parents[1]
     commit = subprocess.run(command, cwd=root, capture_output=True, text=True, check=False).stdout
-    # With fewer tests than shares some shares would be empty, and pytest fails where nothing is left to run.
+    # With fewer tests than shares some would be empty, and pytest fails where nothing is left.
     first = int(commit[:8] or "0", 16) % max(min(share, len(items)), 1)
     chosen = items[first::share]
     config.hook.pytest_deselected(items=[item for item in items if item not in chosen])

@@ -14,9 +14,8 @@ from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.synth.fine_pattern import paint_fine_pattern
 from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.noise import Noise
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
 from terraport_pipeline.synth.surface import Surface, SurfacePoints
-from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
 __all__ = ["SUN", "Sunlight", "albedo", "grade", "lit_colours", "material_colours", "photographed"]
 

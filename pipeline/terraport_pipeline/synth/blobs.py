@@ -13,8 +13,8 @@ import numpy as np
 
 from terraport_payload.types import Bool, Float64, Int64
 from terraport_pipeline.synth.noise import Noise
-from terraport_pipeline.synth.options import QuarryOptions
-from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
+from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
+from terraport_pipeline.synth.terrain import Terrain
 
 __all__ = ["BUSH", "ROCK", "TREE", "Blobs"]
 

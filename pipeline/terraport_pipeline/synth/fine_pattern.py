@@ -21,8 +21,9 @@ from terraport_pipeline.synth.targets import TARGET_HALF
 
 __all__ = ["paint_fine_pattern"]
 
-_WAVES: Final = (1.1, 0.52, 0.25, 0.13)
-"""Wavelengths of the gravel; the longest joins the shortest of the grain (0.375)."""
+_WAVES: Final = (1.1, 0.52, 0.25, 0.13, 0.065, 0.033)
+"""Wavelengths of the gravel; the longest joins the shortest of the grain (0.375), the shortest is
+what somebody sees who stands on it."""
 
 _GRAVEL: Final = 0.26
 """Amplitude of each octave as a share of the colour; the sum has a deviation of about 0.15."""

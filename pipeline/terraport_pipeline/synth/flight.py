@@ -2,7 +2,8 @@
 
 The grid takes the given overlap in both directions and flies as low as its share of the photos
 allows. The outer orbit stands over the site's edge and looks across the pit; the inner one stands
-over the pit and looks at the wall in front of it, below roofs that no nadir photo sees.
+over the pit and looks at the wall in front of it, below roofs that no nadir photo sees. Over a
+window both orbits look at its middle, the inner one from low above the ground.
 
 Frame: scene metres about the quarry's origin (x east, y up, z south), as
 :class:`~terraport_pipeline.geometry.photos.lens.View` wants it. PURE.
@@ -19,8 +20,9 @@ from terraport_payload.types import Float64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.photos.lens import Lens, View
 from terraport_pipeline.option import Option, check_options
-from terraport_pipeline.synth.options import QuarryOptions
-from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
+from terraport_pipeline.synth.noise import Noise
+from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
+from terraport_pipeline.synth.terrain import Terrain
 
 __all__ = ["MAX_PHOTOS", "MAX_PIXELS", "Flight", "FlightOptions", "plan_flight", "seen_by"]
 
@@ -42,6 +44,9 @@ corner's pixel by 2 to 30 in a photo 2,000 wide, so that leaving one out shows."
 
 _SIDE: Final = 0.92
 """The grid covers this share of the site: at the very edge a photo sees mostly nothing."""
+
+_CLEARANCE_M: Final = 4.0
+"""Of a drone that flies low over a window above the ground below it."""
 
 _SWAY_DEG: Final = 1.2
 _DRIFT: Final = 0.01
@@ -120,16 +125,24 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
     """
     # (1) The grid straight down, at the height that makes it fit the count.
     lens = _lens(options)
-    half = np.array([HALF_X, HALF_Y]) * quarry.scale * _SIDE
+    side = 1.0 if quarry.window_m else _SIDE
+    half = np.array(quarry.surveyed[2:]) * quarry.scale * side
     columns, rows, height = _grid(options, half, lens)
     rng = np.random.default_rng([quarry.seed, _STREAM])
     shown = np.array([lens.height, lens.width]) * height / lens.fx
     positions, looks, ups = _nadir(half, shown, columns, rows, height)
     nadir = len(positions)
+    over = _Window(quarry) if quarry.window_m else None
+    if over is not None:
+        positions = over.above(positions)
     # (2) Two orbits of oblique photos.
     outer = (options.count - nadir + 1) // 2
-    for count, ring in ((outer, _outer), (options.count - nadir - outer, _inner)):
-        more = ring(count, quarry)
+    inner = options.count - nadir - outer
+    if over is None:
+        rings = (_outer(outer, quarry), _inner(inner, quarry))
+    else:
+        rings = (over.outer(outer), over.inner(inner))
+    for more in rings:
         positions, looks, ups = (
             np.concatenate([a, b]) for a, b in zip((positions, looks, ups), more, strict=True)
         )
@@ -226,6 +239,48 @@ def _inner(count: int, quarry: QuarryOptions) -> tuple[Float64, Float64, Float64
     positions = ring * 40.0 + np.array([0.0, 42.0, 0.0])
     aim = -ring * 95.0 + np.array([0.0, -0.6 * quarry.depth_design_m, 0.0])
     return _as_rows(positions, aim - positions, quarry.scale)
+
+
+class _Window:
+    """Orbits over a part of the site, and how high its ground is; scene metres."""
+
+    def __init__(self, quarry: QuarryOptions) -> None:
+        rng = np.random.default_rng([quarry.seed, 0])
+        self._terrain = Terrain(quarry, Noise(rng), rng)
+        self._scale = quarry.scale
+        x, y, self._half, _ = (value * quarry.scale for value in quarry.surveyed)
+        steps = np.linspace(-1.0, 1.0, 9) * self._half
+        east, south = (grid.ravel() for grid in np.meshgrid(x + steps, steps - y))
+        self._middle = np.array([x, float(np.median(self._ground(east, south))), -y])
+
+    def above(self, positions: Float64) -> Float64:
+        """Move positions over a flat site's middle to over the window, clear of its ground."""
+        result: Float64 = positions + self._middle
+        result[:, 1] = np.maximum(
+            result[:, 1], self._ground(result[:, 0], result[:, 2]) + _CLEARANCE_M
+        )
+        return result
+
+    def outer(self, count: int) -> tuple[Float64, Float64, Float64]:
+        """From over its edge, 45 degrees down."""
+        return self._ring(count, 0.25, 1.0, 0.9)
+
+    def inner(self, count: int) -> tuple[Float64, Float64, Float64]:
+        """From within, 17 degrees down: what stands up is seen from the side."""
+        return self._ring(count, 0.5, 0.8, 0.22)
+
+    def _ring(
+        self, count: int, first: float, radius: float, height: float
+    ) -> tuple[Float64, Float64, Float64]:
+        turn = 2 * np.pi * (np.arange(count) + first) / max(count, 1)
+        ring = np.stack([np.cos(turn) * radius, np.full(count, height), np.sin(turn) * radius], 1)
+        positions = self.above(ring * self._half)
+        return _as_rows(positions, self._middle - 0.2 * ring * self._half - positions, 1.0)
+
+    def _ground(self, east: Float64, south: Float64) -> Float64:
+        x, y = east / self._scale, -south / self._scale
+        heights: Float64 = self._terrain.positions(x, y)[:, 2] * self._scale
+        return heights
 
 
 def _as_rows(positions: Float64, looks: Float64, scale: float) -> tuple[Float64, Float64, Float64]:

@@ -15,10 +15,14 @@ from typing import Annotated, Any, Final, Self
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.option import COMMON, COUNT, Option, check_options, option_fields
 
-__all__ = ["DESIGN_SIZE_M", "MAX_POINTS", "MIN_POINTS", "QuarryOptions"]
+__all__ = ["DESIGN_SIZE_M", "HALF_X", "HALF_Y", "MAX_POINTS", "MIN_POINTS", "QuarryOptions"]
 
 DESIGN_SIZE_M: Final = 360.0
 """East-west side of the site for which the shape constants of :mod:`.terrain` are written."""
+
+HALF_X: Final = DESIGN_SIZE_M / 2
+HALF_Y: Final = 160.0
+"""The site reaches this far from its centre, design metres."""
 
 MIN_POINTS: Final = 1_000
 """Fewer points cannot show a bench."""
@@ -102,6 +106,16 @@ class QuarryOptions:
     """Width of the photo's pixel that a point has its colour from; averages the fine pattern."""
     uneven: Annotated[float, Option(heading=_SENSOR, least=0.0, most=0.95)] = 0.35
     """0: even density by area; towards 1: patches with (1 - uneven) times the density."""
+    window_m: Annotated[float, Option(heading=_SENSOR, least=0.0, most=5000.0, unit="m")] = 0.0
+    """Side of the square that is surveyed, and flown over low; 0: the whole site."""
+    window_east_m: Annotated[
+        float, Option(heading=_SENSOR, least=-2500.0, most=2500.0, unit="m")
+    ] = 0.0
+    """The square's middle, east of the site's."""
+    window_north_m: Annotated[
+        float, Option(heading=_SENSOR, least=-2500.0, most=2500.0, unit="m")
+    ] = 0.0
+    """The square's middle, north of the site's."""
     easting_m: Annotated[
         float, Option(heading=_PLACE, least=100_000.0, most=900_000.0, unit="m")
     ] = 641_200.0
@@ -127,10 +141,28 @@ class QuarryOptions:
                 f"smaller ones (their sum must be at most 110 m, it is {deep:g} m)"
             )
 
+        half_x, half_y = (half * self.scale for half in (HALF_X, HALF_Y))
+        if abs(self.window_east_m) > half_x or abs(self.window_north_m) > half_y:
+            raise OptionError(
+                f"the window's middle is {self.window_east_m:g} m east and "
+                f"{self.window_north_m:g} m north of the site's, expected at most {half_x:g} and "
+                f"{half_y:g} m either way"
+            )
+
     @property
     def scale(self) -> float:
         """Metres per design metre: how much the quarry's plan is enlarged."""
         return self.size_m / DESIGN_SIZE_M
+
+    @property
+    def surveyed(self) -> tuple[float, float, float, float]:
+        """Middle (x, y) and half sides (x, y) of what is surveyed, design metres."""
+        if not self.window_m:
+            return 0.0, 0.0, HALF_X, HALF_Y
+        half = self.window_m / 2
+        values = (self.window_east_m, self.window_north_m, half, half)
+        x, y, half_x, half_y = (value / self.scale for value in values)
+        return x, y, half_x, half_y
 
     @property
     def depth_design_m(self) -> float:

@@ -23,9 +23,8 @@ from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.synth.appearance import Sunlight, grade, photographed
 from terraport_pipeline.synth.materials import Material
-from terraport_pipeline.synth.options import QuarryOptions
-from terraport_pipeline.synth.surface import Surface, SurfacePoints
-from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
+from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
+from terraport_pipeline.synth.surface import SAMPLER_EDGE, Surface, SurfacePoints
 
 __all__ = ["CHUNK_POINTS", "POINT_STEP_M", "Quarry", "QuarryChunk", "QuarryMaker", "synthesise"]
 
@@ -159,7 +158,9 @@ class QuarryMaker:
         self.chunk_count = -(-options.points // CHUNK_POINTS)
         self._sunlight = Sunlight(self.surface)
         self._holes = self._place_holes()
-        weights = self.surface.triangle_areas * self._density(self.surface.triangle_middles)
+        middles = self.surface.triangle_middles
+        weights = self.surface.triangle_areas * self._density(middles)
+        weights *= self._surveyed(middles, SAMPLER_EDGE)
         self._cumulative = np.cumsum(weights)
 
     def chunks(self) -> Iterator[QuarryChunk]:
@@ -195,7 +196,11 @@ class QuarryMaker:
         draws = [self._evaluate(spot, rng)]
         rows = [np.arange(count)]
         for _ in range(_MAX_REDRAWS):
-            bad = np.flatnonzero(draws[-1].hidden | self._in_hole(draws[-1].positions))
+            bad = np.flatnonzero(
+                draws[-1].hidden
+                | self._in_hole(draws[-1].positions)
+                | ~self._surveyed(draws[-1].positions, 0.0)
+            )
             if len(bad) == 0:
                 break
             rows.append(rows[-1][bad])
@@ -222,6 +227,14 @@ class QuarryMaker:
         centre = rng.uniform(-0.75, 0.75, (self.options.holes, 2)) * (HALF_X, HALF_Y)
         radius = rng.uniform(2.5, 6.0, (self.options.holes, 1))
         return np.concatenate([centre, radius], axis=1)
+
+    def _surveyed(self, positions: Float64, margin: float) -> Bool:
+        x, y, half_x, half_y = self.options.surveyed
+        if not self.options.window_m:  # rough ground is warped over the site's edge, and stays
+            return np.ones(len(positions), dtype=bool)
+        east, north = np.abs(positions[:, 0] - x), np.abs(positions[:, 1] - y)
+        inside: Bool = (east <= half_x + margin) & (north <= half_y + margin)
+        return inside
 
     def _in_hole(self, positions: Float64) -> Bool:
         inside = np.zeros(len(positions), dtype=bool)

@@ -18,17 +18,17 @@ from terraport_payload.types import Bool, Float64, Int64, UInt8
 from terraport_pipeline.synth.blobs import BUSH, ROCK, Blobs
 from terraport_pipeline.synth.materials import PILE_MATERIALS, Material
 from terraport_pipeline.synth.noise import Noise
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
 from terraport_pipeline.synth.targets import place_targets
-from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
+from terraport_pipeline.synth.terrain import Terrain
 from terraport_pipeline.synth.triangulate import grid_triangles, icosphere, refine
 
-__all__ = ["GROUND", "Surface", "SurfacePoints", "ground_material"]
+__all__ = ["GROUND", "SAMPLER_EDGE", "Surface", "SurfacePoints", "ground_material"]
 
 GROUND: Final = -1
 """Body number of the ground."""
 
-_SAMPLER_EDGE: Final = 2.5
+SAMPLER_EDGE: Final = 2.5
 """Longest edge of the sampler's triangles, design metres: fine enough that the area within one
 is even, coarse enough that 60,000 points take no second."""
 
@@ -81,7 +81,7 @@ class Surface:
         self.targets = np.empty((0, 2))
         if options.detail > 0.0:
             self.targets = place_targets(options.seed, self.terrain)
-        self._build_sampler(_SAMPLER_EDGE)
+        self._build_sampler(SAMPLER_EDGE)
 
     # Triangles
 

@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import Float64
-from terraport_pipeline.synth.terrain import HALF_X, HALF_Y, Terrain
+from terraport_pipeline.synth.options import HALF_X, HALF_Y
+from terraport_pipeline.synth.terrain import Terrain
 
 __all__ = ["TARGETS", "TARGET_HALF", "place_targets"]
 

@@ -21,11 +21,7 @@ from terraport_payload.types import Float64
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import QuarryOptions
 
-__all__ = ["HALF_X", "HALF_Y", "LAKE_DEPTH", "Terrain", "TerrainSample"]
-
-HALF_X: Final = 180.0
-HALF_Y: Final = 160.0
-"""The site reaches this far from its centre, design metres."""
+__all__ = ["LAKE_DEPTH", "Terrain", "TerrainSample"]
 
 LAKE_DEPTH: Final = 3.4
 """Water above the lowest point of the floor."""

@@ -16,8 +16,8 @@ import numpy as np
 from terraport_payload.types import AnyFloat, Float32, Float64
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.synth.materials import Material
+from terraport_pipeline.synth.options import HALF_X, HALF_Y
 from terraport_pipeline.synth.surface import GROUND, Surface
-from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
 __all__ = ["Truck", "parking_places", "place_truck"]
 

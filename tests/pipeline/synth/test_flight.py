@@ -1,11 +1,15 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.synth import QuarryOptions
 from terraport_pipeline.synth.flight import FlightOptions, plan_flight, seen_by
+from terraport_pipeline.synth.noise import Noise
+from terraport_pipeline.synth.terrain import Terrain
 
 QUARRY = QuarryOptions(seed=3)
 
@@ -79,3 +83,21 @@ def test_a_cloud_of_photos_has_their_pattern_and_pixel() -> None:
     assert seen.detail == 1.0
     assert seen.pixel_m == plan_flight(options, QUARRY).gsd_m
     assert seen_by(options, QuarryOptions(detail=0.5, pixel_m=0.3)).pixel_m == 0.3
+
+
+def test_a_window_is_flown_over_low_and_looked_at_from_around() -> None:
+    quarry = replace(QUARRY, window_m=36.0, window_east_m=-72.0, window_north_m=54.0)
+    flight = plan_flight(FlightOptions(count=40), quarry)
+    positions = np.array([view.position for view in flight.views])
+    middle = np.array([-72.0, -54.0])
+    assert np.abs(positions[:, [0, 2]] - middle).max() < 1.1 * 18
+    assert flight.gsd_m < plan_flight(FlightOptions(count=40), QUARRY).gsd_m / 5
+    # Each flies clear of the ground below it, and the oblique ones look at the middle's ground.
+    rng = np.random.default_rng([quarry.seed, 0])
+    terrain = Terrain(quarry, Noise(rng), rng)
+    ground = terrain.positions(positions[:, 0], -positions[:, 2])[:, 2]
+    assert (positions[:, 1] - ground).min() > 3.5
+    for view in flight.views[flight.nadir :]:
+        forward = view.rotation[2]
+        assert forward[1] < 0
+        assert forward[[0, 2]] @ (middle - view.position[[0, 2]]) > 0

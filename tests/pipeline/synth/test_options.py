@@ -58,3 +58,14 @@ def test_bad_json_is_named(tmp_path: Path, text: str, message: str) -> None:
         QuarryOptions.from_json(path)
     assert message in str(caught.value)
     assert str(path) in str(caught.value)
+
+
+def test_a_window_beside_the_site_is_refused() -> None:
+    with pytest.raises(OptionError, match=r"middle is 200 m east.*at most 180 and 160 m"):
+        QuarryOptions(window_m=10.0, window_east_m=200.0)
+    assert QuarryOptions(window_m=36.0, size_m=180.0, window_north_m=40.0).surveyed == (
+        0,
+        80,
+        36,
+        36,
+    )

@@ -167,3 +167,16 @@ def test_overhang_undersides_are_sampled(clean_quarry: Quarry) -> None:
     pairs = cKDTree(rock[:, :2]).query_pairs(0.4, output_type="ndarray")
     rise = np.abs(rock[pairs[:, 0], 2] - rock[pairs[:, 1], 2])
     assert (rise > 5.0).sum() > 30
+
+
+def test_a_window_is_surveyed_alone_and_as_dense_as_its_points_allow() -> None:
+    options = QuarryOptions(
+        points=4_000, window_m=40.0, window_east_m=-72.0, window_north_m=54.0, noise_m=0.0,
+        outlier_fraction=0.0, holes=0,
+    )  # fmt: skip
+    made = synthesise(options)
+    away = made.survey.points[:, :2] - [options.easting_m - 72.0, options.northing_m + 54.0]
+    assert np.abs(away).max() <= 20.001
+    assert (away.min(axis=0) < -19).all()
+    assert (away.max(axis=0) > 19).all()
+    assert made.distance_m(made.survey.points).max() < 0.2

@@ -3,8 +3,8 @@ from __future__ import annotations
 import numpy as np
 
 from terraport_pipeline.synth import Material, QuarryOptions
+from terraport_pipeline.synth.options import HALF_X, HALF_Y
 from terraport_pipeline.synth.surface import GROUND, Surface
-from terraport_pipeline.synth.terrain import HALF_X, HALF_Y
 
 
 def draw(site: Surface, count: int) -> tuple[np.ndarray, object]:

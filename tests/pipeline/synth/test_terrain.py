@@ -5,8 +5,9 @@ import pytest
 
 from terraport_pipeline.synth import QuarryOptions
 from terraport_pipeline.synth.noise import Noise
+from terraport_pipeline.synth.options import HALF_X, HALF_Y
 from terraport_pipeline.synth.surface import Surface
-from terraport_pipeline.synth.terrain import _PIT, _WALL_AZIMUTH, HALF_X, HALF_Y, Terrain
+from terraport_pipeline.synth.terrain import _PIT, _WALL_AZIMUTH, Terrain
 
 
 def make(**options: float) -> Terrain:
