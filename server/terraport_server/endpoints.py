@@ -25,7 +25,14 @@ from terraport_server.http_answers import (
 )
 from terraport_server.logs import log
 from terraport_server.metrics import CONTENT_TYPE
-from terraport_server.scene_links import REPORT, links_of, report_of, service_links, summary_of
+from terraport_server.scene_links import (
+    REPORT,
+    building_line,
+    links_of,
+    report_of,
+    service_links,
+    summary_of,
+)
 from terraport_server.scenes import ServedScene
 from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT
@@ -76,10 +83,14 @@ def list_scenes(request: Request, service: ServiceOfRequest) -> dict[str, Any]:
     if token_pass is None:
         raise AccessError(ErrorCode.UNAUTHORISED)
     ids = [scene_id for scene_id in service.registry.ids() if token_pass.opens(scene_id)]
-    return {
+    answer = {
         "scenes": [summary_of(service.registry.get(scene_id)) for scene_id in ids],
         "links": service_links(service.settings),
     }
+    building = [build for build in service.registry.building if token_pass.opens(build.id)]
+    if building:
+        answer["building"] = [building_line(build) for build in building]
+    return answer
 
 
 @_router.get("/scenes/{scene_id}", summary="One scene: its manifest and addresses")

@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from terraport_server.scenes import ServedScene
 from terraport_server.settings import Settings
-from terraport_store import path_inside
+from terraport_store import SceneBuilding, path_inside
 
-__all__ = ["REPORT", "links_of", "report_of", "service_links", "summary_of"]
+__all__ = ["REPORT", "building_line", "links_of", "report_of", "service_links", "summary_of"]
 
 REPORT: Final = "report.html"
 """What ``terraport report`` writes beside ``scene.json``."""
@@ -56,6 +56,12 @@ def summary_of(served: ServedScene) -> dict[str, Any]:
         "detail_faces": manifest.counts.detail_faces,
         "links": links_of(served),
     }
+
+
+def building_line(build: SceneBuilding) -> dict[str, Any]:
+    """Return the line of a scene that is being built."""
+    line: dict[str, Any] = {"id": build.id, "name": build.name, "step": build.step}
+    return line if build.share is None else line | {"share": build.share}
 
 
 def service_links(settings: Settings) -> dict[str, str]:

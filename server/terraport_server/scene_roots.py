@@ -14,7 +14,14 @@ from terraport_server.errors import SettingsError
 from terraport_server.logs import log
 from terraport_server.object_metrics import ObjectMetrics
 from terraport_server.settings import Settings
-from terraport_store import FolderFiles, OriginError, SceneFiles, list_scenes
+from terraport_store import (
+    FolderFiles,
+    OriginError,
+    SceneBuilding,
+    SceneFiles,
+    list_building,
+    list_scenes,
+)
 
 if TYPE_CHECKING:
     from terraport_store.object_files import ObjectFiles, ObjectStorage
@@ -59,6 +66,16 @@ class SceneRoot(Protocol):
         """
         ...
 
+    def building(self) -> list[SceneBuilding]:
+        """List the scenes that are being built there just now; called as :meth:`look` is.
+
+        Raises
+        ------
+        OSError
+            When they cannot be listed.
+        """
+        ...
+
     def show_counts(self, registry: CollectorRegistry) -> None:
         """Register the counters of object storage, where it is one."""
         ...
@@ -90,6 +107,10 @@ class FolderRoot:
             if manifest is not None:  # else gone since it was listed
                 looks[scene_id] = Look(files, manifest, files.stamp(_LABELS))
         return looks
+
+    def building(self) -> list[SceneBuilding]:
+        """List what is being built there; see :class:`SceneRoot`."""
+        return list_building(self._directory)
 
     def show_counts(self, registry: CollectorRegistry) -> None:
         """Register nothing: a folder counts nothing."""
@@ -159,6 +180,10 @@ class ObjectRoot:
         looks |= {name: self._seen[name] for name in doubted}
         self._seen, self._doubted = dict(sorted(looks.items())), doubted
         return self._seen
+
+    def building(self) -> list[SceneBuilding]:
+        """List nothing: builds write to folders."""
+        return []
 
     def show_counts(self, registry: CollectorRegistry) -> None:
         """Add requests, bytes, retries and the like."""

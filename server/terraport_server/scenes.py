@@ -23,7 +23,15 @@ from terraport_server.logs import log
 from terraport_server.payload_desk import PayloadDesk
 from terraport_server.scene_roots import FolderRoot, Look, SceneRoot
 from terraport_server.selection import SegmentTable
-from terraport_store import OriginError, RegionNames, Scene, SceneFiles, StoreError, read_labels
+from terraport_store import (
+    OriginError,
+    RegionNames,
+    Scene,
+    SceneBuilding,
+    SceneFiles,
+    StoreError,
+    read_labels,
+)
 
 __all__ = ["SceneRegistry", "ServedScene"]
 
@@ -200,6 +208,8 @@ class SceneRegistry:
     ) -> None:
         self.root = FolderRoot(root) if isinstance(root, Path) else root
         """Where the scenes lie."""
+        self.building: list[SceneBuilding] = []
+        """What is being built there, as of the last look."""
         self._source = source
         self._readers = ThreadPoolExecutor(read_threads, thread_name_prefix="read")
         self._published = published
@@ -274,6 +284,7 @@ class SceneRegistry:
                 self._retire(gone)
                 log("scene gone", scene=scene_id, version=gone.version)
         self._retired = [served for served in self._retired if not served.closed]
+        self.building = await asyncio.to_thread(self.root.building)
 
     async def watch(self, period_s: float) -> None:
         """Refresh again and again until cancelled."""

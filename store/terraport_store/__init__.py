@@ -5,6 +5,7 @@ A scene is a directory that is published atomically; format in ``spec/scene-form
 * :class:`Scene` (``Scene.open``), :func:`list_scenes`, :func:`read_manifest`: read;
 * :class:`SceneWriter`: write a new version and publish it;
 * :func:`validate_scene`: check everything;
+* :func:`say_building`, :func:`end_building`, :func:`list_building`: what is being built beside it;
 * :func:`change_labels`, :func:`read_labels`, :func:`read_names`, :class:`RegionNames`: what regions
   are called;
 * :class:`SegmentIndex`, :class:`Cover`, :class:`Manifest`: what is in it;
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 from terraport_store.addresses import is_url, meant_url
 from terraport_store.assembly import SceneInfo
+from terraport_store.building import SceneBuilding, end_building, list_building, say_building
 from terraport_store.cover import Cover
 from terraport_store.errors import (
     CorruptPayloadError,
@@ -95,6 +97,7 @@ __all__ = [
     "RangeError",
     "RegionNames",
     "Scene",
+    "SceneBuilding",
     "SceneBusyError",
     "SceneFiles",
     "SceneInfo",
@@ -106,8 +109,10 @@ __all__ = [
     "SurveyUnits",
     "TextureInfo",
     "change_labels",
+    "end_building",
     "is_url",
     "label_fault",
+    "list_building",
     "list_scenes",
     "manifest_digest",
     "meant_url",
@@ -115,6 +120,7 @@ __all__ = [
     "read_labels",
     "read_manifest",
     "read_names",
+    "say_building",
     "scene_files",
     "validate_scene",
 ]

@@ -9,13 +9,22 @@ from typing import Any, Final
 
 import httpx
 import pytest
+from eventually import eventually
 from server.grid_scene import GridScene, write_grid_scene
 
 from terraport_server import BackgroundServer
+from terraport_store import end_building, say_building
 
 SPEC: Final = Path(__file__).resolve().parents[2] / "spec" / "wire-protocol.md"
 TOKEN: Final = "sixteen-characters"
-JSON_TYPES: Final = {"text": str, "integer": int, "map of text": dict, "list of scene lines": list}
+JSON_TYPES: Final = {
+    "text": str,
+    "integer": int,
+    "number": float,
+    "map of text": dict,
+    "list of scene lines": list,
+    "list of building lines": list,
+}
 
 Rows = dict[str, tuple[str, bool]]
 
@@ -32,7 +41,7 @@ def tables() -> dict[str, Rows]:
     return rows_by_table
 
 
-LISTED, LINE, SCENE, LINKS = tables().values()
+LISTED, LINE, BUILDING, SCENE, LINKS = tables().values()
 
 
 def assert_is(answer: dict[str, Any], rows: Rows) -> None:
@@ -64,10 +73,11 @@ def http(scenes: list[GridScene]) -> Iterator[httpx.Client]:
         yield client
 
 
-def test_the_section_has_the_four_tables() -> None:
+def test_the_section_has_the_five_tables() -> None:
     assert list(tables()) == [
         "`GET /scenes`: what ",
         "A scene line:",
+        "A building line:",
         "`GET /scenes/{id}`: ",
         "The `path` members o",
     ]
@@ -82,6 +92,32 @@ def test_the_list_of_scenes_is_as_the_tables_say(http: httpx.Client) -> None:
         assert_is(line["links"], LINKS)
         assert re.fullmatch("[0-9a-f]{32}", line["version"])
         assert ("report" in line["links"]) == (line["id"] == "a")
+
+
+def test_a_build_is_listed_while_it_speaks(tmp_path: Path) -> None:
+    grid = write_grid_scene(tmp_path / "a", cells=2)
+    with BackgroundServer(grid.path.parent, scene_poll_s=0.05, token=TOKEN) as running:
+
+        def lines() -> list[dict[str, Any]]:
+            headers = {"Authorization": f"Bearer {TOKEN}"}
+            answer = httpx.get(f"{running.url}/scenes", headers=headers).json()
+            assert_is(answer, LISTED)
+            building: list[dict[str, Any]] = answer.get("building", [])
+            for line in building:
+                assert_is(line, BUILDING)
+            return building
+
+        assert lines() == []
+        say_building(tmp_path / "pit", "The pit", "read", None)
+        say_building(tmp_path / "a", "A", "pack", 0.25)
+        eventually(lambda: len(lines()) == 2)
+        assert lines() == [
+            {"id": "a", "name": "A", "step": "pack", "share": 0.25},
+            {"id": "pit", "name": "The pit", "step": "read"},
+        ]
+        end_building(tmp_path / "pit")
+        end_building(tmp_path / "a")
+        eventually(lambda: lines() == [])
 
 
 def test_a_guarded_service_answers_in_the_same_form(scenes: list[GridScene]) -> None:

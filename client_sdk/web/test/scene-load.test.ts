@@ -268,6 +268,10 @@ it("lists scenes with their pages", async () => {
         reportUrl: `${url}/prefix/scenes/a%20b/report`,
       },
     ],
+    building: [
+      { id: "pit", name: "The pit", step: "read", share: 0.5 },
+      { id: "b", name: "b", step: "pack", share: null },
+    ],
     links: { docs: `${url}/prefix/docs` },
   });
 });
@@ -309,7 +313,8 @@ function answer(request: IncomingMessage, response: ServerResponse): void {
   const path = pathname.replace("/prefix", "").split("/").slice(2).map(decodeURIComponent);
   if (path.length === 0) {
     const lines = [...scenes].map(([id, files]) => lineOf(id, files));
-    response.end(JSON.stringify({ scenes: lines, links: { docs: "docs" } }));
+    const building = [{ id: "pit", name: "The pit", step: "read", share: 0.5 }, { id: "b", step: "pack" }, { id: 3 }, null];
+    response.end(JSON.stringify({ scenes: lines, building, links: { docs: "docs" } }));
     return;
   }
   const files = scenes.get(path[0]!);

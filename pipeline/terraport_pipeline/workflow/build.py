@@ -15,6 +15,7 @@ from typing import Annotated, Any, Final
 
 import psutil
 
+from terraport_pipeline.announced import announced
 from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.engines.readers.survey_stream import FileHead, survey_size
 from terraport_pipeline.errors import OptionError, PipelineError, ResourceError
@@ -254,13 +255,16 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
     started = time.monotonic()
     survey = _check(options)
     scene = options.scene.absolute()
-    with scene_locked(scene):
+    with (
+        scene_locked(scene),
+        announced(scene, options.pack_options().name, progress or NullProgress()) as watcher,
+    ):
         threads = options.threads or usable_cores()
         limit_threads(threads)
         runner = Runner(
             WorkDirectory(options.work or default_work_directory(scene)),
             resume=options.resume,
-            progress=progress or NullProgress(),
+            progress=watcher,
             threads=threads,
             max_memory_bytes=options.max_memory_bytes or default_memory_bytes(),
         )

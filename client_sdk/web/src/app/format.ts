@@ -1,5 +1,7 @@
 /** Numbers as people read them: one place, so that the page says the same thing in the same way everywhere. */
 
+import type { BuildingScene } from "../core/types.ts";
+
 const COUNT = new Intl.NumberFormat("en-GB", { maximumFractionDigits: 0 });
 const COMPACT = new Intl.NumberFormat("en-GB", { notation: "compact", maximumSignificantDigits: 3 });
 
@@ -25,6 +27,12 @@ export function formatBytes(bytes: number | null | undefined): string {
     unit += 1;
   }
   return `${significant(value)} ${units[unit]}`;
+}
+
+/** `Clean: normals, 43 %`: what a build does just now. */
+export function buildingStep({ step, share }: BuildingScene): string {
+  const text = `${step.slice(0, 1).toUpperCase()}${step.slice(1)}`;
+  return share === null ? text : `${text}, ${Math.floor(share * 100)} %`;
 }
 
 /** `8 ms`, `640 ms`, `1.24 s`, `2 min 5 s`. */

@@ -1,15 +1,17 @@
 /** The scenes of the service, as cards. */
 
 import { listScenes } from "../core/scene/load.ts";
-import type { SceneSummary } from "../core/types.ts";
+import type { BuildingScene, SceneSummary } from "../core/types.ts";
 import { fill, h } from "./dom.ts";
 import { loadFailure } from "./failures.ts";
-import { formatCompact, formatCount } from "./format.ts";
+import { buildingStep, formatCompact, formatCount } from "./format.ts";
 import { icon } from "./icons.ts";
 import { relief } from "./relief.ts";
 import { formatRoute, sceneRoute } from "./route.ts";
 import type { Shell } from "./shell.ts";
 import { actionButton, stateCard } from "./state-card.ts";
+
+const BUILDING_PERIOD_MS = 2000;
 
 /** The shell, and what the user meant by opening the list. */
 export interface SceneListOptions {
@@ -31,6 +33,8 @@ export interface Page {
  */
 export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Page {
   const abort = new AbortController();
+  let timer: number | undefined;
+  let shownScenes = "";
   const main = h("main", { id: "scene-list", class: "list-main" });
   const footer = h("footer", { class: "list-footer faint" });
   const element = h(
@@ -47,18 +51,24 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
   );
   document.title = "terraport";
 
-  async function load(): Promise<void> {
-    showWaiting();
+  async function load(quietly = false): Promise<void> {
+    if (!quietly) showWaiting();
+    window.clearTimeout(timer);
     try {
-      const { scenes, links } = await listScenes(shell.serverUrl, { token: shell.token.token, signal: abort.signal });
+      const list = await listScenes(shell.serverUrl, { token: shell.token.token, signal: abort.signal });
+      const { scenes, building, links } = list;
       const onlyScene = scenes.length === 1 ? scenes[0] : undefined;
       if (onlyScene !== undefined && opensOnlyScene) {
         // Replaced: going back must not come here only to be sent forward again.
         window.location.replace(formatRoute(sceneRoute(onlyScene.id)));
         return;
       }
-      showScenes(scenes);
+      const shown = scenes.map(({ id, version }) => `${id} ${version}`).join();
+      if (quietly && shown === shownScenes) showBuilding(building);
+      else showScenes(scenes, building);
+      shownScenes = shown;
       showLinks(links);
+      if (building.length > 0) timer = window.setTimeout(() => void load(true), BUILDING_PERIOD_MS);
     } catch (error) {
       if (!abort.signal.aborted) showFailure(error);
     }
@@ -81,8 +91,8 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
     );
   }
 
-  function showScenes(scenes: readonly SceneSummary[]): void {
-    if (scenes.length === 0) {
+  function showScenes(scenes: readonly SceneSummary[], building: readonly BuildingScene[]): void {
+    if (scenes.length === 0 && building.length === 0) {
       const reload = actionButton("Look again", "reload-list", () => void load(), true);
       const card = stateCard({
         id: "list-empty",
@@ -102,9 +112,47 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
       main,
       h("h1", {}, "Scenes"),
       h("p", { class: "faint", role: "status" }, `${formatCount(scenes.length)} ${noun}. Open one to look around.`),
-      h("ul", { class: "cards" }, ...scenes.map(card)),
+      h("ul", { class: "cards" }, ...scenes.map(card), ...building.map(buildingCard)),
     );
     shell.announcer.announce(`${scenes.length} ${noun}`);
+  }
+
+  /** Beside the other cards, which stay: one of them may have the focus. */
+  function showBuilding(building: readonly BuildingScene[]): void {
+    for (const card of main.querySelectorAll("[data-building]")) card.remove();
+    main.querySelector(".cards")?.append(...building.map(buildingCard));
+  }
+
+  /** A scene that is not there yet, or is made anew: nothing to open. */
+  function buildingCard(scene: BuildingScene): HTMLElement {
+    const percent = scene.share === null ? null : Math.round(scene.share * 100);
+    const bar = h("div", {});
+    bar.style.transform = `scaleX(${scene.share ?? 0})`;
+    const track = h(
+      "div",
+      {
+        class: "progress",
+        role: "progressbar",
+        "aria-label": `Build of ${scene.name}`,
+        "aria-valuemin": 0,
+        "aria-valuemax": 100,
+        ...(percent === null ? {} : { "aria-valuenow": percent }),
+      },
+      bar,
+    );
+    return h(
+      "li",
+      { class: "card", "data-building": scene.id },
+      relief(scene.id),
+      h(
+        "div",
+        { class: "card-text" },
+        h("h2", {}, scene.name),
+        h("p", { class: "faint number" }, buildingStep(scene)),
+        track,
+      ),
+      h("div", { class: "card-links" }, h("span", { class: "faint" }, "being built")),
+    );
   }
 
   function card(scene: SceneSummary): HTMLElement {
@@ -212,6 +260,7 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
     element,
     dispose() {
       abort.abort();
+      window.clearTimeout(timer);
     },
   };
 }

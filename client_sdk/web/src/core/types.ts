@@ -145,6 +145,16 @@ export interface SceneSummary {
   readonly reportUrl: string;
 }
 
+/** A scene that is being built: one line of `building` in GET /scenes. */
+export interface BuildingScene {
+  readonly id: string;
+  readonly name: string;
+  /** What the build does just now. */
+  readonly step: string;
+  /** How far that step is, 0 to 1; null where that is not known. */
+  readonly share: number | null;
+}
+
 /** Answer to a pick. */
 export interface PickHit {
   readonly position: Vec3;

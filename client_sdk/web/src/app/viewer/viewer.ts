@@ -1,5 +1,6 @@
 /** The viewer of one scene: makes its modules, gives each what it needs, and draws. */
 
+import { listScenes } from "../../core/scene/load.ts";
 import type { Vec3 } from "../../core/types.ts";
 import { standNear } from "../../three/footing.ts";
 import { Stage } from "../../three/stage.ts";
@@ -14,6 +15,7 @@ import type { WalkInput } from "../walk-pose.ts";
 import { createActions } from "./actions.ts";
 import { createBars } from "./bars.ts";
 import { createBlink } from "./blink.ts";
+import { watchBuilding } from "./building-watch.ts";
 import { createCameraDesk, type Ray } from "./camera-desk.ts";
 import { watchComfort } from "./comfort.ts";
 import { createEmbedListeners } from "./embed.ts";
@@ -105,6 +107,11 @@ export function createViewer(options: ViewerOptions): Viewer {
 
   const comfort = watchComfort(stage, store, (report) => listeners.emit("swap", report));
   const notices = createNotices(shell.announcer, (remedy, key) => actions.applyRemedy(remedy, key));
+  const building = watchBuilding({
+    sceneId: options.route.scene ?? "",
+    notices,
+    list: (signal) => listScenes(shell.serverUrl, { token: shell.token.token, signal }),
+  });
   const headset = createHeadsetEntry(() => bars.showHeadset(true));
   const loop = createFrameLoop(world.renderer, times, frame);
   const link = createPlaceLink();
@@ -397,6 +404,7 @@ export function createViewer(options: ViewerOptions): Viewer {
       for (const stop of stops) stop();
       keys.dispose();
       link.dispose();
+      building.dispose();
       notices.dispose();
       loop.stop();
       stream.close();

@@ -1,6 +1,6 @@
 /** GET /scenes: what a server shows. A shell: it fetches. */
 
-import type { SceneSummary } from "../types.ts";
+import type { BuildingScene, SceneSummary } from "../types.ts";
 import { StreamError } from "./errors.ts";
 import type { HttpOptions } from "./http.ts";
 import { fetchJson } from "./http.ts";
@@ -9,6 +9,8 @@ import { parseSceneUrl, sceneUrlOf } from "./urls.ts";
 /** The scenes that a token opens, and the pages beside them. */
 export interface SceneList {
   readonly scenes: readonly SceneSummary[];
+  /** What is being built just now. */
+  readonly building: readonly BuildingScene[];
   /** Address by name (`docs`, `metrics`), each only where it answers. */
   readonly links: Readonly<Record<string, string>>;
 }
@@ -22,12 +24,13 @@ export interface SceneList {
 export async function listScenes(serverUrl: string, options: HttpOptions = {}): Promise<SceneList> {
   const { server } = parseSceneUrl(serverUrl);
   const url = `${server}/scenes`;
-  const { scenes, links } = await fetchJson(url, options);
+  const { scenes, building, links } = await fetchJson(url, options);
   if (!Array.isArray(scenes)) {
     throw new StreamError("damaged", `${url} lists no scenes; is this a terraport server?`, 200);
   }
   return {
     scenes: scenes.map((line: unknown) => readLine(line, server, url)),
+    building: Array.isArray(building) ? building.flatMap(readBuilding) : [],
     // Addresses are relative to the server, which may stand behind a prefix.
     links: Object.fromEntries(textsOf(links).map(([name, path]) => [name, `${server}/${path}`])),
   };
@@ -47,6 +50,14 @@ function readLine(line: unknown, server: string, url: string): SceneSummary {
     detailFaces: typeof detailFaces === "number" ? detailFaces : 0,
     reportUrl: hasReport ? `${sceneUrlOf(server, id)}/report` : "",
   };
+}
+
+/** A line that is not understood is left out: the scene comes to the list anyhow. */
+function readBuilding(line: unknown): BuildingScene[] {
+  const { id, name, step, share } = (line ?? {}) as Record<string, unknown>;
+  if (typeof id !== "string" || id === "" || typeof step !== "string") return [];
+  const isShare = typeof share === "number" && share >= 0 && share <= 1;
+  return [{ id, name: typeof name === "string" && name !== "" ? name : id, step, share: isShare ? share : null }];
 }
 
 function textsOf(links: unknown): [string, string][] {
