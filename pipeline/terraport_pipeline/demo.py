@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
+from terraport_pipeline.announced import announced
+from terraport_pipeline.demo_scenes import QUARRY_ID, QUARRY_NAME
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.report.input_cloud import find_input_cloud
@@ -21,10 +23,7 @@ from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_pipeline.workflow.report import BuildReport
 
-__all__ = ["FLIGHT", "SCENE_ID", "DemoScene", "prepare_demo"]
-
-SCENE_ID: Final = "quarry"
-"""Name of the scene directory, and so of the scene on the server."""
+__all__ = ["FLIGHT", "DemoScene", "prepare_demo"]
 
 REPORT: Final = ReportOptions(PictureOptions(960, 540), rays=100_000, subsets=30)
 """Smaller than ``terraport report`` makes it, so that the demo stays within two minutes, and
@@ -93,7 +92,7 @@ def prepare_demo(
     watcher = progress or NullProgress()
     scenes = directory / "scenes"
     scenes.mkdir(exist_ok=True)
-    scene = scenes / SCENE_ID
+    scene = scenes / QUARRY_ID
     seconds: list[tuple[str, float]] = []
 
     def took(step: str, start: float) -> None:
@@ -104,16 +103,17 @@ def prepare_demo(
     options = QuarryOptions(points=points, seed=seed)
     if flight is not None:
         options = seen_by(flight, options)
-    quarry = write_quarry(options, directory / "quarry.laz", overwrite=True, progress=watcher)
-    took("make a quarry", start)
-    # (2) Its photos.
     photos, folder = None, directory / "photos"
-    if flight is not None:
-        start = time.perf_counter()
-        photos = write_photos(
-            options, flight, folder, survey="quarry.laz", overwrite=True, progress=watcher
-        )
-        took("photograph it", start)
+    with announced(scene, QUARRY_NAME, watcher) as surveying:
+        quarry = write_quarry(options, directory / "quarry.laz", overwrite=True, progress=surveying)
+        took("make a quarry", start)
+        # (2) Its photos.
+        if flight is not None:
+            start = time.perf_counter()
+            photos = write_photos(
+                options, flight, folder, survey="quarry.laz", overwrite=True, progress=surveying
+            )
+            took("photograph it", start)
     start = time.perf_counter()
     # (3) The scene, as `terraport build` makes it.
     images = folder / "images"
@@ -121,7 +121,7 @@ def prepare_demo(
         BuildOptions(
             quarry.survey_path,
             scene,
-            name="Sample quarry",
+            name=QUARRY_NAME,
             texture=None if photos is None else Texturing(photos=images, cameras=folder / "colmap"),
             work=directory / "work",
         ),

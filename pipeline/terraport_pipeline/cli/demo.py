@@ -12,7 +12,7 @@ import time
 import webbrowser
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.console import Console
@@ -20,15 +20,23 @@ from rich.table import Table
 
 import terraport.sync
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.demo import FLIGHT, SCENE_ID, DemoScene, prepare_demo
+from terraport_pipeline.demo_scenes import (
+    QUARRY_ID,
+    QUARRY_NAME,
+    SHIPPED_ID,
+    SHIPPED_VIEW,
+    place_shipped_scene,
+)
 from terraport_pipeline.errors import PipelineError, StageFailedError
 from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.report.facts import format_bytes
-from terraport_pipeline.warm import warming
 from terraport_server.errors import ServerError
 from terraport_server.listeners import Listeners
 from terraport_server.serving import BackgroundServer
+from terraport_store import end_building, say_building
+
+if TYPE_CHECKING:
+    from terraport_pipeline.demo import DemoScene
 
 __all__ = ["demo", "has_display", "register"]
 
@@ -75,10 +83,13 @@ def demo(
         ),
     ] = None,
 ) -> None:
-    """Make a sample quarry, build it, serve it, land in it three times, and show it.
+    """Show a scene that comes along at once; make and build a sample quarry beside it.
 
-    Everything that terraport does, on data of its own: one to four minutes on two cores, the
-    first time longest. The third landing goes back to where the first was, and costs no byte.
+    Everything that terraport does, on data of its own. The page opens on a bench of the quarry
+    within seconds. Meanwhile the whole quarry is made, photographed and built, one to four
+    minutes on two cores, the first time longest; the page says how far it is, and when it can be
+    opened. Then three landings in it: the third goes back to where the first was, and costs no
+    byte.
 
     For example:
 
@@ -93,31 +104,34 @@ def demo(
         # Had before minutes of work, not after: a taken port is said at once.
         _listening(port) as listeners,
         _directory(keep) as directory,
-        warming(),
     ):
         count = parse_count(points, "points")
-        with RichProgress(errors) as progress:
-            # (1) survey, scene and report: what an earlier demo left in the folder is taken up
-            demo_scene = prepare_demo(
-                directory, points=count, flight=FLIGHT if photos else None, progress=progress
-            )
-        _print_steps(console, demo_scene)
-        # (2) serve it and land in it, as a client would
-        with BackgroundServer(demo_scene.scenes_dir, listeners=listeners) as server:
-            _land(console, server.scene_url(SCENE_ID))
-            seconds = time.perf_counter() - started
-            # (3) show where to look, and serve on
-            pages = _pages(server)
+        # (1) serve the scene that comes along
+        scenes = directory / "scenes"
+        scenes.mkdir(exist_ok=True)
+        place_shipped_scene(scenes)
+        with (
+            _announcing(scenes / QUARRY_ID),
+            BackgroundServer(scenes, listeners=listeners) as server,
+        ):
+            if serve:
+                _show_shipped(console, server, started, open_page)
+            # (2) survey, scene and report: what an earlier demo left in the folder is taken up
+            demo_scene = _prepare(directory, count, errors, photos=photos)
+            _print_steps(console, demo_scene)
+            # (3) land in it, as a client would
+            _await_quarry(server, demo_scene.build.version)
+            _land(console, server.scene_url(QUARRY_ID))
+            # (4) say where to look, and serve on
             console.print()
-            for name, address in pages.items():
+            for name, address in _pages(server).items():
                 console.print(f"{name}  {address}", highlight=False, soft_wrap=True)
+            seconds = time.perf_counter() - started
             console.print(f"from nothing to here: {seconds:,.0f} s", highlight=False)
             if serve:
-                if has_display() if open_page is None else open_page:
-                    webbrowser.open(next(iter(pages.values())))
                 _wait(console)
         if keep is not None:
-            command = shlex.join(["terraport", "serve", str(demo_scene.scenes_dir)])
+            command = shlex.join(["terraport", "serve", str(scenes)])
             text = f"kept in {keep}; {command} serves it again"
             console.print(text, markup=False, highlight=False, soft_wrap=True)
 
@@ -134,11 +148,62 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
+def _show_shipped(
+    console: Console, server: BackgroundServer, started: float, open_page: bool | None
+) -> None:
+    """Say where the scene that comes along is to be seen, and open the browser on it."""
+    viewer = server.viewer_url(SHIPPED_ID)
+    address = server.url if viewer is None else f"{viewer}&{SHIPPED_VIEW}"
+    console.print(f"viewer  {address}", highlight=False, soft_wrap=True)
+    seconds = time.perf_counter() - started
+    console.print(
+        f"a bench of the quarry, after {seconds:,.1f} s; the whole quarry is built meanwhile",
+        style="dim",
+        highlight=False,
+        soft_wrap=True,
+    )
+    if has_display() if open_page is None else open_page:
+        webbrowser.open(address)
+
+
+def _prepare(directory: Path, points: int, console: Console, *, photos: bool) -> DemoScene:
+    """Make survey, scene and report."""
+    # Here, after the page is shown: reconstruction, compilers and readers take seconds to import.
+    from terraport_pipeline.demo import FLIGHT, prepare_demo
+    from terraport_pipeline.warm import warming
+
+    with warming(), RichProgress(console) as progress:
+        return prepare_demo(
+            directory, points=points, flight=FLIGHT if photos else None, progress=progress
+        )
+
+
+@contextlib.contextmanager
+def _announcing(quarry: Path) -> Iterator[None]:
+    """Announce the quarry before the page first asks, which is before anything of it begins."""
+    say_building(quarry, QUARRY_NAME, "beginning", None)
+    try:
+        yield
+    finally:
+        end_building(quarry)
+
+
+def _await_quarry(server: BackgroundServer, version: str) -> None:
+    """Wait until the service has seen that version; it looks once a second."""
+    until = time.monotonic() + LANDING_TIMEOUT_S
+    while time.monotonic() < until:
+        with contextlib.suppress(ServerError):
+            if server.service.registry.get(QUARRY_ID).version == version:
+                return
+        time.sleep(0.05)
+    raise PipelineError(f"the service does not see {QUARRY_ID}: report this as a bug")
+
+
 def _pages(server: BackgroundServer) -> dict[str, str]:
     """Return what there is to look at, the best first."""
-    viewer = server.viewer_url(SCENE_ID)
+    viewer = server.viewer_url(QUARRY_ID)
     pages = {} if viewer is None else {"viewer": viewer}
-    return pages | {"report": f"{server.scene_url(SCENE_ID)}/report", "scenes": server.url}
+    return pages | {"report": f"{server.scene_url(QUARRY_ID)}/report", "scenes": server.url}
 
 
 @contextlib.contextmanager
@@ -172,6 +237,8 @@ def _directory(keep: Path | None) -> Iterator[Path]:
 
 
 def _print_steps(console: Console, demo_scene: DemoScene) -> None:
+    from terraport_pipeline.report.facts import format_bytes  # had by now; not before the page is
+
     table = Table(title="A scene from nothing", title_justify="left")
     table.add_column("step")
     table.add_column("time", justify="right")

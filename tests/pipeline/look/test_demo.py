@@ -28,7 +28,7 @@ def run(*arguments):
 def test_demo_goes_from_nothing_to_three_landings(tmp_path, monkeypatch) -> None:
     small = ReportOptions(PictureOptions(160, 90, 1), rays=5_000, subsets=5)
     monkeypatch.setattr(demo, "REPORT", small)
-    monkeypatch.setattr(command, "FLIGHT", FlightOptions(count=5, width=160, height=120))
+    monkeypatch.setattr(demo, "FLIGHT", FlightOptions(count=5, width=160, height=120))
     shown = run("--points", "20k", "--no-serve", "--keep", str(tmp_path / "demo"))
     assert shown.exit_code == 0, shown.output
     rows = {
@@ -43,7 +43,9 @@ def test_demo_goes_from_nothing_to_three_landings(tmp_path, monkeypatch) -> None
     shown_first, _, shown_again = (int(t.replace(",", "")) for t in rows["triangles shown"])
     assert shown_again >= shown_first
     assert re.search(r"report +http://127\.0\.0\.1:\d+/scenes/quarry/report", shown.stdout)
-    scene = tmp_path / "demo" / "scenes" / "quarry"
+    scenes = tmp_path / "demo" / "scenes"
+    assert sorted(path.name for path in scenes.iterdir()) == ["bench", "quarry"]
+    scene = scenes / "quarry"
     page = (scene / "report.html").read_text(encoding="utf-8")
     assert 'id="picture-input"' in page
     assert "No hole" in page
