@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from terraport_store.opening import MANIFEST_NAME
+from terraport_store.layout import MANIFEST_NAME
 
 __all__ = [
     "MAX_LISTED",
