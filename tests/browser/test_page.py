@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 from io import BytesIO
+from pathlib import Path
 
 import httpx
 import pytest
@@ -13,6 +15,8 @@ from eventually import eventually
 from faults.service import Service
 from PIL import Image
 from playwright.sync_api import Page, expect
+
+from terraport_store import end_building, say_building
 
 GROUND_COLOURS = 2000
 """The sky is a gradient of some hundred colours, the ground has thousands."""
@@ -59,4 +63,25 @@ def test_below_a_prefix_of_a_proxy(page: Page, server: Service) -> None:
         expect(page.get_by_text("Connected")).to_be_visible()
         eventually(lambda: shows_ground(page), 60)
         assert proxy.strays == []
+        page.goto("about:blank")  # lets go of the stream
+
+
+def test_a_build_is_followed_until_its_scene_can_be_opened(
+    page: Page, scenes: Path, tmp_path: Path
+) -> None:
+    shutil.copytree(scenes / SMALL, tmp_path / SMALL)
+    say_building(tmp_path / "pit", "The pit", "clean: normals", 0.5)
+    with Service(tmp_path) as server:
+        page.goto(f"{server.url}/#list")
+        card = page.locator("[data-building=pit]")
+        expect(card).to_contain_text("Clean: normals, 50 %")
+        save_shot(page, "building")
+        page.goto(f"{server.url}/#scene={SMALL}")
+        message = page.locator("[data-notice=building]")
+        expect(message).to_contain_text("The pit is being built")
+        shutil.copytree(scenes / SMALL, tmp_path / "pit")
+        end_building(tmp_path / "pit")
+        expect(message).to_contain_text("The pit is ready")
+        message.locator("[data-action=scenes]").click()
+        expect(page.get_by_role("link", name="Small quarry")).to_have_count(2)
         page.goto("about:blank")  # lets go of the stream

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import importlib.util
 import os
 import shlex
 import shutil
@@ -47,6 +48,9 @@ STEP_M: Final = 70.0
 LANDING_TIMEOUT_S: Final = 60.0
 
 _HOST: Final = "127.0.0.1"
+
+_CAN_BUILD: Final = importlib.util.find_spec("numba") is not None
+"""Whether the extra is there with which surveys are built: looking at a scene needs none."""
 
 
 def register(app: typer.Typer) -> None:
@@ -111,11 +115,14 @@ def demo(
         scenes.mkdir(exist_ok=True)
         place_shipped_scene(scenes)
         with (
-            _announcing(scenes / QUARRY_ID),
+            _announcing(scenes / QUARRY_ID) if _CAN_BUILD else contextlib.nullcontext(),
             BackgroundServer(scenes, listeners=listeners) as server,
         ):
             if serve:
                 _show_shipped(console, server, started, open_page)
+            if not _CAN_BUILD:
+                _say_extra(console, serve=serve)
+                return
             # (2) survey, scene and report: what an earlier demo left in the folder is taken up
             demo_scene = _prepare(directory, count, errors, photos=photos)
             _print_steps(console, demo_scene)
@@ -148,6 +155,15 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
+def _say_extra(console: Console, *, serve: bool) -> None:
+    """Say what building needs, and go on serving what needs nothing."""
+    needs = "the quarry is not built: that needs pip install 'terraport[server,pipeline]'"
+    if not serve:
+        raise PipelineError(needs)
+    console.print(needs, markup=False, highlight=False, soft_wrap=True)
+    _wait(console)
+
+
 def _show_shipped(
     console: Console, server: BackgroundServer, started: float, open_page: bool | None
 ) -> None:
@@ -157,7 +173,7 @@ def _show_shipped(
     console.print(f"viewer  {address}", highlight=False, soft_wrap=True)
     seconds = time.perf_counter() - started
     console.print(
-        f"a bench of the quarry, after {seconds:,.1f} s; the whole quarry is built meanwhile",
+        f"a bench of the quarry, after {seconds:,.1f} s",
         style="dim",
         highlight=False,
         soft_wrap=True,
