@@ -12,6 +12,7 @@ from typing import Any, Final
 import typer
 from typer.core import TyperGroup
 
+from terraport.cli.addresses import refuse_addresses
 from terraport.errors import MissingExtraError, TerraportError, UsageError
 
 __all__ = ["VERBS", "LazyGroup", "Verb", "fail", "stub"]
@@ -171,6 +172,8 @@ class LazyGroup(TyperGroup):
             name, command, words = super().resolve_command(ctx, args)
         finally:
             self._calling = False
+        if command is not None:
+            refuse_addresses(name or "", command, words)
         return name, command, words
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
