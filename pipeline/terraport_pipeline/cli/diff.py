@@ -36,6 +36,9 @@ _REGIONS: Final = 20
 _OPTION_LENGTH: Final = 60
 """Characters of an option's value in the table."""
 
+_VERSION_DIGITS: Final = 12
+"""Of a version, as its folder is called."""
+
 _TROUBLE: Final = 2
 """Exit status of errors, as diff(1) has it: 1 says that they differ."""
 
@@ -174,8 +177,9 @@ def _sides(first: dict[str, Any], second: dict[str, Any]) -> Table:
         style = "dim" if one == other else ""
         table.add_row(name, Text(one, style), Text(other, style))
 
-    for name, key in (("scene", "location"), ("version", "version"), ("CRS", "crs")):
-        row(name, *(str(side[key] or "-")[:200] for side in (first, second)))
+    row("scene", *(side["location"] for side in (first, second)))
+    row("version", *(side["version"][:_VERSION_DIGITS] for side in (first, second)))
+    row("CRS", *(side["crs"] or "-" for side in (first, second)))
     for name, key in (
         ("triangles", "faces"),
         ("of the base", "base_faces"),
@@ -222,6 +226,8 @@ def _ground_lines(facts: dict[str, Any]) -> list[str]:
             f"{ground['cut_m3']:,.1f} m³, fill {ground['fill_m3']:,.1f} m³, on "
             f"{ground['area_m2']:,.0f} m² where segments differ (pixels of {ground['step_m']:g} m)"
         )
+    elif facts["segments"]["kept"]["segments"] == facts["a"]["segments"] == facts["b"]["segments"]:
+        lines.append("heights: the same, every segment is kept")
     elif facts["heights_problem"] is not None:
         lines.append(f"heights: not compared, {facts['heights_problem']}")
     else:

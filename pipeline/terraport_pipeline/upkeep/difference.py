@@ -35,6 +35,7 @@ from terraport_store.layout import (
     REGIONS,
     VERSION_FOLDER,
 )
+from terraport_store.publishing import hash_file
 
 __all__ = [
     "Compared",
@@ -64,6 +65,7 @@ class Compared:
     regions: Mapping[str, Any]
     labels: Mapping[int, str]
     files: Mapping[str, FileInfo] = field(default_factory=dict)
+    """Of a version before only those that a client loads whole."""
     manifest: Manifest | None = None
     """None of a version before: only that of the published version is kept."""
 
@@ -158,7 +160,8 @@ def of_folder_before(scene_dir: Path, manifest: Manifest) -> Compared:
         what = f"does not parse as JSON: {error}"
         raise DamagedSceneError(f"{folder.name}/{REGIONS}", what) from None
     digits = folder.name.removeprefix("v-").partition("-")[0]
-    return Compared(str(folder), digits, index, regions, read_labels(scene_dir))
+    files = {key: _file_info(folder / key) for key in _LOADED if (folder / key).is_file()}
+    return Compared(str(folder), digits, index, regions, read_labels(scene_dir), files)
 
 
 def compare(first: Compared, second: Compared) -> Difference:
@@ -183,7 +186,7 @@ def compare(first: Compared, second: Compared) -> Difference:
     known = loaded & np.isin(second.index.xxh3, first.index.xxh3)
     behind = np.arange(len(second.index)) >= common
     gone = np.arange(len(first.index)) >= common
-    # (2) Files that are loaded whole; of a version before nothing is known but that it differs.
+    # (2) Files that are loaded whole.
     files_bytes = sum(
         second.files[key].bytes
         for key in _LOADED
@@ -223,7 +226,7 @@ def side_facts(side: Compared) -> dict[str, Any]:
         "segments": len(side.index),
         "regions": len(side.regions.get("regions", [])),
         "payload_bytes": side.index.payload_bytes,
-        "bytes": sum(file.bytes for file in side.files.values()) if side.files else None,
+        "bytes": None if manifest is None else sum(file.bytes for file in side.files.values()),
         "extent": None
         if extent is None
         else {
@@ -353,6 +356,12 @@ def _flat(options: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         else:
             out[f"{prefix}{name}"] = value
     return out
+
+
+def _file_info(path: Path) -> FileInfo:
+    """Say of a file what the manifest that is gone said."""
+    size = path.stat().st_size
+    return FileInfo(path=f"{path.parent.name}/{path.name}", bytes=size, xxh3=hash_file(path))
 
 
 def _read(path: Path, limit: int) -> bytes:

@@ -133,6 +133,10 @@ def test_diff_of_the_last_build(pit: TinyScene) -> None:
     shown = run("diff", pit.path)
     assert shown.exit_code == 1, shown.output
     assert "heights: not compared, only the manifest of the published version" in shown.stdout
+    relabelled = write_tiny_scene(pit.path, stable_ids=(4, 2, 8), changed=True)
+    assert "heights: the same, every segment is kept" in run("diff", relabelled.path).stdout
+    write_tiny_scene(pit.path, stable_ids=(4, 2, 9))
+    write_tiny_scene(pit.path, stable_ids=(4, 2, 9), changed=True)
     facts = json.loads(run("diff", pit.path, "--json").stdout)
     assert facts["segments"]["kept"]["segments"] == 3
     assert facts["a"]["version"] == pit.manifest.version[:12]

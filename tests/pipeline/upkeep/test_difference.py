@@ -121,6 +121,8 @@ def test_the_version_before_is_read_from_its_folder(tmp_path: Path) -> None:
     difference = compare(before, side(now))
     assert (difference.kept.segments, difference.changed.segments) == (3, 1)
     assert difference.options == {}
+    # The base is the same file: its hash is taken, since no manifest says it any more.
+    assert difference.load_bytes == payload_bytes(now, 3)
 
 
 def heights_between(first: TinyScene, second: TinyScene):  # type: ignore[no-untyped-def]
