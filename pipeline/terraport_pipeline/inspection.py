@@ -16,7 +16,7 @@ from terraport_payload.types import Int64
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.facts import read_build_record
 from terraport_pipeline.report.scene_colour import SceneColour
-from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
+from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, is_url, read_labels
 
 __all__ = ["inspect_scene"]
 
@@ -26,13 +26,13 @@ MAX_REGIONS: Final = 20
 PERCENTILES: Final = (("min", 0), ("p10", 10), ("median", 50), ("p90", 90), ("max", 100))
 
 
-def inspect_scene(scene_path: Path) -> dict[str, Any]:
+def inspect_scene(location: Path | str) -> dict[str, Any]:
     """Describe a scene.
 
     Parameters
     ----------
-    scene_path : Path
-        The scene directory.
+    location : Path or str
+        The scene directory, or its address, a str.
 
     Returns
     -------
@@ -50,14 +50,15 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
     SceneNotFoundError, DamagedSceneError
         When there is no scene, or its manifest, index or cover cannot be read.
     """
-    with Scene.open(scene_path) as scene:
+    folder = None if isinstance(location, str) and is_url(location) else Path(location)
+    with Scene.open(location) as scene:
         manifest, index = scene.manifest, scene.index
         faces = index.face_count.astype(np.int64)
         lengths = index.length.astype(np.int64)
         sides = (index.bounds[:, 3:] - index.bounds[:, :3]).max(axis=1)
         offsets = scene.cover.offsets.astype(np.int64)
         over = offsets[1:] - offsets[:-1]
-        record = read_build_record(scene_path)
+        record = {} if folder is None else read_build_record(folder)
         return {
             "name": manifest.name,
             "version": manifest.version,
@@ -87,7 +88,9 @@ def inspect_scene(scene_path: Path) -> dict[str, Any]:
             "inputs": record.get("inputs", []),
             "left_out": record.get("left_out", []),
             "extent": record.get("extent"),
-            "versions_on_disk": sorted(path.name for path in scene_path.glob("v-*")),
+            "versions_on_disk": [manifest.folder]
+            if folder is None
+            else sorted(path.name for path in folder.glob("v-*")),
         }
 
 
@@ -95,7 +98,7 @@ def _regions(scene: Scene) -> dict[str, Any]:
     """Names and facts of the largest regions; ``problem`` says why where they cannot be read."""
     try:
         names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
-        names = names.with_labels(read_labels(scene.path))
+        names = names.with_labels(read_labels(scene.files))
         rows = region_rows(names, scene.regions, scene.manifest.origin)
     except DamagedSceneError as error:
         return {"labelled": 0, "largest": [], "problem": str(error)}

@@ -126,6 +126,11 @@ class RichProgress:
         self._estimate = unit == ESTIMATE_UNIT
         self._task = self._bars.add_task(stage, total=total, unit=unit, facts="")
 
+    def describe(self, stage: str) -> None:
+        """Say of the step that runs what it is at now."""
+        if self._task is not None:
+            self._bars.update(self._task, description=stage)
+
     def advance(self, n: float) -> None:
         """Add `n` units to the step that runs."""
         if self._task is None:

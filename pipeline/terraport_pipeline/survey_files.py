@@ -29,6 +29,7 @@ from terraport_pipeline.errors import NoPointsError, OptionError, ReadError, Sur
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.survey_statement import SurveyStatement
+from terraport_store import meant_url
 
 __all__ = [
     "FAR",
@@ -436,6 +437,11 @@ def _expanded(given: Path) -> list[Path]:
     """Expand a pattern, unless there is a file of that very name."""
     if given.exists():
         return [given]
+    url = meant_url(given)
+    if url is not None:
+        raise SurveyError(
+            f"{url} is an address; surveys are read from this machine: fetch it first"
+        )
     anchor = given
     while re.search(r"[*?\[]", str(anchor)):
         anchor = anchor.parent

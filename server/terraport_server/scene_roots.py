@@ -15,6 +15,7 @@ from terraport_server.logs import log
 from terraport_server.object_metrics import ObjectMetrics
 from terraport_server.settings import Settings
 from terraport_store import (
+    REACH_S,
     FolderFiles,
     OriginError,
     SceneBuilding,
@@ -139,6 +140,7 @@ class ObjectRoot:
         self._files: dict[str, ObjectFiles] = {}
         self._seen: dict[str, Look] = {}
         self._doubted: set[str] = set()
+        self._has_answered = False
 
     @property
     def fetch_threads(self) -> int:
@@ -160,7 +162,11 @@ class ObjectRoot:
 
         One that cannot be looked at is as it was before. One that is not there counts as gone when
         it is not there twice in a row: the root may be vanishing as a whole, or its lists be late.
+        Until the storage has answered once, it is asked with little patience.
         """
+        if not self._has_answered:
+            self._storage.reach(self._url, REACH_S)
+            self._has_answered = True
         urls = self._storage.folders(self._url)
         self._files = {url: self._files[url] for url in urls.values() if url in self._files}
         looks = {}

@@ -122,7 +122,8 @@ class Service:
         try:
             await self.registry.refresh()
         except OriginError as error:  # it may come back; until then /readyz says that there is none
-            log("scenes not listed", level=logging.ERROR, reason=str(error))
+            what = "none is served until the storage answers; it is asked again and again"
+            log("scenes not listed", level=logging.ERROR, reason=str(error), so=what)
         self._tasks = [
             asyncio.create_task(self.registry.watch(self.settings.poll_s)),
             asyncio.create_task(self.access.watch(self.settings.access_check_s)),

@@ -38,7 +38,7 @@ from terraport_store.files import FolderFiles, SceneFiles, path_inside
 from terraport_store.index import SegmentIndex
 from terraport_store.labelling import change_labels, read_labels, read_names
 from terraport_store.labels import MAX_LABEL_LENGTH, label_fault
-from terraport_store.location import scene_files
+from terraport_store.location import REACH_S, needing_obstore, scene_files
 from terraport_store.manifest import (
     AttributeInfo,
     Bounds,
@@ -66,6 +66,7 @@ from terraport_store.writer import SceneWriter
 
 __all__ = [
     "MAX_LABEL_LENGTH",
+    "REACH_S",
     "AttributeInfo",
     "Bounds",
     "BruteForceIndex",
@@ -116,6 +117,7 @@ __all__ = [
     "list_scenes",
     "manifest_digest",
     "meant_url",
+    "needing_obstore",
     "path_inside",
     "read_labels",
     "read_manifest",

@@ -21,7 +21,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-from terraport_store.addresses import meant_url
+from terraport_store.addresses import is_url, meant_url
 
 __all__ = [
     "CorruptPayloadError",
@@ -63,15 +63,17 @@ class SceneNotFoundError(StoreError):
 
 
 def _no_scene(path: str, inside: Sequence[str]) -> str:
+    if is_url(path):
+        return f"no scene at {path}, expected scene.json there"
     url = meant_url(path)
-    if url is None:
-        more = f" and {len(inside) - _NAMED} more" if len(inside) > _NAMED else ""
-        there = f"; scenes in it: {', '.join(inside[:_NAMED])}{more}" if inside else ""
-        return f"no scene at {path}, expected a directory with scene.json{there}"
-    return (
-        f"no scene at {path}, expected a directory of this machine; object storage is read by "
-        f"terraport serve and terraport validate, as {url}"
-    )
+    if url is not None:
+        return (
+            f"{url} was taken for a path of this machine; an address has two slashes, and in "
+            "Python it is a str"
+        )
+    more = f" and {len(inside) - _NAMED} more" if len(inside) > _NAMED else ""
+    there = f"; scenes in it: {', '.join(inside[:_NAMED])}{more}" if inside else ""
+    return f"no scene at {path}, expected a directory with scene.json{there}"
 
 
 class DamagedSceneError(StoreError):

@@ -16,14 +16,12 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-import xxhash
-
 from terraport_store.errors import DamagedSceneError, LabelError
 from terraport_store.files import SceneFiles
 from terraport_store.labels import MAX_LABELS, encode_labels, label_fault, parse_labels
 from terraport_store.layout import LABELS, MAX_LABELS_BYTES, MAX_REGIONS_BYTES, REGIONS
 from terraport_store.location import scene_files
-from terraport_store.opening import read_manifest
+from terraport_store.opening import read_checked, read_manifest
 from terraport_store.publishing import (
     PublishLock,
     out_of_space_named,
@@ -67,13 +65,13 @@ def read_labels(scene_dir: str | Path | SceneFiles) -> dict[int, str]:
     return parse_labels(data)
 
 
-def read_names(scene_dir: str | Path) -> tuple[RegionNames, dict[str, Any]]:
+def read_names(scene_dir: str | Path | SceneFiles) -> tuple[RegionNames, dict[str, Any]]:
     """Read names and facts of the published version's regions, without opening its segments.
 
     Parameters
     ----------
-    scene_dir : str or Path
-        The scene directory.
+    scene_dir : str, Path or SceneFiles
+        The scene directory, or where else the scene lies.
 
     Returns
     -------
@@ -89,10 +87,14 @@ def read_names(scene_dir: str | Path) -> tuple[RegionNames, dict[str, Any]]:
     DamagedSceneError
         When manifest, regions or labels are not what the format says.
     """
-    directory = Path(scene_dir)
-    document, path = _read_regions(directory)
-    names = RegionNames.of(document, file=path)
-    return names.with_labels(read_labels(directory)), document
+    files = scene_files(scene_dir)
+    try:
+        document, path = _read_regions(files)
+        names = RegionNames.of(document, file=path)
+        return names.with_labels(read_labels(files)), document
+    finally:
+        if files is not scene_dir:
+            files.close()
 
 
 def change_labels(scene_dir: str | Path, changes: Mapping[int, str | None]) -> RegionNames:
@@ -166,29 +168,23 @@ def _check(names: RegionNames, changes: Mapping[int, str | None]) -> None:
             raise LabelError(f"stable id {number}: {fault}")
 
 
-def _read_regions(directory: Path) -> tuple[dict[str, Any], str]:
+def _read_regions(files: SceneFiles) -> tuple[dict[str, Any], str]:
     """Contents of regions.json of the published version, checked by its hash, and its path."""
     for attempt in range(_ATTEMPTS):
-        info = read_manifest(directory).files[REGIONS]
-        if info.bytes > MAX_REGIONS_BYTES:
-            raise DamagedSceneError(
-                info.path, f"{info.bytes} bytes, expected at most {MAX_REGIONS_BYTES}"
-            )
+        manifest = read_manifest(files)
+        path = manifest.files[REGIONS].path
         try:
-            with (directory / info.path).open("rb") as file:
-                data = file.read(info.bytes + 1)
+            data = read_checked(files, manifest, REGIONS, MAX_REGIONS_BYTES)
         except FileNotFoundError:
             # A newer version may have been published in between.
             if attempt + 1 < _ATTEMPTS:
                 continue
-            raise DamagedSceneError(info.path, "no such file, expected by scene.json") from None
-        if xxhash.xxh3_64_hexdigest(data) != info.xxh3:
-            raise DamagedSceneError(info.path, f"not the {info.bytes} bytes that scene.json names")
+            raise DamagedSceneError(path, "no such file, expected by scene.json") from None
         try:
             document = json.loads(data)
         except (ValueError, RecursionError) as error:
-            raise DamagedSceneError(info.path, f"does not parse as JSON: {error}") from None
+            raise DamagedSceneError(path, f"does not parse as JSON: {error}") from None
         if not isinstance(document, dict):
-            raise DamagedSceneError(info.path, f"a {type(document).__name__}, expected an object")
-        return document, info.path
+            raise DamagedSceneError(path, f"a {type(document).__name__}, expected an object")
+        return document, path
     raise AssertionError  # pragma: no cover - the last attempt returns or raises

@@ -21,6 +21,7 @@ import secrets
 import shutil
 import tempfile
 from collections.abc import Callable, Hashable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Final, Self
@@ -72,6 +73,7 @@ class ObjectStorage:
         self.shelf = Shelf(self.options.memory_bytes)
         self._make_origin = make_origin or self._origin
         self._listed: dict[str, Origin] = {}
+        self._reaching: Origin | None = None
         self._temporary: tempfile.TemporaryDirectory[str] | None = None
         self.cache: ByteCache | None = None
         folder = self.options.cache_dir
@@ -128,10 +130,24 @@ class ObjectStorage:
         names = [name for name in origin.folders() if not name.startswith((".", "v-"))]
         return {name: f"{url}/{name}" for name in names[:MAX_SCENES]}
 
+    def reach(self, url: str, patience_s: float) -> None:
+        """Ask an address for a manifest, there or not, with less patience than a landing has.
+
+        Raises
+        ------
+        OriginError
+            Nothing answers within twice `patience_s`, or it refuses.
+        """
+        patience_s = min(patience_s, self.options.timeout_s)
+        origin = Origin(url, replace(self.options, timeout_s=patience_s), self.counts)
+        self._reaching = origin
+        origin.head(MANIFEST_NAME)
+
     def interrupt(self) -> None:
         """Let looks that wait fail soon; files and sources have their own."""
-        for origin in list(self._listed.values()):
-            origin.interrupt()
+        for origin in [*self._listed.values(), self._reaching]:
+            if origin is not None:
+                origin.interrupt()
 
     def close(self) -> None:
         """Free what is in memory; the cache on disk stays. May be called again."""

@@ -17,7 +17,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import timedelta
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, TypeVar
 from urllib.parse import urlsplit
@@ -37,7 +37,7 @@ from terraport_store.errors import OriginError, StoreError
 if TYPE_CHECKING:
     from obstore.store import ClientConfig, RetryConfig, S3Config  # there for type checkers alone
 
-__all__ = ["ObjectCounts", "ObjectOptions", "Origin", "Seen"]
+__all__ = ["Listed", "ObjectCounts", "ObjectOptions", "Origin", "Seen"]
 
 _FIRST_PAUSE_S: Final = 0.1
 _LONGEST_PAUSE_S: Final = 2.0
@@ -137,6 +137,16 @@ class Seen:
     stamp: str
     """Another one when the object was replaced: its ETag, or time and size."""
     attributes: dict[str, str]
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """What a list says of an object."""
+
+    path: str
+    size: int
+    modified: datetime
+    """When it was written; UTC."""
 
 
 class Origin:
@@ -250,14 +260,20 @@ class Origin:
             str(prefix).rstrip("/").rpartition("/")[2] for prefix in listing["common_prefixes"]
         )
 
-    def names(self, folder: str) -> list[str]:
-        """Paths of everything in a folder, ascending. Raises OriginError as above."""
+    def objects(self, folder: str = "") -> list[Listed]:
+        """List all objects in a folder and those in it, by path. Raises OriginError as above."""
 
-        def attempt() -> list[str]:
-            pages = obstore.list(self._store, prefix=f"{folder}/")
-            return sorted(str(meta["path"]) for page in pages for meta in page)
+        def attempt() -> list[Listed]:
+            pages = obstore.list(self._store, prefix=f"{folder}/" if folder else None)
+            rows = (meta for page in pages for meta in page)
+            listed = (Listed(str(r["path"]), int(r["size"]), r["last_modified"]) for r in rows)
+            return sorted(listed, key=lambda one: one.path)
 
         return self._tried(folder, attempt)
+
+    def copy(self, source: str, target: str) -> None:
+        """Copy an object within the storage, by the storage itself; raises as :meth:`get`."""
+        self._tried(source, lambda: obstore.copy(self._store, source, target, overwrite=True))
 
     def put(self, path: str, data: bytes, attributes: dict[str, str] | None = None) -> None:
         """Write an object; tried again ``part_retries`` times.

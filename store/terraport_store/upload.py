@@ -24,27 +24,32 @@ from terraport_store.layout import (
     MAX_MANIFEST_BYTES,
     VERSION_FOLDER,
 )
+from terraport_store.location import REACH_S
 from terraport_store.manifest import FileInfo, Manifest
 from terraport_store.origin import ObjectOptions, Origin
 
-__all__ = ["UploadReport", "upload_scene"]
+__all__ = [
+    "HASH",
+    "MOST_PARTS",
+    "PART_BYTES",
+    "PART_RETRIES",
+    "TIMEOUT_S",
+    "UploadReport",
+    "upload_scene",
+]
 
 REPORT: Final = "report.html"
 
-_PART_BYTES: Final = 8 << 20
-_MOST_PARTS: Final = 9000
+PART_BYTES: Final = 8 << 20
+MOST_PARTS: Final = 9000
 """S3 takes 10,000 parts of one object."""
 
-_TIMEOUT_S: Final = 120.0
+TIMEOUT_S: Final = 120.0
 """For one part: 8 MiB at 0.6 Mbit/s."""
 
-_PART_RETRIES: Final = 8
+PART_RETRIES: Final = 8
 
-_REACH_S: Final = 5.0
-"""For the first request, which brings nothing: what is wrong with address, credentials or network
-is said within seconds, not after the patience that a part deserves."""
-
-_HASH: Final = "xxh3"
+HASH: Final = "xxh3"
 """Metadata of an object: the hash that the manifest names, so that a half-done upload resumes."""
 
 UploadProgress = Callable[[str, int, int], None]
@@ -100,14 +105,16 @@ def upload_scene(
         When the storage does not take it; nothing was published.
     """
     asked = options or ObjectOptions()
-    origin = Origin(url, replace(asked, timeout_s=_TIMEOUT_S, part_retries=_PART_RETRIES))
+    origin = Origin(url, replace(asked, timeout_s=TIMEOUT_S, part_retries=PART_RETRIES))
     local = FolderFiles(Path(scene_dir))
     try:
         text = local.read(MANIFEST_NAME, MAX_MANIFEST_BYTES)
     except FileNotFoundError:
         raise SceneNotFoundError(local.location) from None
     manifest = Manifest.from_bytes(text)
-    Origin(url, replace(asked, timeout_s=_REACH_S)).head(MANIFEST_NAME)
+    # The first request brings nothing: what is wrong with address, credentials or network is said
+    # within seconds, not after the patience that a part deserves.
+    Origin(url, replace(asked, timeout_s=REACH_S)).head(MANIFEST_NAME)
     before = _published_folder(origin)
     upload = _Upload(origin, local.directory, progress or _nobody)
     for file in sorted(manifest.files.values(), key=lambda file: file.bytes):
@@ -141,12 +148,12 @@ class _Upload:
             what = f"{path.stat().st_size} bytes, expected {file.bytes} by scene.json"
             raise DamagedSceneError(file.path, what)
         seen = self._origin.head(file.path)
-        if seen is not None and seen.size == file.bytes and seen.attributes.get(_HASH) == file.xxh3:
+        if seen is not None and seen.size == file.bytes and seen.attributes.get(HASH) == file.xxh3:
             self.kept_files += 1
             self._advance(file.path, file.bytes)
             return
-        attributes = {_HASH: file.xxh3}
-        part_bytes = max(_PART_BYTES, -(-file.bytes // _MOST_PARTS))
+        attributes = {HASH: file.xxh3}
+        part_bytes = max(PART_BYTES, -(-file.bytes // MOST_PARTS))
         if file.bytes <= part_bytes:
             data = b"".join(self._parts(file, part_bytes))
             self._origin.put(file.path, data, attributes)
@@ -192,7 +199,7 @@ def _published_folder(origin: Origin) -> str | None:
 def _prune(origin: Origin, keep: set[str | None]) -> tuple[str, ...]:
     old = [name for name in origin.folders() if VERSION_FOLDER.fullmatch(name) and name not in keep]
     for folder in old:
-        origin.delete(origin.names(folder))
+        origin.delete([listed.path for listed in origin.objects(folder)])
     return tuple(old)
 
 

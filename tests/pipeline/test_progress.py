@@ -34,6 +34,18 @@ def test_a_terminal_sees_amount_unit_and_that_an_estimate_is_one() -> None:
     assert "s (estimate)" in shown
 
 
+def test_a_step_may_say_what_it_is_at() -> None:
+    out = io.StringIO()
+    console = Console(file=out, force_terminal=True, width=120, color_system=None)
+    with RichProgress(console) as progress:
+        progress.describe("nothing runs")
+        progress.start("5 files", 10.0, "kB")
+        progress.describe("base.glb 4/5")
+        progress.done({})
+    assert "base.glb 4/5" in out.getvalue()
+    assert "nothing runs" not in out.getvalue()
+
+
 def test_advance_and_done_without_a_step_are_harmless() -> None:
     progress = RichProgress(Console(file=io.StringIO()))
     progress.advance(3)

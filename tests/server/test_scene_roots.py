@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import shutil
+import socket
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
+from s3_servers import s3_environment
 from server.grid_scene import write_grid_scene
 
 from terraport_server.errors import SettingsError
@@ -71,6 +74,19 @@ def test_a_root_that_says_nothing_is_an_error(object_root: ObjectRoot) -> None:
     Moody.silent = {"scenes/scene.json"}
     with pytest.raises(OriginError):
         object_root.look()
+
+
+def test_storage_that_never_answers_is_said_within_seconds(tmp_path: Path) -> None:
+    """A service is started by a person who waits; a landing's patience is another."""
+    with socket.create_server(("127.0.0.1", 0)) as silent, s3_environment():
+        endpoint = f"http://127.0.0.1:{silent.getsockname()[1]}"  # takes connections, says nothing
+        options = ObjectOptions(endpoint=endpoint)
+        in_storage = ObjectRoot("s3://bucket/scenes", ObjectStorage(options))
+        began_s = time.monotonic()
+        with pytest.raises(OriginError, match=r"s3://bucket/scenes/scene\.json: .* tr(y|ies) in"):
+            in_storage.look()
+        assert time.monotonic() - began_s < 6.0
+        in_storage.close()
 
 
 def test_settings_name_the_root(root: Path, tmp_path: Path) -> None:

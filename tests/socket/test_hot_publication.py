@@ -17,6 +17,7 @@ import httpx
 from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
 
 import terraport
+from terraport_pipeline.upkeep.changing import move_scene, remove_scene
 from terraport_server import BackgroundServer
 
 CENTRE = (SIDE * TILE_M / 2, 1.0, SIDE * TILE_M / 2)
@@ -136,3 +137,33 @@ def _open_files(below: Path) -> list[str]:
         if target.startswith(f"{below}/"):
             paths.append(target)
     return paths
+
+
+def test_a_scene_that_is_moved_or_removed_is_noticed(tmp_path: Path) -> None:
+    """Served under its new name within seconds, then no more; who is in it goes on."""
+    (tmp_path / "scenes").mkdir()
+    grid = write_grid_scene(tmp_path / "scenes" / "pit", cells=2)
+
+    async def work(server: BackgroundServer) -> None:
+        async with httpx.AsyncClient(base_url=server.url) as http:
+
+            async def served(*names: str) -> None:
+                async with asyncio.timeout(10):
+                    listed = None
+                    while listed != [*names]:
+                        await asyncio.sleep(0.02)
+                        scenes = (await http.get("/scenes")).json()["scenes"]
+                        listed = [scene["id"] for scene in scenes]
+
+            await served("pit")
+            async with terraport.connect(server.scene_url("pit")) as session:
+                source, target = (str(tmp_path / "scenes" / name) for name in ("pit", "well"))
+                await asyncio.to_thread(move_scene, source, target)
+                await served("well")
+                landing = await session.land(CENTRE, radius_m=500)
+                assert len(await landing.ready(20)) == len(grid.payloads)
+            await asyncio.to_thread(remove_scene, target, only_work=False)
+            await served()
+
+    with BackgroundServer(tmp_path / "scenes", scene_poll_s=0.05) as server:
+        asyncio.run(work(server))

@@ -32,9 +32,13 @@ from terraport_store import (
         (
             SceneNotFoundError("s3:/bucket/pit"),
             (
-                "no scene at s3:/bucket/pit, expected a directory of this machine; object storage "
-                "is read by terraport serve and terraport validate, as s3://bucket/pit"
+                "s3://bucket/pit was taken for a path of this machine; an address has two slashes, "
+                "and in Python it is a str"
             ),
+        ),
+        (
+            SceneNotFoundError("s3://bucket/pit"),
+            "no scene at s3://bucket/pit, expected scene.json there",
         ),
         (DamagedSceneError("v/f", "3 bytes, expected 4"), "v/f: 3 bytes, expected 4"),
         (DamagedSceneError("v/f", "bad", offset=9), "v/f at byte 9: bad"),

@@ -88,7 +88,7 @@ def test_a_part_that_fails_is_sent_again(
     """A pack large enough for several parts, as S3 has it: 5 MiB at least."""
     pad = 64 << 10
     scene = write_tiny_scene(tiny.path, copies=1, image=None)
-    monkeypatch.setattr(upload_module, "_PART_BYTES", pad)
+    monkeypatch.setattr(upload_module, "PART_BYTES", pad)
     failed: list[str] = []
 
     def rule(request: ProxiedRequest) -> Fault | None:
@@ -112,7 +112,7 @@ def test_a_damaged_file_is_not_published(
     data[-1] ^= 1
     pack.write_bytes(data)
     for part_bytes in (8 << 20, 1 << 12):
-        monkeypatch.setattr(upload_module, "_PART_BYTES", part_bytes)
+        monkeypatch.setattr(upload_module, "PART_BYTES", part_bytes)
         with pytest.raises(DamagedSceneError, match=r"segments\.pack: hash .* by scene\.json"):
             upload_scene(tiny.path, url)
     assert "scene.json" not in puts(proxy)

@@ -36,7 +36,7 @@ from terraport_pipeline.survey_files import SurveyFiles, find_survey
 from terraport_pipeline.survey_inspection import inspect_headers, inspect_points
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.workflow.build import default_memory_bytes, usable_cores
-from terraport_store import SceneNotFoundError
+from terraport_store import SceneNotFoundError, is_url
 
 __all__ = ["inspect", "register"]
 
@@ -56,10 +56,10 @@ def register(app: typer.Typer) -> None:
 
 def inspect(
     target: Annotated[
-        list[Path],
+        list[str],
         typer.Argument(
-            help="Scene directory; a survey (a file, several, a folder, a pattern), alone or with "
-            "--cameras; or cameras alone.",
+            help="Scene directory, or a scene's address (s3://...); a survey (a file, several, a "
+            "folder, a pattern), alone or with --cameras; or cameras alone.",
             show_default=False,
         ),
     ],
@@ -119,6 +119,8 @@ def inspect(
 
         terraport inspect scenes/quarry
 
+        terraport inspect s3://bucket/scenes/quarry
+
         terraport inspect scenes/quarry --json | jq .segments.faces
 
         terraport inspect delivery/
@@ -134,29 +136,35 @@ def inspect(
     if camera_offset is not None and cameras is None:
         raise OptionError("--camera-offset needs --cameras and the survey")
     asked = _Asked(console, Console(), density_map, only_headers=headers, as_json=as_json)
-    # (1) Cameras with their survey.
+    # (1) A scene in object storage; nothing else is read from there.
+    addresses = [text for text in target if is_url(text)]
+    if addresses:
+        asked.show(*_scene_at(addresses[0], is_alone=len(target) == 1 and cameras is None))
+        return
+    paths = [Path(text) for text in target]
+    # (2) Cameras with their survey.
     if cameras is not None:
         offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
-        survey = find_survey(target, extent=within, statement=statement)
+        survey = find_survey(paths, extent=within, statement=statement)
         survey_facts = _inspect_survey(survey, asked)
         with RichProgress(console) as progress:
             facts = inspect_photos(survey, cameras, photos=photos, offset=offset, progress=progress)
         asked.show({**facts, "survey": survey_facts}, camera_tables(facts, cameras.name))
         return
-    # (2) A folder or file of another kind: a scene, a project of cameras.
+    # (3) A folder or file of another kind: a scene, a project of cameras.
     no_scene: SceneNotFoundError | None = None
-    if len(target) == 1 and within is None and not statement.recorded:
+    if len(paths) == 1 and within is None and not statement.recorded:
         try:
-            other = _scene_or_cameras(target[0], photos)
+            other = _scene_or_cameras(paths[0], photos)
         except SceneNotFoundError as error:
             no_scene = error
         else:
             if other is not None:
                 asked.show(*other)
                 return
-    # (3) A survey. Damage is listed, not refused: this is what is asked.
+    # (4) A survey. Damage is listed, not refused: this is what is asked.
     try:
-        survey = find_survey(target, skip_damaged=True, extent=within, statement=statement)
+        survey = find_survey(paths, skip_damaged=True, extent=within, statement=statement)
     except SurveyError:
         if no_scene is not None:
             raise no_scene from None
@@ -181,6 +189,24 @@ class _Asked:
             typer.echo(json.dumps(facts, indent=1))
         elif tables is not None:
             self.out.print(tables)
+
+
+def _scene_at(url: str, *, is_alone: bool) -> tuple[dict[str, Any], Group]:
+    """Gather and draw the facts of a scene at an address.
+
+    Raises
+    ------
+    OptionError
+        It is no scene, or something else is asked of it.
+    """
+    advice = "surveys, photos and cameras are read from this machine: fetch them first"
+    if not is_alone:
+        raise OptionError(f"{url}: only a scene is inspected at an address, alone; {advice}")
+    try:
+        facts = inspect_scene(url)
+    except SceneNotFoundError as error:
+        raise OptionError(f"{error}; {advice}") from None
+    return facts, _tables(facts)
 
 
 def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any], Group] | None:

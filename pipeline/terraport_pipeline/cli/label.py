@@ -13,7 +13,7 @@ from rich.text import Text
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.region_table import read_label_changes, region_rows, region_table_text
-from terraport_store import RegionNames, change_labels, read_manifest, read_names
+from terraport_store import RegionNames, change_labels, is_url, read_manifest, read_names
 
 __all__ = ["label", "regions_table", "register"]
 
@@ -30,7 +30,13 @@ def register(app: typer.Typer) -> None:
 
 
 def label(
-    scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
+    scene: Annotated[
+        str,
+        typer.Argument(
+            help="Scene directory; to see or to export its regions, also its address (s3://...).",
+            show_default=False,
+        ),
+    ],
     table: Annotated[
         Path | None,
         typer.Argument(
@@ -74,6 +80,11 @@ def label(
         if table is not None and export is not None:
             raise OptionError(
                 f"a table to read ({table}) and one to write ({export}); expected one of them"
+            )
+        if table is not None and is_url(scene):
+            raise OptionError(
+                f"{scene} is an address; set labels in the scene's folder, then: terraport upload "
+                f"SCENE {scene}"
             )
         names, document = read_names(scene)
         if table is not None:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Final
 
 import typer
 from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.progress import RichProgress
-from terraport_store import OriginError, is_url, meant_url, read_manifest
+from terraport_store import OriginError, is_url, meant_url, needing_obstore, read_manifest
 
 __all__ = ["register", "upload"]
+
+_KB: Final = 1000
+"""A bar of whole bytes is wider than 80 columns."""
 
 
 def register(app: typer.Typer) -> None:
@@ -57,29 +60,39 @@ def upload(
         if not is_url(url):
             example = meant_url(url) or "s3://BUCKET/PREFIX/NAME"
             raise OriginError(url, f"is a path, expected an address like {example}")
-        try:
-            from terraport_store.origin import ObjectOptions  # needs an extra
+        with needing_obstore(url):
+            from terraport_store.origin import ObjectOptions
             from terraport_store.upload import upload_scene
-        except ModuleNotFoundError as missing:
-            if missing.name != "obstore":
-                raise
-            what = "needs the package obstore; install it with: pip install 'terraport[s3]'"
-            raise OriginError(url, what) from None
         # (2) send; the last file, scene.json, is what readers see
         manifest = read_manifest(scene)
         total = sum(file.bytes for file in manifest.files.values())
         options = ObjectOptions(endpoint=endpoint, region=region)
         with RichProgress(errors) as bar:
-            bar.start("upload", total, "bytes")
-            report = upload_scene(
-                scene,
-                url,
-                options,
-                prune=prune,
-                progress=lambda _path, done, _all: bar.advance(done),
-            )
-            bar.done({"files": report.sent_files, "bytes": report.sent_bytes})
+            advance = None
+            if errors.is_terminal:  # elsewhere the last line says it all
+                advance = _CountedFiles(bar, len(manifest.files), total).advance
+            report = upload_scene(scene, url, options, prune=prune, progress=advance)
+            bar.done({})
     there = f", {report.kept_files} files were there" if report.kept_files else ""
-    typer.echo(f"{url}: version {report.version[:12]}, {report.sent_bytes} bytes sent{there}")
+    sent = f"{report.sent_files} files, {report.sent_bytes} bytes sent"
+    typer.echo(f"{url}: version {report.version[:12]}, {sent}{there}")
     for folder in report.removed_versions:
         typer.echo(f"removed {folder}")
+
+
+class _CountedFiles:
+    """Shows bytes as they go, and which file of how many they are of."""
+
+    def __init__(self, bar: RichProgress, count: int, total_bytes: int) -> None:
+        self._bar = bar
+        self._count = count
+        self._paths: dict[str, None] = {}
+        bar.start(f"{count} files", total_bytes / _KB, "kB")
+
+    def advance(self, path: str, done_bytes: int, _all_bytes: int) -> None:
+        """Take what ``upload_scene`` tells."""
+        if path not in self._paths:
+            self._paths[path] = None
+            name = path.rpartition("/")[2]
+            self._bar.describe(f"{name} {len(self._paths)}/{self._count}")
+        self._bar.advance(done_bytes / _KB)

@@ -18,9 +18,8 @@ from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.geopackage import write_height_lines
 from terraport_pipeline.export.raster_grid import PixelGrid
 from terraport_pipeline.export.sampling import height_windows
-from terraport_pipeline.export.selection import Selection
+from terraport_pipeline.export.selection import SelectedScene
 from terraport_pipeline.progress import Progress
-from terraport_store import Scene
 
 __all__ = ["write_contours"]
 
@@ -46,9 +45,7 @@ class _Contour:
 
 def write_contours(
     path: Path,
-    scene: Scene,
-    frame: SurveyFrame,
-    selection: Selection,
+    selected: SelectedScene,
     grid: PixelGrid,
     interval: float,
     progress: Progress,
@@ -59,10 +56,7 @@ def write_contours(
     ----------
     path : Path
         Ends with .gpkg, .geojson or .dxf.
-    scene : Scene
-        Open.
-    frame : SurveyFrame
-    selection : Selection
+    selected : SelectedScene
     grid : PixelGrid
         Whose pixels' heights they are drawn from.
     interval : float
@@ -79,6 +73,7 @@ def write_contours(
     OptionError
         Too many pixels or levels, or no line at all.
     """
+    frame = selected.frame
     # (1) Heights of all pixels. Lines run across windows, so they are drawn at once.
     if grid.rows * grid.columns > _MAX_PIXELS:
         raise OptionError(
@@ -87,7 +82,7 @@ def write_contours(
         )
     heights: Float32 = np.empty((grid.rows, grid.columns), np.float32)
     progress.start("heights", heights.size, "pixels")
-    for window, some in height_windows(scene, frame, selection, grid):
+    for window, some in height_windows(selected, grid):
         heights[window.row : window.end_row, window.column : window.end_column] = some
         progress.advance(some.size)
     progress.done({})

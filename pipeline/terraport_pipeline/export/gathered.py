@@ -14,11 +14,9 @@ import numpy as np
 from terraport_payload import Texture
 from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.errors import ResourceError
-from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.pieces import Piece, read_pieces
-from terraport_pipeline.export.selection import Selection, choose_segments
+from terraport_pipeline.export.selection import SelectedScene, choose_segments
 from terraport_pipeline.progress import Progress
-from terraport_store import Scene
 
 __all__ = ["MAX_MESH_FACES", "GatheredMesh", "gather_mesh", "has_three_corners", "weld"]
 
@@ -44,17 +42,12 @@ class GatheredMesh:
     """Runs of faces with the texture that they show, in order."""
 
 
-def gather_mesh(
-    scene: Scene, frame: SurveyFrame, selection: Selection, progress: Progress
-) -> GatheredMesh:
+def gather_mesh(selected: SelectedScene, progress: Progress) -> GatheredMesh:
     """Read what is selected, cut along the edges of its extent.
 
     Parameters
     ----------
-    scene : Scene
-        Open.
-    frame : SurveyFrame
-    selection : Selection
+    selected : SelectedScene
     progress : Progress
         A step of segments.
 
@@ -64,8 +57,8 @@ def gather_mesh(
         It has more faces than a file of one mesh should.
     """
     # (1) Refuse by the index, before anything is read.
-    segments = choose_segments(scene, frame, selection)
-    count = int(scene.index.face_count[segments].sum(dtype=np.int64))
+    segments = choose_segments(selected)
+    count = int(selected.scene.index.face_count[segments].sum(dtype=np.int64))
     if count > MAX_MESH_FACES:
         raise ResourceError(
             f"a mesh of up to {count:,} triangles, expected at most {MAX_MESH_FACES:,} in one "
@@ -75,7 +68,7 @@ def gather_mesh(
     progress.start("read segments", len(segments), "segments")
     pieces: list[Piece] = []
     before = 0
-    for piece in read_pieces(scene, frame, selection, segments):
+    for piece in read_pieces(selected, segments):
         pieces.append(piece)
         progress.advance(max(0, int(np.searchsorted(segments, piece.segment)) + 1 - before))
         before = int(np.searchsorted(segments, piece.segment)) + 1

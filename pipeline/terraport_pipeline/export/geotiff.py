@@ -20,7 +20,7 @@ from terraport_payload.types import Float32
 from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.raster_grid import BLOCK, PixelGrid, Window
 from terraport_pipeline.export.sampling import colour_windows, height_windows
-from terraport_pipeline.export.selection import Selection
+from terraport_pipeline.export.selection import SelectedScene
 from terraport_pipeline.progress import Progress
 from terraport_store import Scene
 
@@ -38,9 +38,7 @@ _GDAL: Final = {
 
 def write_orthophoto(
     path: Path,
-    scene: Scene,
-    frame: SurveyFrame,
-    selection: Selection,
+    selected: SelectedScene,
     grid: PixelGrid,
     progress: Progress,
 ) -> dict[str, Any]:
@@ -50,10 +48,7 @@ def write_orthophoto(
     ----------
     path : Path
         The file; its folder must be empty but for what this writes.
-    scene : Scene
-        Open.
-    frame : SurveyFrame
-    selection : Selection
+    selected : SelectedScene
     grid : PixelGrid
     progress : Progress
 
@@ -67,12 +62,12 @@ def write_orthophoto(
     covered = 0
     plain = path.with_name("plain.tif")
     with rasterio.Env(**_GDAL):
-        with rasterio.open(plain, "w", **_profile(grid, frame), **profile) as picture:
+        with rasterio.open(plain, "w", **_profile(grid, selected.frame), **profile) as picture:
             picture.colorinterp = [
                 ColorInterp.red, ColorInterp.green, ColorInterp.blue, ColorInterp.alpha,
             ]  # fmt: skip
-            picture.update_tags(**_tags(scene, "orthophoto"))
-            for window, levels in colour_windows(scene, frame, selection, grid):
+            picture.update_tags(**_tags(selected.scene, "orthophoto"))
+            for window, levels in colour_windows(selected, grid):
                 picture.write(levels, window=_raster_window(window))
                 covered += int((levels[3] > 0).sum())
                 progress.advance(window.rows * window.columns)
@@ -84,9 +79,7 @@ def write_orthophoto(
 
 def write_heights(
     path: Path,
-    scene: Scene,
-    frame: SurveyFrame,
-    selection: Selection,
+    selected: SelectedScene,
     grid: PixelGrid,
     progress: Progress,
 ) -> dict[str, Any]:
@@ -100,11 +93,11 @@ def write_heights(
     plain = path.with_name("plain.tif")
     with rasterio.Env(**_GDAL):
         profile = {"dtype": "float32", "count": 1, "nodata": NODATA}
-        with rasterio.open(plain, "w", **_profile(grid, frame), **profile) as picture:
-            picture.update_tags(**_tags(scene, "height model"))
+        with rasterio.open(plain, "w", **_profile(grid, selected.frame), **profile) as picture:
+            picture.update_tags(**_tags(selected.scene, "height model"))
             picture.set_band_description(1, "height")
-            picture.set_band_unit(1, _unit(frame))
-            for window, heights in height_windows(scene, frame, selection, grid):
+            picture.set_band_unit(1, _unit(selected.frame))
+            for window, heights in height_windows(selected, grid):
                 there = np.isfinite(heights)
                 filled: Float32 = np.where(there, heights, np.float32(NODATA))
                 picture.write(filled, 1, window=_raster_window(window))

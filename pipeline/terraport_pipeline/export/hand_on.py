@@ -9,13 +9,18 @@ from pathlib import Path
 from typing import Any, Final
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.export.frame import SurveyFrame, survey_frame
+from terraport_pipeline.export.frame import survey_frame
 from terraport_pipeline.export.meshes import mesh_companions, write_mesh
 from terraport_pipeline.export.output import writing_beside
 from terraport_pipeline.export.products import Product, product_of
-from terraport_pipeline.export.raster_grid import make_grid
+from terraport_pipeline.export.raster_grid import PixelGrid, make_grid
 from terraport_pipeline.export.section import parse_line, write_section
-from terraport_pipeline.export.selection import Selection, find_regions, ground_extent
+from terraport_pipeline.export.selection import (
+    SelectedScene,
+    Selection,
+    find_regions,
+    ground_extent,
+)
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_store import Scene
@@ -69,9 +74,7 @@ class _Job:
 
     path: Path
     """In a folder of its own."""
-    scene: Scene
-    frame: SurveyFrame
-    selection: Selection
+    selected: SelectedScene
     request: ExportRequest
     progress: Progress
 
@@ -79,7 +82,13 @@ class _Job:
     def step(self) -> float:
         """Step in the unit of the survey."""
         step_m = self.request.step_m
-        return (_usual_step_m(self.scene) if step_m is None else step_m) / self.frame.unit_m
+        usual_m = _usual_step_m(self.selected.scene) if step_m is None else step_m
+        return usual_m / self.selected.frame.unit_m
+
+    @property
+    def grid(self) -> PixelGrid:
+        """Pixels of that step over the ground."""
+        return make_grid(ground_extent(self.selected), self.step)
 
 
 def export_scene(
@@ -118,12 +127,11 @@ def export_scene(
         frame = survey_frame(scene.manifest)
         regions, stable_ids = find_regions(scene, request.regions)
         selection = Selection(request.extent, regions, stable_ids)
-        ground_extent(scene, frame, selection)  # refuses a selection of nothing
+        selected = SelectedScene(scene, frame, selection)
+        ground_extent(selected)  # refuses a selection of nothing
         job = _Job(
             folder / request.output.name,
-            scene,
-            frame,
-            selection,
+            selected,
             request,
             progress or NullProgress(),
         )
@@ -179,28 +187,28 @@ def _usual_step_m(scene: Scene) -> float:
 def _orthophoto(job: _Job) -> dict[str, Any]:
     from terraport_pipeline.export.geotiff import write_orthophoto
 
-    grid = make_grid(ground_extent(job.scene, job.frame, job.selection), job.step)
-    facts = write_orthophoto(job.path, job.scene, job.frame, job.selection, grid, job.progress)
-    return {"step": f"{grid.step:.6g} {job.frame.unit_name}", **facts}
+    grid = job.grid
+    facts = write_orthophoto(job.path, job.selected, grid, job.progress)
+    return {"step": f"{grid.step:.6g} {job.selected.frame.unit_name}", **facts}
 
 
 def _heights(job: _Job) -> dict[str, Any]:
     from terraport_pipeline.export.geotiff import write_heights
 
-    grid = make_grid(ground_extent(job.scene, job.frame, job.selection), job.step)
-    facts = write_heights(job.path, job.scene, job.frame, job.selection, grid, job.progress)
-    return {"step": f"{grid.step:.6g} {job.frame.unit_name}", **facts}
+    grid = job.grid
+    facts = write_heights(job.path, job.selected, grid, job.progress)
+    return {"step": f"{grid.step:.6g} {job.selected.frame.unit_name}", **facts}
 
 
 def _mesh(job: _Job) -> dict[str, Any]:
     from terraport_pipeline.export.gathered import gather_mesh
 
-    mesh = gather_mesh(job.scene, job.frame, job.selection, job.progress)
+    mesh = gather_mesh(job.selected, job.progress)
     return write_mesh(
         job.path,
         mesh,
-        job.frame,
-        job.scene.manifest,
+        job.selected.frame,
+        job.selected.scene.manifest,
         job.progress,
         full=job.request.full_coordinates,
     )
@@ -209,23 +217,21 @@ def _mesh(job: _Job) -> dict[str, Any]:
 def _points(job: _Job) -> dict[str, Any]:
     from terraport_pipeline.export.las import write_points
 
-    return write_points(job.path, job.scene, job.frame, job.selection, job.progress)
+    return write_points(job.path, job.selected, job.progress)
 
 
 def _contours(job: _Job) -> dict[str, Any]:
     from terraport_pipeline.export.contours import write_contours
 
-    grid = make_grid(ground_extent(job.scene, job.frame, job.selection), job.step)
+    grid = job.grid
     interval = 1.0 if job.request.interval is None else job.request.interval
-    return write_contours(
-        job.path, job.scene, job.frame, job.selection, grid, interval, job.progress
-    )
+    return write_contours(job.path, job.selected, grid, interval, job.progress)
 
 
 def _section(job: _Job) -> dict[str, Any]:
     assert job.request.line is not None
     line = parse_line(job.request.line)
-    return write_section(job.path, job.scene, job.frame, job.selection, line, job.progress)
+    return write_section(job.path, job.selected, line, job.progress)
 
 
 def _alone(_path: Path) -> tuple[str, ...]:

@@ -15,11 +15,9 @@ import numpy as np
 from terraport_payload.types import AnyFloat, Float64, UInt8
 from terraport_pipeline.engines.texturing import bilinear, decode_halved
 from terraport_pipeline.errors import EngineError
-from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.pieces import Piece, read_pieces
-from terraport_pipeline.export.selection import Selection, choose_segments
+from terraport_pipeline.export.selection import SelectedScene, choose_segments
 from terraport_pipeline.progress import Progress
-from terraport_store import Scene
 
 __all__ = ["write_points"]
 
@@ -42,19 +40,14 @@ _MAX_NAME: Final = 32
 """Bytes of the name of an extra dimension."""
 
 
-def write_points(
-    path: Path, scene: Scene, frame: SurveyFrame, selection: Selection, progress: Progress
-) -> dict[str, Any]:
+def write_points(path: Path, selected: SelectedScene, progress: Progress) -> dict[str, Any]:
     """Write the points of a selection, segment by segment.
 
     Parameters
     ----------
     path : Path
         Ends with .las or .laz.
-    scene : Scene
-        Open.
-    frame : SurveyFrame
-    selection : Selection
+    selected : SelectedScene
     progress : Progress
         A step of segments.
 
@@ -63,7 +56,7 @@ def write_points(
     dict
         What to say of it.
     """
-    manifest = scene.manifest
+    manifest, frame = selected.scene.manifest, selected.frame
     names = [attribute.name for attribute in manifest.attributes]
     extra = {name: _dimension(name) for name in names if name != _CLASS}
     header = laspy.LasHeader(point_format=_POINT_FORMAT, version="1.4")
@@ -77,12 +70,12 @@ def write_points(
     header.add_extra_dims(dimensions)
     if frame.crs is not None:
         header.add_crs(frame.crs, keep_compatibility=False)
-    segments = choose_segments(scene, frame, selection)
+    segments = choose_segments(selected)
     progress.start("points", len(segments), "segments")
     total = done = 0
     with laspy.open(path, mode="w", header=header) as file:
-        for piece in read_pieces(scene, frame, selection, segments):
-            file.write_points(_points(piece, frame, selection, header, extra))
+        for piece in read_pieces(selected, segments):
+            file.write_points(_points(piece, selected, header, extra))
             total += len(piece.faces)
             reached = int(np.searchsorted(segments, piece.segment)) + 1
             progress.advance(reached - done)
@@ -94,16 +87,15 @@ def write_points(
 
 def _points(
     piece: Piece,
-    frame: SurveyFrame,
-    selection: Selection,
+    selected: SelectedScene,
     header: laspy.LasHeader,
     extra: dict[str, str],
 ) -> laspy.ScaleAwarePointRecord:
     record = laspy.ScaleAwarePointRecord.zeros(len(piece.faces), header=header)
-    centres = frame.to_survey(piece.positions[piece.faces].mean(axis=1))
+    centres = selected.frame.to_survey(piece.positions[piece.faces].mean(axis=1))
     record.x, record.y, record.z = centres.T
     record.return_number = record.number_of_returns = np.ones(len(piece.faces), np.uint8)
-    record["region"] = selection.name_of(piece.regions).astype(np.int32)
+    record["region"] = selected.selection.name_of(piece.regions).astype(np.int32)
     colours = _colours(piece)
     if colours is not None:
         # LAS has 16 bits a channel; the full range is what readers expect.

@@ -12,11 +12,10 @@ import numpy as np
 
 from terraport_payload import PayloadError, SegmentMesh, Texture, decode_glb
 from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
-from terraport_pipeline.export.frame import SurveyFrame
-from terraport_pipeline.export.selection import Selection
+from terraport_pipeline.export.selection import SelectedScene, Selection
 from terraport_pipeline.geometry.mesh.box_clip import clip_to_box
 from terraport_pipeline.published.scene_textures import colours_from_texture
-from terraport_store import DamagedSceneError, Scene
+from terraport_store import DamagedSceneError
 
 __all__ = ["Piece", "read_pieces"]
 
@@ -44,9 +43,7 @@ class Piece:
 
 
 def read_pieces(
-    scene: Scene,
-    frame: SurveyFrame,
-    selection: Selection,
+    selected: SelectedScene,
     segments: Int64,
     *,
     cut: bool = True,
@@ -55,10 +52,7 @@ def read_pieces(
 
     Parameters
     ----------
-    scene : Scene
-        Open.
-    frame : SurveyFrame
-    selection : Selection
+    selected : SelectedScene
     segments : ndarray of int64
         Which to read; those of which nothing is left are not yielded.
     cut : bool
@@ -74,10 +68,11 @@ def read_pieces(
     DamagedSceneError
         A payload fails its hash or does not decode.
     """
+    scene, selection = selected.scene, selected.selection
     box = None
     if cut and selection.extent is not None:
         extent = selection.extent
-        (x0, x1), (z1, z0) = frame.ground(
+        (x0, x1), (z1, z0) = selected.frame.ground(
             np.array([extent.xmin, extent.xmax]), np.array([extent.ymin, extent.ymax])
         )
         box = (float(x0), float(z0), float(x1), float(z1))

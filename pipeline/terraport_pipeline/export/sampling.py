@@ -5,20 +5,20 @@ A window holds the segments that touch it and no others; windows are cut until t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import Float32, Float64, Int64, UInt8
+from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.from_above import SeenFromAbove
 from terraport_pipeline.export.pieces import read_pieces
 from terraport_pipeline.export.raster_grid import PixelGrid, Window
-from terraport_pipeline.export.selection import Selection, choose_segments
-from terraport_store import Scene
+from terraport_pipeline.export.selection import SelectedScene, choose_segments
+from terraport_pipeline.extent import Extent
 
-__all__ = ["colour_windows", "height_windows"]
+__all__ = ["both_heights", "colour_windows", "height_windows"]
 
 _MAX_WINDOW: Final = 4_000_000
 """Faces and pixels of a window together: about 1 GB with the tree that rays need."""
@@ -31,17 +31,12 @@ COLOUR_PARTS: Final = 2
 not flicker."""
 
 
-def height_windows(
-    scene: Scene, frame: SurveyFrame, selection: Selection, grid: PixelGrid
-) -> Iterator[tuple[Window, Float32]]:
+def height_windows(selected: SelectedScene, grid: PixelGrid) -> Iterator[tuple[Window, Float32]]:
     """Take the heights at the centres of pixels.
 
     Parameters
     ----------
-    scene : Scene
-        Open.
-    frame : SurveyFrame
-    selection : Selection
+    selected : SelectedScene
     grid : PixelGrid
 
     Yields
@@ -50,18 +45,39 @@ def height_windows(
     heights : ndarray of shape (rows, columns), float32
         Of the highest surface, in the unit of the survey's heights; NaN where there is none.
     """
-    for window, seen in _windows(scene, frame, selection, grid, colours=False):
-        heights = np.empty((window.rows, window.columns), np.float32)
-        for rows in _bands(window, 1):
-            x, z = _places(frame, grid, _band(window, rows), 1)
-            y = seen.heights(x, z)
-            heights[rows] = frame.heights(y).reshape(-1, window.columns)
-        yield window, heights
+    for window in grid.windows(_weight(selected, grid), _MAX_WINDOW):
+        yield window, _heights(selected, grid, window)
 
 
-def colour_windows(
-    scene: Scene, frame: SurveyFrame, selection: Selection, grid: PixelGrid
-) -> Iterator[tuple[Window, UInt8]]:
+def both_heights(
+    first: SelectedScene,
+    second: SelectedScene,
+    grid: PixelGrid,
+    is_asked: Callable[[Extent], bool],
+) -> Iterator[tuple[Window, Float32, Float32]]:
+    """Take the heights of two scenes at the same pixels.
+
+    Parameters
+    ----------
+    first, second : SelectedScene
+        With frames in one CRS and unit.
+    grid : PixelGrid
+    is_asked : callable
+        Whether the ground of a window is to be looked at; others are left out.
+
+    Yields
+    ------
+    window : Window
+    heights of first, heights of second : ndarray of shape (rows, columns), float32
+        As of :func:`height_windows`.
+    """
+    weights = _weight(first, grid), _weight(second, grid)
+    for window in grid.windows(lambda window: max(w(window) for w in weights), _MAX_WINDOW):
+        if is_asked(grid.extent(window)):
+            yield window, _heights(first, grid, window), _heights(second, grid, window)
+
+
+def colour_windows(selected: SelectedScene, grid: PixelGrid) -> Iterator[tuple[Window, UInt8]]:
     """Take the colours of pixels; arguments as for :func:`height_windows`.
 
     Yields
@@ -70,9 +86,10 @@ def colour_windows(
     levels : ndarray of shape (4, rows, columns), uint8
         sRGB and opacity: 255 where at least half of the pixel has a surface, else all four are 0.
     """
-    parts = COLOUR_PARTS
+    parts, frame = COLOUR_PARTS, selected.frame
     pixel_m = grid.step * frame.unit_m / parts
-    for window, seen in _windows(scene, frame, selection, grid, colours=True):
+    for window in grid.windows(_weight(selected, grid), _MAX_WINDOW):
+        seen = _seen(selected, grid, window, colours=True)
         levels = np.zeros((4, window.rows, window.columns), np.uint8)
         for rows in _bands(window, parts):
             band = _band(window, rows)
@@ -90,21 +107,32 @@ def colour_windows(
         yield window, levels
 
 
-def _windows(
-    scene: Scene, frame: SurveyFrame, selection: Selection, grid: PixelGrid, *, colours: bool
-) -> Iterator[tuple[Window, SeenFromAbove]]:
-    faces = scene.index.face_count.astype(np.int64)
+def _heights(selected: SelectedScene, grid: PixelGrid, window: Window) -> Float32:
+    seen, frame = _seen(selected, grid, window, colours=False), selected.frame
+    heights = np.empty((window.rows, window.columns), np.float32)
+    for rows in _bands(window, 1):
+        x, z = _places(frame, grid, _band(window, rows), 1)
+        heights[rows] = frame.heights(seen.heights(x, z)).reshape(-1, window.columns)
+    return heights
 
-    def segments_of(window: Window) -> Int64:
-        return choose_segments(scene, frame, selection, grid.extent(window))
+
+def _seen(
+    selected: SelectedScene, grid: PixelGrid, window: Window, *, colours: bool
+) -> SeenFromAbove:
+    segments = choose_segments(selected, grid.extent(window))
+    # Faces stay whole: only places within the extent are looked at.
+    return SeenFromAbove(read_pieces(selected, segments, cut=False), colours=colours)
+
+
+def _weight(selected: SelectedScene, grid: PixelGrid) -> Callable[[Window], int]:
+    """Give what counts the faces and pixels of a window."""
+    faces = selected.scene.index.face_count.astype(np.int64)
 
     def weight(window: Window) -> int:
-        return int(faces[segments_of(window)].sum()) + window.rows * window.columns
+        segments = choose_segments(selected, grid.extent(window))
+        return int(faces[segments].sum()) + window.rows * window.columns
 
-    for window in grid.windows(weight, _MAX_WINDOW):
-        # Faces stay whole: only places within the extent are looked at.
-        pieces = read_pieces(scene, frame, selection, segments_of(window), cut=False)
-        yield window, SeenFromAbove(pieces, colours=colours)
+    return weight
 
 
 def _bands(window: Window, parts: int) -> Iterator[slice]:

@@ -18,11 +18,10 @@ from terraport_pipeline.errors import OptionError
 from terraport_pipeline.export.dxf import new_drawing, save_drawing
 from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.pieces import read_pieces
-from terraport_pipeline.export.selection import Selection, choose_segments
+from terraport_pipeline.export.selection import SelectedScene, choose_segments
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.geometry.mesh.plane_section import joined_lines, vertical_cut
 from terraport_pipeline.progress import Progress
-from terraport_store import Scene
 
 __all__ = ["SectionLine", "parse_line", "write_section"]
 
@@ -83,9 +82,7 @@ def parse_line(text: str) -> SectionLine:
 
 def write_section(
     path: Path,
-    scene: Scene,
-    frame: SurveyFrame,
-    selection: Selection,
+    selected: SelectedScene,
     line: SectionLine,
     progress: Progress,
 ) -> dict[str, Any]:
@@ -95,10 +92,7 @@ def write_section(
     ----------
     path : Path
         Ends with .dxf or .csv.
-    scene : Scene
-        Open.
-    frame : SurveyFrame
-    selection : Selection
+    selected : SelectedScene
     line : SectionLine
     progress : Progress
         A step of segments.
@@ -113,7 +107,8 @@ def write_section(
     OptionError
         The line meets no surface.
     """
-    lines = _cut(scene, frame, selection, line, progress)
+    frame = selected.frame
+    lines = _cut(selected, line, progress)
     if not lines:
         raise OptionError(
             "the line meets no surface; expected one across the scene, in the coordinates and the "
@@ -133,24 +128,19 @@ def write_section(
     }
 
 
-def _cut(
-    scene: Scene,
-    frame: SurveyFrame,
-    selection: Selection,
-    line: SectionLine,
-    progress: Progress,
-) -> list[_CutLine]:
+def _cut(selected: SelectedScene, line: SectionLine, progress: Progress) -> list[_CutLine]:
     """Cut the scene leg by leg; memory is that of the cut and of one segment."""
+    frame = selected.frame
     lines: list[_CutLine] = []
     passed = 0.0
     for start, end in line.legs:
         box = _box_of(start, end)
-        segments = choose_segments(scene, frame, selection, box)
+        segments = choose_segments(selected, box)
         progress.start("section", len(segments), "segments")
         x, z = frame.ground(np.array([start[0], end[0]]), np.array([start[1], end[1]]))
         ground_start, ground_end = (float(x[0]), float(z[0])), (float(x[1]), float(z[1]))
         cuts = []
-        for piece in read_pieces(scene, frame, selection, segments):
+        for piece in read_pieces(selected, segments):
             cuts.append(vertical_cut(piece.positions, piece.faces, ground_start, ground_end))
             progress.advance(1)
         joined = joined_lines(np.concatenate(cuts)) if cuts else []

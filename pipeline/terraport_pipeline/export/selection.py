@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -14,7 +14,13 @@ from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.extent import Extent
 from terraport_store import RegionNames, Scene, read_labels
 
-__all__ = ["Selection", "choose_segments", "find_regions", "ground_extent"]
+__all__ = [
+    "SelectedScene",
+    "Selection",
+    "choose_segments",
+    "find_regions",
+    "ground_extent",
+]
 
 _NAMED: Final = 8
 """Labels that a refusal lists."""
@@ -37,6 +43,16 @@ class Selection:
             return regions
         named: Int64 = np.array([*self.stable_ids, -1], np.int64)[regions]
         return named
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SelectedScene:
+    """What every writer is given: a scene, its survey's coordinates, and how much of it."""
+
+    scene: Scene
+    """Open."""
+    frame: SurveyFrame
+    selection: Selection = field(default_factory=Selection)
 
 
 def find_regions(
@@ -102,17 +118,12 @@ def _choices(names: RegionNames, count: int) -> str:
     )
 
 
-def choose_segments(
-    scene: Scene, frame: SurveyFrame, selection: Selection, within: Extent | None = None
-) -> Int64:
+def choose_segments(selected: SelectedScene, within: Extent | None = None) -> Int64:
     """Choose the segments that may have something of a selection; the others have nothing of it.
 
     Parameters
     ----------
-    scene : Scene
-        Open.
-    frame : SurveyFrame
-    selection : Selection
+    selected : SelectedScene
     within : Extent, optional
         A window in the survey's coordinates, beside the selection's own extent.
 
@@ -121,12 +132,12 @@ def choose_segments(
     ndarray of int64
         Ascending; may be empty.
     """
-    index = scene.index
+    index, selection = selected.scene.index, selected.selection
     keep: Bool = np.ones(len(index), np.bool_)
     if selection.regions is not None:
         listed = np.array(sorted(selection.regions), np.int64)
         keep &= np.isin(index.region.astype(np.int64), listed) | (index.region_count > 1)
-    low, high = _ground_boxes(scene, frame)
+    low, high = _ground_boxes(selected)
     for extent in (selection.extent, within):
         if extent is not None:
             keep &= (low <= (extent.xmax, extent.ymax)).all(axis=1)
@@ -134,7 +145,7 @@ def choose_segments(
     return np.flatnonzero(keep)
 
 
-def ground_extent(scene: Scene, frame: SurveyFrame, selection: Selection) -> Extent:
+def ground_extent(selected: SelectedScene) -> Extent:
     """Return the ground that a selection has: its extent, or the boxes of its segments.
 
     Raises
@@ -142,8 +153,9 @@ def ground_extent(scene: Scene, frame: SurveyFrame, selection: Selection) -> Ext
     OptionError
         There is nothing in it.
     """
-    chosen = choose_segments(scene, frame, selection)
-    low, high = _ground_boxes(scene, frame)
+    chosen = choose_segments(selected)
+    low, high = _ground_boxes(selected)
+    selection, frame = selected.selection, selected.frame
     if len(chosen) == 0:
         whole = Extent(*low.min(axis=0), *high.max(axis=0))
         unit = f" ({frame.unit_name})"
@@ -161,9 +173,9 @@ def ground_extent(scene: Scene, frame: SurveyFrame, selection: Selection) -> Ext
     )
 
 
-def _ground_boxes(scene: Scene, frame: SurveyFrame) -> tuple[Float64, Float64]:
+def _ground_boxes(selected: SelectedScene) -> tuple[Float64, Float64]:
     """Least and greatest easting and northing of every segment, (S, 2) each."""
-    bounds = scene.index.bounds
+    bounds, frame = selected.scene.index.bounds, selected.frame
     # z is -north: the box's least northing is at its greatest z.
     low = frame.to_survey(bounds[:, [0, 1, 5]])[:, :2]
     high = frame.to_survey(bounds[:, [3, 4, 2]])[:, :2]

@@ -36,7 +36,14 @@ from terraport_pipeline.errors import ResourceError, WorkDirectoryError
 from terraport_pipeline.measure import StepCost
 from terraport_pipeline.stages.contract import Facts, Json, Stored
 
-__all__ = ["Cost", "StageRecord", "WorkDirectory", "file_digest", "stage_key"]
+__all__ = [
+    "Cost",
+    "StageRecord",
+    "WorkDirectory",
+    "file_digest",
+    "is_work_directory",
+    "stage_key",
+]
 
 _MARK: Final = ".terraport-work"
 """Says that a directory is ours, so that nothing else's files are ever deleted."""
@@ -252,6 +259,11 @@ class WorkDirectory:
             finally:
                 shutil.rmtree(beside, ignore_errors=True)
                 shutil.rmtree(beside.with_name(f".{beside.name[1:]}.old.tmp"), ignore_errors=True)
+
+
+def is_work_directory(path: Path) -> bool:
+    """Tell a build's work directory from any other folder."""
+    return (path / _MARK).is_file()
 
 
 def stage_key(name: str, code: str, options: Mapping[str, Json], inputs: Mapping[str, str]) -> str:

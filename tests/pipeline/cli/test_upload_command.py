@@ -56,7 +56,7 @@ def test_what_cannot_be_is_one_line(s3: str, tiny: TinyScene, tmp_path: Path) ->
         ((tiny.path, "scenes/tiny"), "is a path, expected an address like s3://"),
         ((tmp_path, "s3://scenes/x"), "no scene at"),
         ((tiny.path, "s3:/scenes/tiny"), "expected an address like s3://scenes/tiny"),
-        (("s3://scenes/tiny", "s3://scenes/x"), "expected a directory of this machine; object"),
+        (("s3://scenes/tiny", "s3://scenes/x"), "s3://scenes/tiny was taken for a path"),
         ((tiny.path, "s3://no-such-bucket/x"), "expected a bucket that exists"),
         (
             (tiny.path, "s3://scenes/x", "--endpoint", "minio:9000"),
@@ -66,4 +66,4 @@ def test_what_cannot_be_is_one_line(s3: str, tiny: TinyScene, tmp_path: Path) ->
         done = run("upload", "--endpoint", s3, *arguments)
         assert done.exit_code == 1
         assert text in done.stderr
-        assert len(done.stderr.splitlines()) <= 3  # the progress bar's lines among them
+        assert len(done.stderr.splitlines()) == 1

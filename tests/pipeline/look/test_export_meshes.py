@@ -16,6 +16,7 @@ from pyproj import CRS
 from textured_square import SIDE_M, quadrants, write_square
 
 from terraport_payload.glb_container import split_glb
+from terraport_pipeline.engines.gltf_validator import check_gltf
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.export import gathered
 from terraport_pipeline.export.hand_on import ExportRequest, export_scene
@@ -271,3 +272,14 @@ def test_a_scene_is_only_read(scene_path, tmp_path) -> None:
             json.loads((scene_path / "scene.json").read_text())["version"] == scene.manifest.version
         )
     assert before == {file: file.stat().st_mtime_ns for file in scene_path.rglob("*")}
+
+
+def test_khronos_finds_nothing_wrong_in_what_is_written(scene_path, square, tmp_path) -> None:
+    """Whole, cut by a box, and textured: no error and no warning."""
+    export(scene_path, tmp_path / "whole.glb")
+    export(scene_path, tmp_path / "cut.glb", extent=BOX)
+    export(square[0], tmp_path / "textured.glb")
+    check = check_gltf({path.name: path.read_bytes() for path in sorted(tmp_path.glob("*.glb"))})
+    if check.not_run:
+        pytest.skip(check.not_run)
+    assert (check.checked, check.messages, check.errors, check.warnings) == (3, (), 0, 0)

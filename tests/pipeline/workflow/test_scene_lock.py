@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -7,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from terraport_pipeline.errors import BuildLockedError
-from terraport_pipeline.workflow.scene_lock import scene_locked
+from terraport_pipeline.workflow.scene_lock import build_process, scene_locked
 
 HOLDER = """
 import sys
@@ -55,3 +56,13 @@ def test_the_lock_is_freed_by_an_error(tmp_path: Path) -> None:
         raise KeyboardInterrupt
     with scene_locked(scene):
         pass
+
+
+def test_who_builds_now(tmp_path: Path) -> None:
+    scene = tmp_path / "pit"
+    assert build_process(scene) is None
+    with scene_locked(scene):
+        assert build_process(scene) == str(os.getpid())
+    # Of a build that was killed the file is left.
+    (tmp_path / ".pit.lock").write_text("4711")
+    assert build_process(scene) is None

@@ -12,6 +12,7 @@ from typing import Any, Final
 import typer
 from typer.core import TyperGroup
 
+from terraport.cli.addresses import refuse_addresses
 from terraport.errors import MissingExtraError, TerraportError, UsageError
 
 __all__ = ["VERBS", "LazyGroup", "Verb", "fail", "stub"]
@@ -82,6 +83,30 @@ VERBS: Final = (
         "Check that a scene is whole, and that its hand-off has no holes.",
     ),
     Verb(
+        "list",
+        "terraport_pipeline.cli.list_scenes",
+        "pipeline",
+        "List scenes of a folder or in object storage: version, size, extent, CRS.",
+    ),
+    Verb(
+        "mv",
+        "terraport_pipeline.cli.mv",
+        "pipeline",
+        "Rename or move a scene with all that belongs to it.",
+    ),
+    Verb(
+        "rm",
+        "terraport_pipeline.cli.rm",
+        "pipeline",
+        "Remove scenes, or only what their builds keep beside them.",
+    ),
+    Verb(
+        "diff",
+        "terraport_pipeline.cli.diff",
+        "pipeline",
+        "Compare two scenes or versions: segments, bytes to load, regions, heights.",
+    ),
+    Verb(
         "upload",
         "terraport_pipeline.cli.upload",
         "pipeline",
@@ -144,9 +169,12 @@ class LazyGroup(TyperGroup):
         """Find the command to call; only here the real one is imported."""
         self._calling = True
         try:
-            return super().resolve_command(ctx, args)
+            name, command, words = super().resolve_command(ctx, args)
         finally:
             self._calling = False
+        if command is not None:
+            refuse_addresses(name or "", command, words)
+        return name, command, words
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
         """Return a command: the real one when it is about to be called, else its stub."""

@@ -1,0 +1,1 @@
+"""Scenes as a whole: listed, moved, removed, compared."""
