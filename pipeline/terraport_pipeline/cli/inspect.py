@@ -21,6 +21,7 @@ from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.cli.label import regions_table
 from terraport_pipeline.cli.survey_tables import point_tables, survey_tables
 from terraport_pipeline.engines.camera_files import has_cameras
+from terraport_pipeline.engines.odm_project import find_odm_project
 from terraport_pipeline.engines.pictures import save_png
 from terraport_pipeline.engines.readers.read_xyz import is_table
 from terraport_pipeline.engines.readers.survey_format import is_binary_survey
@@ -128,13 +129,19 @@ def inspect(
         terraport inspect delivery/ --extent 641200 8594700 641300 8594800
 
         terraport inspect survey.laz --cameras colmap/ --photos images/
+
+        terraport inspect odm-project/
     """
     console = Console(stderr=True, soft_wrap=True)
     within = None if extent is None else Extent(*extent)
+    asked = _Asked(console, Console(), density_map, only_headers=headers, as_json=as_json)
+    # (1) Cameras with their survey; a project of OpenDroneMap has both.
+    project = find_odm_project(target[0]) if len(target) == 1 else None
+    if project is not None and project.cloud is not None and cameras is None:
+        cameras = target[0] if has_cameras(target[0]) else None
+        photos = photos or project.photos
     if camera_offset is not None and cameras is None:
         raise OptionError("--camera-offset needs --cameras and the survey")
-    asked = _Asked(console, Console(), density_map, only_headers=headers, as_json=as_json)
-    # (1) Cameras with their survey.
     if cameras is not None:
         offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
         survey = find_survey(target, extent=within, statement=statement)
