@@ -116,9 +116,7 @@ def _photos_beside(texturing: Texturing | None) -> Callable[[SceneModel], OpenPh
     """Open the build's photos again, for the report's pictures."""
     if texturing is None or texturing.photos is None:
         return None
-    photos, offset = texturing.folder, texturing.camera_offset
-    project = texturing.photos if photos != texturing.photos else None
-    cameras = texturing.cameras or project
+    photos, cameras, offset = texturing.folder, texturing.cameras, texturing.camera_offset
     return lambda model: open_scene_photos(model, photos, cameras, offset)
 
 

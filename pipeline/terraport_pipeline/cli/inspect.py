@@ -21,7 +21,7 @@ from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.cli.label import regions_table
 from terraport_pipeline.cli.survey_tables import point_tables, survey_tables
 from terraport_pipeline.engines.camera_files import has_cameras
-from terraport_pipeline.engines.odm_project import find_odm_project
+from terraport_pipeline.engines.odm_project import find_odm_project, originals_in
 from terraport_pipeline.engines.pictures import save_png
 from terraport_pipeline.engines.readers.read_xyz import is_table
 from terraport_pipeline.engines.readers.survey_format import is_binary_survey
@@ -37,6 +37,7 @@ from terraport_pipeline.survey_files import SurveyFiles, find_survey
 from terraport_pipeline.survey_inspection import inspect_headers, inspect_points
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.workflow.build import default_memory_bytes, usable_cores
+from terraport_pipeline.workflow.photo_input import cameras_beside
 from terraport_store import SceneNotFoundError
 
 __all__ = ["inspect", "register"]
@@ -66,7 +67,10 @@ def inspect(
     ],
     cameras: Annotated[
         Path | None,
-        typer.Option(help="Cameras of the survey's photos.", show_default=False),
+        typer.Option(
+            help="Cameras of the survey's photos; looked for beside --photos otherwise.",
+            show_default=False,
+        ),
     ] = None,
     photos: Annotated[
         Path | None, typer.Option(help="Folder of the photos.", show_default=False)
@@ -130,6 +134,8 @@ def inspect(
 
         terraport inspect survey.laz --cameras colmap/ --photos images/
 
+        terraport inspect survey.laz --photos flight/
+
         terraport inspect odm-project/
     """
     console = Console(stderr=True, soft_wrap=True)
@@ -140,15 +146,14 @@ def inspect(
     if project is not None and project.cloud is not None and cameras is None:
         cameras = target[0] if has_cameras(target[0]) else None
         photos = photos or project.photos
-    if camera_offset is not None and cameras is None:
-        raise OptionError("--camera-offset needs --cameras and the survey")
+    if camera_offset is not None and cameras is None and photos is None:
+        raise OptionError("--camera-offset needs the cameras, or the photos that they lie beside")
+    offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
+    if photos is not None:
+        photos = originals_in(photos)
     if cameras is not None:
-        offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
         survey = find_survey(target, extent=within, statement=statement)
-        survey_facts = _inspect_survey(survey, asked)
-        with RichProgress(console) as progress:
-            facts = inspect_photos(survey, cameras, photos=photos, offset=offset, progress=progress)
-        asked.show({**facts, "survey": survey_facts}, camera_tables(facts, cameras.name))
+        _show_with_cameras(survey, cameras, photos, offset, asked)
         return
     # (2) A folder or file of another kind: a scene, a project of cameras.
     no_scene: SceneNotFoundError | None = None
@@ -161,13 +166,17 @@ def inspect(
             if other is not None:
                 asked.show(*other)
                 return
-    # (3) A survey. Damage is listed, not refused: this is what is asked.
+    # (3) A survey. Damage is listed, not refused: this is what is asked. With photos and no
+    # cameras the cameras lie beside them.
     try:
         survey = find_survey(target, skip_damaged=True, extent=within, statement=statement)
     except SurveyError:
         if no_scene is not None:
             raise no_scene from None
         raise
+    if photos is not None:
+        _show_with_cameras(survey, cameras_beside(photos), photos, offset, asked)
+        return
     asked.show(_inspect_survey(survey, asked))
 
 
@@ -188,6 +197,20 @@ class _Asked:
             typer.echo(json.dumps(facts, indent=1))
         elif tables is not None:
             self.out.print(tables)
+
+
+def _show_with_cameras(
+    survey: SurveyFiles,
+    cameras: Path,
+    photos: Path | None,
+    offset: tuple[float, float, float] | None,
+    asked: _Asked,
+) -> None:
+    """Show a survey, and how well the cameras of its photos fit it."""
+    survey_facts = _inspect_survey(survey, asked)
+    with RichProgress(asked.console) as progress:
+        facts = inspect_photos(survey, cameras, photos=photos, offset=offset, progress=progress)
+    asked.show({**facts, "survey": survey_facts}, camera_tables(facts, cameras.name))
 
 
 def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any], Group] | None:

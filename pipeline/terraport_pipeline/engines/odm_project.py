@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
-__all__ = ["OdmProject", "find_odm_project"]
+__all__ = ["OdmProject", "find_odm_project", "originals_in"]
 
 _CLOUDS: Final = tuple(
     f"odm_georeferencing/odm_georeferenced_model.{ending}" for ending in ("copc.laz", "laz", "las")
@@ -55,3 +55,12 @@ def find_odm_project(folder: Path) -> OdmProject | None:
         return None
     images = folder / _IMAGES
     return OdmProject(folder, cloud, images if has_cameras and images.is_dir() else None)
+
+
+def originals_in(folder: Path) -> Path:
+    """Return where photos are looked for: of a project its originals, of any other folder itself.
+
+    A project holds smaller and undistorted copies of the photos under the same names.
+    """
+    project = find_odm_project(folder)
+    return folder if project is None or project.photos is None else project.photos

@@ -13,7 +13,7 @@ import xxhash
 from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.engines.camera_files import has_cameras, read_cameras, read_raw_cameras
 from terraport_pipeline.engines.camera_files.raw_cameras import RawCameras
-from terraport_pipeline.engines.odm_project import find_odm_project
+from terraport_pipeline.engines.odm_project import find_odm_project, originals_in
 from terraport_pipeline.engines.photos import (
     OpenPhotos,
     find_photos,
@@ -30,7 +30,7 @@ from terraport_pipeline.stages import texture
 from terraport_pipeline.workflow.photo_check import checked_photos
 from terraport_pipeline.workflow.workdir import file_digest
 
-__all__ = ["LocatedPhotos", "Texturing", "camera_samples", "project_texturing"]
+__all__ = ["LocatedPhotos", "Texturing", "camera_samples", "cameras_beside", "project_texturing"]
 
 _MAX_SAMPLES: Final = 20_000
 """Points of the cloud that the cameras are tried on."""
@@ -72,8 +72,7 @@ class Texturing:
         """Folder that the photos are looked for in: of an OpenDroneMap project the originals."""
         if self.photos is None:
             raise ValueError("textures without photos have no folder of them")
-        project = find_odm_project(self.photos)
-        return self.photos if project is None or project.photos is None else project.photos
+        return originals_in(self.photos)
 
     def find(self, progress: Progress) -> LocatedPhotos | None:
         """Find cameras and photos and hash them; None with textures from vertex colours.
@@ -91,7 +90,7 @@ class Texturing:
             return None
         if not self.photos.is_dir():
             raise PhotoError(f"{self.photos} is no folder; give the folder of the original photos")
-        cameras = self.cameras or _beside(self.photos)
+        cameras = self.cameras or cameras_beside(self.photos)
         raw = read_raw_cameras(cameras, sizes_below(self.folder))
         # Names and sizes are all that is looked at; poses in the scene need the cloud.
         path_of_photo = find_photos(self.folder, raw.cameras)
@@ -228,8 +227,14 @@ def camera_samples(rows: _Rows) -> _Rows:
     return rows[:: max(1, len(rows) // _MAX_SAMPLES)]
 
 
-def _beside(photos: Path) -> Path:
-    """Look for cameras where the photos are, or one folder up."""
+def cameras_beside(photos: Path) -> Path:
+    """Look for cameras where the photos are, or one folder up.
+
+    Raises
+    ------
+    OptionError
+        There are none.
+    """
     for folder in (photos, photos.absolute().parent):
         if has_cameras(folder):
             return folder
