@@ -20,6 +20,7 @@ import xxhash
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
+from terraport_pipeline.engines.odm_project import find_odm_project
 from terraport_pipeline.engines.readers.read_ply import has_faces
 from terraport_pipeline.engines.readers.read_xyz import is_table
 from terraport_pipeline.engines.readers.survey_crs import metre_factors
@@ -230,9 +231,10 @@ def find_survey(
     Parameters
     ----------
     inputs : path or sequence of paths
-        Files, folders (searched with the folders in them) and patterns (``tiles/*.laz``; ``**``
-        for any folders). A file that is named is taken whatever its ending; in a folder what is
-        no survey is left alone and listed; hidden files are passed over.
+        Files, folders (searched with the folders in them; of a project of OpenDroneMap its
+        georeferenced cloud alone) and patterns (``tiles/*.laz``; ``**`` for any folders). A file
+        that is named is taken whatever its ending; in a folder what is no survey is left alone and
+        listed; hidden files are passed over.
     skip_damaged : bool
         Leave out damaged files when they are found, and say so; of files in several coordinate
         reference systems those that are not in the one of more than half.
@@ -263,6 +265,10 @@ def find_survey(
     paths = [path for given in inputs for path in _expanded(given)]
     alone = len(paths) == 1
     for path in paths:
+        project = find_odm_project(path)
+        if project is not None and project.cloud is not None:
+            path = project.cloud
+            ignored.append(("other files", f"an OpenDroneMap project is its {path.name}"))
         if path.is_dir():
             _search(path, "" if alone else f"{path.resolve().name}/", found, ignored)
             continue

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 from urllib.parse import quote
@@ -25,7 +26,7 @@ from terraport_pipeline.report.textures import open_scene_photos
 from terraport_pipeline.unforeseen import stage_failed
 from terraport_pipeline.workflow.build import BuildOptions
 from terraport_pipeline.workflow.build import build as run_build
-from terraport_pipeline.workflow.photo_input import Texturing
+from terraport_pipeline.workflow.photo_input import Texturing, project_texturing
 from terraport_pipeline.workflow.report import BuildReport
 from terraport_store import StoreError, read_manifest
 
@@ -66,11 +67,19 @@ def build(
 
         terraport build pit.laz --photos flight/images   with textures
 
+        terraport build odm-project/ -o scenes/pit       all of an OpenDroneMap project
+
         terraport build pit.laz --extent 641200 8594700 641300 8594800
 
         terraport serve scenes                           shows what was built
     """
     console = Console(stderr=True, soft_wrap=True)
+    of_project = None if options.texture is not None else project_texturing(options.inputs)
+    if of_project is not None and options.base_texture:
+        options = replace(options, texture=of_project)
+        if not quiet:
+            text = f"textures from {of_project.folder}; name the cloud itself to build without"
+            console.print(text, markup=False, highlight=False)
     with watching(console, quiet=quiet) as progress:
         built = _build(options, console, progress, with_report=report)
     for text in () if quiet else built.notes:
@@ -107,7 +116,7 @@ def _photos_beside(texturing: Texturing | None) -> Callable[[SceneModel], OpenPh
     """Open the build's photos again, for the report's pictures."""
     if texturing is None or texturing.photos is None:
         return None
-    photos, cameras, offset = texturing.photos, texturing.cameras, texturing.camera_offset
+    photos, cameras, offset = texturing.folder, texturing.cameras, texturing.camera_offset
     return lambda model: open_scene_photos(model, photos, cameras, offset)
 
 

@@ -21,6 +21,7 @@ from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.cli.label import regions_table
 from terraport_pipeline.cli.survey_tables import point_tables, survey_tables
 from terraport_pipeline.engines.camera_files import has_cameras
+from terraport_pipeline.engines.odm_project import find_odm_project, originals_in
 from terraport_pipeline.engines.pictures import save_png
 from terraport_pipeline.engines.readers.read_xyz import is_table
 from terraport_pipeline.engines.readers.survey_format import is_binary_survey
@@ -36,6 +37,7 @@ from terraport_pipeline.survey_files import SurveyFiles, find_survey
 from terraport_pipeline.survey_inspection import inspect_headers, inspect_points
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.workflow.build import default_memory_bytes, usable_cores
+from terraport_pipeline.workflow.photo_input import cameras_beside
 from terraport_store import SceneNotFoundError, is_url
 
 __all__ = ["inspect", "register"]
@@ -65,7 +67,10 @@ def inspect(
     ],
     cameras: Annotated[
         Path | None,
-        typer.Option(help="Cameras of the survey's photos.", show_default=False),
+        typer.Option(
+            help="Cameras of the survey's photos; looked for beside --photos otherwise.",
+            show_default=False,
+        ),
     ] = None,
     photos: Annotated[
         Path | None, typer.Option(help="Folder of the photos.", show_default=False)
@@ -130,11 +135,13 @@ def inspect(
         terraport inspect delivery/ --extent 641200 8594700 641300 8594800
 
         terraport inspect survey.laz --cameras colmap/ --photos images/
+
+        terraport inspect survey.laz --photos flight/
+
+        terraport inspect odm-project/
     """
     console = Console(stderr=True, soft_wrap=True)
     within = None if extent is None else Extent(*extent)
-    if camera_offset is not None and cameras is None:
-        raise OptionError("--camera-offset needs --cameras and the survey")
     asked = _Asked(console, Console(), density_map, only_headers=headers, as_json=as_json)
     # (1) A scene in object storage; nothing else is read from there.
     addresses = [text for text in target if is_url(text)]
@@ -142,14 +149,19 @@ def inspect(
         asked.show(*_scene_at(addresses[0], is_alone=len(target) == 1 and cameras is None))
         return
     paths = [Path(text) for text in target]
-    # (2) Cameras with their survey.
+    # (2) Cameras with their survey; a project of OpenDroneMap has both.
+    project = find_odm_project(paths[0]) if len(paths) == 1 else None
+    if project is not None and project.cloud is not None and cameras is None:
+        cameras = paths[0] if has_cameras(paths[0]) else None
+        photos = photos or project.photos
+    if camera_offset is not None and cameras is None and photos is None:
+        raise OptionError("--camera-offset needs the cameras, or the photos that they lie beside")
+    offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
+    if photos is not None:
+        photos = originals_in(photos)
     if cameras is not None:
-        offset = None if camera_offset is None else parse_offset(camera_offset, "camera offset")
         survey = find_survey(paths, extent=within, statement=statement)
-        survey_facts = _inspect_survey(survey, asked)
-        with RichProgress(console) as progress:
-            facts = inspect_photos(survey, cameras, photos=photos, offset=offset, progress=progress)
-        asked.show({**facts, "survey": survey_facts}, camera_tables(facts, cameras.name))
+        _show_with_cameras(survey, cameras, photos, offset, asked)
         return
     # (3) A folder or file of another kind: a scene, a project of cameras.
     no_scene: SceneNotFoundError | None = None
@@ -162,13 +174,17 @@ def inspect(
             if other is not None:
                 asked.show(*other)
                 return
-    # (4) A survey. Damage is listed, not refused: this is what is asked.
+    # (4) A survey. Damage is listed, not refused: this is what is asked. With photos and no
+    # cameras the cameras lie beside them.
     try:
         survey = find_survey(paths, skip_damaged=True, extent=within, statement=statement)
     except SurveyError:
         if no_scene is not None:
             raise no_scene from None
         raise
+    if photos is not None:
+        _show_with_cameras(survey, cameras_beside(photos), photos, offset, asked)
+        return
     asked.show(_inspect_survey(survey, asked))
 
 
@@ -207,6 +223,20 @@ def _scene_at(url: str, *, is_alone: bool) -> tuple[dict[str, Any], Group]:
     except SceneNotFoundError as error:
         raise OptionError(f"{error}; {advice}") from None
     return facts, _tables(facts)
+
+
+def _show_with_cameras(
+    survey: SurveyFiles,
+    cameras: Path,
+    photos: Path | None,
+    offset: tuple[float, float, float] | None,
+    asked: _Asked,
+) -> None:
+    """Show a survey, and how well the cameras of its photos fit it."""
+    survey_facts = _inspect_survey(survey, asked)
+    with RichProgress(asked.console) as progress:
+        facts = inspect_photos(survey, cameras, photos=photos, offset=offset, progress=progress)
+    asked.show({**facts, "survey": survey_facts}, camera_tables(facts, cameras.name))
 
 
 def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any], Group] | None:

@@ -10,6 +10,7 @@ import typer
 from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.engines.odm_project import originals_in
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report.facts import format_bytes
 from terraport_pipeline.report.input_cloud import find_input_cloud
@@ -90,7 +91,7 @@ def report(
                 photos=(
                     None
                     if photos is None
-                    else lambda model: open_scene_photos(model, photos, cameras)
+                    else lambda model: open_scene_photos(model, originals_in(photos), cameras)
                 ),
                 work=work,
                 progress=progress,

@@ -17,7 +17,7 @@ from PIL import Image
 from terraport_payload.types import AnyFloat, Bool, Float32, Int32, UInt8
 from terraport_pipeline.engines.camera_files import has_cameras, read_cameras
 from terraport_pipeline.engines.cameras import PhotoCamera
-from terraport_pipeline.engines.photos import OpenPhotos, open_photos
+from terraport_pipeline.engines.photos import OpenPhotos, open_photos, sizes_below
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.photos.lens import View
@@ -100,6 +100,7 @@ def open_scene_photos(
         crs=Crs(crs.name, crs.wkt or "", crs.epsg) if crs is not None else None,
         offset=offset,
         samples=vertices[:: max(1, len(vertices) // 20_000)].astype(np.float64),
+        photo_size=sizes_below(photos),
     )
     return open_photos(placed.views, photos, max_bytes=MAX_PHOTO_BYTES)
 

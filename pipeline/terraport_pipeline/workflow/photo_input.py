@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, astuple, dataclass, field, replace
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final, TypeVar
 
@@ -13,13 +13,14 @@ import xxhash
 from terraport_payload.types import Float32, Float64, UInt8
 from terraport_pipeline.engines.camera_files import has_cameras, read_cameras, read_raw_cameras
 from terraport_pipeline.engines.camera_files.raw_cameras import RawCameras
-from terraport_pipeline.engines.photo_store import photo_size
+from terraport_pipeline.engines.odm_project import find_odm_project, originals_in
 from terraport_pipeline.engines.photos import (
     OpenPhotos,
     find_photos,
     fit_lens,
     none_usable,
     open_photos,
+    sizes_below,
 )
 from terraport_pipeline.errors import OptionError, PhotoError
 from terraport_pipeline.model import Cloud, Crs
@@ -29,7 +30,7 @@ from terraport_pipeline.stages import texture
 from terraport_pipeline.workflow.photo_check import checked_photos
 from terraport_pipeline.workflow.workdir import file_digest
 
-__all__ = ["LocatedPhotos", "Texturing", "camera_samples"]
+__all__ = ["LocatedPhotos", "Texturing", "camera_samples", "cameras_beside", "project_texturing"]
 
 _MAX_SAMPLES: Final = 20_000
 """Points of the cloud that the cameras are tried on."""
@@ -41,12 +42,13 @@ class Texturing:
 
     options: texture.Options = field(default_factory=texture.Options)
     photos: Annotated[Path | None, Option(heading=COMMON)] = None
-    """Folder of the survey's photos: the scene gets textures from them."""
+    """Folder of the survey's photos, or of the project that aligned them: the scene gets textures
+    from them."""
     cameras: Annotated[
         Path | None, Option(heading=COMMON, unset="looked for in the photos' folder and above it")
     ] = None
     """Where the photos were taken: file or project folder of COLMAP, OpenSfM, OpenDroneMap, Pix4D,
-    Metashape or Bundler."""
+    Metashape, RealityCapture, ContextCapture, VisualSFM or Bundler."""
     camera_offset: Annotated[
         tuple[float, float, float] | None,
         Option(notation=OFFSET, unset="found where the cameras' files state it"),
@@ -65,6 +67,13 @@ class Texturing:
                 "with --photos, or --texture-from vertex"
             )
 
+    @property
+    def folder(self) -> Path:
+        """Folder that the photos are looked for in: of an OpenDroneMap project the originals."""
+        if self.photos is None:
+            raise ValueError("textures without photos have no folder of them")
+        return originals_in(self.photos)
+
     def find(self, progress: Progress) -> LocatedPhotos | None:
         """Find cameras and photos and hash them; None with textures from vertex colours.
 
@@ -81,10 +90,10 @@ class Texturing:
             return None
         if not self.photos.is_dir():
             raise PhotoError(f"{self.photos} is no folder; give the folder of the original photos")
-        cameras = self.cameras or _beside(self.photos)
-        raw = read_raw_cameras(cameras, partial(_size_of, self.photos))
+        cameras = self.cameras or cameras_beside(self.photos)
+        raw = read_raw_cameras(cameras, sizes_below(self.folder))
         # Names and sizes are all that is looked at; poses in the scene need the cloud.
-        path_of_photo = find_photos(self.photos, raw.cameras)
+        path_of_photo = find_photos(self.folder, raw.cameras)
         refused: dict[str, PhotoError] = {}
         for camera in raw.cameras:
             if camera.name in path_of_photo:
@@ -161,8 +170,7 @@ class LocatedPhotos:
             As :func:`~terraport_pipeline.engines.camera_files.read_cameras` and
             :func:`~terraport_pipeline.engines.photos.open_photos`.
         """
-        folder = self.asked.photos
-        assert folder is not None
+        folder = self.asked.folder
         samples = camera_samples(points)
         placed = read_cameras(
             self.cameras,
@@ -170,7 +178,7 @@ class LocatedPhotos:
             crs=crs,
             offset=self.asked.camera_offset,
             samples=samples.astype(np.float64),
-            photo_size=partial(_size_of, folder),
+            photo_size=sizes_below(folder),
         )
         opened = open_photos(placed.views, folder, max_bytes=max_bytes)
         checked = checked_photos(
@@ -192,6 +200,25 @@ class LocatedPhotos:
         progress.done({"photos": len(opened.views), "left out": opened.left_out})
 
 
+def project_texturing(inputs: Sequence[Path]) -> Texturing | None:
+    """Take the photos of an OpenDroneMap project that is given as the survey.
+
+    Parameters
+    ----------
+    inputs : sequence of Path
+        What was given as the survey.
+
+    Returns
+    -------
+    Texturing or None
+        None where it is no project with its photos.
+    """
+    project = find_odm_project(inputs[0]) if len(inputs) == 1 else None
+    if project is None or project.cloud is None or project.photos is None:
+        return None
+    return Texturing(photos=project.folder)
+
+
 _Rows = TypeVar("_Rows", Float32, Float64, UInt8)
 
 
@@ -200,27 +227,21 @@ def camera_samples(rows: _Rows) -> _Rows:
     return rows[:: max(1, len(rows) // _MAX_SAMPLES)]
 
 
-@dataclass(frozen=True, slots=True)
-class _Named:
-    """As much of a view as finding its photo needs."""
+def cameras_beside(photos: Path) -> Path:
+    """Look for cameras where the photos are, or one folder up.
 
-    name: str
-
-
-def _size_of(photos: Path, name: str) -> tuple[int, int]:
-    """Width and height of a photo whose camera does not say them (Bundler's)."""
-    return photo_size(find_photos(photos, [_Named(name)])[name])
-
-
-def _beside(photos: Path) -> Path:
-    """Look for cameras where the photos are, or one folder up."""
+    Raises
+    ------
+    OptionError
+        There are none.
+    """
     for folder in (photos, photos.absolute().parent):
         if has_cameras(folder):
             return folder
     raise OptionError(
         f"photos without cameras: no file of cameras is in {photos} or the folder above; give the "
-        "project of COLMAP, OpenDroneMap, Pix4D, Metashape or Bundler that aligned the photos with "
-        "--cameras"
+        "project of COLMAP, OpenDroneMap, Pix4D, Metashape, RealityCapture, ContextCapture, "
+        "VisualSFM or Bundler that aligned the photos with --cameras"
     )
 
 

@@ -17,28 +17,38 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
-from xml.parsers import expat
 
 import numpy as np
 
 from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
-    MAX_TEXT_BYTES,
     Frame,
     RawCamera,
     RawCameras,
     check_count,
     check_position,
-    check_size,
     make_lens,
 )
+from terraport_pipeline.engines.camera_files.xml_files import parse_xml, xml_numbers
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.photos.lens import Lens
 
-__all__ = ["read_agisoft"]
+__all__ = ["read_agisoft", "read_calibration"]
 
 _MODELS: Final = {"frame": "radial", "fisheye": "fisheye"}
+
+_TERMS: Final = (
+    "f", "fx", "fy", "cx", "cy", "b1", "b2", "skew", "k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4",
+)  # fmt: skip
+"""Numbers of a calibration; others are dates and covariances."""
+
+_UNDISTORTED: Final = "export undistorted photos from Metashape"
+
+_ADVICE: Final = (
+    "set the chunk's coordinate system to the survey's (Reference > Settings) and export the "
+    "cameras again; for a local system state the offset"
+)
 
 
 def read_agisoft(path: Path) -> RawCameras:
@@ -49,7 +59,7 @@ def read_agisoft(path: Path) -> RawCameras:
     ReadError
         No XML of this kind, a lens that is not understood, or numbers that are none.
     """
-    root = _parse(path)
+    root = parse_xml(path, "export the cameras alone, without tie points")
     chunks = [root] if root.tag == "chunk" else root.findall(".//chunk")
     if not chunks:
         raise ReadError(
@@ -59,45 +69,36 @@ def read_agisoft(path: Path) -> RawCameras:
         )
     warnings: list[str] = []
     for chunk in chunks:
-        cameras, unaligned = _read_chunk(path, chunk)
+        cameras, unaligned, slaves = _read_chunk(path, chunk)
         if cameras:
             break
     check_count(path, len(cameras))
     if unaligned:
         warnings.append(f"{unaligned:,} photos have no pose in {path.name}; they are left out.")
+    if slaves:
+        warnings.append(
+            f"{slaves:,} photos of other lenses or bands of a multi-camera system have no pose of "
+            f"their own in {path.name}; they are left out."
+        )
+    if any(_rolls(sensor) for sensor in chunk.findall("sensors/sensor")):
+        warnings.append(
+            "Metashape corrected for a rolling shutter; each photo is taken as seen from one "
+            "place, which may be off by some pixels at its top and bottom."
+        )
     if len(chunks) > 1:
         warnings.append(f"{path.name} holds {len(chunks)} chunks; only one is used.")
     frame = _frame(chunk)
     frames = (frame,) if frame.kind == "offset" else (frame, Frame("offset", "no offset"))
-    return RawCameras("Agisoft XML", tuple(cameras), frames, tuple(warnings))
+    return RawCameras("Agisoft XML", tuple(cameras), frames, tuple(warnings), _ADVICE)
 
 
-def _parse(path: Path) -> ET.Element:
-    check_size(path, MAX_TEXT_BYTES, "export the cameras alone, without tie points")
-    data = path.read_bytes()
-    builder = ET.TreeBuilder()
-    parser = expat.ParserCreate()
-    parser.buffer_text = True
-    parser.StartElementHandler = builder.start
-    parser.EndElementHandler = builder.end
-    parser.CharacterDataHandler = builder.data
-
-    def refuse(*_: object) -> None:
-        raise ReadError(path, "XML with a document type", "export the cameras from Metashape again")
-
-    # Without a document type there are no entities to expand or to fetch. The parser tells of one
-    # in whatever encoding the file is; searching the bytes would miss it in UTF-16.
-    parser.StartDoctypeDeclHandler = refuse
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        raise ReadError(path, f"no XML ({error})", AGAIN, f"line {error.lineno:,}") from error
-    except (LookupError, ValueError) as error:  # an encoding that Python, or expat, does not know
-        raise ReadError(path, f"no XML ({error})", AGAIN, "line 1") from error
-    return builder.close()
+def _rolls(sensor: ET.Element) -> bool:
+    """Tell whether a sensor was corrected for its rolling shutter."""
+    values = {one.get("name"): one.get("value") for one in sensor.findall("property")}
+    return values.get("rolling_shutter") in ("true", "1")
 
 
-def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int]:
+def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int, int]:
     # (1) Sensors, and the transforms of components and chunk.
     lenses = {one.get("id", ""): one for one in chunk.findall("sensors/sensor")}
     lens_of_sensor: dict[str, Lens] = {}
@@ -107,11 +108,14 @@ def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int]:
     }
     whole = _move(path, chunk.find("transform"), "the chunk's transform")
     # (2) Cameras; the component's transform stands in for the chunk's.
-    cameras, unaligned = [], 0
+    cameras, unaligned, slaves = [], 0, 0
     for one in chunk.iterfind("cameras//camera"):
         name = one.get("label") or f"camera {one.get('id')}"
         location = f"camera {name!r}"
         transform = one.find("transform")
+        if transform is None and one.get("master_id") is not None:
+            slaves += 1
+            continue
         if transform is None or one.get("enabled", "true") in ("false", "0"):
             unaligned += 1
             continue
@@ -120,7 +124,7 @@ def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int]:
             raise ReadError(path, f"sensor {sensor!r} is not in the file", AGAIN, location)
         if sensor not in lens_of_sensor:
             lens_of_sensor[sensor] = _lens(path, lenses[sensor])
-        matrix = _numbers(path, transform.text, 16, location).reshape(4, 4)
+        matrix = xml_numbers(path, transform.text, 16, location).reshape(4, 4)
         scale, rotation, shift = moves.get(one.get("component_id", "")) or whole or _NOWHERE
         check_position(path, location, [scale * np.abs(matrix[:3]).max(), *shift])
         to_world = rotation @ matrix[:3, :3]
@@ -129,7 +133,7 @@ def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int]:
         centre = scale * (rotation @ matrix[:3, 3]) + shift
         cameras.append(RawCamera(name, lens_of_sensor[sensor], to_world.T, centre))
         check_count(path, len(cameras), location)
-    return cameras, unaligned
+    return cameras, unaligned, slaves
 
 
 _NOWHERE: Final = (1.0, np.eye(3), np.zeros(3))
@@ -142,24 +146,12 @@ def _move(
     """Read scale, rotation and translation of a chunk or component; None where it has none."""
     if transform is None or transform.find("rotation") is None:
         return None
-    rotation = _numbers(path, transform.findtext("rotation"), 9, location).reshape(3, 3)
-    shift = _numbers(path, transform.findtext("translation") or "0 0 0", 3, location)
-    (scale,) = _numbers(path, transform.findtext("scale") or "1", 1, location)
+    rotation = xml_numbers(path, transform.findtext("rotation"), 9, location).reshape(3, 3)
+    shift = xml_numbers(path, transform.findtext("translation") or "0 0 0", 3, location)
+    (scale,) = xml_numbers(path, transform.findtext("scale") or "1", 1, location)
     if scale <= 0.0:
         raise ReadError(path, f"a scale of {scale}", AGAIN, location)
     return float(scale), rotation, shift
-
-
-def _numbers(path: Path, text: str | None, expected: int, location: str) -> Float64:
-    try:
-        values = np.array([float(word) for word in (text or "").split()])
-    except ValueError:
-        values = np.empty(0)
-    if len(values) != expected or not np.isfinite(values).all():
-        raise ReadError(
-            path, f"{(text or '')[:80]!r} is not {expected} finite numbers", AGAIN, location
-        )
-    return values
 
 
 def _frame(chunk: ET.Element) -> Frame:
@@ -180,7 +172,7 @@ def _lens(path: Path, sensor: ET.Element) -> Lens:
         raise ReadError(
             path,
             f"a {kind} camera, expected {' or '.join(_MODELS)}",
-            "export undistorted photos from Metashape",
+            _UNDISTORTED,
             location,
         )
     if calibration is None:
@@ -189,13 +181,47 @@ def _lens(path: Path, sensor: ET.Element) -> Lens:
     if resolution is None:
         resolution = sensor.find("resolution")
     size = () if resolution is None else (resolution.get("width"), resolution.get("height"))
-    width, height = (int(v) for v in _numbers(path, " ".join(map(str, size)), 2, location))
+    width, height = (int(v) for v in xml_numbers(path, " ".join(map(str, size)), 2, location))
 
-    # (2) Its numbers.
+    return _calibrated(path, location, calibration, kind, (width, height))
+
+
+def read_calibration(path: Path) -> Lens | None:
+    """Read a lens that Metashape saved by itself (Tools > Camera Calibration > Save).
+
+    Returns
+    -------
+    Lens or None
+        None where the file is XML of another kind.
+
+    Raises
+    ------
+    ReadError
+        Damaged, or a lens that is not understood.
+    """
+    with path.open("rb") as file:
+        if b"<calibration" not in file.read(512):
+            return None
+    root = parse_xml(path, "give one camera's calibration")
+    if root.tag != "calibration":
+        return None
+    kind = (root.findtext("projection") or "frame").strip()
+    if kind not in _MODELS:
+        raise ReadError(path, f"a {kind} camera, expected {' or '.join(_MODELS)}", _UNDISTORTED)
+    size = f"{root.findtext('width')} {root.findtext('height')}"
+    width, height = (int(value) for value in xml_numbers(path, size, 2, "width and height"))
+    return _calibrated(path, "the calibration", root, kind, (width, height))
+
+
+def _calibrated(
+    path: Path, location: str, calibration: ET.Element, kind: str, size: tuple[int, int]
+) -> Lens:
+    # (1) The numbers of the lens.
+    width, height = size
     values = {
-        one.tag: float(_numbers(path, one.text, 1, f"{location}, {one.tag}")[0])
+        one.tag: float(xml_numbers(path, one.text, 1, f"{location}, {one.tag}")[0])
         for one in calibration
-        if one.text and one.tag[:1] in "fckpbs" and one.tag != "covariance"
+        if one.text and one.tag in _TERMS
     }
     higher = [name for name in ("p3", "p4") if values.get(name)]
     if higher:
@@ -205,7 +231,7 @@ def _lens(path: Path, sensor: ET.Element) -> Lens:
             "optimise the cameras in Metashape without p3 and p4, or export undistorted photos",
             location,
         )
-    # (3) PhotoScan before 1.2 wrote fx, fy, cx, cy and p1, p2 as OpenCV does; Metashape
+    # (2) PhotoScan before 1.2 wrote fx, fy, cx, cy and p1, p2 as OpenCV does; Metashape
     # writes f, b1, b2, and cx, cy from the middle, p1 and p2 the other way round.
     old = "f" not in values
     middle = (0.0, 0.0) if old else (0.5 * width, 0.5 * height)

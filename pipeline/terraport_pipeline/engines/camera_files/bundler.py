@@ -3,23 +3,21 @@
 Conventions (N. Snavely, "Bundler v0.4 User's Manual", section VI): ``P = R X + t`` with the camera
 looking along -z, x right, y up; ``p = -P / P.z``; ``f (1 + k1 r^2 + k2 r^4) p`` pixels from the
 middle of the picture, y up. A camera with focal length 0 was not aligned. The file does not say how
-large the photos are: they are asked.
+large the photos are: they are asked, or OpenSfM's ``camera_models.json`` beside it.
 """
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import Float64
-from terraport_pipeline.engines.camera_files.colmap import stated_offset
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
     MAX_CAMERAS,
-    Frame,
     PhotoSize,
     RawCamera,
     RawCameras,
@@ -27,9 +25,12 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     check_position,
     check_size,
     make_lens,
+    nearest_rotation,
     parse_numbers,
+    read_small_text,
     text_lines,
 )
+from terraport_pipeline.engines.camera_files.stated_frames import stated_frames
 from terraport_pipeline.errors import PhotoError, ReadError
 
 __all__ = ["MAGIC", "read_bundler"]
@@ -41,6 +42,15 @@ _FLIP: Final = np.diag([1.0, -1.0, -1.0])
 
 _MAX_LIST_BYTES: Final = 64 << 20
 
+_LISTS: Final = ("list.txt", "list_r000.out", "list_focal.txt", "image_list.txt")
+"""Names of the list of photos, after those made from the file's own name."""
+
+_ADVICE: Final = (
+    "a Bundler file has no place on Earth of its own: georeference the project before the export, "
+    "or write its offset as E N H into OFFSET.txt beside it; of OpenDroneMap give the project's "
+    "folder instead"
+)
+
 
 def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
     """Read the aligned cameras.
@@ -48,8 +58,8 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
     Parameters
     ----------
     path : Path
-        ``bundle.out``; the names are in ``list.txt``, ``<stem>.list.txt`` or
-        ``<name>.list.txt`` beside it or one folder above.
+        ``bundle.out`` or ``bundle_r000.out``; the names are in ``list.txt``, ``list_r000.out``,
+        ``<stem>.list.txt`` or the like, beside it or one folder above.
     photo_size : callable
         Asked for width and height of every aligned photo. A camera whose photo is missing or
         damaged is left out, with a warning.
@@ -73,6 +83,7 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
     if not 0 < count <= MAX_CAMERAS:
         check_count(path, count, f"line {number:,}")
     names = _read_names(path, count)
+    stated_size = _stated_size(path)
     # (2) Five lines a camera. Invariant: every camera's five lines are read before it is judged,
     # so a camera that is left out does not shift the next.
     cameras = []
@@ -86,9 +97,9 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
             unaligned += 1
             continue
         check_position(path, f"camera {name!r}", translation)
-        rotation = _nearest_rotation(path, name, np.array(rows))
+        rotation = nearest_rotation(path, f"camera {name!r}", np.array(rows))
         try:
-            width, height = photo_size(name)
+            width, height = stated_size or photo_size(name)
         except PhotoError as error:
             without_photo.append(error)
             continue
@@ -108,8 +119,6 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
     if without_photo and not cameras:
         raise without_photo[0]
     check_count(path, len(cameras))
-    own = Frame("offset", "no offset")
-    stated = stated_offset(path.parent)
     warnings = []
     if unaligned:
         warnings.append(f"{unaligned:,} of {count:,} photos were not aligned by Bundler.")
@@ -118,8 +127,7 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
             f"{len(without_photo):,} of {count:,} photos are left out; the first: "
             f"{without_photo[0]}."
         )
-    frames = (own,) if stated is None else (stated, own)
-    return RawCameras("Bundler", tuple(cameras), frames, tuple(warnings))
+    return RawCameras("Bundler", tuple(cameras), stated_frames(path), tuple(warnings), _ADVICE)
 
 
 def _next(path: Path, lines: Iterator[tuple[int, str]], what: str) -> list[float]:
@@ -129,34 +137,59 @@ def _next(path: Path, lines: Iterator[tuple[int, str]], what: str) -> list[float
     return parse_numbers(path, number, text.split(), 3, what)
 
 
-def _nearest_rotation(path: Path, name: str, matrix: Float64) -> Float64:
-    """Remove rounding; refuse what is far from a rotation."""
-    left, _, right = np.linalg.svd(matrix)
-    rotation: Float64 = left @ right
-    if np.abs(rotation - matrix).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
-        raise ReadError(path, f"no rotation: {matrix.round(4).tolist()}", AGAIN, f"camera {name!r}")
-    return rotation
-
-
 def _read_names(path: Path, count: int) -> list[str]:
-    tried = []
+    """Read the list beside the file, or one folder above, that has as many names as cameras.
+
+    Other lists are of other photos: Bundler lists all, and those of a known focal length apart.
+    """
+    tried: list[str] = []
+    seen: set[Path] = set()
     for folder in (path.parent, path.parent.parent):
-        for name in ("list.txt", f"{path.stem}.list.txt", f"{path.name}.list.txt"):
+        names_of_list = (
+            f"{path.stem}.list.txt",
+            f"{path.name}.list.txt",
+            path.name.replace("bundle", "list", 1),
+            *_LISTS,
+        )
+        for name in names_of_list:
             candidate = folder / name
-            if not candidate.is_file():
+            if candidate in seen or candidate == path or not candidate.is_file():
                 continue
+            seen.add(candidate)
             check_size(candidate, _MAX_LIST_BYTES, "give Bundler's list of photos")
             # "name", or "name 0 focal" where Bundler knew the focal length
             names = [_photo_name(text) for _, text in text_lines(candidate) if text]
             if len(names) == count:
                 return names
             tried.append(f"{candidate} has {len(names):,}")
-    attempts = "; ".join(tried) or "no list.txt beside it or one folder above"
+    attempts = "; ".join(tried) or (
+        f"no {', '.join(_LISTS)} or {path.stem}.list.txt beside it or one folder above"
+    )
     raise ReadError(
         path,
         f"{count:,} cameras need as many names ({attempts})",
-        "put Bundler's list.txt beside it",
+        "put the list that was written with it beside it: Bundler's list.txt, OpenDroneMap's "
+        "list_r000.out",
     )
+
+
+def _stated_size(path: Path) -> tuple[int, int] | None:
+    """Read the size that OpenSfM worked at, to which its focal lengths belong; None elsewhere.
+
+    OpenDroneMap may align smaller copies of the photos. ``camera_models.json`` beside its Bundler
+    file says their size where all cameras have one.
+    """
+    models = path.parent / "camera_models.json"
+    if not models.is_file():
+        return None
+    try:
+        document = json.loads(read_small_text(models))
+        sizes = {(int(one["width"]), int(one["height"])) for one in document.values()}
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise ReadError(
+            models, f"no cameras of OpenSfM ({error!r})", "export the reconstruction again"
+        ) from error
+    return sizes.pop() if len(sizes) == 1 else None
 
 
 def _photo_name(text: str) -> str:

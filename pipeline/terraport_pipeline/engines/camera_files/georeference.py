@@ -132,11 +132,12 @@ def _blind(
     where = ""
     if samples is not None and len(samples):
         where = f"; the cloud lies around {_tell(np.median(samples, axis=0), origin)}"
+    advice = f". {raw.format}: {raw.advice}" if raw.advice else ""
     return PhotoError(
         f"the {len(raw.cameras):,} photos do not look at the cloud. Tried: {'; '.join(tried)}"
         f"{where}. If the cameras' coordinates lack an offset, say it with "
         "--camera-offset E,N,H; if they are of another place or coordinate system, export them in "
-        "the survey's"
+        f"the survey's{advice}"
     )
 
 
@@ -184,7 +185,10 @@ def _to_crs_frame(frame: Frame, centres: Float64, crs: Crs | None) -> _Turned:
         datum = source.geodetic_crs or source
         return _through(lambda points: points, datum, target, centres)
     convert = Transformer.from_crs(source, target, always_xy=True)
-    return _linearised(lambda points: np.stack(convert.transform(*points.T), axis=1), centres)
+    steps = _degrees_a_metre(source, centres) if frame.kind == "geographic" else None
+    return _linearised(
+        lambda points: np.stack(convert.transform(*points.T), axis=1), centres, steps
+    )
 
 
 def _through(
@@ -208,9 +212,32 @@ def _through(
     return _linearised(whole, centres)
 
 
-def _linearised(convert: Callable[[Float64], Float64], centres: Float64) -> _Turned:
+def _degrees_a_metre(crs: CRS, centres: Float64) -> Float64:
+    """Return steps of a metre east, north and up, (3, N, 3), of centres in degrees and metres."""
+    ellipsoid = crs.ellipsoid
+    if ellipsoid is None:
+        raise _NotPossibleError(f"{crs.name} has no ellipsoid")
+    if (np.abs(centres[:, 1]) > 89.0).any() or (np.abs(centres[:, 0]) > 360.0).any():
+        raise _NotPossibleError("the coordinates are no degrees")
+    a, b = ellipsoid.semi_major_metre, ellipsoid.semi_minor_metre
+    latitude, height = np.radians(centres[:, 1]), centres[:, 2]
+    # Radii of curvature along the parallel and the meridian.
+    across = a**2 / np.hypot(a * np.cos(latitude), b * np.sin(latitude))
+    along = across**3 * (b / a) ** 2 / a**2
+    steps = np.zeros((3, len(centres), 3))
+    steps[0, :, 0] = np.degrees(1.0 / ((across + height) * np.cos(latitude)))
+    steps[1, :, 1] = np.degrees(1.0 / (along + height))
+    steps[2, :, 2] = 1.0
+    return steps
+
+
+def _linearised(
+    convert: Callable[[Float64], Float64], centres: Float64, steps: Float64 | None = None
+) -> _Turned:
+    """Convert centres and, by steps of a metre along each axis, directions."""
     placed = convert(centres)
-    columns = [0.5 * (convert(centres + one) - convert(centres - one)) for one in np.eye(3)]
+    one_metre = np.eye(3)[:, None, :] if steps is None else steps
+    columns = [0.5 * (convert(centres + step) - convert(centres - step)) for step in one_metre]
     slopes = np.stack(columns, axis=2)
     if not (np.isfinite(placed).all() and np.isfinite(slopes).all()):
         raise _NotPossibleError("the coordinates are outside what the survey's CRS can say")

@@ -15,7 +15,7 @@ that comes from ``cameras.json``.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -32,10 +32,9 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     check_position,
     check_size,
     make_lens,
-    parse_numbers,
-    read_small_text,
     rotation_vector_to_matrix,
 )
+from terraport_pipeline.engines.camera_files.stated_frames import odm_offset, reference_frame
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.photos.lens import Lens
 
@@ -50,6 +49,9 @@ MODELS: Final[dict[str, tuple[str, tuple[str, ...]]]] = {
     "fisheye_opencv": ("fisheye", ("k1", "k2", "k3", "k4")),
 }
 """Our model and the radial terms of every projection type that is understood."""
+
+_UNDISTORTED: Final = "undistorted"
+"""Folder of the photos without distortion, ``NAME.JPG.tif``, with a reconstruction of their own."""
 
 _TOO_LARGE: Final = "give OpenDroneMap's odm_report/shots.geojson, which has no tie points"
 
@@ -81,8 +83,8 @@ def read_opensfm(path: Path) -> RawCameras:
             for name, values in _mapping(path, reconstruction, "cameras", location).items()
         }
         for name, shot in _mapping(path, reconstruction, "shots", location).items():
-            camera = _shot(path, name, shot, lenses)
-            cameras.setdefault(name, camera)
+            camera = _shot(path, _stored_name(path, name), shot, lenses)
+            cameras.setdefault(camera.name, camera)
             check_count(path, len(cameras))
         reference = reconstruction.get("reference_lla") or _beside(
             path.parent / "reference_lla.json"
@@ -100,7 +102,7 @@ def read_opensfm(path: Path) -> RawCameras:
         raise ReadError(
             path, f"{len(references)} different reference_lla", "give one reconstruction"
         )
-    frames = (*_odm_offset(path), *(_enu(path, one) for one in references))
+    frames = (*odm_offset(path), *(reference_frame(path, one) for one in references))
     own = Frame("offset", "no offset")
     return RawCameras("OpenSfM", tuple(cameras.values()), (*frames, own), tuple(warnings))
 
@@ -235,42 +237,21 @@ def _shot(path: Path, name: str, shot: Mapping[str, Any], lenses: Mapping[str, L
     return RawCamera(name, lens, rotation, -rotation.T @ translation)
 
 
+def _stored_name(path: Path, name: str) -> str:
+    """Name the file of a shot; of undistorted ones some versions leave out the second ending."""
+    if path.parent.name == _UNDISTORTED:
+        images = path.parent / "images"
+        for ending in ("", ".tif", ".jpg", ".png"):
+            if (images / f"{name}{ending}").is_file():
+                return f"{name}{ending}"
+    return name
+
+
 def _beside(path: Path) -> Mapping[str, Any] | None:
     if not path.is_file():
         return None
     document = _parse(path)
     return document if isinstance(document, dict) else None
-
-
-def _enu(path: Path, reference: Mapping[str, Any]) -> Frame:
-    try:
-        keys = ("latitude", "longitude", "altitude")
-        latitude, longitude, height = _floats([reference[key] for key in keys], 3).tolist()
-    except (KeyError, TypeError, ValueError) as error:
-        raise ReadError(
-            path, f"no latitude, longitude, altitude ({error!r})", _FRESH, "reference_lla"
-        ) from error
-    if abs(latitude) > 90.0 or abs(longitude) > 360.0:
-        raise ReadError(
-            path, f"no place on Earth: {latitude}, {longitude}", _FRESH, "reference_lla"
-        )
-    return Frame("enu", "reference_lla", geodetic=(latitude, longitude, height))
-
-
-def _odm_offset(path: Path) -> Iterator[Frame]:
-    """Find the offset of an OpenDroneMap project; nothing elsewhere."""
-    for folder in (path.parent, path.parent.parent):
-        coords = folder / "odm_georeferencing" / "coords.txt"
-        if not coords.is_file():
-            coords = folder / "coords.txt"
-        if not coords.is_file():
-            continue
-        lines = read_small_text(coords).splitlines()
-        if len(lines) < 2:
-            raise ReadError(coords, "no second line with the offset", _FRESH)
-        east, north = parse_numbers(coords, 2, lines[1].split()[:2], 2, "an offset")
-        yield Frame("offset", "coords.txt", offset=(east, north, 0.0))
-        return
 
 
 def _lenses_beside(path: Path) -> tuple[list[Lens], str]:

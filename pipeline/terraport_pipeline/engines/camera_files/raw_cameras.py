@@ -8,6 +8,7 @@ lie in the survey's, best guess first. Which one is right shows only against the
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -15,6 +16,8 @@ from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
+from pyproj import CRS
+from pyproj.exceptions import CRSError
 
 from terraport_payload.types import Float64
 from terraport_pipeline.errors import ReadError
@@ -31,7 +34,9 @@ __all__ = [
     "check_count",
     "check_position",
     "check_size",
+    "frames_by_name",
     "make_lens",
+    "nearest_rotation",
     "parse_numbers",
     "quaternion_to_matrix",
     "read_small_text",
@@ -56,6 +61,8 @@ _MAX_COORDINATE_M: Final = 1e8
 
 AGAIN: Final = "the file is cut off or damaged: copy or export it again"
 
+_NUMBERS: Final = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+
 PhotoSize = Callable[[str], tuple[int, int]]
 """Width and height in pixels of the photo of a name, for formats that do not say."""
 
@@ -64,9 +71,11 @@ PhotoSize = Callable[[str], tuple[int, int]]
 class Frame:
     """One way to understand a file's world coordinates."""
 
-    kind: Literal["offset", "enu", "geocentric", "crs"]
+    kind: Literal["offset", "enu", "geocentric", "crs", "geographic"]
     """``"offset"``: the survey's CRS less `offset`. ``"enu"``: metres east, north, up of a place on
-    the ellipsoid. ``"geocentric"``: metres from the Earth's centre. ``"crs"``: another CRS."""
+    the ellipsoid. ``"geocentric"``: metres from the Earth's centre. ``"crs"``: another CRS, in
+    metres. ``"geographic"``: centres in degrees east, degrees north and metres, each camera turned
+    against the metres east, north, up of its own centre."""
     source: str
     """Where this comes from, for messages: ``"OFFSET.txt"``, ``"reference_lla"``."""
     offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -74,7 +83,8 @@ class Frame:
     geodetic: tuple[float, float, float] | None = None
     """Latitude and longitude in degrees and height in metres of ``"enu"``."""
     crs: str | None = None
-    """Well-known text or code: of the datum for ``"geocentric"``, of the frame for ``"crs"``."""
+    """Well-known text or code: of the datum for ``"geocentric"``, of the frame for ``"crs"`` and
+    ``"geographic"``."""
 
     def __str__(self) -> str:
         if self.kind == "enu" and self.geodetic is not None:
@@ -82,6 +92,8 @@ class Frame:
             return f"metres about {latitude:.6f}, {longitude:.6f}, {height:.1f} m ({self.source})"
         if self.kind == "geocentric":
             return f"Earth-centred metres ({self.source})"
+        if self.kind == "geographic":
+            return f"degrees and metres ({self.source})"
         if self.kind == "crs":
             return f"coordinates of another system ({self.source})"
         if self.offset == (0.0, 0.0, 0.0):
@@ -110,6 +122,42 @@ class RawCameras:
     cameras: tuple[RawCamera, ...]
     frames: tuple[Frame, ...]
     warnings: tuple[str, ...] = ()
+    advice: str = ""
+    """How the program exports cameras that look at the cloud, for the message when these do not."""
+
+
+def frames_by_name(name: str, source: str) -> tuple[Frame, ...]:
+    """Read what a file says of its coordinate system: a code, or well-known text.
+
+    Parameters
+    ----------
+    name : str
+        ``"EPSG:32615"``, WKT, ``"ENU:46.8,-92.1"``; empty or a local system where it says none.
+    source : str
+        For messages.
+
+    Returns
+    -------
+    tuple of Frame
+        The stated one, where it is understood, and then the survey's own coordinates.
+    """
+    own = Frame("offset", "no offset")
+    text = name.strip()
+    if text.upper().startswith("ENU:"):
+        numbers = [float(word) for word in _NUMBERS.findall(text[4:])]
+        if len(numbers) in (2, 3) and abs(numbers[0]) <= 90.0:
+            latitude, longitude, height = [*numbers, 0.0][:3]
+            return (Frame("enu", source, geodetic=(latitude, longitude, height)), own)
+        return (own,)
+    if not text or text.upper().startswith(("LOCAL", "ENGCRS")):
+        return (own,)
+    try:
+        crs = CRS.from_user_input(text)
+    except CRSError:
+        return (own,)
+    if crs.is_geocentric:
+        return (Frame("geocentric", source, crs=text), own)
+    return (Frame("geographic" if crs.is_geographic else "crs", source, crs=text), own)
 
 
 def check_size(path: Path, most: int, advice: str) -> None:
@@ -237,6 +285,20 @@ def check_position(path: Path, location: str, numbers: npt.ArrayLike) -> None:
     farthest = float(np.abs(numbers).max())
     if not farthest < _MAX_COORDINATE_M:
         raise ReadError(path, f"a coordinate of {farthest:g} m", AGAIN, location)
+
+
+def nearest_rotation(path: Path, location: str, matrix: Float64) -> Float64:
+    """Remove rounding; refuse what is far from a rotation.
+
+    Raises
+    ------
+    ReadError
+    """
+    left, _, right = np.linalg.svd(matrix)
+    rotation: Float64 = left @ right
+    if np.abs(rotation - matrix).max() > 1e-3 or np.linalg.det(rotation) < 0.0:
+        raise ReadError(path, f"no rotation: {matrix.round(4).tolist()}", AGAIN, location)
+    return rotation
 
 
 def quaternion_to_matrix(quaternion: Sequence[float]) -> Float64 | None:

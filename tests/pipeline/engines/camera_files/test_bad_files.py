@@ -24,6 +24,13 @@ from pipeline.engines.camera_files.known_cameras import (
     write_pix4d_external,
     write_shots_geojson,
 )
+from pipeline.engines.camera_files.known_exports import (
+    write_blocks,
+    write_nvm,
+    write_omega_phi_kappa,
+    write_rc_csv,
+    write_xmp,
+)
 
 from terraport_pipeline.engines.camera_files import read_cameras
 from terraport_pipeline.engines.camera_files.agisoft import read_agisoft
@@ -68,6 +75,16 @@ def written(folder, kind):
         path = write_pix4d_external(folder, cameras)
     elif kind == "agisoft":
         write_agisoft(path, cameras)
+    elif kind == "nvm":
+        path = write_nvm(folder, cameras, radial=-0.02, offset=(0.0, 0.0, 0.0))
+    elif kind == "table":
+        path = write_rc_csv(folder, cameras)
+    elif kind == "sidecars":
+        return write_xmp(folder, cameras) / "DJI_0003.xmp", folder
+    elif kind == "blocks":
+        write_blocks(path, cameras)
+    elif kind == "angles":
+        path = write_omega_phi_kappa(folder, cameras, "EPSG:32615")
     else:
         write_bundler(folder, cameras)
         path = folder / "bundle.out"
@@ -76,7 +93,7 @@ def written(folder, kind):
 
 KINDS = (
     "colmap text", "colmap lenses", "colmap binary", "opensfm", "shots", "pix4d", "external",
-    "agisoft", "bundler",
+    "agisoft", "bundler", "nvm", "table", "sidecars", "blocks", "angles",
 )  # fmt: skip
 
 
@@ -207,7 +224,8 @@ def test_a_reference_must_be_a_place(tmp_path):
     [
         (b"", "begins with"),
         (b"LASF\0\0", "b'LASF"),
-        (b"<?xml version='1.0'?><BlocksExchange/>", "XML of another program"),
+        (b"<?xml version='1.0'?><Scene/>", "XML of another program"),
+        (b"<?xml version='1.0'?><BlocksExchange/>", "0 blocks, expected one"),
         (b"{}", "without shots"),
         (json.dumps({"v2": {"projection_type": "brown"}}).encode(), "without shots"),
     ],
