@@ -15,6 +15,8 @@ from typing import Final
 
 import numpy as np
 
+from terraport_payload.types import Float32
+from terraport_pipeline.model import to_scene
 from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.report.pictures import InputCloud
 from terraport_store import Scene
@@ -23,6 +25,9 @@ __all__ = ["find_input_cloud"]
 
 MAX_POINTS: Final = 2_000_000
 """Points taken; of a larger cloud every n-th."""
+
+MAX_SAMPLES: Final = 400_000
+"""Points as they were read that are taken, about, to measure the mesh by."""
 
 MAX_RECORD_BYTES: Final = 4 << 20
 """Largest stage.json that is read."""
@@ -78,7 +83,26 @@ def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | Non
         np.array(colours[::step], dtype=np.uint8),
         spacing_m * step**0.5,
         total,
+        *_as_read(scene, folder.parent / "read"),
     )
+
+
+def _as_read(scene: Scene, folder: Path) -> tuple[Float32 | None, int]:
+    """Take a sample of the points as they were read for this scene, and their number."""
+    source = scene.manifest.build.input
+    try:
+        with (folder / "stage.json").open("rb") as file:
+            digest = str(json.loads(file.read(MAX_RECORD_BYTES))["digest"])
+        points = np.load(folder / "points.npy", mmap_mode="r", allow_pickle=False)
+    except (OSError, ValueError, KeyError, TypeError, EOFError):
+        return None, 0
+    if source is None or not digest.startswith(source.xxh3):
+        return None, 0
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):
+        return None, 0
+    step = max(1, len(points) // MAX_SAMPLES)
+    origin = np.array(scene.manifest.origin)
+    return to_scene(np.array(points[::step], dtype=np.float64), origin), len(points)
 
 
 def _points_of_tiles(work: Path) -> int:
