@@ -38,7 +38,7 @@ _LINE: Final = HexColor("#c9d0d9")
 _WARN: Final = HexColor("#8a5a00")
 _WARN_GROUND: Final = HexColor("#fff6e0")
 
-MAX_ROWS: Final = 10
+MAX_ROWS: Final = 14
 """Regions of the table; the HTML page has more."""
 
 MAX_WARNINGS: Final = 5
@@ -68,8 +68,8 @@ def pdf_page(survey: SurveyorFacts, pictures: Mapping[str, Picture]) -> bytes:
     top = sheet.title(survey)
     # (2) The plan at the left, figures beside it.
     left, right = _MARGIN, A4[0] - _MARGIN
-    plan_width = 332.0
-    below = sheet.plan(survey, pictures["plan"], left, top, plan_width, 300.0)
+    plan_width = 364.0
+    below = sheet.plan(survey, pictures["plan"], left, top, plan_width, 340.0)
     column = left + plan_width + 14.0
     figures_below = sheet.figures(
         (("Distance of points to mesh", survey.accuracy or (Figure("unknown", "–"),)),
@@ -82,8 +82,8 @@ def pdf_page(survey: SurveyorFacts, pictures: Mapping[str, Picture]) -> bytes:
     table_left = left
     map_below = row
     if "accuracy" in pictures:
-        map_below = sheet.distances(survey, pictures["accuracy"], left, row, 196.0, 178.0)
-        table_left = left + 210.0
+        map_below = sheet.distances(survey, pictures["accuracy"], left, row, 226.0, 206.0)
+        table_left = left + 240.0
     table_below = sheet.regions(survey, table_left, row, right - table_left)
     # (4) What to look out for, and what the words mean.
     sheet.warnings(survey, left, min(map_below, table_below) - 10.0, right - left)
@@ -228,7 +228,7 @@ class _Sheet:
     ) -> float:
         """The plan in its frame: grid, coordinates, scale bar, north."""
         canvas, sheet = self._canvas, survey.sheet
-        room = 34.0  # for northings at the left
+        room = 12.0  # for northings at the left, upright
         scale = min((width - room) / picture.width, most / picture.height)
         wide, high = picture.width * scale, picture.height * scale
         x, y = left + room, top - high
@@ -240,13 +240,19 @@ class _Sheet:
             self._text(x + line.share * wide, y - 8.0, f"{line.label} E", 6.0, align="middle")
         for line in sheet.northings:
             canvas.line(x, top - line.share * high, x + wide, top - line.share * high)
-            self._text(
-                x - 3.0, top - line.share * high - 2.0, f"{line.label} N", 6.0, align="right",
-                width=room - 3.0,
-            )  # fmt: skip
+            canvas.saveState()
+            canvas.translate(x - 4.0, top - line.share * high)
+            canvas.rotate(90)
+            self._text(0.0, 0.0, f"{line.label} N", 6.0, align="middle")
+            canvas.restoreState()
         canvas.setStrokeColor(_INK)
         canvas.setLineWidth(0.6)
         canvas.rect(x, y, wide, high, stroke=1, fill=0)
+        for region in survey.regions[:MAX_ROWS]:
+            if region.place is not None:
+                self._mark(
+                    x + region.place[0] * wide, top - region.place[1] * high, region.number
+                )
         # The scale bar and the arrow stand below the frame: nothing hides the ground.
         bar, bar_y = sheet.bar_share * wide, y - 22.0
         canvas.setFillColor(_INK)
@@ -270,6 +276,14 @@ class _Sheet:
             colour=_SOFT, width=wide,
         )  # fmt: skip
         return bar_y - 14.0
+
+    def _mark(self, x: float, y: float, number: str) -> None:
+        """A region's number on the plan, in a white halo."""
+        canvas = self._canvas
+        half = stringWidth(number, _BOLD, 6.5) / 2 + 1.6
+        canvas.setFillColor(Color(1.0, 1.0, 1.0, alpha=0.8))
+        canvas.roundRect(x - half, y - 3.6, 2 * half, 7.8, 2.5, stroke=0, fill=1)
+        self._text(x, y - 2.2, number, 6.5, font=_BOLD, align="middle")
 
     def figures(
         self,

@@ -44,6 +44,9 @@ PHOTO_RELIEF: Final = 0.55
 FLAT_RELIEF: Final = 0.8
 """Flat colours need the light to show the shape, but must stay apart in the shade."""
 
+PLAN_SHARE: Final = 0.55
+"""Pixels of the plan, of those of another picture: figures stand beside it."""
+
 FRAMING_POINTS: Final = 20_000
 """Vertices looked at to frame the overview."""
 
@@ -138,7 +141,7 @@ class PictureTaker:
     def plan(self) -> Plan:
         """Draw the scene from above, and keep what its rays met."""
         options = self._options
-        pixels = options.width * options.height
+        pixels = round(PLAN_SHARE * options.width * options.height)
         return draw_plan(self._model, self.detail_rays, pixels, options.supersample)
 
     def plan_pictures(self, plan: Plan, accuracy: Accuracy | None) -> list[Picture]:

@@ -22,7 +22,7 @@ class SurveyUnit:
     --------
     >>> feet = SurveyUnit(0.3048, 0.3048)
     >>> feet.length(3.048), feet.area(0.09290304 * 5000), feet.volume(0.3048**3 * 12.34)
-    ('10.0 ft', '5,000 ft²', '12.3 ft³')
+    ('10.0 ft', '5,000 ft²', '12 ft³')
     """
 
     plan_m: float = 1.0
@@ -58,7 +58,7 @@ class SurveyUnit:
         return plan if self.plan_m == self.height_m else f"{plan}, heights in {_full(self.height_m)}"
 
     def length(self, metres: float) -> str:
-        """Write a distance, to three figures or to a tenth of a unit."""
+        """Write a distance, to three figures."""
         return f"{digits(metres / self.plan_m)} {self.name}"
 
     def height(self, metres: float) -> str:
@@ -66,20 +66,20 @@ class SurveyUnit:
         return f"{metres / self.height_m:,.1f}"
 
     def area(self, square_m: float) -> str:
-        """Write an area, to three figures at least."""
+        """Write an area with its unit."""
         return f"{self.area_value(square_m)} {self.name}²"
 
     def area_value(self, square_m: float) -> str:
-        """Write an area without its unit."""
-        return digits(square_m / self.plan_m**2)
+        """Write an area without its unit: whole units, below ten tenths."""
+        return _whole(square_m / self.plan_m**2)
 
     def volume(self, cubic_m: float) -> str:
-        """Write a volume, to three figures at least."""
+        """Write a volume with its unit."""
         return f"{self.volume_value(cubic_m)} {self.volume_name}"
 
     def volume_value(self, cubic_m: float) -> str:
-        """Write a volume without its unit."""
-        return digits(cubic_m / self.plan_m**3)
+        """Write a volume without its unit: whole units, below ten tenths."""
+        return _whole(cubic_m / self.plan_m**3)
 
     def density(self, per_square_m: float) -> str:
         """Write how many points an area holds."""
@@ -98,6 +98,10 @@ def digits(value: float) -> str:
         return "0" if value == 0.0 else "–"
     places = max(0, 2 - math.floor(math.log10(abs(value))))
     return f"{value:,.{min(places, 6)}f}"
+
+
+def _whole(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 9.95 else f"{value:,.1f}"
 
 
 def _short(metres: float) -> str:

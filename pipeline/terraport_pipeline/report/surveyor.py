@@ -14,10 +14,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.geometry.photos.view_cover import cover_points
-from terraport_pipeline.geometry.regions.toe_volumes import toe_volumes
+from terraport_pipeline.geometry.regions.toe_volumes import ToeVolume, toe_volumes
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.accuracy import PERCENTILES, REACH_SPACINGS, Accuracy
@@ -59,16 +60,16 @@ ACCURACY_UNKNOWN: Final = (
 )
 
 VOLUME_NOTE: Final = (
-    "Volumes lie above and below the surface triangulated between the points of the region's "
+    "Numbers stand on the plan. Volumes lie above and below the surface triangulated between the points of the region's "
     "border (its toe; inner borders too), as for a stockpile on uneven ground."
 )
 
 _FOR_BUILDERS: Final = re.compile(
     r"^(base depth \d|cells of .+ instead of|the base keeps \d|\d+ edges between tiles stay open"
     r"|\d+ attributes hold values that their columns|[\d.]+ ?% of the (base|detail)'s "
-    r"|\d+ blocks are renewed)"
+    r"|\d+ blocks are renewed|The survey is not in metres)"
 )
-"""Warnings about the program's own choices and about what is streamed: folded away."""
+"""Warnings about the program's own choices, and what the page says anyhow: folded away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,7 @@ class RegionLine:
     """What the first table says of a region; "" where it is not known."""
 
     name: str
-    """Label, or number."""
+    """Number, and label where there is one."""
     number: str
     """Stable id."""
     colour: str
@@ -96,6 +97,8 @@ class RegionLine:
     heights: str
     above: str
     below: str
+    place: tuple[float, float] | None = None
+    """Where its number stands on the plan: shares of width and height."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,9 +237,9 @@ def accuracy_figures(accuracy: Accuracy, unit: SurveyUnit) -> list[Figure]:
     side = "mesh above the points" if bias > 0 else "mesh below the points"
     return [
         *figures,
-        Figure("largest", unit.length(accuracy.largest_m)),
-        Figure("root mean square", unit.length(accuracy.rms_m)),
-        Figure("bias (mean, signed)", f"{'+' if bias > 0 else ''}{unit.length(bias)}", side),
+        Figure("largest", unit.length(accuracy.largest_m), "outliers with it"),
+        Figure("root mean square", unit.length(accuracy.rms_m), "outliers with it"),
+        Figure("bias", f"{'+' if bias > 0 else ''}{unit.length(bias)}", f"signed mean: {side}"),
     ]
 
 
@@ -352,7 +355,7 @@ def _regions(
     )
     colours = distinct_colours(len(rows))
     lines = tuple(
-        _region_line(row, colours[row["region"]], volumes.get(row["region"]), scene, seen, unit)
+        _region_line(row, colours[row["region"]], volumes.get(row["region"]), scene, plan, seen)
         for row in shown
     )
     count = "" if len(rows) <= len(shown) else f" The {len(shown)} largest of {len(rows):,} regions."
@@ -362,19 +365,21 @@ def _regions(
 def _region_line(
     row: Mapping[str, Any],
     colour: Any,
-    volume: Any,
+    volume: ToeVolume | None,
     scene: Scene,
-    seen_m2: Any,
-    unit: SurveyUnit,
+    plan: Plan,
+    seen_m2: Float64,
 ) -> RegionLine:
+    unit = SurveyUnit.of(scene.manifest)
     facts = scene.regions["regions"][row["region"]]
     plan_m2 = facts.get("plan_area_m2") if isinstance(facts, Mapping) else None
     plan_m2 = float(seen_m2[row["region"]]) if plan_m2 is None else plan_m2
+    rows, columns = plan.height_m.shape
     number = str(row["region"] if row["stable_id"] is None else row["stable_id"])
     low, high = row["lowest_m"], row["highest_m"]
     red, green, blue = (int(level) for level in colour)
     return RegionLine(
-        name=row["label"] or f"region {number}",
+        name=f"{number} · {row['label']}" if row["label"] else f"region {number}",
         number=number,
         colour=f"#{red:02x}{green:02x}{blue:02x}",
         plan_area=unit.area_value(plan_m2),
@@ -385,6 +390,9 @@ def _region_line(
         ),
         above="" if volume is None else unit.volume_value(volume.above_m3),
         below="" if volume is None else unit.volume_value(volume.below_m3),
+        place=(
+            None if volume is None else (volume.middle[1] / columns, volume.middle[0] / rows)
+        ),
     )
 
 

@@ -44,6 +44,8 @@ class ToeVolume:
     below_m3: float
     cell_m: float
     """Side of the cells that were summed up."""
+    middle: tuple[float, float]
+    """(row, column) of the raster furthest from the region's border: where its number stands."""
 
 
 def toe_volumes(
@@ -98,8 +100,13 @@ def toe_volumes(
             continue
         over = heights[inside] - toe(np.argwhere(inside))
         over = over[np.isfinite(over)] * side_m**2
+        depth = ndimage.distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
+        row, column = np.unravel_index(int(depth.argmax()), inside.shape)
         volumes[number] = ToeVolume(
-            float(over[over > 0].sum()), float(-over[over < 0].sum()), side_m
+            float(over[over > 0].sum()),
+            float(-over[over < 0].sum()),
+            side_m,
+            (box[0].start - 0.5 + step * float(row), box[1].start - 0.5 + step * float(column)),
         )
     return volumes
 
