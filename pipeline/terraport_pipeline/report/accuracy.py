@@ -118,9 +118,7 @@ class AccuracyMeter:
         return Accuracy(self._points, -self._sweep.distance_m, self._total)
 
 
-def draw_distances(
-    accuracy: Accuracy, plan: Plan
-) -> tuple[UInt8, float]:
+def draw_distances(accuracy: Accuracy, plan: Plan) -> tuple[UInt8, float]:
     """Draw the mean distance of each cell's points over the plan.
 
     Returns

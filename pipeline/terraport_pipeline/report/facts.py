@@ -320,9 +320,7 @@ def _change(scene: Scene, *, has_map: bool) -> ChangeFacts | None:
     with contextlib.suppress(DamagedSceneError):
         names = names.with_labels(read_labels(scene.path))
     rows = region_rows(names, scene.regions, scene.manifest.origin)
-    facts = change_facts(
-        scene.regions, rows, has_map=has_map, unit=SurveyUnit.of(scene.manifest)
-    )
+    facts = change_facts(scene.regions, rows, has_map=has_map, unit=SurveyUnit.of(scene.manifest))
     colours = distinct_colours(len(rows))
     for row in () if facts is None else facts.rows:
         row["colour"] = "" if row["region"] is None else _css(colours[row["region"]])

@@ -72,7 +72,7 @@ def pdf_page(survey: SurveyorFacts, pictures: Mapping[str, Picture]) -> bytes:
     below = sheet.plan(survey, pictures["plan"], left, top, plan_width, 340.0)
     column = left + plan_width + 14.0
     figures_below = sheet.figures(
-        (("Distance of points to mesh", survey.accuracy or (Figure("unknown", "–"),)),
+        (("Distance of points to mesh", survey.accuracy or (Figure("unknown", "-"),)),
          *survey.groups,
          *((("Change since the last survey", survey.change),) if survey.change else ())),
         column, top, right - column,
@@ -93,20 +93,22 @@ def pdf_page(survey: SurveyorFacts, pictures: Mapping[str, Picture]) -> bytes:
     return out.getvalue()
 
 
-def printable(text: str, otherwise: str) -> str:
-    """Fit a text to the font: letters that it lacks lose their accents.
+def printable(text: str, otherwise: str | None = None) -> str:
+    r"""Fit a text to the font: letters that it lacks lose their accents.
 
     Parameters
     ----------
     text : str
         Any; control characters become blanks.
-    otherwise : str
-        Taken where the text is in another script.
+    otherwise : str, optional
+        Taken where the text is in another script; None writes ``?`` for each such letter.
 
     Examples
     --------
-    >>> printable("Přístav Ø 3\\n", "region 4"), printable("\u05de\u05d7\u05e6\u05d1\u05d4", "region 4")
+    >>> printable("Přístav Ø 3\n", "region 4"), printable("\u05de\u05d7", "region 4")
     ('Pristav Ø 3', 'region 4')
+    >>> printable("CRS \u05de\u05d7")
+    'CRS ??'
     """
     _register()
     glyphs = _glyphs()
@@ -117,11 +119,15 @@ def printable(text: str, otherwise: str) -> str:
         elif ord(letter) in glyphs:
             letters.append(letter)
         else:
-            bare = [c for c in unicodedata.normalize("NFKD", letter) if not unicodedata.combining(c)]
+            bare = [
+                c for c in unicodedata.normalize("NFKD", letter) if not unicodedata.combining(c)
+            ]
             if not bare or not all(ord(c) in glyphs for c in bare):
-                return otherwise
+                if otherwise is not None:
+                    return otherwise
+                bare = ["?"]
             letters += bare
-    return " ".join("".join(letters).split()) or otherwise
+    return " ".join("".join(letters).split()) or otherwise or ""
 
 
 @lru_cache(maxsize=1)
@@ -184,7 +190,7 @@ class _Sheet:
         align: str = "left",
         width: float | None = None,
     ) -> None:
-        shown = printable(text, "?")
+        shown = printable(text)
         if width is not None:
             shown = _clipped(shown, font, size, width)
         self._canvas.setFont(font, size)
@@ -197,6 +203,7 @@ class _Sheet:
         draw(x, y, shown)
 
     def title(self, survey: SurveyorFacts) -> float:
+        """Say what scene this is, and where."""
         width = A4[0] - 2 * _MARGIN
         y = A4[1] - _MARGIN - 14.0
         name = printable(survey.name, f"scene {survey.version}")
@@ -215,7 +222,7 @@ class _Sheet:
         )
         self._canvas.setStrokeColor(_LINE)
         self._canvas.line(_MARGIN, y - 35.0, A4[0] - _MARGIN, y - 35.0)
-        return y - 46.0
+        return float(y - 46.0)
 
     def plan(
         self,
@@ -226,7 +233,7 @@ class _Sheet:
         width: float,
         most: float,
     ) -> float:
-        """The plan in its frame: grid, coordinates, scale bar, north."""
+        """Draw the plan in its frame: grid, coordinates, scale bar, north."""
         canvas, sheet = self._canvas, survey.sheet
         room = 12.0  # for northings at the left, upright
         scale = min((width - room) / picture.width, most / picture.height)
@@ -250,9 +257,7 @@ class _Sheet:
         canvas.rect(x, y, wide, high, stroke=1, fill=0)
         for region in survey.regions[:MAX_ROWS]:
             if region.place is not None:
-                self._mark(
-                    x + region.place[0] * wide, top - region.place[1] * high, region.number
-                )
+                self._mark(x + region.place[0] * wide, top - region.place[1] * high, region.number)
         # The scale bar and the arrow stand below the frame: nothing hides the ground.
         bar, bar_y = sheet.bar_share * wide, y - 22.0
         canvas.setFillColor(_INK)
@@ -275,10 +280,10 @@ class _Sheet:
             x, bar_y - 12.0, f"frame: E {west} to {east}, N {south} to {north}", 6.5,
             colour=_SOFT, width=wide,
         )  # fmt: skip
-        return bar_y - 14.0
+        return float(bar_y - 14.0)
 
     def _mark(self, x: float, y: float, number: str) -> None:
-        """A region's number on the plan, in a white halo."""
+        """Write a region's number on the plan, in a white halo."""
         canvas = self._canvas
         half = stringWidth(number, _BOLD, 6.5) / 2 + 1.6
         canvas.setFillColor(Color(1.0, 1.0, 1.0, alpha=0.8))
@@ -292,6 +297,7 @@ class _Sheet:
         top: float,
         width: float,
     ) -> float:
+        """Tabulate numbers under headings."""
         y = top
         for heading, figures in groups:
             y -= 8.0
@@ -302,7 +308,7 @@ class _Sheet:
             y -= 3.0
             for figure in figures:
                 y -= 10.5
-                value = printable(figure.value, "?")
+                value = printable(figure.value)
                 taken = stringWidth(value, _BOLD, 7.5)
                 self._text(
                     left, y, figure.label, 7.5, colour=_SOFT, width=max(width - taken - 6.0, 20.0)
@@ -320,7 +326,7 @@ class _Sheet:
         width: float,
         most: float,
     ) -> float:
-        """The map of distances with its ramp."""
+        """Draw the map of distances with its ramp."""
         canvas = self._canvas
         self._text(left, top - 8.0, "Mean distance of points to mesh", 8.0, font=_BOLD, width=width)
         top -= 14.0
@@ -346,7 +352,7 @@ class _Sheet:
             )
 
     def regions(self, survey: SurveyorFacts, left: float, top: float, width: float) -> float:
-        """The largest regions: areas and volumes."""
+        """Tabulate the largest regions: areas and volumes."""
         if not survey.regions:
             return top
         area, volume, _ = survey.region_units
@@ -372,7 +378,7 @@ class _Sheet:
             cells = (line.plan_area, line.surface_area, line.above, line.below)
             for number, cell in enumerate(cells):
                 self._text(
-                    left + first + (number + 1) * step, y, cell or "–", 7.0, align="right",
+                    left + first + (number + 1) * step, y, cell or "-", 7.0, align="right",
                     width=step - 2.0,
                 )  # fmt: skip
         y -= 4.0
@@ -382,12 +388,12 @@ class _Sheet:
         return y
 
     def warnings(self, survey: SurveyorFacts, left: float, top: float, width: float) -> None:
-        """What to look out for; nothing where there is nothing."""
+        """Say what to look out for; nothing where there is nothing."""
         if not survey.warnings:
             return
         lines: list[tuple[str, bool]] = []
         for text in survey.warnings[:MAX_WARNINGS]:
-            shown = printable(text, "a warning in another script: see the HTML page")
+            shown = printable(text)
             pieces = _wrapped(shown, _PLAIN, 7.0, width - 24.0, 2)
             lines += [(piece, number == 0) for number, piece in enumerate(pieces)]
         more = len(survey.warnings) - MAX_WARNINGS
@@ -408,6 +414,7 @@ class _Sheet:
             self._text(left + 16.0, y, text, 7.0)
 
     def footer(self, survey: SurveyorFacts, left: float, width: float) -> None:
+        """Say what the distances mean."""
         note = survey.accuracy_note
         if any(printable(line.name, "") == "" for line in survey.regions[:MAX_ROWS]):
             note = f"{note} * A name that this page's font cannot write stands in the HTML page."
@@ -417,4 +424,3 @@ class _Sheet:
         self._canvas.line(left, y + 10.0, left + width, y + 10.0)
         for number, text in enumerate(lines):
             self._text(left, y - 8.0 * number, text, 6.5, colour=_SOFT)
-

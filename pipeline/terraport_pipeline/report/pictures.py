@@ -123,7 +123,7 @@ class _Mixed:
 
 
 class PictureTaker:
-    """Takes the pictures of one scene; ray scenes are built once and kept, rays of the overview traced once."""
+    """Takes the pictures of one scene; trees of rays are built once, one view's rays traced once."""
 
     def __init__(self, model: SceneModel, options: PictureOptions | None = None) -> None:
         self._model = model

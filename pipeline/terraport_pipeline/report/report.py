@@ -46,13 +46,13 @@ from terraport_pipeline.validate.handoff_report import HandOffOptions, HandOffRe
 from terraport_pipeline.validate.scene_windows import prove_in_windows, segments_around
 from terraport_store import Scene, read_manifest
 
-__all__ = ["REPORT_NAME", "ReportOptions", "ReportResult", "write_report"]
+__all__ = ["REPORT_NAME", "REPORT_PDF_NAME", "ReportOptions", "ReportResult", "write_report"]
 
 REPORT_NAME: Final = "report.html"
 """Where a server looks for it, in the scene directory."""
 
-PDF_ENDING: Final = ".pdf"
-"""Of the page in PDF, which lies beside the other under the same name."""
+REPORT_PDF_NAME: Final = "report.pdf"
+"""The page to print, beside it; of another page it has that page's name."""
 
 THINNED_FACES: Final = 6_000_000
 """Faces that a scene larger than memory is drawn with: finer than a pixel of the overview."""
@@ -136,7 +136,7 @@ def write_report(
         raise OptionError(
             f"received the output {target}, expected an existing folder {target.parent}"
         )
-    pdf_target = target.with_suffix(PDF_ENDING)
+    pdf_target = target.with_suffix(Path(REPORT_PDF_NAME).suffix)
     if pdf_target == target:
         raise OptionError(f"received the output {target}, expected a name that ends in .html")
     # (2) Facts and pictures; a scene too large for memory is drawn thinned.
@@ -175,7 +175,6 @@ def write_report(
             compared=looked.compared,
             landing=looked.landing,
             proof=looked.proof,
-            pdf_name=pdf_target.name,
         )
     )
     size = replace_page(target, page)

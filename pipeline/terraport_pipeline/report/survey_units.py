@@ -55,7 +55,9 @@ class SurveyUnit:
     def full_name(self) -> str:
         """Say the units in words."""
         plan = _full(self.plan_m)
-        return plan if self.plan_m == self.height_m else f"{plan}, heights in {_full(self.height_m)}"
+        return (
+            plan if self.plan_m == self.height_m else f"{plan}, heights in {_full(self.height_m)}"
+        )
 
     def length(self, metres: float) -> str:
         """Write a distance, to three figures."""
@@ -95,13 +97,14 @@ def digits(value: float) -> str:
     ['0', '0.0123', '1.50', '12.3', '1,234', '-0.500']
     """
     if value == 0.0 or not math.isfinite(value):
-        return "0" if value == 0.0 else "–"
+        return "0" if value == 0.0 else "-"
     places = max(0, 2 - math.floor(math.log10(abs(value))))
     return f"{value:,.{min(places, 6)}f}"
 
 
 def _whole(value: float) -> str:
-    return f"{value:,.0f}" if abs(value) >= 9.95 else f"{value:,.1f}"
+    # + 0.0: no minus before a zero.
+    return f"{value:,.0f}" if abs(value) >= 9.95 else f"{round(value, 1) + 0.0:,.1f}"
 
 
 def _short(metres: float) -> str:

@@ -1,4 +1,4 @@
-"""What a surveyor asks of a scene first: where, how exact, how dense, how large, what to look out for.
+"""What a surveyor asks of a scene first: where, how exact, how dense, how large, any warnings.
 
 Page and PDF say the same words; both take them from here.
 """
@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import Float64
+from terraport_payload.types import AnyFloat
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.geometry.photos.view_cover import cover_points
@@ -24,6 +24,7 @@ from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.accuracy import PERCENTILES, REACH_SPACINGS, Accuracy
 from terraport_pipeline.report.plan_sheet import PlanSheet, plan_sheet
 from terraport_pipeline.report.plan_view import Plan
+from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_pipeline.report.survey_crs import crs_line
 from terraport_pipeline.report.survey_units import SurveyUnit
 from terraport_store import (
@@ -60,9 +61,12 @@ ACCURACY_UNKNOWN: Final = (
 )
 
 VOLUME_NOTE: Final = (
-    "Numbers stand on the plan. Volumes lie above and below the surface triangulated between the points of the region's "
-    "border (its toe; inner borders too), as for a stockpile on uneven ground."
+    "Numbers stand on the plan. Volumes lie above and below the surface triangulated between the "
+    "points of the region's border (its toe; inner borders too), as for a stockpile on uneven "
+    "ground."
 )
+
+_COLOUR: Final = {"photos": "from the photos", "points": "from the points", None: "none: grey"}
 
 _FOR_BUILDERS: Final = re.compile(
     r"^(base depth \d|cells of .+ instead of|the base keeps \d|\d+ edges between tiles stay open"
@@ -181,7 +185,7 @@ def surveyor_facts(
     low, high = (np.array(corner) for corner in (manifest.bounds.min, manifest.bounds.max))
     size = high - low
     # (2) Regions: areas of the build, volumes of the plan's raster.
-    regions, regions_note = _regions(scene, plan, unit)
+    regions, regions_note = _regions(scene, plan)
     # (3) Figures, and what to look out for.
     known = [] if accuracy is None else accuracy_figures(accuracy, unit)
     warnings = [text for text in manifest.build.warnings if not is_for_builders(text)]
@@ -193,7 +197,7 @@ def surveyor_facts(
         published=_published(scene.path),
         version=manifest.version[:12],
         terraport=manifest.build.terraport,
-        extent=f"{unit.length(size[0])} east-west × {unit.length(size[2])} north-south",
+        extent=f"{unit.length(size[0])} east-west x {unit.length(size[2])} north-south",
         sheet=sheet,
         accuracy=tuple(known),
         accuracy_note=_accuracy_note(accuracy),
@@ -259,8 +263,8 @@ def _accuracy_note(accuracy: Accuracy | None) -> str:
     measured, total = len(accuracy.points), accuracy.total
     of = "all" if measured >= total else f"{measured:,} of"
     return (
-        f"Shortest distance from the survey's points to the mesh, at {of} {total:,} points. It says "
-        "how well the mesh follows the points, not how exact the points are: check points do."
+        f"Shortest distance from the survey's points to the mesh, at {of} {total:,} points: how "
+        "well the mesh follows the points. How exact these are, check points tell."
     )
 
 
@@ -280,6 +284,7 @@ def _survey_figures(
             Figure("density", unit.density(density), "points over plan area"),
             Figure("point spacing", unit.length(density**-0.5), "mean, 1/√density"),
         ]
+    figures.append(Figure("colour", _COLOUR[SceneColour.of(manifest).source]))
     textures = manifest.textures
     if textures is not None and textures.source == "photos":
         if textures.gsd_m is not None:
@@ -299,9 +304,7 @@ def _survey_figures(
     return tuple(figures)
 
 
-def _ground_figures(
-    scene: Scene, plan: Plan, detail: Mesh, unit: SurveyUnit
-) -> tuple[Figure, ...]:
+def _ground_figures(scene: Scene, plan: Plan, detail: Mesh, unit: SurveyUnit) -> tuple[Figure, ...]:
     manifest = scene.manifest
     low, high = manifest.bounds.min, manifest.bounds.max
     surface = _surface_area_m2(scene, detail)
@@ -312,7 +315,11 @@ def _ground_figures(
     return (
         Figure("plan area", unit.area(plan.area_m2), "seen from above"),
         *(() if surface is None else (Figure("surface area", unit.area(surface), "of the mesh"),)),
-        Figure("size", f"{unit.length(high[0] - low[0])} × {unit.length(high[2] - low[2])}", "E × N"),
+        Figure(
+            "size",
+            f"{unit.length(high[0] - low[0])} x {unit.length(high[2] - low[2])}",
+            "east x north",
+        ),
         Figure("heights", f"{heights[0]} to {heights[1]} {unit.height_name}"),
     )
 
@@ -320,9 +327,10 @@ def _ground_figures(
 def _surface_area_m2(scene: Scene, detail: Mesh) -> float | None:
     """Sum up the regions' areas; of a scene without any the mesh's, where that is whole."""
     rows = scene.regions.get("regions", [])
-    areas = [row.get("area_m2") for row in rows if isinstance(row, Mapping)]
-    if areas and all(isinstance(area, int | float) for area in areas):
-        return float(sum(areas))
+    stated = [row.get("area_m2") for row in rows if isinstance(row, Mapping)]
+    areas = [float(area) for area in stated if isinstance(area, int | float)]
+    if areas and len(areas) == len(rows):
+        return sum(areas)
     if len(detail.faces) < scene.manifest.counts.detail_faces:
         return None
     corners = detail.vertices[detail.faces].astype(np.float64)
@@ -330,9 +338,7 @@ def _surface_area_m2(scene: Scene, detail: Mesh) -> float | None:
     return float(np.linalg.norm(across, axis=1).sum() / 2.0)
 
 
-def _regions(
-    scene: Scene, plan: Plan, unit: SurveyUnit
-) -> tuple[tuple[RegionLine, ...], str]:
+def _regions(scene: Scene, plan: Plan) -> tuple[tuple[RegionLine, ...], str]:
     """Tabulate the largest regions, largest first."""
     try:
         names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
@@ -350,15 +356,15 @@ def _regions(
     if not any(row["area_m2"] for row in rows):
         rows.sort(key=lambda row: (-float(seen[row["region"]]), row["region"]))
     shown = rows[:MAX_REGIONS]
-    volumes = toe_volumes(
-        plan.height_m, plan.region, plan.cell_m, [row["region"] for row in shown]
-    )
+    volumes = toe_volumes(plan.height_m, plan.region, plan.cell_m, [row["region"] for row in shown])
     colours = distinct_colours(len(rows))
     lines = tuple(
         _region_line(row, colours[row["region"]], volumes.get(row["region"]), scene, plan, seen)
         for row in shown
     )
-    count = "" if len(rows) <= len(shown) else f" The {len(shown)} largest of {len(rows):,} regions."
+    count = (
+        "" if len(rows) <= len(shown) else f" The {len(shown)} largest of {len(rows):,} regions."
+    )
     return lines, f"{VOLUME_NOTE}{count}{problem}"
 
 
@@ -368,7 +374,7 @@ def _region_line(
     volume: ToeVolume | None,
     scene: Scene,
     plan: Plan,
-    seen_m2: Float64,
+    seen_m2: AnyFloat,
 ) -> RegionLine:
     unit = SurveyUnit.of(scene.manifest)
     facts = scene.regions["regions"][row["region"]]
@@ -390,9 +396,7 @@ def _region_line(
         ),
         above="" if volume is None else unit.volume_value(volume.above_m3),
         below="" if volume is None else unit.volume_value(volume.below_m3),
-        place=(
-            None if volume is None else (volume.middle[1] / columns, volume.middle[0] / rows)
-        ),
+        place=(None if volume is None else (volume.middle[1] / columns, volume.middle[0] / rows)),
     )
 
 
@@ -425,6 +429,8 @@ def _own_warnings(
 ) -> list[str]:
     """Say what a surveyor must look out for, and the build does not say."""
     texts = []
+    if SceneColour.of(manifest).source is None:
+        texts.append("The survey has no colours, and there are no photos: the scene is grey.")
     if not has_crs:
         texts.append(
             "No coordinate reference system is stated: coordinates and units are taken as metres. "

@@ -46,7 +46,7 @@ class TracedRays(RayScene):
         """
         starts = np.ascontiguousarray(origins, dtype=np.float32)
         headings = np.ascontiguousarray(directions, dtype=np.float32)
-        key = xxh3_128_digest(starts) + xxh3_128_digest(headings)
+        key = xxh3_128_digest(starts.data) + xxh3_128_digest(headings.data)
         hits = self._hits_of.get(key)
         if hits is None:
             hits = self._traced.intersect(starts, headings)

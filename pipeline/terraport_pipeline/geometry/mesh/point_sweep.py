@@ -22,13 +22,15 @@ import numba
 import numpy as np
 
 from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int32, Int64
+
+# A kernel of that module's: renamed, it would make every build that used it stale.
 from terraport_pipeline.geometry.mesh.closest_point import _on_triangle
 from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 
 __all__ = ["PointSweep"]
 
 _POINTS_PER_COLUMN: Final = 1.0
-"""Mean over the box: fewer make faces look into more columns, more make them look at more points."""
+"""Mean over the box: with fewer a face looks into more columns, with more at more points."""
 
 _MAX_COLUMNS: Final = 1 << 22
 

@@ -38,7 +38,7 @@ LEAST_CELLS: Final = 50
 
 @dataclass(frozen=True, slots=True)
 class ToeVolume:
-    """Volume between a region's surface and the surface triangulated between its border's points."""
+    """Volume between a region's surface and the one triangulated between its border's points."""
 
     above_m3: float
     below_m3: float
