@@ -120,9 +120,11 @@ def read_input_cloud(scene: Scene, survey: Path, progress: Progress | None = Non
     files, heads = find_survey(survey, extent=_extent(scene), statement=_statement(scene)).heads(
         progress or NullProgress()
     )
-    total = sum(head.points if head.rows is None else head.rows for head in heads)
     chosen, share = choose_files(files, heads, MAX_POINTS)
     read = read_survey(chosen, max_points=MAX_POINTS, progress=progress, share=share)
+    total = len(read.points)
+    if share < 1.0 or total >= MAX_POINTS:  # thinned: as the files' headers say
+        total = sum(head.points if head.rows is None else head.rows for head in heads)
     # (2) In the scene's frame, and there.
     points = to_scene(read.points, np.array(manifest.origin))
     low, high = np.array(manifest.bounds.min), np.array(manifest.bounds.max)

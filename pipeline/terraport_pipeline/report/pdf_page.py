@@ -82,8 +82,8 @@ def pdf_page(survey: SurveyorFacts, pictures: Mapping[str, Picture]) -> bytes:
     table_left = left
     map_below = row
     if "accuracy" in pictures:
-        map_below = sheet.distances(survey, pictures["accuracy"], left, row, 226.0, 206.0)
-        table_left = left + 240.0
+        map_below = sheet.distances(survey, pictures["accuracy"], left, row, 210.0, 200.0)
+        table_left = left + 222.0
     table_below = sheet.regions(survey, table_left, row, right - table_left)
     # (4) What to look out for, and what the words mean.
     sheet.warnings(survey, left, min(map_below, table_below) - 10.0, right - left)
@@ -359,7 +359,7 @@ class _Sheet:
         self._text(left, top - 8.0, "Regions: areas and volumes", 8.0, font=_BOLD, width=width)
         y = top - 20.0
         heads = (f"plan {area}", f"surface {area}", f"above toe {volume}", f"below toe {volume}")
-        first = max(width - 4 * 56.0, width * 0.25)
+        first = max(width - 4 * 48.0, width * 0.25)
         step = (width - first) / 4
         for number, head in enumerate(heads):
             self._text(

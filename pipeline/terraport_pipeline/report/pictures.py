@@ -123,7 +123,7 @@ class _Mixed:
 
 
 class PictureTaker:
-    """Takes the pictures of one scene; trees of rays are built once, one view's rays traced once."""
+    """Takes the pictures of one scene; trees of rays are built once, a view's rays traced once."""
 
     def __init__(self, model: SceneModel, options: PictureOptions | None = None) -> None:
         self._model = model

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import AnyFloat
+from terraport_payload.types import AnyFloat, Float32
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.geometry.photos.view_cover import cover_points
@@ -182,7 +182,7 @@ def surveyor_facts(
     east, north, _ = manifest.origin
     wide_m, deep_m = plan.size_m
     sheet = plan_sheet(east + plan.west_m, north - plan.north_m, wide_m, deep_m, unit)
-    low, high = (np.array(corner) for corner in (manifest.bounds.min, manifest.bounds.max))
+    low, high = _box(scene)
     size = high - low
     # (2) Regions: areas of the build, volumes of the plan's raster.
     regions, regions_note = _regions(scene, plan)
@@ -306,7 +306,7 @@ def _survey_figures(
 
 def _ground_figures(scene: Scene, plan: Plan, detail: Mesh, unit: SurveyUnit) -> tuple[Figure, ...]:
     manifest = scene.manifest
-    low, high = manifest.bounds.min, manifest.bounds.max
+    low, high = _box(scene)
     surface = _surface_area_m2(scene, detail)
     heights = (
         unit.height(manifest.origin[2] + low[1]),
@@ -322,6 +322,12 @@ def _ground_figures(scene: Scene, plan: Plan, detail: Mesh, unit: SurveyUnit) ->
         ),
         Figure("heights", f"{heights[0]} to {heights[1]} {unit.height_name}"),
     )
+
+
+def _box(scene: Scene) -> tuple[Float32, Float32]:
+    """Least and greatest corner of the ground; the manifest's box holds the wider base, too."""
+    bounds = scene.index.bounds
+    return bounds[:, :3].min(axis=0), bounds[:, 3:].max(axis=0)
 
 
 def _surface_area_m2(scene: Scene, detail: Mesh) -> float | None:

@@ -12,7 +12,6 @@ from terraport_pipeline.model import Mesh
 from terraport_pipeline.report.accuracy import Accuracy, AccuracyMeter, draw_distances
 from terraport_pipeline.report.plan_view import PAPER, Plan
 
-
 CORNER_M = 20.0
 
 
