@@ -26,7 +26,6 @@ from terraport_pipeline.report.facts import read_build_record
 from terraport_pipeline.report.pictures import InputCloud
 from terraport_pipeline.stages.read import read_survey
 from terraport_pipeline.survey_files import find_survey
-from terraport_pipeline.survey_sample import choose_files
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_store import Scene
 
@@ -120,11 +119,11 @@ def read_input_cloud(scene: Scene, survey: Path, progress: Progress | None = Non
     files, heads = find_survey(survey, extent=_extent(scene), statement=_statement(scene)).heads(
         progress or NullProgress()
     )
-    chosen, share = choose_files(files, heads, MAX_POINTS)
-    read = read_survey(chosen, max_points=MAX_POINTS, progress=progress, share=share)
-    total = len(read.points)
-    if share < 1.0 or total >= MAX_POINTS:  # thinned: as the files' headers say
-        total = sum(head.points if head.rows is None else head.rows for head in heads)
+    stated = sum(head.points if head.rows is None else head.rows for head in heads)
+    share = min(1.0, MAX_POINTS / max(stated, 1))
+    read = read_survey(files, max_points=MAX_POINTS, progress=progress, share=share)
+    is_thinned = share < 1.0 or len(read.points) >= MAX_POINTS
+    total = stated if is_thinned else len(read.points)
     # (2) In the scene's frame, and there.
     points = to_scene(read.points, np.array(manifest.origin))
     low, high = np.array(manifest.bounds.min), np.array(manifest.bounds.max)

@@ -106,7 +106,7 @@ def printable(text: str, otherwise: str | None = None) -> str:
     Examples
     --------
     >>> printable("Přístav Ø 3\n", "region 4"), printable("\u05de\u05d7", "region 4")
-    ('Pristav Ø 3', 'region 4')
+    ('Prístav Ø 3', 'region 4')
     >>> printable("CRS \u05de\u05d7")
     'CRS ??'
     """

@@ -54,7 +54,7 @@ def test_points_as_they_were_read_are_taken_if_they_are_this_scene_s(scene_dir) 
 
 def test_the_survey_itself_is_read_again(scene_path, tmp_path) -> None:
     rng = np.random.default_rng(3)
-    rows = np.column_stack([rng.uniform(0, 100, (500, 3)) + (500_000, 5_999_900, 120)])
+    rows = rng.uniform(0, 100, (500, 3)) + np.array([500_000, 5_999_900, 120])
     survey = tmp_path / "pit.xyz"
     np.savetxt(survey, rows, fmt="%.3f")
     with Scene.open(scene_path) as scene:
@@ -64,7 +64,7 @@ def test_the_survey_itself_is_read_again(scene_path, tmp_path) -> None:
         np.testing.assert_allclose(
             np.sort(cloud.points[:, 0]), np.sort(rows[:, 0] - 500_000), atol=1e-3
         )
-        np.savetxt(survey, rows + (90_000, 0, 0), fmt="%.3f")
+        np.savetxt(survey, rows + np.array([90_000, 0, 0]), fmt="%.3f")
         with pytest.raises(OptionError, match="lies elsewhere than the scene rolling <ground>"):
             read_input_cloud(scene, survey)
 
