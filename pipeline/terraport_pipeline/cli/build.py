@@ -21,7 +21,7 @@ from terraport_pipeline.progress import Progress
 from terraport_pipeline.published.scene_model import SceneModel
 from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.report.input_cloud import find_input_cloud
-from terraport_pipeline.report.report import REPORT_NAME, write_report
+from terraport_pipeline.report.report import REPORT_NAME, REPORT_PDF_NAME, write_report
 from terraport_pipeline.report.textures import open_scene_photos
 from terraport_pipeline.unforeseen import stage_failed
 from terraport_pipeline.workflow.build import BuildOptions
@@ -41,7 +41,7 @@ def register(app: typer.Typer) -> None:
 def build(
     options: BuildOptions,
     report: Annotated[
-        bool, typer.Option(help="Write SCENE/report.html with pictures afterwards.")
+        bool, typer.Option(help="Write SCENE/report.html and report.pdf afterwards.")
     ] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")] = False,
 ) -> None:
@@ -98,7 +98,8 @@ def _last_lines(scene: Path) -> list[str]:
     """Say where the report is, and the commands that serve the scene and land in it."""
     lines = []
     if (scene / REPORT_NAME).exists():
-        lines.append(f"report  {scene / REPORT_NAME}")
+        pdf = scene / REPORT_PDF_NAME
+        lines.append(f"report  {scene / REPORT_NAME}{f'  {pdf}' if pdf.exists() else ''}")
     # A scene in the current directory is served by itself: beside it there is no scene, mostly.
     served = scene if scene.parent == Path.cwd() else scene.parent
     with suppress(ValueError):

@@ -1,4 +1,4 @@
-"""``terraport report``: one HTML page about a scene."""
+"""``terraport report``: an HTML page about a scene, and one page of PDF."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.engines.odm_project import originals_in
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report.facts import format_bytes
-from terraport_pipeline.report.input_cloud import find_input_cloud
+from terraport_pipeline.report.input_cloud import find_input_cloud, read_input_cloud
 from terraport_pipeline.report.pictures import PictureOptions
 from terraport_pipeline.report.report import ReportOptions, write_report
 from terraport_pipeline.report.textures import open_scene_photos
@@ -30,7 +30,9 @@ def report(
     scene: Annotated[Path, typer.Argument(help="Scene directory.", show_default=False)],
     output: Annotated[
         Path | None,
-        typer.Option("--output", "-o", help="The page; SCENE/report.html by default."),
+        typer.Option(
+            "--output", "-o", help="The page; SCENE/report.html by default. The PDF lies beside it."
+        ),
     ] = None,
     width: Annotated[
         int, typer.Option(help="Width of the pictures, pixels.", min=160, max=3840)
@@ -38,8 +40,16 @@ def report(
     work: Annotated[
         Path | None,
         typer.Option(
-            help="The build's work directory, for the picture of the input; .SCENE.work beside "
-            "the scene by default."
+            help="The build's work directory, for the survey's points (accuracy, picture of the "
+            "input); .SCENE.work beside the scene by default."
+        ),
+    ] = None,
+    survey: Annotated[
+        Path | None,
+        typer.Option(
+            help="The survey itself, where the work directory is gone: a file, or its folder.",
+            show_default=False,
+            exists=True,
         ),
     ] = None,
     photos: Annotated[
@@ -64,10 +74,12 @@ def report(
     ] = 200_000,
     subsets: Annotated[int, typer.Option(help="Random sets of loaded segments.", min=1)] = 40,
 ) -> None:
-    """Write one HTML page about a scene: pictures, counts, hand-off, sizes, timings.
+    """Write a surveyor's report of a scene: an HTML page, and one page of PDF to print.
 
-    The page holds everything itself and asks nothing of the network: send it as it is. In the scene
-    directory, the server offers it as /scenes/{id}/report.
+    Plan with scale and coordinates, distance of the mesh to the survey's points, density, areas and
+    volumes by region, change, warnings; below, pictures and how the scene was built. The page holds
+    everything itself and asks nothing of the network: send it as it is. In the scene directory, the
+    server offers it as /scenes/{id}/report.
 
     For example:
 
@@ -76,6 +88,8 @@ def report(
         terraport report scenes/quarry -o quarry.html --width 1920
 
         terraport report scenes/quarry --photos survey/images
+
+        terraport report scenes/quarry --survey pit.laz
     """
     errors = Console(stderr=True)
     start = time.perf_counter()
@@ -87,7 +101,11 @@ def report(
                 scene,
                 output,
                 options,
-                cloud=lambda opened: find_input_cloud(opened, work),
+                cloud=lambda opened: (
+                    find_input_cloud(opened, work)
+                    if survey is None
+                    else read_input_cloud(opened, survey, progress)
+                ),
                 photos=(
                     None
                     if photos is None
@@ -100,6 +118,11 @@ def report(
     Console().print(
         f"{result.path}  {format_bytes(result.bytes)}, {len(result.pictures)} pictures, "
         f"{seconds:,.1f} s",
+        highlight=False,
+        soft_wrap=True,
+    )
+    Console().print(
+        f"{result.pdf_path}  {format_bytes(result.pdf_bytes)}, one page",
         highlight=False,
         soft_wrap=True,
     )

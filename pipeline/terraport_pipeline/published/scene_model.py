@@ -6,7 +6,7 @@ Textures stay in the scene: see :mod:`.scene_textures`.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -100,6 +100,7 @@ def load_scene_model(
     segments: Int64 | None = None,
     max_faces: int | None = None,
     whole: Bool | None = None,
+    each: Callable[[SegmentMesh], None] | None = None,
     progress: Progress | None = None,
 ) -> SceneModel:
     """Read and decode a scene, or part of it.
@@ -115,6 +116,8 @@ def load_scene_model(
         they come as they are.
     whole : ndarray of shape (S,), bool, optional
         Segments that are never thinned.
+    each : callable, optional
+        Gets every segment as it was read, before it is thinned.
     progress : Progress, optional
         Advances by segments.
 
@@ -143,7 +146,7 @@ def load_scene_model(
         )
     # (2) Payloads one at a time. Thinned ones are gathered first: their size is known only then.
     watcher.start("read segments", len(chosen), "segments")
-    meshes: Iterable[tuple[int, SegmentMesh]] = _read(scene, chosen, watcher)
+    meshes: Iterable[tuple[int, SegmentMesh]] = _read(scene, chosen, each, watcher)
     if cell_m is None:
         size = int(index.vertex_count[chosen].sum(dtype=np.int64)), total_faces
     else:
@@ -174,7 +177,12 @@ def load_scene_model(
     )
 
 
-def _read(scene: Scene, chosen: Int64, watcher: Progress) -> Iterator[tuple[int, SegmentMesh]]:
+def _read(
+    scene: Scene,
+    chosen: Int64,
+    each: Callable[[SegmentMesh], None] | None,
+    watcher: Progress,
+) -> Iterator[tuple[int, SegmentMesh]]:
     index = scene.index
     for segment in chosen.tolist():
         mesh = _decoded(scene, segment)
@@ -187,6 +195,8 @@ def _read(scene: Scene, chosen: Int64, watcher: Progress) -> Iterator[tuple[int,
                 f"expected {expected[0]} and {expected[1]} by the index",
                 offset=int(index.offset[segment]),
             )
+        if each is not None:
+            each(mesh)
         yield segment, mesh
         watcher.advance(1)
 

@@ -19,6 +19,7 @@ from terraport_pipeline.engines.palettes import NO_VALUE, diverging_colours
 from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.published.work_directory import default_work_directory
+from terraport_pipeline.report.survey_units import SurveyUnit
 from terraport_pipeline.stages.survey_change import load_change_map
 from terraport_store import Scene
 
@@ -83,7 +84,11 @@ def _counts(scene: Scene) -> Mapping[str, Any] | None:
 
 
 def change_facts(
-    document: Mapping[str, Any], rows: list[dict[str, Any]], *, has_map: bool
+    document: Mapping[str, Any],
+    rows: list[dict[str, Any]],
+    *,
+    has_map: bool,
+    unit: SurveyUnit | None = None,
 ) -> ChangeFacts | None:
     """Tabulate volumes of cut and fill.
 
@@ -94,6 +99,8 @@ def change_facts(
     rows : list of dict
         Of :func:`terraport_pipeline.region_table.region_rows`.
     has_map : bool
+    unit : SurveyUnit, optional
+        Of the survey; metres by default.
 
     Returns
     -------
@@ -103,7 +110,7 @@ def change_facts(
     change = document.get("change")
     if not isinstance(change, Mapping):
         return None
-    named = {row["region"]: row for row in rows}
+    named, own = {row["region"]: row for row in rows}, unit or SurveyUnit()
     volumes = [
         (region, _volumes(facts.get("change")))
         for region, facts in enumerate(document.get("regions", []))
@@ -114,15 +121,15 @@ def change_facts(
     for region, sums in volumes[:MAX_REGIONS]:
         row = named[region]
         number = region if row["stable_id"] is None else row["stable_id"]
-        table.append(_row(str(number), row["label"], region, sums))
+        table.append(_row(str(number), row["label"], region, sums, own))
     others = [sums for _, sums in volumes[MAX_REGIONS:]]
     if others:
         summed = {name: sum(sums[name] for sums in others) for name in _FIELDS}
-        table.append(_row(f"{len(others):,} others", "", None, summed))
+        table.append(_row(f"{len(others):,} others", "", None, summed, own))
     beyond = _volumes(change.get("beyond"))
     if beyond["area_m2"] > 0:
-        table.append(_row("below no region", "ground that is gone", None, beyond))
-    table.append(_row("all", "", None, _volumes(change.get("whole"))))
+        table.append(_row("below no region", "ground that is gone", None, beyond, own))
+    table.append(_row("all", "", None, _volumes(change.get("whole")), own))
     return ChangeFacts(tuple(table), has_map)
 
 
@@ -172,14 +179,19 @@ def _volumes(value: object) -> dict[str, float]:
     }
 
 
-def _row(name: str, label: str, region: int | None, sums: Mapping[str, float]) -> dict[str, Any]:
+def _row(
+    name: str, label: str, region: int | None, sums: Mapping[str, float], unit: SurveyUnit
+) -> dict[str, Any]:
+    cut, fill, either = (
+        sums[name] / unit.plan_m**3 for name in ("cut_m3", "fill_m3", "uncertainty_m3")
+    )
     return {
         "name": name,
         "label": label,
         "region": region,
-        "cut": f"{sums['cut_m3']:,.1f}",
-        "fill": f"{sums['fill_m3']:,.1f}",
-        "net": f"{round(sums['fill_m3'] - sums['cut_m3'], 1) + 0.0:+,.1f}",
-        "uncertainty": f"{sums['uncertainty_m3']:,.1f}",
-        "area": f"{sums['area_m2']:,.0f}",
+        "cut": f"{cut:,.1f}",
+        "fill": f"{fill:,.1f}",
+        "net": f"{round(fill - cut, 1) + 0.0:+,.1f}",
+        "uncertainty": f"{either:,.1f}",
+        "area": f"{sums['area_m2'] / unit.plan_m**2:,.0f}",
     }

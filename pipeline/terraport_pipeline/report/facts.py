@@ -16,6 +16,8 @@ from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.change_map import ChangeFacts, change_facts
 from terraport_pipeline.report.histogram import Histogram, histogram
 from terraport_pipeline.report.scene_colour import SceneColour
+from terraport_pipeline.report.survey_crs import crs_line
+from terraport_pipeline.report.survey_units import SurveyUnit
 from terraport_pipeline.survey_files import OUTSIDE
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
 
@@ -43,10 +45,7 @@ class ReportFacts:
     """Everything the page says beside the pictures."""
 
     name: str
-    extent: str
-    """CRS and size, one line."""
     cards: tuple[dict[str, str], ...]
-    warnings: tuple[str, ...]
     has_input: bool
     segment_faces: Histogram
     segment_bytes: Histogram
@@ -60,6 +59,9 @@ class ReportFacts:
     stages: tuple[dict[str, Any], ...]
     stages_note: str
     details: tuple[dict[str, str], ...]
+    """Of the survey: input, files, colour, CRS."""
+    internals: tuple[dict[str, str], ...]
+    """Of what is streamed, and of the format."""
     options: str
     terraport: str
 
@@ -90,14 +92,9 @@ def collect_facts(scene: Scene, *, has_input: bool, has_change_map: bool = False
     stages, stages_note = _stages(record)
     # (2) Size and frame: what the manifest says. Values stay plain, words and units are theirs.
     total = sum(info.bytes for info in manifest.files.values())
-    size = np.array(manifest.bounds.max) - np.array(manifest.bounds.min)
-    crs = manifest.crs.name if manifest.crs else "no coordinate reference system stated"
     return ReportFacts(
         name=manifest.name,
-        extent=f"{crs} · {size[0]:,.0f} m east-west, {size[2]:,.0f} m north-south, "
-        f"{size[1]:,.1f} m high",
         cards=_cards(scene, total),
-        warnings=manifest.build.warnings,
         has_input=has_input,
         segment_faces=faces,
         segment_bytes=lengths,
@@ -121,6 +118,7 @@ def collect_facts(scene: Scene, *, has_input: bool, has_change_map: bool = False
         stages=stages,
         stages_note=stages_note,
         details=_details(scene, record),
+        internals=_internals(scene, record),
         options=json.dumps(manifest.build.options, indent=1) if manifest.build.options else "",
         terraport=manifest.build.terraport,
     )
@@ -273,21 +271,22 @@ def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...],
         problem = f" Labels are left out: {error}."
     # (2) One row per region, largest first.
     rows = region_rows(names, scene.regions, scene.manifest.origin)
+    unit = SurveyUnit.of(scene.manifest)
     colours = distinct_colours(len(rows))
     columns: tuple[str, ...] = (
         "label",
-        "area m²",
+        f"area {unit.name}²",
         "triangles",
         "mean colour",
         "slope",
         "roughness m",
-        "height m",
+        f"height {unit.height_name}",
     )
     table: list[dict[str, Any]] = [
         {
             "name": f"{row['region'] if row['stable_id'] is None else row['stable_id']}",
             "colour": _css(colours[row["region"]]),
-            "cells": _region_cells(row),
+            "cells": _region_cells(row, unit),
         }
         for row in rows[:MAX_REGIONS]
     ]
@@ -321,31 +320,31 @@ def _change(scene: Scene, *, has_map: bool) -> ChangeFacts | None:
     with contextlib.suppress(DamagedSceneError):
         names = names.with_labels(read_labels(scene.path))
     rows = region_rows(names, scene.regions, scene.manifest.origin)
-    facts = change_facts(scene.regions, rows, has_map=has_map)
+    facts = change_facts(scene.regions, rows, has_map=has_map, unit=SurveyUnit.of(scene.manifest))
     colours = distinct_colours(len(rows))
     for row in () if facts is None else facts.rows:
         row["colour"] = "" if row["region"] is None else _css(colours[row["region"]])
     return facts
 
 
-def _region_cells(row: Mapping[str, Any]) -> list[dict[str, str]]:
+def _region_cells(row: Mapping[str, Any], unit: SurveyUnit) -> list[dict[str, str]]:
     low, high = row["lowest_m"], row["highest_m"]
     texts = (
         row["label"],
-        _formatted(row["area_m2"], "{:,.0f}"),
+        _formatted(row["area_m2"], "{:,.0f}", unit.plan_m**2),
         _formatted(row["faces"], "{:,.0f}"),
         "",
         _formatted(row["slope_deg"], "{:.0f}°"),
         _formatted(row["roughness_m"], "{:.3f}"),
-        "" if low is None or high is None else f"{low:,.1f} to {high:,.1f}",
+        "" if low is None or high is None else f"{unit.height(low)} to {unit.height(high)}",
     )
     cells = [{"text": text, "swatch": ""} for text in texts]
     cells[3]["swatch"] = row["mean_colour"] or ""
     return cells
 
 
-def _formatted(value: float | None, form: str) -> str:
-    return "" if value is None else form.format(value)
+def _formatted(value: float | None, form: str, unit: float = 1.0) -> str:
+    return "" if value is None else form.format(value / unit)
 
 
 def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]:
@@ -377,18 +376,29 @@ def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]
 
 
 def _details(scene: Scene, record: Mapping[str, Any]) -> tuple[dict[str, str], ...]:
+    """Say what the scene was made of."""
     manifest = scene.manifest
-    source, limits = manifest.build.input, manifest.limits
-    origin = ", ".join(f"{value:,.3f}" for value in manifest.origin)
+    source, unit = manifest.build.input, SurveyUnit.of(manifest)
     rows = [
-        ("version", manifest.version),
         ("input", input_line(record) or (source.name if source else "not stated")),
         *((("extent", line),) if (line := extent_line(record)) else ()),
         *_files_beside(record),
         ("colour", str(SceneColour.of(manifest))),
-        ("coordinate reference system", _crs(scene)),
+        ("coordinate reference system", crs_line(manifest)[0]),
+        ("box of the scene", _box(manifest)),
+        ("units", unit.full_name),
+        ("version", manifest.version),
+    ]
+    return tuple({"label": label, "value": value} for label, value in rows)
+
+
+def _internals(scene: Scene, record: Mapping[str, Any]) -> tuple[dict[str, str], ...]:
+    """Say what is streamed, and how finely; in metres, as the scene's format has it."""
+    manifest = scene.manifest
+    limits = manifest.limits
+    origin = ", ".join(f"{value:,.3f}" for value in manifest.origin)
+    rows = [
         ("origin (east, north, height)", f"{origin} m"),
-        *_survey_units(manifest),
         *_reconstruction(record),
         ("grid step", f"{manifest.step_m * 1000:.4g} mm"),
         (
@@ -423,27 +433,16 @@ def _reconstruction(record: Mapping[str, Any]) -> list[tuple[str, str]]:
     return [("reconstruction", line)]
 
 
-def _survey_units(manifest: Manifest) -> list[tuple[str, str]]:
-    """Say the box of a survey in feet as the survey has it."""
-    units = manifest.survey_units
-    if units is None:
-        return []
+def _box(manifest: Manifest) -> str:
+    """Say the box of a scene in the survey's own coordinates and units."""
+    unit = SurveyUnit.of(manifest)
     (east, north, height), low, high = manifest.origin, manifest.bounds.min, manifest.bounds.max
     axes = (
-        ("E", east + low[0], east + high[0], units.horizontal_m),
-        ("N", north - high[2], north - low[2], units.horizontal_m),
-        ("H", height + low[1], height + high[1], units.height_m),
+        ("E", east + low[0], east + high[0], unit.plan_m),
+        ("N", north - high[2], north - low[2], unit.plan_m),
+        ("H", height + low[1], height + high[1], unit.height_m),
     )
-    box = ", ".join(f"{axis} {a / m:,.2f} to {b / m:,.2f}" for axis, a, b, m in axes)
-    length = f"{units.horizontal_m:.9g} m, heights {units.height_m:.9g} m"
-    return [("in the survey's own units", f"{box} ({length}); everything here is in metres")]
-
-
-def _crs(scene: Scene) -> str:
-    crs = scene.manifest.crs
-    if crs is None:
-        return "not stated by the survey"
-    return f"{crs.name} (EPSG:{crs.epsg})" if crs.epsg else crs.name
+    return ", ".join(f"{axis} {a / m:,.2f} to {b / m:,.2f}" for axis, a, b, m in axes)
 
 
 def _css(colour: Any) -> str:

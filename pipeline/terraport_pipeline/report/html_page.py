@@ -10,7 +10,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from terraport_pipeline.report.facts import format_bytes
 
-__all__ = ["page_templates", "replace_page"]
+__all__ = ["page_templates", "replace_bytes", "replace_page"]
 
 
 def page_templates(package: str) -> Environment:
@@ -59,9 +59,14 @@ def replace_page(path: Path, page: str) -> int:
     OSError
         The page cannot be written; nothing is left beside it.
     """
+    return replace_bytes(path, page.encode())
+
+
+def replace_bytes(path: Path, data: bytes) -> int:
+    """Write any file in the same way; see :func:`replace_page`."""
     draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        size = draft.write_bytes(page.encode())
+        size = draft.write_bytes(data)
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)

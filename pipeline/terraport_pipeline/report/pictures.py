@@ -29,7 +29,10 @@ from terraport_pipeline.published.landing_view import (
     view_from_eye,
 )
 from terraport_pipeline.published.scene_model import SceneModel
+from terraport_pipeline.report.accuracy import Accuracy, draw_distances
 from terraport_pipeline.report.change_map import change_colours, change_span_m
+from terraport_pipeline.report.plan_view import Plan, draw_plan
+from terraport_pipeline.report.traced_rays import TracedRays
 from terraport_pipeline.validate.handoff_report import WorstRay
 from terraport_pipeline.validate.worst_place import compare_at, describe, to_survey
 
@@ -40,6 +43,9 @@ PHOTO_RELIEF: Final = 0.55
 
 FLAT_RELIEF: Final = 0.8
 """Flat colours need the light to show the shape, but must stay apart in the shade."""
+
+PLAN_SHARE: Final = 0.55
+"""Pixels of the plan, of those of another picture: figures stand beside it."""
 
 FRAMING_POINTS: Final = 20_000
 """Vertices looked at to frame the overview."""
@@ -98,6 +104,11 @@ class InputCloud:
     spacing_m: float
     total: int
     """Points of the survey, of which these may be a part."""
+    surveyed: Float32 | None = None
+    """(M, 3) a sample of the points as they were read, outliers with them, scene frame; None where
+    only those that the build cleaned are at hand."""
+    read: int = 0
+    """Points as they were read, of which those are a sample."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,18 +123,52 @@ class _Mixed:
 
 
 class PictureTaker:
-    """Takes the pictures of one scene; ray scenes are built once and kept."""
+    """Takes the pictures of one scene; trees of rays are built once, a view's rays traced once."""
 
     def __init__(self, model: SceneModel, options: PictureOptions | None = None) -> None:
         self._model = model
         self._options = options or PictureOptions()
         self.detail_rays = RayScene(model.detail.vertices, model.detail.faces)
         self.base_rays = RayScene(model.base.vertices, model.base.faces)
+        # One camera takes the pictures of the whole: its rays are traced once.
+        self._overview_rays = TracedRays(self.detail_rays)
         self._aspect = self._options.width / self._options.height
         vertices = model.detail.vertices
         self._thin = vertices[:: max(1, len(vertices) // FRAMING_POINTS)]
         self._camera = oblique(self._thin, aspect=self._aspect)
         self.landing: Landing = choose_landing(model, self.detail_rays)
+
+    def plan(self) -> Plan:
+        """Draw the scene from above, and keep what its rays met."""
+        options = self._options
+        pixels = round(PLAN_SHARE * options.width * options.height)
+        return draw_plan(self._model, self.detail_rays, pixels, options.supersample)
+
+    def plan_pictures(self, plan: Plan, accuracy: Accuracy | None) -> list[Picture]:
+        """Make the pictures of the first screen: the plan, and the distances over it."""
+        pictures = [
+            self._picture(
+                "plan",
+                "Plan",
+                "The scene from straight above, north up, in its own colours",
+                "",
+                plan.image,
+            )
+        ]
+        if accuracy is not None:
+            image, top_m = draw_distances(accuracy, plan)
+            pictures.append(
+                self._picture(
+                    "accuracy",
+                    "Distance from the points to the mesh",
+                    "The plan coloured by how far the survey's points lie from the mesh, from dark "
+                    "violet (near) to yellow (far)",
+                    "Mean distance in each cell.",
+                    image,
+                    Legend(0.0, top_m, "distance, m"),
+                )
+            )
+        return pictures
 
     def overview(self, cloud: InputCloud | None = None) -> Iterator[Picture]:
         """Take the pictures of the whole scene, one after the other.
@@ -394,7 +439,7 @@ class PictureTaker:
             normals=detail.normals,
             relief=relief,
             supersample=options.supersample,
-            scene=self.detail_rays,
+            scene=self._overview_rays,
         )
         return self._picture(key, title, alt, caption, image, legend)
 
@@ -403,6 +448,8 @@ class PictureTaker:
         options = self._options
         mesh = mixed_mesh(self._model, loaded, camera, options.width / options.height)
         rays = RayScene(mesh.vertices, mesh.faces)
+        if len(asked) > 1:
+            rays = TracedRays(rays)
         for each in asked:
             image = render_mesh(
                 mesh.vertices,

@@ -1,7 +1,7 @@
-"""``terraport report``: one HTML page about a scene, with everything inside it.
+"""``terraport report``: one HTML page about a scene with everything inside it, and one page of PDF.
 
-The page asks for nothing else: pictures are inlined, there is no script, and it follows the
-reader's choice of light or dark.
+The HTML page asks for nothing else: pictures are inlined, there is no script, and it follows the
+reader's choice of light or dark. Its first screen and the PDF say the same to a surveyor.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -18,14 +18,22 @@ from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.published.scene_model import WHOLE_FACES, SceneModel, load_scene_model
+from terraport_pipeline.report.accuracy import Accuracy, AccuracyMeter
 from terraport_pipeline.report.change_map import find_change_map
 from terraport_pipeline.report.facts import collect_facts, read_build_record
-from terraport_pipeline.report.html_page import page_templates, replace_page
+from terraport_pipeline.report.html_page import page_templates, replace_bytes, replace_page
+from terraport_pipeline.report.pdf_page import pdf_page
 from terraport_pipeline.report.pictures import (
     InputCloud,
     Picture,
     PictureOptions,
     PictureTaker,
+)
+from terraport_pipeline.report.surveyor import (
+    Overlap,
+    SurveyorFacts,
+    photo_overlap,
+    surveyor_facts,
 )
 from terraport_pipeline.report.textures import (
     VertexColours,
@@ -38,11 +46,13 @@ from terraport_pipeline.validate.handoff_report import HandOffOptions, HandOffRe
 from terraport_pipeline.validate.scene_windows import prove_in_windows, segments_around
 from terraport_store import Scene, read_manifest
 
-__all__ = ["REPORT_NAME", "ReportOptions", "ReportResult", "write_report"]
+__all__ = ["REPORT_NAME", "REPORT_PDF_NAME", "ReportOptions", "ReportResult", "write_report"]
 
 REPORT_NAME: Final = "report.html"
 """Where a server looks for it, in the scene directory."""
 
+REPORT_PDF_NAME: Final = "report.pdf"
+"""The page to print, beside it; of another page it has that page's name."""
 
 THINNED_FACES: Final = 6_000_000
 """Faces that a scene larger than memory is drawn with: finer than a pixel of the overview."""
@@ -61,13 +71,17 @@ class ReportOptions:
 
 @dataclass(frozen=True, slots=True)
 class ReportResult:
-    """The page that was written, its pictures, and the proof's report."""
+    """The pages that were written, their pictures, and the proof's report."""
 
     path: Path
     bytes: int
+    pdf_path: Path
+    pdf_bytes: int
     pictures: tuple[str, ...]
     """Keys of the pictures, in order."""
     proof: HandOffReport | None
+    accuracy: Accuracy | None
+    """None where the survey's points are not at hand."""
 
 
 def write_report(
@@ -80,19 +94,20 @@ def write_report(
     work: Path | None = None,
     progress: Progress | None = None,
 ) -> ReportResult:
-    """Write the report of a scene.
+    """Write the report of a scene, as a page of HTML and as one of PDF.
 
     Parameters
     ----------
     scene_path : Path
         The scene directory.
     output : Path, optional
-        The page; ``report.html`` in the scene directory by default. Replaced in one step.
+        The page; ``report.html`` in the scene directory by default. Replaced in one step, and so is
+        the PDF of the same name beside it.
     options : ReportOptions, optional
         Size of the pictures, rays of the proof.
     cloud : callable, optional
         Finds the points of the input, in the scene's frame; None, or its answer None, means that
-        there is no picture of the input, and the page says so.
+        there is no picture of the input and that accuracy is not known, and the page says so.
     photos : callable, optional
         Opens the photos of a textured scene, to show them beside it; not of one too large for
         memory.
@@ -121,6 +136,9 @@ def write_report(
         raise OptionError(
             f"received the output {target}, expected an existing folder {target.parent}"
         )
+    pdf_target = target.with_suffix(Path(REPORT_PDF_NAME).suffix)
+    if pdf_target == target:
+        raise OptionError(f"received the output {target}, expected a name that ends in .html")
     # (2) Facts and pictures; a scene too large for memory is drawn thinned.
     with Scene.open(scene_path) as scene:
         points = cloud(scene) if cloud is not None else None
@@ -128,32 +146,61 @@ def write_report(
         facts = collect_facts(
             scene, has_input=points is not None, has_change_map=change is not None
         )
-        textures = texture_rows(scene.manifest, read_build_record(scene.path))
-        compared: list[Picture] = []
+        record = read_build_record(scene.path)
+        textures = texture_rows(scene.manifest, record)
+        asked = _Asked(scene, record, points, change, chosen, watcher)
         if int(scene.index.face_count.sum(dtype=np.int64)) > WHOLE_FACES:
-            overview, landing, proof = _look_at_large(scene, points, change, chosen, watcher)
+            looked = _look_at_large(asked)
         else:
             beside = None
             if photos is not None and textures:
-                beside = _Beside(photos, find_vertex_colours(scene, work), compared)
-            overview, landing, proof = _look_at(scene, points, change, chosen, watcher, beside)
-    # (3) One page with everything inside, put in its place in one step.
+                beside = _Beside(photos, find_vertex_colours(scene, work))
+            looked = _look_at(asked, beside)
+    # (3) Two pages with everything inside, each put in its place in one step.
+    pictures = {picture.key: picture for picture in (*looked.first, *looked.overview)}
     page = (
         page_templates("terraport_pipeline.report")
         .get_template("report.html.j2")
         .render(
             facts=facts,
-            overview=[picture for picture in overview if not picture.key.startswith("change")],
-            changes=[picture for picture in overview if picture.key.startswith("change")],
+            survey=looked.survey,
+            pictures=pictures,
+            overview=[picture for picture in looked.overview if picture.key in _SHOWN],
+            internals=[picture for picture in looked.overview if picture.key in _INTERNALS],
+            attributes=[
+                picture for picture in looked.overview if picture.key.startswith("attribute-")
+            ],
+            changes=[picture for picture in looked.overview if picture.key.startswith("change")],
             textures=textures,
-            compared=compared,
-            landing=landing,
-            proof=proof,
+            compared=looked.compared,
+            landing=looked.landing,
+            proof=looked.proof,
         )
     )
     size = replace_page(target, page)
-    keys = tuple(picture.key for picture in (*overview, *compared, *landing))
-    return ReportResult(target, size, keys, proof)
+    pdf_size = replace_bytes(pdf_target, pdf_page(looked.survey, pictures))
+    shown = (*looked.first, *looked.overview, *looked.compared, *looked.landing)
+    return ReportResult(
+        target, size, pdf_target, pdf_size, tuple(picture.key for picture in shown),
+        looked.proof, looked.accuracy,
+    )  # fmt: skip
+
+
+_SHOWN: Final = ("input", "detail", "regions")
+_INTERNALS: Final = ("base", "segments")
+"""Pictures of the whole scene that everybody sees, and those of what is streamed."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Asked:
+    """What a report is drawn of."""
+
+    scene: Scene
+    record: dict[str, Any]
+    points: InputCloud | None
+    change: ChangeMap | None
+    chosen: ReportOptions
+    watcher: Progress
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,65 +209,84 @@ class _Beside:
 
     photos: Callable[[SceneModel], OpenPhotos]
     plain: VertexColours | None
-    pictures: list[Picture]
-    """Gets the pictures that were drawn."""
 
 
-def _look_at(
-    scene: Scene,
-    points: InputCloud | None,
-    change: ChangeMap | None,
-    chosen: ReportOptions,
-    watcher: Progress,
-    beside: _Beside | None,
-) -> tuple[list[Picture], list[Picture], HandOffReport | None]:
-    """Draw and prove a scene that fits into memory."""
-    model = load_scene_model(scene, progress=watcher)
+@dataclass(slots=True)
+class _Looked:
+    """What was drawn, measured and proven."""
+
+    survey: SurveyorFacts
+    accuracy: Accuracy | None
+    first: list[Picture]
+    overview: list[Picture]
+    landing: list[Picture] = field(default_factory=list)
+    compared: list[Picture] = field(default_factory=list)
+    proof: HandOffReport | None = None
+
+
+def _look_at(asked: _Asked, beside: _Beside | None) -> _Looked:
+    """Draw, measure and prove a scene that fits into memory."""
+    chosen, watcher = asked.chosen, asked.watcher
+    model = load_scene_model(asked.scene, progress=watcher)
     taker = PictureTaker(model, chosen.pictures)
+    # (1) The first screen. Photos are opened once, for their overlap and for their pictures.
+    opened = None if beside is None else beside.photos(model)
+    overlap = None if opened is None else photo_overlap(opened.views, model.detail)
+    looked = _first_look(asked, taker, model, _meter(asked), overlap)
+    # (2) The scene as a whole, its landing, and photos beside it.
     watcher.start("pictures", None, "pictures")
-    overview, landing = _taken(taker, points, change, watcher)
-    watcher.done({"pictures": len(overview) + len(landing)})
-    if beside is not None:
+    looked.overview = _overview(taker, asked)
+    for picture in taker.hand_off():
+        looked.landing.append(picture)
+        watcher.advance(1)
+    watcher.done({"pictures": len(looked.overview) + len(looked.landing)})
+    if beside is not None and opened is not None:
         watcher.start("pictures: photos", None, "pictures")
-        opened = beside.photos(model)
         for picture in photo_pictures(
             model, taker.detail_rays, opened, beside.plain, chosen.pictures
         ):
-            beside.pictures.append(picture)
+            looked.compared.append(picture)
             watcher.advance(1)
-        watcher.done({"pictures": len(beside.pictures)})
+        watcher.done({"pictures": len(looked.compared)})
+    # (3) The proof of the hand-off.
     if not chosen.rays:
-        return overview, landing, None
-    proof = check_hand_off(
+        return looked
+    looked.proof = check_hand_off(
         model.hand_off_model(),
         _proof_options(chosen),
         progress=watcher,
         detail_rays=taker.detail_rays,
         base_rays=taker.base_rays,
     )
-    if proof.worst is not None:
-        landing.append(taker.worst_place(proof.worst))
-    return overview, landing, proof
+    if looked.proof.worst is not None:
+        looked.landing.append(taker.worst_place(looked.proof.worst))
+    return looked
 
 
-def _look_at_large(
-    scene: Scene,
-    points: InputCloud | None,
-    change: ChangeMap | None,
-    chosen: ReportOptions,
-    watcher: Progress,
-) -> tuple[list[Picture], list[Picture], HandOffReport | None]:
-    """Draw a scene larger than memory thinned, its landing in full, and prove it in windows."""
-    taker = PictureTaker(
-        load_scene_model(scene, max_faces=THINNED_FACES, progress=watcher), chosen.pictures
+def _look_at_large(asked: _Asked) -> _Looked:
+    """Draw a scene larger than memory thinned, its landing in full, and prove it in windows.
+
+    Points are measured against every segment in full detail, as it is read to be thinned.
+    """
+    # (1) The first screen and the scene as a whole, from one thinned model.
+    scene, chosen, watcher = asked.scene, asked.chosen, asked.watcher
+    meter = _meter(asked)
+    model = load_scene_model(
+        scene,
+        max_faces=THINNED_FACES,
+        each=None if meter is None else meter.add,
+        progress=watcher,
     )
+    taker = PictureTaker(model, chosen.pictures)
+    looked = _first_look(asked, taker, model, meter, None)
     watcher.start("pictures", None, "pictures")
-    overview = _overview(taker, points, change, watcher)
-    watcher.done({"pictures": len(overview)})
+    looked.overview = _overview(taker, asked)
+    watcher.done({"pictures": len(looked.overview)})
+    # (2) One landing in full detail.
     near = np.zeros(len(scene.index), np.bool_)
     near[segments_around(scene, taker.landing.position, THINNED_FACES)] = True
     stand = taker.landing
-    del taker
+    del taker, model
     taker = PictureTaker(
         load_scene_model(
             scene, max_faces=2 * THINNED_FACES, whole=near & stand.loaded, progress=watcher
@@ -228,42 +294,70 @@ def _look_at_large(
         chosen.pictures,
     )
     taker.landing = stand
-    landing = list(taker.hand_off())
+    looked.landing = list(taker.hand_off())
     del taker
+    # (3) The proof of the hand-off.
     if not chosen.rays:
-        return overview, landing, None
-    proof = prove_in_windows(scene, _proof_options(chosen), watcher)
-    if proof.worst is not None:
-        around = segments_around(scene, proof.worst.target, THINNED_FACES)
-        model = load_scene_model(scene, segments=around, progress=watcher)
-        landing.append(PictureTaker(model, chosen.pictures).worst_place(proof.worst))
-    return overview, landing, proof
+        return looked
+    looked.proof = prove_in_windows(scene, _proof_options(chosen), watcher)
+    worst = looked.proof.worst
+    if worst is not None:
+        around = segments_around(scene, worst.target, THINNED_FACES)
+        near_model = load_scene_model(scene, segments=around, progress=watcher)
+        looked.landing.append(PictureTaker(near_model, chosen.pictures).worst_place(worst))
+    return looked
+
+
+def _meter(asked: _Asked) -> AccuracyMeter | None:
+    """Choose the points that the mesh is measured by; None where none are at hand."""
+    points = asked.points
+    if points is None:
+        return None
+    if points.surveyed is not None:
+        return AccuracyMeter(points.surveyed, points.spacing_m, points.read)
+    return AccuracyMeter(points.points, points.spacing_m, points.total)
+
+
+def _first_look(
+    asked: _Asked,
+    taker: PictureTaker,
+    model: SceneModel,
+    meter: AccuracyMeter | None,
+    overlap: Overlap | None,
+) -> _Looked:
+    """Draw the plan, measure the mesh, and gather what a surveyor asks first."""
+    watcher = asked.watcher
+    watcher.start("plan and accuracy", None, "pictures")
+    plan = taker.plan()
+    accuracy = None if meter is None else meter.finish(model.detail)
+    pictures = taker.plan_pictures(plan, accuracy)
+    legend = pictures[-1].legend
+    survey = surveyor_facts(
+        asked.scene,
+        asked.record,
+        plan,
+        model.detail,
+        accuracy,
+        spacing_m=0.0 if asked.points is None else asked.points.spacing_m,
+        overlap=overlap,
+        map_top_m=None if legend is None else legend.high,
+    )
+    watcher.done({"pictures": len(pictures)})
+    return _Looked(survey, accuracy, pictures, [])
 
 
 def _proof_options(chosen: ReportOptions) -> HandOffOptions:
     return HandOffOptions(chosen.rays, min(chosen.subsets, chosen.rays), chosen.seed)
 
 
-def _taken(
-    taker: PictureTaker, points: InputCloud | None, change: ChangeMap | None, watcher: Progress
-) -> tuple[list[Picture], list[Picture]]:
-    overview, landing = _overview(taker, points, change, watcher), []
-    for picture in taker.hand_off():
-        landing.append(picture)
-        watcher.advance(1)
-    return overview, landing
-
-
-def _overview(
-    taker: PictureTaker, points: InputCloud | None, change: ChangeMap | None, watcher: Progress
-) -> list[Picture]:
+def _overview(taker: PictureTaker, asked: _Asked) -> list[Picture]:
     """Take the pictures of the whole scene; last those of what changed."""
     overview = []
-    for picture in taker.overview(points):
+    for picture in taker.overview(asked.points):
         overview.append(picture)
-        watcher.advance(1)
-    if change is not None:
-        for picture in taker.change(change):
+        asked.watcher.advance(1)
+    if asked.change is not None:
+        for picture in taker.change(asked.change):
             overview.append(picture)
-            watcher.advance(1)
+            asked.watcher.advance(1)
     return overview

@@ -1,4 +1,4 @@
-"""``terraport report``: what is refused before anything is drawn."""
+"""``terraport report``: what is refused before anything is drawn, and what is said at the end."""
 
 from __future__ import annotations
 
@@ -20,6 +20,8 @@ from terraport.cli import app
         (["pit", "--photos", "no"], 2, "'no' does not exist"),
         (["pit", "--photos", "pit/scene.json"], 2, "is a file"),
         (["pit", "--cameras", "no"], 2, "'no' does not exist"),
+        (["pit", "--survey", "no.laz"], 2, "'no.laz' does not exist"),
+        (["pit", "-o", "page.pdf"], 2, "error: received the output page.pdf, expected a name that"),
     ],
 )
 def test_what_cannot_be_is_said_at_once(
@@ -31,3 +33,15 @@ def test_what_cannot_be_is_said_at_once(
     assert (result.exit_code, result.stdout) == (code, "")
     assert text in " ".join(result.stderr.replace("│", " ").split())
     assert not (tmp_path / "pit" / "report.html").exists()
+
+
+def test_both_pages_are_made_and_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_tiny_scene(tmp_path / "pit")
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["report", "pit", "--width", "160", "--rays", "0"])
+    assert result.exit_code == 0, result.stderr
+    first, second = result.stdout.splitlines()
+    assert first.startswith("pit/report.html  ")
+    assert second.startswith("pit/report.pdf  ")
+    assert second.endswith(", one page")
+    assert (tmp_path / "pit" / "report.pdf").read_bytes().startswith(b"%PDF-1.")

@@ -8,7 +8,8 @@ import shutil
 import numpy as np
 import pytest
 
-from terraport_pipeline.report.input_cloud import find_input_cloud
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.report.input_cloud import find_input_cloud, read_input_cloud
 from terraport_store import Scene
 
 COUNT = 123_456
@@ -33,6 +34,39 @@ def test_points_are_found_beside_the_scene(scene_dir) -> None:
         cloud = find_input_cloud(scene)
     assert cloud is not None
     assert (cloud.total, len(cloud.points), cloud.spacing_m) == (COUNT, COUNT, 0.25)
+
+
+def test_points_as_they_were_read_are_taken_if_they_are_this_scene_s(scene_dir) -> None:
+    """The manifest has the first digits of the read stage's digest."""
+    folder = scene_dir.parent / ".ground.work" / "read"
+    folder.mkdir()
+    np.save(folder / "points.npy", np.array([[500_010.0, 6_000_020.0, 130.0]] * 5))
+    for digest, read in (("0" * 32, 5), ("1" * 32, 0), (None, 0)):
+        (folder / "stage.json").write_text(json.dumps({"digest": digest}))
+        with Scene.open(scene_dir) as scene:
+            cloud = find_input_cloud(scene)
+        assert cloud is not None
+        assert cloud.read == read
+        assert (cloud.surveyed is None) == (read == 0)
+        if cloud.surveyed is not None:
+            assert cloud.surveyed[0].tolist() == [10.0, 10.0, -20.0]
+
+
+def test_the_survey_itself_is_read_again(scene_path, tmp_path) -> None:
+    rng = np.random.default_rng(3)
+    rows = rng.uniform(0, 100, (500, 3)) + np.array([500_000, 5_999_900, 120])
+    survey = tmp_path / "pit.xyz"
+    np.savetxt(survey, rows, fmt="%.3f")
+    with Scene.open(scene_path) as scene:
+        cloud = read_input_cloud(scene, survey)
+        assert (cloud.total, cloud.read, len(cloud.points)) == (500, 500, 500)
+        assert cloud.surveyed is cloud.points
+        np.testing.assert_allclose(
+            np.sort(cloud.points[:, 0]), np.sort(rows[:, 0] - 500_000), atol=1e-3
+        )
+        np.savetxt(survey, rows + np.array([90_000, 0, 0]), fmt="%.3f")
+        with pytest.raises(OptionError, match="lies elsewhere than the scene rolling <ground>"):
+            read_input_cloud(scene, survey)
 
 
 def test_large_clouds_are_thinned(scene_dir, monkeypatch) -> None:

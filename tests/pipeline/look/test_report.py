@@ -97,6 +97,7 @@ def test_every_picture_is_there_with_words_and_its_true_size(page) -> None:
     images = Page(text).images
     assert len(images) == len(result.pictures)
     assert result.pictures == (
+        "plan",
         "detail",
         "base",
         "regions",
@@ -115,8 +116,9 @@ def test_every_picture_is_there_with_words_and_its_true_size(page) -> None:
             assert read.size == (int(image["width"]), int(image["height"]))
             sizes.append(read.size)
             assert np.asarray(read).std() > 5  # something is on it
-    # The worst place has three panels of their own size.
-    assert sizes == [(160, 90)] * 8 + [(3 * 560 + 12, 420 + 22)]
+    # The plan has the ground's form; the worst place has three panels of their own size.
+    assert sizes[0] == (89, 89)
+    assert sorted(sizes[1:]) == [(160, 90)] * 8 + [(3 * 560 + 12, 420 + 22)]
 
 
 def test_numbers_names_and_warnings_are_on_the_page(page) -> None:
@@ -134,7 +136,7 @@ def test_input_is_drawn_first_when_it_is_at_hand(copy, tmp_path, detail) -> None
     cloud = InputCloud(detail.vertices, detail.colours, 0.5, 777_777)
     result = write_report(copy, tmp_path / "r.html", NO_PROOF, cloud=lambda _: cloud)
     text = result.path.read_text(encoding="utf-8")
-    assert result.pictures[0] == "input"
+    assert result.pictures[:3] == ("plan", "accuracy", "input")
     assert "777,777 points, of which 40,401 are drawn" in text
     assert "No picture of the input" not in text
     assert result.proof is None
@@ -145,7 +147,10 @@ def test_same_scene_same_page(copy, tmp_path) -> None:
     first = write_report(copy, tmp_path / "one.html", SMALL)
     second = write_report(copy, tmp_path / "two.html", SMALL)
     assert first.path.read_bytes() == second.path.read_bytes()
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["one.html", "two.html"]
+    assert first.pdf_path.read_bytes() == second.pdf_path.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "one.html", "one.pdf", "two.html", "two.pdf",
+    ]  # fmt: skip
 
 
 def test_a_damaged_build_record_costs_only_the_timings(copy, tmp_path) -> None:

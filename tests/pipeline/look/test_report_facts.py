@@ -73,7 +73,7 @@ def test_how_fine_the_surface_was_solved_is_said(tmp_path: Path) -> None:
     ]
     (scene / "build.json").write_text(json.dumps({"stages": stages}))
     with Scene.open(scene) as opened:
-        details = collect_facts(opened, has_input=False).details
+        details = collect_facts(opened, has_input=False).internals
     assert {row["label"]: row["value"] for row in details}["reconstruction"] == (
         "cells of 1.55 m; a sample every 1.54 m"
     )
@@ -85,7 +85,7 @@ def test_noise_that_was_smoothed_is_said(tmp_path: Path) -> None:
     record = {"stages": [{"name": "reconstruct", "counts": counts}]}
     (scene / "build.json").write_text(json.dumps(record))
     with Scene.open(scene) as opened:
-        details = collect_facts(opened, has_input=False).details
+        details = collect_facts(opened, has_input=False).internals
     assert {row["label"]: row["value"] for row in details}["reconstruction"] == (
         "cells of 0.123 m; a sample every 0.085 m; noise of 0.12 m, smoothed over 0.47 m about "
         "each sample"

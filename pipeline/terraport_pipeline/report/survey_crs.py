@@ -1,0 +1,29 @@
+"""The survey's coordinate reference system by name and code, for people."""
+
+from __future__ import annotations
+
+from typing import Final
+
+from terraport_pipeline.export.frame import survey_frame
+from terraport_store import Manifest
+
+__all__ = ["crs_line"]
+
+_METRIC: Final = " (in metres)"
+"""What the reader puts behind the name of a CRS whose axes it turned into metres."""
+
+
+def crs_line(manifest: Manifest) -> tuple[str, bool]:
+    """Name the survey's CRS with its code; and whether there is one.
+
+    Of a survey in feet this is its own CRS, not the metric form that the scene is built in.
+    """
+    info = manifest.crs
+    if info is None:
+        return "none stated (build with --crs EPSG:n to add it)", False
+    own = survey_frame(manifest)
+    name, code = info.name.removesuffix(_METRIC), info.epsg
+    if manifest.survey_units is not None:
+        is_own = own.crs is not None and (own.unit_m != 1.0 or own.height_unit_m != 1.0)
+        code = own.crs.to_epsg() if is_own and own.crs is not None else None
+    return (f"{name} (EPSG:{code})" if code else name), True
