@@ -31,6 +31,7 @@ from terraport_pipeline.geometry.photos.photo_samples import (
     sample_faces,
     sharpness_map,
 )
+from terraport_pipeline.geometry.photos.smooth_normals import smooth_normals
 from terraport_pipeline.geometry.photos.view_candidates import (
     Candidates,
     insert,
@@ -52,7 +53,11 @@ from terraport_pipeline.geometry.photos.view_outliers import drop_outliers
 from terraport_pipeline.geometry.textures.seam_blend import blend_seams, no_blend, seam_steps
 from terraport_pipeline.geometry.textures.seam_levels import level_field, node_levels
 from terraport_pipeline.geometry.textures.seams import find_seams, label_nodes
-from terraport_pipeline.geometry.textures.small_charts import FACES_PER_CHART, join_small_charts
+from terraport_pipeline.geometry.textures.small_charts import (
+    FACES_PER_CHART,
+    join_seen_charts,
+    join_small_charts,
+)
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = [
@@ -241,6 +246,7 @@ def choose_labels(
     progress: Progress,
     *,
     grid: CellGrid | None = None,
+    segments: Int32 | None = None,
 ) -> Labels:
     """Choose a photo for every face: the first three steps.
 
@@ -254,6 +260,8 @@ def choose_labels(
     grid : CellGrid, optional
         Where the cells lie that are judged together, and whose faces begin with one photo: the same
         for all pieces of a surface.
+    segments : ndarray of shape (F,), int32, optional
+        Segment of every face, in the order of the blocks: charts end at its border.
 
     Returns
     -------
@@ -292,9 +300,19 @@ def choose_labels(
     )
     chosen = chosen_views(candidates, labelled.slot, threads=threads)
     packed = np.array([view.packed() for view in views]).reshape(-1, PACKED)
-    most = max(1, len(chosen) // FACES_PER_CHART) if options.smoothness > 0.0 else len(chosen)
+    most = len(chosen)
+    if segments is not None:  # what is no chart's border inside a segment joins nothing
+        pairs_joined = pairs[segments[pairs[:, 0]] == segments[pairs[:, 1]]]
+    else:
+        pairs_joined = pairs
+    if options.smoothness > 0.0:
+        most = max(1, len(chosen) // FACES_PER_CHART)
+        chosen = join_seen_charts(
+            chosen, candidates.view, candidates.quality, blocks.vertices, blocks.faces,
+            pairs_joined, packed,
+        )  # fmt: skip
     joined = join_small_charts(
-        chosen, blocks.vertices, blocks.faces, pairs, packed,
+        chosen, blocks.vertices, blocks.faces, pairs_joined, packed,
         max_charts=most if options.max_charts is None else min(most, options.max_charts),
     )  # fmt: skip
     chosen = joined.view
@@ -323,6 +341,7 @@ def collect(
     # Photos come and go one at a time, so memory does not grow with their number.
     candidates = new_candidates(len(blocks.faces))
     uv = np.empty((len(blocks.vertices), 2), np.float32)
+    normals = smooth_normals(blocks.vertices, blocks.faces)
     rays, rated_faces, blank = 0, 0, 0
     progress.start("texture: what each photo sees", float(len(views)), "photos")
     for number, view in enumerate(views):
@@ -340,12 +359,18 @@ def collect(
         # (2) Faces it would be good for, by its sharpness there.
         photo = photos.get(number, scale)
         rated = rate_faces(
-            blocks, packed, seen, uv, sharpness_map(photo), candidates,
+            blocks, normals, packed, seen, uv, sharpness_map(photo), candidates,
             min_cosine=float(np.cos(np.radians(options.max_angle_degrees))), threads=threads,
         )  # fmt: skip
         # (3) Those that nothing stands in front of.
         visible, cast = visible_faces(
-            blocks, view, rated, occluder, offset_m=options.occluder_offset_m, threads=threads
+            blocks,
+            normals,
+            view,
+            rated,
+            occluder,
+            offset_m=options.occluder_offset_m,
+            threads=threads,
         )
         photo_colours = sample_faces(
             photo, packed, gains[number], blocks.faces, uv, rated.face, threads=threads

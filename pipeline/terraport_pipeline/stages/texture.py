@@ -241,7 +241,7 @@ def texture_mesh(
     # (2) Atlases by several threads, written in order. Invariant: offsets[n] is the file's length
     # after n images; memory holds no more images than threads.
     wedges = np.empty((len(pieces), 3, 2), np.uint16)
-    sums = TextureSums(len(pieces))
+    sums = TextureSums(len(pieces), len(views))
     offsets, sides = [0], []
     progress.start(label, float(count), "segments")
 

@@ -127,8 +127,7 @@ def make_charts(
     normal = np.cross(edge_a, edge_b)
     surface = 0.5 * np.linalg.norm(normal, axis=1)
     pairs, _ = face_pairs(corners, len(points))
-    # Beside photos the faces without one are few, and their small charts are dropped.
-    labels = _labels(seen, normal) if len(packed) else facing_labels(normal, pairs)
+    labels = _labels(seen, normal, pairs)
     chart, count = components(len(corners), pairs, labels=labels)
     uvs = pixels.astype(np.float64)
     plain = seen < 0
@@ -199,12 +198,16 @@ def _boxes(chart: Int32, count: int, uvs: Float64) -> tuple[Float64, Float64]:
     return low, high
 
 
-def _labels(view: Int32, normal: Float64) -> Int32:
-    """Give each face what it shares with its chart: the photo, or the nearest axis."""
-    axis = np.argmax(np.abs(normal), axis=1)
-    below = np.take_along_axis(normal, axis[:, None], axis=1)[:, 0] < 0
-    facing = -1 - 2 * axis - below
-    return np.where(view >= 0, view, facing).astype(np.int32)
+def _labels(view: Int32, normal: Float64, pairs: Int32) -> Int32:
+    """Give each face what it shares with its chart: the photo, or the axis that it is laid along."""
+    labels = view.astype(np.int32)
+    plain = np.flatnonzero(view < 0)
+    if len(plain):
+        row = np.full(len(view), -1, np.int32)
+        row[plain] = np.arange(len(plain), dtype=np.int32)
+        both = row[pairs]
+        labels[plain] = facing_labels(normal[plain], both[(both >= 0).all(axis=1)])
+    return labels
 
 
 def _plan_area(uvs: Float64) -> Float64:

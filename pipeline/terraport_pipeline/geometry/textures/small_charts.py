@@ -22,21 +22,29 @@ from typing import Final
 import numba
 import numpy as np
 
-from terraport_payload.types import Bool, Float32, Float64, Int32
+from terraport_payload.types import Bool, Float32, Float64, Int16, Int32, Int64, UInt16
 from terraport_pipeline.geometry.mesh.adjacency import components
 from terraport_pipeline.geometry.photos.lens_kernels import HEIGHT, WIDTH, project_packed
 
-__all__ = ["FACES_PER_CHART", "Joined", "join_small_charts"]
+__all__ = ["FACES_PER_CHART", "LEAST_FACES", "Joined", "join_seen_charts", "join_small_charts"]
 
-FACES_PER_CHART: Final = 48
+FACES_PER_CHART: Final = 1000
 """Faces that a mean chart has at least, or small ones join: as many as let the gutters of a base of
 200,000 faces take a quarter of its image. Clean surveys have 200 to 400."""
 
-_ROUNDS: Final = (1, 2, 4, 8, 16, 32)
-"""Most faces of the charts that join, round by round."""
+LEAST_FACES: Final = 128
+"""Charts of fewer faces join a neighbour whose photo sees them: gutters of a chart of 128 faces
+take about as many texels as its faces."""
 
-_MOST_UNSEEN: Final = 16
-"""Faces of the largest chart that joins a photo which does not see it."""
+_SEEN_SHARE: Final = 0.9
+"""Part of a chart's faces that such a photo sees at least; the rest lies in its picture."""
+
+_MOST_COST: Final = 0.6
+"""Mean cost of such a photo at most: two fifths of the best quality."""
+
+_ROUNDS: Final = (1, 2, 4, 8, 16)
+"""Most faces of the charts that join a photo which does not see them, round by round: no more than
+a cell in which photos are compared."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,7 +103,7 @@ def join_small_charts(
     chart, count = components(len(now), pairs, labels=now + 1)
     for most in _ROUNDS:
         for unseen_too in (False, True):
-            if count <= max_charts or (unseen_too and most > _MOST_UNSEEN):
+            if count <= max_charts:
                 continue
             rows, wanted = _wishes(now, chart, count, pairs, most)
             shown = _in_picture(packed, vertices, faces, rows, wanted, unseen_too)
@@ -107,12 +115,81 @@ def join_small_charts(
     return Joined(now, now != view, count)
 
 
-def _wishes(view: Int32, chart: Int32, count: int, pairs: Int32, most: int) -> tuple[Int32, Int32]:
-    """Faces of small charts, and the photo that each chart would take.
+def join_seen_charts(
+    view: Int32,
+    candidate_view: Int16,
+    costs: UInt16,
+    vertices: Float32,
+    faces: Int32,
+    pairs: Int32,
+    packed: Float64,
+    *,
+    least_faces: int = LEAST_FACES,
+) -> Int32:
+    """Give small charts the photo of a neighbour that shows them nearly as well.
 
-    That of the neighbouring charts with which it has most edges in common, the lower of equal ones.
+    Parameters
+    ----------
+    view, vertices, faces, pairs, packed
+        As for :func:`join_small_charts`.
+    candidate_view, costs : ndarray of shape (F, SLOTS)
+        Photos that see each face, and what each costs: from
+        :func:`terraport_pipeline.geometry.photos.view_labels.view_costs`.
+    least_faces : int
+        Charts of fewer faces join.
+
+    Returns
+    -------
+    ndarray of shape (F,), int32
+        Photo of every face.
+    """
+    now = view.astype(np.int32, copy=True)
+    most = 1
+    while least_faces > 1:
+        chart, count = components(len(now), pairs, labels=now + 1)
+        charts, views, edges = _borders(now, chart, count, pairs, most)
+        charts, views, edges = (
+            rows[_has_photo(now, chart, count)[charts]] for rows in (charts, views, edges)
+        )
+        # Faces of those charts, sorted by chart.
+        small = np.zeros(count, np.bool_)
+        small[charts] = True
+        rows = np.flatnonzero(small[chart]).astype(np.int32)
+        rows = rows[np.argsort(chart[rows], kind="stable")]
+        starts = np.searchsorted(chart[rows], charts)
+        ends = np.searchsorted(chart[rows], charts, side="right")
+        shown = _shown_well(
+            packed, vertices, faces, candidate_view, costs, rows, starts, ends, views
+        )
+        wanted = _best_borders(charts[shown], views[shown], edges[shown], count)
+        taken = wanted[chart] >= 0
+        now[taken] = wanted[chart[taken]]
+        if most >= least_faces - 1:
+            break
+        most = min(2 * most, least_faces - 1)
+    return now
+
+
+def _has_photo(view: Int32, chart: Int32, count: int) -> Bool:
+    has = np.zeros(count, np.bool_)
+    has[chart] = view >= 0
+    return has
+
+
+def _wishes(view: Int32, chart: Int32, count: int, pairs: Int32, most: int) -> tuple[Int32, Int32]:
+    """Faces of small charts, and the photo that each chart would take."""
+    wanted = _best_borders(*_borders(view, chart, count, pairs, most), count)
+    rows = np.flatnonzero(wanted[chart] >= 0).astype(np.int32)
+    return rows, wanted[chart[rows]]
+
+
+def _borders(
+    view: Int32, chart: Int32, count: int, pairs: Int32, most: int
+) -> tuple[Int64, Int64, Int64]:
+    """Small charts, the photos of their neighbours, and how many edges they share with those.
+
     A chart with a photo looks at larger neighbours alone (of equal ones the lower), so no two
-    charts change places.
+    charts change places. Sorted by chart, then by photo.
     """
     size = np.bincount(chart, minlength=count)
     of_chart = np.empty(count, np.int32)
@@ -127,12 +204,71 @@ def _wishes(view: Int32, chart: Int32, count: int, pairs: Int32, most: int) -> t
     keys = own[joins].astype(np.int64) * n_views + of_chart[other[joins]]
     unique, edges = np.unique(keys, return_counts=True)
     charts, views = np.divmod(unique, n_views)
+    return charts, views, edges.astype(np.int64)
+
+
+def _best_borders(charts: Int64, views: Int64, edges: Int64, count: int) -> Int32:
+    """Photo of the longest border of each chart, the lower of equal ones; -1 without any."""
     order = np.lexsort((views, -edges, charts))
     first = order[np.flatnonzero(np.diff(charts[order], prepend=-1))]
     wanted = np.full(count, -1, np.int32)
     wanted[charts[first]] = views[first]
-    rows = np.flatnonzero(wanted[chart] >= 0).astype(np.int32)
-    return rows, wanted[chart[rows]]
+    return wanted
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")
+def _shown_well(
+    packed: Float64,
+    vertices: Float32,
+    faces: Int32,
+    candidate_view: Int16,
+    costs: UInt16,
+    rows: Int32,
+    starts: Int64,
+    ends: Int64,
+    views: Int64,
+) -> Bool:
+    """Whether photos show whole charts: nearly all faces seen, at little loss, none cut off.
+
+    Parameters
+    ----------
+    packed, vertices, faces, candidate_view, costs
+        As for :func:`join_seen_charts`.
+    rows : ndarray of shape (R,), int32
+        Faces, sorted by chart.
+    starts, ends : ndarray of shape (N,), int64
+        Where the faces of each chart asked for begin and end in `rows`.
+    views : ndarray of shape (N,), int64
+        Photo asked for.
+    """
+    shown = np.zeros(len(views), np.bool_)
+    for n in range(len(views)):
+        seen, cost, inside = 0, 0.0, True
+        for i in range(starts[n], ends[n]):
+            f = rows[i]
+            at = -1
+            for s in range(candidate_view.shape[1]):
+                if candidate_view[f, s] == views[n]:
+                    at = s
+            if at >= 0:
+                seen += 1
+                cost += costs[f, at] / 65535.0
+                continue
+            for c in range(3):
+                p = faces[f, c]
+                x, y, _ = project_packed(
+                    packed[views[n]],
+                    np.float64(vertices[p, 0]), np.float64(vertices[p, 1]),
+                    np.float64(vertices[p, 2]),
+                )  # fmt: skip
+                # Written so that NaN is outside.
+                if not (
+                    0.0 <= x <= packed[views[n], WIDTH] and 0.0 <= y <= packed[views[n], HEIGHT]
+                ):
+                    inside = False
+        size = ends[n] - starts[n]
+        shown[n] = inside and seen >= _SEEN_SHARE * size and cost <= _MOST_COST * seen
+    return shown
 
 
 @numba.njit(cache=True, nogil=True, error_model="numpy")
