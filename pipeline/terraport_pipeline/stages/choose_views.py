@@ -31,7 +31,6 @@ from terraport_pipeline.geometry.photos.photo_samples import (
     sample_faces,
     sharpness_map,
 )
-from terraport_pipeline.geometry.photos.smooth_normals import smooth_normals
 from terraport_pipeline.geometry.photos.view_candidates import (
     Candidates,
     insert,
@@ -112,7 +111,7 @@ class Options:
     occluder_offset_m: float = 0.0
     """How far the occluder may lie in front of the mesh where it is not the mesh itself."""
     max_charts: int | None = None
-    """Charts beyond which small ones join their neighbours; None goes by the number of faces,
+    """Charts beyond which larger ones join their neighbours; None goes by the number of faces,
     and joins nothing without smoothness."""
 
     def __post_init__(self) -> None:
@@ -230,7 +229,7 @@ class Labels:
     edges: Int32
     """(P, 2) the vertices between them."""
     borrowed: Bool
-    """(F,) faces that have the photo of a neighbour, which may not see them."""
+    """(F,) faces that have the photo of a neighbour, which does not see them."""
     facts: dict[str, Any]
 
 
@@ -300,30 +299,30 @@ def choose_labels(
     )
     chosen = chosen_views(candidates, labelled.slot, threads=threads)
     packed = np.array([view.packed() for view in views]).reshape(-1, PACKED)
-    most = len(chosen)
-    if segments is not None:  # what is no chart's border inside a segment joins nothing
-        pairs_joined = pairs[segments[pairs[:, 0]] == segments[pairs[:, 1]]]
-    else:
-        pairs_joined = pairs
-    if options.smoothness > 0.0:
-        most = max(1, len(chosen) // FACES_PER_CHART)
+    most = max(1, len(chosen) // FACES_PER_CHART)
+    if options.max_charts is not None:
+        most = min(most, options.max_charts)
+    if options.smoothness > 0.0 or options.max_charts is not None:
+        # A chart ends where its segment does, so nothing beyond is its neighbour.
+        within = pairs
+        if segments is not None:
+            within = pairs[segments[pairs[:, 0]] == segments[pairs[:, 1]]]
         chosen = join_seen_charts(
-            chosen, candidates.view, candidates.quality, blocks.vertices, blocks.faces,
-            pairs_joined, packed,
+            chosen, candidates.view, candidates.quality, blocks.vertices, blocks.faces, within,
+            packed,
         )  # fmt: skip
-    joined = join_small_charts(
-        chosen, blocks.vertices, blocks.faces, pairs_joined, packed,
-        max_charts=most if options.max_charts is None else min(most, options.max_charts),
-    )  # fmt: skip
-    chosen = joined.view
+        chosen = join_small_charts(
+            chosen, blocks.vertices, blocks.faces, within, packed, max_charts=most
+        ).view
+    borrowed = (chosen >= 0) & ~(candidates.view == chosen[:, None]).any(axis=1)
     facts |= {
         "energy_before": labelled.energies[0],
         "energy_after": labelled.energies[-1],
         "faces_unseen": int((chosen < 0).sum()),
-        "faces_borrowed": int(joined.borrowed.sum()),
+        "faces_borrowed": int(borrowed.sum()),
     }
     progress.done({"faces unseen": facts["faces_unseen"]})
-    return Labels(chosen, candidates, own, pairs, edges, joined.borrowed, facts)
+    return Labels(chosen, candidates, own, pairs, edges, borrowed, facts)
 
 
 def collect(
@@ -341,7 +340,6 @@ def collect(
     # Photos come and go one at a time, so memory does not grow with their number.
     candidates = new_candidates(len(blocks.faces))
     uv = np.empty((len(blocks.vertices), 2), np.float32)
-    normals = smooth_normals(blocks.vertices, blocks.faces)
     rays, rated_faces, blank = 0, 0, 0
     progress.start("texture: what each photo sees", float(len(views)), "photos")
     for number, view in enumerate(views):
@@ -359,18 +357,12 @@ def collect(
         # (2) Faces it would be good for, by its sharpness there.
         photo = photos.get(number, scale)
         rated = rate_faces(
-            blocks, normals, packed, seen, uv, sharpness_map(photo), candidates,
+            blocks, packed, seen, uv, sharpness_map(photo), candidates,
             min_cosine=float(np.cos(np.radians(options.max_angle_degrees))), threads=threads,
         )  # fmt: skip
         # (3) Those that nothing stands in front of.
         visible, cast = visible_faces(
-            blocks,
-            normals,
-            view,
-            rated,
-            occluder,
-            offset_m=options.occluder_offset_m,
-            threads=threads,
+            blocks, view, rated, occluder, offset_m=options.occluder_offset_m, threads=threads
         )
         photo_colours = sample_faces(
             photo, packed, gains[number], blocks.faces, uv, rated.face, threads=threads

@@ -52,9 +52,9 @@ _ROUGHNESS_CELLS: Final = 0.35
 """How far in front of a face's plane a grid ray may end, in widths of a grid cell on the ground:
 what lies lower than this cannot hide more than a third of a cell."""
 
-_OFFSET_EDGES: Final = 1.0
-"""Rays begin this many face widths above the surface, so that its noise does not hide its
-faces."""
+_OFFSET_EDGES: Final = 0.25
+"""Rays begin this many face widths above the face, so that noise of neighbouring faces does not
+hide it."""
 
 _OFFSET_DISTANCE: Final = 2e-5
 """And this part of the distance to the camera, for float32."""
@@ -75,7 +75,6 @@ class Occluder(Protocol):
 
 def visible_faces(
     blocks: MeshBlocks,
-    normals: Float32,
     view: View,
     rated: Rated,
     occluder: Occluder,
@@ -89,8 +88,6 @@ def visible_faces(
     ----------
     blocks : MeshBlocks
         The mesh whose faces are asked for.
-    normals : ndarray of shape (V, 3), float32
-        From :func:`terraport_pipeline.geometry.photos.smooth_normals.smooth_normals`.
     view : View
     rated : Rated
         C faces inside the picture.
@@ -116,7 +113,7 @@ def visible_faces(
 
         def clear(begin: int, end: int) -> None:
             _find_unsure(
-                packed, blocks.vertices, blocks.faces, normals, rated.face, rated.area, depth, rays,
+                packed, blocks.vertices, blocks.faces, rated.face, rated.area, depth, rays,
                 offset_m, unsure, begin, end,
             )  # fmt: skip
 
@@ -126,7 +123,7 @@ def visible_faces(
     for first in range(0, len(ask), _CHUNK_FACES):
         rows = ask[first : first + _CHUNK_FACES]
         origins, owner = _face_rays(
-            packed, blocks.vertices, blocks.faces, normals, rated.face, rated.area, offset_m, rows
+            packed, blocks.vertices, blocks.faces, rated.face, rated.area, offset_m, rows
         )
         distance, _ = occluder.closest_hit(origins, view.position.astype(np.float32) - origins)
         visible[rows] = True
@@ -166,9 +163,9 @@ def _grid_rays(
 
 @numba.njit(cache=True, nogil=True)
 def _face_frame(
-    vertices: Float32, faces: Int32, normals: Float32, f: int
+    vertices: Float32, faces: Int32, f: int
 ) -> tuple[float, float, float, float, float, float, float]:
-    """Centre, unit smooth normal and width (root of twice the area) of a face."""
+    """Centre, unit normal and width (root of twice the area) of a face."""
     i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
     ix, iy, iz = np.float64(vertices[i, 0]), np.float64(vertices[i, 1]), np.float64(vertices[i, 2])
     jx, jy, jz = np.float64(vertices[j, 0]), np.float64(vertices[j, 1]), np.float64(vertices[j, 2])
@@ -177,11 +174,7 @@ def _face_frame(
     ny = (jz - iz) * (kx - ix) - (jx - ix) * (kz - iz)
     nz = (jx - ix) * (ky - iy) - (jy - iy) * (kx - ix)
     size = np.sqrt(nx * nx + ny * ny + nz * nz)
-    nx = np.float64(normals[i, 0]) + normals[j, 0] + normals[k, 0]
-    ny = np.float64(normals[i, 1]) + normals[j, 1] + normals[k, 1]
-    nz = np.float64(normals[i, 2]) + normals[j, 2] + normals[k, 2]
-    length = np.sqrt(nx * nx + ny * ny + nz * nz)
-    scale = 1.0 / length if length > 0.0 else 0.0
+    scale = 1.0 / size if size > 0.0 else 0.0
     return (
         (ix + jx + kx) / 3.0, (iy + jy + ky) / 3.0, (iz + jz + kz) / 3.0,
         nx * scale, ny * scale, nz * scale, np.sqrt(size),
@@ -193,7 +186,6 @@ def _find_unsure(
     packed: Float64,
     vertices: Float32,
     faces: Int32,
-    normals: Float32,
     face: Int32,
     area: Float32,
     depth: Float32,
@@ -209,8 +201,8 @@ def _find_unsure(
     ----------
     packed : ndarray of shape (PACKED,), float64
         The view.
-    vertices, faces, normals : ndarray
-        The mesh, metres, and the smooth normals of its vertices.
+    vertices, faces : ndarray
+        The mesh, metres.
     face, area : ndarray of shape (C,)
         Columns of :class:`~.view_candidates.Rated`.
     depth, rays : ndarray of shape (rows, columns), (rows, columns, 3)
@@ -231,7 +223,7 @@ def _find_unsure(
         if area[c] > step * step:
             continue  # larger than a cell: the grid says too little
         # (2) The face's centre, and the grid cell that it is seen in.
-        x, y, z, nx, ny, nz, _ = _face_frame(vertices, faces, normals, face[c])
+        x, y, z, nx, ny, nz, _ = _face_frame(vertices, faces, face[c])
         u, v, along = project_packed(packed, x, y, z)
         column, row = int(u / step_u), int(v / step_v)
         if not (0 <= column < columns - 1 and 0 <= row < rows - 1):
@@ -267,7 +259,6 @@ def _face_rays(
     packed: Float64,
     vertices: Float32,
     faces: Int32,
-    normals: Float32,
     face: Int32,
     area: Float32,
     offset_m: float,
@@ -286,7 +277,7 @@ def _face_rays(
         # (2) From just above the face, by its own size, the distance (float32) and the surface's
         # noise.
         f = face[c]
-        x, y, z, nx, ny, nz, width = _face_frame(vertices, faces, normals, f)
+        x, y, z, nx, ny, nz, width = _face_frame(vertices, faces, f)
         distance = np.sqrt((x - px) ** 2 + (y - py) ** 2 + (z - pz) ** 2)
         lift = _OFFSET_EDGES * width + _OFFSET_DISTANCE * distance + offset_m
         for corner in range(4 if area[c] > _LARGE_PX else 1):

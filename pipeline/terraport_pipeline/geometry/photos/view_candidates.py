@@ -144,7 +144,6 @@ def median_area(
 
 def rate_faces(
     blocks: MeshBlocks,
-    normals: Float32,
     packed: Float64,
     seen: npt.NDArray[np.intp],
     uv: Float32,
@@ -159,8 +158,6 @@ def rate_faces(
     Parameters
     ----------
     blocks : MeshBlocks
-    normals : ndarray of shape (V, 3), float32
-        From :func:`terraport_pipeline.geometry.photos.smooth_normals.smooth_normals`.
     packed : ndarray of shape (PACKED,), float64
         The view.
     seen : ndarray of int
@@ -185,16 +182,7 @@ def rate_faces(
     def work(begin: int, end: int) -> list[tuple[Int32, Float32, Float32]]:
         return [
             kernels.rate(
-                packed,
-                blocks.vertices,
-                blocks.faces,
-                normals,
-                uv,
-                sharpness,
-                worst,
-                min_cosine,
-                first,
-                last,
+                packed, blocks.vertices, blocks.faces, uv, sharpness, worst, min_cosine, first, last
             )
             for first, last in pieces[begin:end]
         ]

@@ -12,15 +12,7 @@ import numpy as np
 
 from terraport_payload.types import Bool, Float32, Float64, Int16, Int32, Int64, UInt8, UInt16
 from terraport_pipeline.geometry.mesh.face_vector import face_vector
-from terraport_pipeline.geometry.photos.lens_kernels import (
-    FX,
-    FY,
-    HEIGHT,
-    POSITION,
-    ROTATION,
-    WIDTH,
-    project_packed,
-)
+from terraport_pipeline.geometry.photos.lens_kernels import HEIGHT, POSITION, WIDTH, project_packed
 
 __all__ = [
     "QUALITY_STEPS",
@@ -131,7 +123,6 @@ def rate(
     packed: Float64,
     vertices: Float32,
     faces: Int32,
-    normals: Float32,
     uv: Float32,
     sharpness: Float32,
     quality: UInt16,
@@ -147,8 +138,6 @@ def rate(
         The view.
     vertices, faces : ndarray
         The mesh, metres.
-    normals : ndarray of shape (V, 3), float32
-        Smooth ones.
     uv : ndarray of shape (V, 2), float32
         Pixels of the vertices; NaN outside the picture.
     sharpness : ndarray of shape (rows, columns), float32
@@ -171,7 +160,7 @@ def rate(
     n = 0
     for f in range(begin, end):
         i, j, k = faces[f, 0], faces[f, 1], faces[f, 2]
-        # (1) In the picture with all corners.
+        # (1) In the picture with all corners, and of some area there.
         inside = True  # NaN (not in the picture) fails the comparisons
         for c in range(3):
             u, v = uv[faces[f, c], 0], uv[faces[f, c], 1]
@@ -179,24 +168,17 @@ def rate(
                 inside = False
         if not inside:
             continue
-        # (2) Turned to the camera by min_cosine at least, as the surface around it is.
-        ax, ay, az = face_vector(vertices, faces, f)
-        nx = np.float64(normals[i, 0]) + normals[j, 0] + normals[k, 0]
-        ny = np.float64(normals[i, 1]) + normals[j, 1] + normals[k, 1]
-        nz = np.float64(normals[i, 2]) + normals[j, 2] + normals[k, 2]
-        tx, ty, tz = px - vertices[i, 0], py - vertices[i, 1], pz - vertices[i, 2]
-        distance = np.sqrt(tx * tx + ty * ty + tz * tz)
-        size = np.sqrt(nx * nx + ny * ny + nz * nz) * distance
-        facing = nx * tx + ny * ty + nz * tz
-        surface = 0.5 * np.sqrt(ax * ax + ay * ay + az * az)
-        depth = -(packed[ROTATION + 6] * tx + packed[ROTATION + 7] * ty + packed[ROTATION + 8] * tz)
-        # A face without area, or one that the camera stands on, looks nowhere.
-        if not (surface > 0.0 and size > 0.0 and depth > 0.0 and facing >= min_cosine * size):
+        area = _picture_area(faces, uv, f)
+        if not area > 0.0:
             continue
-        cosine = facing / size
-        # What a pinhole shows of the surface there; the lens's distortion is as good as the same
-        # for all photos.
-        area = surface * cosine * packed[FX] * packed[FY] * distance / (depth * depth * depth)
+        # (2) Turned to the camera by min_cosine at least.
+        nx, ny, nz = face_vector(vertices, faces, f)
+        tx, ty, tz = px - vertices[i, 0], py - vertices[i, 1], pz - vertices[i, 2]
+        size = np.sqrt((nx * nx + ny * ny + nz * nz) * (tx * tx + ty * ty + tz * tz))
+        facing = nx * tx + ny * ty + nz * tz
+        # A face without area, or one that the camera stands on, looks nowhere.
+        if not (size > 0.0 and facing >= min_cosine * size):
+            continue
         # (3) Quality: area in the picture, times cosine, times sharpness where it is seen; kept
         # only where it betters the worst of the face's slots.
         u = (np.float64(uv[i, 0]) + uv[j, 0] + uv[k, 0]) / 3.0
@@ -204,7 +186,7 @@ def rate(
         sharp = sharpness[
             min(int(v * rows / height), rows - 1), min(int(u * columns / width), columns - 1)
         ]
-        value = area * cosine * sharp
+        value = area * (facing / size) * sharp
         least = 65535
         for s in range(SLOTS):
             least = min(least, int(quality[f, s]))

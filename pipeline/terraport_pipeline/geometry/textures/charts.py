@@ -58,6 +58,9 @@ six rounds saved 18 % of all texels; 0.8 and four rounds 2 %."""
 _LEAST_HALF: Final = 100
 """Faces that a half has at least: what is saved with fewer comes back as seams."""
 
+_WORTH_ANY_SEAM: Final = 4096.0
+"""Texels saved that count more than that."""
+
 _CUTS: Final = 6
 
 
@@ -181,8 +184,10 @@ def _cut_sparse(
             cells = np.nan_to_num(np.prod(new_high - new_low + _CELL_RIM, axis=1), posinf=0.0)
         cells[~np.isfinite(new_low).all(axis=1)] = 0.0
         before = np.prod(size + _CELL_RIM, axis=1)
+        saved = before - cells[:count] - cells[count:]
         halves = np.bincount(tried, minlength=2 * count).reshape(2, count).min(axis=0)
-        kept = wanted & (cells[:count] + cells[count:] < _SAVED * before) & (halves >= _LEAST_HALF)
+        kept = wanted & (saved > (1.0 - _SAVED) * before)
+        kept &= (halves >= _LEAST_HALF) | (saved > _WORTH_ANY_SEAM)
         if not kept.any():
             break
         tried = np.where(kept[chart], tried, chart)
@@ -203,7 +208,7 @@ def _boxes(chart: Int32, count: int, uvs: Float64) -> tuple[Float64, Float64]:
 
 
 def _labels(view: Int32, normal: Float64, pairs: Int32) -> Int32:
-    """Give each face what it shares with its chart: the photo, or the axis that it is laid along."""
+    """Give each face what it shares with its chart: its photo, or the axis it is laid along."""
     labels = view.astype(np.int32)
     plain = np.flatnonzero(view < 0)
     if len(plain):

@@ -1,15 +1,19 @@
 """Small charts join their neighbours: what a noisy surface would otherwise fall into.
 
-Every chart takes gutters of its own, 256 texels however little it shows. A noisy surface hides half
-of itself from every photo, and falls into charts of one face or two: more than an image has room
-for, whatever seams cost (Caliterra's base: 43,000 of 200,000 faces; with seams at sixty times the
-price 42,900).
+Every chart takes gutters of its own, 256 texels however little it shows, and has a seam all around.
+A noisy surface hides half of itself from every photo, and falls into charts of one face or two,
+whatever seams cost (Caliterra's base: 43,000 of 200,000 faces; with seams at sixty times the price
+42,900). On any surface segments cut charts into slivers, and photos that were dropped for a cell
+leave crumbs of another photo. So:
 
-Where a mesh has too many charts, those of the fewest faces take the photo of the neighbour with the
-longest common border, in rounds of twice as many faces each, until there are few enough. Joined is
-what the photo has in its picture: first faces that look at it, then also those that it shows from
-behind or that something hides. So small a piece is a step in the noise; what the photo shows there
-is the surface beside it, a few texels away. Larger pieces stay.
+1. Charts of fewer than 128 faces take the photo of a neighbour that shows them nearly as well.
+1. Charts of up to 16 faces take that of the neighbour with the longest common border, if they are
+   in its picture at all: first faces that look at it, then also those that it shows from behind or
+   that something hides. So small a piece is a step in the noise, or the rim of something; what the
+   photo shows there is the surface beside it, a few texels away. Of up to 32 faces, if they look at
+   the photo and there are too many charts. Larger pieces stay.
+
+Both go in rounds of twice as many faces each.
 
 PURE: no I/O, no clock.
 """
@@ -28,23 +32,25 @@ from terraport_pipeline.geometry.photos.lens_kernels import HEIGHT, WIDTH, proje
 
 __all__ = ["FACES_PER_CHART", "LEAST_FACES", "Joined", "join_seen_charts", "join_small_charts"]
 
-FACES_PER_CHART: Final = 1000
-"""Faces that a mean chart has at least, or small ones join: as many as let the gutters of a base of
-200,000 faces take a quarter of its image. Clean surveys have 200 to 400."""
+FACES_PER_CHART: Final = 48
+"""Faces that a mean chart has at least, or charts of up to 32 faces join: as many as let the
+gutters of a base of 200,000 faces take a quarter of its image."""
 
 LEAST_FACES: Final = 128
 """Charts of fewer faces join a neighbour whose photo sees them: gutters of a chart of 128 faces
 take about as many texels as its faces."""
 
-_SEEN_SHARE: Final = 0.9
+_SEEN_SHARE: Final = 0.75
 """Part of a chart's faces that such a photo sees at least; the rest lies in its picture."""
 
 _MOST_COST: Final = 0.6
 """Mean cost of such a photo at most: two fifths of the best quality."""
 
-_ROUNDS: Final = (1, 2, 4, 8, 16)
-"""Most faces of the charts that join a photo which does not see them, round by round: no more than
-a cell in which photos are compared."""
+_ROUNDS: Final = (1, 2, 4, 8, 16, 32)
+"""Most faces of the charts that join, round by round."""
+
+_MOST_UNSEEN: Final = 16
+"""Faces of the largest chart that joins a photo which does not see it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,8 +59,6 @@ class Joined:
 
     view: Int32
     """(F,) -1 where there is none."""
-    borrowed: Bool
-    """(F,) faces that have a neighbour's photo now."""
     charts: int
     """Charts that are left, before those without a photo are cut by their axes."""
 
@@ -68,7 +72,7 @@ def join_small_charts(
     *,
     max_charts: int,
 ) -> Joined:
-    """Give small charts the photos of their neighbours until there are few enough.
+    """Give charts of a few faces the photos of their neighbours.
 
     Parameters
     ----------
@@ -82,8 +86,8 @@ def join_small_charts(
     packed : ndarray of shape (views, PACKED), float64
         From ``View.packed``.
     max_charts : int
-        Nothing is done up to so many. May not be reached: what no photo has in its picture, and
-        pieces of more than 32 faces, stay.
+        Up to so many, charts of more than 16 faces stay. May not be reached: what no photo has in
+        its picture, and pieces of more than 32 faces, stay.
 
     Returns
     -------
@@ -103,7 +107,7 @@ def join_small_charts(
     chart, count = components(len(now), pairs, labels=now + 1)
     for most in _ROUNDS:
         for unseen_too in (False, True):
-            if count <= max_charts:
+            if most > _MOST_UNSEEN and (unseen_too or count <= max_charts):
                 continue
             rows, wanted = _wishes(now, chart, count, pairs, most)
             shown = _in_picture(packed, vertices, faces, rows, wanted, unseen_too)
@@ -112,7 +116,7 @@ def join_small_charts(
             taken = ~refused[chart[rows]]
             now[rows[taken]] = wanted[taken]
             chart, count = components(len(now), pairs, labels=now + 1)
-    return Joined(now, now != view, count)
+    return Joined(now, count)
 
 
 def join_seen_charts(
@@ -145,35 +149,30 @@ def join_seen_charts(
     """
     now = view.astype(np.int32, copy=True)
     most = 1
-    while least_faces > 1:
+    while most < least_faces:
+        # (1) Small charts with a photo, and the photos of their neighbours.
         chart, count = components(len(now), pairs, labels=now + 1)
+        with_photo = np.zeros(count, np.bool_)
+        with_photo[chart[now >= 0]] = True
         charts, views, edges = _borders(now, chart, count, pairs, most)
-        charts, views, edges = (
-            rows[_has_photo(now, chart, count)[charts]] for rows in (charts, views, edges)
-        )
-        # Faces of those charts, sorted by chart.
+        kept = with_photo[charts]
+        charts, views, edges = charts[kept], views[kept], edges[kept]
+        # (2) Faces of those charts, sorted by chart.
         small = np.zeros(count, np.bool_)
         small[charts] = True
         rows = np.flatnonzero(small[chart]).astype(np.int32)
         rows = rows[np.argsort(chart[rows], kind="stable")]
         starts = np.searchsorted(chart[rows], charts)
         ends = np.searchsorted(chart[rows], charts, side="right")
+        # (3) Of the photos that show a chart well, that of the longest border.
         shown = _shown_well(
             packed, vertices, faces, candidate_view, costs, rows, starts, ends, views
         )
         wanted = _best_borders(charts[shown], views[shown], edges[shown], count)
         taken = wanted[chart] >= 0
         now[taken] = wanted[chart[taken]]
-        if most >= least_faces - 1:
-            break
-        most = min(2 * most, least_faces - 1)
+        most = least_faces if most == least_faces - 1 else min(2 * most, least_faces - 1)
     return now
-
-
-def _has_photo(view: Int32, chart: Int32, count: int) -> Bool:
-    has = np.zeros(count, np.bool_)
-    has[chart] = view >= 0
-    return has
 
 
 def _wishes(view: Int32, chart: Int32, count: int, pairs: Int32, most: int) -> tuple[Int32, Int32]:
