@@ -3,7 +3,7 @@
 (1) every photo's faces are rated, tested for occlusion and kept among the best few of each face,
 one photo at a time; (2) photos that disagree with the others about a face are dropped; (3)
 neighbouring faces are given the same photo where that costs little, and small charts join their
-neighbours where there are too many; (4) what remains at the seams is levelled.
+neighbours; (4) what remains at the seams is levelled.
 
 Memory: 56 bytes a face for the candidates, about 60 for the neighbours and 60 for the result, and
 40 per vertex; plus what the store of photos may hold.
@@ -53,7 +53,6 @@ from terraport_pipeline.geometry.textures.seam_blend import blend_seams, no_blen
 from terraport_pipeline.geometry.textures.seam_levels import level_field, node_levels
 from terraport_pipeline.geometry.textures.seams import find_seams, label_nodes
 from terraport_pipeline.geometry.textures.small_charts import (
-    FACES_PER_CHART,
     join_seen_charts,
     join_small_charts,
 )
@@ -110,9 +109,6 @@ class Options:
     side. Wider hides more, and shows things double where the cameras are a little off."""
     occluder_offset_m: float = 0.0
     """How far the occluder may lie in front of the mesh where it is not the mesh itself."""
-    max_charts: int | None = None
-    """Charts beyond which larger ones join their neighbours; None goes by the number of faces,
-    and joins nothing without smoothness."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.max_angle_degrees < 90.0:
@@ -125,8 +121,6 @@ class Options:
             raise OptionError(f"blend rings {self.blend_rings}; expected 1 to 16")
         if not self.occluder_offset_m >= 0.0:
             raise OptionError(f"occluder offset {self.occluder_offset_m} m; expected at least 0")
-        if self.max_charts is not None and self.max_charts < 1:
-            raise OptionError(f"max charts {self.max_charts}; expected at least 1")
 
 
 def choose_views(
@@ -299,10 +293,7 @@ def choose_labels(
     )
     chosen = chosen_views(candidates, labelled.slot, threads=threads)
     packed = np.array([view.packed() for view in views]).reshape(-1, PACKED)
-    most = max(1, len(chosen) // FACES_PER_CHART)
-    if options.max_charts is not None:
-        most = min(most, options.max_charts)
-    if options.smoothness > 0.0 or options.max_charts is not None:
+    if options.smoothness > 0.0:
         # A chart ends where its segment does, so nothing beyond is its neighbour.
         within = pairs
         if segments is not None:
@@ -311,9 +302,7 @@ def choose_labels(
             chosen, candidates.view, candidates.quality, blocks.vertices, blocks.faces, within,
             packed,
         )  # fmt: skip
-        chosen = join_small_charts(
-            chosen, blocks.vertices, blocks.faces, within, packed, max_charts=most
-        ).view
+        chosen = join_small_charts(chosen, blocks.vertices, blocks.faces, within, packed)
     borrowed = (chosen >= 0) & ~(candidates.view == chosen[:, None]).any(axis=1)
     facts |= {
         "energy_before": labelled.energies[0],

@@ -22,7 +22,6 @@ from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.geometry.photos.view_choice import ViewChoice
-from terraport_pipeline.geometry.textures.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.ordered import in_order
@@ -145,9 +144,7 @@ def texture_base(
         gains = view_gains(
             base, views, photos, rays, threads=context.threads, progress=context.progress
         )
-        # Half of the charts that the image may hold: those without a photo are cut further.
-        room = (options.base_side // SMALLEST_CELL) ** 2 // 8
-        choice = _choose(base, views, photos, rays, gains, context, max_charts=room)
+        choice = _choose(base, views, photos, rays, gains, context)
     atlases = texture_mesh(
         base, np.zeros(len(base.faces), np.int32), views, photos, choice, options,
         max_side=options.base_side, path=context.scratch / "base.images",
@@ -278,12 +275,10 @@ def _choose(
     rays: RayScene,
     gains: Float32,
     context: Context,
-    *,
-    max_charts: int | None = None,
 ) -> ViewChoice:
     return choosing.choose_views(
         mesh.vertices, mesh.faces, mesh.normals, mesh.colours, views, photos, rays, gains,
-        choosing.Options(max_charts=max_charts), context.threads, context.progress,
+        choosing.Options(), context.threads, context.progress,
     )  # fmt: skip
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from memory_tiles import MemoryTiles
-from tiled_place import chosen, context, gains, opened, scale, site, tiles
+from tiled_place import chosen, context, gains, one_segment, opened, scale, site, tiles
 
-from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.tiles import tiled_views
 
@@ -43,7 +43,14 @@ def test_what_lies_beyond_the_band_hides_what_is_behind_it() -> None:
         for base in (mesh, only):
             views = [
                 tiled_views.choose(
-                    cut_tiles, tile, base, opened(), gains(), scale(), context()
+                    cut_tiles,
+                    tile,
+                    base,
+                    opened(),
+                    gains(),
+                    scale(),
+                    one_segment(cut_tiles, tile),
+                    context(),
                 ).arrays["candidate_view"]
                 for tile in range(16)
             ]
@@ -51,3 +58,25 @@ def test_what_lies_beyond_the_band_hides_what_is_behind_it() -> None:
     whole = int((chosen(1)[0]["candidate_view"] >= 0).sum())
     assert counts[0] < counts[1]
     assert abs(counts[0] - whole) < 0.02 * whole
+
+
+def test_charts_end_at_segments() -> None:
+    """Slivers of a segment take the photo of the segment's own faces, nowhere another tile's."""
+    count = len(site().mesh.faces)
+    middle = site().mesh.vertices[site().mesh.faces].mean(axis=1)
+    segments = (middle[:, 0] > np.median(middle[:, 0])).astype(np.int32)
+    choice = (
+        tiled_views.choose(
+            tiles(1), 0, site().mesh, opened(), gains(), scale(), segments, context()
+        )
+        .arrays["view"]
+        .astype(np.int32)
+    )
+    pairs, _ = face_pairs(site().mesh.faces, len(site().mesh.vertices))
+    within = pairs[segments[pairs[:, 0]] == segments[pairs[:, 1]]]
+    charts = []
+    for view in (choice, chosen(1)[0]["view"].astype(np.int32)):
+        chart, _ = components(count, within, labels=view + 1)
+        sizes = np.bincount(chart)
+        charts.append(int((sizes < 16).sum()))
+    assert charts[0] < charts[1]

@@ -7,11 +7,10 @@ whatever seams cost (Caliterra's base: 43,000 of 200,000 faces; with seams at si
 leave crumbs of another photo. So:
 
 1. Charts of fewer than 128 faces take the photo of a neighbour that shows them nearly as well.
-1. Charts of up to 16 faces take that of the neighbour with the longest common border, if they are
-   in its picture at all: first faces that look at it, then also those that it shows from behind or
-   that something hides. So small a piece is a step in the noise, or the rim of something; what the
-   photo shows there is the surface beside it, a few texels away. Of up to 32 faces, if they look at
-   the photo and there are too many charts. Larger pieces stay.
+1. Charts of up to 32 faces take that of the neighbour with the longest common border, if they look
+   at it; charts of up to 16 also if it shows them from behind, or something hides them, but has
+   them in its picture. So small a piece is a step in the noise, or the rim of something; what the
+   photo shows there is the surface beside it, a few texels away. Larger pieces stay.
 
 Both go in rounds of twice as many faces each.
 
@@ -20,7 +19,6 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numba
@@ -30,11 +28,7 @@ from terraport_payload.types import Bool, Float32, Float64, Int16, Int32, Int64,
 from terraport_pipeline.geometry.mesh.adjacency import components
 from terraport_pipeline.geometry.photos.lens_kernels import HEIGHT, WIDTH, project_packed
 
-__all__ = ["FACES_PER_CHART", "LEAST_FACES", "Joined", "join_seen_charts", "join_small_charts"]
-
-FACES_PER_CHART: Final = 48
-"""Faces that a mean chart has at least, or charts of up to 32 faces join: as many as let the
-gutters of a base of 200,000 faces take a quarter of its image."""
+__all__ = ["LEAST_FACES", "join_seen_charts", "join_small_charts"]
 
 LEAST_FACES: Final = 128
 """Charts of fewer faces join a neighbour whose photo sees them: gutters of a chart of 128 faces
@@ -53,25 +47,13 @@ _MOST_UNSEEN: Final = 16
 """Faces of the largest chart that joins a photo which does not see it."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Joined:
-    """The photo of every face, with small charts joined."""
-
-    view: Int32
-    """(F,) -1 where there is none."""
-    charts: int
-    """Charts that are left, before those without a photo are cut by their axes."""
-
-
 def join_small_charts(
     view: Int32,
     vertices: Float32,
     faces: Int32,
     pairs: Int32,
     packed: Float64,
-    *,
-    max_charts: int,
-) -> Joined:
+) -> Int32:
     """Give charts of a few faces the photos of their neighbours.
 
     Parameters
@@ -85,29 +67,25 @@ def join_small_charts(
         Neighbouring faces.
     packed : ndarray of shape (views, PACKED), float64
         From ``View.packed``.
-    max_charts : int
-        Up to so many, charts of more than 16 faces stay. May not be reached: what no photo has in
-        its picture, and pieces of more than 32 faces, stay.
 
     Returns
     -------
-    Joined
+    ndarray of shape (F,), int32
+        Photo of every face. What no photo has in its picture, and larger pieces, are as they were.
 
     Examples
     --------
     >>> none = np.zeros((0, 2), np.int32)
     >>> row = np.array([[0, 0, 0], [1, 0, 0], [0, 0, 1]], np.float32)
     >>> face = np.array([[0, 2, 1]], np.int32)
-    >>> join_small_charts(
-    ...     np.array([-1], np.int32), row, face, none, np.zeros((0, 30)), max_charts=1
-    ... ).charts
-    1
+    >>> join_small_charts(np.array([-1], np.int32), row, face, none, np.zeros((0, 30))).tolist()
+    [-1]
     """
     now = view.astype(np.int32, copy=True)
     chart, count = components(len(now), pairs, labels=now + 1)
     for most in _ROUNDS:
         for unseen_too in (False, True):
-            if most > _MOST_UNSEEN and (unseen_too or count <= max_charts):
+            if most > _MOST_UNSEEN and unseen_too:
                 continue
             rows, wanted = _wishes(now, chart, count, pairs, most)
             shown = _in_picture(packed, vertices, faces, rows, wanted, unseen_too)
@@ -116,7 +94,7 @@ def join_small_charts(
             taken = ~refused[chart[rows]]
             now[rows[taken]] = wanted[taken]
             chart, count = components(len(now), pairs, labels=now + 1)
-    return Joined(now, count)
+    return now
 
 
 def join_seen_charts(
