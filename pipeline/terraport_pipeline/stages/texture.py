@@ -55,7 +55,7 @@ SIDES: Final = (256, 512, 1024, 2048, 4096)
 _WORST_UNSEEN: Final = 0.2
 """Share of the surface without a photo from which a warning says so."""
 
-_WORST_BORROWED: Final = 0.05
+_WORST_BORROWED: Final = 0.1
 """Share of the faces with a neighbour's photo from which a warning says so."""
 
 _DEFAULT_MEMORY: Final = 4 << 30
