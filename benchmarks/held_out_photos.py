@@ -153,7 +153,7 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         if view.name not in left_out:
             continue
         photo = opened.photos.get(number)
-        cells, pictures, seen = [], [photo], 0.0
+        cells, pictures, hits, seen = [], [photo], [], 0.0
         for name, (mesh, drawn) in meshes.items():
             picture, hit = draw(mesh, drawn, view, rays[name])
             seen = float(hit.mean())
@@ -162,11 +162,13 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
             score, errors = compare(picture, photo, hit)
             total[name].append(errors)
             pictures.append(picture)
+            hits.append(hit)
             cells.append(f"{score.matched_db:.2f} | {score.median_db:.2f} | {score.detail:.0%}")
         if not cells:
             print(f"| {view.name} | {seen:.0%} |" + " |" * 8)
             continue
-        other = shows_something_else(pictures[-1], photo, hit)[hit]
+        # Payloads hold corners on a grid: at a rim one mesh may be hit where the other is not.
+        other = shows_something_else(pictures[-1], photo, hits[-1])[hits[0]]
         there.append(total["textures"][-1][~other])
         cells.append(f"{other.mean():.0%} | {mean_db(there[-1]):.2f}")
         print(f"| {view.name} | {seen:.0%} | {' | '.join(cells)} |", flush=True)
