@@ -6,6 +6,9 @@ photo itself, where the mesh is hit, after one factor per channel: exposure is a
 
 * *matched*, *median*: as in textures.py. Crowns and cars that the mesh lacks stand in the photo and
   count against both; the median leaves them out.
+* *else*: share of the pixels where the photo shows something else than the cloud has there, judged
+  as the choice of photos judges it: means over some cells differ from the vertex colours by more
+  than 30 levels, or by more than 12 next to such a place. *there*: matched, without those pixels.
 * *detail*: how much neighbouring pixels differ, as a share of what they do in the photo. One is as
   sharp as the photo; above, there is more noise than in it.
 
@@ -31,6 +34,7 @@ from typing import Final
 
 import numpy as np
 from PIL import Image
+from scipy.ndimage import maximum_filter, uniform_filter
 
 from terraport_payload.types import Bool, Float64, UInt8
 from terraport_pipeline.engines.cameras import PhotoCamera
@@ -51,6 +55,13 @@ from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_store import Scene
 
 THREADS: Final = max(1, min(os.cpu_count() or 1, 2))
+
+WINDOW: Final = 16
+"""Pixels along which means are taken: four edges of the sets measured so far."""
+
+FAR: Final = 30.0
+"""Levels beyond which a photo shows something else, and the part that counts next to it."""
+NEXT_TO_FAR: Final = 0.4
 
 MIN_SEEN: Final = 0.05
 """A photo that the mesh fills less of says nothing."""
@@ -133,15 +144,16 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         f"{len(left_out)} left out; the build took {spent:.0f} CPU s\n"
     )
     columns = "matched dB | median dB | detail"
-    print(f"| photo | hit | textures: {columns} | vertex colours: {columns} |")
-    print("|---|" + "---:|" * 7)
+    print(f"| photo | hit | textures: {columns} | vertex colours: {columns} | else | there dB |")
+    print("|---|" + "---:|" * 9)
     # Draw what each left-out photo saw; one that sees too little of the mesh says nothing.
     total: dict[str, list[Float64]] = {name: [] for name in meshes}
+    there: list[Float64] = []
     for number, view in enumerate(opened.views):
         if view.name not in left_out:
             continue
         photo = opened.photos.get(number)
-        cells, pictures, seen = [], [photo], 0.0
+        cells, pictures, hits, seen = [], [photo], [], 0.0
         for name, (mesh, drawn) in meshes.items():
             picture, hit = draw(mesh, drawn, view, rays[name])
             seen = float(hit.mean())
@@ -150,10 +162,15 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
             score, errors = compare(picture, photo, hit)
             total[name].append(errors)
             pictures.append(picture)
+            hits.append(hit)
             cells.append(f"{score.matched_db:.2f} | {score.median_db:.2f} | {score.detail:.0%}")
         if not cells:
-            print(f"| {view.name} | {seen:.0%} |" + " |" * 6)
+            print(f"| {view.name} | {seen:.0%} |" + " |" * 8)
             continue
+        # Payloads hold corners on a grid: at a rim one mesh may be hit where the other is not.
+        other = shows_something_else(pictures[-1], photo, hits[-1])[hits[0]]
+        there.append(total["textures"][-1][~other])
+        cells.append(f"{other.mean():.0%} | {mean_db(there[-1]):.2f}")
         print(f"| {view.name} | {seen:.0%} | {' | '.join(cells)} |", flush=True)
         if arguments.pictures is not None:
             save(arguments.pictures, Path(view.name).stem, pictures)
@@ -162,6 +179,9 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
     for errors_of in total.values():
         errors = np.concatenate(errors_of)
         cells.append(f"**{mean_db(errors):.2f}** | **{median_db(errors):.2f}** | ")
+    rest = np.concatenate(there)
+    every = sum(len(errors) for errors in total["textures"])
+    cells.append(f"{1 - len(rest) / every:.0%} | **{mean_db(rest):.2f}**")
     print(f"| all | | {' | '.join(cells)} |")
 
 
@@ -192,9 +212,8 @@ def draw(mesh: Mesh, texturing: Drawn | None, view: View, rays: RayScene) -> tup
 
 def compare(picture: UInt8, photo: UInt8, hit: Bool) -> tuple[Score, Float64]:
     """Compare where the mesh is hit; also the errors, (N, 3) levels."""
-    rendered, true = picture[hit].astype(np.float64), photo[hit].astype(np.float64)
-    factor = (rendered * true).sum(axis=0) / np.maximum((rendered * rendered).sum(axis=0), 1e-9)
-    errors = rendered * factor - true
+    factor = exposure(picture, photo, hit)
+    errors = picture[hit] * factor - photo[hit]
     both = hit[:, 1:] & hit[:, :-1]
     steps = [
         np.abs(np.diff(image.astype(np.float64), axis=1)).mean(axis=2)[both].mean()
@@ -202,6 +221,29 @@ def compare(picture: UInt8, photo: UInt8, hit: Bool) -> tuple[Score, Float64]:
     ]
     detail = float(steps[0] / max(steps[1], 1e-9))
     return Score(mean_db(errors), median_db(errors), detail), errors
+
+
+def exposure(picture: UInt8, photo: UInt8, hit: Bool) -> Float64:
+    """Factor per channel that brings a picture to a photo, (3,)."""
+    rendered, true = picture[hit].astype(np.float64), photo[hit].astype(np.float64)
+    factor: Float64 = (rendered * true).sum(axis=0) / np.maximum((rendered**2).sum(axis=0), 1e-9)
+    return factor
+
+
+def shows_something_else(plain: UInt8, photo: UInt8, hit: Bool) -> Bool:
+    """Say where a photo shows what the vertex colours do not have: crowns, cars; (H, W)."""
+
+    def means(image: Float64) -> Float64:
+        filled = np.where(hit[:, :, None], image, 0.0)
+        mean: Float64 = uniform_filter(filled, (WINDOW, WINDOW, 1)) / share[:, :, None]
+        return mean
+
+    share = np.maximum(uniform_filter(hit.astype(np.float64), WINDOW), 1e-6)
+    difference = means(plain * exposure(plain, photo, hit)) - means(photo.astype(np.float64))
+    far = np.sqrt(np.square(difference).mean(axis=2)) / FAR
+    certain = (far > 1.0) & hit
+    beside: Bool = maximum_filter(certain, 2 * WINDOW + 1) & (far > NEXT_TO_FAR)
+    return (certain | beside) & hit
 
 
 def mean_db(errors: Float64) -> float:

@@ -47,10 +47,22 @@ def chosen(along: int) -> tuple[dict[str, np.ndarray], ...]:
         patch.setattr(tiled_views, "_BAND_EDGES", 10.0)  # 7 m: not the whole place
         return tuple(
             tiled_views.choose(
-                tiles(along), tile, site().mesh, opened(), gains(), scale(), context()
+                tiles(along),
+                tile,
+                site().mesh,
+                opened(),
+                gains(),
+                scale(),
+                one_segment(tiles(along), tile),
+                context(),
             ).arrays
             for tile in range(along * along)
         )
+
+
+def one_segment(of: MemoryTiles, tile: int) -> np.ndarray:
+    """All faces of a tile, and those of its band, in one segment."""
+    return np.full(len(of.load(tile).faces), -1, np.int32)
 
 
 def context(tmp_path=None) -> Context:

@@ -62,9 +62,17 @@ class BakedAtlas:
     two and in no photo, or without room. They have no texels."""
     crowded: Bool
     """(F,) those without room."""
-    charts: int
+    chart_faces: Int32
+    """(charts,) faces of each chart."""
+    view: Int32
+    """(F,) photo that colours each face; -1 none."""
     use: float
     """Share of the image within cells of charts."""
+
+    @property
+    def charts(self) -> int:
+        """Number of charts."""
+        return len(self.chart_faces)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -127,7 +135,8 @@ class AtlasMaker:
         covered = np.zeros((atlas.height, atlas.width), np.uint8)
         wedges = np.zeros((len(faces), 3, 2))
         texels, gsd_m = np.full(len(faces), np.nan), np.full(len(faces), np.nan)
-        surface_m2 = np.zeros(len(faces))
+        surface_m2, view = np.zeros(len(faces)), np.full(len(faces), -1, np.int32)
+        chart_faces = np.zeros(0, np.int32)
         # (4) Draw: faces themselves, then a rim around them that only fills free texels.
         if charts is not None:
             # Whole half texels, as payloads hold them, before anything is drawn: nothing shifts
@@ -147,7 +156,8 @@ class AtlasMaker:
                     rim,
                 )
             texels[rows], gsd_m[rows] = charts.texels * atlas.scale**2, charts.gsd_m
-            surface_m2[rows] = charts.surface_m2
+            surface_m2[rows], view[rows] = charts.surface_m2, charts.view
+            chart_faces = np.bincount(charts.chart, minlength=charts.count).astype(np.int32)
         # (5) Cells of one colour: all corners of a face at the cell's middle.
         if flat.any():
             surface_m2[flat] = _areas(points[corners[flat]])
@@ -168,7 +178,8 @@ class AtlasMaker:
             gsd_m=gsd_m,
             flat=flat,
             crowded=roomy.crowded,
-            charts=len(sizes),
+            chart_faces=chart_faces,
+            view=view,
             use=atlas.use,
         )
 

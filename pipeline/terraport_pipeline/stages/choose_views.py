@@ -3,7 +3,7 @@
 (1) every photo's faces are rated, tested for occlusion and kept among the best few of each face,
 one photo at a time; (2) photos that disagree with the others about a face are dropped; (3)
 neighbouring faces are given the same photo where that costs little, and small charts join their
-neighbours where there are too many; (4) what remains at the seams is levelled.
+neighbours; (4) what remains at the seams is levelled.
 
 Memory: 56 bytes a face for the candidates, about 60 for the neighbours and 60 for the result, and
 40 per vertex; plus what the store of photos may hold.
@@ -52,7 +52,10 @@ from terraport_pipeline.geometry.photos.view_outliers import drop_outliers
 from terraport_pipeline.geometry.textures.seam_blend import blend_seams, no_blend, seam_steps
 from terraport_pipeline.geometry.textures.seam_levels import level_field, node_levels
 from terraport_pipeline.geometry.textures.seams import find_seams, label_nodes
-from terraport_pipeline.geometry.textures.small_charts import FACES_PER_CHART, join_small_charts
+from terraport_pipeline.geometry.textures.small_charts import (
+    join_seen_charts,
+    join_small_charts,
+)
 from terraport_pipeline.progress import NullProgress, Progress
 
 __all__ = [
@@ -106,9 +109,6 @@ class Options:
     side. Wider hides more, and shows things double where the cameras are a little off."""
     occluder_offset_m: float = 0.0
     """How far the occluder may lie in front of the mesh where it is not the mesh itself."""
-    max_charts: int | None = None
-    """Charts beyond which small ones join their neighbours; None goes by the number of faces,
-    and joins nothing without smoothness."""
 
     def __post_init__(self) -> None:
         if not 0.0 < self.max_angle_degrees < 90.0:
@@ -121,8 +121,6 @@ class Options:
             raise OptionError(f"blend rings {self.blend_rings}; expected 1 to 16")
         if not self.occluder_offset_m >= 0.0:
             raise OptionError(f"occluder offset {self.occluder_offset_m} m; expected at least 0")
-        if self.max_charts is not None and self.max_charts < 1:
-            raise OptionError(f"max charts {self.max_charts}; expected at least 1")
 
 
 def choose_views(
@@ -225,7 +223,7 @@ class Labels:
     edges: Int32
     """(P, 2) the vertices between them."""
     borrowed: Bool
-    """(F,) faces that have the photo of a neighbour, which may not see them."""
+    """(F,) faces that have the photo of a neighbour, which does not see them."""
     facts: dict[str, Any]
 
 
@@ -241,6 +239,7 @@ def choose_labels(
     progress: Progress,
     *,
     grid: CellGrid | None = None,
+    segments: Int32 | None = None,
 ) -> Labels:
     """Choose a photo for every face: the first three steps.
 
@@ -254,6 +253,8 @@ def choose_labels(
     grid : CellGrid, optional
         Where the cells lie that are judged together, and whose faces begin with one photo: the same
         for all pieces of a surface.
+    segments : ndarray of shape (F,), int32, optional
+        Segment of every face, in the order of the blocks: charts end at its border.
 
     Returns
     -------
@@ -292,20 +293,25 @@ def choose_labels(
     )
     chosen = chosen_views(candidates, labelled.slot, threads=threads)
     packed = np.array([view.packed() for view in views]).reshape(-1, PACKED)
-    most = max(1, len(chosen) // FACES_PER_CHART) if options.smoothness > 0.0 else len(chosen)
-    joined = join_small_charts(
-        chosen, blocks.vertices, blocks.faces, pairs, packed,
-        max_charts=most if options.max_charts is None else min(most, options.max_charts),
-    )  # fmt: skip
-    chosen = joined.view
+    if options.smoothness > 0.0:
+        # A chart ends where its segment does, so nothing beyond is its neighbour.
+        within = pairs
+        if segments is not None:
+            within = pairs[segments[pairs[:, 0]] == segments[pairs[:, 1]]]
+        chosen = join_seen_charts(
+            chosen, candidates.view, candidates.quality, blocks.vertices, blocks.faces, within,
+            packed,
+        )  # fmt: skip
+        chosen = join_small_charts(chosen, blocks.vertices, blocks.faces, within, packed)
+    borrowed = (chosen >= 0) & ~(candidates.view == chosen[:, None]).any(axis=1)
     facts |= {
         "energy_before": labelled.energies[0],
         "energy_after": labelled.energies[-1],
         "faces_unseen": int((chosen < 0).sum()),
-        "faces_borrowed": int(joined.borrowed.sum()),
+        "faces_borrowed": int(borrowed.sum()),
     }
     progress.done({"faces unseen": facts["faces_unseen"]})
-    return Labels(chosen, candidates, own, pairs, edges, joined.borrowed, facts)
+    return Labels(chosen, candidates, own, pairs, edges, borrowed, facts)
 
 
 def collect(

@@ -22,7 +22,6 @@ from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.geometry.photos.view_choice import ViewChoice
-from terraport_pipeline.geometry.textures.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.ordered import in_order
@@ -56,7 +55,7 @@ SIDES: Final = (256, 512, 1024, 2048, 4096)
 _WORST_UNSEEN: Final = 0.2
 """Share of the surface without a photo from which a warning says so."""
 
-_WORST_BORROWED: Final = 0.05
+_WORST_BORROWED: Final = 0.1
 """Share of the faces with a neighbour's photo from which a warning says so."""
 
 _DEFAULT_MEMORY: Final = 4 << 30
@@ -145,9 +144,7 @@ def texture_base(
         gains = view_gains(
             base, views, photos, rays, threads=context.threads, progress=context.progress
         )
-        # Half of the charts that the image may hold: those without a photo are cut further.
-        room = (options.base_side // SMALLEST_CELL) ** 2 // 8
-        choice = _choose(base, views, photos, rays, gains, context, max_charts=room)
+        choice = _choose(base, views, photos, rays, gains, context)
     atlases = texture_mesh(
         base, np.zeros(len(base.faces), np.int32), views, photos, choice, options,
         max_side=options.base_side, path=context.scratch / "base.images",
@@ -241,7 +238,7 @@ def texture_mesh(
     # (2) Atlases by several threads, written in order. Invariant: offsets[n] is the file's length
     # after n images; memory holds no more images than threads.
     wedges = np.empty((len(pieces), 3, 2), np.uint16)
-    sums = TextureSums(len(pieces))
+    sums = TextureSums(len(pieces), len(views))
     offsets, sides = [0], []
     progress.start(label, float(count), "segments")
 
@@ -278,12 +275,10 @@ def _choose(
     rays: RayScene,
     gains: Float32,
     context: Context,
-    *,
-    max_charts: int | None = None,
 ) -> ViewChoice:
     return choosing.choose_views(
         mesh.vertices, mesh.faces, mesh.normals, mesh.colours, views, photos, rays, gains,
-        choosing.Options(max_charts=max_charts), context.threads, context.progress,
+        choosing.Options(), context.threads, context.progress,
     )  # fmt: skip
 
 

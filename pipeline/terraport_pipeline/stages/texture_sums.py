@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, AnyInt, Float32, Float64
+from terraport_payload.types import AnyArray, AnyInt, Float32, Float64, Int64
 from terraport_pipeline.stages.atlas_maker import BakedAtlas
 
-__all__ = ["TextureSums", "TextureTally"]
+__all__ = ["PHOTO_SHARES", "TextureSums", "TextureTally"]
+
+PHOTO_SHARES: Final = "photo_ground_shares"
+"""Note of the textures' report: [name, share of the surface] of every photo."""
 
 _PER_DECADE: Final = 400
 """Bins of lengths per factor of ten: medians are good to 0.3 %."""
+
+_MOST_CHART_FACES: Final = 4096
+"""Larger charts count as this; no median lies there."""
 
 _SHORTEST_M: Final = 1e-5
 _BINS: Final = 9 * _PER_DECADE
@@ -32,24 +38,33 @@ class TextureTally:
     surface_m2: float
     crowded_m2: float
     """Surface of flat colours, for want of room."""
+    charts_by_faces: Int64
+    """(_MOST_CHART_FACES + 1,) charts by the number of their faces."""
+    photo_m2: Float64
+    """(photos,) surface that each photo colours; where two are blended, the first one's."""
 
-    def arrays(self) -> dict[str, Float64]:
+    def arrays(self) -> dict[str, AnyArray]:
         """Convert to named arrays, as a work directory stores them."""
         return {
             "tally_texel": self.texel_m2,
             "tally_gsd": self.gsd_m2,
             "tally_surface": np.array([self.surface_m2, self.crowded_m2]),
+            "tally_charts": self.charts_by_faces,
+            "tally_photos": self.photo_m2,
         }
 
     @classmethod
     def total(cls, tallies: Iterable[Mapping[str, AnyArray]]) -> TextureTally:
         """Add up the stored tallies of several tiles."""
         texel, gsd, surface = np.zeros(_BINS), np.zeros(_BINS), np.zeros(2)
+        charts, photos = np.zeros(_MOST_CHART_FACES + 1, np.int64), np.zeros(0)
         for tally in tallies:
             texel = texel + tally["tally_texel"]
             gsd = gsd + tally["tally_gsd"]
             surface = surface + tally["tally_surface"]
-        return cls(texel, gsd, float(surface[0]), float(surface[1]))
+            charts = charts + tally["tally_charts"]
+            photos = tally["tally_photos"] + (photos if len(photos) else 0.0)
+        return cls(texel, gsd, float(surface[0]), float(surface[1]), charts, photos)
 
     def facts(self) -> dict[str, Any]:
         """Tell of them as :meth:`TextureSums.facts`."""
@@ -59,19 +74,33 @@ class TextureTally:
             "gsd_m": _bin_median(self.gsd_m2) if self.gsd_m2.any() else None,
             "unseen_share": _share(unseen, self.surface_m2),
             "crowded_share": _share(self.crowded_m2, self.surface_m2),
+            **_chart_facts(self.charts_by_faces),
         }
+
+    def photo_shares(self, names: Sequence[str]) -> list[list[str | float]]:
+        """Say which share of the surface each photo colours, the largest first, unused ones too.
+
+        Equal shares in the photos' own order.
+        """
+        order = np.argsort(-self.photo_m2, kind="stable")
+        return [
+            [names[row], round(float(self.photo_m2[row]) / max(self.surface_m2, 1e-300), 6)]
+            for row in order
+        ]
 
 
 class TextureSums:
     """Sums over the faces of a mesh, piece by piece."""
 
-    def __init__(self, faces: int) -> None:
+    def __init__(self, faces: int, photos: int = 0) -> None:
         self.surface_m2 = np.empty(faces, np.float32)
         self.texel_m = np.empty(faces, np.float32)
         self.gsd_m = np.empty(faces, np.float32)
         self.flat = np.zeros(faces, np.bool_)
         self.crowded = np.zeros(faces, np.bool_)
         self.charts = 0
+        self.charts_by_faces = np.zeros(_MOST_CHART_FACES + 1, np.int64)
+        self.photo_m2 = np.zeros(photos)
         self.used = 0.0
 
     def add(self, faces: AnyInt, atlas: BakedAtlas) -> None:
@@ -82,6 +111,12 @@ class TextureSums:
         self.flat[faces] = atlas.flat
         self.crowded[faces] = atlas.crowded
         self.charts += atlas.charts
+        sizes = np.minimum(atlas.chart_faces, _MOST_CHART_FACES)
+        self.charts_by_faces += np.bincount(sizes, minlength=_MOST_CHART_FACES + 1)
+        seen = atlas.view >= 0
+        self.photo_m2 += np.bincount(
+            atlas.view[seen], atlas.surface_m2[seen], minlength=len(self.photo_m2)
+        )
         self.used += atlas.use * atlas.width * atlas.height
 
     def tally(self) -> TextureTally:
@@ -93,6 +128,8 @@ class TextureSums:
             _histogram(self.gsd_m[seen], self.surface_m2[seen]),
             float(self.surface_m2.sum(dtype=np.float64)),
             float(self.surface_m2[self.crowded].sum(dtype=np.float64)),
+            self.charts_by_faces,
+            self.photo_m2,
         )
 
     def facts(self, sides: AnyInt, image_bytes: int) -> dict[str, Any]:
@@ -109,6 +146,7 @@ class TextureSums:
             "longest_side": int(sides.max()),
             "charts": self.charts,
             "faces_per_chart": round(int(drawn.sum()) / max(self.charts, 1), 1),
+            **_chart_facts(self.charts_by_faces),
             "cells_share": round(self.used / texels, 3),
             "texel_m": _median(self.texel_m[drawn], self.surface_m2[drawn]),
             "faces_without_area": int((self.surface_m2 == 0.0).sum()),
@@ -118,6 +156,14 @@ class TextureSums:
                 float(self.surface_m2[self.crowded].sum(dtype=np.float64)), area
             ),
         }
+
+
+def _chart_facts(charts_by_faces: Int64) -> dict[str, Any]:
+    """Median number of faces of a chart, the lower of two."""
+    total = np.cumsum(charts_by_faces)
+    if not total[-1]:
+        return {}
+    return {"faces_per_chart_p50": int(np.searchsorted(total, 0.5 * total[-1]))}
 
 
 def _share(amount: float, whole: float) -> float:

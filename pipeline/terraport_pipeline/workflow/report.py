@@ -13,6 +13,7 @@ from rich.table import Table
 
 from terraport_pipeline.report.facts import extent_line
 from terraport_pipeline.stages.contract import Facts
+from terraport_pipeline.stages.texture_sums import PHOTO_SHARES
 from terraport_pipeline.survey_files import OUTSIDE
 from terraport_pipeline.workflow.workdir import Cost
 
@@ -44,6 +45,10 @@ _SHOWN: Final = {
 }
 """Counts of each stage that the table shows."""
 
+
+_KEPT: Final = (PHOTO_SHARES,)
+"""Notes of stages that ``build.json`` has beside their counts: a row for each photo would be too
+much for the manifest."""
 
 _NAMED: Final = 8
 """Files that were not read and are named on the terminal; build.json has them all."""
@@ -154,6 +159,9 @@ class BuildReport:
                     ],
                     "counts": stage.facts.counts,
                     "warnings": list(stage.facts.warnings),
+                    **{
+                        name: stage.facts.notes[name] for name in _KEPT if name in stage.facts.notes
+                    },
                 }
                 for stage in self.stages
             ],

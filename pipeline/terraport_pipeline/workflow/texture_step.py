@@ -23,7 +23,7 @@ from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import texture
 from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
 from terraport_pipeline.stages.texture_set import TextureSet
-from terraport_pipeline.stages.texture_sums import TextureTally
+from terraport_pipeline.stages.texture_sums import PHOTO_SHARES, TextureTally
 from terraport_pipeline.stages.tiles import base_atlas, tiled_texture, tiled_views
 from terraport_pipeline.stages.tiles.tiled_texture import Levels
 from terraport_pipeline.stages.tiles.tiled_views import TextureScale
@@ -191,9 +191,11 @@ class _Passes:
                 np.zeros((0, 0), np.float32) if base_textures.gains is None else base_textures.gains
             )
             counts = {f"base_{name}": value for name, value in base_textures.atlases.facts.items()}
+            notes: dict[str, list[str]] = {}  # whose shares the tiles say
             if opened is not None:
                 counts |= {"photos": len(opened.views), "photos_left_out": opened.left_out}
-            return _Base(base_textures.atlases.textures, gains, Facts(counts, warnings))
+                notes[PHOTO_SHARES] = [view.name for view in opened.views]
+            return _Base(base_textures.atlases.textures, gains, Facts(counts, warnings, notes))
 
         return self.runner.run(
             Stage(
@@ -214,10 +216,18 @@ class _Passes:
             tiled_views,
             "texture: photos of tiles",
             lambda tile, context: tiled_views.choose(
-                surface.tiles, tile, surface.base, self.asked.opened(), gains, self.scale, context
+                surface.tiles,
+                tile,
+                surface.base,
+                self.asked.opened(),
+                gains,
+                self.scale,
+                self.segmented.labels.segment(tile),
+                context,
             ),
             {"gains": _gains_digest(gains)},
             tiled_views.CHOOSE_BYTES_PER_FACE,
+            cuts=True,
         )
 
     def levels(self, chosen: TileResults, gains: Float32) -> Result[Levels]:
@@ -274,6 +284,7 @@ class _Passes:
             shared,
             tiled_texture.DRAW_BYTES_PER_FACE,
             cuts=True,
+            options=asdict(asked.options),
         )
 
     def _pass(
@@ -286,6 +297,7 @@ class _Passes:
         bytes_per_face: int,
         *,
         cuts: bool = False,
+        options: Mapping[str, Any] | None = None,
     ) -> TileResults:
         numbers = range(self.surface.tiles.count)
         photos = 0
@@ -308,7 +320,7 @@ class _Passes:
                 ],
                 self.segmented.scene.faces,
                 options={
-                    **(asdict(self.asked.options) if cuts else {}),
+                    **(options or {}),
                     **self.asked.recorded,
                     **self.scale.recorded(),
                 },
@@ -347,14 +359,17 @@ def texture_tiles(
         drawn = passes.draw(chosen, levels, base_result.gains)
         # (4) Facts of all passes.
         drawn_tiles = drawn.every()
-        counts, info = _summary(drawn_tiles, base_result, asked.options)
+        tally = TextureTally.total(tile.arrays for tile in drawn_tiles)
+        counts, info = _summary(drawn_tiles, tally, base_result, asked.options)
+        notes = {}
         if chosen is not None:
             counts |= choice_counts(chosen.records)
             faces = segmented.scene.face_count
             counts["borrowed_share"] = round(counts["choice_faces_borrowed"] / faces, 4)
+            notes[PHOTO_SHARES] = tally.photo_shares(base_result.facts.notes[PHOTO_SHARES])
         counts |= step_counts(drawn_tiles)
         warnings = (*base_result.facts.warnings, *texture.worth_warning(counts)) if chosen else ()
-        group.facts = Facts(counts, warnings)
+        group.facts = Facts(counts, warnings, notes)
     return Textures(BaseTexture(base_result.textures, info, base.digest), drawn)
 
 
@@ -388,18 +403,22 @@ def texture_base_alone(
 
 
 def _summary(
-    tiles: Sequence[Stored], base_result: _Base, options: texture.Options
+    tiles: Sequence[Stored], tally: TextureTally, base_result: _Base, options: texture.Options
 ) -> tuple[dict[str, Any], TextureInfo]:
     sides = np.concatenate([np.array(tile.arrays["sides"], np.int64) for tile in tiles])
     texels = int((sides[:, 0] * sides[:, 1]).sum())
     image_bytes = sum(int(tile.arrays["offsets"][-1]) for tile in tiles)
-    measured = TextureTally.total(tile.arrays for tile in tiles).facts()
+    measured = tally.facts()
+    charts = sum(int(tile.values["charts"]) for tile in tiles)
     counts: dict[str, Any] = {
         "images": len(sides),
         "image_bytes": image_bytes,
         "texels": texels,
         "longest_side": int(sides.max()),
-        "charts": sum(int(tile.values["charts"]) for tile in tiles),
+        "charts": charts,
+        "faces_per_chart": round(
+            sum(int(tile.values["drawn"]) for tile in tiles) / max(charts, 1), 1
+        ),
         "cells_share": round(sum(float(tile.values["used"]) for tile in tiles) / texels, 3),
         **measured,
         **base_result.facts.counts,

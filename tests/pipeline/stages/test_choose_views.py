@@ -271,7 +271,7 @@ def test_exposures_differ_in_the_scene() -> None:
     assert max(EXPOSURES) / min(EXPOSURES) > 1.5
 
 
-def test_a_noisy_surface_has_no_more_charts_than_asked_for_and_still_its_colours() -> None:
+def test_a_noisy_surface_has_few_charts_and_still_its_colours() -> None:
     """Ground so rough that each face hides from some of the cameras."""
     site = scene(crate=False)
     rng = np.random.default_rng(5)
@@ -282,15 +282,11 @@ def test_a_noisy_surface_has_no_more_charts_than_asked_for_and_still_its_colours
     noisy = RayScene(vertices, mesh.faces, threads=1)
     pairs, _ = face_pairs(mesh.faces, len(vertices))
 
-    def charts(max_charts: int) -> tuple[ViewChoice, int]:
-        choice = choose_views(
-            vertices, mesh.faces, mesh.normals, levels, site.views, site, noisy,
-            neutral_gains(len(site.views)), Options(max_charts=max_charts),
-        )  # fmt: skip
-        return choice, components(len(mesh.faces), pairs, labels=choice.view + 1)[1]
-
-    few, count = charts(150)
-    assert count <= 150
+    few = choose_views(
+        vertices, mesh.faces, mesh.normals, levels, site.views, site, noisy,
+        neutral_gains(len(site.views)),
+    )  # fmt: skip
+    assert components(len(mesh.faces), pairs, labels=few.view + 1)[1] <= 150
     assert 0 < few.facts["faces_borrowed"] < 0.5 * len(mesh.faces)
     assert np.isfinite(few.correction.astype(float)).all()
     assert np.abs(few.correction.astype(float)).max() <= 64.0

@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 from memory_tiles import MemoryTiles
-from tiled_place import chosen, context, gains, opened, scale, site, tiles
+from tiled_place import chosen, context, gains, one_segment, opened, scale, site, tiles
 
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
@@ -95,7 +95,9 @@ def test_a_tile_that_no_photo_sees_keeps_the_clouds_colours(tmp_path) -> None:
     blind = OpenPhotos((away,), site(), ())  # type: ignore[arg-type]
     gains_of = neutral_gains(1)
     single = MemoryTiles.of(site().mesh, 1)
-    choice = tiled_views.choose(single, 0, site().mesh, blind, gains_of, scale(), context()).arrays
+    choice = tiled_views.choose(
+        single, 0, site().mesh, blind, gains_of, scale(), one_segment(single, 0), context()
+    ).arrays
     assert (choice["view"] == -1).all()
     cells = tiled_texture.level(single, 0, [choice], gains_of, scale(), context()).arrays
     solution = tiled_texture.solve([cells])

@@ -34,6 +34,9 @@ _PLAIN_WORTH: Final = 0.1
 _SPECK_TEXELS: Final = 4.0
 """Longest side of a chart without a photo that is not worth its gutters: two faces each way."""
 
+_SPECK_FACES: Final = 64
+"""Faces below which it is not either: its gutters take as many texels as it has."""
+
 MOST_FLAT: Final = 256
 """Flat colours of one image at most; as many of the smallest cells."""
 
@@ -101,7 +104,8 @@ def charts_with_room(
         kept = np.ones(charts.count, np.bool_)
         if specks:
             kept[charts.chart[charts.view < 0]] = False
-            kept |= charts.sizes.max(axis=1) > _SPECK_TEXELS
+            count = np.bincount(charts.chart, minlength=charts.count)
+            kept |= (charts.sizes.max(axis=1) > _SPECK_TEXELS) & (count >= _SPECK_FACES)
             specks = False
         if kept.sum() > room:
             first = np.argsort(np.where(kept, -area, np.inf), kind="stable")[:room]

@@ -265,7 +265,11 @@ def _drawn(
             **tally.arrays(),
             **steps,
         },
-        {"charts": atlases.sums.charts, "used": atlases.sums.used},
+        {
+            "charts": atlases.sums.charts,
+            "drawn": int((~atlases.sums.flat).sum()),
+            "used": atlases.sums.used,
+        },
     )
 
 

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import Float32, Float64
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.cover.face_cells import CellGrid
@@ -99,6 +99,7 @@ def choose(
     opened: OpenPhotos,
     gains: Float32,
     scale: TextureScale,
+    segments: Int32,
     context: Context,
 ) -> Stored:
     """Choose a photo for every face of a tile.
@@ -112,6 +113,8 @@ def choose(
     opened : OpenPhotos
     gains : ndarray of shape (views + 1, GAIN_COLUMNS), float32
     scale : TextureScale
+    segments : ndarray of shape (F,), int32
+        Segment of each of the tile's faces, from 0.
     context : Context
 
     Returns
@@ -130,9 +133,13 @@ def choose(
         np.concatenate([piece.faces, base.faces[far] + np.int32(len(piece.vertices))]),
         threads=context.threads,
     )
+    # Charts end at segments, and segments at the tile; the band's are the neighbours' matter.
+    of_face = np.full(len(piece.faces), -1, np.int32)
+    of_face[piece.own] = segments
     labelling = choosing.choose_labels(
         blocks, piece.colours, opened.views, opened.photos, rays, gains, choosing.Options(),
         context.threads, context.progress, grid=scale.cells,
+        segments=of_face[blocks.face_order],
     )  # fmt: skip
     own = blocks.face_places()[piece.own]
     seen = labelling.candidates.view[own]

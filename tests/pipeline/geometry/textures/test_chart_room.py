@@ -66,12 +66,15 @@ def test_few_colours_stand_for_many(count: int) -> None:
 
 
 def test_beside_photos_specks_without_one_are_flat() -> None:
-    """A photo shows the first half of a strip; the rest is a single face and a large piece."""
+    """A photo shows the first half of a strip; the rest: a face, fifty faces, and a large piece."""
     vertices, faces = ground(40)
     middle = vertices[faces].mean(axis=1)
     seen = middle[:, 0] < 10.0
     speck = np.flatnonzero((np.abs(middle - [30.0, 0.0, 30.0]) < [0.3, 9.0, 0.3]).all(axis=1))[:1]
     piece = (middle[:, 0] > 33.0) & (middle[:, 2] < 8.0)
+    few = np.flatnonzero((np.abs(middle - [25.0, 0.0, 20.0]) < [2.5, 9.0, 2.5]).all(axis=1))
+    assert 32 < len(few) < 64
+    speck = np.union1d(speck, few)
     rows = np.flatnonzero(seen | piece | np.isin(np.arange(len(faces)), speck))
     view = np.where(seen, 0, -1)[rows].astype(np.int32)
     camera = look_at("a.jpg", (15.0, 60.0, 20.0), (15.0, 0.0, 20.1)).packed()[None]
