@@ -4,7 +4,7 @@ A block without ``<!-- not run: REASON -->`` above it is run in order, in a fold
 pages speak of: surveys, photos, a delivery, one scene. Three things stand in, for the time: `serve`
 runs in a thread on a free port; of `build` all is done up to the reading (options, files, headers,
 photos and cameras) and the one scene taken for the result; no pictures of reports are drawn.
-``-m thorough`` builds and draws.
+``-m thorough`` builds and exports.
 """
 
 from __future__ import annotations
@@ -158,7 +158,7 @@ def test_blocks_run(page: str, shell: Shell, monkeypatch: pytest.MonkeyPatch) ->
     _run(page, shell)
 
 
-@pytest.mark.thorough  # twenty builds, a minute and more
+@pytest.mark.thorough  # fifteen builds and five exports: minutes on a busy machine
 @pytest.mark.parametrize(
     "page",
     [
@@ -168,7 +168,10 @@ def test_blocks_run(page: str, shell: Shell, monkeypatch: pytest.MonkeyPatch) ->
         or any("terraport build" in block.code and not block.not_run for block in BLOCKS[page])
     ],
 )
-def test_builds_and_exports_run(page: str, shell: Shell) -> None:
+def test_builds_and_exports_run(page: str, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A report's pictures take longer than the build; tests/pipeline/look draws them.
+    monkeypatch.setattr(build_command, "write_report", _no_pictures)
+    monkeypatch.setattr(report_command, "write_report", _no_pictures)
     _run(page, shell)
 
 
