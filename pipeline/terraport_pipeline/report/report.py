@@ -39,6 +39,7 @@ from terraport_pipeline.report.textures import (
     VertexColours,
     find_vertex_colours,
     photo_pictures,
+    photo_rows,
     texture_rows,
 )
 from terraport_pipeline.validate.handoff import check_hand_off
@@ -172,6 +173,7 @@ def write_report(
             ],
             changes=[picture for picture in looked.overview if picture.key.startswith("change")],
             textures=textures,
+            served=photo_rows(record),
             compared=looked.compared,
             landing=looked.landing,
             proof=looked.proof,

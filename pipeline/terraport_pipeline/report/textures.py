@@ -25,6 +25,7 @@ from terraport_pipeline.model import Crs
 from terraport_pipeline.published.scene_model import SceneModel
 from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.report.pictures import Picture, PictureOptions
+from terraport_pipeline.stages.texture_sums import PHOTO_SHARES
 from terraport_store import Manifest, Scene
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "find_vertex_colours",
     "open_scene_photos",
     "photo_pictures",
+    "photo_rows",
     "texture_rows",
 ]
 
@@ -43,6 +45,9 @@ PANEL_PX: Final = 640
 
 CLOSE_PX: Final = (560, 420)
 """What a close-up shows: so many of the photo's own pixels."""
+
+MAX_PHOTO_ROWS: Final = 30
+"""Photos that are listed one by one."""
 
 GRID: Final = (32, 24)
 """Rays by which views are judged."""
@@ -264,9 +269,7 @@ def texture_rows(manifest: Manifest, record: Mapping[str, Any]) -> tuple[dict[st
     textures = manifest.textures
     if textures is None or textures.segments == 0:
         return ()
-    stages = record.get("stages", [])
-    rows = [row for row in stages if isinstance(row, Mapping) and row.get("name") == "texture"]
-    counts = rows[0].get("counts", {}) if rows else {}
+    counts = _of_stage(record).get("counts", {})
     facts: list[tuple[str, str]] = [
         ("made from", "photos" if textures.source == "photos" else "vertex colours"),
         ("texel", f"{textures.texel_m * 100:.3g} cm (median over the surface)"),
@@ -285,6 +288,34 @@ def texture_rows(manifest: Manifest, record: Mapping[str, Any]) -> tuple[dict[st
     return tuple({"label": label, "value": value} for label, value in facts)
 
 
+def photo_rows(record: Mapping[str, Any]) -> tuple[dict[str, str], ...]:
+    """Tell how much of the surface each photo serves, largest first; empty where nobody noted it.
+
+    At most :data:`MAX_PHOTO_ROWS` rows; the last one is of all others together.
+    """
+    noted = _of_stage(record).get(PHOTO_SHARES, [])
+    try:
+        shares = [(str(name), float(share)) for name, share in noted]
+    except (TypeError, ValueError):
+        return ()
+    used = [(name, share) for name, share in shares if share > 0]
+    unused = len(shares) - len(used)
+    rows = [(name, f"{share:.1%}") for name, share in used[:MAX_PHOTO_ROWS]]
+    others = used[MAX_PHOTO_ROWS:]
+    if others:
+        rows.append((f"{len(others):,} more", f"{sum(share for _, share in others):.1%}"))
+    if unused:
+        rows.append((f"{unused:,} not used", "0"))
+    return tuple({"photo": photo, "share": share} for photo, share in rows)
+
+
+def _of_stage(record: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return what the build noted of the textures."""
+    stages = record.get("stages", [])
+    rows = [row for row in stages if isinstance(row, Mapping) and row.get("name") == "texture"]
+    return rows[0] if rows else {}
+
+
 _COUNTS: Final = (
     ("unseen_share", "surface that no photo sees", "{:.2%}, filled from vertex colours"),
     ("borrowed_share", "faces with a neighbour's photo", "{:.2%}, in small charts that joined it"),
@@ -294,6 +325,7 @@ _COUNTS: Final = (
     ("cells_share", "atlas used by charts", "{:.0%}"),
     ("charts", "charts", "{:,.0f}"),
     ("faces_per_chart", "faces a chart, mean", "{:,.1f}"),
+    ("faces_per_chart_p50", "faces a chart, median", "{:,.0f}"),
     ("base_texel_m", "texel of the base", "{:.3g} m"),
     ("photos_left_out", "photos left out", "{:,.0f}"),
     ("choice_views_used", "photos used", "{:,.0f}"),

@@ -21,6 +21,7 @@ from terraport_pipeline.report.textures import (
     close_up,
     find_vertex_colours,
     photo_pictures,
+    photo_rows,
     texture_rows,
 )
 from terraport_store import Scene, TextureInfo
@@ -114,6 +115,17 @@ def test_rows_tell_density_and_seams(loaded) -> None:
     assert values["surface that no photo sees"] == "1.30%, filled from vertex colours"
     assert values["step at seams, as published"] == "2.0 grey levels"
     assert "atlas used by charts" not in values  # nobody counted it
+
+
+def test_photos_are_told_by_what_they_serve() -> None:
+    shares = [[f"p{number}.jpg", 0.02] for number in range(40)] + [["u.jpg", 0.0], ["v.jpg", 0.0]]
+    rows = photo_rows({"stages": [{"name": "texture", "photo_ground_shares": shares}]})
+    assert [(row["photo"], row["share"]) for row in rows][::15] == [
+        ("p0.jpg", "2.0%"), ("p15.jpg", "2.0%"), ("10 more", "20.0%"),
+    ]  # fmt: skip
+    assert rows[-1] == {"photo": "2 not used", "share": "0"}
+    assert photo_rows({}) == ()
+    assert photo_rows({"stages": [{"name": "texture", "photo_ground_shares": [3]}]}) == ()
 
 
 def test_vertex_colours_come_from_the_work_directory_if_they_fit(scene_path, loaded, tmp_path):
