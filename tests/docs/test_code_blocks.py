@@ -12,7 +12,6 @@ from __future__ import annotations
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import laspy
@@ -27,6 +26,7 @@ from terraport_pipeline.engines.camera_files import read_raw_cameras
 from terraport_pipeline.engines.camera_files.write_opensfm import write_opensfm
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.progress import NullProgress
+from terraport_pipeline.report.report import ReportResult
 from terraport_pipeline.survey_files import find_survey
 from terraport_pipeline.workflow.build import BuildOptions
 from terraport_pipeline.workflow.report import BuildReport
@@ -73,7 +73,10 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
         in_process(
             "build", "quarry.laz", "-o", "scenes/quarry", "--max-extent-m", "80", "--no-report"
         )
-        shutil.copytree("scenes/quarry", "scenes/pit")
+        for name in ("pit", "may", "june", "trial"):
+            shutil.copytree("scenes/quarry", f"scenes/{name}")
+        shutil.copytree("scenes/.quarry.work", "scenes/.pit.work")
+        Path("archive").mkdir()
         shutil.copytree("quarry-photos/images", "images")
         shutil.copytree("quarry-photos/colmap", "colmap")
         _write_other_surveys()
@@ -145,10 +148,10 @@ def _read_only(options: BuildOptions, *_: Any, **__: Any) -> BuildReport:
     return BuildReport(options.scene, "0" * 12, True, (), 0.0)
 
 
-def _no_pictures(scene: Path, *_: Any, **__: Any) -> SimpleNamespace:
+def _no_pictures(scene: Path, *_: Any, **__: Any) -> ReportResult:
     """Do of a report what refuses wrong words: the scene is there."""
     read_manifest(scene)
-    return SimpleNamespace(path=scene / "report.html", bytes=0, pictures=())
+    return ReportResult(scene / "report.html", 0, scene / "report.pdf", 0, (), None, None)
 
 
 @pytest.mark.parametrize("page", [page for page in PAGES_THAT_RUN if page not in SLOW])
