@@ -30,7 +30,7 @@ from terraport_pipeline.report.report import ReportResult
 from terraport_pipeline.survey_files import find_survey
 from terraport_pipeline.workflow.build import BuildOptions
 from terraport_pipeline.workflow.report import BuildReport
-from terraport_store import read_manifest
+from terraport_store import Scene, change_labels, read_manifest
 
 ELSEWHERE = {"docs/how-to/python-sdk.md": "tests/socket/test_sdk_docs.py"}
 """Pages whose blocks another test runs, for a scene of its own."""
@@ -77,6 +77,9 @@ def place(tmp_path_factory: pytest.TempPathFactory) -> Path:
             shutil.copytree("scenes/quarry", f"scenes/{name}")
         shutil.copytree("scenes/.quarry.work", "scenes/.pit.work")
         Path("archive").mkdir()
+        with Scene.open("scenes/pit") as scene:
+            largest = max(scene.regions["regions"], key=lambda region: float(region["area_m2"]))
+        change_labels(Path("scenes/pit"), {int(largest["stable_id"]): "stockpile 3"})
         shutil.copytree("quarry-photos/images", "images")
         shutil.copytree("quarry-photos/colmap", "colmap")
         _write_other_surveys()
