@@ -55,10 +55,12 @@ SPOKEN = {
 
 LOOKED_UP = {
     "embreex": "BSD-2-Clause",
+    "pypdfium2": "BSD-3-Clause AND Apache-2.0",
     "terraport": "Apache-2.0",
     "python-neo-lzf": "BSD-3-Clause",
 }
-"""Packages that state no licence in their metadata, and what their source says."""
+"""Packages that state no licence in their metadata, or not in words that can be looked up, and what
+their source says (pypdfium2: its own and PDFium's)."""
 
 
 def main() -> int:

@@ -86,7 +86,7 @@ def test_report_writes_the_page(app, scene_path, tmp_path) -> None:
         app, "report", scene_path, "-o", tmp_path / "r.html", "--width", "160", "--rays", "0"
     )
     assert shown.exit_code == 0
-    assert "8 pictures" in shown.stdout
+    assert "9 pictures" in shown.stdout
     assert (tmp_path / "r.html").stat().st_size > 20_000
 
 

@@ -117,7 +117,7 @@ def test_a_survey_in_feet_says_so_and_a_statement_makes_another_scene(built: Pat
     x, _, z = to_scene(tuple((low + high) / 2), manifest.origin, units)
     assert abs(x) < 1
     assert abs(z) < 1
-    [own] = [row["value"] for row in facts.details if row["label"] == "in the survey's own units"]
+    [own] = [row["value"] for row in facts.details if row["label"] == "box of the scene"]
     assert f"E {low[0]:,.0f}"[:-3] in own
     shutil.rmtree(scene.parent)
 
