@@ -313,7 +313,12 @@ function answer(request: IncomingMessage, response: ServerResponse): void {
   const path = pathname.replace("/prefix", "").split("/").slice(2).map(decodeURIComponent);
   if (path.length === 0) {
     const lines = [...scenes].map(([id, files]) => lineOf(id, files));
-    const building = [{ id: "pit", name: "The pit", step: "read", share: 0.5 }, { id: "b", step: "pack" }, { id: 3 }, null];
+    const building = [
+      { id: "pit", name: "The pit", step: "read", share: 0.5 },
+      { id: "b", step: "pack" },
+      { id: 3 },
+      null,
+    ];
     response.end(JSON.stringify({ scenes: lines, building, links: { docs: "docs" } }));
     return;
   }

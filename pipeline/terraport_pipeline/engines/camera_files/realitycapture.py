@@ -226,13 +226,13 @@ def _rotation(heading_deg: float, pitch_deg: float, roll_deg: float) -> Float64:
     --------
     Straight down, north up: the picture's right is east, its down south.
 
-    >>> _rotation(0.0, 0.0, 0.0).round(9).tolist()
+    >>> (_rotation(0.0, 0.0, 0.0).round(9) + 0.0).tolist()
     [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]
 
     At the horizon, to the east.
 
-    >>> _rotation(90.0, 90.0, 0.0).round(9).tolist()[2]
-    [1.0, -0.0, 0.0]
+    >>> (_rotation(90.0, 90.0, 0.0).round(9) + 0.0).tolist()[2]
+    [1.0, 0.0, 0.0]
     """
     (ch, cp, cr), (sh, sp, sr) = (
         f(np.radians([heading_deg, pitch_deg, roll_deg])) for f in (np.cos, np.sin)
