@@ -23,7 +23,8 @@ import numpy as np
 
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.survey_files import SurveyFiles, find_survey
+from terraport_pipeline.survey.find_survey import find_survey
+from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.workflow.read_step import look_at_survey, read_once
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.workdir import WorkDirectory

@@ -31,8 +31,8 @@ from scipy.optimize import nnls
 
 from terraport_pipeline.option import parse_bytes
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.survey_files import find_survey
-from terraport_pipeline.survey_sample import sample_survey
+from terraport_pipeline.sample.survey_sample import sample_survey
+from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.workflow.build_forecast import (
     SECONDS,
     BuildForecast,

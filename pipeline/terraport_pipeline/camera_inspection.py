@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
@@ -17,11 +18,12 @@ from terraport_pipeline.geometry.photos.lens import Lens, valid_radius
 from terraport_pipeline.geometry.photos.view_cover import cover_points
 from terraport_pipeline.model import to_scene
 from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.sample.chosen_files import choose_files
 from terraport_pipeline.stages.read import read_survey
-from terraport_pipeline.survey_files import SurveyFiles
-from terraport_pipeline.survey_sample import choose_files
+from terraport_pipeline.survey.survey_files import SurveyFiles
+from terraport_pipeline.workflow.build_forecast import BuildForecast, PhotoSet, with_photos
 
-__all__ = ["inspect_cameras", "inspect_photos"]
+__all__ = ["forecast_with_photos", "inspect_cameras", "inspect_photos"]
 
 MAX_POINTS: Final = 200_000
 """Points of the survey that are projected."""
@@ -148,6 +150,29 @@ def inspect_photos(
         "colours": colours,
         "warnings": warnings,
     }
+
+
+def forecast_with_photos(survey: Mapping[str, Any], photos: Mapping[str, Any]) -> dict[str, Any]:
+    """Forecast a build of a survey with its photos.
+
+    Parameters
+    ----------
+    survey : mapping
+        Of :func:`~terraport_pipeline.survey_inspection.inspect_points`, with a forecast.
+    photos : mapping
+        Of :func:`inspect_photos`, with the photos.
+
+    Returns
+    -------
+    dict
+        As the survey's ``forecast``.
+    """
+    plain = dict(survey["forecast"])
+    beside = {name: plain.pop(name) for name in ("cores", "max_memory_bytes")}
+    pixels = sum(lens["photos"] * lens["size"][0] * lens["size"][1] for lens in photos["lenses"])
+    photo_set = PhotoSet(pixels / 1e6, photos["pixel_m"]["median"], survey["ground"]["surface_m2"])
+    textured = with_photos(BuildForecast(**plain), photo_set, threads=beside["cores"])
+    return {**asdict(textured), **beside}
 
 
 def _lenses(lenses: Sequence[Lens]) -> list[dict[str, Any]]:

@@ -12,7 +12,7 @@ from terraport_pipeline.demo_scenes import QUARRY_ID, QUARRY_NAME
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.report.input_cloud import find_input_cloud
-from terraport_pipeline.report.pictures import PictureOptions
+from terraport_pipeline.report.picture import PictureOptions
 from terraport_pipeline.report.report import ReportOptions, ReportResult, write_report
 from terraport_pipeline.report.textures import open_scene_photos
 from terraport_pipeline.synth.files import WrittenQuarry, write_quarry

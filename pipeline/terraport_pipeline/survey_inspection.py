@@ -1,7 +1,7 @@
 """``terraport inspect`` for surveys: what is in them, what looks wrong, what a build will take.
 
 First by the headers of the files, which a delivery of any size answers within seconds; then by a
-bounded part of their points (:mod:`.survey_sample`).
+bounded part of their points (:mod:`.sample`).
 """
 
 from __future__ import annotations
@@ -18,8 +18,10 @@ from terraport_pipeline.errors import ReadError, ResourceError, SurveyError
 from terraport_pipeline.geometry.clouds.density_map import DensityMap, widened
 from terraport_pipeline.geometry.clouds.detail_cell import noise_ratio
 from terraport_pipeline.progress import NullProgress, Progress
-from terraport_pipeline.survey_files import OUTSIDE, SurveyFiles, listed, meaning_of, one_crs
-from terraport_pipeline.survey_sample import MAX_POINTS, SurveySample, sample_survey
+from terraport_pipeline.sample.chosen_files import MAX_POINTS
+from terraport_pipeline.sample.survey_sample import SurveySample, sample_survey
+from terraport_pipeline.survey.one_survey import OUTSIDE, listed, one_crs
+from terraport_pipeline.survey.survey_files import SurveyFiles, meaning_of
 from terraport_pipeline.workflow.build_forecast import forecast_build
 
 __all__ = ["inspect_headers", "inspect_points", "inspect_survey"]
@@ -71,7 +73,7 @@ def inspect_headers(survey: SurveyFiles, heads: Sequence[FileHead]) -> dict[str,
     Parameters
     ----------
     survey : SurveyFiles
-        From :meth:`~terraport_pipeline.survey_files.SurveyFiles.heads`, its meaning not checked.
+        From :meth:`.SurveyFiles.heads`, its meaning not checked.
     heads : sequence of FileHead
         Of its files.
 
@@ -368,7 +370,7 @@ def _point_warnings(sample: SurveySample, facts: dict[str, Any]) -> list[str]:
     colours = facts["colours"]
     if colours is not None and colours["black_share"] >= _MANY_BLACK:
         warnings.append(f"{colours['black_share']:.1%} of the points are black: without colour?")
-    return [*warnings, *sample.cell_warnings]
+    return warnings
 
 
 def _metres(value_m: float) -> str:

@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from terraport_pipeline.cli.inspect import register
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.survey_files import find_survey
+from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.survey_inspection import inspect_headers, inspect_survey
 
 HILL = Hill(600)

@@ -10,16 +10,9 @@ import numpy.typing as npt
 from terraport_pipeline.geometry.clouds.edges import EdgeRule
 from terraport_pipeline.geometry.tiles.tile_weld import weld_tiles
 from terraport_pipeline.stages.tiles import solve_tile
-from terraport_pipeline.stages.tiles.join_tiles import (
-    Forgiven,
-    Join,
-    Look,
-    Settled,
-    TileJoin,
-    forgive,
-    settle,
-)
+from terraport_pipeline.stages.tiles.join_tiles import Join, TileJoin
 from terraport_pipeline.stages.tiles.joined_tile import finish, look, weak_places
+from terraport_pipeline.stages.tiles.settle_tiles import Forgiven, Look, Settled, forgive, settle
 from terraport_pipeline.stages.tiles.solve_tile import TileTask
 
 CORE = 8

@@ -21,7 +21,7 @@ from terraport_pipeline.progress import Progress
 from terraport_pipeline.published.scene_model import SceneModel
 from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.report.input_cloud import find_input_cloud
-from terraport_pipeline.report.report import REPORT_NAME, REPORT_PDF_NAME, write_report
+from terraport_pipeline.report.report import write_report
 from terraport_pipeline.report.textures import open_scene_photos
 from terraport_pipeline.unforeseen import stage_failed
 from terraport_pipeline.workflow.build import BuildOptions
@@ -29,6 +29,7 @@ from terraport_pipeline.workflow.build import build as run_build
 from terraport_pipeline.workflow.photo_input import Texturing, project_texturing
 from terraport_pipeline.workflow.report import BuildReport
 from terraport_store import StoreError, read_manifest
+from terraport_store.layout import REPORT, REPORT_PDF
 
 __all__ = ["build", "register"]
 
@@ -82,7 +83,7 @@ def build(
             console.print(text, markup=False, highlight=False)
     with watching(console, quiet=quiet) as progress:
         built = _build(options, console, progress, with_report=report)
-    for text in () if quiet else built.notes:
+    for text in () if quiet else (*built.notes, *built.choices):
         console.print(text, markup=False, highlight=False)
     for text in built.warnings:
         console.print(f"warning: {text}", markup=False, highlight=False)
@@ -97,9 +98,9 @@ def build(
 def _last_lines(scene: Path) -> list[str]:
     """Say where the report is, and the commands that serve the scene and land in it."""
     lines = []
-    if (scene / REPORT_NAME).exists():
-        pdf = scene / REPORT_PDF_NAME
-        lines.append(f"report  {scene / REPORT_NAME}{f'  {pdf}' if pdf.exists() else ''}")
+    if (scene / REPORT).exists():
+        pdf = scene / REPORT_PDF
+        lines.append(f"report  {scene / REPORT}{f'  {pdf}' if pdf.exists() else ''}")
     # A scene in the current directory is served by itself: beside it there is no scene, mostly.
     served = scene if scene.parent == Path.cwd() else scene.parent
     with suppress(ValueError):
@@ -126,7 +127,7 @@ def _build(
 ) -> BuildReport:
     try:
         built = run_build(options, progress)
-        if with_report and (built.published or not (built.scene / REPORT_NAME).exists()):
+        if with_report and (built.published or not (built.scene / REPORT).exists()):
             _report(options, built, progress)
     except KeyboardInterrupt:
         console.print("the same command goes on after the last finished stage", highlight=False)

@@ -9,6 +9,8 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
+from terraport_pipeline.cli.survey_tables import forecast_table
+
 __all__ = ["camera_tables"]
 
 _LENSES: Final = 10
@@ -33,7 +35,9 @@ def camera_tables(facts: Mapping[str, Any], name: str) -> Group:
     """
     heading = Text.assemble((name, "bold"), f"  {facts['format']}, {facts['count']:,} photos")
     warnings = [Text(f"to know: {text}", style="yellow") for text in facts["warnings"]]
-    return Group(heading, _summary(facts), _lenses(facts["lenses"]), *warnings)
+    forecast = facts.get("forecast")
+    textured = [] if forecast is None else [forecast_table(forecast, "A build with these photos")]
+    return Group(heading, _summary(facts), _lenses(facts["lenses"]), *textured, *warnings)
 
 
 def _summary(facts: Mapping[str, Any]) -> Table:

@@ -15,7 +15,11 @@ from rich.status import Status
 from rich.table import Table
 from rich.text import Text
 
-from terraport_pipeline.camera_inspection import inspect_cameras, inspect_photos
+from terraport_pipeline.camera_inspection import (
+    forecast_with_photos,
+    inspect_cameras,
+    inspect_photos,
+)
 from terraport_pipeline.cli.camera_tables import camera_tables
 from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.cli.label import regions_table
@@ -33,7 +37,8 @@ from terraport_pipeline.progress import NullProgress, RichProgress
 from terraport_pipeline.report.density_picture import draw_density
 from terraport_pipeline.report.facts import extent_line, input_line
 from terraport_pipeline.report.scene_colour import SceneColour
-from terraport_pipeline.survey_files import SurveyFiles, find_survey
+from terraport_pipeline.survey.find_survey import find_survey
+from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.survey_inspection import inspect_headers, inspect_points
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.workflow.build import default_memory_bytes, usable_cores
@@ -236,6 +241,8 @@ def _show_with_cameras(
     survey_facts = _inspect_survey(survey, asked)
     with RichProgress(asked.console) as progress:
         facts = inspect_photos(survey, cameras, photos=photos, offset=offset, progress=progress)
+    if photos is not None and "forecast" in survey_facts:
+        facts["forecast"] = forecast_with_photos(survey_facts, facts)
     asked.show({**facts, "survey": survey_facts}, camera_tables(facts, cameras.name))
 
 

@@ -14,7 +14,7 @@ from terraport_pipeline.engines.odm_project import originals_in
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report.facts import format_bytes
 from terraport_pipeline.report.input_cloud import find_input_cloud, read_input_cloud
-from terraport_pipeline.report.pictures import PictureOptions
+from terraport_pipeline.report.picture import PictureOptions
 from terraport_pipeline.report.report import ReportOptions, write_report
 from terraport_pipeline.report.textures import open_scene_photos
 

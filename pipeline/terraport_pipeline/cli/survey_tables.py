@@ -14,7 +14,7 @@ from rich.text import Text
 from terraport_pipeline.geometry.clouds.density_map import DensityMap, draw_text
 from terraport_pipeline.report.facts import format_bytes
 
-__all__ = ["point_tables", "survey_tables"]
+__all__ = ["forecast_table", "point_tables", "survey_tables"]
 
 _FILES: Final = 12
 """Files in the table; --json has all."""
@@ -91,7 +91,13 @@ def point_tables(facts: Mapping[str, Any], known: Sequence[str] = ()) -> Group:
     doubts = _doubts(facts["refused"], fresh)
     if "sample" not in facts:
         return Group(*doubts)
-    return Group(*doubts, _measures(facts), *_attributes(facts), *_map(facts), _forecast(facts))
+    return Group(
+        *doubts,
+        _measures(facts),
+        *_attributes(facts),
+        *_map(facts),
+        forecast_table(facts["forecast"], "A build"),
+    )
 
 
 def _doubts(refused: str | None, warnings: Sequence[str]) -> list[RenderableType]:
@@ -181,11 +187,10 @@ def _map(facts: Mapping[str, Any]) -> list[RenderableType]:
     return [Text(title, style="dim"), *(Text(line) for line in draw_text(density))]
 
 
-def _forecast(facts: Mapping[str, Any]) -> Table:
+def forecast_table(forecast: Mapping[str, Any], title: str) -> Table:
     """Draw what a build with default options is expected to make and take."""
-    forecast = facts["forecast"]
     table = _facts()
-    table.title, table.title_justify, table.title_style = "A build", "left", "bold"
+    table.title, table.title_justify, table.title_style = title, "left", "bold"
     table.add_row(
         "faces",
         f"about {_about(forecast['faces'])}, cells of {_length(forecast['cell_m'])}; base about "

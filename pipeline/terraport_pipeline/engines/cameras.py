@@ -153,6 +153,8 @@ class PhotoCamera:
     """The camera that took a photo, distortion and all: draws what the photo shows."""
 
     view: View
+    window: tuple[float, float, float, float] | None = None
+    """Part of the photo that is drawn: left, top, width, height in its pixels; None: all of it."""
     kind: Literal["perspective"] = "perspective"
 
     @property
@@ -166,20 +168,25 @@ class PhotoCamera:
 
         A pixel beyond the lens's valid radius looks straight up.
         """
-        lens = self.view.lens.scaled(width, height)
-        column, row = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
+        left, top, wide, high = self._window
+        column, row = np.meshgrid(
+            left + (np.arange(width) + 0.5) * (wide / width),
+            top + (np.arange(height) + 0.5) * (high / height),
+        )
         pixels = np.stack([column.ravel(), row.ravel()], axis=1)
-        headings = lens.unproject(pixels) @ self.view.rotation
+        headings = self.view.lens.unproject(pixels) @ self.view.rotation
         headings[~np.isfinite(headings).all(axis=1)] = (0.0, 1.0, 0.0)
         origins = np.broadcast_to(self.view.position, headings.shape)
         return origins.astype(np.float32), headings.astype(np.float32)
 
     def pixel_m(self, distance_m: Float32, height: int) -> Float32:
         """Return how wide a pixel is at hits so far along their rays, (R,) metres."""
-        result: Float32 = distance_m / np.float32(
-            self.view.lens.fy * height / self.view.lens.height
-        )
+        result: Float32 = distance_m / np.float32(self.view.lens.fy * height / self._window[3])
         return result
+
+    @property
+    def _window(self) -> tuple[float, float, float, float]:
+        return self.window or (0.0, 0.0, float(self.view.lens.width), float(self.view.lens.height))
 
 
 def top_down(points: AnyFloat, *, aspect: float, margin: float = 0.03) -> Camera:

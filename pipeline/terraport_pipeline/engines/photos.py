@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Final, Protocol
 
-from terraport_pipeline.engines.camera_files.raw_cameras import PhotoSize
+from terraport_pipeline.engines.camera_files.photo_sizes import PhotoSize
 from terraport_pipeline.engines.photo_store import (
     PhotoStore,
     exif_orientation,

@@ -18,7 +18,7 @@ from terraport_pipeline.report.histogram import Histogram, histogram
 from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_pipeline.report.survey_crs import crs_line
 from terraport_pipeline.report.survey_units import SurveyUnit
-from terraport_pipeline.survey_files import OUTSIDE
+from terraport_pipeline.survey.one_survey import OUTSIDE
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
 
 __all__ = [

@@ -9,13 +9,14 @@ unpickled. Where that directory is gone, the survey's own files are read again i
 from __future__ import annotations
 
 import json
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import Float32
+from terraport_payload.types import Float32, UInt8
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.model import to_scene
@@ -23,13 +24,12 @@ from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.published.scene_model import GREY
 from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.report.facts import read_build_record
-from terraport_pipeline.report.pictures import InputCloud
 from terraport_pipeline.stages.read import read_survey
-from terraport_pipeline.survey_files import find_survey
+from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_store import Scene
 
-__all__ = ["find_input_cloud", "read_input_cloud"]
+__all__ = ["InputCloud", "find_input_cloud", "read_input_cloud"]
 
 MAX_POINTS: Final = 2_000_000
 """Points taken; of a larger cloud every n-th."""
@@ -42,6 +42,24 @@ MAX_RECORD_BYTES: Final = 4 << 20
 
 MAX_TILES: Final = 100_000
 """Tiles whose records are read."""
+
+
+@dataclass(frozen=True, slots=True)
+class InputCloud:
+    """Points of the survey, as far as the build kept them."""
+
+    points: Float32
+    """(N, 3) metres, scene frame."""
+    colours: UInt8
+    """(N, 3) sRGB."""
+    spacing_m: float
+    total: int
+    """Points of the survey, of which these may be a part."""
+    surveyed: Float32 | None = None
+    """(M, 3) a sample of the points as they were read, outliers with them, scene frame; None where
+    only those that the build cleaned are at hand."""
+    read: int = 0
+    """Points as they were read, of which those are a sample."""
 
 
 def find_input_cloud(scene: Scene, work: Path | None = None) -> InputCloud | None:

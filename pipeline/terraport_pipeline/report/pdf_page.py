@@ -23,7 +23,7 @@ from reportlab.pdfbase.pdfmetrics import stringWidth
 from reportlab.pdfbase.ttfonts import TTFont
 from reportlab.pdfgen.canvas import Canvas
 
-from terraport_pipeline.report.pictures import Picture
+from terraport_pipeline.report.picture import Picture
 from terraport_pipeline.report.surveyor import Figure, SurveyorFacts
 
 __all__ = ["pdf_page", "printable"]
@@ -382,7 +382,7 @@ class _Sheet:
                     width=step - 2.0,
                 )  # fmt: skip
         y -= 4.0
-        for text in _wrapped(survey.regions_note, _PLAIN, 6.0, width, 4):
+        for text in _wrapped(survey.regions_line(MAX_ROWS), _PLAIN, 6.0, width, 4):
             y -= 8.0
             self._text(left, y, text, 6.0, colour=_SOFT)
         return y

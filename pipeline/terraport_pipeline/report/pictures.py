@@ -3,40 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import Bool, Float32, UInt8
+from terraport_payload.types import Float32, UInt8
 from terraport_pipeline.engines.cameras import Camera, oblique, top_down
 from terraport_pipeline.engines.palettes import (
     DIVERGING_STOPS,
-    RAMP_STOPS,
     distinct_colours,
     ramp_colours,
     value_range,
 )
-from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh, render_points
+from terraport_pipeline.engines.pictures import render_mesh, render_points
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.texturing import Texturing
 from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.published.landing_view import (
     Landing,
     choose_landing,
-    mixed_mesh,
-    view_from_above,
-    view_from_eye,
 )
 from terraport_pipeline.published.scene_model import SceneModel
 from terraport_pipeline.report.accuracy import Accuracy, draw_distances
 from terraport_pipeline.report.change_map import change_colours, change_span_m
+from terraport_pipeline.report.input_cloud import InputCloud
+from terraport_pipeline.report.picture import Legend, Picture, PictureOptions, picture_of
 from terraport_pipeline.report.plan_view import Plan, draw_plan
 from terraport_pipeline.report.traced_rays import TracedRays
-from terraport_pipeline.validate.handoff_report import WorstRay
-from terraport_pipeline.validate.worst_place import compare_at, describe, to_survey
 
-__all__ = ["InputCloud", "Legend", "Picture", "PictureOptions", "PictureTaker"]
+__all__ = ["PHOTO_RELIEF", "PictureTaker"]
 
 PHOTO_RELIEF: Final = 0.55
 """Photographed colours hold the light of the day already."""
@@ -55,71 +50,6 @@ MAX_ATTRIBUTES: Final = 4
 
 MAX_POINTS: Final = 3_000_000
 """Points of the input drawn; a larger cloud is thinned evenly."""
-
-
-@dataclass(frozen=True, slots=True)
-class Legend:
-    """Ends, unit and colours of a ramp, for the words under a picture."""
-
-    low: float
-    high: float
-    label: str
-    stops: tuple[str, ...] = RAMP_STOPS
-
-
-@dataclass(frozen=True, slots=True)
-class Picture:
-    """One picture as JPEG, with title, alternative text, caption and legend."""
-
-    key: str
-    title: str
-    alt: str
-    """What it shows, for those who do not see it."""
-    caption: str
-    jpeg: bytes = field(repr=False)
-    width: int
-    height: int
-    legend: Legend | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class PictureOptions:
-    """Pixels, rays per pixel and JPEG quality of the pictures."""
-
-    width: int = 1280
-    height: int = 720
-    supersample: int = 2
-    quality: int = 84
-    """Quality of the JPEG files, 1..95."""
-
-
-@dataclass(frozen=True, slots=True)
-class InputCloud:
-    """Points of the survey, as far as the build kept them."""
-
-    points: Float32
-    """(N, 3) metres, scene frame."""
-    colours: UInt8
-    """(N, 3) sRGB."""
-    spacing_m: float
-    total: int
-    """Points of the survey, of which these may be a part."""
-    surveyed: Float32 | None = None
-    """(M, 3) a sample of the points as they were read, outliers with them, scene frame; None where
-    only those that the build cleaned are at hand."""
-    read: int = 0
-    """Points as they were read, of which those are a sample."""
-
-
-@dataclass(frozen=True, slots=True)
-class _Mixed:
-    """A picture of the mixed model, see :class:`Picture`."""
-
-    key: str
-    title: str
-    alt: str
-    caption: str
-    is_tinted: bool = True
 
 
 class PictureTaker:
@@ -147,7 +77,8 @@ class PictureTaker:
     def plan_pictures(self, plan: Plan, accuracy: Accuracy | None) -> list[Picture]:
         """Make the pictures of the first screen: the plan, and the distances over it."""
         pictures = [
-            self._picture(
+            picture_of(
+                self._options.quality,
                 "plan",
                 "Plan",
                 "The scene from straight above, north up, in its own colours",
@@ -158,7 +89,8 @@ class PictureTaker:
         if accuracy is not None:
             image, top_m = draw_distances(accuracy, plan)
             pictures.append(
-                self._picture(
+                picture_of(
+                    self._options.quality,
                     "accuracy",
                     "Distance from the points to the mesh",
                     "The plan coloured by how far the survey's points lie from the mesh, from dark "
@@ -243,84 +175,6 @@ class PictureTaker:
             legend=legend,
         )
 
-    def hand_off(self) -> Iterator[Picture]:
-        """Take the pictures of a landing: from above, and from eye height.
-
-        Yields
-        ------
-        Picture
-            The base is tinted blue where it is shown, but for one picture as a client shows it.
-        """
-        landing, total = self.landing, self._model.manifest.counts.segments
-        loaded = int(landing.loaded.sum())
-        yield from self._mixed(
-            view_from_above(landing, self._aspect),
-            landing.loaded,
-            _Mixed(
-                "hand-off-above",
-                "Hand-off from above",
-                "The mixed model from above: full detail around the landing, the base tinted blue "
-                "around it",
-                f"A landing with a radius of {landing.radius_m:.0f} m: {loaded:,} of {total:,} "
-                "segments loaded; the base, tinted blue, is shown wherever not all segments over "
-                "it are.",
-            ),
-        )
-        yield from self._mixed(
-            view_from_eye(landing, self.detail_rays),
-            landing.loaded,
-            _Mixed(
-                "hand-off-eye-tinted",
-                "Hand-off at eye height, base tinted",
-                "The view of a visitor at the landing, the base tinted blue in the distance",
-                "The same landing from eye height: where the blue begins, the base takes over.",
-            ),
-            _Mixed(
-                "hand-off-eye",
-                "Hand-off at eye height, as seen",
-                "The view of a visitor at the landing, as a client shows it",
-                "The same view as a client shows it.",
-                is_tinted=False,
-            ),
-        )
-
-    def worst_place(self, worst: WorstRay) -> Picture:
-        """Take the picture of the place where the proof of the hand-off fared worst.
-
-        Parameters
-        ----------
-        worst : WorstRay
-            From the proof.
-
-        Returns
-        -------
-        Picture
-            Along the ray, from nearby: :func:`~terraport_pipeline.validate.worst_place.compare_at`.
-        """
-        image = compare_at(
-            self._model,
-            worst,
-            supersample=self._options.supersample,
-            detail_rays=self.detail_rays,
-            base_rays=self.base_rays,
-        )
-        scene, survey = (
-            ", ".join(f"{value:,.2f}" for value in position)
-            for position in (worst.target, to_survey(self._model.manifest.origin, worst.target))
-        )
-        return self._picture(
-            "worst",
-            "Worst place of the hand-off",
-            "The place where the proof fared worst, ringed, three times side by side: the full "
-            "detail, the mixed model, and how far the one lies behind the other",
-            f"Where the proof fared worst ({describe(worst)}), ringed: at {scene} m in the scene, "
-            f"{survey} in the survey's coordinates; seen along that ray ({worst.kind}), "
-            f"{len(worst.loaded):,} segments loaded. Left the full detail, in the middle the mixed "
-            "model with the base blue, right the distance between them: grey within the "
-            "tolerance, blue nearer, orange further, magenta nothing there.",
-            image,
-        )
-
     def _input(self, cloud: InputCloud) -> Picture:
         step = max(1, -(-len(cloud.points) // MAX_POINTS))
         options = self._options
@@ -334,7 +188,8 @@ class PictureTaker:
         )
         shown = len(cloud.points[::step])
         share = "" if shown == cloud.total else f", of which {shown:,} are drawn"
-        return self._picture(
+        return picture_of(
+            self._options.quality,
             "input",
             "Input",
             "The survey's point cloud, seen obliquely from above",
@@ -357,7 +212,8 @@ class PictureTaker:
             scene=self.base_rays,
         )
         share = counts.base_faces / max(1, counts.detail_faces)
-        return self._picture(
+        return picture_of(
+            self._options.quality,
             "base",
             "Base mesh",
             "The base mesh of the scene, seen obliquely from above",
@@ -441,45 +297,7 @@ class PictureTaker:
             supersample=options.supersample,
             scene=self._overview_rays,
         )
-        return self._picture(key, title, alt, caption, image, legend)
-
-    def _mixed(self, camera: Camera, loaded: Bool, *asked: _Mixed) -> Iterator[Picture]:
-        """Draw the mixed model, once for each that is asked for."""
-        options = self._options
-        mesh = mixed_mesh(self._model, loaded, camera, options.width / options.height)
-        rays = RayScene(mesh.vertices, mesh.faces)
-        if len(asked) > 1:
-            rays = TracedRays(rays)
-        for each in asked:
-            image = render_mesh(
-                mesh.vertices,
-                mesh.faces,
-                camera,
-                (options.width, options.height),
-                colours=mesh.colours,
-                texturing=mesh.texturing,
-                tint=mesh.tint if each.is_tinted else None,
-                normals=mesh.normals,
-                relief=PHOTO_RELIEF,
-                # The two levels shade each other at the rim, which no client does.
-                shadows=False,
-                supersample=options.supersample,
-                scene=rays,
-            )
-            yield self._picture(each.key, each.title, each.alt, each.caption, image)
-
-    def _picture(
-        self,
-        key: str,
-        title: str,
-        alt: str,
-        caption: str,
-        image: UInt8,
-        legend: Legend | None = None,
-    ) -> Picture:
-        data = encode_jpeg(image, self._options.quality)
-        height, width = image.shape[:2]
-        return Picture(key, title, alt, caption, data, width, height, legend)
+        return picture_of(self._options.quality, key, title, alt, caption, image, legend)
 
 
 def _varies(values: Float32) -> bool:

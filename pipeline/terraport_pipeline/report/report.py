@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_pipeline.engines.photos import OpenPhotos
+from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.progress import NullProgress, Progress
@@ -21,14 +22,12 @@ from terraport_pipeline.published.scene_model import WHOLE_FACES, SceneModel, lo
 from terraport_pipeline.report.accuracy import Accuracy, AccuracyMeter
 from terraport_pipeline.report.change_map import find_change_map
 from terraport_pipeline.report.facts import collect_facts, read_build_record
+from terraport_pipeline.report.handoff_pictures import hand_off_pictures, worst_place_picture
 from terraport_pipeline.report.html_page import page_templates, replace_bytes, replace_page
+from terraport_pipeline.report.input_cloud import InputCloud
 from terraport_pipeline.report.pdf_page import pdf_page
-from terraport_pipeline.report.pictures import (
-    InputCloud,
-    Picture,
-    PictureOptions,
-    PictureTaker,
-)
+from terraport_pipeline.report.picture import Picture, PictureOptions
+from terraport_pipeline.report.pictures import PictureTaker
 from terraport_pipeline.report.surveyor import (
     Overlap,
     SurveyorFacts,
@@ -46,14 +45,9 @@ from terraport_pipeline.validate.handoff import check_hand_off
 from terraport_pipeline.validate.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.validate.scene_windows import prove_in_windows, segments_around
 from terraport_store import Scene, read_manifest
+from terraport_store.layout import REPORT, REPORT_PDF
 
-__all__ = ["REPORT_NAME", "REPORT_PDF_NAME", "ReportOptions", "ReportResult", "write_report"]
-
-REPORT_NAME: Final = "report.html"
-"""Where a server looks for it, in the scene directory."""
-
-REPORT_PDF_NAME: Final = "report.pdf"
-"""The page to print, beside it; of another page it has that page's name."""
+__all__ = ["ReportOptions", "ReportResult", "write_report"]
 
 THINNED_FACES: Final = 6_000_000
 """Faces that a scene larger than memory is drawn with: finer than a pixel of the overview."""
@@ -132,12 +126,12 @@ def write_report(
     # (1) Refuse what is no scene, and a page that cannot be written, before anything is drawn.
     read_manifest(scene_path)
     chosen, watcher = options or ReportOptions(), progress or NullProgress()
-    target = output or scene_path / REPORT_NAME
+    target = output or scene_path / REPORT
     if not target.absolute().parent.is_dir():
         raise OptionError(
             f"received the output {target}, expected an existing folder {target.parent}"
         )
-    pdf_target = target.with_suffix(Path(REPORT_PDF_NAME).suffix)
+    pdf_target = target.with_suffix(Path(REPORT_PDF).suffix)
     if pdf_target == target:
         raise OptionError(f"received the output {target}, expected a name that ends in .html")
     # (2) Facts and pictures; a scene too large for memory is drawn thinned.
@@ -238,7 +232,7 @@ def _look_at(asked: _Asked, beside: _Beside | None) -> _Looked:
     # (2) The scene as a whole, its landing, and photos beside it.
     watcher.start("pictures", None, "pictures")
     looked.overview = _overview(taker, asked)
-    for picture in taker.hand_off():
+    for picture in hand_off_pictures(model, taker.landing, taker.detail_rays, chosen.pictures):
         looked.landing.append(picture)
         watcher.advance(1)
     watcher.done({"pictures": len(looked.overview) + len(looked.landing)})
@@ -261,7 +255,15 @@ def _look_at(asked: _Asked, beside: _Beside | None) -> _Looked:
         base_rays=taker.base_rays,
     )
     if looked.proof.worst is not None:
-        looked.landing.append(taker.worst_place(looked.proof.worst))
+        looked.landing.append(
+            worst_place_picture(
+                model,
+                looked.proof.worst,
+                chosen.pictures,
+                detail_rays=taker.detail_rays,
+                base_rays=taker.base_rays,
+            )
+        )
     return looked
 
 
@@ -289,15 +291,12 @@ def _look_at_large(asked: _Asked) -> _Looked:
     near[segments_around(scene, taker.landing.position, THINNED_FACES)] = True
     stand = taker.landing
     del taker, model
-    taker = PictureTaker(
-        load_scene_model(
-            scene, max_faces=2 * THINNED_FACES, whole=near & stand.loaded, progress=watcher
-        ),
-        chosen.pictures,
+    model = load_scene_model(
+        scene, max_faces=2 * THINNED_FACES, whole=near & stand.loaded, progress=watcher
     )
-    taker.landing = stand
-    looked.landing = list(taker.hand_off())
-    del taker
+    rays = RayScene(model.detail.vertices, model.detail.faces)
+    looked.landing = list(hand_off_pictures(model, stand, rays, chosen.pictures))
+    del model, rays
     # (3) The proof of the hand-off.
     if not chosen.rays:
         return looked
@@ -306,7 +305,7 @@ def _look_at_large(asked: _Asked) -> _Looked:
     if worst is not None:
         around = segments_around(scene, worst.target, THINNED_FACES)
         near_model = load_scene_model(scene, segments=around, progress=watcher)
-        looked.landing.append(PictureTaker(near_model, chosen.pictures).worst_place(worst))
+        looked.landing.append(worst_place_picture(near_model, worst, chosen.pictures))
     return looked
 
 

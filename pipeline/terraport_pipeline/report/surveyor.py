@@ -5,7 +5,6 @@ Page and PDF say the same words; both take them from here.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -42,7 +41,6 @@ __all__ = [
     "RegionLine",
     "SurveyorFacts",
     "accuracy_figures",
-    "is_for_builders",
     "photo_overlap",
     "surveyor_facts",
 ]
@@ -67,13 +65,6 @@ VOLUME_NOTE: Final = (
 )
 
 _COLOUR: Final = {"photos": "from the photos", "points": "from the points", None: "none: grey"}
-
-_FOR_BUILDERS: Final = re.compile(
-    r"^(base depth \d|cells of .+ instead of|the base keeps \d|\d+ edges between tiles stay open"
-    r"|\d+ attributes hold values that their columns|[\d.]+ ?% of the (base|detail)'s "
-    r"|\d+ blocks are renewed|The survey is not in metres)"
-)
-"""Warnings about the program's own choices, and what the page says anyhow: folded away."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,12 +128,22 @@ class SurveyorFacts:
     regions: tuple[RegionLine, ...]
     region_units: tuple[str, str, str]
     """Units of areas, volumes, heights."""
+    region_total: int
+    """Regions of the scene; ``regions`` are the largest of them."""
     regions_note: str
     change: tuple[Figure, ...]
     """Of the last survey; empty for a first one."""
     warnings: tuple[str, ...]
     notes: tuple[str, ...]
-    """Warnings about the build, for those who run it."""
+    """What the build chose, for those who run it."""
+
+    def regions_line(self, rows: int) -> str:
+        """Write what stands below a table of the largest regions, of as many rows at most."""
+        shown = min(rows, len(self.regions))
+        cut = shown < self.region_total and shown > 0
+        return self.regions_note + (
+            f" The {shown} largest of {self.region_total:,} regions." if cut else ""
+        )
 
 
 def surveyor_facts(
@@ -185,10 +186,9 @@ def surveyor_facts(
     low, high = _box(scene)
     size = high - low
     # (2) Regions: areas of the build, volumes of the plan's raster.
-    regions, regions_note = _regions(scene, plan)
+    regions, region_total, regions_note = _regions(scene, plan)
     # (3) Figures, and what to look out for.
     known = [] if accuracy is None else accuracy_figures(accuracy, unit)
-    warnings = [text for text in manifest.build.warnings if not is_for_builders(text)]
     return SurveyorFacts(
         name=manifest.name,
         crs=crs,
@@ -208,27 +208,15 @@ def surveyor_facts(
         ),
         regions=regions,
         region_units=(f"{unit.name}²", unit.volume_name, unit.height_name),
+        region_total=region_total,
         regions_note=regions_note,
         change=_change(scene.regions, unit),
         warnings=(
             *_own_warnings(manifest, accuracy, spacing_m, unit, has_crs=has_crs),
-            *warnings,
+            *manifest.build.warnings,
         ),
-        notes=tuple(text for text in manifest.build.warnings if is_for_builders(text)),
+        notes=manifest.build.choices,
     )
-
-
-def is_for_builders(warning: str) -> bool:
-    """Tell warnings about how the build chose or cut from those about the survey.
-
-    Examples
-    --------
-    >>> is_for_builders("base depth 8 instead of 9: finer cells than the samples")
-    True
-    >>> is_for_builders("12 of 500 points were dropped as outliers")
-    False
-    """
-    return _FOR_BUILDERS.match(warning.replace(",", "")) is not None
 
 
 def accuracy_figures(accuracy: Accuracy, unit: SurveyUnit) -> list[Figure]:
@@ -344,12 +332,12 @@ def _surface_area_m2(scene: Scene, detail: Mesh) -> float | None:
     return float(np.linalg.norm(across, axis=1).sum() / 2.0)
 
 
-def _regions(scene: Scene, plan: Plan) -> tuple[tuple[RegionLine, ...], str]:
-    """Tabulate the largest regions, largest first."""
+def _regions(scene: Scene, plan: Plan) -> tuple[tuple[RegionLine, ...], int, str]:
+    """Tabulate the largest regions, largest first; how many there are; what to know of them."""
     try:
         names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
     except DamagedSceneError as error:
-        return (), str(error)
+        return (), 0, str(error)
     problem = ""
     try:
         names = names.with_labels(read_labels(scene.path))
@@ -357,7 +345,7 @@ def _regions(scene: Scene, plan: Plan) -> tuple[tuple[RegionLine, ...], str]:
         problem = f" Labels are left out: {error}."
     rows = region_rows(names, scene.regions, scene.manifest.origin)
     if not rows:
-        return (), f"The scene has no regions.{problem}"
+        return (), 0, f"The scene has no regions.{problem}"
     seen = np.bincount(plan.region[plan.region >= 0], minlength=len(rows)) * plan.cell_m**2
     if not any(row["area_m2"] for row in rows):
         rows.sort(key=lambda row: (-float(seen[row["region"]]), row["region"]))
@@ -368,10 +356,7 @@ def _regions(scene: Scene, plan: Plan) -> tuple[tuple[RegionLine, ...], str]:
         _region_line(row, colours[row["region"]], volumes.get(row["region"]), scene, plan, seen)
         for row in shown
     )
-    count = (
-        "" if len(rows) <= len(shown) else f" The {len(shown)} largest of {len(rows):,} regions."
-    )
-    return lines, f"{VOLUME_NOTE}{count}{problem}"
+    return lines, len(rows), f"{VOLUME_NOTE}{problem}"
 
 
 def _region_line(

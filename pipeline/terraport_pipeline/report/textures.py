@@ -18,13 +18,13 @@ from terraport_payload.types import AnyFloat, Bool, Float32, Int32, UInt8
 from terraport_pipeline.engines.camera_files import has_cameras, read_cameras
 from terraport_pipeline.engines.cameras import PhotoCamera
 from terraport_pipeline.engines.photos import OpenPhotos, open_photos, sizes_below
-from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh
+from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.model import Crs
 from terraport_pipeline.published.scene_model import SceneModel
 from terraport_pipeline.published.work_directory import default_work_directory
-from terraport_pipeline.report.pictures import Picture, PictureOptions
+from terraport_pipeline.report.picture import Picture, PictureOptions, picture_of
 from terraport_pipeline.stages.texture_sums import PHOTO_SHARES
 from terraport_store import Manifest, Scene
 
@@ -59,6 +59,9 @@ MAX_TILES: Final = 100_000
 """Tiles whose vertex colours are looked for."""
 
 GAP_PX: Final = 8
+
+_OVERVIEW_SAMPLES: Final = 3
+"""Of a pixel along each axis where a whole photo is drawn: a pixel is three of the photo's."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,29 +205,40 @@ def photo_pictures(
     )
     # (2) By each camera the whole photo, then one part of it pixel by pixel.
     plain_rays = None if plain is None else RayScene(plain.vertices, plain.faces)
+
+    def draw(
+        view: View, part: tuple[slice, slice], size: tuple[int, int], supersample: int
+    ) -> list[UInt8]:
+        rows, columns = part
+        window = (columns.start, rows.start, columns.stop - columns.start, rows.stop - rows.start)
+        camera = PhotoCamera(view, window)
+        drawn = [_draw(model, rays, camera, size, supersample)]
+        if plain is not None:
+            drawn.append(_draw_plain(plain, plain_rays, camera, size, supersample))
+        return drawn
+
     for index, kind in chosen_views(opened.views, rays):
         view = opened.views[index]
         photo = opened.photos.get(index)
-        drawn = [photo, _draw(model, rays, view, options)]
-        if plain is not None:
-            drawn.append(_draw_plain(plain, plain_rays, view, options))
-        height = round(PANEL_PX * view.lens.height / view.lens.width)
+        whole = (PANEL_PX, round(PANEL_PX * view.lens.height / view.lens.width))
+        everything = (slice(0, view.lens.height), slice(0, view.lens.width))
         yield _picture(
             f"photo-{kind}",
             f"Photo and scene, {kind}",
             f"{view.name}, side by side: {panels}",
             f"{view.name} ({view.lens.width} x {view.lens.height}): {panels}, drawn by the same "
             f"camera. Textures have the exposure that is common to all photos.{lacking}",
-            [_resized(image, (PANEL_PX, height)) for image in drawn],
+            [_resized(photo, whole), *draw(view, everything, whole, _OVERVIEW_SAMPLES)],
             options,
         )
         box = close_up(photo, view, rays)
+        size = (box[1].stop - box[1].start, box[0].stop - box[0].start)
         yield _picture(
             f"close-{kind}",
             f"Close-up, {kind}",
             f"A part of {view.name} in the photo's own pixels: {panels}",
             f"{CLOSE_PX[0]} x {CLOSE_PX[1]} pixels of {view.name}, one to one: {panels}.",
-            [image[box] for image in drawn],
+            [photo[box], *draw(view, box, size, options.supersample)],
             options,
         )
 
@@ -354,41 +368,42 @@ def _met(view: View, pixels: AnyFloat, rays: RayScene) -> Bool:
     return face >= 0
 
 
-def _draw(model: SceneModel, rays: RayScene, view: View, options: PictureOptions) -> UInt8:
+def _draw(
+    model: SceneModel, rays: RayScene, camera: PhotoCamera, size: tuple[int, int], supersample: int
+) -> UInt8:
     detail = model.detail
     return render_mesh(
         detail.vertices,
         detail.faces,
-        PhotoCamera(view),
-        (view.lens.width, view.lens.height),
+        camera,
+        size,
         colours=detail.colours,
         texturing=None if model.textures is None else model.textures.detail,
         relief=0.0,
         shadows=False,
-        supersample=_supersample(view, options),
+        supersample=supersample,
         scene=rays,
     )
 
 
 def _draw_plain(
-    plain: VertexColours, rays: RayScene | None, view: View, options: PictureOptions
+    plain: VertexColours,
+    rays: RayScene | None,
+    camera: PhotoCamera,
+    size: tuple[int, int],
+    supersample: int,
 ) -> UInt8:
     return render_mesh(
         plain.vertices,
         plain.faces,
-        PhotoCamera(view),
-        (view.lens.width, view.lens.height),
+        camera,
+        size,
         colours=plain.colours,
         relief=0.0,
         shadows=False,
-        supersample=_supersample(view, options),
+        supersample=supersample,
         scene=rays,
     )
-
-
-def _supersample(view: View, options: PictureOptions) -> int:
-    """Photos of more than 6 megapixels are drawn at one ray a pixel: they take long enough."""
-    return options.supersample if view.lens.width * view.lens.height <= 6_000_000 else 1
 
 
 def _resized(image: UInt8, size: tuple[int, int]) -> UInt8:
@@ -403,6 +418,4 @@ def _picture(
     for panel in panels[1:]:
         columns += [gap, panel]
     image = np.concatenate(columns, axis=1)
-    height, width = image.shape[:2]
-    data = encode_jpeg(image, options.quality)
-    return Picture(key.replace(" ", "-"), title, alt, caption, data, width, height)
+    return picture_of(options.quality, key.replace(" ", "-"), title, alt, caption, image)

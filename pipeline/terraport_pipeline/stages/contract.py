@@ -45,6 +45,9 @@ class Facts:
     """Whole sentences for the person who builds."""
     notes: dict[str, Json] = field(default_factory=dict)
     """For the build's report alone: what is no part of the result, such as the files it came in."""
+    choices: tuple[str, ...] = ()
+    """What the build decided otherwise than asked or than may be thought: no fault of the survey,
+    whole sentences for the person who builds."""
 
 
 @dataclass(frozen=True, slots=True)

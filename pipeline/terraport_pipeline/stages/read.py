@@ -13,15 +13,13 @@ from pathlib import Path
 
 import numpy as np
 
-from terraport_pipeline.engines.readers.survey_format import FORMATS, find_format
 from terraport_pipeline.model import Crs, Survey
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.stages import read_streamed
 from terraport_pipeline.stages.contract import Context, Facts, Stored
-from terraport_pipeline.stages.read_streamed import MAX_SPAN_M, NAME
-from terraport_pipeline.survey_files import SurveyFiles
+from terraport_pipeline.survey.survey_files import SurveyFiles
 
-__all__ = ["FORMATS", "MAX_SPAN_M", "NAME", "find_format", "read_survey"]
+__all__ = ["read_survey"]
 
 
 def read_survey(

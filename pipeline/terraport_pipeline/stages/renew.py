@@ -358,14 +358,15 @@ def _facts(
             f"more than the {scale.registration_m:.2g} m that samples tell: check how both are "
             "tied to their control points."
         )
+    choices = []
     if colour_alone > _COLOUR_SHARE * values["blocks"]:
-        warnings.append(
+        choices.append(
             f"{colour_alone:,} of {values['blocks']:,} blocks are renewed for their colour alone: "
             "the new survey was taken in another light."
         )
     if widened:
-        warnings.append(
+        choices.append(
             f"{widened} attributes hold values that their columns before have no room for: all "
             "tiles are built anew."
         )
-    return Facts(counts, tuple(warnings))
+    return Facts(counts, tuple(warnings), choices=tuple(choices))

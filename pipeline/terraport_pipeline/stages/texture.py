@@ -44,7 +44,7 @@ __all__ = [
     "photo_bytes",
     "texture_base",
     "texture_mesh",
-    "worth_warning",
+    "worth_saying",
 ]
 
 NAME: Final = "texture"
@@ -155,12 +155,20 @@ def texture_base(
     return BaseTextures(atlases, gains)
 
 
-def worth_warning(counts: Mapping[str, Any]) -> tuple[str, ...]:
-    """Warn where much of the surface is not as the photos show it, and say why."""
-    texts = []
+def worth_saying(counts: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Say where much of the surface is not as the photos show it, and why.
+
+    Returns
+    -------
+    warnings : tuple of str
+        The photos do not show it.
+    choices : tuple of str
+        They show it, and it was drawn otherwise.
+    """
+    warnings, choices = [], []
     unseen = float(counts["unseen_share"])
     if unseen > _WORST_UNSEEN and counts["photos"]:  # where none is left, that is said already
-        texts.append(
+        warnings.append(
             f"{unseen:.0%} of the surface is in no photo and has the cloud's colours: are the "
             "cameras those of this survey, and all photos there?"
         )
@@ -168,19 +176,19 @@ def worth_warning(counts: Mapping[str, Any]) -> tuple[str, ...]:
         before = "" if level == "detail" else "base_"
         borrowed = float(counts.get(f"{before}borrowed_share", 0.0))
         if borrowed > _WORST_BORROWED:
-            texts.append(
+            choices.append(
                 f"{borrowed:.0%} of the {level}'s faces have the photo of a neighbour, which may "
                 "not see them: the surface is so noisy that it fell into charts of a few faces; "
                 "clean the cloud, or thin it with --max-points"
             )
         flat = float(counts[f"{before}crowded_share"])
         if flat > 0.0:
-            texts.append(
+            choices.append(
                 f"{flat:.2%} of the {level}'s surface have the cloud's colours, one a face: "
                 f"{counts[f'{before}charts']:,} charts left no room in an image of "
                 f"{counts[f'{before}longest_side']:,} texels"
             )
-    return tuple(texts)
+    return tuple(warnings), tuple(choices)
 
 
 def texture_mesh(

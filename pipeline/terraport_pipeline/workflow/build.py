@@ -35,7 +35,8 @@ from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.stages import clean, pack, reconstruct, segment
 from terraport_pipeline.stages.region_engine import check_segment_by
 from terraport_pipeline.stages.tiles import base_atlas
-from terraport_pipeline.survey_files import SurveyFiles, find_survey
+from terraport_pipeline.survey.find_survey import find_survey
+from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.unforeseen import build_failed
 from terraport_pipeline.workflow.before import find_before

@@ -14,7 +14,7 @@ surveys by ``benchmarks/forecast.py``; how far off they are stands in
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 from terraport_pipeline.geometry.tiles.tile_plan import TilePlan
@@ -24,7 +24,14 @@ from terraport_pipeline.workflow.tile_memory import (
     forecast_tiles,
 )
 
-__all__ = ["BuildForecast", "SolvedGround", "forecast_build", "time_terms"]
+__all__ = [
+    "BuildForecast",
+    "PhotoSet",
+    "SolvedGround",
+    "forecast_build",
+    "time_terms",
+    "with_photos",
+]
 
 VOXEL_CELLS: Final = 4.0
 """Side of the voxels that are counted: with samples 1.2 cells apart, what the surface passes has
@@ -74,6 +81,17 @@ _WORK_BYTES_PER_ATTRIBUTE: Final = 4
 the base, per point of the thinned copy, per face of a single tile and of several (with their
 margins, and the base's part of each), and per face and attribute."""
 
+_PHOTO_SECONDS: Final = (8e-6, 0.18)
+"""Of textures from photos, per face and per megapixel of all photos, on the reference machine."""
+
+_BYTES_PER_TEXEL: Final = 0.33
+"""Of an image, for each texel of the surface's area: 0.23 (soft, dark ground) and 0.43 (grass) were
+measured."""
+
+_BASE_IMAGE_BYTES: Final = 600_000
+_COLOUR_BYTES_PER_FACE: Final = 0.8
+"""Of vertex colours, which textured segments do not have."""
+
 _MOST_BASE_FACES: Final = 200_000
 _BASE_SHARE: Final = 0.125
 
@@ -99,6 +117,18 @@ class SolvedGround:
     """Of a sample on disk: coordinates, colour, attributes."""
     attributes: int
     """Attributes of a sample."""
+
+
+@dataclass(frozen=True, slots=True)
+class PhotoSet:
+    """What of a survey's photos decides how long their textures take, and how large they are."""
+
+    megapixels: float
+    """Of all photos together."""
+    pixel_m: float
+    """Ground sampling distance: texels are as wide, if nothing else is asked for."""
+    surface_m2: float
+    """Area of the surface that is textured."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +192,25 @@ def forecast_build(ground: SolvedGround, *, max_memory_bytes: int, threads: int)
         work_bytes=round(
             _WORK_BYTES + handed_out + _WORK_BYTES_PER_THINNED * thinned + work_per_face * faces
         ),
+    )
+
+
+def with_photos(forecast: BuildForecast, photos: PhotoSet, *, threads: int) -> BuildForecast:
+    """Forecast the same build with textures from photos.
+
+    Memory stays: textures are drawn tile by tile, and photos are held within a bound.
+    """
+    per_face, per_megapixel = _PHOTO_SECONDS
+    seconds = per_face * forecast.faces + per_megapixel * photos.megapixels
+    shared = _PARALLEL_SHARE * _REFERENCE_CORES / max(1, threads)
+    image_bytes = _BASE_IMAGE_BYTES + _BYTES_PER_TEXEL * photos.surface_m2 / photos.pixel_m**2
+    return replace(
+        forecast,
+        seconds=round(forecast.seconds + seconds * (1.0 - _PARALLEL_SHARE + shared), 1),
+        scene_bytes=round(
+            forecast.scene_bytes + image_bytes - _COLOUR_BYTES_PER_FACE * forecast.faces
+        ),
+        work_bytes=round(forecast.work_bytes + image_bytes),
     )
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
@@ -22,17 +23,11 @@ from terraport_pipeline.stages.contract import STORED, Context, Facts, Stored
 from terraport_pipeline.stages.tiles import (
     join_tiles,
     joined_tile,
+    settle_tiles,
     tile_edges,
 )
-from terraport_pipeline.stages.tiles.join_tiles import (
-    Forgiven,
-    Join,
-    Look,
-    Settled,
-    SettledTile,
-    TileJoin,
-    Weak,
-)
+from terraport_pipeline.stages.tiles.join_tiles import Join, TileJoin
+from terraport_pipeline.stages.tiles.settle_tiles import Forgiven, Look, Settled, SettledTile, Weak
 from terraport_pipeline.stages.tiles.solve_tile import TileTask
 from terraport_pipeline.stages.tiles.tile_edges import edge_rules, end_of_support
 from terraport_pipeline.workflow.runner import (
@@ -117,6 +112,7 @@ def join_solved(
             join_tiles.JOIN_FORM,
             {"largest": options.trim_spacings},
             {"solved": solved.digest, "edges": edges.digest, **before.input},
+            also=(tile_edges,),
             is_remembered=True,
         )
     )
@@ -132,23 +128,27 @@ def join_solved(
 
     def tile_stage(
         name: str,
+        code: ModuleType,
         title: str,
         run: Sequence[Callable[[Context], Stored]],
         inputs: Sequence[Mapping[str, str]],
     ) -> TileStage:
-        return TileStage(name, joined_tile, title, run, inputs, [max(1, n) for n in faces])
+        return TileStage(name, code, title, run, inputs, [max(1, n) for n in faces])
 
     # (3) Weak places that reach across walls stay or go as one; then loose pieces.
     weak = runner.run_tiles(
-        tile_stage("weak", "tiles: weak places", [_WeakPlaces(job) for job in jobs], inputs), pool
+        tile_stage(
+            "weak", joined_tile, "tiles: weak places", [_WeakPlaces(job) for job in jobs], inputs
+        ),
+        pool,
     )
-    forgiven = join_tiles.forgive(join, [_weak_of(stored) for stored in weak.every()])
+    forgiven = settle_tiles.forgive(join, [_weak_of(stored) for stored in weak.every()])
     inputs = [
         {**each, "forgiven": stays.digest()} for each, stays in zip(inputs, forgiven, strict=True)
     ]
     looks = runner.run_tiles(
         tile_stage(
-            "look", "tiles: join",
+            "look", joined_tile, "tiles: join",
             [_Look(job, stays) for job, stays in zip(jobs, forgiven, strict=True)], inputs,
         ),
         pool,
@@ -159,7 +159,7 @@ def join_solved(
             "settle",
             joined_tile,
             lambda _: _settle(join, looks, options.island_faces, before),
-            join_tiles.SETTLED_FORM,
+            settle_tiles.SETTLED_FORM,
             {"island_faces": options.island_faces},
             {"join": welded.digest, "looks": looks.digest, **before.input},
             is_remembered=True,
@@ -169,6 +169,7 @@ def join_solved(
     finished = runner.run_tiles(
         tile_stage(
             "tile",
+            joined_tile,
             "tiles: write",
             [
                 _Finish(job, stays, tile)
@@ -254,9 +255,9 @@ def _settle(join: Join, looks: TileResults, island_faces: int, before: _Earlier)
     digests = tuple(record.digest for record in looks.records)
     held: dict[int, SettledTile] = {}
     if before.stored is not None:
-        earlier = join_tiles.SETTLED_FORM.restore(before.stored, Facts())
+        earlier = settle_tiles.SETTLED_FORM.restore(before.stored, Facts())
         held = {tile: earlier.tiles[tile] for tile in _same(earlier.looks, digests)}
-    return join_tiles.settle(
+    return settle_tiles.settle(
         join, [Look.of(stored) for stored in looks.every()],
         min_faces=island_faces, digests=digests, held=held,
     )  # fmt: skip

@@ -256,6 +256,7 @@ def build_info(
         options=dict(recorded),
         input=input_info,
         warnings=tuple(text for report in reports for text in report.facts.warnings),
+        choices=tuple(text for report in reports for text in report.facts.choices),
         stages=tuple({"name": r.name, "counts": r.facts.counts} for r in reports),
     )
 

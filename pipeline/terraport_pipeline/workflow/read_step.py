@@ -12,7 +12,8 @@ from terraport_pipeline.model import Crs
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import read_streamed
 from terraport_pipeline.stages.contract import IN_FOLDER
-from terraport_pipeline.survey_files import OUTSIDE, SurveyFile, SurveyFiles
+from terraport_pipeline.survey.one_survey import OUTSIDE
+from terraport_pipeline.survey.survey_files import SurveyFile, SurveyFiles
 from terraport_pipeline.workflow.runner import Runner, Stage
 from terraport_pipeline.workflow.workdir import StageRecord, file_digest
 from terraport_store.manifest import InputInfo, SurveyUnits
@@ -31,7 +32,7 @@ def look_at_survey(runner: Runner, survey: SurveyFiles) -> tuple[SurveyFiles, tu
     Raises
     ------
     SurveyError, ReadError
-        As :meth:`~terraport_pipeline.survey_files.SurveyFiles.heads`.
+        As :meth:`~terraport_pipeline.survey.survey_files.SurveyFiles.heads`.
     """
     survey, heads = survey.heads(runner.progress)
     head_of = {file.path: head for file, head in zip(survey.files, heads, strict=True)}

@@ -34,9 +34,7 @@ from terraport_pipeline.stages.tiles import (
     tiled_base,
 )
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles, StoredTiles
-from terraport_pipeline.stages.tiles.join_tiles import (
-    Settled,
-)
+from terraport_pipeline.stages.tiles.settle_tiles import Settled
 from terraport_pipeline.stages.tiles.solve_tile import TileTask
 from terraport_pipeline.workflow.join_step import join_solved, task_key
 from terraport_pipeline.workflow.photo_input import camera_samples
@@ -165,7 +163,7 @@ def reconstruct_tiles(runner: Runner, ground: Ground, cluster: str | None = None
             **settled.record.facts.counts,
             **base_result.facts.counts,
         },
-        (*ground.warnings, *settled.record.facts.warnings, *base_result.facts.warnings),
+        choices=(*ground.choices, *settled.record.facts.choices, *base_result.facts.choices),
     )
     surface = Surface(
         base_result.base,
@@ -206,15 +204,13 @@ def _solve(
 ) -> TileResults:
     """Reconstruct every tile by itself."""
     folder = runner.work.path / ground.samples.name
+    paths = [folder / f"{partition.samples_name(tile)}.npy" for tile in range(len(tasks))]
     return runner.run_tiles(
         TileStage(
             "solve",
             solve_tile,
             f"tiles: solve {len(tasks)}, {min(pool.workers, len(tasks))} at a time",
-            [
-                _SolveTile(task, folder / f"{partition.samples_name(tile)}.npy")
-                for tile, task in enumerate(tasks)
-            ],
+            [_SolveTile(task, path) for task, path in zip(tasks, paths, strict=True)],
             [
                 {"task": task_key(task), "samples": digest}
                 for task, digest in zip(tasks, ground.samples.values["digests"], strict=True)

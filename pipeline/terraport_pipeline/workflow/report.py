@@ -14,7 +14,7 @@ from rich.table import Table
 from terraport_pipeline.report.facts import extent_line
 from terraport_pipeline.stages.contract import Facts
 from terraport_pipeline.stages.texture_sums import PHOTO_SHARES
-from terraport_pipeline.survey_files import OUTSIDE
+from terraport_pipeline.survey.one_survey import OUTSIDE
 from terraport_pipeline.workflow.workdir import Cost
 
 __all__ = ["BUILD_REPORT_NAME", "BuildReport", "StageReport", "write_build_report"]
@@ -88,6 +88,11 @@ class BuildReport:
         return tuple(text for stage in self.stages for text in stage.facts.warnings)
 
     @property
+    def choices(self) -> tuple[str, ...]:
+        """What all stages decided by themselves, in their order."""
+        return tuple(text for stage in self.stages for text in stage.facts.choices)
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What to know of the survey's files: none for a single one with nothing beside it."""
         notes = []
@@ -159,6 +164,7 @@ class BuildReport:
                     ],
                     "counts": stage.facts.counts,
                     "warnings": list(stage.facts.warnings),
+                    "choices": list(stage.facts.choices),
                     **{
                         name: stage.facts.notes[name] for name in _KEPT if name in stage.facts.notes
                     },

@@ -63,6 +63,8 @@ class Stage(Generic[T]):
     """All that change the result, none that do not."""
     inputs: Mapping[str, str] = field(default_factory=dict)
     """Digests of what goes in, by name."""
+    also: Sequence[ModuleType] = ()
+    """Further modules whose code decides the result: of what `run` calls beside `code`."""
 
     is_remembered: bool = False
     """The next survey over the scene is built with this result at hand."""
@@ -83,7 +85,8 @@ class Stage(Generic[T]):
         return self._key({})
 
     def _key(self, inputs: Mapping[str, str]) -> str:
-        return stage_key(self.name, code_digest(self.code.__name__), self.options, inputs)
+        code = "-".join(code_digest(module.__name__) for module in (self.code, *self.also))
+        return stage_key(self.name, code, self.options, inputs)
 
 
 @dataclass(frozen=True, slots=True)

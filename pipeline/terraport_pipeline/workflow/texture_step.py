@@ -368,8 +368,8 @@ def texture_tiles(
             counts["borrowed_share"] = round(counts["choice_faces_borrowed"] / faces, 4)
             notes[PHOTO_SHARES] = tally.photo_shares(base_result.facts.notes[PHOTO_SHARES])
         counts |= step_counts(drawn_tiles)
-        warnings = (*base_result.facts.warnings, *texture.worth_warning(counts)) if chosen else ()
-        group.facts = Facts(counts, warnings, notes)
+        warnings, choices = texture.worth_saying(counts) if chosen is not None else ((), ())
+        group.facts = Facts(counts, (*base_result.facts.warnings, *warnings), notes, choices)
     return Textures(BaseTexture(base_result.textures, info, base.digest), drawn)
 
 

@@ -17,10 +17,13 @@ import numpy as np
 
 from terraport_payload.types import Float64, Int64
 from terraport_pipeline.engines import poisson
+from terraport_pipeline.engines.readers import point_order
 from terraport_pipeline.engines.readers.npy_columns import NpyReader
-from terraport_pipeline.engines.readers.raw_survey import thinning_rows
+from terraport_pipeline.engines.readers.point_order import thinning_rows
+from terraport_pipeline.geometry.clouds import detail_cell, footprint
 from terraport_pipeline.geometry.clouds.detail_cell import choose_cell, smoothing_radius_m
 from terraport_pipeline.geometry.clouds.footprint import Occupancy, plan_occupancy
+from terraport_pipeline.geometry.tiles import tile_plan
 from terraport_pipeline.geometry.tiles.tile_plan import (
     Lattice,
     TilePlan,
@@ -104,7 +107,7 @@ class Ground:
     plan: TilePlan
     samples: StageRecord
     forecast: TileForecast
-    warnings: tuple[str, ...]
+    choices: tuple[str, ...]
     clean_options: clean.Options
     options: reconstruct.Options
 
@@ -127,6 +130,7 @@ def clean_thinned(runner: Runner, survey: StageRecord, options: clean.Options) -
             asdict(options)
             | {"thinned": _THINNED_POINTS, "origin": None if origin is None else origin.tolist()},
             {"survey": survey.digest},
+            also=(point_order,),
         )
     )
 
@@ -191,6 +195,7 @@ def prepare(
             STORED,
             {"detail_depth": options.detail_depth, **asdict(clean_options)},
             {"measured": measured.digest, "cloud": cleaned.digest},
+            also=(detail_cell, footprint, poisson, tile_plan),
             is_decision=True,
         )
     ).value()
@@ -226,7 +231,7 @@ def prepare(
     )
     return Ground(
         survey, cleaned, cloud.origin, values["measured"], lattice, raster, plan, samples.record,
-        forecast, tuple(values["warnings"]), clean_options, options,
+        forecast, tuple(values["choices"]), clean_options, options,
     )  # fmt: skip
 
 
@@ -246,7 +251,7 @@ def _handed_out(runner: Runner, source: Path) -> tuple[partition.Earlier | None,
 
 def _frame(measured: dict[str, Any], origin: Float64, detail_depth: int | None) -> dict[str, Any]:
     """Decide what stands for all surveys over one scene, as plain values."""
-    cell_m, warnings = choose_cell(
+    cell_m, choices = choose_cell(
         detail_depth,
         poisson.SCALE * measured["extent_m"],
         measured["surface_spacing_m"],
@@ -261,7 +266,7 @@ def _frame(measured: dict[str, Any], origin: Float64, detail_depth: int | None) 
         **asdict(lattice_of(measured, cell_m)),
         "raster_low": list(raster.low),
         "raster_cell_m": raster.cell_m,
-        "warnings": list(warnings),
+        "choices": list(choices),
     }
 
 

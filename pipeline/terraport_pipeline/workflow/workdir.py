@@ -399,7 +399,12 @@ def _parse(document: Any) -> StageRecord:
         name=document["name"],
         key=document["key"],
         digest=document["digest"],
-        facts=Facts(facts["counts"], tuple(facts["warnings"]), facts["notes"]),
+        facts=Facts(
+            facts["counts"],
+            tuple(facts["warnings"]),
+            facts["notes"],
+            tuple(facts.get("choices", ())),  # work directories from before have none
+        ),
         cost=Cost(
             float(cost["seconds"]),
             int(cost["peak_bytes"]),

@@ -16,7 +16,7 @@ from pipeline.engines.camera_files.known_cameras import (
 
 from terraport_pipeline.engines.odm_project import find_odm_project
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.survey_files import find_survey
+from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.workflow.photo_input import Texturing, project_texturing
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from terraport_pipeline.engines.readers import point_order
 from terraport_pipeline.engines.readers.point_order import (
@@ -11,6 +13,7 @@ from terraport_pipeline.engines.readers.point_order import (
     curve_keys,
     order_rows,
     point_hashes,
+    thinning_rows,
 )
 
 rng = np.random.default_rng(8)
@@ -95,3 +98,23 @@ def test_few_points_are_all_kept() -> None:
     hashes = point_hashes(rng.random((5000, 3)))
     thinning.look(hashes)
     assert (hashes <= np.uint64(thinning.limit)).all()
+
+
+@given(st.integers(1, 5000), st.integers(1, 5000))
+def test_thinning_keeps_exactly_the_bound_once_each_and_spread(count: int, bound: int) -> None:
+    rows = thinning_rows(count, bound)
+    if count <= bound:
+        assert rows is None
+        return
+    assert rows is not None
+    assert len(rows) == bound
+    assert (np.diff(rows) > 0).all()
+    assert rows[0] >= 0
+    assert rows[-1] < count
+    # One row in each run: no gap is longer than two runs.
+    assert np.diff(rows).max(initial=0) < 2 * (count / bound + 1)
+
+
+def test_thinning_is_the_same_each_time_and_off_without_a_bound() -> None:
+    np.testing.assert_array_equal(thinning_rows(1000, 100), thinning_rows(1000, 100))
+    assert thinning_rows(1000, None) is None

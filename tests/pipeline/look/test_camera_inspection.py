@@ -106,13 +106,24 @@ def run(*words):
 
 def test_the_command(project):
     options = ("--cameras", project / "colmap", "--photos", project / "photos")
-    shown = run(project / "survey.txt", *options)
+    rows = np.loadtxt(project / "survey.txt", skiprows=1)
+    rows[:, 2] += 0.4 * np.sin(rows[:, 0] / 7) * np.cos(rows[:, 1] / 9)  # flat ground is refused
+    rolling = project / "rolling.txt"
+    np.savetxt(rolling, rows, fmt="%.3f %.3f %.3f %d %d %d", header="x y z r g b", comments="")
+    shown = run(rolling, *options)
     assert shown.exit_code == 0, shown.output
-    for phrase in ("6 photos", "pixel on the ground", "colours agree", "radial, distorted"):
+    for phrase in (
+        "6 photos", "pixel on the ground", "colours agree", "radial, distorted",
+        "A build with these photos",
+    ):  # fmt: skip
         assert phrase in shown.output
-    inspection = json.loads(run(project / "survey.txt", *options, "--json").stdout)
+    inspection = json.loads(run(rolling, *options, "--json").stdout)
     assert inspection["count"] == 6
-    assert inspection["survey"]["name"] == "survey.txt"
+    assert inspection["survey"]["name"] == "rolling.txt"
+    assert inspection["forecast"]["seconds"] > inspection["survey"]["forecast"]["seconds"]
+    refused = json.loads(run(project / "survey.txt", *options, "--json").stdout)
+    assert "one plane" in refused["survey"]["refused"]
+    assert "forecast" not in refused
     assert "perhaps" in run(project / "colmap").output
     assert json.loads(run(project / "colmap" / "images.txt", "--json").stdout)["count"] == 6
 

@@ -84,9 +84,16 @@ def test_a_photos_camera_draws_what_the_photo_shows() -> None:
     row, column = 31, 150
     pixels, _ = view.project((origins + 7.0 * headings)[row * 200 + column][None].astype(float))
     np.testing.assert_allclose(pixels[0] / 2, [column + 0.5, row + 0.5], atol=1e-3)
+    # A part of it, enlarged: the same rays.
+    part = PhotoCamera(view, (180.0, 130.0, 50.0, 40.0))
+    enlarged = part.rays(150, 120)[1].reshape(120, 150, 3)
+    pixels, _ = view.project((origins[0] + 7.0 * enlarged[31, 46])[None].astype(float))
+    np.testing.assert_allclose(pixels[0], [180 + 46.5 / 3, 130 + 31.5 / 3], atol=1e-3)
     # A pixel is as wide as the angle between two rays.
     step = np.linalg.norm(headings[75 * 200 + 101] - headings[75 * 200 + 100]) * 10
     np.testing.assert_allclose(camera.pixel_m(np.float32([10.0]), 150), step, rtol=0.02)
+    step = np.linalg.norm(enlarged[60, 76] - enlarged[60, 75]) * 10
+    np.testing.assert_allclose(part.pixel_m(np.float32([10.0]), 120), step, rtol=0.02)
 
 
 def test_a_pixel_grows_with_the_distance_but_not_in_a_parallel_projection() -> None:

@@ -22,7 +22,7 @@ from terraport_pipeline.report.change_map import (
     change_span_m,
     find_change_map,
 )
-from terraport_pipeline.report.pictures import PictureOptions
+from terraport_pipeline.report.picture import PictureOptions
 from terraport_pipeline.report.report import ReportOptions, write_report
 from terraport_store import Scene
 

@@ -14,7 +14,8 @@ import pytest
 from PIL import Image
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.report.pictures import InputCloud, PictureOptions
+from terraport_pipeline.report.input_cloud import InputCloud
+from terraport_pipeline.report.picture import PictureOptions
 from terraport_pipeline.report.report import ReportOptions, write_report
 from terraport_store import SceneNotFoundError
 

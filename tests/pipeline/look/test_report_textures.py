@@ -14,7 +14,7 @@ from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.photos.lens import Lens, View
 from terraport_pipeline.published.scene_model import load_scene_model
-from terraport_pipeline.report.pictures import PictureOptions
+from terraport_pipeline.report.picture import PictureOptions
 from terraport_pipeline.report.textures import (
     VertexColours,
     chosen_views,

@@ -11,10 +11,12 @@ import numpy as np
 import pypdfium2
 import pytest
 
+from terraport_pipeline.report import pdf_page
+from terraport_pipeline.report.input_cloud import InputCloud
 from terraport_pipeline.report.pdf_page import printable
-from terraport_pipeline.report.pictures import InputCloud, PictureOptions
+from terraport_pipeline.report.picture import PictureOptions
 from terraport_pipeline.report.report import ReportOptions, ReportResult, write_report
-from terraport_pipeline.report.surveyor import ACCURACY_UNKNOWN, is_for_builders
+from terraport_pipeline.report.surveyor import ACCURACY_UNKNOWN
 from terraport_store import change_labels, manifest_digest
 
 SMALL = ReportOptions(PictureOptions(160, 90, 2), rays=0)
@@ -118,6 +120,22 @@ def test_hostile_names_do_no_harm_in_either_form(report) -> None:
     assert "font cannot write stands in the HTML page" in text
 
 
+def test_choices_of_the_build_are_no_warnings_and_each_table_counts_its_own_rows(
+    report, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = shutil.copytree(report.path.parent, tmp_path / "ground")
+    stated = json.loads((scene / "scene.json").read_text())["build"]
+    texts = {"warnings": ["The sun stood low."], "choices": ["Cells are 2 m wide."]}
+    monkeypatch.setattr(pdf_page, "MAX_ROWS", 1)
+    again = write_report(changed(scene, build={**stated, **texts}), options=SMALL)
+    page, pdf = page_text(again.path), pdf_text(again.pdf_path)
+    assert page.index("The sun stood low.") < page.index("Regions: areas and volumes")
+    assert page.index("Notes") < page.index("Cells are 2 m wide.")
+    assert "The sun stood low." in pdf
+    assert "Cells are" not in pdf
+    assert "The 1 largest of 2 regions." in pdf
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -174,20 +192,3 @@ def test_points_far_from_the_mesh_are_a_warning(tmp_path, scene_path, detail) ->
     assert re.search(
         r"[45]\.\d% of the points lie more than 2\.50 m from the mesh", page_text(result.path)
     )
-
-
-@pytest.mark.parametrize(
-    ("warning", "folded"),
-    [
-        ("base depth 8 instead of 9: finer cells than the samples that", True),
-        ("cells of 0.2 m instead of 0.1 m (--detail-depth 13): the samples stand", True),
-        ("the base keeps 260,000 faces, 200,000 were asked: its border", True),
-        ("8% of the base's faces have the photo of a neighbour, which may", True),
-        ("The survey is not in metres (x): its coordinates were converted to metres.", True),
-        ("The new survey lies 0.5 m beside the one before throughout, more than", False),
-        ("31% of the surface is in no photo and has the cloud's colours", False),
-        ("Left out, 12.0% of the files, as they cannot be used: a.laz", False),
-    ],
-)
-def test_what_the_program_chose_is_no_warning_to_a_surveyor(warning: str, folded: bool) -> None:
-    assert is_for_builders(warning) is folded

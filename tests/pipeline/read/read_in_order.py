@@ -40,7 +40,7 @@ def read_in_order(path: Path, written: Float64) -> Survey:
     """
     progress = _CountedProgress()
     survey = read_survey(path, progress=progress)
-    assert progress.amounts == progress.totals
+    assert progress.amounts == progress.totals, (progress.amounts, progress.totals)
     read_mm, written_mm = _millimetres(survey.points), _millimetres(written)
     read_order, written_order = np.lexsort(read_mm.T), np.lexsort(written_mm.T)
     np.testing.assert_array_equal(read_mm[read_order], written_mm[written_order])

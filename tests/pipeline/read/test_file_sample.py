@@ -18,7 +18,7 @@ from terraport_pipeline.engines.readers.file_sample import (
     text_sample,
     text_share,
 )
-from terraport_pipeline.engines.readers.raw_survey import StreamChunk
+from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
 from terraport_pipeline.engines.readers.survey_format import find_format
 from terraport_pipeline.engines.readers.survey_stream import open_stream
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from pyproj import CRS, Transformer
 
-from terraport_pipeline.engines.readers.survey_crs import metre_factors
+from terraport_pipeline.engines.readers.survey_crs import conversion_line, metre_factors
 from terraport_pipeline.errors import OptionError, ReadError
 from terraport_pipeline.survey_statement import SurveyStatement
 
@@ -39,10 +39,9 @@ def test_metres_pass_untouched() -> None:
 def test_feet_become_metres_in_the_same_projection(epsg: int, unit: float) -> None:
     feet = np.array([[6_500_000.0, 1_900_000.0, 500.0], [6_500_100.0, 1_900_050.0, 510.0]])
     before = feet.copy()
-    points, crs, warnings = to_metres(PATH, feet, CRS.from_epsg(epsg))
+    points, crs, _ = to_metres(PATH, feet, CRS.from_epsg(epsg))
     np.testing.assert_allclose(points, feet * unit, rtol=1e-9)
     np.testing.assert_array_equal(feet, before)
-    assert "converted to metres" in warnings[0]
     # The new CRS means the same place on Earth.
     assert crs is not None
     assert crs.epsg is None
@@ -60,7 +59,7 @@ def test_heights_follow_their_own_unit() -> None:
     points, _, warnings = to_metres(PATH, UTM, compound)
     np.testing.assert_array_equal(points[:, :2], UTM[:, :2])
     np.testing.assert_allclose(points[:, 2], UTM[:, 2] * 1200 / 3937)
-    assert len(warnings) == 1
+    assert warnings == []
 
 
 def test_degrees_are_refused() -> None:
@@ -115,7 +114,25 @@ def test_feet_without_a_crs_are_refused_unless_a_unit_is_stated(x: float, y: flo
     points, crs, warnings = at(x, y, units="us-ft")
     assert points[0, 0] == pytest.approx(x * 1200 / 3937)
     assert crs is None
-    assert "converted to metres" in warnings[0]
+    assert all("lie" not in text for text in warnings)
+
+
+def test_a_unit_other_than_that_of_the_crs_is_warned_of() -> None:
+    assert (
+        "UTM zone 14N has units of 1 m; coordinates are taken to be in units of 0.3048 m"
+        in " ".join(at(480_000 / 0.3048, 2_210_000 / 0.3048, 32614, units="ft")[2])
+    )
+    assert at(480_000, 2_210_000, 32614, units="m", height_units="ft")[2] == []
+
+
+def test_the_conversion_says_the_units_and_who_stated_them() -> None:
+    system, statement = CRS.from_epsg(2229), SurveyStatement(crs="EPSG:2277")
+    feet = np.full(3, 1200 / 3937)
+    assert conversion_line(feet, system, None).startswith(
+        "The survey is not in metres (NAD83 / California zone 5 (ftUS): horizontal unit 0.304800"
+    )
+    assert "Texas Central" in conversion_line(feet, system, statement)
+    assert "(as stated: " in conversion_line(feet, None, SurveyStatement(units="us-ft"))
 
 
 @pytest.mark.parametrize(

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pipeline.two_tiles import CORE, RULE, Joined, join_of, joined, piece, task, tile_joins
 
-from terraport_pipeline.stages.tiles.join_tiles import settle
 from terraport_pipeline.stages.tiles.joined_tile import finish, weak_places
+from terraport_pipeline.stages.tiles.settle_tiles import settle
 
 
 def border(result: Joined, tile: int) -> dict[int, int]:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 from pyproj import CRS
 
+from terraport_pipeline.engines.readers.survey_format import find_format
 from terraport_pipeline.errors import OptionError, ReadError, SurveyError
-from terraport_pipeline.stages.read import find_format, read_survey
+from terraport_pipeline.stages.read import read_survey
 
 PLY = "ply\nformat ascii 1.0\nelement vertex {n}\n{p}end_header\n{rows}"
 XYZ = "property {t} x\nproperty {t} y\nproperty {t} z\n"

@@ -18,7 +18,9 @@ from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import read_streamed
 from terraport_pipeline.stages.contract import Context, Facts
 from terraport_pipeline.stages.read import read_survey
-from terraport_pipeline.survey_files import SurveyFiles, find_survey
+from terraport_pipeline.stages.reading import sort, spool, strays
+from terraport_pipeline.survey.find_survey import find_survey
+from terraport_pipeline.survey.survey_files import SurveyFiles
 
 HILL = Hill(4000)
 XYZ = HILL.millimetres / 1000
@@ -29,9 +31,10 @@ WITHIN: Bool = EXTENT.holds(XYZ)
 @pytest.fixture(autouse=True)
 def small_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Several blocks and buckets of a small survey."""
-    monkeypatch.setattr(read_streamed, "_BLOCK_ROWS", 500)
-    monkeypatch.setattr(read_streamed, "_BUCKET_ROWS", 200)
-    monkeypatch.setattr(read_streamed, "_SAMPLE_STEP", 10)
+    monkeypatch.setattr(strays, "BLOCK_ROWS", 500)
+    monkeypatch.setattr(sort, "BLOCK_ROWS", 500)
+    monkeypatch.setattr(sort, "_BUCKET_ROWS", 200)
+    monkeypatch.setattr(spool, "_SAMPLE_STEP", 10)
 
 
 def columns_of(

@@ -20,6 +20,7 @@ from terraport_pipeline.model import Survey
 from terraport_pipeline.stages import read_streamed
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.stages.reading import sort, spool, strays
 
 COUNT = 700
 rng = np.random.default_rng(5)
@@ -49,9 +50,10 @@ def small_parts(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(module, "_CHUNK_POINTS", 150)
     monkeypatch.setattr(read_ply, "_ASCII_CHUNK", 150)
     monkeypatch.setattr(read_xyz, "_BLOCK_BYTES", 4096)
-    monkeypatch.setattr(read_streamed, "_BLOCK_ROWS", 128)
-    monkeypatch.setattr(read_streamed, "_BUCKET_ROWS", 200)
-    monkeypatch.setattr(read_streamed, "_SAMPLE_STEP", 7)
+    monkeypatch.setattr(strays, "BLOCK_ROWS", 128)
+    monkeypatch.setattr(sort, "BLOCK_ROWS", 128)
+    monkeypatch.setattr(sort, "_BUCKET_ROWS", 200)
+    monkeypatch.setattr(spool, "_SAMPLE_STEP", 7)
 
 
 def write_las(path: Path, *, epsg: int = 32735, widen: int = 257) -> Written:
@@ -77,10 +79,6 @@ def write_las_eight(path: Path) -> Written:
 
 def write_las_feet(path: Path) -> Written:
     warnings = (
-        (
-            "The survey is not in metres (NAD83 / Texas Central (ftUS): horizontal unit "
-            "0.30480061 m, height unit 0.30480061 m); its coordinates were converted to metres."
-        ),
         (
             "The coordinates (about 641,025, 8,594,025) lie outside the area that NAD83 / Texas "
             "Central (ftUS) is made for: sizes are as they say, the place on Earth is not to be "

@@ -134,6 +134,7 @@ def test_cells_follow_the_density_and_nobody_is_warned(
 ) -> None:
     assert result.facts.counts["cell_m"] == pytest.approx(1.2 * cleaned.cloud.spacing_m, rel=0.1)
     assert not result.facts.warnings
+    assert not result.facts.choices
 
 
 def test_who_asks_for_more_than_the_density_supports_is_told(
@@ -143,10 +144,11 @@ def test_who_asks_for_more_than_the_density_supports_is_told(
         base_faces=600, base_from="poisson", detail_depth=13, base_depth=9
     )
     facts = reconstruct_survey(runner_in(folder / "deeper"), survey, options).facts
-    warnings = " ".join(facts.warnings)
+    choices = " ".join(facts.choices)
+    assert not facts.warnings
     assert facts.counts["cell_m"] == result.facts.counts["cell_m"]
-    assert "(--detail-depth 13): the samples stand" in warnings
-    assert f"base depth {facts.counts['base_depth']} instead of 9" in warnings
+    assert "(--detail-depth 13): the samples stand" in choices
+    assert f"base depth {facts.counts['base_depth']} instead of 9" in choices
 
 
 def test_the_deviation_is_measured(result: ReconstructedSurvey) -> None:

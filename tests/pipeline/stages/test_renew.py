@@ -279,7 +279,7 @@ def test_another_light_is_told_of(tmp_path: Path, before: Path, second: Flight) 
     stripes = 45 * np.sign(np.sin(second.points[:, :1] / 12))
     colours = np.clip(second.colours + stripes, 0, 255).astype(np.uint8)
     result = renewed(tmp_path, before, replace(second, colours=colours))
-    assert "in another light" in result.facts.warnings[0]
+    assert "in another light" in result.facts.choices[0]
 
 
 def test_a_wider_attribute_gives_the_wider_type(
@@ -287,7 +287,7 @@ def test_a_wider_attribute_gives_the_wider_type(
 ) -> None:
     result = renewed(tmp_path, before, replace(second, grade=second.grade.astype(np.float64)))
     assert np.load(result.folder / "attribute-0.npy").dtype == np.float64
-    assert "no room for" in result.facts.warnings[0]
+    assert "no room for" in result.facts.choices[0]
 
 
 def test_fewer_cubes_are_wider_ones(

@@ -110,7 +110,8 @@ def test_a_survey_in_feet_says_so_and_a_statement_makes_another_scene(built: Pat
     assert report.published
     assert manifest.survey_units == SurveyUnits(horizontal_m=1200 / 3937, height_m=1.0)
     assert manifest.build.options["statement"] == {"units": "us-ft", "height_units": "m"}
-    assert any("converted to metres" in text for text in manifest.build.warnings)
+    assert any("converted to metres" in text for text in manifest.build.choices)
+    assert not any("converted to metres" in text for text in manifest.build.warnings)
     # There and back: the scene's middle is that of the file's own numbers.
     low, high = rows.min(axis=0), rows.max(axis=0)
     units = manifest.survey_units.model_dump()

@@ -10,9 +10,11 @@ import pytest
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, plan_tiles, tile_shape
 from terraport_pipeline.workflow.build_forecast import (
     BuildForecast,
+    PhotoSet,
     SolvedGround,
     forecast_build,
     time_terms,
+    with_photos,
 )
 
 BLOCKS = np.stack([*np.meshgrid(np.arange(60), [3], np.arange(60))], axis=-1).reshape(-1, 3)
@@ -72,3 +74,15 @@ def test_attributes_and_colours_take_disk() -> None:
     rich = forecast_build(more, max_memory_bytes=8 << 30, threads=2)
     assert rich.scene_bytes > bare.scene_bytes
     assert rich.work_bytes - bare.work_bytes > 12 * LEVEL.points * 2
+
+
+def test_photos_take_time_by_their_pixels_and_disk_by_the_texels_on_the_ground() -> None:
+    bare, photos = _forecast(LEVEL), PhotoSet(100.0, 0.05, LEVEL.surface_m2)
+    textured = with_photos(bare, photos, threads=2)
+    assert (textured.faces, textured.memory_bytes) == (bare.faces, bare.memory_bytes)
+    more = with_photos(bare, replace(photos, megapixels=200.0), threads=2)
+    assert more.seconds - textured.seconds == pytest.approx(18.0, rel=0.01)
+    assert textured.seconds > bare.seconds
+    finer = with_photos(bare, replace(photos, pixel_m=0.025), threads=2)
+    texels = LEVEL.surface_m2 / 0.05**2
+    assert finer.scene_bytes - textured.scene_bytes == pytest.approx(3 * 0.33 * texels, rel=0.01)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from terraport_pipeline.engines.readers import point_order
 from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.geometry.mesh import chunks
 from terraport_pipeline.progress import NullProgress
@@ -145,6 +146,13 @@ def doubled(by: int, seen: list[int]) -> Stage[Stored]:
         return Stored({"n": np.arange(3) * by}, {"by": by})
 
     return Stage("double", chunks, compute, STORED, {"by": by})
+
+
+def test_code_beside_a_stages_own_counts() -> None:
+    stage = doubled(2, [])
+    more = replace(stage, also=(point_order,))
+    assert stage.key != more.key
+    assert stage.decision != more.decision
 
 
 def test_a_stage_is_taken_up_by_its_options(runner) -> None:

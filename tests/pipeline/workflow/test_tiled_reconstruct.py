@@ -19,7 +19,7 @@ from terraport_pipeline.geometry.tiles.tile_plan import tile_shape
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import clean, reconstruct
 from terraport_pipeline.stages.read import read_survey
-from terraport_pipeline.survey_files import SurveyFiles
+from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.workflow import reconstruct_step, tile_ground

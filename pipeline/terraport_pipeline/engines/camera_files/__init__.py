@@ -14,7 +14,8 @@ from pathlib import Path
 from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.find_cameras import has_cameras, reader_of
 from terraport_pipeline.engines.camera_files.georeference import place_cameras
-from terraport_pipeline.engines.camera_files.raw_cameras import PhotoSize, RawCameras
+from terraport_pipeline.engines.camera_files.photo_sizes import PhotoSize
+from terraport_pipeline.engines.camera_files.raw_cameras import RawCameras
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.model import Crs

@@ -9,16 +9,16 @@ large the photos are: they are asked, or OpenSfM's ``camera_models.json`` beside
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from terraport_pipeline.engines.camera_files.photo_sizes import PhotoSize, PhotoSizes
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
+    FLIP,
     MAX_CAMERAS,
-    PhotoSize,
     RawCamera,
     RawCameras,
     check_count,
@@ -26,19 +26,19 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     check_size,
     make_lens,
     nearest_rotation,
-    parse_numbers,
+)
+from terraport_pipeline.engines.camera_files.stated_frames import stated_frames
+from terraport_pipeline.engines.camera_files.text_files import (
+    next_numbers,
+    plain_name,
     read_small_text,
     text_lines,
 )
-from terraport_pipeline.engines.camera_files.stated_frames import stated_frames
-from terraport_pipeline.errors import PhotoError, ReadError
+from terraport_pipeline.errors import ReadError
 
 __all__ = ["MAGIC", "read_bundler"]
 
 MAGIC: Final = "# Bundle file"
-
-_FLIP: Final = np.diag([1.0, -1.0, -1.0])
-"""Bundler's camera axes (x right, y up, z backward) to ours."""
 
 _MAX_LIST_BYTES: Final = 64 << 20
 
@@ -87,22 +87,21 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
     # (2) Five lines a camera. Invariant: every camera's five lines are read before it is judged,
     # so a camera that is left out does not shift the next.
     cameras = []
-    without_photo: list[PhotoError] = []
+    sizes = PhotoSizes(photo_size)
     unaligned = 0
     for name in names:
-        focal, k1, k2 = _next(path, lines, "focal length, k1, k2")
-        rows = [_next(path, lines, "a row of a rotation") for _ in range(3)]
-        translation = np.array(_next(path, lines, "a translation"))
+        focal, k1, k2 = next_numbers(path, lines, "focal length, k1, k2", 3)
+        rows = [next_numbers(path, lines, "a row of a rotation", 3) for _ in range(3)]
+        translation = np.array(next_numbers(path, lines, "a translation", 3))
         if focal == 0.0:
             unaligned += 1
             continue
         check_position(path, f"camera {name!r}", translation)
         rotation = nearest_rotation(path, f"camera {name!r}", np.array(rows))
-        try:
-            width, height = stated_size or photo_size(name)
-        except PhotoError as error:
-            without_photo.append(error)
+        size = stated_size or sizes.of(name)
+        if size is None:
             continue
+        width, height = size
         lens = make_lens(
             path,
             f"camera {name!r}",
@@ -114,27 +113,15 @@ def read_bundler(path: Path, photo_size: PhotoSize) -> RawCameras:
             cy=0.5 * height,
             radial=(k1, k2),
         )
-        cameras.append(RawCamera(name, lens, _FLIP @ rotation, -rotation.T @ translation))
+        cameras.append(RawCamera(name, lens, FLIP @ rotation, -rotation.T @ translation))
     # (3) What was left out, and the frame.
-    if without_photo and not cameras:
-        raise without_photo[0]
+    sizes.check(len(cameras))
     check_count(path, len(cameras))
     warnings = []
     if unaligned:
         warnings.append(f"{unaligned:,} of {count:,} photos were not aligned by Bundler.")
-    if without_photo:
-        warnings.append(
-            f"{len(without_photo):,} of {count:,} photos are left out; the first: "
-            f"{without_photo[0]}."
-        )
+    warnings += sizes.warnings(count)
     return RawCameras("Bundler", tuple(cameras), stated_frames(path), tuple(warnings), _ADVICE)
-
-
-def _next(path: Path, lines: Iterator[tuple[int, str]], what: str) -> list[float]:
-    number, text = next(lines, (0, ""))
-    if not number:
-        raise ReadError(path, f"the file ends before {what}", "copy or export it again")
-    return parse_numbers(path, number, text.split(), 3, what)
 
 
 def _read_names(path: Path, count: int) -> list[str]:
@@ -196,4 +183,4 @@ def _photo_name(text: str) -> str:
     words = text.rsplit(maxsplit=2)
     if len(words) == 3 and words[1].isdecimal():
         text = words[0]
-    return text.replace("\\", "/").removeprefix("./")
+    return plain_name(text)

@@ -27,8 +27,10 @@ from terraport_pipeline.engines.camera_files.raw_cameras import (
     check_count,
     check_position,
     make_lens,
-    parse_numbers,
     quaternion_to_matrix,
+)
+from terraport_pipeline.engines.camera_files.text_files import (
+    parse_numbers,
     read_small_text,
     text_lines,
 )

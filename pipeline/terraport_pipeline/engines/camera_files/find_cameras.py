@@ -26,10 +26,11 @@ from terraport_pipeline.engines.camera_files.omega_phi_kappa import (
     read_omega_phi_kappa,
 )
 from terraport_pipeline.engines.camera_files.opensfm import read_opensfm, read_shots
+from terraport_pipeline.engines.camera_files.photo_sizes import PhotoSize
 from terraport_pipeline.engines.camera_files.pix4d import EXTERNAL_MAGIC as PIX4D_EXTERNAL_MAGIC
 from terraport_pipeline.engines.camera_files.pix4d import MAGIC as PIX4D_MAGIC
 from terraport_pipeline.engines.camera_files.pix4d import read_pix4d, read_pix4d_external
-from terraport_pipeline.engines.camera_files.raw_cameras import MAX_CAMERAS, PhotoSize, RawCameras
+from terraport_pipeline.engines.camera_files.raw_cameras import MAX_CAMERAS, RawCameras
 from terraport_pipeline.engines.camera_files.realitycapture import (
     XMP_MAGIC,
     is_camera_table,

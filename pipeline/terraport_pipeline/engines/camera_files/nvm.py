@@ -20,21 +20,20 @@ from typing import Final
 import numpy as np
 
 from terraport_pipeline.engines.camera_files.inverse_lens import invert_radial
+from terraport_pipeline.engines.camera_files.photo_sizes import PhotoSize, PhotoSizes
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
     MAX_CAMERAS,
-    PhotoSize,
     RawCamera,
     RawCameras,
     check_count,
     check_position,
     make_lens,
-    parse_numbers,
     quaternion_to_matrix,
-    text_lines,
 )
 from terraport_pipeline.engines.camera_files.stated_frames import stated_frames
-from terraport_pipeline.errors import PhotoError, ReadError
+from terraport_pipeline.engines.camera_files.text_files import parse_numbers, plain_name, text_lines
+from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.photos.lens import Lens
 
 __all__ = ["MAGIC", "read_nvm"]
@@ -75,7 +74,7 @@ def read_nvm(path: Path, photo_size: PhotoSize) -> RawCameras:
     if not 0 < count <= MAX_CAMERAS:
         check_count(path, count, "the first model")
     cameras: list[RawCamera] = []
-    without_photo: list[PhotoError] = []
+    sizes = PhotoSizes(photo_size)
     for _ in range(count):
         number, text = next(lines, (0, ""))
         words = text.rsplit(maxsplit=10)
@@ -87,21 +86,14 @@ def read_nvm(path: Path, photo_size: PhotoSize) -> RawCameras:
                 f"line {number:,}" if number else "the end",
             )
         values = parse_numbers(path, number, words[1:], 10, "focal length, pose and distortion")
-        name = words[0].replace('"', " ").replace("\\", "/").removeprefix("./")
-        try:
-            cameras.append(_camera(path, f"line {number:,}", name, values, fixed, photo_size))
-        except PhotoError as error:
-            without_photo.append(error)
-    if without_photo and not cameras:
-        raise without_photo[0]
+        name = plain_name(words[0].replace('"', " "))
+        camera = _camera(path, f"line {number:,}", name, values, fixed, sizes)
+        if camera is not None:
+            cameras.append(camera)
+    sizes.check(len(cameras))
     check_count(path, len(cameras))
     # (2) What is left out: photos, and models that lie in frames of their own.
-    warnings = []
-    if without_photo:
-        warnings.append(
-            f"{len(without_photo):,} of {count:,} photos are left out; the first: "
-            f"{without_photo[0]}."
-        )
+    warnings = sizes.warnings(count)
     others = _other_models(path, lines)
     if others:
         warnings.append(
@@ -145,14 +137,17 @@ def _camera(
     name: str,
     values: list[float],
     fixed: list[float] | None,
-    photo_size: PhotoSize,
-) -> RawCamera:
+    sizes: PhotoSizes,
+) -> RawCamera | None:
     focal, quaternion, centre, radial = values[0], values[1:5], values[5:8], values[8]
     rotation = quaternion_to_matrix(quaternion)
     if rotation is None:
         raise ReadError(path, f"the quaternion of {name} is {quaternion}", AGAIN, location)
     check_position(path, location, centre)
-    lens = _lens(path, location, photo_size(name), focal, radial, fixed)
+    size = sizes.of(name)
+    if size is None:
+        return None
+    lens = _lens(path, location, size, focal, radial, fixed)
     return RawCamera(name, lens, rotation, np.array(centre))
 
 

@@ -19,14 +19,14 @@ from terraport_pipeline.engines.camera_files.agisoft import read_calibration
 from terraport_pipeline.engines.camera_files.pix4d import omega_phi_kappa
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
+    FLIP,
     RawCamera,
     RawCameras,
     check_count,
     check_position,
     frames_by_name,
-    parse_numbers,
-    text_lines,
 )
+from terraport_pipeline.engines.camera_files.text_files import parse_numbers, text_lines
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.photos.lens import Lens
 
@@ -34,8 +34,6 @@ __all__ = ["is_omega_phi_kappa", "read_omega_phi_kappa"]
 
 _SYSTEM: Final = "# CoordinateSystem:"
 _HEADING: Final = "PhotoID, X, Y, Z, Omega, Phi, Kappa"
-
-_FLIP: Final = np.diag([1.0, -1.0, -1.0])
 
 _ADVICE: Final = "export the cameras in the survey's coordinate system"
 
@@ -85,7 +83,7 @@ def read_omega_phi_kappa(path: Path) -> RawCameras:
             stated = np.array(values[6:]).reshape(3, 3)
             if min(np.abs(stated - to_world).max(), np.abs(stated.T - to_world).max()) > _ROUNDED:
                 raise ReadError(path, "the matrix is not that of the angles", AGAIN, location)
-        cameras.append(RawCamera(words[0], lens, _FLIP @ to_world.T, np.array(values[:3])))
+        cameras.append(RawCamera(words[0], lens, FLIP @ to_world.T, np.array(values[:3])))
         check_count(path, len(cameras), location)
     check_count(path, len(cameras))
     frames = frames_by_name(system, "the file's coordinate system")

@@ -31,12 +31,16 @@ import numpy as np
 from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
+    FLIP,
     Frame,
     RawCamera,
     RawCameras,
     check_count,
     check_position,
     make_lens,
+)
+from terraport_pipeline.engines.camera_files.text_files import (
+    next_numbers,
     parse_numbers,
     read_small_text,
     text_lines,
@@ -48,8 +52,6 @@ __all__ = ["EXTERNAL_MAGIC", "MAGIC", "omega_phi_kappa", "read_pix4d", "read_pix
 
 MAGIC: Final = "fileName imageWidth imageHeight"
 EXTERNAL_MAGIC: Final = "imageName X Y Z Omega Phi Kappa"
-
-_FLIP: Final = np.diag([1.0, -1.0, -1.0])
 
 _SENSOR: Final = re.compile(r"sensor width of\s*([\d.]+)\s*x\s*([\d.]+)\s*mm")
 
@@ -80,7 +82,7 @@ def read_pix4d(path: Path) -> RawCameras:
             raise ReadError(
                 path, f"{text[:80]!r} is no name, width, height", AGAIN, f"line {number:,}"
             )
-        rows = [_next(path, lines, what, count) for what, count in _BLOCK]
+        rows = [next_numbers(path, lines, what, count) for what, count in _BLOCK]
         location = f"photo {words[0]!r} after line {number:,}"
         k, rotation = np.array(rows[:3]), np.array(rows[6:])
         # (2) Matrices that are none.
@@ -134,7 +136,7 @@ def read_pix4d_external(path: Path) -> RawCameras:
             )
         values = parse_numbers(path, number, words[1:], 6, "X Y Z omega phi kappa")
         check_position(path, f"line {number:,}", values[:3])
-        rotation = _FLIP @ omega_phi_kappa(*values[3:]).T
+        rotation = FLIP @ omega_phi_kappa(*values[3:]).T
         cameras.append(RawCamera(words[0], lens, rotation, np.array(values[:3])))
         check_count(path, len(cameras), f"line {number:,}")
     check_count(path, len(cameras))
@@ -172,13 +174,6 @@ def _after_heading(path: Path) -> Iterator[tuple[int, str]]:
             heading = not text.startswith("camera model")
         elif text:
             yield number, text
-
-
-def _next(path: Path, lines: Iterator[tuple[int, str]], what: str, count: int) -> list[float]:
-    number, text = next(lines, (0, ""))
-    if not number:
-        raise ReadError(path, f"the file ends before {what}", "copy or export it again")
-    return parse_numbers(path, number, text.split(), count, what)
 
 
 def _offset(path: Path, ending: str) -> Frame | None:

@@ -1,4 +1,4 @@
-"""What a cameras' file says, before it is brought to the scene; and the small tools of its readers.
+"""What a cameras' file says, before it is brought to the scene; and how a reader checks it.
 
 A reader gives cameras in the file's own world frame, and *frames*: the ways in which that frame may
 lie in the survey's, best guess first. Which one is right shows only against the cloud
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
@@ -25,10 +25,10 @@ from terraport_pipeline.geometry.photos.lens import Lens
 
 __all__ = [
     "AGAIN",
+    "FLIP",
     "MAX_CAMERAS",
     "MAX_TEXT_BYTES",
     "Frame",
-    "PhotoSize",
     "RawCamera",
     "RawCameras",
     "check_count",
@@ -37,11 +37,8 @@ __all__ = [
     "frames_by_name",
     "make_lens",
     "nearest_rotation",
-    "parse_numbers",
     "quaternion_to_matrix",
-    "read_small_text",
     "rotation_vector_to_matrix",
-    "text_lines",
 ]
 
 MAX_CAMERAS: Final = 100_000
@@ -50,21 +47,15 @@ MAX_CAMERAS: Final = 100_000
 MAX_TEXT_BYTES: Final = 512 << 20
 """Largest file that is parsed whole (JSON, XML): ten thousand photos with their tie points."""
 
-_MAX_SMALL_BYTES: Final = 1 << 16
-"""Offsets and lists of names that stand beside the cameras."""
-
-_MAX_LINE_BYTES: Final = 64 << 20
-"""COLMAP writes all tie points of a photo into one line; a million of them are 40 MB."""
-
 _MAX_COORDINATE_M: Final = 1e8
 """Twice around the Earth; some national grids count from far away."""
 
 AGAIN: Final = "the file is cut off or damaged: copy or export it again"
 
-_NUMBERS: Final = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
+FLIP: Final = np.diag([1.0, -1.0, -1.0])
+"""Camera axes x right, y up, z backward to ours (x right, y down, z forward), and back."""
 
-PhotoSize = Callable[[str], tuple[int, int]]
-"""Width and height in pixels of the photo of a name, for formats that do not say."""
+_NUMBERS: Final = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eE][-+]?\d+)?")
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,79 +178,6 @@ def check_count(path: Path, count: int, location: str | None = None) -> None:
         raise ReadError(
             path, f"it says {count:,} cameras, expected at most {MAX_CAMERAS:,}", AGAIN, location
         )
-
-
-def text_lines(path: Path) -> Iterator[tuple[int, str]]:
-    """Read a text file line by line.
-
-    Yields
-    ------
-    number : int
-        From 1.
-    text : str
-        Without blanks around it.
-
-    Raises
-    ------
-    ReadError
-        A line beyond every bound, or bytes that are no text.
-    """
-    number = 0
-    with path.open("rb") as file:
-        while line := file.readline(_MAX_LINE_BYTES + 1):
-            number += 1
-            if len(line) > _MAX_LINE_BYTES or b"\0" in line:
-                raise ReadError(path, "this is no line of text", AGAIN, f"line {number:,}")
-            text = line.decode("utf-8", errors="surrogateescape")
-            yield number, text.removeprefix("\ufeff").strip()
-
-
-def parse_numbers(
-    path: Path, number: int, words: Sequence[str], expected: int, what: str
-) -> list[float]:
-    """Parse finite numbers of one line.
-
-    Parameters
-    ----------
-    path : Path
-    number : int
-        The line's.
-    words : sequence of str
-    expected : int
-        How many there should be.
-    what : str
-        Named in the error.
-
-    Raises
-    ------
-    ReadError
-        Another count, no number, NaN or infinity.
-    """
-    try:
-        values = [float(word) for word in words]
-    except ValueError:
-        values = []
-    if len(values) != expected or not np.isfinite(values).all():
-        excerpt = " ".join(words)[:80]
-        raise ReadError(
-            path,
-            f"{excerpt!r} is not {what} ({expected} finite numbers)",
-            AGAIN,
-            f"line {number:,}",
-        )
-    return values
-
-
-def read_small_text(path: Path) -> str:
-    """Read a file of a few lines.
-
-    Raises
-    ------
-    ReadError
-        Above 64 KiB.
-    """
-    check_size(path, _MAX_SMALL_BYTES, "give the file that the program wrote")
-    return path.read_bytes().decode("utf-8", errors="replace")
 
 
 def make_lens(path: Path, location: str, **fields: Any) -> Lens:

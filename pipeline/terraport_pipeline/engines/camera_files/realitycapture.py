@@ -31,21 +31,21 @@ import numpy as np
 
 from terraport_payload.types import Float64
 from terraport_pipeline.engines.camera_files.colmap import stated_offset
+from terraport_pipeline.engines.camera_files.photo_sizes import PhotoSize, PhotoSizes
 from terraport_pipeline.engines.camera_files.raw_cameras import (
     AGAIN,
+    FLIP,
     Frame,
-    PhotoSize,
     RawCamera,
     RawCameras,
     check_count,
     check_position,
     make_lens,
     nearest_rotation,
-    parse_numbers,
-    text_lines,
 )
+from terraport_pipeline.engines.camera_files.text_files import parse_numbers, text_lines
 from terraport_pipeline.engines.camera_files.xml_files import parse_xml, xml_numbers
-from terraport_pipeline.errors import PhotoError, ReadError
+from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.photos.lens import Lens
 
 __all__ = ["XMP_MAGIC", "is_camera_table", "read_camera_table", "read_sidecars"]
@@ -114,7 +114,7 @@ def read_camera_table(path: Path, photo_size: PhotoSize) -> RawCameras:
     """
     columns: list[str] = []
     cameras: list[RawCamera] = []
-    without_photo: list[PhotoError] = []
+    sizes = PhotoSizes(photo_size)
     for number, text in text_lines(path):
         if not text or (not columns and set(_NEEDED) - set(_columns(text))):
             continue
@@ -141,22 +141,20 @@ def read_camera_table(path: Path, photo_size: PhotoSize) -> RawCameras:
             raise ReadError(path, "k1 alone: a lens of the Division model", _BROWN_ADVICE, location)
         centre = np.array([values["x"], values["y"], values["alt"]])
         check_position(path, location, centre)
-        try:
-            lens = _lens(path, location, photo_size(row["name"]), values)
-        except PhotoError as error:
-            without_photo.append(error)
+        size = sizes.of(row["name"])
+        if size is None:
             continue
+        lens = _lens(path, location, size, values)
         rotation = _rotation(values["heading"], values["pitch"], values["roll"])
         cameras.append(RawCamera(row["name"].replace("\\", "/"), lens, rotation, centre))
         check_count(path, len(cameras), location)
-    if without_photo and not cameras:
-        raise without_photo[0]
+    sizes.check(len(cameras))
     check_count(path, len(cameras))
     return RawCameras(
         "RealityCapture CSV",
         tuple(cameras),
         _frames(path.parent, np.stack([camera.centre for camera in cameras])),
-        _left_out(without_photo, len(cameras)),
+        tuple(sizes.warnings(len(cameras) + sizes.left_out)),
         _TABLE_ADVICE,
     )
 
@@ -181,7 +179,7 @@ def read_sidecars(paths: Sequence[Path], folder: Path, photo_size: PhotoSize) ->
         No camera has a photo.
     """
     cameras: list[RawCamera] = []
-    without_photo: list[PhotoError] = []
+    sizes = PhotoSizes(photo_size)
     unaligned = 0
     for path in paths:
         fields = _xcr_fields(parse_xml(path, "give RealityCapture's XMP files"))
@@ -192,17 +190,15 @@ def read_sidecars(paths: Sequence[Path], folder: Path, photo_size: PhotoSize) ->
         rotation = xml_numbers(path, fields["Rotation"], 9, "Rotation").reshape(3, 3)
         centre = xml_numbers(path, fields["Position"], 3, "Position")
         check_position(path, "Position", centre)
-        try:
-            lens = _lens(path, "the lens", photo_size(name), _xmp_lens(path, fields))
-        except PhotoError as error:
-            without_photo.append(error)
+        size = sizes.of(name)
+        if size is None:
             continue
+        lens = _lens(path, "the lens", size, _xmp_lens(path, fields))
         cameras.append(RawCamera(name, lens, nearest_rotation(path, "Rotation", rotation), centre))
         check_count(path, len(cameras))
-    if without_photo and not cameras:
-        raise without_photo[0]
+    sizes.check(len(cameras))
     check_count(folder, len(cameras))
-    warnings = list(_left_out(without_photo, len(cameras)))
+    warnings = sizes.warnings(len(cameras) + sizes.left_out)
     if unaligned:
         warnings.append(f"{unaligned:,} XMP files hold no pose; their photos are left out.")
     return RawCameras(
@@ -240,7 +236,7 @@ def _rotation(heading_deg: float, pitch_deg: float, roll_deg: float) -> Float64:
     turn = np.array([[ch, sh, 0.0], [-sh, ch, 0.0], [0.0, 0.0, 1.0]])
     lift = np.array([[1.0, 0.0, 0.0], [0.0, cp, -sp], [0.0, sp, cp]])
     tip = np.array([[cr, 0.0, sr], [0.0, 1.0, 0.0], [-sr, 0.0, cr]])
-    to_camera: Float64 = np.diag([1.0, -1.0, -1.0]) @ (turn @ lift @ tip).T
+    to_camera: Float64 = FLIP @ (turn @ lift @ tip).T
     return to_camera
 
 
@@ -309,10 +305,3 @@ def _frames(folder: Path, centres: Float64) -> tuple[Frame, ...]:
     if ((radius_m > 6.3e6) & (radius_m < 6.45e6)).all():
         frames.append(Frame("geocentric", "WGS 84", crs="EPSG:4978"))
     return tuple(frames)
-
-
-def _left_out(without_photo: Sequence[PhotoError], kept: int) -> tuple[str, ...]:
-    if not without_photo:
-        return ()
-    count = len(without_photo)
-    return (f"{count:,} of {kept + count:,} photos are left out; the first: {without_photo[0]}.",)

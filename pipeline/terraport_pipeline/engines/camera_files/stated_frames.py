@@ -10,11 +10,8 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_pipeline.engines.camera_files.colmap import stated_offset
-from terraport_pipeline.engines.camera_files.raw_cameras import (
-    Frame,
-    parse_numbers,
-    read_small_text,
-)
+from terraport_pipeline.engines.camera_files.raw_cameras import Frame
+from terraport_pipeline.engines.camera_files.text_files import parse_numbers, read_small_text
 from terraport_pipeline.errors import ReadError
 
 __all__ = ["odm_offset", "reference_frame", "stated_frames"]

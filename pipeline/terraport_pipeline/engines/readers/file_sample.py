@@ -16,7 +16,7 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import Bool, Int64
-from terraport_pipeline.engines.readers.raw_survey import StreamChunk
+from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
 
 __all__ = ["first_chunks", "spread_pieces", "text_sample", "text_share"]
 

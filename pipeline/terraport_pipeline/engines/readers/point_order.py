@@ -17,7 +17,7 @@ import numpy as np
 
 from terraport_payload.types import AnyArray, Bool, Float64, Int64, UInt64
 
-__all__ = ["HashThinning", "curve_keys", "order_rows", "point_hashes"]
+__all__ = ["HashThinning", "curve_keys", "order_rows", "point_hashes", "thinning_rows"]
 
 _AXIS_BITS: Final = 21
 """Of a 64-bit key, per axis: cells of half a millimetre over a kilometre."""
@@ -154,6 +154,39 @@ class HashThinning:
             different = (_SKETCH_SIZE - 1) * 2.0**64 / float(self._sketch[-1])
             share = self._count / different
             self.limit = (1 << 64) - 1 if share >= 1.0 else int(share * 2.0**64)
+
+
+def thinning_rows(count: int, max_points: int | None) -> Int64 | None:
+    """Choose which of `count` points to keep.
+
+    The points are cut into `max_points` runs of (nearly) equal length, and one point of each run is
+    taken by a fixed random stream: evenly spread like every n-th point, but without the stripes
+    that a regular step makes in scan lines. The same numbers give the same choice.
+
+    Parameters
+    ----------
+    count : int
+        Points in the file.
+    max_points : int or None
+        Points to keep at most, >= 1; None keeps all.
+
+    Returns
+    -------
+    ndarray of shape (max_points,), int64, or None
+        Ascending, without repetition; None when all are kept.
+
+    Examples
+    --------
+    >>> rows = thinning_rows(1000, 4)
+    >>> [int(row) // 250 for row in rows]
+    [0, 1, 2, 3]
+    """
+    if max_points is None or count <= max_points:
+        return None
+    edges = np.arange(max_points + 1, dtype=np.int64) * count // max_points
+    draw = np.random.default_rng(0).random(max_points)
+    rows: Int64 = edges[:-1] + (draw * np.diff(edges)).astype(np.int64)
+    return rows
 
 
 def _bits(column: AnyArray) -> AnyArray:

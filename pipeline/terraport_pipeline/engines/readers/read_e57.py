@@ -19,7 +19,7 @@ from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from terraport_payload.types import AnyArray, Float64
-from terraport_pipeline.engines.readers.raw_survey import StreamChunk, tell_precision
+from terraport_pipeline.engines.readers.survey_chunk import StreamChunk, tell_precision
 from terraport_pipeline.errors import ReadError
 
 __all__ = ["E57Stream", "open_e57"]

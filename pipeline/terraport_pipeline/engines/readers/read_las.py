@@ -33,7 +33,7 @@ from terraport_pipeline.engines.readers.las_blocks import (
     no_blocks,
 )
 from terraport_pipeline.engines.readers.las_index import Selection, select_blocks
-from terraport_pipeline.engines.readers.raw_survey import StreamChunk
+from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
 from terraport_pipeline.errors import NoPointsError, ReadError
 from terraport_pipeline.extent import Extent
 

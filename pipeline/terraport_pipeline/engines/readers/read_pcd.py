@@ -20,7 +20,8 @@ from pypcd4.pypcd4 import Encoding, MetaData, PointCloud
 
 from terraport_payload.types import AnyArray, UInt8
 from terraport_pipeline.engines.readers.file_sample import spread_pieces
-from terraport_pipeline.engines.readers.raw_survey import StreamChunk, find_colours
+from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
+from terraport_pipeline.engines.readers.survey_colours import find_colours
 from terraport_pipeline.errors import NoPointsError, ReadError
 
 __all__ = ["PcdStream", "stream_pcd"]

@@ -18,7 +18,8 @@ import numpy as np
 
 from terraport_payload.types import AnyArray, Float64
 from terraport_pipeline.engines.readers.file_sample import spread_pieces
-from terraport_pipeline.engines.readers.raw_survey import StreamChunk, find_colours
+from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
+from terraport_pipeline.engines.readers.survey_colours import find_colours
 from terraport_pipeline.errors import ReadError
 
 __all__ = ["PlyStream", "has_faces", "stream_ply"]

@@ -21,7 +21,7 @@ import pyarrow as pa
 from pyarrow import csv
 
 from terraport_pipeline.engines.readers.clean_text import CleanText
-from terraport_pipeline.engines.readers.raw_survey import StreamChunk
+from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
 from terraport_pipeline.engines.readers.text_columns import (
     DEGREES,
     first_column_names_points,
@@ -185,9 +185,11 @@ def _batches(
             if "Empty CSV" in str(error):
                 return
             raise
+        given = 0
         for batch in reader:
-            yield batch, read
-            read = 0
+            so_far = read  # pyarrow reads ahead in a thread of its own, also while we are away
+            yield batch, so_far - given
+            given = so_far
 
 
 def _csv_options(layout: _Layout, types: dict[str, pa.DataType]) -> tuple[Any, Any, Any]:

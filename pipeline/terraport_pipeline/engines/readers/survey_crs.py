@@ -31,7 +31,7 @@ from terraport_pipeline.errors import ReadError
 from terraport_pipeline.model import Crs
 from terraport_pipeline.survey_statement import METRES_PER_UNIT, SurveyStatement
 
-__all__ = ["metre_factors"]
+__all__ = ["conversion_line", "metre_factors"]
 
 _EARTH_RADII_M: Final = (6.2e6, 6.5e6)
 """Distances from the Earth's centre at which a survey can lie."""
@@ -122,21 +122,41 @@ def metre_factors(
     if crs is None and statement.units is None:
         warnings += _refuse_doubts(path, low, high, says_more=bool(warnings))
     factors = _stated_factors(statement, of_crs)
+    if crs is not None and factors[0] != of_crs[0]:
+        warnings.append(
+            f"{crs.name} has units of {of_crs[0]:.9g} m; coordinates are taken to be in units of "
+            f"{factors[0]:.9g} m, as --units says."
+        )
     area = [] if crs is None else _check_area(path, low, high, crs, factors, statement)
     # (4) The CRS with axes in metres.
     metric = None
     if crs is not None:
         is_metric = factors == of_crs == (1.0, 1.0, 1.0)
         metric = Crs(crs.name, crs.to_wkt(), crs.to_epsg()) if is_metric else _in_metres(crs)
-    if factors == (1.0, 1.0, 1.0):
-        return None, metric, [*warnings, *area]
+    is_metres = factors == (1.0, 1.0, 1.0)
+    return None if is_metres else np.array(factors), metric, [*warnings, *area]
+
+
+def conversion_line(factors: Float64, crs: CRS | None, statement: SurveyStatement | None) -> str:
+    """Say that coordinates were brought to metres, by which units, and who said so.
+
+    Parameters
+    ----------
+    factors : ndarray of shape (3,), float64
+        Of :func:`metre_factors`.
+    crs : CRS, optional
+        That the files state.
+    statement : SurveyStatement, optional
+        The user's.
+    """
+    if statement is not None and statement.system is not None:
+        crs = statement.system
     units = f"horizontal unit {factors[0]:.9g} m, height unit {factors[2]:.9g} m"
     said_by = "as stated" if crs is None else crs.name
-    warnings.append(
+    return (
         f"The survey is not in metres ({said_by}: {units}); its coordinates were converted to "
         "metres."
     )
-    return np.array(factors), metric, [*warnings, *area]
 
 
 def _refuse_angles(path: Path, low: Float64, high: Float64, crs: CRS) -> None:

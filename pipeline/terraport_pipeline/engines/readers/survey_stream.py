@@ -15,12 +15,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from terraport_pipeline.engines.readers.file_sample import first_chunks, text_sample
-from terraport_pipeline.engines.readers.raw_survey import StreamChunk
 from terraport_pipeline.engines.readers.read_e57 import open_e57
 from terraport_pipeline.engines.readers.read_las import UNSET, open_las
 from terraport_pipeline.engines.readers.read_pcd import stream_pcd
 from terraport_pipeline.engines.readers.read_ply import stream_ply
 from terraport_pipeline.engines.readers.read_xyz import stream_xyz
+from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
 from terraport_pipeline.engines.readers.survey_format import find_format
 from terraport_pipeline.extent import Extent
 

@@ -82,7 +82,7 @@ def choose_cell(
     Returns
     -------
     cell_m : float
-    warnings : list of str
+    choices : list of str
         One where finer cells were asked for than the survey supports.
     """
     cell_m = detail_cell_m(spacing_m, noise_m)
@@ -91,12 +91,12 @@ def choose_cell(
     asked_m = side_m / 2**asked_depth
     if asked_m >= cell_m:
         return asked_m, []
-    warning = (
+    choice = (
         f"cells of {cell_m:.3g} m instead of {asked_m:.3g} m (--detail-depth {asked_depth}): the "
         f"samples stand {spacing_m:.3g} m apart with a noise of {noise_m:.2g} m; finer cells would "
         "only add noise"
     )
-    return cell_m, [warning]
+    return cell_m, [choice]
 
 
 def smoothing_radius_m(spacing_m: float, noise_m: float) -> float:

@@ -14,8 +14,7 @@ faces (:mod:`~terraport_pipeline.geometry.mesh.clip`), not by taking whole faces
 
 Everything that depends on the whole cloud is in :class:`EdgeRule`, so that tiles of one surface
 are cut alike. ``stages/tiles/joined_tile.py`` applies it to a tile; which weak places stay is
-decided over all tiles (:func:`~terraport_pipeline.stages.tiles.join_tiles.forgive`), since one may
-reach across a wall.
+decided over all tiles (``stages/tiles/settle_tiles.py``), since one may reach across a wall.
 
 PURE: no I/O, no clock.
 

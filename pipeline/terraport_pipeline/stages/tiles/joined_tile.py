@@ -21,15 +21,10 @@ from terraport_pipeline.geometry.mesh.trim import compact
 from terraport_pipeline.geometry.mesh.vertex_normals import normal_sums, unit_normals
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages.tiles.detail_tiles import vertex_box
-from terraport_pipeline.stages.tiles.join_tiles import (
-    Forgiven,
-    Look,
-    SettledTile,
-    TileArrays,
-    TileJoin,
-    Weak,
-)
+from terraport_pipeline.stages.tiles.join_tiles import TileJoin
+from terraport_pipeline.stages.tiles.settle_tiles import Forgiven, Look, SettledTile, Weak
 from terraport_pipeline.stages.tiles.solve_tile import TileTask
+from terraport_pipeline.stages.tiles.tile_arrays import TileArrays
 
 __all__ = ["finish", "look", "weak_places"]
 

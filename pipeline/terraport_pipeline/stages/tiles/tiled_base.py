@@ -167,21 +167,21 @@ def run(
     distances_m = distances_to_mesh(picked, thin, triangles, workers=context.threads)
     percentiles_m = tuple(float(value) for value in np.percentile(distances_m, _PERCENTILES))
     context.progress.done({"p99_m": percentiles_m[2]})
-    warnings: list[str] = []
+    choices: list[str] = []
     if options.base_from == "poisson" and counts["base_depth"] < (options.base_depth or 0):
-        warnings.append(
+        choices.append(
             f"base depth {counts['base_depth']} instead of {options.base_depth}: finer cells than "
             "the samples that the base is solved on would only add noise"
         )
     if len(triangles) > 1.1 * options.base_faces:
-        warnings.append(
+        choices.append(
             f"the base keeps {len(triangles)} faces, {options.base_faces} were asked: its border "
             "alone needs more; raise --base-faces"
         )
     counts["base_faces"] = len(triangles)
     for percentile, value in zip(_PERCENTILES, percentiles_m, strict=True):
         counts[f"deviation_p{percentile:g}_m"] = value
-    return TiledBase(base, percentiles_m, Facts(counts, tuple(warnings)))
+    return TiledBase(base, percentiles_m, Facts(counts, choices=tuple(choices)))
 
 
 def faces_wanted(most: int, detail_faces: int) -> int:

@@ -2,35 +2,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from terraport_pipeline.engines.readers.raw_survey import (
+from terraport_pipeline.engines.readers.survey_colours import (
     apply_depth,
     choose_depth,
     find_colours,
-    thinning_rows,
 )
-
-
-@given(st.integers(1, 5000), st.integers(1, 5000))
-def test_thinning_keeps_exactly_the_bound_once_each_and_spread(count: int, bound: int) -> None:
-    rows = thinning_rows(count, bound)
-    if count <= bound:
-        assert rows is None
-        return
-    assert rows is not None
-    assert len(rows) == bound
-    assert (np.diff(rows) > 0).all()
-    assert rows[0] >= 0
-    assert rows[-1] < count
-    # One row in each run: no gap is longer than two runs.
-    assert np.diff(rows).max(initial=0) < 2 * (count / bound + 1)
-
-
-def test_thinning_is_the_same_each_time_and_off_without_a_bound() -> None:
-    np.testing.assert_array_equal(thinning_rows(1000, 100), thinning_rows(1000, 100))
-    assert thinning_rows(1000, None) is None
 
 
 @pytest.mark.parametrize("factor", [1, 256, 257])

@@ -12,9 +12,9 @@ from pipeline.laz_files import Hill, las_data, write_tiles
 from terraport_payload.types import Int64
 from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.progress import NullProgress
+from terraport_pipeline.sample.survey_sample import SurveySample, sample_survey
 from terraport_pipeline.stages.read import read_survey
-from terraport_pipeline.survey_files import find_survey
-from terraport_pipeline.survey_sample import SurveySample, sample_survey
+from terraport_pipeline.survey.find_survey import find_survey
 
 HILL = Hill(20_000)
 SPACING_M = HILL.side_m / np.sqrt(len(HILL))
@@ -96,7 +96,7 @@ def test_a_sample_tells_the_whole_whatever_the_order(
 def test_files_of_a_delivery_are_read_in_part(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("terraport_pipeline.survey_sample.MAX_FILES", 5)
+    monkeypatch.setattr("terraport_pipeline.sample.chosen_files.MAX_FILES", 5)
     write_tiles(tmp_path, HILL, tiles=3)
     some = _sample(tmp_path, 10_000)
     assert some.files == 5

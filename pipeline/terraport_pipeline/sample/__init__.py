@@ -1,0 +1,1 @@
+"""A bounded look at the points of a survey, for ``inspect``; what it says of all of them."""
