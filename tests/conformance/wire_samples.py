@@ -93,6 +93,7 @@ FULL: tuple[m.Message, ...] = (
         release_factor=1.25,
         scene_version="00c0ffee1234",
         held=[(0, 0), (3, 0x0123456789ABCDEF), (4_294_967_295, 2**64 - 1)],
+        delivery="pull",
         timings=True,
     ),
     m.Aim(generation=4_294_967_295, position=(1e7, -1e7, 0.1), radius_m=1e6),
@@ -135,6 +136,11 @@ FULL: tuple[m.Message, ...] = (
         release_factor=1.25,
         dropped=[3, 1],
         held_count=2,
+        pull=m.PullInfo(
+            base="https://cdn.example/scenes/north%20pit/",
+            pack="v-2c677e39487f/segments.pack",
+            pack_bytes=274_877_906_944,
+        ),
     ),
     m.Plan(
         generation=77,
@@ -152,8 +158,9 @@ FULL: tuple[m.Message, ...] = (
         total_triangles=30_000,
         omitted_segments=12,
         omitted_by="max_triangles",
+        blocks=[4_294_967_295, 1, 1_048_577],
     ),
-    m.Prefetch(generation=78, segments=_ROWS[:2], bytes=1_001),
+    m.Prefetch(generation=78, segments=_ROWS[:2], bytes=1_001, blocks=[16, 1]),
     m.Ready(
         generation=77,
         delivered=2,

@@ -92,6 +92,12 @@ class Hello(ClientMessage):
         HeldTable(MAX_HELD_SEGMENTS),
         "Segments that the client holds whole, with their hashes",
     ] = None
+    delivery: Annotated[
+        str | None,
+        Choice("push", "pull"),
+        "How payload comes: `push`, in frames of this connection; `pull`, fetched by the client "
+        "(section 17). Absent means `push`",
+    ] = None
     timings: Annotated[
         bool | None, Flag(), "True: send timings with every ready; absent means false"
     ] = None

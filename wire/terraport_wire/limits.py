@@ -7,6 +7,7 @@ configured for.  A server may be stricter; what it allows is said in ``welcome.l
 from __future__ import annotations
 
 __all__ = [
+    "BLOCK_BYTES",
     "HEADER_BYTES",
     "MAX_ATTRIBUTES",
     "MAX_CHUNK_BYTES",
@@ -29,6 +30,9 @@ __all__ = [
     "MAX_SERVER_MESSAGE_BYTES",
     "MAX_TOKEN_BYTES",
 ]
+
+BLOCK_BYTES = 64
+"""Payloads begin at multiples of it in a pack: ``plan.blocks`` counts by it, up to 256 GiB."""
 
 MAX_INTEGER = 2**53 - 1
 """Largest integer in a message: beyond it a JavaScript number is no longer exact."""
@@ -54,7 +58,7 @@ MAX_CLIENT_MESSAGE_BYTES = 1024 * 1024
 
 MAX_CLIENT_VALUES = 1024
 """Most msgpack values of a message from a client, keys, maps and arrays counted: the longest that
-the protocol has takes 31. A server looks at each of them, so bytes alone bound nothing: a megabyte
+the protocol has takes 33. A server looks at each of them, so bytes alone bound nothing: a megabyte
 of one-byte values took it a tenth of a second."""
 
 MAX_SERVER_MESSAGE_BYTES = 8 * 1024 * 1024

@@ -30,6 +30,7 @@ __all__ = [
     "Picked",
     "Plan",
     "Prefetch",
+    "PullInfo",
     "Ready",
     "SceneInfo",
     "ServerLimits",
@@ -41,6 +42,11 @@ __all__ = [
 _U32 = 2**32 - 1
 
 Point = tuple[float, float, float]
+Blocks = Annotated[
+    NDArray[Any] | None,
+    Ids(MAX_PLAN_SEGMENTS),
+    "With `pull`: where the payload of each row begins in the pack, in blocks of 64 bytes",
+]
 
 
 class ServerMessage(Message):
@@ -91,6 +97,23 @@ class ServerLimits(Part):
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PullInfo(Part):
+    """Where a client that pulls fetches payload."""
+
+    base: Annotated[
+        str,
+        Text(2048),
+        "Base address, ending in `/`: `http` or `https`, or relative to the server URL",
+    ]
+    pack: Annotated[
+        str,
+        Text(201, shortest=1),
+        "Path of the pack below the base address; its bytes never change",
+    ]
+    pack_bytes: Annotated[int, Integer(1, MAX_INTEGER), "Length of the pack"]
+
+
+@dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Welcome(ServerMessage):
     """Answer to hello: the session is open."""
 
@@ -112,6 +135,11 @@ class Welcome(ServerMessage):
     held_count: Annotated[
         int, Integer(0, MAX_HELD_SEGMENTS), "Offered segments that are accepted as held"
     ]
+    pull: Annotated[
+        PullInfo | None,
+        PartKind(PullInfo),
+        "Where payload is fetched; present where hello asked for `pull` and the server grants it",
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -175,6 +203,7 @@ class Plan(ServerMessage):
         Choice("max_triangles", "max_bytes", "max_segments"),
         "Budget that the first omitted segment would exceed; absent if none was omitted",
     ] = None
+    blocks: Blocks = None
 
     def contradiction(self) -> tuple[str, str] | None:
         """Check the sums and that load, keep and nearby share no id."""
@@ -214,6 +243,7 @@ class Prefetch(ServerMessage):
     generation: Generation
     segments: Annotated[NDArray[Any], LoadTable(MAX_PLAN_SEGMENTS), "Segments, in sending order"]
     bytes: Annotated[int, Integer(0, MAX_INTEGER), "Payload bytes of segments, whole"]
+    blocks: Blocks = None
 
     def contradiction(self) -> tuple[str, str] | None:
         """Check that the lengths of `segments` add up to `bytes`."""

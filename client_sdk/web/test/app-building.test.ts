@@ -25,7 +25,15 @@ function board(): Notices {
 
 function listed(sceneIds: readonly string[], buildingIds: readonly string[], share: number | null = 0.439): SceneList {
   return {
-    scenes: sceneIds.map((id) => ({ id, name: id, version: "0", segments: 1, detailFaces: 1, reportUrl: "" })),
+    scenes: sceneIds.map((id) => ({
+      id,
+      name: id,
+      version: "0",
+      segments: 1,
+      detailFaces: 1,
+      reportUrl: "",
+      reportPdfUrl: "",
+    })),
     building: buildingIds.map((id) => ({ id, name: `The ${id}`, step: "clean: normals", share })),
     links: {},
   };

@@ -266,6 +266,7 @@ it("lists scenes with their pages", async () => {
         segments: 4,
         detailFaces: 288,
         reportUrl: `${url}/prefix/scenes/a%20b/report`,
+        reportPdfUrl: "",
       },
     ],
     building: [

@@ -130,7 +130,7 @@ namespace Terraport.Sessions
         /// <summary>Take the plan of the oldest landing that has none.</summary>
         internal void OnPlan(PlanMessage plan)
         {
-            // Plans come in the order of the lands, one each: anything else is a broken server.
+            // Plans come in the order of the lands that are not superseded before: else the server is broken.
             if (awaitingPlan.Count == 0 || awaitingPlan[0].Generation != plan.Generation)
             {
                 string expected = awaitingPlan.Count == 0 ? "none" : awaitingPlan[0].Generation.ToString();
@@ -196,7 +196,7 @@ namespace Terraport.Sessions
             DegradeIfWhole(current);
         }
 
-        /// <summary>End a landing or a prefetch: no more frames of it come (6.5).</summary>
+        /// <summary>End a landing or a prefetch: no more frames of it come, or never a plan (6.3, 6.5).</summary>
         internal void OnSuperseded(SupersededMessage message)
         {
             if (prefetch != null && prefetch.Generation == message.Generation)
@@ -207,6 +207,12 @@ namespace Terraport.Sessions
             {
                 EndCurrent(awaitingPlan.Count > 0 ? awaitingPlan[0].Number : current.Number);
                 current = null;
+            }
+            else if (awaitingPlan.Count > 0 && awaitingPlan[0].Generation == message.Generation)
+            {
+                LandingState unplanned = awaitingPlan[0];
+                awaitingPlan.RemoveAt(0);
+                ReportSuperseded(unplanned.Number, awaitingPlan.Count > 0 ? awaitingPlan[0].Number : unplanned.Number);
             }
         }
 

@@ -18,6 +18,9 @@ namespace Terraport.Wire
         /// <summary>The WebSocket subprotocol; it pins the major version.</summary>
         public const string Subprotocol = "terraport.v1.msgpack";
 
+        /// <summary>Block bytes.</summary>
+        public const int BlockBytes = 64;
+
         /// <summary>Header bytes.</summary>
         public const int HeaderBytes = 24;
 
@@ -342,6 +345,53 @@ namespace Terraport.Wire
         }
     }
 
+    /// <summary>Where a client that pulls fetches payload.</summary>
+    public sealed class PullInfoPart : WirePart
+    {
+        internal static readonly Field[] Table =
+        {
+            new Field("base", true, new TextKind(0, 2048, null)),
+            new Field("pack", true, new TextKind(1, 201, null)),
+            new Field("pack_bytes", true, new IntegerKind(1L, 9007199254740991L)),
+        };
+
+        /// <summary>Base address, ending in <c>/</c>: <c>http</c> or <c>https</c>, or relative to the server URL.</summary>
+        public string Base { get; set; }
+
+        /// <summary>Path of the pack below the base address; its bytes never change.</summary>
+        public string Pack { get; set; }
+
+        /// <summary>Length of the pack.</summary>
+        public long PackBytes { get; set; }
+
+        internal override Field[] Fields
+        {
+            get { return Table; }
+        }
+
+        internal override object Get(int field)
+        {
+            switch (field)
+            {
+                case 0: return Base;
+                case 1: return Pack;
+                case 2: return (long)PackBytes;
+            }
+            throw NoField(field);
+        }
+
+        internal override void Set(int field, object value)
+        {
+            switch (field)
+            {
+                case 0: Base = (string)value; return;
+                case 1: Pack = (string)value; return;
+                case 2: PackBytes = (long)(long)value; return;
+            }
+            throw NoField(field);
+        }
+    }
+
     /// <summary>When the server did what for one landing, in microseconds since it received land.</summary>
     public sealed class TimingsPart : WirePart
     {
@@ -545,6 +595,7 @@ namespace Terraport.Wire
             new Field("release_factor", false, new NumberKind(1.0, 4.0, false)),
             new Field("scene_version", false, new TextKind(0, 64, null)),
             new Field("held", false, new HeldKind(32768)),
+            new Field("delivery", false, new ChoiceKind("push", "pull")),
             new Field("timings", false, new FlagKind()),
         };
 
@@ -581,6 +632,9 @@ namespace Terraport.Wire
         /// <summary>Segments that the client holds whole, with their hashes. Null where absent.</summary>
         public HeldRow[] Held { get; set; }
 
+        /// <summary>How payload comes: <c>push</c>, in frames of this connection; <c>pull</c>, fetched by the client (section 17). Absent means <c>push</c>. Null where absent.</summary>
+        public string Delivery { get; set; }
+
         /// <summary>True: send timings with every ready; absent means false. Null where absent.</summary>
         public bool? Timings { get; set; }
 
@@ -602,7 +656,8 @@ namespace Terraport.Wire
                 case 6: return ReleaseFactor;
                 case 7: return SceneVersion;
                 case 8: return Held;
-                case 9: return Timings;
+                case 9: return Delivery;
+                case 10: return Timings;
             }
             throw NoField(field);
         }
@@ -620,7 +675,8 @@ namespace Terraport.Wire
                 case 6: ReleaseFactor = value == null ? (double?)null : (double)value; return;
                 case 7: SceneVersion = (string)value; return;
                 case 8: Held = (HeldRow[])value; return;
-                case 9: Timings = value == null ? (bool?)null : (bool)value; return;
+                case 9: Delivery = (string)value; return;
+                case 10: Timings = value == null ? (bool?)null : (bool)value; return;
             }
             throw NoField(field);
         }
@@ -1227,6 +1283,7 @@ namespace Terraport.Wire
             new Field("release_factor", true, new NumberKind(1.0, 4.0, false)),
             new Field("dropped", true, new IdsKind(32768)),
             new Field("held_count", true, new IntegerKind(0L, 32768L)),
+            new Field("pull", false, new PartKind(() => new PullInfoPart(), "pullinfo")),
         };
 
         /// <inheritdoc/>
@@ -1259,6 +1316,9 @@ namespace Terraport.Wire
         /// <summary>Offered segments that are accepted as held.</summary>
         public int HeldCount { get; set; }
 
+        /// <summary>Where payload is fetched; present where hello asked for <c>pull</c> and the server grants it. Null where absent.</summary>
+        public PullInfoPart Pull { get; set; }
+
         internal override Field[] Fields
         {
             get { return Table; }
@@ -1276,6 +1336,7 @@ namespace Terraport.Wire
                 case 5: return ReleaseFactor;
                 case 6: return Dropped;
                 case 7: return (long)HeldCount;
+                case 8: return Pull;
             }
             throw NoField(field);
         }
@@ -1292,6 +1353,7 @@ namespace Terraport.Wire
                 case 5: ReleaseFactor = (double)value; return;
                 case 6: Dropped = (uint[])value; return;
                 case 7: HeldCount = (int)(long)value; return;
+                case 8: Pull = (PullInfoPart)value; return;
             }
             throw NoField(field);
         }
@@ -1364,6 +1426,7 @@ namespace Terraport.Wire
             new Field("total_triangles", true, new IntegerKind(0L, 9007199254740991L)),
             new Field("omitted_segments", true, new IntegerKind(0L, 4294967295L)),
             new Field("omitted_by", false, new ChoiceKind("max_triangles", "max_bytes", "max_segments")),
+            new Field("blocks", false, new IdsKind(16384)),
         };
 
         /// <inheritdoc/>
@@ -1417,6 +1480,9 @@ namespace Terraport.Wire
         /// <summary>Budget that the first omitted segment would exceed; absent if none was omitted. Null where absent.</summary>
         public string OmittedBy { get; set; }
 
+        /// <summary>With <c>pull</c>: where the payload of each row begins in the pack, in blocks of 64 bytes. Null where absent.</summary>
+        public uint[] Blocks { get; set; }
+
         internal override Field[] Fields
         {
             get { return Table; }
@@ -1441,6 +1507,7 @@ namespace Terraport.Wire
                 case 12: return (long)TotalTriangles;
                 case 13: return (long)OmittedSegments;
                 case 14: return OmittedBy;
+                case 15: return Blocks;
             }
             throw NoField(field);
         }
@@ -1464,6 +1531,7 @@ namespace Terraport.Wire
                 case 12: TotalTriangles = (long)(long)value; return;
                 case 13: OmittedSegments = (uint)(long)value; return;
                 case 14: OmittedBy = (string)value; return;
+                case 15: Blocks = (uint[])value; return;
             }
             throw NoField(field);
         }
@@ -1477,6 +1545,7 @@ namespace Terraport.Wire
             new Field("generation", true, new IntegerKind(0L, 4294967295L)),
             new Field("segments", true, new LoadKind(16384)),
             new Field("bytes", true, new IntegerKind(0L, 9007199254740991L)),
+            new Field("blocks", false, new IdsKind(16384)),
         };
 
         /// <inheritdoc/>
@@ -1494,6 +1563,9 @@ namespace Terraport.Wire
         /// <summary>Payload bytes of segments, whole.</summary>
         public long Bytes { get; set; }
 
+        /// <summary>With <c>pull</c>: where the payload of each row begins in the pack, in blocks of 64 bytes. Null where absent.</summary>
+        public uint[] Blocks { get; set; }
+
         internal override Field[] Fields
         {
             get { return Table; }
@@ -1506,6 +1578,7 @@ namespace Terraport.Wire
                 case 0: return (long)Generation;
                 case 1: return Segments;
                 case 2: return (long)Bytes;
+                case 3: return Blocks;
             }
             throw NoField(field);
         }
@@ -1517,6 +1590,7 @@ namespace Terraport.Wire
                 case 0: Generation = (uint)(long)value; return;
                 case 1: Segments = (SegmentFacts[])value; return;
                 case 2: Bytes = (long)(long)value; return;
+                case 3: Blocks = (uint[])value; return;
             }
             throw NoField(field);
         }

@@ -213,6 +213,25 @@ namespace Terraport.Tests
         }
 
         [Test]
+        public void ALandingThatANewerOneEndsBeforeItsPlanNeverGetsOne()
+        {
+            SessionPair pair = new SessionPair(toy).Connect();
+            pair.Settle();
+            pair.Server.PlansNothing = true;
+            int first = pair.Client.Land(Middle, 4);
+            pair.Settle();
+            Assert.AreEqual(first, pair.Client.Unfinished);
+            pair.Server.PlansNothing = false;
+            int second = pair.Client.Land(Middle, 2);
+            pair.Settle();
+            StreamEvent superseded = pair.Of(StreamEventKind.Superseded).Single();
+            Assert.AreEqual(first, superseded.Landing);
+            Assert.AreEqual(second, superseded.By);
+            Assert.AreEqual(second, pair.Of(StreamEventKind.Planned).Single().Landing);
+            Assert.AreEqual(second, pair.Of(StreamEventKind.Ready).Single().Landing);
+        }
+
+        [Test]
         public void ANewerLandingElsewhereMakesThePartsOfTheOlderOneForgotten()
         {
             var scene = new SessionToyScene(0, "v1", 5000);

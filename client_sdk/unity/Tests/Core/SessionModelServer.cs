@@ -23,6 +23,9 @@ namespace Terraport.Tests
         internal long ChunkBytes;
         /// <summary>Set by a test: the deadline of the landing has passed.</summary>
         internal bool DeadlinePassed;
+        // Whether a landing that comes now waits for its plan, until a newer one ends it (6.3).
+        internal bool PlansNothing;
+        private uint? unplanned;
 
         private readonly SessionToyScene scene;
         private readonly SessionModelOptions options;
@@ -210,6 +213,9 @@ namespace Terraport.Tests
             // 1. The new landing ends the older one and every aim.
             Supersede(land.Generation);
             DeadlinePassed = false;
+            landing = PlansNothing ? null : landing;
+            unplanned = PlansNothing ? (uint?)land.Generation : null;
+            if (PlansNothing) return;
             // 2. Candidates, nearest first, with what is held out to the release radius; of them what the budgets allow.
             uint[] order = Ordered(land.Position, land.RadiusM);
             string omittedBy;
@@ -286,6 +292,7 @@ namespace Terraport.Tests
 
         private void Supersede(uint by)
         {
+            if (unplanned != null) SaySuperseded(unplanned.Value, by, 0);
             if (waitingAim != null) SaySuperseded(waitingAim.Generation, by, 0);
             waitingAim = null;
             TellSuperseded(prefetch, by);

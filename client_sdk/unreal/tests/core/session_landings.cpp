@@ -211,6 +211,25 @@ TEST_CASE("session: a landing without what the server cannot read is ready; the 
   CHECK(pair.client.transfers().visible() == want);
 }
 
+TEST_CASE("session: a landing that a newer one ends before its plan never gets one") {
+  const ToyScene scene;
+  Pair pair(scene);
+  pair.connect();
+  pair.settle();
+  pair.server->plansNothing = true;
+  const std::int64_t first = pair.client.land(kMiddle, 4, {});
+  pair.settle();
+  pair.server->plansNothing = false;
+  const std::int64_t second = pair.client.land(kMiddle, 2, {});
+  pair.settle();
+  const auto superseded = pair.of(EventKind::Superseded);
+  REQUIRE(superseded.size() == 1);
+  CHECK(superseded[0].landing == first);
+  CHECK(superseded[0].by == second);
+  CHECK(landingsOf(pair.of(EventKind::Planned)) == std::vector<std::int64_t>{second});
+  CHECK(landingsOf(pair.of(EventKind::Ready)) == std::vector<std::int64_t>{second});
+}
+
 TEST_CASE("session: a newer landing supersedes, and what is half here goes on") {
   const ToyScene scene(5000);
   Pair pair(scene, withCredit(100));

@@ -175,11 +175,17 @@ void ModelServer::on(const LandMessage& land) {
     say(std::move(error));
     return;
   }
-  // 2. It supersedes everything before it.
+  // 2. It supersedes everything before it, a landing without a plan, too.
+  supersedeUnplanned(land.generation);
   supersedeAim(land.generation);
   supersede(prefetch_, land.generation);
   supersede(landing_, land.generation);
   isDeadlinePassed = false;
+  if (plansNothing) {
+    landing_.reset();
+    unplanned_ = land.generation;
+    return;
+  }
   // 3. The wanted segments, nearest first and within the budgets; those beyond the radius are kept nearby.
   const std::vector<std::uint32_t> order = ordered(land.position, land.radiusM);
   PlanMessage plan;
@@ -256,6 +262,15 @@ std::shared_ptr<ModelServer::Sending> ModelServer::begin(std::uint32_t generatio
     partial = sending->load.count(partial->first) != 0 ? std::next(partial) : sentBytes_.erase(partial);
   }
   return sending;
+}
+
+void ModelServer::supersedeUnplanned(std::uint32_t by) {
+  if (!unplanned_) return;
+  SupersededMessage message;
+  message.generation = *unplanned_;
+  message.by = by;
+  say(std::move(message));
+  unplanned_.reset();
 }
 
 void ModelServer::supersedeAim(std::uint32_t by) {

@@ -36,6 +36,8 @@ class ModelServer {
   /// Everything that the client said, in order.
   std::vector<ClientMessage> heard;
   bool isDeadlinePassed = false;
+  /// Whether a landing that comes now waits for its plan, until a newer one ends it (6.3).
+  bool plansNothing = false;
   /// Ids that cannot be read whole.
   std::set<std::uint32_t> unreadable;
 
@@ -89,6 +91,7 @@ class ModelServer {
   std::shared_ptr<Sending> begin(std::uint32_t generation, std::vector<std::uint32_t> order);
   void supersede(const std::shared_ptr<Sending>& sending, std::uint32_t by);
   void supersedeAim(std::uint32_t by);
+  void supersedeUnplanned(std::uint32_t by);
   std::vector<std::uint32_t> ordered(const Vec3& centre, double radiusM) const;
   std::vector<std::uint32_t> within(const std::vector<std::uint32_t>& order, std::optional<std::string>& omittedBy) const;
   std::vector<SegmentFacts> rowsOf(const std::vector<std::uint32_t>& ids) const;
@@ -107,6 +110,7 @@ class ModelServer {
   double releaseFactor_ = 1;
   std::int64_t generation_ = -1;
   std::shared_ptr<Sending> landing_;
+  std::optional<std::uint32_t> unplanned_;
   std::shared_ptr<Sending> prefetch_;
   std::optional<AimMessage> waitingAim_;
   std::map<std::uint32_t, std::size_t> sentBytes_;

@@ -176,44 +176,48 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
         "div",
         { class: "card-links" },
         h("span", { class: "faint" }, scene.id === scene.name ? "" : scene.id),
-        scene.reportUrl !== "" && reportLink(scene),
+        scene.reportUrl !== "" && reportLink(scene, scene.reportUrl, "report.html"),
+        scene.reportPdfUrl !== "" && reportLink(scene, scene.reportPdfUrl, "report.pdf"),
       ),
     );
   }
 
   /** A link cannot carry a token: with one the report is fetched, and saved as a file. */
-  function reportLink({ id, name, reportUrl }: SceneSummary): HTMLElement {
+  function reportLink({ id, name }: SceneSummary, reportUrl: string, file: string): HTMLElement {
+    const kind = file.endsWith(".pdf") ? "PDF" : "report";
     const properties = {
       href: reportUrl,
       target: "_blank",
       rel: "noreferrer",
-      "aria-label": `Build report of ${name}`,
+      "aria-label": kind === "PDF" ? `Report of ${name} to print (PDF)` : `Build report of ${name}`,
     };
-    if (shell.token.token === undefined) return h("a", properties, icon("report"), "Report");
+    if (shell.token.token === undefined) {
+      return h("a", properties, icon("report"), kind === "PDF" ? kind : "Report");
+    }
     return h(
       "a",
       {
         ...properties,
-        "aria-label": `Save the build report of ${name}`,
+        "aria-label": kind === "PDF" ? `Save the report of ${name} to print (PDF)` : `Save the build report of ${name}`,
         on: {
           click: (event) => {
             event.preventDefault();
-            void saveReport(id, reportUrl);
+            void saveReport(reportUrl, `${id}-${file}`);
           },
         },
       },
       icon("report"),
-      "Save report",
+      `Save ${kind}`,
     );
   }
 
-  async function saveReport(id: string, reportUrl: string): Promise<void> {
+  async function saveReport(reportUrl: string, fileName: string): Promise<void> {
     try {
       const headers = { Authorization: `Bearer ${shell.token.token}` };
       const answer = await fetch(reportUrl, { headers, signal: abort.signal });
       if (!answer.ok) throw new Error(`status ${answer.status}`);
       const url = URL.createObjectURL(await answer.blob());
-      h("a", { href: url, download: `${id}-report.html` }).click();
+      h("a", { href: url, download: fileName }).click();
       window.setTimeout(() => URL.revokeObjectURL(url), 10_000);
       shell.announcer.announce("Report saved");
     } catch {

@@ -141,8 +141,10 @@ export interface SceneSummary {
   readonly version: string;
   readonly segments: number;
   readonly detailFaces: number;
-  /** Whether the service has a build report of it. */
+  /** Of its build's report; "" where the service has none. */
   readonly reportUrl: string;
+  /** Of the report to print; "" where the service has none. */
+  readonly reportPdfUrl: string;
 }
 
 /** A scene that is being built: one line of `building` in GET /scenes. */

@@ -154,6 +154,25 @@ describe("a newer landing", () => {
     expect(pair.server?.chunkBytes).toBe(scene.bytesOf(scene.within([0, 0, 0], 2)));
   });
 
+  test("ends one that has no plan yet, and never gets one (6.3)", () => {
+    const pair = new Pair(toy).connect();
+    pair.settle();
+    const server = pair.server;
+    if (server == null) throw new Error("not connected");
+    server.plansLate = true;
+    const [first, second] = [1, 2].map((radius) => {
+      const landing = pair.client.land(MIDDLE, radius);
+      for (const data of pair.client.dataToSend()) server.receive(data);
+      return landing;
+    });
+    server.planLate();
+    pair.settle();
+    expect(pair.of("superseded")).toEqual([{ type: "superseded", landing: first, by: second }]);
+    expect(pair.of("planned").map((event) => event.landing)).toEqual([second]);
+    expect(pair.of("ready").map((event) => event.landing)).toEqual([second]);
+    expect(pair.client.visible).toEqual(toy.within(MIDDLE, 2));
+  });
+
   test("somewhere else makes the parts of the older one forgotten", () => {
     const pair = new Pair(new ToyScene({ mostBytes: 5000 }), { creditBytes: 100 }).connect();
     pair.client.land([0, 0, 0], 1);

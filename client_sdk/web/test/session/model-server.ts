@@ -50,6 +50,9 @@ export class ModelServer {
   /** Everything that the client said, in order. */
   readonly heard: ClientMessage[] = [];
   deadlinePassed = false;
+  /** Whether a landing waits for its plan until `planLate` (6.3). */
+  plansLate = false;
+  #unplanned: LandMessage | null = null;
   /** Ids that cannot be read whole. */
   readonly unreadable = new Set<number>();
   readonly #scene: ToyScene;
@@ -206,6 +209,18 @@ export class ModelServer {
       return;
     }
     this.#supersede(land.generation);
+    if (this.plansLate) this.#unplanned = land;
+    else this.#plan(land);
+  }
+
+  /** Plan what waited for it. */
+  planLate(): void {
+    const land = this.#unplanned;
+    this.#unplanned = null;
+    if (land !== null) this.#plan(land);
+  }
+
+  #plan(land: LandMessage): void {
     this.deadlinePassed = false;
     const order = this.#ordered(land.position, land.radius_m);
     const fitting = this.#within(order);
@@ -285,6 +300,10 @@ export class ModelServer {
   }
 
   #supersede(by: number): void {
+    if (this.#unplanned !== null) {
+      this.say({ type: "superseded", generation: this.#unplanned.generation, by, unsent_bytes: 0 });
+      this.#unplanned = null;
+    }
     if (this.#waitingAim !== null) {
       this.say({ type: "superseded", generation: this.#waitingAim.generation, by, unsent_bytes: 0 });
       this.#waitingAim = null;

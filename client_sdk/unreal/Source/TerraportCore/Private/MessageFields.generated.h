@@ -51,6 +51,17 @@ struct FieldsOf<ServerLimitsPart> {
 };
 
 template <>
+struct FieldsOf<PullInfoPart> {
+  static constexpr const char* kType = "pullinfo";
+  template <typename Visitor, typename Message>
+  static bool visit(Visitor& visitor, Message& message) {
+    return visitor.field("base", message.base, TextKind{0, 2048, TextPattern::Any}) &&
+           visitor.field("pack", message.pack, TextKind{1, 201, TextPattern::Any}) &&
+           visitor.field("pack_bytes", message.packBytes, IntegerKind{1, 9007199254740991});
+  }
+};
+
+template <>
 struct FieldsOf<TimingsPart> {
   static constexpr const char* kType = "timings";
   template <typename Visitor, typename Message>
@@ -105,6 +116,7 @@ struct FieldsOf<HelloMessage> {
            visitor.field("release_factor", message.releaseFactor, NumberKind{1.0, 4.0, false}) &&
            visitor.field("scene_version", message.sceneVersion, TextKind{0, 64, TextPattern::Any}) &&
            visitor.field("held", message.held, RowsKind{32768}) &&
+           visitor.field("delivery", message.delivery, choiceOf("push", "pull")) &&
            visitor.field("timings", message.timings, FlagKind{});
   }
 };
@@ -249,7 +261,8 @@ struct FieldsOf<WelcomeMessage> {
            visitor.field("limits", message.limits, PartKind{}) &&
            visitor.field("release_factor", message.releaseFactor, NumberKind{1.0, 4.0, false}) &&
            visitor.field("dropped", message.dropped, RowsKind{32768}) &&
-           visitor.field("held_count", message.heldCount, IntegerKind{0, 32768});
+           visitor.field("held_count", message.heldCount, IntegerKind{0, 32768}) &&
+           visitor.field("pull", message.pull, PartKind{});
   }
 };
 
@@ -282,7 +295,8 @@ struct FieldsOf<PlanMessage> {
            visitor.field("total_bytes", message.totalBytes, IntegerKind{0, 9007199254740991}) &&
            visitor.field("total_triangles", message.totalTriangles, IntegerKind{0, 9007199254740991}) &&
            visitor.field("omitted_segments", message.omittedSegments, IntegerKind{0, 4294967295}) &&
-           visitor.field("omitted_by", message.omittedBy, choiceOf("max_triangles", "max_bytes", "max_segments"));
+           visitor.field("omitted_by", message.omittedBy, choiceOf("max_triangles", "max_bytes", "max_segments")) &&
+           visitor.field("blocks", message.blocks, RowsKind{16384});
   }
 };
 
@@ -293,7 +307,8 @@ struct FieldsOf<PrefetchMessage> {
   static bool visit(Visitor& visitor, Message& message) {
     return visitor.field("generation", message.generation, IntegerKind{0, 4294967295}) &&
            visitor.field("segments", message.segments, RowsKind{16384}) &&
-           visitor.field("bytes", message.bytes, IntegerKind{0, 9007199254740991});
+           visitor.field("bytes", message.bytes, IntegerKind{0, 9007199254740991}) &&
+           visitor.field("blocks", message.blocks, RowsKind{16384});
   }
 };
 

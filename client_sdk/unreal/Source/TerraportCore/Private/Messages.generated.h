@@ -20,6 +20,7 @@ constexpr const char* kSubprotocol = "terraport.v1.msgpack";
 
 /// Bounds that every speaker keeps (section 12); a server may be stricter.
 namespace limits {
+constexpr std::uint64_t kBlockBytes = 64;
 constexpr std::uint64_t kHeaderBytes = 24;
 constexpr std::uint64_t kMaxAttributes = 64;
 constexpr std::uint64_t kMaxChunkBytes = 131048;
@@ -109,6 +110,16 @@ struct ServerLimitsPart {
   std::optional<std::string> groups;
 };
 
+/// Where a client that pulls fetches payload.
+struct PullInfoPart {
+  /// Base address, ending in `/`: `http` or `https`, or relative to the server URL.
+  std::string base;
+  /// Path of the pack below the base address; its bytes never change.
+  std::string pack;
+  /// Length of the pack.
+  std::uint64_t packBytes = 0;
+};
+
 /// When the server did what for one landing, in microseconds since it received land.
 struct TimingsPart {
   /// Plan handed to the socket; absent where the plan was still waiting for that.
@@ -175,6 +186,8 @@ struct HelloMessage {
   std::optional<std::string> sceneVersion;
   /// Segments that the client holds whole, with their hashes.
   std::optional<std::vector<HeldRow>> held;
+  /// How payload comes: `push`, in frames of this connection; `pull`, fetched by the client (section 17). Absent means `push`.
+  std::optional<std::string> delivery;
   /// True: send timings with every ready; absent means false.
   std::optional<bool> timings;
 };
@@ -305,6 +318,8 @@ struct WelcomeMessage {
   std::vector<std::uint32_t> dropped;
   /// Offered segments that are accepted as held.
   std::uint32_t heldCount = 0;
+  /// Where payload is fetched; present where hello asked for `pull` and the server grants it.
+  std::optional<PullInfoPart> pull;
 };
 
 /// Answer to held: what of it is accepted.
@@ -347,6 +362,8 @@ struct PlanMessage {
   std::uint32_t omittedSegments = 0;
   /// Budget that the first omitted segment would exceed; absent if none was omitted.
   std::optional<std::string> omittedBy;
+  /// With `pull`: where the payload of each row begins in the pack, in blocks of 64 bytes.
+  std::optional<std::vector<std::uint32_t>> blocks;
 };
 
 /// Answer to aim: what is sent ahead.
@@ -357,6 +374,8 @@ struct PrefetchMessage {
   std::vector<SegmentFacts> segments;
   /// Payload bytes of segments, whole.
   std::uint64_t bytes = 0;
+  /// With `pull`: where the payload of each row begins in the pack, in blocks of 64 bytes.
+  std::optional<std::vector<std::uint32_t>> blocks;
 };
 
 /// Every segment of the plan was sent whole, or is listed as missing.

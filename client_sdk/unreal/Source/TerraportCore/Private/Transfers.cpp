@@ -150,6 +150,12 @@ void Transfers::onSuperseded(const SupersededMessage& message) {
   } else if (current_ != nullptr && current_->generation == message.generation) {
     endCurrent(unplanned_.empty() ? current_->number : unplanned_.front()->number);
     current_.reset();
+  } else if (!unplanned_.empty() && unplanned_.front()->generation == message.generation) {
+    // It ended before anybody planned it: no plan comes (6.3).
+    SessionEvent event = eventOf(EventKind::Superseded, unplanned_.front()->number);
+    unplanned_.erase(unplanned_.begin());
+    event.stream.by = unplanned_.empty() ? event.stream.landing : unplanned_.front()->number;
+    events_.push_back(std::move(event));
   }
 }
 

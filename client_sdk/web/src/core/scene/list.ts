@@ -41,14 +41,15 @@ function readLine(line: unknown, server: string, url: string): SceneSummary {
   if (typeof id !== "string" || id === "" || typeof version !== "string") {
     throw new StreamError("damaged", `${url} lists a scene without id or version`, 200);
   }
-  const hasReport = textsOf(links).some(([key]) => key === "report");
+  const linked = new Set(textsOf(links).map(([key]) => key));
   return {
     id,
     name: typeof name === "string" && name !== "" ? name : id,
     version,
     segments: typeof segments === "number" ? segments : 0,
     detailFaces: typeof detailFaces === "number" ? detailFaces : 0,
-    reportUrl: hasReport ? `${sceneUrlOf(server, id)}/report` : "",
+    reportUrl: linked.has("report") ? `${sceneUrlOf(server, id)}/report` : "",
+    reportPdfUrl: linked.has("report_pdf") ? `${sceneUrlOf(server, id)}/report.pdf` : "",
   };
 }
 

@@ -187,13 +187,16 @@ export class Transfers {
     this.#degradeIfWhole(landing);
   }
 
-  /** End a landing or a prefetch: no more frames of it come (6.5). */
+  /** End a landing or a prefetch: no more frames of it come, or never a plan (6.3, 6.5). */
   onSuperseded(message: SupersededMessage): void {
     if (this.#prefetch?.generation === message.generation) {
       this.#prefetch = null;
     } else if (this.#current?.generation === message.generation) {
       this.#endCurrent(this.#unplanned[0]?.number ?? this.#current.number);
       this.#current = null;
+    } else if (this.#unplanned[0]?.generation === message.generation) {
+      const [{ number }] = this.#unplanned.splice(0, 1) as [LandingState];
+      this.#options.report({ type: "superseded", landing: number, by: this.#unplanned[0]?.number ?? number });
     }
   }
 

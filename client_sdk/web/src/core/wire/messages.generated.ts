@@ -11,6 +11,7 @@ export const SUBPROTOCOL = "terraport.v1.msgpack";
 
 /** Bounds that every speaker keeps (section 12); a server may be stricter. */
 export const LIMITS = {
+  BLOCK_BYTES: 64,
   HEADER_BYTES: 24,
   MAX_ATTRIBUTES: 64,
   MAX_CHUNK_BYTES: 131048,
@@ -98,6 +99,16 @@ export interface ServerLimitsPart {
   readonly groups?: "none" | "here" | "query" | undefined;
 }
 
+/** Where a client that pulls fetches payload. */
+export interface PullInfoPart {
+  /** Base address, ending in `/`: `http` or `https`, or relative to the server URL. */
+  readonly base: string;
+  /** Path of the pack below the base address; its bytes never change. */
+  readonly pack: string;
+  /** Length of the pack. */
+  readonly pack_bytes: number;
+}
+
 /** When the server did what for one landing, in microseconds since it received land. */
 export interface TimingsPart {
   /** Plan handed to the socket; absent where the plan was still waiting for that. */
@@ -165,6 +176,8 @@ export interface HelloMessage {
   readonly scene_version?: string | undefined;
   /** Segments that the client holds whole, with their hashes. */
   readonly held?: readonly HeldRow[] | undefined;
+  /** How payload comes: `push`, in frames of this connection; `pull`, fetched by the client (section 17). Absent means `push`. */
+  readonly delivery?: "push" | "pull" | undefined;
   /** True: send timings with every ready; absent means false. */
   readonly timings?: boolean | undefined;
 }
@@ -308,6 +321,8 @@ export interface WelcomeMessage {
   readonly dropped: readonly number[];
   /** Offered segments that are accepted as held. */
   readonly held_count: number;
+  /** Where payload is fetched; present where hello asked for `pull` and the server grants it. */
+  readonly pull?: PullInfoPart | undefined;
 }
 
 /** Answer to held: what of it is accepted. */
@@ -352,6 +367,8 @@ export interface PlanMessage {
   readonly omitted_segments: number;
   /** Budget that the first omitted segment would exceed; absent if none was omitted. */
   readonly omitted_by?: "max_triangles" | "max_bytes" | "max_segments" | undefined;
+  /** With `pull`: where the payload of each row begins in the pack, in blocks of 64 bytes. */
+  readonly blocks?: readonly number[] | undefined;
 }
 
 /** Answer to aim: what is sent ahead. */
@@ -363,6 +380,8 @@ export interface PrefetchMessage {
   readonly segments: readonly SegmentFacts[];
   /** Payload bytes of segments, whole. */
   readonly bytes: number;
+  /** With `pull`: where the payload of each row begins in the pack, in blocks of 64 bytes. */
+  readonly blocks?: readonly number[] | undefined;
 }
 
 /** Every segment of the plan was sent whole, or is listed as missing. */
@@ -550,6 +569,11 @@ export const PARTS = {
     { name: "idle_timeout_s", required: true, kind: { name: "number", low: 0.0, high: 1000000000.0, lowExcluded: true } },
     { name: "groups", required: false, kind: { name: "choice", options: ["none", "here", "query"] } },
   ],
+  pullinfo: [
+    { name: "base", required: true, kind: { name: "text", shortest: 0, longest: 2048, pattern: null } },
+    { name: "pack", required: true, kind: { name: "text", shortest: 1, longest: 201, pattern: null } },
+    { name: "pack_bytes", required: true, kind: { name: "integer", low: 1, high: 9007199254740991 } },
+  ],
   timings: [
     { name: "plan_us", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
     { name: "first_byte_us", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
@@ -588,6 +612,7 @@ export const MESSAGES: MessageTable = {
       { name: "release_factor", required: false, kind: { name: "number", low: 1.0, high: 4.0, lowExcluded: false } },
       { name: "scene_version", required: false, kind: { name: "text", shortest: 0, longest: 64, pattern: null } },
       { name: "held", required: false, kind: { name: "held", most: 32768 } },
+      { name: "delivery", required: false, kind: { name: "choice", options: ["push", "pull"] } },
       { name: "timings", required: false, kind: { name: "flag" } },
     ],
     aim: [
@@ -653,6 +678,7 @@ export const MESSAGES: MessageTable = {
       { name: "release_factor", required: true, kind: { name: "number", low: 1.0, high: 4.0, lowExcluded: false } },
       { name: "dropped", required: true, kind: { name: "ids", most: 32768 } },
       { name: "held_count", required: true, kind: { name: "integer", low: 0, high: 32768 } },
+      { name: "pull", required: false, kind: { name: "part", part: "pullinfo" } },
     ],
     held_checked: [
       { name: "dropped", required: true, kind: { name: "ids", most: 32768 } },
@@ -674,11 +700,13 @@ export const MESSAGES: MessageTable = {
       { name: "total_triangles", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
       { name: "omitted_segments", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
       { name: "omitted_by", required: false, kind: { name: "choice", options: ["max_triangles", "max_bytes", "max_segments"] } },
+      { name: "blocks", required: false, kind: { name: "ids", most: 16384 } },
     ],
     prefetch: [
       { name: "generation", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
       { name: "segments", required: true, kind: { name: "load", most: 16384 } },
       { name: "bytes", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
+      { name: "blocks", required: false, kind: { name: "ids", most: 16384 } },
     ],
     ready: [
       { name: "generation", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
