@@ -5,20 +5,27 @@
     python benchmarks/attack_cost.py                       # about three minutes
     python benchmarks/attack_cost.py --only upgrades --seconds 20
     python benchmarks/attack_cost.py --only steps          # single messages alone
+    python benchmarks/attack_cost.py --loop --only upgrades  # CPU of a step of the loop instead
     python benchmarks/attack_cost.py --smoke               # seconds, to see that it works
 
 ``terraport serve`` with default settings and a token, as a process of its own, serves a scene of
 99,856 segments. An honest client lands at places where it has not been yet (radius 24 m: some 28
 segments of 16 KiB), 50 times a second at most; beside "upgrades" it connects anew for each landing.
-The attackers of ``fuzz/attacks/load.py`` are processes of their own and come from another address.
-Everything stays on 127.0.0.0/8 and ends with its time.
+The attackers of ``fuzz/attacks`` live in processes of their own; each comes from an address of its
+own. Everything stays on 127.0.0.0/8 and ends with its time.
 
 First, in this process: what the costliest messages that are known take to decode, and a landing
 with a release factor of 4 to be planned, radius 24 and 500 m, by the share of the scene that is
 held.
 
-Then a line per attack: milliseconds of the honest client, landings that failed or waited more than
-20 s, how often the attackers did what they do, and the service's share of a core.
+Then a line per attack: milliseconds of the honest client, land to ready and land to plan, landings
+that failed or waited more than 20 s, how often the attackers did what they do, the service's share
+of a core, by how much its memory grew (MB), and the bytes of its log. "never read": eight
+connections that land and do not read.
+
+``--loop`` serves in this process and has no honest client: it measures how much CPU one step of the
+event loop takes beside each attack. A landing is some five of them, so it says the same on a
+machine that is busy with other work.
 """
 
 from __future__ import annotations
@@ -28,22 +35,32 @@ import json
 import math
 import multiprocessing
 import os
+import secrets
 import statistics
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "fuzz"))
 
 from attacks.load import ATTACKS
+from attacks.requests import REQUEST_ATTACKS
+from attacks.seats import SEAT_ATTACKS
+from attacks.strangers import STRANGER_ATTACKS
 from parts.drain_client import DrainClient
+from parts.loop_steps import LoopSteps
 from parts.random_scene import TILE_M
 from parts.service_process import ServiceProcess
 from parts.sparse_scene import write_sparse_scene
 from parts.step_costs import landing_costs, message_costs
+
+from terraport_server import BackgroundServer
+from terraport_wire import Join, Joined, Leave
 
 TOKEN: Final = "a-token-of-enough-characters"
 SCENE: Final = "pit"
@@ -52,24 +69,39 @@ RADIUS_M: Final = 24.0
 PAUSE_S: Final = 0.02
 GRANT_BYTES: Final = 16 << 20
 SLOWEST_S: Final = 20.0
-SEVERAL: Final = 4
+MANY: Final = 10
+PROCESSES: Final = 2
+"""Of the attackers: the machine has as many cores."""
 
 STEPS: Final = "steps"
 NOBODY: Final = "nobody"
 ANEW: Final = "nobody, connecting anew"
+JOINING: Final = "nobody, connecting anew and joining a group"
+COMES_ANEW: Final = {ANEW, "upgrades", *STRANGER_ATTACKS, *REQUEST_ATTACKS}
+"""Beside these the honest client connects for each landing: what is attacked is the way in."""
+JOINS: Final = {JOINING, *SEAT_ATTACKS}
 
 TRIALS: Final[list[tuple[str | None, int]]] = [
     (NOBODY, 0),
     (ANEW, 0),
+    (JOINING, 0),
     ("unknown type", 1),
-    ("unknown type", SEVERAL),
-    ("unknown type, last", 1),
-    ("unknown type, last", SEVERAL),
-    ("known type", SEVERAL),
+    ("unknown type", MANY),
+    ("unknown type, last", MANY),
+    ("known type", MANY),
     ("empty frames", 1),
-    ("empty frames", SEVERAL),
+    ("empty frames", MANY),
     ("upgrades", 1),
+    ("upgrades", MANY),
     ("landings at factor 4", 1),
+    ("landings at factor 4", MANY),
+    ("aims at factor 4", 1),
+    ("landings never read", 1),
+    ("landings, and never read", 1),
+    *((name, MANY) for name in STRANGER_ATTACKS),
+    ("requests", 1),
+    *((name, MANY) for name in REQUEST_ATTACKS),
+    ("left seats", 1),
     (NOBODY, 0),
 ]
 """Attack and how many attackers; nobody first and last."""
@@ -86,15 +118,19 @@ class Honest:
         Segments along each edge of the scene.
     anew : bool
         Whether to connect for each landing; that counts, too.
+    joins : bool
+        Whether to join a group of its own, connecting anew, before each landing.
     """
 
-    def __init__(self, port: int, side: int, *, anew: bool) -> None:
+    def __init__(self, port: int, side: int, *, anew: bool, joins: bool = False) -> None:
         self._port = port
         self._places = self._all_places(side)
-        self._anew = anew
+        self._anew = anew or joins
+        self._joins = joins
         self._client: DrainClient | None = None
         self._taken_bytes = 0
         self.ready_ms: list[float] = []
+        self.plan_ms: list[float] = []
         self.failed = 0
 
     def land_until(self, end_s: float) -> None:
@@ -122,8 +158,19 @@ class Honest:
             self._client = DrainClient("127.0.0.1", self._port, SCENE)
             self._client.socket.settimeout(SLOWEST_S)
             self._client.hello(token=TOKEN)
-        self._taken_bytes += self._client.land(next(self._places), RADIUS_M)[0]
+            if self._joins:
+                self._client.send(Join(request=1, group=secrets.token_hex(8), role="guide"))
+                answer = self._client.message()
+                assert isinstance(answer, Joined), answer
+        began_s = time.perf_counter()
+        plan = self._client.begin(next(self._places), RADIUS_M)
+        self.plan_ms.append(1e3 * (time.perf_counter() - began_s))
+        got = self._client.drain()
+        assert got == plan.load_bytes, f"{got} bytes, expected {plan.load_bytes}"
+        self._taken_bytes += got
         if self._anew:
+            if self._joins:
+                self._client.send(Leave())
             self.close()
         elif self._taken_bytes > GRANT_BYTES:
             self._client.grant(self._taken_bytes)
@@ -138,45 +185,101 @@ class Honest:
                 yield (step * (1 + number % count), 0.5, step * (1 + number // count))
 
 
-def attack(name: str, port: int, stop: Any, ended: Any) -> None:
-    """Child process: one attacker. On a machine of its own it would take the service no core."""
+def attack(name: str, addresses: list[str], port: int, stop: Any, ended: Any) -> None:
+    """Child process: attackers. On a machine of their own they would take the service no core."""
     os.nice(19)
-    count = ATTACKS[name](port, SCENE, TOKEN, lambda: not stop.is_set())
+    with ThreadPoolExecutor(len(addresses)) as pool:
+        counts = pool.map(
+            lambda address: ATTACKS[name](port, SCENE, TOKEN, lambda: not stop.is_set(), address),
+            addresses,
+        )
     with ended.get_lock():
-        ended.value += count
+        ended.value += sum(counts)
+
+
+def start_attackers(name: str, attackers: int, port: int) -> tuple[list[Any], Any, Any]:
+    """Start so many attackers of one kind; return processes, event that ends them, count."""
+    context = multiprocessing.get_context("spawn")
+    stop, ended = context.Event(), context.Value("q", 0)
+    addresses = addresses_of(attackers)
+    shares = [addresses[number::PROCESSES] for number in range(PROCESSES)]
+    others = [
+        context.Process(target=attack, args=(name, share, port, stop, ended), daemon=True)
+        for share in shares
+        if share
+    ]
+    for other in others:
+        other.start()
+    return others, stop, ended
+
+
+def end_attackers(others: list[Any], stop: Any) -> None:
+    """Let them stop, and make sure of it."""
+    stop.set()
+    for other in others:
+        other.join(30)
+        if other.is_alive():
+            other.kill()
+
+
+def measure_loop(scenes: Path, name: str, attackers: int, seconds: float) -> dict[str, Any]:
+    """Measure the steps of the loop beside an attack for so many seconds of the loop's CPU.
+
+    Attackers are threads here: the loop's clock counts its own thread alone.
+    """
+    stop = threading.Event()
+    with (
+        BackgroundServer(scenes, token=TOKEN, forwarded_allow_ips="") as server,
+        ThreadPoolExecutor(max(1, attackers)) as pool,
+    ):
+        attacks = [
+            pool.submit(
+                ATTACKS[name], server.port, SCENE, TOKEN, lambda: not stop.is_set(), address
+            )
+            for address in addresses_of(attackers)
+        ]
+        loop = server._server._loop  # noqa: SLF001 - the one on which everything happens
+        assert loop is not None
+        steps = LoopSteps(loop)
+        until_s = time.monotonic() + 60 * seconds
+        while steps.cpu_s < seconds and time.monotonic() < until_s:
+            time.sleep(0.05)
+        row = steps.stop()
+        stop.set()
+        count = sum(attack.result() for attack in attacks)
+        alive = server.service.ready
+    return {"attack": name, "attackers": attackers, **row, "attacks": count, "alive": alive}
+
+
+def addresses_of(attackers: int) -> list[str]:
+    """Return where so many attackers come from."""
+    return [f"127.0.0.{2 + number}" for number in range(attackers)]
 
 
 def measure(
     service: ServiceProcess, side: int, name: str, attackers: int, seconds: float
 ) -> dict[str, Any]:
     """Land beside so many attackers of one kind."""
-    context = multiprocessing.get_context("spawn")
-    stop, ended = context.Event(), context.Value("q", 0)
-    others = [
-        context.Process(target=attack, args=(name, service.port, stop, ended), daemon=True)
-        for _ in range(attackers)
-    ]
-    for other in others:
-        other.start()
+    before_bytes = service.memory().anon
+    others, stop, ended = start_attackers(name, attackers, service.port)
     if others:
         time.sleep(3.0)  # they start, and the service is in the middle of it
-    honest = Honest(service.port, side, anew=name in {"upgrades", ANEW})
+    honest = Honest(service.port, side, anew=name in COMES_ANEW, joins=name in JOINS)
     began_s, cpu_s = time.perf_counter(), service.cpu_s()
     honest.land_until(began_s + seconds)
     took_s = time.perf_counter() - began_s
     cores = (service.cpu_s() - cpu_s) / took_s
+    grown_bytes = service.memory().anon - before_bytes
     honest.close()
-    stop.set()
-    for other in others:
-        other.join(30)
-        if other.is_alive():
-            other.kill()
+    end_attackers(others, stop)
     return {
         "attack": name,
         "attackers": attackers,
         "landings": len(honest.ready_ms),
         "failed": honest.failed,
         **percentiles(honest.ready_ms),
+        **{f"plan_{name}": value for name, value in percentiles(honest.plan_ms).items()},
+        "grown_mb": round(grown_bytes / 1e6, 1),
         "attacks": ended.value,
         "service_cores": round(cores, 2),
         "alive": service.alive,
@@ -198,6 +301,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=form)
     parser.add_argument("--seconds", type=float, default=10.0, help="of each trial")
     parser.add_argument("--only", choices=[*ATTACKS, STEPS], action="append", help="repeatable")
+    parser.add_argument("--loop", action="store_true")
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     seconds = 1.0 if arguments.smoke else arguments.seconds
@@ -212,7 +316,8 @@ def main() -> int:
         (name, count)
         for name, count in TRIALS
         if (not count or not arguments.only or name in arguments.only)
-        and not (arguments.smoke and count == SEVERAL)
+        and not (arguments.smoke and count == MANY and (name, 1) in TRIALS)
+        and (count or name == NOBODY or not arguments.loop)
     ]
     with tempfile.TemporaryDirectory(prefix="attacks-") as folder:
         scenes = Path(folder) / "scenes"
@@ -223,9 +328,17 @@ def main() -> int:
         side = math.isqrt(manifest.counts.segments)
         right = True
         for name, count in trials:
+            if arguments.loop:
+                row = measure_loop(scenes, name, count, seconds)
+                print(json.dumps(row), flush=True)
+                right &= row["alive"]
+                continue
             # A service of its own for each: what one attack leaves behind is not the next one's.
-            with ServiceProcess(scenes, token=TOKEN, log_level="error") as service:
+            log = Path(folder) / "log"
+            log.unlink(missing_ok=True)
+            with ServiceProcess(scenes, token=TOKEN, log=log) as service:
                 row = measure(service, side, name, count, seconds)
+            row["log_bytes"] = log.stat().st_size
             print(json.dumps(row), flush=True)
             right &= row["alive"] and row["landings"] > 0
     return 0 if right else 1

@@ -1,9 +1,9 @@
 """Seconds that each kernel of the first run takes to compile: ``python benchmarks/kernels.py``.
 
 The list of these kernels (:mod:`terraport_pipeline.warm`) is written from a cache that a cold run
-filled::
+filled, on one core: with two a child compiles beside the run, and the order is not that of calls::
 
-    NUMBA_CACHE_DIR=/tmp/cold terraport demo --no-serve
+    NUMBA_CACHE_DIR=/tmp/cold taskset -c 0 terraport demo --no-serve
     python benchmarks/kernels.py --write /tmp/cold
 """
 

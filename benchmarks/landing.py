@@ -43,7 +43,7 @@ from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port
 from parts.swarm import drain_all, drain_paced
 
-from terraport_server.actions import SceneView, SendMessage, SessionLimits
+from terraport_server.actions import MakePlan, SceneView, SendMessage, SessionLimits
 from terraport_server.selection import SegmentTable
 from terraport_server.session import Session
 from terraport_store import PackedRTree, RTreeIndex
@@ -354,6 +354,9 @@ def measure_plan(size: Size) -> dict[str, Any]:
         session.receive(message, 0.0)
         while True:
             action = session.next_action()
+            if isinstance(action, MakePlan):
+                session.make_plan(0.0)
+                continue
             assert isinstance(action, SendMessage)
             if isinstance(action.message, Plan):
                 break

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from terraport_server.actions import SceneView, SendChunk, SessionLimits
+from terraport_server.actions import MakePlan, SceneView, SendChunk, SessionLimits
 from terraport_server.selection import SegmentTable
 from terraport_server.session import Session
 from terraport_store.packed_rtree import PackedRTree
@@ -70,7 +70,9 @@ def land(session: Session, radius_m: float) -> tuple[Plan | None, float, int]:
     plan, chunks = None, 0
     began_s = time.perf_counter()
     while (action := session.next_action()) is not None:
-        if isinstance(action, SendChunk):
+        if isinstance(action, MakePlan):
+            session.make_plan(0.0)
+        elif isinstance(action, SendChunk):
             session.chunks_sent([action], 0.0)
             chunks += 1
         elif isinstance(message := getattr(action, "message", None), Plan):

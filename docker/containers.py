@@ -42,7 +42,7 @@ class Network:
         self.prefix = ipaddress.ip_network(subnet).prefixlen
         self.folder = folder
         self.names: dict[str, list[str]] = {}
-        """Addresses by name, as the DNS server answers."""
+        """Addresses by name, as the DNS server answers: of containers that run, as an engine's."""
         self._addresses = hosts
         self._bridge = f"tp{os.getpid() % 1_000_000}"
         self._count = 0
@@ -139,7 +139,7 @@ class Container:
         self.log_path = self.network.folder / f"{self.name}.log"
         self._root = self.network.folder / f"{self.name}.root"
         for alias in (self.name, *self.aliases):
-            self.network.names.setdefault(alias, []).append(self.address)
+            self.network.names.setdefault(alias, [])
 
     @property
     def log(self) -> str:
@@ -148,6 +148,8 @@ class Container:
 
     def start(self) -> None:
         """Start the command, again if it has ended."""
+        for alias in (self.name, *self.aliases):
+            self.network.names[alias].append(self.address)
         with self.log_path.open("ab") as log:
             self.process = subprocess.Popen(
                 self._inside(self.command), stdout=log, stderr=log, stdin=subprocess.DEVNULL
@@ -165,10 +167,14 @@ class Container:
             return None
         self.process.send_signal(number)
         try:
-            return self.process.wait(40)
+            code = self.process.wait(40)
         except subprocess.TimeoutExpired:
             self.process.kill()
-            return self.process.wait()
+            code = self.process.wait()
+        for alias in (self.name, *self.aliases):
+            if self.address in self.network.names[alias]:
+                self.network.names[alias].remove(self.address)
+        return code
 
     def remove(self) -> None:
         """End it and give its namespace back."""
@@ -182,7 +188,7 @@ class Container:
         """Wrap a command: namespaces, a root of its own, then the user."""
         root = self._root
         root.mkdir(exist_ok=True)
-        lines = ["set -e", f"mount -t tmpfs -o mode=755 tmpfs {root}", f"cd {root}"]
+        lines = ["set -e", "umask 022", f"mount -t tmpfs -o mode=755 tmpfs {root}", f"cd {root}"]
         for name in _SYSTEM:
             path = Path("/", name)
             if path.is_symlink():
@@ -202,7 +208,9 @@ class Container:
             mount_options = f"mode=1777,{options}" if options else "mode=1777"
             lines.append(f"mkdir -p .{path}; mount -t tmpfs -o {mount_options} tmpfs .{path}")
         # The interpreter of this very run, and what it imports, where they lie on the host.
-        programs = {Path(sys.base_prefix), Path(sys.prefix), Path(__file__).resolve().parents[1]}
+        # Resolved: a link within the checkout would be followed to the host's own folder.
+        folders = (Path(sys.base_prefix), Path(sys.prefix), Path(__file__).parents[1])
+        programs = {part for folder in folders for part in _readable(folder.resolve())}
         mounts = [(path, str(path), True) for path in sorted(programs)] + self.mounts
         for source, target, read_only in mounts:
             if source.is_dir():
@@ -223,6 +231,17 @@ class Container:
         )
         spaces = ["unshare", "--mount", "--propagation", "private"]
         return ["ip", "netns", "exec", self.space, *spaces, "sh", "-c", "\n".join(lines)]
+
+
+def _readable(folder: Path) -> list[Path]:
+    """Return a folder, or those in it where it is its owner's alone, as mkdtemp makes it.
+
+    Who runs in a container is another user, and could not enter.
+    """
+    if folder.stat().st_mode & 0o005 == 0o005:
+        return [folder]
+    parts = (part for part in folder.iterdir() if not part.name.startswith("."))
+    return [part for part in parts if part.is_dir() and not part.is_symlink()]
 
 
 async def published(container: Container, port: int) -> asyncio.Server:

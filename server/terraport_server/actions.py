@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
-from terraport_payload.types import Int64
+from terraport_payload.types import Int64, UInt64
 from terraport_server.selection import SegmentTable
 from terraport_wire import (
     Arrived,
@@ -20,6 +20,7 @@ from terraport_wire import (
     Join,
     Message,
     Plan,
+    PullInfo,
     Ready,
     Reject,
     Superseded,
@@ -30,13 +31,24 @@ __all__ = [
     "Authorise",
     "Close",
     "GroupPort",
+    "MakePlan",
     "Observer",
+    "PullView",
     "RunPick",
     "SceneView",
     "SendChunk",
     "SendMessage",
     "SessionLimits",
 ]
+
+
+@dataclass(frozen=True, slots=True)
+class PullView:
+    """Where clients fetch the payloads of a scene by themselves, in its ``glb`` encoding."""
+
+    info: PullInfo
+    offsets: UInt64
+    """Where each segment begins in the pack: multiples of 64, below 2^38."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,6 +62,8 @@ class SceneView:
     """One table per payload encoding; at least one, all of the same length."""
     within: Callable[[Sequence[float], float], Int64]
     """Ids of the segments whose box comes within a radius of a point, metres, scene frame."""
+    pull: PullView | None = None
+    """None where payload is sent in frames alone."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,6 +111,15 @@ class SendChunk(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
+class MakePlan:
+    """Call ``make_plan`` when it is this client's turn; whatever it has asked for by then counts.
+
+    Planning costs as much as a landing is wide, so the caller decides whose turn it is. Until then
+    more may be told to the session: a landing that a newer one ends meanwhile needs no plan.
+    """
+
+
+@dataclass(frozen=True, slots=True)
 class RunPick:
     """Answer later with ``picked`` or ``pick_failed``."""
 
@@ -113,7 +136,7 @@ class Close:
     reason: str
 
 
-Action = SendMessage | SendChunk | RunPick | Close
+Action = SendMessage | SendChunk | MakePlan | RunPick | Close
 
 
 class Observer:
@@ -173,7 +196,7 @@ class GroupPort(Protocol):
 
 
 class Authorise(Protocol):
-    """Decides on the token of ``hello``."""
+    """Decides on the token of ``hello``, and whether there is room for its client."""
 
-    def __call__(self, token: str | None) -> ErrorCode | None:
-        """Return ``None`` to admit, or why not."""
+    def __call__(self, token: str | None) -> tuple[ErrorCode, str] | None:
+        """Return ``None`` to admit, or why not, in a code and in words."""

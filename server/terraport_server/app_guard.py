@@ -12,6 +12,7 @@ from typing import Final
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from terraport_server.http_connection import ANSWERED
 from terraport_server.service import Service
 
 __all__ = ["AppGuard", "host_is_ours"]
@@ -57,6 +58,9 @@ class AppGuard:
         async def counted(message: Message) -> None:
             if message["type"] == "http.response.start":
                 self._service.metrics.answered(message["status"])
+                answered = scope.get("extensions", {}).get(ANSWERED)
+                if answered is not None:
+                    answered(message["status"])
                 message["headers"] = [*message.get("headers", ()), *_added(scope, message)]
             await send(message)
 

@@ -15,6 +15,7 @@ from terraport_server.settings import Settings
 from terraport_server.signed_tokens import SignedClaims, read_token
 from terraport_server.token_file import StaticToken, check_token, read_tokens
 from terraport_server.token_keys import KeyRing, read_keys
+from terraport_server.token_scopes import EVERYTHING, LAND, Scope
 from terraport_wire import MAX_TOKEN_BYTES, ErrorCode
 
 __all__ = ["Gate", "TokenPass", "Withdrawal", "bearer_token", "origin_is_allowed", "static_tokens"]
@@ -31,18 +32,23 @@ class TokenPass:
     """For logs; never the token."""
     scenes: frozenset[str] | None
     """Ids; ``None`` = every scene."""
-    guide: bool = False
-    """Whether its bearer may move a group."""
+    scopes: frozenset[Scope] = LAND
+    """What its bearer may do."""
     digest: bytes = b""
     """SHA-256 over this process's salt and a static token; empty for a signed one."""
     signed: SignedClaims | None = None
 
     def opens(self, scene_id: str) -> bool:
-        """Whether it opens the scene, as far as scenes go."""
-        return self.scenes is None or scene_id in self.scenes
+        """Whether its bearer may see the scene, whatever the time."""
+        return "land" in self.scopes and (self.scenes is None or scene_id in self.scenes)
+
+    @property
+    def guide(self) -> bool:
+        """Whether its bearer may move a group."""
+        return "guide" in self.scopes
 
 
-_OPEN_PASS = TokenPass("open", None, guide=True)
+_OPEN_PASS = TokenPass("open", None, EVERYTHING)
 """Of everybody where no token is asked for."""
 
 
@@ -110,7 +116,7 @@ class Gate:
     def use_tokens(self, tokens: Sequence[StaticToken]) -> None:
         """Take these static tokens in place of those before."""
         self._static = tuple(
-            TokenPass(one.name, one.scenes, one.guide, self._digest(one.token)) for one in tokens
+            TokenPass(one.name, one.scenes, one.scopes, self._digest(one.token)) for one in tokens
         )
 
     def use_keys(self, keys: KeyRing) -> None:
@@ -131,7 +137,7 @@ class Gate:
         if static_pass is None and self._keys is not None and len(token) <= MAX_TOKEN_BYTES:
             claims = read_token(token, self._keys, audience=self._audience)
             if claims is not None and self._is_in_time(claims):
-                return TokenPass(claims.name, claims.scenes, claims.guide, signed=claims)
+                return TokenPass(claims.name, claims.scenes, claims.scopes, signed=claims)
         return static_pass
 
     def admit(self, token: str | None, scene_id: str) -> TokenPass | ErrorCode:
@@ -193,7 +199,7 @@ def static_tokens(settings: Settings) -> list[StaticToken]:
     if settings.token is not None:
         token = settings.token.get_secret_value()
         check_token("token", token)
-        tokens.append(StaticToken("token", token, guide=True))
+        tokens.append(StaticToken("token", token, scopes=LAND | {"guide"}))
     if settings.tokens_file is not None:
         tokens.extend(read_tokens(settings.tokens_file))
     return tokens

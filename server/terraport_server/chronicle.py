@@ -5,11 +5,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from time import monotonic
 
 from terraport_server.actions import Observer
 from terraport_server.logs import OncePerMinute, log
 from terraport_server.metrics import Metrics
-from terraport_server.scenes import ServedScene
+from terraport_server.served_scene import ServedScene
 from terraport_wire import Error, ErrorCode, Plan, Ready, Reject, Superseded
 
 __all__ = ["Chronicle", "note_error"]
@@ -48,6 +49,7 @@ class Chronicle(Observer):
         self._scene_id = served.id
         self._scene_label = metrics.scene_label(served.id)
         self._client_ip = client_ip
+        self._is_open = False
         self._opened_s = 0.0
         self._stalled = False
         self._landings = 0
@@ -55,8 +57,9 @@ class Chronicle(Observer):
         self._ended_by: str | None = None
 
     def opened(self) -> None:
-        """Hear that the session begins."""
-        self._opened_s = asyncio.get_running_loop().time()
+        """Hear that the session begins: its hello was accepted."""
+        self._is_open = True
+        self._opened_s = monotonic()
         self._metrics.sessions.labels(self._scene_label).inc()
         log(
             "session opened", session=self._session_id, scene=self._scene_id, client=self._client_ip
@@ -67,7 +70,12 @@ class Chronicle(Observer):
         self._ended_by = reason
 
     def closed(self) -> None:
-        """Hear that it is over, and nothing of it is left."""
+        """Hear that it is over, and nothing of it is left.
+
+        Of a connection that was never let in nothing is said: anybody can open and close one.
+        """
+        if not self._is_open:
+            return
         reason = self._ended_by or "lost"
         self.credit_stalled(stalled=False)
         self._metrics.sessions.labels(self._scene_label).dec()
@@ -77,7 +85,7 @@ class Chronicle(Observer):
             session=self._session_id,
             scene=self._scene_id,
             reason=reason,
-            seconds=asyncio.get_running_loop().time() - self._opened_s,
+            seconds=monotonic() - self._opened_s,
             landings=self._landings,
             bytes=self._payload_bytes,
         )
@@ -145,14 +153,16 @@ class Chronicle(Observer):
     def rejected(self, message: Reject) -> None:
         self._desk.distrust(message.segment)
         self._metrics.rejected_segments.inc()
-        log(
-            "segment_rejected",
-            level=logging.WARNING,
-            landing=self._landing(message.generation),
-            scene=self._scene_id,
-            segment=message.segment,
-            reason=message.reason,
-        )
+        kind = (self._client_ip, "segment_rejected")
+        if self._once.first(kind, asyncio.get_running_loop().time()):
+            log(
+                "segment_rejected",
+                level=logging.WARNING,
+                landing=self._landing(message.generation),
+                scene=self._scene_id,
+                segment=message.segment,
+                reason=message.reason,
+            )
 
     def refused(self, error: Error) -> None:
         note_error(

@@ -67,7 +67,8 @@ def serve(
         typer.Option(help="Token that clients must show (16 characters or more)."),
     ] = None,
     tokens_file: Annotated[
-        Path | None, typer.Option(help="File of tokens, one a line: NAME TOKEN [SCENE ...].")
+        Path | None,
+        typer.Option(help="File of tokens: lines of NAME TOKEN [+SCOPE] [SCENE ...]."),
     ] = None,
     token_keys: Annotated[
         Path | None,

@@ -9,7 +9,7 @@ import ipaddress
 from collections import Counter
 from typing import Final
 
-__all__ = ["ARRIVALS_S", "ClientAddresses", "too_many_of_address"]
+__all__ = ["ARRIVALS_S", "ClientAddresses", "client_key", "too_many_of_address"]
 
 ARRIVALS_S: Final = 10.0
 """Arrivals of an address are counted for so long, then from zero again."""
@@ -27,6 +27,7 @@ class ClientAddresses:
     def __init__(self, trusted: str) -> None:
         self._open: Counter[str] = Counter()
         self._arrived: Counter[str] = Counter()
+        self._in_vain: Counter[str] = Counter()
         self._window_ends_s = 0.0
         self._all = "*" in trusted
         self._networks = []
@@ -41,10 +42,10 @@ class ClientAddresses:
         if host is None or self._all:
             return None
         try:
-            address = ipaddress.ip_address(host)
+            address = _address(host)
         except ValueError:
             return None
-        return None if any(address in network for network in self._networks) else host
+        return None if any(address in network for network in self._networks) else _key(address)
 
     def enter(self, key: str) -> int:
         """Count a connection of an address in; return how many it has open now."""
@@ -56,11 +57,19 @@ class ClientAddresses:
 
         Who opens and closes at once is never there, and costs a handshake each time.
         """
-        if now_s >= self._window_ends_s:
-            self._arrived.clear()
-            self._window_ends_s = now_s + ARRIVALS_S
+        self._look_at_clock(now_s)
         self._arrived[key] += 1
         return self._arrived[key]
+
+    def came_in_vain(self, key: str, now_s: float) -> None:
+        """Note that a connection ended which was never let in and got nothing but refusals."""
+        self._look_at_clock(now_s)
+        self._in_vain[key] += 1
+
+    def in_vain(self, key: str, now_s: float) -> int:
+        """Return how many did, in this window of `ARRIVALS_S`."""
+        self._look_at_clock(now_s)
+        return self._in_vain[key]
 
     def leave(self, key: str) -> None:
         """Count a connection of an address out."""
@@ -68,7 +77,41 @@ class ClientAddresses:
         if self._open[key] <= 0:
             del self._open[key]
 
+    def _look_at_clock(self, now_s: float) -> None:
+        if now_s >= self._window_ends_s:
+            self._arrived.clear()
+            self._in_vain.clear()
+            self._window_ends_s = now_s + ARRIVALS_S
+
+
+def client_key(host: str) -> str:
+    """Return what a client is counted under: its address, of IPv6 the first 64 bits.
+
+    Whoever has one address of IPv6 has 2^64 of them.
+
+    Examples
+    --------
+    >>> client_key("2001:db8::17"), client_key("::ffff:192.0.2.1"), client_key("somewhere")
+    ('2001:db8::/64', '192.0.2.1', 'somewhere')
+    """
+    try:
+        return _key(_address(host))
+    except ValueError:
+        return host
+
 
 def too_many_of_address(count: int, most: int) -> str:
     """Return what a connection beyond the bound is told."""
     return f"got connection {count} of one address, expected at most {most}"
+
+
+def _address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
+    address = ipaddress.ip_address(host)
+    mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
+    return address if mapped is None else mapped
+
+
+def _key(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> str:
+    if isinstance(address, ipaddress.IPv6Address):
+        return f"{ipaddress.IPv6Address(int(address) >> 64 << 64)}/64"
+    return str(address)

@@ -3,8 +3,12 @@
 =========== ============ ==========================================================
 kind        who          meaning
 =========== ============ ==========================================================
-``start``   supervisor   settings and listening sockets; the first line
+``start``   supervisor   settings, slot, everybody's listening sockets; the first line
 ``ready``   worker       scenes are open, clients are accepted
+``alive``   worker       its event loop turns; five times a second from then on
+``listen``  supervisor   slots whose new clients to accept from now on: its own and those of
+                         workers that are dead, hang or start
+``groups``  worker       names of all groups that have members here, whenever they change
 ``retire``  supervisor   another worker has taken over: accept nobody, drain, end
 ``measure`` supervisor   asks for the worker's metrics
 ``page``    worker       its metrics; also once by itself, before it ends
@@ -62,6 +66,8 @@ class Channel:
 
     async def close(self) -> None:
         """Send what is left and close."""
+        if self._writer.is_closing():  # the other end is gone
+            return
         self._writer.transport.set_write_buffer_limits(high=0)
         with contextlib.suppress(ConnectionError):
             await self._writer.drain()

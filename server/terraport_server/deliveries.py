@@ -16,8 +16,8 @@ from terraport_payload.types import AnyArray, UInt32
 from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimits
 from terraport_server.aim_ledger import AimLedger
 from terraport_server.id_set import IdSet
-from terraport_server.plans import budgets_of, make_plan, make_prefetch
-from terraport_server.selection import Selection, find_candidates, select
+from terraport_server.plans import Planner
+from terraport_server.selection import Selection
 from terraport_server.transfer import Landing, Transfer
 from terraport_wire import (
     ID_DTYPE,
@@ -27,7 +27,6 @@ from terraport_wire import (
     Hello,
     Land,
     Message,
-    Ready,
     Reject,
     Superseded,
 )
@@ -61,31 +60,37 @@ class Deliveries:
         say: Callable[[Message], None],
         observer: Observer,
     ) -> None:
-        self._scene = scene
         self._limits = limits
         self._say = say
         self._observer = observer
         self.encoding = hello.encoding
-        self._table = scene.encodings[hello.encoding]
-        self._budgets = budgets_of(hello, limits)
+        self._planner = Planner(scene, limits, hello)
+        self._table = self._planner.table
         self._timings = bool(hello.timings)
-        self.release_factor = hello.release_factor or limits.release_factor
+        self.release_factor = self._planner.release_factor
         """Release radius / load radius in use."""
         self.held = IdSet()
         """What the client holds, in the server's view."""
         self._ahead = AimLedger(observer)
-        self._may_offer = True
-        """Whether no aim or landing has been computed with what is held."""
-        self.dropped = self.offer(hello.held)
-        """Ids offered by hello that were not accepted."""
+        self.pull = scene.pull if hello.delivery == "pull" else None
+        """Where the client fetches payload by itself (17); None where it is sent in frames."""
+        self._is_new = True
+        """Whether no aim or landing came yet."""
         self.credit_bytes = min(hello.credit_bytes, limits.max_credit_bytes)
         """Payload bytes that may still be sent."""
         self._partly_sent: dict[int, int] = {}
         self._landing: Landing | None = None
+        """The newest one that has a plan, until a newer one is accepted."""
         self._aiming: Transfer | None = None
+        self._waiting_land: Land | None = None
+        """Accepted and not planned yet; then there is no landing and no aim."""
+        self._landed_s = 0.0
+        """When the newest ``land`` came."""
         self._waiting_aim: Aim | None = None
         self._stalled_since_s: float | None = None
         """Since when there is payload to send and no credit."""
+        self.dropped = self.offer(hello.held)
+        """Ids offered by hello that were not accepted."""
 
     @property
     def segment_count(self) -> int:
@@ -93,9 +98,23 @@ class Deliveries:
         return len(self._table)
 
     @property
+    def may_offer(self) -> bool:
+        """Whether ``held`` may come: before any aim or landing, or of what is pulled (5.3, 17)."""
+        return self._is_new or self.pull is not None
+
+    @property
     def landing_open(self) -> bool:
         """Whether a landing is unfinished."""
+        if self._waiting_land is not None:
+            return True
         return self._landing is not None and self._landing.unfinished
+
+    @property
+    def plan_is_due(self) -> bool:
+        """Whether :meth:`make_plan` has something to plan."""
+        if self._waiting_land is not None:
+            return True
+        return self._waiting_aim is not None and not self.landing_open
 
     @property
     def deadline_s(self) -> float | None:
@@ -118,43 +137,74 @@ class Deliveries:
         is_match = ids < len(self._table)
         is_match[is_match] = self._table.hashes[ids[is_match]] == held["xxh3"][is_match]
         dropped = ids[~is_match].astype(ID_DTYPE)
+        queued = self._queued()
+        if queued:  # rejected before, and being sent once more: held when that is done
+            is_match[is_match] = [segment not in queued for segment in ids[is_match].tolist()]
         self.held.difference_update(dropped)  # an id offered again replaces its row
         self.held.update(ids[is_match])
         return dropped
 
-    @property
-    def may_offer(self) -> bool:
-        """Whether ``held`` may still come: no aim or landing was computed yet (5.3)."""
-        return self._may_offer and self._waiting_aim is None
+    def take_held(self, held: AnyArray, now_s: float) -> UInt32:
+        """Take what the client says to hold by now; return the ids of wrong rows (5.3, 17)."""
+        dropped = self.offer(held)
+        if self.pull is None:
+            return dropped
+        ids = set(held["id"].tolist()).difference(dropped.tolist())
+        if self._aiming is not None:
+            self._aiming.fetched(ids)
+        if self._landing is not None:
+            self._landing.told(ids, now_s)
+        self.settle(now_s)
+        return dropped
 
     def land(self, land: Land, now_s: float) -> None:
-        """End what is older, plan, and begin to send (6.1 to 6.5)."""
-        if self._landing is not None and self._landing.unfinished:
-            self._landing.superseded = True
+        """End what is older; the plan follows by :meth:`make_plan` (6.3, 6.5)."""
+        if self._waiting_land is not None:
+            self._drop_unplanned(self._waiting_land, land.generation)
+        elif self._landing is not None and self._landing.unfinished:
             self._supersede(self._landing, land.generation, landing=True)
         self.end_aims(land.generation)
-        chosen = self._select(land, land.inner_radius_m)
+        self._landing, self._waiting_land, self._landed_s = None, land, now_s
+        self._is_new = False
+        self._note_stall(now_s)
+
+    def make_plan(self, now_s: float) -> int:
+        """Plan the landing that waits, or else the aim; return how many segments were looked at."""
+        land, aim = self._waiting_land, self._waiting_aim
+        if land is not None:
+            self._waiting_land = None
+            chosen, looked_at = self._planner.choose(land, self.held)
+            self._begin_landing(land, chosen)
+        elif aim is not None and not self.landing_open:
+            self._waiting_aim = None
+            chosen, looked_at = self._planner.choose(aim, self.held)
+            self._begin_aim(aim, chosen)
+        else:
+            return 0
+        self.settle(now_s)
+        return looked_at
+
+    def _begin_landing(self, land: Land, chosen: Selection) -> None:
+        came_s = self._landed_s
         self._landing = Landing(
             land.generation,
             chosen,
-            received_s=now_s,
-            deadline_s=None if land.deadline_ms is None else now_s + land.deadline_ms / 1000.0,
+            received_s=came_s,
+            deadline_s=None if land.deadline_ms is None else came_s + land.deadline_ms / 1000.0,
             stall_s=None if land.stall_ms is None else land.stall_ms / 1000.0,
+            pulled=self.pull is not None,
         )
         self._forget_partly_sent(self._landing)
         self._ahead.land(self._landing.plan, needed_more=len(chosen.load) > 0)
-        plan = make_plan(
-            land, chosen, self._table, release_radius_m=land.radius_m * self.release_factor
-        )
+        plan = self._planner.plan(land, chosen)
         self._say(plan)
         self._observer.planned(land.generation, plan)
-        self.settle(now_s)
 
     def aim(self, aim: Aim, now_s: float) -> None:
-        """Take the newest aim; it starts when no landing is open (7.2)."""
+        """Take the newest aim; it is planned when no landing is open (7.2)."""
         self.end_aims(aim.generation)
-        self._waiting_aim = aim
-        self.settle(now_s)
+        self._waiting_aim, self._is_new = aim, False
+        self._note_stall(now_s)
 
     def end_aims(self, by: int | None) -> None:
         """End the aims; ``by`` is the newer generation, ``None`` to say nothing about it."""
@@ -162,19 +212,20 @@ class Deliveries:
         self._aiming = self._waiting_aim = None
         if by is None:
             return
-        if aiming is not None and aiming.queue:
+        if aiming is not None and aiming.pending:
             self._supersede(aiming, by, landing=False)
         if waiting is not None:
-            message = Superseded(generation=waiting.generation, by=by, unsent_bytes=0)
-            self._say(message)
-            self._observer.superseded(message, landing=False)
+            self._drop_unplanned(waiting, by)
 
-    def evict(self, segments: AnyArray) -> int | None:
-        """Note that the client dropped segments; return one that it may not drop yet (6.7)."""
+    def evict(self, segments: AnyArray) -> str | None:
+        """Note that the client dropped segments; return why where it may not yet (6.7)."""
+        if self._waiting_land is not None and len(segments):
+            return f"got evict of segment {segments.min()} after land, expected the plan first"
         if self._landing is not None and self._landing.unfinished:
             wrong = segments[self._landing.plan.contains(segments)]
             if len(wrong):
-                return int(wrong.min())
+                segment = wrong.min()
+                return f"got evict of segment {segment} of the open landing, expected ready first"
         self.held.difference_update(segments)
         self._ahead.waste(segments.tolist())
         return None
@@ -186,24 +237,11 @@ class Deliveries:
         self.held.discard(segment)
         self._ahead.waste([segment])
         landing, aiming = self._landing, self._aiming
-        if landing is not None and not landing.superseded and segment in landing.plan:
-            if segment not in landing.queue:
-                if segment in landing.resent:
-                    landing.missing.add(segment)
-                else:
-                    landing.missing.discard(segment)
-                    landing.resent.add(segment)
-                    self._put_back(landing, segment)
-                landing.ready = False
+        if landing is not None and segment in landing.plan:
+            landing.reject(segment, self._partly_sent)
             self.settle(now_s)
-        elif (
-            aiming is not None
-            and segment in aiming.plan
-            and segment not in aiming.queue
-            and segment not in aiming.resent
-        ):
-            aiming.resent.add(segment)
-            self._put_back(aiming, segment)
+        elif aiming is not None and segment in aiming.plan:
+            aiming.reject(segment, self._partly_sent)
 
     def upcoming(self, most: int) -> list[int]:
         """Return the segments that are sent next, in order; the first may be partly sent."""
@@ -270,10 +308,10 @@ class Deliveries:
         self._ahead.end()
 
     def settle(self, now_s: float) -> None:
-        """Say what has become due: ``ready``, ``degraded``, the waiting aim's ``prefetch``."""
+        """Say what has become due: ``ready``, ``degraded``."""
         landing = self._landing
         if landing is not None and landing.unfinished:
-            if not landing.queue:
+            if not landing.pending:
                 self._finish(landing, now_s)
             elif (
                 landing.deadline_is_open
@@ -281,8 +319,6 @@ class Deliveries:
                 and landing.inner_is_whole(self.held)
             ):
                 self._degrade(landing)
-        if self._waiting_aim is not None and not self.landing_open:
-            self._start_aim(self._waiting_aim)
         self._note_stall(now_s)
 
     def plan_sent(self, generation: int, now_s: float) -> None:
@@ -308,15 +344,7 @@ class Deliveries:
         self._observer.credit_stalled(stalled=stalled)
 
     def _finish(self, landing: Landing, now_s: float) -> None:
-        message = Ready(
-            generation=landing.generation,
-            delivered=min(landing.delivered, len(landing.plan)),
-            payload_bytes=landing.payload_bytes,
-            missing=np.array(sorted(landing.missing), dtype=ID_DTYPE),
-            timings=landing.timings(now_s) if self._timings else None,
-        )
-        landing.ready = True
-        self._say(message)
+        self._say(message := landing.say_ready(now_s, timings=self._timings))
         if not landing.readied:
             landing.readied = True
             self._observer.ready(message, now_s - landing.received_s)
@@ -326,13 +354,17 @@ class Deliveries:
         ids = landing.inner[self.held.contains(landing.inner)]
         self._say(Degraded(generation=landing.generation, segments=ids))
 
-    def _start_aim(self, aim: Aim) -> None:
-        self._waiting_aim = None
-        chosen = self._select(aim, None)
-        self._aiming = Transfer(aim.generation, chosen)
+    def _begin_aim(self, aim: Aim, chosen: Selection) -> None:
+        self._aiming = Transfer(aim.generation, chosen, pulled=self.pull is not None)
         self._ahead.aim()
         self._forget_partly_sent(self._aiming)
-        self._say(make_prefetch(aim, chosen, self._table))
+        self._say(self._planner.prefetch(aim, chosen))
+
+    def _queued(self) -> set[int]:
+        """Return what is sent once more to a client that pulls: few, or none."""
+        if self.pull is None:
+            return set()
+        return {i for going in (self._landing, self._aiming) if going for i in going.queue}
 
     def _sending(self) -> Transfer | None:
         landing, aiming = self._landing, self._aiming
@@ -342,10 +374,6 @@ class Deliveries:
             return landing if landing.queue else None
         return aiming if aiming is not None and aiming.queue else None
 
-    def _put_back(self, transfer: Transfer, segment: int) -> None:
-        partly = bool(transfer.queue) and bool(self._partly_sent.get(transfer.queue[0]))
-        transfer.put_back(segment, behind_first=partly)
-
     def _answering(self, chunk: SendChunk) -> Transfer:
         transfer = self._sending()
         assert transfer is not None
@@ -353,31 +381,15 @@ class Deliveries:
         return transfer
 
     def _supersede(self, transfer: Transfer, by: int, *, landing: bool) -> None:
-        message = Superseded(
-            generation=transfer.generation,
-            by=by,
-            unsent_bytes=transfer.unsent_bytes(self._table.lengths, self._partly_sent),
-        )
+        message = transfer.supersede(by, self._table.lengths, self._partly_sent)
         self._say(message)
         self._observer.superseded(message, landing=landing)
 
-    def _select(self, wanted: Land | Aim, inner_radius_m: float | None) -> Selection:
-        self._may_offer = False
-        release_radius_m = wanted.radius_m * self.release_factor
-        near = self._scene.within(wanted.position, wanted.radius_m)
-        candidates, is_held = find_candidates(
-            self._table, near, self.held, wanted.position, release_radius_m
-        )
-        return select(
-            self._table,
-            candidates,
-            wanted.position,
-            wanted.radius_m,
-            release_radius_m=release_radius_m,
-            inner_radius_m=inner_radius_m,
-            held=is_held,
-            budgets=self._budgets,
-        )
+    def _drop_unplanned(self, wanted: Land | Aim, by: int) -> None:
+        """Say that what nobody planned is over: there is nothing of it to be sent (6.3, 7.2)."""
+        message = Superseded(generation=wanted.generation, by=by, unsent_bytes=0)
+        self._say(message)
+        self._observer.superseded(message, landing=isinstance(wanted, Land))
 
     def _forget_partly_sent(self, transfer: Transfer) -> None:
         """Forget every part of a segment that is not to be sent now (6.5, rule 3)."""

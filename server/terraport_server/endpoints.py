@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import hmac
 import logging
 from hashlib import sha256
@@ -11,33 +12,34 @@ from typing import Annotated, Any
 import xxhash
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import FileResponse, JSONResponse, PlainTextResponse
+from fastapi.responses import JSONResponse, PlainTextResponse
 from starlette.exceptions import HTTPException
 
-from terraport_server.auth import bearer_token
+from terraport_server.auth import TokenPass, bearer_token
 from terraport_server.errors import AccessError, RequestError, UnknownSceneError, http_status
 from terraport_server.http_answers import (
     CHECK,
-    FOREVER,
-    PRIVATE_FOREVER,
+    OpenFileResponse,
     ServiceOfRequest,
+    caching_headers,
     is_unchanged,
 )
 from terraport_server.logs import log
 from terraport_server.metrics import CONTENT_TYPE
+from terraport_server.payload_endpoints import payload_routes
 from terraport_server.scene_links import (
-    REPORT,
     building_line,
+    has_local_report,
     links_of,
-    report_of,
     service_links,
     summary_of,
 )
-from terraport_server.scenes import ServedScene
+from terraport_server.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT
-from terraport_store import OriginError, StoreError
+from terraport_store import OriginError
 from terraport_store.labels import encode_labels
+from terraport_store.layout import REPORT, REPORT_PDF
 from terraport_wire import ErrorCode
 
 __all__ = ["add_routes"]
@@ -50,6 +52,7 @@ _MAX_REPORT_BYTES = 64 << 20
 
 def add_routes(app: FastAPI) -> None:
     """Add the endpoints and the answers to their errors; ``app.state.service`` must be set."""
+    app.router.routes.extend(payload_routes(app.state.service))
     app.include_router(_router)
     app.add_exception_handler(AccessError, _access_refused)
     app.add_exception_handler(UnknownSceneError, _unknown_scene)
@@ -63,7 +66,7 @@ def _token(request: Request) -> str | None:
     return bearer_token(request.headers.get("authorization"))
 
 
-def _scene(
+async def _scene(  # async as all that strangers meet: no thread is taken up to refuse them
     request: Request, scene_id: str, service: ServiceOfRequest, v: str | None = None
 ) -> ServedScene:
     """Return the scene that a request may see, in the version ``v`` or the newest."""
@@ -76,12 +79,18 @@ def _scene(
 _Scene = Annotated[ServedScene, Depends(_scene)]
 
 
-@_router.get("/scenes", summary="Scenes that the token opens")
-def list_scenes(request: Request, service: ServiceOfRequest) -> dict[str, Any]:
-    """List id, name, version and size of every scene that the token opens, and what is beside."""
+async def _token_pass(request: Request, service: ServiceOfRequest) -> TokenPass:
     token_pass = service.gate.find(_token(request))
     if token_pass is None:
         raise AccessError(ErrorCode.UNAUTHORISED)
+    return token_pass
+
+
+@_router.get("/scenes", summary="Scenes that the token opens")
+def list_scenes(
+    service: ServiceOfRequest, token_pass: Annotated[TokenPass, Depends(_token_pass)]
+) -> dict[str, Any]:
+    """List id, name, version and size of every scene that the token opens, and what is beside."""
     ids = [scene_id for scene_id in service.registry.ids() if token_pass.opens(scene_id)]
     answer = {
         "scenes": [summary_of(service.registry.get(scene_id)) for scene_id in ids],
@@ -140,65 +149,43 @@ def get_labels(request: Request, served: _Scene) -> Response:
     return Response(data, media_type="application/json", headers=headers)
 
 
-@_router.get("/scenes/{scene_id}/segments/{segment}.glb", summary="One segment's GLB")
-async def get_segment(
-    request: Request, segment: int, served: _Scene, service: ServiceOfRequest, v: str | None = None
-) -> Response:
-    """Return the very bytes that a landing streams."""
-    index = served.scene.index
-    if not 0 <= segment < len(index):
-        text = f"got segment {segment}, expected 0 to {len(index) - 1}"
-        raise RequestError(404, "unknown_segment", text)
-    headers = _caching(service, v, f"{int(index.xxh3[segment]):016x}")
-    if is_unchanged(request, headers["ETag"]):
-        return Response(status_code=304, headers=headers)
-    try:
-        data = await served.desk.payload(segment)
-    except (OriginError, FileNotFoundError) as error:
-        log(
-            "segment_lost",
-            level=logging.ERROR,
-            scene=served.id,
-            version=served.version,
-            segment=segment,
-            reason=str(error),
-        )
-        text = f"segment {segment} cannot be had now; try again later"
-        raise RequestError(503, "segment_unavailable", text) from None
-    except StoreError:
-        service.metrics.corrupt_segments.labels(service.metrics.scene_label(served.id)).inc()
-        text = f"segment {segment} is not whole on the server's disk"
-        raise RequestError(500, "segment_corrupt", text) from None
-    return Response(data, media_type="model/gltf-binary", headers=headers)
-
-
 @_router.get("/scenes/{scene_id}/report", summary="The build's report, where there is one")
 async def get_report(served: _Scene) -> Response:
     """Return the build's report of the scene; 404 where the build left none."""
+    return await _report(served, REPORT, "text/html")
+
+
+@_router.get("/scenes/{scene_id}/report.pdf", summary="The report to print, where there is one")
+async def get_report_pdf(served: _Scene) -> Response:
+    """Return the report's page to print; 404 where there is none."""
+    return await _report(served, REPORT_PDF, "application/pdf")
+
+
+async def _report(served: ServedScene, name: str, media_type: str) -> Response:
     headers = {"Cache-Control": CHECK}
-    path = report_of(served)
-    if path is not None:
-        return FileResponse(path, media_type="text/html", headers=headers)
+    if has_local_report(served, name):
+        with contextlib.suppress(OSError):
+            return OpenFileResponse(served.scene.path, name, media_type, headers)
     try:
-        data = await served.read(REPORT, _MAX_REPORT_BYTES)
+        data = await served.read(name, _MAX_REPORT_BYTES)
     except OriginError as error:
         log("report not read", level=logging.ERROR, scene=served.id, reason=str(error))
         text = "the report cannot be had now; try again later"
         raise RequestError(503, "report_unavailable", text) from None
     except OSError:  # there is none, or a link that leads out of the scene
-        text = "this scene has no report, expected report.html from terraport report"
+        text = f"this scene has no report, expected {name} from terraport report"
         raise RequestError(404, "unknown_report", text) from None
-    return Response(data, media_type="text/html", headers=headers)
+    return Response(data, media_type=media_type, headers=headers)
 
 
 @_router.get("/healthz", summary="Whether the process runs", response_class=PlainTextResponse)
-def get_health() -> str:
+async def get_health() -> str:
     """Answer 200 while the process runs, whatever state the service is in."""
     return "ok\n"
 
 
 @_router.get("/readyz", summary="Whether new sessions are taken")
-def get_readiness(service: ServiceOfRequest) -> PlainTextResponse:
+async def get_readiness(service: ServiceOfRequest) -> PlainTextResponse:
     """Say ok, or 503 while starting or draining, or without any scene."""
     draining = service.draining and not service.replaced
     if draining or not service.ready:
@@ -208,9 +195,12 @@ def get_readiness(service: ServiceOfRequest) -> PlainTextResponse:
     return PlainTextResponse("ok\n")
 
 
-def _check_metrics_token(request: Request, service: ServiceOfRequest) -> None:
+async def _check_metrics_token(request: Request, service: ServiceOfRequest) -> None:
     settings = service.settings
     if settings.serves_metrics:
+        return
+    bearer = service.gate.find(_token(request))
+    if not service.gate.is_open and bearer is not None and "metrics" in bearer.scopes:
         return
     if settings.metrics_token is None:
         raise HTTPException(404)
@@ -235,27 +225,18 @@ def _file(
     version: str | None,
     service: Service,
 ) -> Response:
-    headers = _caching(service, version, served.scene.manifest.files[key].xxh3)
+    etag = f'"{served.scene.manifest.files[key].xxh3}"'
+    headers = caching_headers(etag, version, is_open=service.gate.is_open)
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
+    path = served.scene.manifest.files[key].path
     try:
-        path = served.scene.file_path(key)
-    except PermissionError as error:
-        log("file not served", level=logging.ERROR, scene=served.id, reason=str(error))
+        return OpenFileResponse(served.scene.path, path, media_type, headers)
+    except FileNotFoundError:  # an old version whose files are gone
         raise UnknownSceneError(served.id, served.version) from None
-    if not path.is_file():  # an old version whose files are gone
-        raise UnknownSceneError(served.id, served.version)
-    return FileResponse(path, media_type=media_type, headers=headers)
-
-
-def _caching(service: Service, version: str | None, content_hash: str) -> dict[str, str]:
-    """Cache for ever what names its version; ask again about what is "the newest"."""
-    forever = FOREVER if service.gate.is_open else PRIVATE_FOREVER
-    return {
-        "ETag": f'"{content_hash}"',
-        "Cache-Control": CHECK if version is None else forever,
-        "Vary": "Authorization",
-    }
+    except OSError as error:
+        served.tell_failure("file_not_served", None, error)
+        raise UnknownSceneError(served.id, served.version) from None
 
 
 def _error(status: int, code: str, text: str, headers: dict[str, str] | None = None) -> Response:

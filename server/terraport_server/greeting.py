@@ -42,7 +42,7 @@ def check_hello(
         return Refusal(ErrorCode.UNSUPPORTED_VERSION, text, (PROTOCOL,))
     refused = None if authorise is None else authorise(hello.token)
     if refused is not None:
-        return Refusal(refused, UNOPENED_TEXT)
+        return Refusal(*refused)
     if hello.encoding not in scene.encodings:
         offered = ", ".join(sorted(scene.encodings))
         text = f"got encoding {hello.encoding}, expected one of: {offered}"
@@ -82,4 +82,5 @@ def make_welcome(
         release_factor=deliveries.release_factor,
         dropped=deliveries.dropped,
         held_count=rows - len(deliveries.dropped),
+        pull=None if deliveries.pull is None else deliveries.pull.info,
     )

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import asyncio
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Final, Literal
 
-from terraport_server.groups import GroupLimits, Groups
+from terraport_server.group_state import GroupLimits
+from terraport_server.groups import Groups
 from terraport_wire import Arrived, Gather, Join, Message
 
 __all__ = ["GroupDesk", "GroupDoor"]
@@ -34,7 +35,10 @@ class GroupDesk:
     def __init__(self, limits: GroupLimits, routing: Literal["here", "query"]) -> None:
         self.groups = Groups(limits)
         """The state; to look at only."""
+        self.changed: Callable[[frozenset[str]], None] | None = None
+        """Told the names of all groups that have members, when one comes or goes."""
         self._routing = routing
+        self._names: frozenset[str] = frozenset()
         self._timer: asyncio.TimerHandle | None = None
 
     def door(
@@ -44,6 +48,7 @@ class GroupDesk:
         *,
         may_guide: Callable[[], bool],
         deliver: Callable[[Message], None],
+        owner: Callable[[], Hashable],
     ) -> GroupDoor:
         """Return one session's way to the groups.
 
@@ -57,8 +62,12 @@ class GroupDesk:
             Asked when the client wants to be guide.
         deliver
             Takes messages for the client, on the event loop.
+        owner
+            Asked for the client's address and token when it joins.
         """
-        return GroupDoor(self, scene_id, named_by_url, may_guide=may_guide, deliver=deliver)
+        return GroupDoor(
+            self, scene_id, named_by_url, may_guide=may_guide, deliver=deliver, owner=owner
+        )
 
     def refusal(self, join: Join, named_by_url: str | None) -> str | None:
         """Return why a connection with such a URL does not come to that group."""
@@ -73,6 +82,9 @@ class GroupDesk:
         for door, message in self.groups.take_posts():
             assert isinstance(door, GroupDoor)  # the keys that doors pass are themselves
             door.deliver(message)
+        if self.changed is not None and (names := self.groups.names) is not self._names:
+            self._names = names
+            self.changed(names)
         if self._timer is not None:
             self._timer.cancel()
         due_s = self.groups.wake_at_s()
@@ -101,11 +113,13 @@ class GroupDoor:
         *,
         may_guide: Callable[[], bool],
         deliver: Callable[[Message], None],
+        owner: Callable[[], Hashable],
     ) -> None:
         self._desk = desk
         self._scene_id = scene_id
         self._named_by_url = named_by_url
         self._may_guide = may_guide
+        self._owner = owner
         self.deliver = deliver
 
     def join(self, join: Join, now_s: float) -> str | None:
@@ -119,6 +133,7 @@ class GroupDoor:
                 now_s,
                 new_secret=secrets.token_urlsafe(_SECRET_BYTES),
                 may_guide=self._may_guide(),
+                owner=self._owner(),
             )
             self._desk.hand_out()
         return refusal

@@ -10,13 +10,14 @@ says nothing is left behind by time alone (:meth:`Groups.tick`).
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Hashable
-from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
 
 from terraport_payload.types import AnyArray
+from terraport_server.group_state import Barrier, Group, GroupLimits, Seat
 from terraport_wire import (
     ID_DTYPE,
     Gather,
@@ -29,74 +30,11 @@ from terraport_wire import (
     Roster,
 )
 
-__all__ = ["GroupLimits", "Groups"]
+__all__ = ["Groups"]
 
 _ROSTER_PERIOD_S: Final = 0.25
 """Between two rosters of a group: a member that joins and leaves as fast as it may costs each of
 the others four messages a second."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GroupLimits:
-    """Bounds of all groups of one process. Every field is a setting; see docs/topics/limits.md."""
-
-    max_groups: int = 64
-    max_group_members: int = 32
-    group_absence_s: float = 30.0
-    """How long the seat of a lost connection is kept."""
-    group_deadline_s: float = 60.0
-    """Longest that a barrier stays shut, and the default where the guide names none."""
-
-
-@dataclass(slots=True)
-class _Seat:
-    """One member of a group."""
-
-    number: int
-    secret: str
-    name: str | None
-    role: str
-    key: Hashable | None
-    """The connection; None while it is lost."""
-    lost_s: float = 0.0
-    """Since when it is lost."""
-
-
-@dataclass(slots=True)
-class _Barrier:
-    """One group landing."""
-
-    number: int
-    guide: int
-    gather: Gather
-    deadline_s: float
-    states: dict[int, str] = field(default_factory=dict)
-    """What members have said, by number."""
-    is_open: bool = False
-    """Whether ``gathered`` was said, or nobody waits any more."""
-
-
-@dataclass(slots=True)
-class _Group:
-    """One group; it is gone with its last seat."""
-
-    id: tuple[str, str]
-    """Scene and name."""
-    seats: dict[int, _Seat] = field(default_factory=dict)
-    """By number, ascending."""
-    newest: int = 0
-    """Number of the newest seat."""
-    barrier: _Barrier | None = None
-    roster_due_s: float | None = None
-    """When changes are told; None = none."""
-    roster_told_s: float = float("-inf")
-
-    def seat_of(self, secret: str | None) -> _Seat | None:
-        """Return the seat of a secret."""
-        if secret is None:
-            return None
-        # 128 random bits, compared in a group that holds a few: no timing tells them apart.
-        return next((seat for seat in self.seats.values() if seat.secret == secret), None)
 
 
 class Groups:
@@ -110,15 +48,23 @@ class Groups:
 
     def __init__(self, limits: GroupLimits) -> None:
         self._limits = limits
-        self._groups: dict[tuple[str, str], _Group] = {}
+        self._groups: dict[tuple[str, str], Group] = {}
         self._memberships: dict[Hashable, tuple[tuple[str, str], int]] = {}
         """Group and number by connection."""
         self._posts: list[tuple[Hashable, Message]] = []
+        self._names: frozenset[str] | None = frozenset()
 
     @property
     def group_count(self) -> int:
         """Groups that exist."""
         return len(self._groups)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the groups that exist, in any scene: the same object until one comes or goes."""
+        if self._names is None:
+            self._names = frozenset(name for _, name in self._groups)
+        return self._names
 
     @property
     def member_count(self) -> int:
@@ -154,8 +100,11 @@ class Groups:
         *,
         new_secret: str,
         may_guide: bool,
+        owner: Hashable = None,
     ) -> str | None:
         """Take a seat, a new one or the one held before (16.1); return why not.
+
+        Where there is no room, what is kept for lost connections gives way.
 
         Parameters
         ----------
@@ -171,6 +120,8 @@ class Groups:
             Of a new seat; at least 128 random bits.
         may_guide
             Whether this client may take the guide's seat.
+        owner
+            Address and token of the client: whose groups and lost seats are counted together.
 
         Notes
         -----
@@ -184,15 +135,19 @@ class Groups:
         seat = None if group is None else group.seat_of(join.seat)
         if seat is None or self._memberships.get(key) != (group_id, seat.number):
             if seat is None:
-                refusal = self._refusal(key, group_id, join, may_guide=may_guide)
+                refusal = self._refusal(key, group_id, join, owner, may_guide=may_guide)
                 if refusal is not None:
                     return refusal
+                self._make_room(key, group_id, owner, now_s)
             self.leave(key, now_s)
         # Seat and connection belong to one another from here on.
-        group = self._groups.setdefault(group_id, _Group(group_id))
+        if group_id not in self._groups:
+            self._groups[group_id] = Group(group_id, owner)
+            self._names = None
+        group = self._groups[group_id]
         if seat is None:
             group.newest += 1
-            seat = _Seat(group.newest, new_secret, join.name, join.role, key)
+            seat = Seat(group.newest, new_secret, join.name, join.role, key, owner)
             group.seats[seat.number] = seat
         elif seat.key is not None and seat.key != key:
             del self._memberships[seat.key]  # the old connection only looks alive
@@ -242,7 +197,7 @@ class Groups:
         most_s = self._limits.group_deadline_s
         wait_s = most_s if gather.deadline_ms is None else min(most_s, gather.deadline_ms / 1000.0)
         number = 1 if group.barrier is None else group.barrier.number + 1
-        group.barrier = _Barrier(number, seat.number, gather, now_s + wait_s)
+        group.barrier = Barrier(number, seat.number, gather, now_s + wait_s)
         self._tell(group, _gathering(group.barrier, now_s))
         return None
 
@@ -270,27 +225,78 @@ class Groups:
                 self._tell_roster(group, now_s)
 
     def _refusal(
-        self, key: Hashable, group_id: tuple[str, str], join: Join, *, may_guide: bool
+        self,
+        key: Hashable,
+        group_id: tuple[str, str],
+        join: Join,
+        owner: Hashable,
+        *,
+        may_guide: bool,
     ) -> str | None:
-        """Return why a new seat cannot be had. The seat that this key holds now would be left."""
+        """Return why a new seat cannot be had.
+
+        The seat that this key holds now would be left, and what is kept for lost connections would
+        give way: see `_make_room`.
+        """
         limits, group = self._limits, self._groups.get(group_id)
         own = self._find(key)
         if join.role == "guide" and not may_guide:
             return "got role guide with a token that does not allow it, expected role member"
         if group is None:
-            leaves_group = own is not None and len(own[0].seats) == 1
-            if len(self._groups) - leaves_group >= limits.max_groups:
-                return f"got a new group, expected at most {limits.max_groups} on this server"
+            present = [one for one in self._staying_groups(key) if not one.is_absent]
+            most, of_owner = limits.max_groups, limits.max_groups_per_client
+            if len(present) >= most:
+                return f"got a new group, expected at most {most} on this server"
+            if sum(one.owner == owner for one in present) >= of_owner:
+                return f"got a new group, expected at most {of_owner} of one address and token"
             return None
         others = [seat for seat in group.seats.values() if own is None or seat is not own[1]]
         if join.role == "guide" and any(seat.role == "guide" for seat in others):
             return "got role guide in a group that has one, expected role member"
-        if len(others) >= limits.max_group_members:
+        if sum(seat.key is not None for seat in others) >= limits.max_group_members:
             most = limits.max_group_members
             return f"got member {len(others) + 1} of the group, expected at most {most}"
         return None
 
-    def _find(self, key: Hashable) -> tuple[_Group, _Seat] | None:
+    def _staying_groups(self, key: Hashable) -> list[Group]:
+        """Return the groups that are left when this connection has left its own, oldest first."""
+        own = self._find(key)
+        left = own[0] if own is not None and len(own[0].seats) == 1 else None
+        return [group for group in self._groups.values() if group is not left]
+
+    def _make_room(
+        self, key: Hashable, group_id: tuple[str, str], owner: Hashable, now_s: float
+    ) -> None:
+        """Let what is kept for lost connections give way where a new seat needs the room.
+
+        First what belongs to whom most of it belongs to, the oldest of that: who comes and goes
+        takes his own places.
+        """
+        limits, group = self._limits, self._groups.get(group_id)
+        if group is None:
+            staying = self._staying_groups(key)
+            absent = [one for one in staying if one.is_absent]
+            own = [one for one in absent if one.owner == owner]
+            if own and sum(one.owner == owner for one in staying) >= limits.max_groups_per_client:
+                self._dissolve(own[0], now_s)
+            elif len(staying) >= limits.max_groups:
+                count = Counter(one.owner for one in absent)
+                self._dissolve(max(absent, key=lambda one: count[one.owner]), now_s)
+            return
+        holder = self._find(key)
+        others = [seat for seat in group.seats.values() if holder is None or seat is not holder[1]]
+        if len(others) >= limits.max_group_members:
+            lost = [seat for seat in others if seat.key is None]
+            of_owner = Counter(seat.owner for seat in lost)
+            self._remove(
+                group, max(lost, key=lambda seat: (of_owner[seat.owner], -seat.lost_s)), now_s
+            )
+
+    def _dissolve(self, group: Group, now_s: float) -> None:
+        for seat in list(group.seats.values()):
+            self._remove(group, seat, now_s)
+
+    def _find(self, key: Hashable) -> tuple[Group, Seat] | None:
         membership = self._memberships.get(key)
         if membership is None:
             return None
@@ -298,19 +304,20 @@ class Groups:
         group = self._groups[group_id]
         return group, group.seats[number]
 
-    def _remove(self, group: _Group, seat: _Seat, now_s: float) -> None:
+    def _remove(self, group: Group, seat: Seat, now_s: float) -> None:
         del group.seats[seat.number]
         if seat.key is not None:
             del self._memberships[seat.key]
         if not group.seats:
             del self._groups[group.id]
+            self._names = None
             return
         if group.barrier is not None:
             group.barrier.states.pop(seat.number, None)
         self._changed(group, now_s)
         self._open_if_all_are_there(group)
 
-    def _open_if_all_are_there(self, group: _Group) -> None:
+    def _open_if_all_are_there(self, group: Group) -> None:
         """Open the barrier where everybody is ready or will not come (16.3)."""
         barrier = group.barrier
         if barrier is not None and not barrier.is_open:
@@ -318,7 +325,7 @@ class Groups:
             if all(state in {"ready", "declined"} for state in states):
                 self._open(group, barrier)
 
-    def _open(self, group: _Group, barrier: _Barrier) -> None:
+    def _open(self, group: Group, barrier: Barrier) -> None:
         barrier.is_open = True
         by_state: dict[str, list[int]] = {"ready": [], "degraded": [], "missing": []}
         for number in group.seats:
@@ -332,7 +339,7 @@ class Groups:
         )
         self._tell(group, message)
 
-    def _changed(self, group: _Group, now_s: float) -> None:
+    def _changed(self, group: Group, now_s: float) -> None:
         """Tell all of a change, at once or as soon as the period allows."""
         due_s = max(now_s, group.roster_told_s + _ROSTER_PERIOD_S)
         if due_s <= now_s:
@@ -340,7 +347,7 @@ class Groups:
         else:
             group.roster_due_s = due_s
 
-    def _tell_roster(self, group: _Group, now_s: float) -> None:
+    def _tell_roster(self, group: Group, now_s: float) -> None:
         group.roster_due_s, group.roster_told_s = None, now_s
         members = tuple(
             Member(member=seat.number, name=seat.name, role=seat.role, present=seat.key is not None)
@@ -348,13 +355,13 @@ class Groups:
         )
         self._tell(group, Roster(group=group.id[1], members=members))
 
-    def _tell(self, group: _Group, message: Message) -> None:
+    def _tell(self, group: Group, message: Message) -> None:
         self._posts += [
             (seat.key, message) for seat in group.seats.values() if seat.key is not None
         ]
 
 
-def _gathering(barrier: _Barrier, now_s: float) -> Gathering:
+def _gathering(barrier: Barrier, now_s: float) -> Gathering:
     gather = barrier.gather
     left_ms = None if barrier.is_open else max(0, round(1000.0 * (barrier.deadline_s - now_s)))
     return Gathering(

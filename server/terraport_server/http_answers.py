@@ -2,21 +2,38 @@
 
 from __future__ import annotations
 
+import os
+from pathlib import Path
 from typing import Annotated, Final
 
 from fastapi import Depends, Request
+from fastapi.responses import FileResponse
+from starlette.types import Receive, Scope, Send
 
+from terraport_server.byte_ranges import is_match
 from terraport_server.service import Service
+from terraport_store import open_inside, path_inside
 
-__all__ = ["CHECK", "FOREVER", "PRIVATE_FOREVER", "ServiceOfRequest", "is_unchanged"]
+__all__ = [
+    "CHECK",
+    "FOREVER",
+    "PRIVATE_FOREVER",
+    "OpenFileResponse",
+    "ServiceOfRequest",
+    "caching_headers",
+    "is_unchanged",
+]
 
 FOREVER: Final = "public, max-age=31536000, immutable"
 PRIVATE_FOREVER: Final = "private, max-age=31536000, immutable"
 CHECK: Final = "no-cache"
 """Keep it, and ask each time whether it is still the same."""
 
+_HAS_DESCRIPTORS: Final = Path("/dev/fd").is_dir()
+"""Whether an open file can be opened again by its number; Windows has no such folder."""
 
-def _service(request: Request) -> Service:
+
+async def _service(request: Request) -> Service:
     service = request.app.state.service
     assert isinstance(service, Service)
     return service
@@ -26,9 +43,62 @@ ServiceOfRequest = Annotated[Service, Depends(_service)]
 """Type of a parameter that is given the service."""
 
 
+def caching_headers(etag: str, version: str | None, *, is_open: bool) -> dict[str, str]:
+    """Cache for ever what names its version; ask again about what is "the newest".
+
+    Parameters
+    ----------
+    etag
+        Quotes included.
+    version
+        That the request names.
+    is_open
+        Whether anybody may read it, and so any cache may keep it.
+    """
+    forever = FOREVER if is_open else PRIVATE_FOREVER
+    return {
+        "ETag": etag,
+        "Cache-Control": CHECK if version is None else forever,
+        "Vary": "Authorization",
+    }
+
+
+class OpenFileResponse(FileResponse):
+    """Answers with a file of a scene that is opened at once.
+
+    Between a look at its path and its opening, whoever can write to a scene could put a link there.
+
+    Parameters
+    ----------
+    folder
+        The scene.
+    path
+        Relative to it.
+
+    Raises
+    ------
+    OSError
+        As :func:`terraport_store.open_inside`.
+    """
+
+    def __init__(self, folder: Path, path: str, media_type: str, headers: dict[str, str]) -> None:
+        self._descriptor = open_inside(folder, path)
+        opened = f"/dev/fd/{self._descriptor}"
+        super().__init__(
+            opened if _HAS_DESCRIPTORS else path_inside(folder, path),
+            media_type=media_type,
+            headers=headers,
+            stat_result=os.fstat(self._descriptor),
+        )
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Send it."""
+        try:
+            await super().__call__(scope, receive, send)
+        finally:
+            os.close(self._descriptor)
+
+
 def is_unchanged(request: Request, etag: str) -> bool:
     """Whether the client has what `etag` (quotes included) names (RFC 9110, 13.1.2)."""
-    asked = request.headers.get("if-none-match", "")
-    return asked.strip() == "*" or etag in {
-        entry.strip().removeprefix("W/") for entry in asked.split(",")
-    }
+    return is_match(request.headers.get("if-none-match", ""), etag)

@@ -3,8 +3,9 @@
 They are opened before anybody is told the address: what is said of a port is true. On Linux each of
 several workers has a socket of its own (``SO_REUSEPORT``), among which the kernel deals new
 connections by a hash of their addresses; elsewhere all share one. Either way the supervisor opens
-and keeps them: what waits in a socket's queue while its worker is replaced is accepted by the
-successor. Why, with figures: ``docs/decisions/0019-a-socket-for-each-worker.md``.
+and keeps them, and every worker inherits all: what waits in a socket's queue while its worker is
+replaced, dead or hangs is accepted by the others. Why, with figures:
+``docs/decisions/0019-a-socket-for-each-worker.md``, ``0047-who-takes-over-for-a-dead-worker.md``.
 """
 
 from __future__ import annotations
@@ -59,47 +60,32 @@ class Listeners:
     """
 
     def __init__(self, host: str, port: int, slots: int) -> None:
-        self._is_dealt = slots > 1 and sys.platform == "linux"
-        self._addresses: list[tuple[int, str]] = []
-        self._sockets: dict[int, list[socket.socket]] = {}
+        self.is_dealt = slots > 1 and sys.platform == "linux"
+        """Whether each worker has sockets of its own."""
+        self._sockets: list[list[socket.socket]] = []
         self.port = port
         """The port, also where any free one was asked for."""
         try:
-            self._addresses, self.port = _probe(host, port)
-            for slot in range(slots):
-                self.of(slot)
+            addresses, self.port = _probe(host, port)
+            for _ in range(slots if self.is_dealt else 1):
+                self._sockets.append([self._open(*address) for address in addresses])
         except OSError as error:
             self.close()
             raise ServerError(_refusal(host, port, error)) from None
 
     def of(self, slot: int) -> list[socket.socket]:
-        """Return the sockets of one worker; opened again where they were given up.
-
-        Raises
-        ------
-        OSError
-            When they cannot be opened again.
-        """
-        slot = slot if self._is_dealt else 0
-        if slot not in self._sockets:
-            self._sockets[slot] = [self._open(*address) for address in self._addresses]
-        return self._sockets[slot]
-
-    def give_up(self, slot: int) -> None:
-        """Let the other workers have what this one, which does not come up, would be dealt."""
-        if self._is_dealt and len(self._sockets) > 1:
-            for one in self._sockets.pop(slot, []):
-                one.close()
+        """Return the sockets of one worker."""
+        return self._sockets[slot if self.is_dealt else 0]
 
     def close(self) -> None:
         """Listen no more."""
-        for sockets in self._sockets.values():
+        for sockets in self._sockets:
             for one in sockets:
                 one.close()
         self._sockets.clear()
 
     def _open(self, family: int, address: str) -> socket.socket:
-        options: dict[str, Any] = {"reuse_port": True} if self._is_dealt else {}
+        options: dict[str, Any] = {"reuse_port": True} if self.is_dealt else {}
         listener = socket.create_server(
             (address, self.port), family=family, backlog=_BACKLOG, **options
         )

@@ -12,9 +12,23 @@ import logging
 import sys
 from typing import Any, Final
 
-__all__ = ["LOGGER", "OncePerMinute", "configure_logging", "log"]
+from terraport_server.rate import RateLimit
+
+__all__ = [
+    "LINES_PER_S",
+    "LOGGER",
+    "LineBudget",
+    "OncePerMinute",
+    "SomePerMinute",
+    "configure_logging",
+    "log",
+]
 
 LOGGER = logging.getLogger("terraport.server")
+
+LINES_PER_S: Final = 20.0
+"""Lines of each level that a process writes, averaged over 10 s: whatever clients do, its log of a
+day stays below half a gigabyte."""
 
 _MAX_REMEMBERED = 1024
 
@@ -26,7 +40,7 @@ def log(event: str, *, level: int = logging.INFO, **fields: object) -> None:
         LOGGER.log(level, event, extra={"fields": shown})
 
 
-def configure_logging(level: str, form: str) -> None:
+def configure_logging(level: str, form: str, *, worker: int | None = None) -> None:
     """Send the service's and uvicorn's records to standard error in one form.
 
     Parameters
@@ -35,9 +49,15 @@ def configure_logging(level: str, form: str) -> None:
         "debug", "info", "warning" or "error".
     form
         "text" or "json".
+    worker
+        Which of several processes this is; stands in every line, traces and uvicorn's included.
     """
     handler = logging.StreamHandler(sys.stderr)
+    if worker is not None:
+        handler.addFilter(lambda record: _add_worker(record, worker))
     handler.setFormatter(_JsonFormatter() if form == "json" else _TextFormatter())
+    if level != "debug":
+        handler.addFilter(LineBudget())
     for name in ("terraport", "uvicorn"):
         logger = logging.getLogger(name)
         logger.handlers = [handler]
@@ -46,6 +66,63 @@ def configure_logging(level: str, form: str) -> None:
     # Each request and handshake would be a line: metrics count them.
     logging.getLogger("uvicorn.access").disabled = True
     logging.getLogger("uvicorn.error").addFilter(_is_ours_to_say)
+
+
+class LineBudget(logging.Filter):
+    """Lets so many lines of each level through; the next that passes says how many did not.
+
+    By level, so that a flood of one cannot hide another: what clients make happen is information
+    or a warning, an error is the operator's. Most events have a bound of their own; this one holds
+    for whatever was forgotten.
+    """
+
+    def __init__(self, per_s: float = LINES_PER_S) -> None:
+        super().__init__()
+        self._per_s = per_s
+        self._limits: dict[int, RateLimit] = {}
+        self._left_out: dict[int, int] = {}
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether the line is written."""
+        level = record.levelno
+        limit = self._limits.get(level)
+        if limit is None:
+            limit = self._limits[level] = RateLimit(self._per_s, now_s=record.created)
+        if not limit.take(record.created):
+            self._left_out[level] = self._left_out.get(level, 0) + 1
+            return False
+        left_out = self._left_out.pop(level, 0)
+        if left_out:
+            record.fields = {**_fields(record), "lines_left_out": left_out}
+        return True
+
+
+class SomePerMinute:
+    """Lets the first few events of a minute through.
+
+    Examples
+    --------
+    >>> some = SomePerMinute(2)
+    >>> [some.left_out(second) for second in (0.0, 1.0, 2.0, 3.0, 61.0)]
+    [0, 0, None, None, 2]
+    """
+
+    def __init__(self, most: int) -> None:
+        self._most = most
+        self._ends_s = float("-inf")
+        self._seen = 0
+        self._left_out = 0
+
+    def left_out(self, now_s: float) -> int | None:
+        """Return how many were not let through before this one; None where it is not either."""
+        if now_s >= self._ends_s:
+            self._ends_s, self._seen = now_s + 60.0, 0
+        self._seen += 1
+        if self._seen > self._most:
+            self._left_out += 1
+            return None
+        left_out, self._left_out = self._left_out, 0
+        return left_out
 
 
 class OncePerMinute:
@@ -99,6 +176,11 @@ _SAID_BY_STRANGERS: Final = ("WebSocket", "Invalid HTTP request", "Unsupported u
 def _is_ours_to_say(record: logging.LogRecord) -> bool:
     """Drop lines that anybody who connects could write without end: refusals are counted."""
     return not any(words in str(record.msg) for words in _SAID_BY_STRANGERS)
+
+
+def _add_worker(record: logging.LogRecord, worker: int) -> bool:
+    record.fields = {"worker": worker, **_fields(record)}
+    return True
 
 
 def _fields(record: logging.LogRecord) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Sequence
+from time import monotonic
 from typing import Final
 
 from prometheus_client import (
@@ -140,11 +141,10 @@ class Metrics:
 
     async def watch_loop(self) -> None:
         """Measure the event loop's lag until cancelled."""
-        loop = asyncio.get_running_loop()
         while True:
-            due_s = loop.time() + _LAG_PERIOD_S
+            due_s = monotonic() + _LAG_PERIOD_S  # the loop's own time would hide its last step
             await asyncio.sleep(_LAG_PERIOD_S)
-            self.loop_lag_s.observe(max(0.0, loop.time() - due_s))
+            self.loop_lag_s.observe(max(0.0, monotonic() - due_s))
 
     def _counter(self, name: str, meaning: str, labels: Sequence[str] = ()) -> Counter:
         return Counter(f"terraport_{name}", meaning, labels, registry=self.registry)

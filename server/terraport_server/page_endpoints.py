@@ -48,7 +48,7 @@ def add_page_routes(app: FastAPI) -> None:
 
 @_router.head("/", include_in_schema=False)
 @_router.get("/", summary="The viewer; without one, the scenes", response_class=HTMLResponse)
-def get_page(request: Request, service: ServiceOfRequest) -> Response:
+async def get_page(request: Request, service: ServiceOfRequest) -> Response:
     """Return the viewer's page, or a list with names only where no token is asked for."""
     if service.viewer is None:
         return HTMLResponse(_list_page(service), headers={"Cache-Control": CHECK})
@@ -57,14 +57,14 @@ def get_page(request: Request, service: ServiceOfRequest) -> Response:
 
 @_router.head("/assets/{name}", include_in_schema=False)
 @_router.get("/assets/{name}", include_in_schema=False)
-def get_asset(request: Request, service: ServiceOfRequest, name: str) -> Response:
+async def get_asset(request: Request, service: ServiceOfRequest, name: str) -> Response:
     """Return one of the viewer's scripts, styles or pictures."""
     return _answer(request, _find(service, ASSETS + name))
 
 
 @_router.head("/{name}", include_in_schema=False)
 @_router.get("/{name}", include_in_schema=False)
-def get_other(request: Request, service: ServiceOfRequest, name: str) -> Response:
+async def get_other(request: Request, service: ServiceOfRequest, name: str) -> Response:
     """Return what the viewer has beside its page: its icon, the licences of what is in it."""
     return _answer(request, _find(service, name))
 

@@ -15,7 +15,6 @@ import asyncio
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
-from functools import partial
 
 from terraport_server.actions import SendChunk
 from terraport_store import PayloadRange, RangeError, Scene
@@ -145,21 +144,48 @@ class PayloadDesk:
         self._scene.expect(segments[:count], encoding)
         return total
 
-    async def payload(self, segment: int) -> bytes:
-        """Read a whole GLB and compare its hash, in a thread. Raises as :meth:`fetch`."""
+    async def whole(self, segment: int) -> PayloadRange | bytes:
+        """Return where a whole GLB lies, or where it is in no file, its bytes.
+
+        Its hash is compared, in a thread, unless that was done. Raises as :meth:`fetch`.
+        """
+        scene, encoding = self._scene, "glb"
+        length = int(scene.index.length[segment])
+        where = scene.payload_range(segment, encoding, 0, length)
+        if where is not None:
+            if not scene.is_verified(segment, encoding):
+                await self.fetch(SendChunk(0, segment, 0, length, length, True), encoding)
+            return where
         loop = asyncio.get_running_loop()
-        self._hold()
-        try:
-            readers = self._readers
-            if self._fetchers is not None:
-                recalled = await loop.run_in_executor(
-                    self._readers, self._scene.recall, segment, "glb"
-                )
-                readers = self._readers if recalled else self._fetchers
-            read = partial(self._scene.payload, segment, recheck=True)
-            return bytes(await loop.run_in_executor(readers, read))
-        finally:
-            self._release()
+        readers = self._readers
+        if self._fetchers is not None:
+            recalled = await loop.run_in_executor(self._readers, scene.recall, segment, encoding)
+            readers = self._readers if recalled else self._fetchers
+        return bytes(await loop.run_in_executor(readers, scene.payload, segment))
+
+    async def window(self, where: PayloadRange, *, as_file: bool) -> bytes | None:
+        """Bring a range of a file into the page cache; nothing is compared.
+
+        The caller holds the scene.
+
+        Parameters
+        ----------
+        where
+        as_file
+            Whether the caller can send from a file; the bytes are returned otherwise.
+
+        Raises
+        ------
+        RangeError
+            When the file is shorter.
+        OSError
+            When the disk fails.
+        """
+        if as_file and _is_cached(where):
+            return None
+        loop = asyncio.get_running_loop()
+        data = await loop.run_in_executor(self._readers, _read, where)
+        return None if as_file else data
 
     def distrust(self, segment: int) -> None:
         """Compare the segment's hashes again before it is sent once more."""
@@ -203,6 +229,13 @@ class PayloadDesk:
         if got < file_range.length:
             self._scene.distrust(chunk.segment, encoding)
             raise RangeError(file_range.offset, file_range.length, file_range.offset + got)
+
+
+def _read(where: PayloadRange) -> bytes:
+    data = os.pread(where.descriptor, where.length, where.offset)
+    if len(data) < where.length:
+        raise RangeError(where.offset, where.length, where.offset + len(data))
+    return data
 
 
 def _is_cached(file_range: PayloadRange) -> bool:

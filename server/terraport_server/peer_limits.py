@@ -5,12 +5,15 @@ fragments. Found by ``fuzz/server.py``: a client that sends pings and reads noth
 hold every pong (one byte of memory per byte sent), and frames without content cost a core.
 
 Messages reach the application one at a time: the next is looked at when the one before was taken,
-in another step of the event loop, however many came at once. Whoever is not let in has no more than
-one looked at.
+in another step of the event loop, however many came at once.
+
+Whoever is not let in yet has no more than one message looked at, a few frames, and is read when it
+is his turn among all who are not (:mod:`entrance`).
 """
 
 from __future__ import annotations
 
+import logging
 from typing import Any, Final
 
 from uvicorn._types import ASGIReceiveEvent, ASGISendEvent
@@ -19,7 +22,8 @@ from uvicorn.protocols.websockets.websockets_sansio_impl import WebSocketsSansIO
 from websockets.frames import Frame
 from websockets.protocol import State
 
-from terraport_server.client_addresses import ClientAddresses, too_many_of_address
+from terraport_server.client_addresses import too_many_of_address
+from terraport_server.entrance import Entrance
 from terraport_server.frame_cutter import FrameCutter
 from terraport_server.rate import RateLimit
 from terraport_wire import MAX_CLIENT_MESSAGE_BYTES, CloseCode, ErrorCode
@@ -49,7 +53,19 @@ MAX_LATE_BYTES: Final = MAX_CLIENT_MESSAGE_BYTES + MAX_UNREAD_BYTES
 
 MAX_LATE_FRAMES: Final = 256
 
+MAX_FIRST_FRAMES: Final = 64
+"""Control frames and fragments before the session is open: a hello of 400 KB in pieces of 8 KB, and
+some pings."""
+
 _BAD_TEXT: Final = 1007
+
+_MOST_IN_VAIN: Final = 2
+"""As of HTTP connections: so many times the bound per address in `ARRIVALS_S`."""
+
+_FAULTS: Final = logging.getLogger("uvicorn.error.websocket")
+"""Where the lines of uvicorn and of the library go: only what is a fault. The others are several
+for each handshake, whoever comes; metrics count those."""
+_FAULTS.setLevel(logging.WARNING)
 
 
 class BoundedPeer(WebSocketsSansIOProtocol):
@@ -58,7 +74,10 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     max_frames_per_s: float = 60.0 * FRAMES_PER_MESSAGE
     """Control frames and fragments, averaged over 10 s; more is closed with 4429."""
 
-    _addresses: ClientAddresses | None = None
+    is_let_in = False
+    """Whether the session is open: :meth:`let_in` was called."""
+
+    _entrance: Entrance | None = None
     _counted: str | None = None
     _most_of_address = 0
     _frame_rate: RateLimit | None = None
@@ -67,36 +86,67 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     """Whether the peer broke the rules of WebSocket, or a bound, and was closed for it."""
     _goes_on = False
     """Whether the rest of what came is looked at in a later step of the event loop."""
+    _waits = False
+    """Whether it waits for its turn, and is not read meanwhile."""
+    _in_vain = True
+    """Whether its end counts as that of a connection which led nowhere."""
+    _first_frames = 0
     _late_bytes = 0
     _late_frames = 0
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._cutter = FrameCutter()
+        self.logger = self.conn.logger = _FAULTS
 
-    def count_by(self, addresses: ClientAddresses, key: str | None, most: int) -> None:
+    def count_by(self, entrance: Entrance, key: str | None, most: int) -> None:
         """Go on counting until the connection is gone.
 
         Parameters
         ----------
-        addresses
-            Counts the connections of each address.
+        entrance
+            Counts the connections of each address, and has its strangers take turns.
         key
             What this one is counted under already; None for a proxy, which speaks for many.
         most
             Connections of one address.
         """
-        self._addresses, self._counted, self._most_of_address = addresses, key, most
+        self._entrance, self._counted, self._most_of_address = entrance, key, most
+        if key is not None:
+            entrance.strangers.enter(self, key)
 
     def count_client(self, host: str) -> str | None:
         """Count under the client's address where the peer is a proxy; return why not, or None."""
-        if self._addresses is None or self._counted is not None:
+        if self._entrance is None or self._counted is not None:
             return None
-        self._counted = self._addresses.counted(host)
-        if self._counted is None:
+        addresses, most = self._entrance.addresses, self._most_of_address
+        key = self._counted = addresses.counted(host)
+        if key is None:
             return None
-        of_address, most = self._addresses.enter(self._counted), self._most_of_address
-        return None if of_address <= most else too_many_of_address(of_address, most)
+        self._entrance.strangers.enter(self, key)
+        of_address, in_vain = addresses.enter(key), addresses.in_vain(key, self.loop.time())
+        if of_address > most:
+            self._in_vain = False
+            return too_many_of_address(of_address, most)
+        if in_vain > _MOST_IN_VAIN * most:
+            text = f"got {in_vain} connections of one address for nothing"
+            return f"{text}, expected at most {_MOST_IN_VAIN * most}"
+        return None
+
+    def let_in(self) -> None:
+        """Note that the session is open: from here on the bounds of a client hold."""
+        self.is_let_in = True
+        self._in_vain = False
+        if self._entrance is not None:
+            self._entrance.strangers.leave(self)
+
+    def excuse(self) -> None:
+        """Note that it is no fault of the peer's that it is not let in."""
+        self._in_vain = False
+
+    def give_way(self, text: str) -> None:  # noqa: ARG002 - metrics count it with the others
+        """Leave, to make room for somebody else."""
+        self.transport.abort()
 
     def leave_within(self, seconds: float) -> None:
         """Give the peer no more time than that to close its side; to be said before the close."""
@@ -105,9 +155,13 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """Drop what waits and count the connection out of its address."""
         self._cutter.clear()
-        if self._addresses is not None and self._counted is not None:
-            self._addresses.leave(self._counted)
+        if self._entrance is not None and self._counted is not None:
+            addresses = self._entrance.addresses
+            addresses.leave(self._counted)
+            if self._in_vain:
+                addresses.came_in_vain(self._counted, self.loop.time())
             self._counted = None
+            self._entrance.strangers.leave(self)
         super().connection_lost(exc)
 
     def data_received(self, data: bytes) -> None:
@@ -117,6 +171,12 @@ class BoundedPeer(WebSocketsSansIOProtocol):
             return
         self._cutter.add(data)
         self._take_frames()
+        if not self.is_let_in and self._entrance is not None and self._counted is not None:
+            self._entrance.weigh(self, len(data))
+            if not self._waits:
+                self._waits = True
+                self._stop_reading()
+                self._entrance.wait(self._counted, self._have_turn)
 
     async def receive(self) -> ASGIReceiveEvent:
         """Hand over what came next; read on only then."""
@@ -144,6 +204,11 @@ class BoundedPeer(WebSocketsSansIOProtocol):
             raise
         if self.close_sent:
             self._go_on()  # the peer's own close may be among what waits
+
+    def send_500_response(self) -> None:
+        """Answer a handshake that failed, once: a service that ends has done so already."""
+        if not self.transport.is_closing():
+            super().send_500_response()
 
     def handle_ping(self) -> None:
         """Answer now, or later where the client does not read what it was sent."""
@@ -228,8 +293,12 @@ class BoundedPeer(WebSocketsSansIOProtocol):
             self.read_paused = True
             self.transport.pause_reading()
 
+    def _have_turn(self) -> None:
+        self._waits = False
+        self._read_on()
+
     def _read_on(self) -> None:
-        if self.read_paused and (self.close_sent or self.queue.empty()):
+        if self.read_paused and not self._waits and (self.close_sent or self.queue.empty()):
             self.read_paused = False
             self.transport.resume_reading()
 
@@ -238,6 +307,11 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         if self.close_sent:
             return False
         now_s = self.loop.time()
+        if not self.is_let_in:
+            self._first_frames += 1
+            if self._first_frames > MAX_FIRST_FRAMES:
+                self._end(int(CloseCode.TOO_MANY), ErrorCode.TOO_MANY)
+                return False
         if self._frame_rate is None:
             self._frame_rate = RateLimit(self.max_frames_per_s, now_s=now_s)
         if self._frame_rate.take(now_s):

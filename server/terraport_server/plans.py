@@ -1,18 +1,94 @@
-"""A selection as the messages that tell a client of it.
+"""What one client's landings and aims come to, as the messages that tell it.
 
-PURE: no I/O, no clock. spec/wire-protocol.md, sections 6.3 and 7.
+PURE: no I/O, no clock. spec/wire-protocol.md, sections 6.1 to 6.3 and 7.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from terraport_payload.types import AnyArray
-from terraport_server.actions import SessionLimits
-from terraport_server.selection import Budgets, SegmentTable, Selection
-from terraport_wire import LOAD_DTYPE, Aim, Hello, Land, Plan, Prefetch
+from terraport_payload.types import AnyArray, UInt32
+from terraport_server.actions import PullView, SceneView, SessionLimits
+from terraport_server.id_set import IdSet
+from terraport_server.selection import Budgets, SegmentTable, Selection, find_candidates, select
+from terraport_wire import BLOCK_BYTES, ID_DTYPE, LOAD_DTYPE, Aim, Hello, Land, Plan, Prefetch
 
-__all__ = ["budgets_of", "make_plan", "make_prefetch"]
+__all__ = ["Planner", "budgets_of"]
+
+
+class Planner:
+    """Plans for one client in one scene.
+
+    Parameters
+    ----------
+    scene
+        What is served.
+    limits
+        What the client may do.
+    hello
+        What the client can take.
+    """
+
+    def __init__(self, scene: SceneView, limits: SessionLimits, hello: Hello) -> None:
+        self.table: SegmentTable = scene.encodings[hello.encoding]
+        self.release_factor = hello.release_factor or limits.release_factor
+        """Release radius / load radius in use."""
+        self._within = scene.within
+        self._pull = scene.pull if hello.delivery == "pull" else None
+        self._budgets = budgets_of(hello, limits)
+
+    def choose(self, wanted: Land | Aim, held: IdSet) -> tuple[Selection, int]:
+        """Return the plan's segments, and how many were looked at to choose them."""
+        release_radius_m = wanted.radius_m * self.release_factor
+        near = self._within(wanted.position, wanted.radius_m)
+        candidates, is_held = find_candidates(
+            self.table, near, held, wanted.position, release_radius_m
+        )
+        chosen = select(
+            self.table,
+            candidates,
+            wanted.position,
+            wanted.radius_m,
+            release_radius_m=release_radius_m,
+            inner_radius_m=wanted.inner_radius_m if isinstance(wanted, Land) else None,
+            held=is_held,
+            budgets=self._budgets,
+        )
+        return chosen, len(near) + len(held)
+
+    def plan(self, land: Land, chosen: Selection) -> Plan:
+        """Return the ``plan`` of a landing, its table in the order in which segments are sent.
+
+        To a client that pulls it says where it fetches them.
+        """
+        return Plan.trusted(
+            generation=land.generation,
+            position=land.position,
+            radius_m=land.radius_m,
+            release_radius_m=land.radius_m * self.release_factor,
+            effective_radius_m=chosen.effective_radius_m,
+            inner_count=len(chosen.inner),
+            load=_load_table(chosen, self.table),
+            keep=chosen.keep,
+            nearby=chosen.nearby,
+            load_bytes=chosen.load_bytes,
+            load_triangles=chosen.load_triangles,
+            total_bytes=chosen.total_bytes,
+            total_triangles=chosen.total_triangles,
+            omitted_segments=chosen.omitted_segments,
+            omitted_by=chosen.omitted_by,
+            blocks=_blocks(chosen, self._pull),
+        )
+
+    def prefetch(self, aim: Aim, chosen: Selection) -> Prefetch:
+        """Return the ``prefetch`` of an aim, its table in the order in which segments are sent."""
+        rows = _load_table(chosen, self.table)
+        return Prefetch.trusted(
+            generation=aim.generation,
+            segments=rows,
+            bytes=chosen.load_bytes,
+            blocks=_blocks(chosen, self._pull),
+        )
 
 
 def budgets_of(hello: Hello, limits: SessionLimits) -> Budgets:
@@ -24,33 +100,12 @@ def budgets_of(hello: Hello, limits: SessionLimits) -> Budgets:
     return Budgets(max_triangles=asked.max_triangles, max_bytes=asked.max_bytes, max_segments=most)
 
 
-def make_plan(
-    land: Land, chosen: Selection, table: SegmentTable, *, release_radius_m: float
-) -> Plan:
-    """Return the ``plan`` of a landing, its table in the order in which segments are sent."""
-    return Plan.trusted(
-        generation=land.generation,
-        position=land.position,
-        radius_m=land.radius_m,
-        release_radius_m=release_radius_m,
-        effective_radius_m=chosen.effective_radius_m,
-        inner_count=len(chosen.inner),
-        load=_load_table(chosen, table),
-        keep=chosen.keep,
-        nearby=chosen.nearby,
-        load_bytes=chosen.load_bytes,
-        load_triangles=chosen.load_triangles,
-        total_bytes=chosen.total_bytes,
-        total_triangles=chosen.total_triangles,
-        omitted_segments=chosen.omitted_segments,
-        omitted_by=chosen.omitted_by,
-    )
-
-
-def make_prefetch(aim: Aim, chosen: Selection, table: SegmentTable) -> Prefetch:
-    """Return the ``prefetch`` of an aim, its table in the order in which segments are sent."""
-    rows = _load_table(chosen, table)
-    return Prefetch.trusted(generation=aim.generation, segments=rows, bytes=chosen.load_bytes)
+def _blocks(chosen: Selection, pull: PullView | None) -> UInt32 | None:
+    if pull is None:
+        return None
+    blocks = (pull.offsets[chosen.load] // BLOCK_BYTES).astype(ID_DTYPE)
+    blocks.setflags(write=False)
+    return blocks
 
 
 def _load_table(chosen: Selection, table: SegmentTable) -> AnyArray:

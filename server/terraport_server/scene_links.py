@@ -2,24 +2,21 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
-from terraport_server.scenes import ServedScene
+from terraport_server.served_scene import ServedScene
 from terraport_server.settings import Settings
 from terraport_store import SceneBuilding, path_inside
+from terraport_store.layout import REPORT, REPORT_PDF
 
-__all__ = ["REPORT", "building_line", "links_of", "report_of", "service_links", "summary_of"]
-
-REPORT: Final = "report.html"
-"""What ``terraport report`` writes beside ``scene.json``."""
+__all__ = ["building_line", "has_local_report", "links_of", "service_links", "summary_of"]
 
 
 def links_of(served: ServedScene) -> dict[str, str]:
     """Return the addresses of a scene's parts.
 
-    ``report`` is among them where there is one, and for a scene in object storage always: whether
-    there is one is not known without asking there.
+    ``report`` and ``report_pdf`` are among them where there is one, and for a scene in object
+    storage always: whether there is one is not known without asking there.
     """
     root, query = f"scenes/{served.id}", f"?v={served.version}"
     links = {
@@ -31,18 +28,18 @@ def links_of(served: ServedScene) -> dict[str, str]:
         "labels": f"{root}/labels.json",
         "segment": f"{root}/segments/{{segment}}.glb{query}",
     }
-    if served.fetchers is not None or report_of(served) is not None:
-        links["report"] = f"{root}/report"
+    for link, path, name in (("report", "report", REPORT), ("report_pdf", REPORT_PDF, REPORT_PDF)):
+        if served.fetchers is not None or has_local_report(served, name):
+            links[link] = f"{root}/{path}"
     return links
 
 
-def report_of(served: ServedScene) -> Path | None:
-    """Return the path of the report where it is a file of the scene, and local."""
+def has_local_report(served: ServedScene, name: str) -> bool:
+    """Tell whether there is a report of this name that is a file of the scene, and local."""
     try:
-        path = path_inside(served.scene.path, REPORT)
+        return path_inside(served.scene.path, name).is_file()
     except OSError:
-        return None
-    return path if path.is_file() else None
+        return False
 
 
 def summary_of(served: ServedScene) -> dict[str, Any]:

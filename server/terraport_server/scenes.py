@@ -13,174 +13,22 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Hashable, Mapping
-from concurrent.futures import Executor, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Literal
 
-from terraport_server.actions import SceneView
 from terraport_server.errors import UnknownSceneError
 from terraport_server.logs import log
-from terraport_server.payload_desk import PayloadDesk
 from terraport_server.scene_roots import FolderRoot, Look, SceneRoot
-from terraport_server.selection import SegmentTable
+from terraport_server.served_scene import ServedScene
 from terraport_store import (
     OriginError,
-    RegionNames,
-    Scene,
     SceneBuilding,
-    SceneFiles,
     StoreError,
     read_labels,
 )
 
-__all__ = ["SceneRegistry", "ServedScene"]
-
-
-class ServedScene:
-    """One version of one scene, open.
-
-    Whoever uses it beyond the current step of the event loop holds it: :meth:`hold` and
-    :meth:`release`, on the event loop's thread. It is closed when it is retired and nobody holds
-    it.
-    """
-
-    def __init__(
-        self,
-        scene_id: str,
-        scene: Scene,
-        names: RegionNames,
-        readers: Executor | None = None,
-        *,
-        fetch_threads: int = 0,
-        ahead_bytes: int = 0,
-    ) -> None:
-        self.id = scene_id
-        self.scene = scene
-        # Threads. Whoever may wait for a network waits in the scene's own.
-        self.fetchers: Executor | None = None
-        """Threads that may wait for the scene's storage; None = it lies on this machine."""
-        self.pickers: Executor | None = None
-        """The thread of its picks; None = the service's."""
-        if fetch_threads:
-            self.fetchers = ThreadPoolExecutor(fetch_threads, thread_name_prefix="fetch")
-            self.pickers = ThreadPoolExecutor(1, thread_name_prefix="pick")
-        # What sessions ask: payload bytes, names of regions, the tables of the plans.
-        self.desk = PayloadDesk(
-            scene,
-            readers,
-            hold=self.hold,
-            release=self.release,
-            fetchers=self.fetchers,
-            ahead_bytes=ahead_bytes,
-        )
-        """Its payloads, for all clients."""
-        self.names = names
-        """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
-        self.version = scene.manifest.version
-        index = scene.index
-        self.view = SceneView(
-            id=scene_id,
-            version=self.version,
-            name=scene.manifest.name,
-            encodings={
-                encoding: SegmentTable(
-                    bounds=index.bounds,
-                    lengths=scene.index_for(encoding).length,
-                    hashes=scene.index_for(encoding).xxh3,
-                    faces=index.face_count,
-                    vertices=index.vertex_count,
-                )
-                for encoding in scene.manifest.encodings
-            },
-            within=scene.within,
-        )
-        # Life: open while anybody holds it, or nothing has replaced it.
-        self._holders = 0
-        self._retired = False
-        self.closed = False
-
-    @classmethod
-    def open(
-        cls,
-        scene_id: str,
-        location: Path | SceneFiles,
-        source: Literal["file", "mmap"],
-        readers: Executor | None = None,
-        *,
-        fetch_threads: int = 0,
-        ahead_bytes: int = 0,
-    ) -> ServedScene:
-        """Open the published version and build its R-tree. Blocks: call it in a thread.
-
-        ``fetch_threads`` and ``ahead_bytes`` are for scenes behind a network: see
-        :class:`~terraport_server.scene_roots.SceneRoot`.
-
-        Raises
-        ------
-        StoreError
-            When the scene is not there or not whole.
-        OSError
-            When a file cannot be read.
-        """
-        scene = Scene.open(location, source=source)
-        # Built here, once, while no other thread knows the scene; asked on the loop's thread only.
-        _ = scene.spatial
-        try:
-            names = RegionNames.of(scene.regions)
-        except (StoreError, OSError) as error:
-            # A name never takes the ground away: the scene is served without.
-            log("regions not read", level=logging.ERROR, scene=scene_id, reason=str(error))
-            names = RegionNames()
-        # The facts are for tools, which read the file; here they would only take memory.
-        scene.__dict__.pop("regions", None)
-        return cls(
-            scene_id,
-            scene,
-            names,
-            readers,
-            fetch_threads=fetch_threads,
-            ahead_bytes=ahead_bytes,
-        )
-
-    async def read(self, path: str, limit: int) -> bytes:
-        """Read a loose file of the scene in a thread; ``limit`` bytes at most.
-
-        Raises
-        ------
-        FileNotFoundError
-            When there is none.
-        StoreError, OSError
-            When it cannot be read.
-        """
-        self.hold()
-        try:
-            loop = asyncio.get_running_loop()
-            data = await loop.run_in_executor(self.fetchers, self.scene.files.read, path, limit)
-        finally:
-            self.release()
-        return data[:limit]
-
-    def hold(self) -> None:
-        """Keep the scene open until :meth:`release`."""
-        self._holders += 1
-
-    def release(self) -> None:
-        """End one :meth:`hold`; the last one closes a scene that was retired."""
-        self._holders -= 1
-        self._close_if_idle()
-
-    def retire(self) -> None:
-        """Serve no new session; close as soon as nobody holds the scene."""
-        self._retired = True
-        self._close_if_idle()
-
-    def _close_if_idle(self) -> None:
-        if self._retired and self._holders == 0 and not self.closed:
-            self.closed = True
-            self.scene.close()
-            for pool in (self.fetchers, self.pickers):
-                if pool is not None:
-                    pool.shutdown(wait=False)
+__all__ = ["SceneRegistry"]
 
 
 class SceneRegistry:
@@ -196,6 +44,8 @@ class SceneRegistry:
         Threads that read payloads which are not in the page cache.
     published
         Called with the new version, on the event loop, when one replaces an older one.
+    pull_base_url
+        See :meth:`ServedScene.open`.
     """
 
     def __init__(
@@ -205,6 +55,7 @@ class SceneRegistry:
         source: Literal["file", "mmap"] = "file",
         read_threads: int = 4,
         published: Callable[[ServedScene], None] | None = None,
+        pull_base_url: str | None = None,
     ) -> None:
         self.root = FolderRoot(root) if isinstance(root, Path) else root
         """Where the scenes lie."""
@@ -213,6 +64,7 @@ class SceneRegistry:
         self._source = source
         self._readers = ThreadPoolExecutor(read_threads, thread_name_prefix="read")
         self._published = published
+        self._pull_base_url = pull_base_url
         self._current: dict[str, ServedScene] = {}
         self._retired: list[ServedScene] = []
         self._stamps: dict[str, Hashable] = {}
@@ -241,6 +93,20 @@ class SceneRegistry:
                 return old
         raise UnknownSceneError(scene_id, version)
 
+    def find_pack(self, scene_id: str, path: str) -> ServedScene:
+        """Return the version that is open and has its payloads at a path of the scene's folder.
+
+        Raises
+        ------
+        UnknownSceneError
+            When there is none.
+        """
+        newest = self.get(scene_id)
+        for served in (newest, *self._retired):
+            if served.id == scene_id and not served.closed and served.pack_path == path:
+                return served
+        raise UnknownSceneError(scene_id)
+
     async def refresh(self) -> None:
         """Look at the root once; open what is new, retire what was replaced or is gone.
 
@@ -267,6 +133,7 @@ class SceneRegistry:
                     self._readers,
                     fetch_threads=self.root.fetch_threads,
                     ahead_bytes=self.root.ahead_bytes,
+                    pull_base_url=self._pull_base_url,
                 )
             except (StoreError, OSError) as error:
                 if isinstance(error, OriginError):

@@ -5,26 +5,30 @@ carries out what the session wants, one watches the clock. Memory per client is 
 in the transport where frames go through it, ``max_pending_actions`` messages, and what uvicorn
 holds of one incoming message. Payload goes from the page cache to the socket.
 
-A slow client costs itself only: its frames wait in its own task, the session goes on planning, and
-a newer landing replaces what was not sent yet.
+A slow client costs itself only: its frames wait in its own task, nothing is planned for it until it
+has taken what it was sent, and a newer landing replaces what was not sent yet.
+
+Times come from ``time.monotonic``: what the event loop counts by, too, but the loop's own time is
+that of its last step, under uvloop in whole milliseconds.
 """
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from time import monotonic
 from typing import Final
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from terraport_server.actions import Close, RunPick, SendChunk, SendMessage
-from terraport_server.logs import log
+from terraport_server.actions import Close, MakePlan, RunPick, SendChunk, SendMessage
 from terraport_server.metrics import Metrics
 from terraport_server.peer_limits import REFUSED_CLOSE_S
-from terraport_server.scenes import ServedScene
+from terraport_server.pick_tasks import PickTasks
+from terraport_server.plan_turns import PlanAccount, PlanTurns
+from terraport_server.served_scene import ServedScene
 from terraport_server.session import Session
 from terraport_server.transport import connection_of
 from terraport_server.turns import Rank, Turns
@@ -81,7 +85,7 @@ class Sender:
         Bounds.
     metrics
         Counters.
-    turns
+    turns, plan_turns
         Shared with the other senders of the process.
     run_pick
         Answers picks.
@@ -96,6 +100,7 @@ class Sender:
         limits: SenderLimits,
         metrics: Metrics,
         turns: Turns,
+        plan_turns: PlanTurns,
         run_pick: PickRunner,
     ) -> None:
         self.session = session
@@ -104,14 +109,16 @@ class Sender:
         self._limits = limits
         self._metrics = metrics
         self._turns = turns
-        self._run_pick = run_pick
+        self._plan_turns = plan_turns
+        self._plan_account = PlanAccount()
         self._connection = connection_of(websocket.scope)
-        self._loop = asyncio.get_running_loop()
         self._wake = asyncio.Event()
         self._room = asyncio.Event()
         self._sooner = asyncio.Event()
         self._next_tick_s = 0.0
-        self._picks: set[asyncio.Task[None]] = set()
+        self._picks = PickTasks(
+            session, metrics, lambda action: run_pick(served, action), self._wake.set
+        )
         self._failed: int | None = None
         """Segment that could not be fetched; told to the session when it asks for it again."""
         self._ahead_generation = -1
@@ -138,9 +145,9 @@ class Sender:
         except WebSocketDisconnect:
             pass
         finally:
-            for task in tasks | self._picks:
+            for task in tasks | self._picks.tasks:
                 task.cancel()
-            await asyncio.gather(*tasks, *self._picks, return_exceptions=True)
+            await asyncio.gather(*tasks, *self._picks.tasks, return_exceptions=True)
             if self._connection is not None:
                 self._connection.hand_over()  # whoever was to send the rest is gone
 
@@ -163,7 +170,7 @@ class Sender:
                 await self._room.wait()
 
     def _take(self, data: bytes | str) -> None:
-        now_s = self._loop.time()
+        now_s = monotonic()
         try:
             message = decode(
                 data,
@@ -175,6 +182,10 @@ class Sender:
         else:
             self.session.receive(message, now_s)
         self._wake.set()
+        self._tick_in_time()
+
+    def _tick_in_time(self) -> None:
+        """Let the watch look again where something is due before it would."""
         if self.session.closing or self.session.wake_at_s() < self._next_tick_s:
             self._sooner.set()
 
@@ -184,12 +195,12 @@ class Sender:
             self._hear()
             self._sooner.clear()
             self._next_tick_s = self.session.wake_at_s()
-            wait_s = max(_SHORTEST_TICK_S, self._next_tick_s - self._loop.time())
+            wait_s = max(_SHORTEST_TICK_S, self._next_tick_s - monotonic())
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(wait_s):
                     await self._sooner.wait()
             self._hear()
-            self.session.tick(self._loop.time())
+            self.session.tick(monotonic())
             self._wake.set()
         await asyncio.sleep(self._limits.close_timeout_s)
         if self._connection is not None:
@@ -210,11 +221,26 @@ class Sender:
                 await self._send_chunks(action)
             elif isinstance(action, SendMessage):
                 await self._send_message(action.message)
+            elif isinstance(action, MakePlan):
+                await self._take_plan_turn()
             elif isinstance(action, RunPick):
-                self._start_pick(action)
+                self._picks.start(action)
             else:
                 await self._close(action)
                 return
+
+    async def _take_plan_turn(self) -> None:
+        """Plan in this client's turn: one that does not read has one plan, in its transport."""
+        if self._connection is None or await self._connection.until_clear():
+            await self._plan_turns.take(self._plan_account, self._make_plan)
+        else:  # closing: what the client says last ends this sender
+            self._wake.clear()
+            await self._wake.wait()
+
+    def _make_plan(self) -> int:
+        looked_at = self.session.make_plan(monotonic())
+        self._tick_in_time()
+        return looked_at
 
     async def _send_chunks(self, chunk: SendChunk) -> None:
         """Send payload until the session wants something else, or the client takes no more."""
@@ -270,7 +296,7 @@ class Sender:
         if chunks and chunks[0].segment == self._failed:
             self._failed = None
             self._ahead_bytes -= chunks[0].total - chunks[0].offset
-            session.payload_failed(chunks[0], self._loop.time())
+            session.payload_failed(chunks[0], monotonic())
             return [], []
         if chunks and desk.ahead_bytes:
             self._look_ahead(chunks[0])
@@ -295,7 +321,7 @@ class Sender:
 
     def _note_sent(self, chunks: list[SendChunk]) -> None:
         """Book chunks as sent, the last one perhaps in part."""
-        self.session.chunks_sent(chunks, self._loop.time())
+        self.session.chunks_sent(chunks, monotonic())
         last = chunks[-1]
         sent_bytes = sum(chunk.length for chunk in chunks)
         (self._metrics.land_bytes if last.landing else self._metrics.aim_bytes).inc(sent_bytes)
@@ -349,40 +375,16 @@ class Sender:
 
     def _tell_failure(self, chunk: SendChunk, error: Exception) -> None:
         event = "segment_corrupt" if isinstance(error, CorruptPayloadError) else "segment_lost"
-        log(
-            event,
-            level=logging.ERROR,
-            landing=f"{self.session.id}-{chunk.generation}",
-            scene=self._served.id,
-            version=self._served.version,
-            segment=chunk.segment,
-            reason=str(error),
-        )
+        landing = f"{self.session.id}-{chunk.generation}"
+        self._served.tell_failure(event, chunk.segment, error, landing=landing)
         self._metrics.corrupt_segments.labels(self._metrics.scene_label(self._served.id)).inc()
 
     async def _send_message(self, message: Message) -> None:
         await self._websocket.send_bytes(encode(message))
         if isinstance(message, Plan):
-            self.session.plan_sent(message.generation, self._loop.time())
+            self.session.plan_sent(message.generation, monotonic())
 
     async def _close(self, action: Close) -> None:
         if self._connection is not None and self.session.deliveries is None:  # was never let in
             self._connection.leave_within(REFUSED_CLOSE_S)
         await self._websocket.close(int(action.code), str(action.reason))
-
-    def _start_pick(self, action: RunPick) -> None:
-        task = asyncio.create_task(self._answer_pick(action))
-        self._picks.add(task)
-        task.add_done_callback(self._picks.discard)
-
-    async def _answer_pick(self, action: RunPick) -> None:
-        try:
-            hit = await self._run_pick(self._served, action)
-        except Exception as error:  # noqa: BLE001 - told to the operator; the session goes on
-            self._metrics.picks.labels("failed").inc()
-            log("pick failed", level=logging.WARNING, session=self.session.id, reason=repr(error))
-            self.session.pick_failed(action.request)
-        else:
-            self._metrics.picks.labels("miss" if hit is None else "hit").inc()
-            self.session.picked(action.request, hit)
-        self._wake.set()

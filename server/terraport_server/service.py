@@ -18,9 +18,11 @@ from terraport_server.group_desk import GroupDesk
 from terraport_server.logs import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.pick import MeshCache, pick
+from terraport_server.plan_turns import PlanTurns
 from terraport_server.scene_roots import root_of
-from terraport_server.scenes import SceneRegistry, ServedScene
+from terraport_server.scenes import SceneRegistry
 from terraport_server.sender import Sender, SenderLimits
+from terraport_server.served_scene import ServedScene
 from terraport_server.settings import Settings
 from terraport_server.turns import Turns
 from terraport_server.viewer_page import BUILT_PAGE, ViewerPage
@@ -70,6 +72,7 @@ class Service:
             source=settings.payload_source,
             read_threads=settings.read_threads,
             published=self._published,
+            pull_base_url=settings.pull_base_url,
         )
         # Bounds of every session, taken from the settings once.
         self.session_limits = settings.session_limits(server_name())
@@ -79,7 +82,7 @@ class Service:
             max_burst_bytes=settings.max_burst_bytes,
             close_timeout_s=settings.close_timeout_s,
         )
-        # What sessions share: groups, the page, turns on the wire, threads of picks.
+        # What sessions share: groups, the page, turns to be planned for and on the wire, threads.
         routing = settings.groups_served
         self.groups = None if routing == "none" else GroupDesk(settings.group_limits(), routing)
         if self.groups is not None:
@@ -91,6 +94,7 @@ class Service:
         if settings.viewer:
             self.viewer = ViewerPage.read(settings.viewer_dir or BUILT_PAGE)
         self.turns = Turns()
+        self.plan_turns = PlanTurns()
         self._cache = MeshCache(settings.pick_cache_bytes)
         self._pool = ThreadPoolExecutor(settings.pick_threads, thread_name_prefix="pick")
         self.once = OncePerMinute()
@@ -114,7 +118,7 @@ class Service:
 
     @property
     def session_count(self) -> int:
-        """Sessions open or being opened now."""
+        """Sessions open now."""
         return self._per_ip.total()
 
     async def start(self) -> None:
@@ -154,7 +158,9 @@ class Service:
             after_ms = settings.reconnect_after_ms
             if replaced:
                 after_ms = min(after_ms, number * _RECONNECT_STEP_MS)
-            sender.session.drain(loop.time(), settings.drain_timeout_s, reconnect_after_ms=after_ms)
+            sender.session.drain(
+                time.monotonic(), settings.drain_timeout_s, reconnect_after_ms=after_ms
+            )
             sender.wake()
         until_s = loop.time() + settings.drain_timeout_s + settings.close_timeout_s
         with contextlib.suppress(TimeoutError):
@@ -175,13 +181,19 @@ class Service:
 
     def admit(self, client_ip: str) -> str | None:
         """Count a session in; return why not where there are too many."""
+        full = self.fullness(client_ip)
+        if full is None:
+            self._per_ip[client_ip] += 1
+        return full
+
+    def fullness(self, client_ip: str) -> str | None:
+        """Return why there is no room for a session of that client; None where there is."""
         settings = self.settings
         if self.session_count >= settings.max_sessions:
             return f"got session {self.session_count + 1}, expected at most {settings.max_sessions}"
         if self._per_ip[client_ip] >= settings.max_sessions_per_ip:
             most = settings.max_sessions_per_ip
             return f"got session {most + 1} from one address, expected at most {most}"
-        self._per_ip[client_ip] += 1
         return None
 
     def dismiss(self, client_ip: str) -> None:
@@ -236,14 +248,7 @@ class Service:
             )
 
         def failed(segment: int, error: Exception) -> None:
-            log(
-                "segment_corrupt",
-                level=logging.ERROR,
-                scene=served.id,
-                version=served.version,
-                segment=segment,
-                reason=str(error),
-            )
+            served.tell_failure("segment_corrupt", segment, error)
             self.metrics.corrupt_segments.labels(self.metrics.scene_label(served.id)).inc()
 
         served.hold()

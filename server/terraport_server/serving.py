@@ -7,6 +7,7 @@ import gc
 import os
 import signal
 import socket
+import sys
 import threading
 import time
 from collections.abc import Awaitable, Callable
@@ -20,9 +21,11 @@ import uvicorn
 from terraport_server.app import create_app
 from terraport_server.descriptors import make_room
 from terraport_server.errors import ServerError, SettingsError
+from terraport_server.group_connection import GroupConnection, passing_class
 from terraport_server.http_connection import http_protocol_class
 from terraport_server.listeners import Listeners, host_in_url
 from terraport_server.logs import configure_logging
+from terraport_server.mailbox import Parcel
 from terraport_server.service import Service
 from terraport_server.settings import Settings
 from terraport_server.supervisor import Supervisor
@@ -50,6 +53,43 @@ class TerraportServer(uvicorn.Server):
         """Whether nothing else lives here: then what was loaded is never searched for garbage."""
         self._retiring = False
         self._loop: asyncio.AbstractEventLoop | None = None
+
+    @property
+    def http_class(self) -> type[GroupConnection]:
+        """Class of this server's HTTP connections, and of no other's."""
+        kind = self.config.http_protocol_class
+        assert issubclass(kind, GroupConnection)
+        return kind
+
+    async def accept_from(self, listener: socket.socket) -> asyncio.Server:
+        """Accept clients of one more socket, which is closed at the end."""
+        loop, config = asyncio.get_running_loop(), self.config
+        server = await loop.create_server(
+            self._new_connection, sock=listener, ssl=config.ssl, backlog=config.backlog
+        )
+        self.servers.append(server)
+        return server
+
+    def stop_accepting(self, server: asyncio.Server) -> None:
+        """Accept no more from there; who was accepted stays."""
+        server.close()
+        self.servers.remove(server)
+
+    async def take_over(self, parcel: Parcel) -> None:
+        """Serve a connection that another process accepted."""
+        connection = self._new_connection()
+        connection.parcel = parcel
+        parcel.connection.setblocking(False)
+        try:
+            loop = asyncio.get_running_loop()
+            await loop.connect_accepted_socket(lambda: connection, parcel.connection)
+        except OSError:  # the client is gone
+            parcel.connection.close()
+
+    def _new_connection(self) -> GroupConnection:
+        return self.http_class(
+            config=self.config, server_state=self.server_state, app_state=self.lifespan.state
+        )
 
     def retire(self) -> None:
         """End because another process has taken over this one's port: take nobody new from now."""
@@ -129,7 +169,7 @@ def make_server(settings: Settings) -> TerraportServer:
         host=settings.host,
         port=settings.port,
         # It bounds connections, too, so uvicorn's limit_concurrency is not needed.
-        http=http_protocol_class(settings, service.note_refusal),
+        http=passing_class(http_protocol_class(settings, service.note_refusal)),
         ws=protocol_class(
             notsent_lowat_bytes=settings.notsent_lowat_bytes,
             send_buffer_bytes=settings.send_buffer_bytes,
@@ -222,14 +262,19 @@ def run(
 def _run_alone(server: TerraportServer, listeners: Listeners) -> None:
     """Serve in this process."""
     server.owns_process = True
+    # uvicorn takes SIGTERM while it serves and raises it again at the end: an end that was asked
+    # for is a good one.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))
     if hasattr(signal, "SIGHUP"):
         signal.signal(signal.SIGHUP, lambda *_: server.reread_access())
     try:
         server.run(sockets=listeners.of(0))
     except KeyboardInterrupt:
         return  # uvicorn raises it again after a graceful end; the end was what was asked for
-    except SystemExit:
-        pass  # uvicorn's way to say that it could not start; its log line says why
+    except SystemExit as end:
+        if end.code == 0:
+            return
+        # else uvicorn's way to say that it could not start; its log line says why
     if not server.started:
         raise ServerError("the service could not start, expected it to serve; its log says why")
 

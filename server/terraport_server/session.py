@@ -4,8 +4,8 @@ PURE: no I/O, no clock, no task. Times are seconds on any one monotonic clock of
 
 The caller feeds :meth:`Session.receive`, :meth:`Session.refuse`, :meth:`Session.heard`,
 :meth:`Session.tick` and a few news, and carries out what :meth:`Session.next_action` returns, in
-that order, until it returns ``None``. Messages go before payload, a landing's payload before an
-aim's. Section numbers in comments are those of spec/wire-protocol.md.
+that order, until it returns ``None``. Messages go before plans, plans before payload, a landing's
+payload before an aim's. Section numbers in comments are those of spec/wire-protocol.md.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from terraport_server.actions import (
     Action,
     Authorise,
     GroupPort,
+    MakePlan,
     Observer,
-    RunPick,
     SceneView,
     SendChunk,
     SessionLimits,
@@ -26,6 +26,7 @@ from terraport_server.deliveries import Deliveries
 from terraport_server.greeting import check_hello, make_welcome, no_hello_text
 from terraport_server.group_talk import GroupMessage, GroupTalk
 from terraport_server.outbox import Outbox
+from terraport_server.pick_talk import INTERNAL_TEXT, PickTalk
 from terraport_server.rate import RATE_WINDOW_S, RateLimit
 from terraport_wire import (
     Aim,
@@ -44,15 +45,11 @@ from terraport_wire import (
     Message,
     Notice,
     Pick,
-    Picked,
     Reject,
     Unknown,
 )
 
 __all__ = ["INTERNAL_TEXT", "Session"]
-
-INTERNAL_TEXT = "the server failed; the operator's log has the reason"
-"""All that a peer learns of an internal failure."""
 
 
 class Session:
@@ -100,7 +97,7 @@ class Session:
         self._rate = RateLimit(limits.max_messages_per_s, now_s=now_s)
         self._draining_until_s: float | None = None
         self._generation: int | None = None
-        self._picks = 0
+        self._picks = PickTalk(self._out, limits.max_picks)
         self._news: str | None = None
         self._deliveries: Deliveries | None = None
 
@@ -153,12 +150,30 @@ class Session:
     def next_action(self) -> Action | None:
         """Return what to do next; ``None`` until something happens.
 
-        A :class:`SendChunk` is returned again until it is answered; everything else once.
+        A :class:`SendChunk` or :class:`MakePlan` is returned again until it is answered; everything
+        else once.
         """
         action = self._out.pop()
-        if action is None and (chunks := self.next_chunks(1)):
-            return chunks[0]
-        return action
+        if action is not None or self._deliveries is None or self._out.closing:
+            return action
+        if self._deliveries.plan_is_due:
+            return MakePlan()
+        chunks = self.next_chunks(1)
+        return chunks[0] if chunks else None
+
+    def make_plan(self, now_s: float) -> int:
+        """Answer :class:`MakePlan`: plan the newest landing or aim, if one still waits.
+
+        Returns
+        -------
+        int
+            How many segments were looked at: what it cost.
+        """
+        if self._deliveries is None or self._out.closing:
+            return 0
+        looked_at = self._deliveries.make_plan(now_s)
+        self._close_if_drained()
+        return looked_at
 
     def next_chunks(self, most_bytes: int) -> list[SendChunk]:
         """Return payload to send, ending with the chunk that reaches so many bytes.
@@ -192,9 +207,9 @@ class Session:
         elif isinstance(message, Reject):
             self._on_reject(message, deliveries, now_s)
         elif isinstance(message, Pick):
-            self._on_pick(message)
+            self._picks.receive(message)
         elif isinstance(message, Held):
-            self._on_held(message, deliveries)
+            self._on_held(message, deliveries, now_s)
         elif isinstance(message, GroupMessage):
             self._groups.receive(message, now_s, draining=self._draining_until_s is not None)
         elif isinstance(message, Bye):
@@ -252,15 +267,11 @@ class Session:
 
     def picked(self, request: int, hit: Hit | None) -> None:
         """Answer a pick."""
-        self._picks -= 1
-        if not self._out.closing:
-            self._out.say(Picked(request=request, hit=hit))
+        self._picks.picked(request, hit)
 
     def pick_failed(self, request: int) -> None:
         """Say that a pick could not be answered; the session goes on."""
-        self._picks -= 1
-        if not self._out.closing:
-            self._out.error(ErrorCode.INTERNAL, INTERNAL_TEXT, request=request)
+        self._picks.failed(request)
 
     def scene_published(self, version: str) -> None:
         """Tell, after the welcome at the earliest, that new sessions get a newer version."""
@@ -322,7 +333,7 @@ class Session:
         if self._news is not None:
             self.scene_published(self._news)
 
-    def _on_held(self, held: Held, deliveries: Deliveries) -> None:
+    def _on_held(self, held: Held, deliveries: Deliveries, now_s: float) -> None:
         rows, most = len(held.segments), self._limits.max_held_segments
         if not deliveries.may_offer:
             text = "got held after an aim or land, expected it before the first one"
@@ -331,16 +342,14 @@ class Session:
             text = f"got {rows} held segments, expected at most {most}"
             self._out.fatal(ErrorCode.TOO_LARGE, text)
         else:
-            dropped = deliveries.offer(held.segments)
+            dropped = deliveries.take_held(held.segments, now_s)
             self._out.say(HeldChecked(dropped=dropped, held_count=len(deliveries.held)))
+            self._close_if_drained()
 
     def _on_evict(self, evict: Evict, deliveries: Deliveries) -> None:
         wrong = deliveries.evict(evict.segments)
         if wrong is not None:
-            text = (
-                f"got evict of segment {wrong} of the open landing, expected it to be ready first"
-            )
-            self._out.fatal(ErrorCode.OUT_OF_ORDER, text)
+            self._out.fatal(ErrorCode.OUT_OF_ORDER, wrong)
 
     def _on_reject(self, reject: Reject, deliveries: Deliveries, now_s: float) -> None:
         if reject.segment >= deliveries.segment_count:
@@ -349,14 +358,6 @@ class Session:
             return
         deliveries.reject(reject, now_s)
         self._close_if_drained()
-
-    def _on_pick(self, pick: Pick) -> None:
-        if self._picks >= self._limits.max_picks:
-            text = f"got {self._picks + 1} picks at once, expected at most {self._limits.max_picks}"
-            self._out.error(ErrorCode.TOO_MANY, text, request=pick.request)
-            return
-        self._picks += 1
-        self._out.add(RunPick(pick.request, pick.origin, pick.direction))
 
     def _admit(self, now_s: float) -> bool:
         if self._out.closing:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ipaddress
 import os
+import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -16,7 +17,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from terraport_server.actions import SessionLimits
 from terraport_server.errors import SettingsError
-from terraport_server.groups import GroupLimits
+from terraport_server.group_state import GroupLimits
 from terraport_store import is_url, meant_url
 from terraport_wire import (
     MAX_CLIENT_MESSAGE_BYTES,
@@ -32,6 +33,9 @@ from terraport_wire import (
 __all__ = ["ENV_PREFIX", "Settings"]
 
 ENV_PREFIX = "TERRAPORT_"
+
+_BASE_URL = r"^https?://[A-Za-z0-9._~:/\[\]%@!$&'()*+,;=-]{1,1900}$"
+"""No query and no fragment: paths are appended."""
 
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
 _Bytes = Annotated[int, Field(ge=1, le=MAX_INTEGER)]
@@ -64,6 +68,10 @@ class Settings(BaseSettings):
     """Threads that read payloads which are not in the page cache, and check each for the first
     time."""
 
+    pull_base_url: Annotated[str, Field(pattern=_BASE_URL)] | None = None
+    """Address under which the scenes' folders are served by others (a CDN, nginx, a public
+    bucket): clients that pull fetch payload there; none = from this service."""
+
     object_endpoint: str | None = None
     """Address of the S3 service; AWS_ENDPOINT_URL or Amazon's by default."""
     object_region: str | None = None
@@ -87,6 +95,9 @@ class Settings(BaseSettings):
     port: Annotated[int, Field(ge=0, le=65_535)] = 8080
     workers: Annotated[int, Field(ge=0, le=256)] = 1
     """Processes behind the one port; 0 = one per core. Most limits below hold for each of them."""
+    worker_hang_s: Annotated[float, Field(ge=1, le=3600)] = 10.0
+    """A worker that says nothing for so long is killed and replaced; its new clients are others'
+    after 0.7 s."""
     tls_certificate: Path | None = None
     """PEM file; with tls_key the service speaks https and wss itself."""
     tls_key: Path | None = None
@@ -96,7 +107,8 @@ class Settings(BaseSettings):
     token: SecretStr | None = None
     """One token that opens every scene."""
     tokens_file: Path | None = None
-    """File of tokens, one a line: NAME TOKEN [+guide] [SCENE ...]; no scene named = every scene."""
+    """File of tokens, one a line: NAME TOKEN [+SCOPE ...] [SCENE ...]; no scene named = every
+    scene, no scope = land; see docs/how-to/tokens.md."""
     token_keys_file: Path | None = None
     """File of keys that signed, expiring tokens are accepted from; see terraport token."""
     token_audience: str | None = None
@@ -119,9 +131,9 @@ class Settings(BaseSettings):
     public_docs: bool | None = None
     """Whether /docs answers; none = only where the service is open."""
     public_metrics: bool | None = None
-    """Whether /metrics answers without metrics_token; none = only where the service is open."""
+    """Whether /metrics answers without a token; none = only where the service is open."""
     metrics_token: SecretStr | None = None
-    """Token that opens /metrics and nothing else."""
+    """Token that opens /metrics and nothing else; of tokens_file, +metrics does the same."""
 
     max_connections: Annotated[int, Field(ge=1)] = 1024
     """Open connections of any kind; more are answered 503."""
@@ -181,6 +193,7 @@ class Settings(BaseSettings):
     group_guides: Literal["first", "token"] = "first"
     """Who may guide a group: whoever asks first, or only tokens that say so."""
     max_groups: Annotated[int, Field(ge=1, le=100_000)] = 64
+    max_groups_per_client: Annotated[int, Field(ge=1, le=100_000)] = 8
     max_group_members: Annotated[int, Field(ge=1, le=MAX_GROUP_MEMBERS)] = 32
     group_absence_s: Annotated[float, Field(gt=0, le=3600)] = 30.0
     """How long the seat of a lost member is kept."""
@@ -225,15 +238,23 @@ class Settings(BaseSettings):
 
     @property
     def groups_served(self) -> Literal["none", "here", "query"]:
-        """Where groups can be joined: a group lives in one process."""
-        if self.workers != 1 or self.group_routing == "off":
+        """Where groups can be joined: a group lives in one process.
+
+        Several workers pass connections that name a group to the one where it lives; what TLS has
+        read ahead in one process cannot go to another.
+        """
+        if self.group_routing == "off":
             return "none"
+        if self.workers != 1:
+            is_passed = sys.platform == "linux" and self.tls_certificate is None
+            return "query" if is_passed else "none"
         return "here" if self.group_routing == "process" else "query"
 
     def group_limits(self) -> GroupLimits:
         """Return what bounds all groups of this process."""
         return GroupLimits(
             max_groups=self.max_groups,
+            max_groups_per_client=self.max_groups_per_client,
             max_group_members=self.max_group_members,
             group_absence_s=self.group_absence_s,
             group_deadline_s=self.group_deadline_s,

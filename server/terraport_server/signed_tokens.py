@@ -10,7 +10,8 @@ claim       needed   meaning
 ``aud``              must be the service's ``token_audience``, where that is set; must not
                      be there where it is not
 ``jti``              id by which it can be revoked
-``guide``            true: may move a group (settings page, ``group_guides``)
+``scope``             words out of "land guide metrics", see :mod:`token_scopes
+                     <terraport_server.token_scopes>`; without it "land"
 =========== ======== =====================================================================
 
 The header's ``kid`` names the key, and the key's line in the file says by which algorithm: what the
@@ -27,6 +28,7 @@ from typing import Any, Final
 import jwt
 
 from terraport_server.token_keys import KeyRing, TokenKey
+from terraport_server.token_scopes import LAND, Scope, scopes_of
 
 __all__ = ["SignedClaims", "look_into", "make_token", "read_token"]
 
@@ -56,7 +58,7 @@ class SignedClaims:
     begins_s: float
     """Seconds since 1970; minus infinity without ``nbf``."""
     token_id: str | None
-    guide: bool
+    scopes: frozenset[Scope]
     key: TokenKey
 
 
@@ -69,7 +71,7 @@ def make_token(
     begins_s: int | None = None,
     audience: str | None = None,
     token_id: str | None = None,
-    guide: bool = False,
+    scopes: frozenset[Scope] = LAND,
 ) -> str:
     """Return a signed token.
 
@@ -89,8 +91,8 @@ def make_token(
         claims["aud"] = audience
     if token_id is not None:
         claims["jti"] = token_id
-    if guide:
-        claims["guide"] = True
+    if scopes != LAND:
+        claims["scope"] = " ".join(sorted(scopes))
     return jwt.encode(claims, key.signing(), algorithm=key.jwt_algorithm, headers={"kid": key.id})
 
 
@@ -149,7 +151,9 @@ def _claims(claims: dict[str, Any], key: TokenKey) -> SignedClaims | None:
     """Check what is in a token by type; who holds a key can still make a mistake."""
     name, token_id = claims["sub"], claims.get("jti")
     expires_s, begins_s = _seconds(claims["exp"]), _seconds(claims.get("nbf", 0))
-    scenes = claims["scenes"]
+    scenes, scope = claims["scenes"], claims.get("scope")
+    if scope is not None and not isinstance(scope, str):
+        return None
     if not isinstance(name, str) or not 1 <= len(name) <= _MAX_NAME or not name.isprintable():
         return None
     if token_id is not None and not isinstance(token_id, str):
@@ -165,7 +169,7 @@ def _claims(claims: dict[str, Any], key: TokenKey) -> SignedClaims | None:
         expires_s=expires_s,
         begins_s=begins_s,
         token_id=token_id,
-        guide=claims.get("guide") is True,
+        scopes=LAND if scope is None else scopes_of(scope.split()),
         key=key,
     )
 

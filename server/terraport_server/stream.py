@@ -7,15 +7,16 @@ import contextlib
 import logging
 import secrets
 from dataclasses import dataclass
+from time import monotonic
 
 from starlette.responses import JSONResponse
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from terraport_server.access_watch import Visitor
-from terraport_server.actions import Authorise
 from terraport_server.app_guard import host_is_ours
 from terraport_server.auth import TokenPass, bearer_token, origin_is_allowed
 from terraport_server.chronicle import Chronicle, note_error
+from terraport_server.client_addresses import client_key
 from terraport_server.errors import AccessError, UnknownSceneError
 from terraport_server.greeting import UNOPENED_TEXT, no_hello_text
 from terraport_server.group_desk import GroupDoor
@@ -75,16 +76,16 @@ async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
         return
     with contextlib.suppress(WebSocketDisconnect):
         came = _let_in(websocket, scene_id, offered, service)
+        if not isinstance(came, _Refusal) and (came is not None or service.gate.is_open):
+            # Said at once to whom it may be said; who has a token to show counts once it is seen.
+            full = service.fullness(client_key(client_ip))
+            if full is not None:
+                came = _Refusal(ErrorCode.TOO_MANY, full, _kind_of(full))
         if not isinstance(came, _Refusal):
-            full = service.admit(client_ip)
-            if full is None:
-                try:
-                    await _serve(websocket, scene_id, came, client_ip, service)
-                finally:
-                    service.dismiss(client_ip)
-                return
-            kind = "sessions_per_ip" if "one address" in full else "sessions"
-            came = _Refusal(ErrorCode.TOO_MANY, full, kind)
+            await _serve(websocket, scene_id, came, client_ip, service)
+            return
+        if connection is not None and came.code in {ErrorCode.DRAINING, ErrorCode.TOO_MANY}:
+            connection.excuse()
         service.metrics.refused.labels(came.reason).inc()
         note_error(service.metrics, service.once, came.code, came.text, client_ip=client_ip)
         await _refuse(websocket, came.code, came.text)
@@ -113,16 +114,30 @@ async def _serve(
         return
     # Access: by the handshake's token, or by that of hello, which the session asks about.
     session_id = secrets.token_hex(6)
-    authorise: Authorise | None = None
-    if token_pass is None:
+    connection = connection_of(websocket.scope)
+    client = client_key(client_ip)
+    is_counted = False
 
-        def authorise(token: str | None) -> ErrorCode | None:
+    def authorise(token: str | None) -> tuple[ErrorCode, str] | None:
+        nonlocal is_counted
+        if token_pass is None:
             admission = service.gate.admit(token, scene_id)
             if isinstance(admission, ErrorCode):
                 service.metrics.refused.labels(str(admission)).inc()
-                return admission
+                return admission, UNOPENED_TEXT
             visitor.token_pass = admission
-            return None
+        # Only now does it count: whoever says no hello would else keep others out.
+        full = service.admit(client)
+        if connection is not None:
+            connection.excuse()
+        if full is not None:
+            service.metrics.refused.labels(_kind_of(full)).inc()
+            return ErrorCode.TOO_MANY, full
+        is_counted = True
+        if connection is not None:
+            connection.let_in()
+        chronicle.opened()
+        return None
 
     chronicle = Chronicle(
         service.metrics, service.once, session_id=session_id, served=served, client_ip=client_ip
@@ -135,18 +150,24 @@ async def _serve(
             token = visitor.token_pass
             return service.settings.group_guides == "first" or (token is not None and token.guide)
 
+        def owner() -> tuple[str, str | None]:
+            token = visitor.token_pass
+            return client, None if token is None else token.name
+
         def deliver(message: Message) -> None:
             session.tell_group(message)
             sender.wake()
 
         named_by_url = websocket.query_params.get("group")
-        door = service.groups.door(scene_id, named_by_url, may_guide=may_guide, deliver=deliver)
+        door = service.groups.door(
+            scene_id, named_by_url, may_guide=may_guide, deliver=deliver, owner=owner
+        )
     # The session itself is pure; the sender carries out what it decides.
     session = Session(
         served.view,
         service.session_limits,
         session_id=session_id,
-        now_s=asyncio.get_running_loop().time(),
+        now_s=monotonic(),
         authorise=authorise,
         observer=chronicle,
         groups=door,
@@ -158,6 +179,7 @@ async def _serve(
         limits=service.sender_limits,
         metrics=service.metrics,
         turns=service.turns,
+        plan_turns=service.plan_turns,
         run_pick=service.run_pick,
     )
 
@@ -169,7 +191,6 @@ async def _serve(
     visitor = Visitor(scene_id, withdraw, session_id, token_pass)
     service.add(sender, served)
     service.access.add(visitor)
-    chronicle.opened()
     try:
         await sender.run()
     except Exception:
@@ -181,9 +202,11 @@ async def _serve(
     finally:
         session.ended()
         if door is not None:
-            door.close(asyncio.get_running_loop().time())
+            door.close(monotonic())
         service.access.remove(visitor)
         service.remove(sender)
+        if is_counted:
+            service.dismiss(client)
         chronicle.closed()
 
 
@@ -216,6 +239,10 @@ def _let_in(
     except UnknownSceneError as error:
         return _Refusal(error.code, str(error), str(error.code))
     return token_pass
+
+
+def _kind_of(full: str) -> str:
+    return "sessions_per_ip" if "one address" in full else "sessions"
 
 
 async def _judge_hello(

@@ -1,8 +1,9 @@
 """Several worker processes behind one port: started, watched, replaced one by one, ended together.
 
 Their listening sockets are opened and kept by this process (:mod:`terraport_server.listeners`): a
-connection that waits while a worker ends or dies is accepted by the next one. This process itself
-answers nobody.
+connection that waits while a worker is dead or hangs is accepted by the others, within a second.
+A connection that names a group is handed through here to the worker where that group lives. This
+process itself answers nobody.
 
 ========= ======================================================================================
 signal    what happens
@@ -19,21 +20,18 @@ import asyncio
 import contextlib
 import logging
 import signal
-import socket
-import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any, Final
 
-from pydantic import SecretStr
-
-from terraport_server.control import Channel
 from terraport_server.errors import ServerError
+from terraport_server.group_homes import GroupHomes
 from terraport_server.listeners import Listeners
-from terraport_server.logs import log
+from terraport_server.logs import OncePerMinute, log
+from terraport_server.mailbox import Parcel
 from terraport_server.merged_metrics import EndedWorkers
 from terraport_server.settings import Settings
+from terraport_server.worker_process import TICK_S, WorkerProcess
 
 __all__ = ["Supervisor"]
 
@@ -44,29 +42,6 @@ _LONGEST_PAUSE_S: Final = 30.0
 _STEADY_S: Final = 60.0
 """A worker that lived so long did not fail at its start: the pauses begin anew."""
 _MEASURE_TIMEOUT_S: Final = 2.0
-
-
-class _Worker:
-    """A worker process and its channel. Its tasks end with it."""
-
-    def __init__(self, slot: int, process: asyncio.subprocess.Process, channel: Channel) -> None:
-        self.slot = slot
-        self.process = process
-        self.channel = channel
-        self.began_s = time.monotonic()
-        self.ready = asyncio.Event()
-        self.ended = asyncio.Event()
-        self.is_expected_to_end = False
-        self.page = ""
-        """Its metrics as last heard."""
-        self.measured = asyncio.Event()
-        self.heard_out = asyncio.Event()
-        """Its last word was read."""
-
-    def kill(self) -> None:
-        """Kill the process; nothing where it has ended."""
-        with contextlib.suppress(ProcessLookupError):
-            self.process.kill()
 
 
 class Supervisor:
@@ -91,8 +66,8 @@ class Supervisor:
         self._settings = settings
         self._listeners = listeners
         self._reread = reread
-        self._workers: dict[int, _Worker] = {}
-        self._leaving: set[_Worker] = set()
+        self._workers: dict[int, WorkerProcess] = {}
+        self._leaving: set[WorkerProcess] = set()
         self._locks = [asyncio.Lock() for _ in range(settings.workers)]
         self._failures = [0] * settings.workers
         self._tasks: set[asyncio.Task[None]] = set()
@@ -101,8 +76,12 @@ class Supervisor:
         """Nothing is rolled before all of them are ready for the first time."""
         self._collecting: asyncio.Task[str] | None = None
         self._counted = EndedWorkers()
+        self._homes: GroupHomes[WorkerProcess] = GroupHomes()
+        self._once = OncePerMinute()
         self._restarts = 0
         self._rolls = 0
+        self._silences = 0
+        self._passed = 0
 
     async def run(self) -> None:
         """Serve until SIGTERM or SIGINT, then end all workers.
@@ -118,6 +97,7 @@ class Supervisor:
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, self._stop)
         loop.add_signal_handler(signal.SIGHUP, self._roll_soon)
+        self._spawn(self._watch_silence())
         try:
             starts = [self._start(slot) for slot in range(self._settings.workers)]
             failures = await asyncio.gather(*starts, return_exceptions=True)
@@ -143,7 +123,7 @@ class Supervisor:
         self._rolling = True
         self._spawn(self._roll())
 
-    def _alive(self) -> list[_Worker]:
+    def _alive(self) -> list[WorkerProcess]:
         return [*self._workers.values(), *self._leaving]
 
     async def _start(self, slot: int) -> None:
@@ -154,21 +134,7 @@ class Supervisor:
         ServerError
             When it ends or stalls before that.
         """
-        ours, theirs = socket.socketpair()
-        numbers = [listener.fileno() for listener in self._listeners.of(slot)]
-        with theirs:
-            process = await asyncio.create_subprocess_exec(
-                sys.executable,
-                "-m",
-                "terraport_server.worker",
-                str(theirs.fileno()),
-                stdin=subprocess.DEVNULL,
-                pass_fds=(theirs.fileno(), *numbers),
-                start_new_session=True,  # Ctrl-C is ours alone to hear
-            )
-        channel = await Channel.open(ours)
-        channel.say("start", settings=_as_plain(self._settings), listeners=numbers)
-        worker = _Worker(slot, process, channel)
+        worker = await WorkerProcess.launch(slot, self._settings, self._listeners, self._pass_on)
         self._leaving.add(worker)
         self._spawn(self._hear(worker))
         self._spawn(self._watch(worker))
@@ -189,30 +155,93 @@ class Supervisor:
             raise ServerError(f"worker {slot} {what}, expected it to serve; its log says why")
         self._leaving.discard(worker)
         old, self._workers[slot] = self._workers.get(slot), worker
-        log("worker ready", worker=slot, process=process.pid)
+        log("worker ready", worker=slot, process=worker.process.pid)
         if old is not None:
             self._leaving.add(old)
+            self._homes.forget(old)
+        self._share_out()
 
-    async def _hear(self, worker: _Worker) -> None:
+    def _share_out(self) -> None:
+        """See to it that somebody accepts from every socket.
+
+        Each worker accepts from its own; from those of workers that are dead, silent or start, all
+        others do: whoever is idle is first. One that was silent by mistake, and accepts too, does
+        no harm.
+        """
+        if self._stopping.is_set() or not self._listeners.is_dealt:
+            return
+        able = {slot for slot, worker in self._workers.items() if not worker.is_silent}
+        orphans = set(range(len(self._locks))) - able
+        for slot in able:
+            self._workers[slot].listen(tuple(sorted({slot} | orphans)))
+
+    async def _watch_silence(self) -> None:
+        """Look at who says nothing; others take its new clients, and in the end its place."""
+        while True:
+            await asyncio.sleep(TICK_S)
+            for worker in list(self._workers.values()):
+                was_silent = worker.is_silent
+                worker.tick()
+                if worker.is_silent and not was_silent:
+                    self._silences += 1
+                    if self._once.first(("silent", str(worker.slot)), time.monotonic()):
+                        log("worker silent", level=logging.WARNING, worker=worker.slot)
+                    self._share_out()
+                if worker.silent_s >= self._settings.worker_hang_s and not self._stopping.is_set():
+                    after_s = worker.silent_s
+                    log("worker hangs", level=logging.ERROR, worker=worker.slot, silent_s=after_s)
+                    worker.heard()  # once
+                    worker.kill()
+
+    def _pass_on(self, parcel: Parcel) -> None:
+        """Hand a connection to the worker where its group lives; close it where there is none."""
+        with parcel.connection as connection:
+            workers = self._workers.items()
+            able = [(slot, worker) for slot, worker in workers if not worker.is_silent]
+            home = self._homes.home_of(parcel.group, able)
+            if home is not None and home.mailbox is not None:
+                sent = home.mailbox.send(parcel.group, parcel.head, connection.fileno())
+                self._passed += sent
+
+    async def _hear(self, worker: WorkerProcess) -> None:
         """Take what a worker says until it is gone."""
         while (message := await worker.channel.hear()) is not None:
+            if worker.heard():
+                self._share_out()
             kind = message["kind"]
             if kind == "ready":
                 worker.ready.set()
+            elif kind == "groups":
+                if self._workers.get(worker.slot) is worker:
+                    self._homes.tell(worker, message["names"])
             elif kind == "page":
                 worker.page = message["page"]
                 worker.measured.set()
             elif kind == "scrape":
                 self._spawn(self._answer(worker, message["number"]))
         worker.heard_out.set()
+        # It is gone, or as good as: its process may take a while yet.
+        if self._workers.get(worker.slot) is worker and not worker.is_expected_to_end:
+            self._leave_out(worker)
+        if worker.mailbox is not None:
+            worker.mailbox.close()
         await worker.channel.close()
 
-    async def _watch(self, worker: _Worker) -> None:
+    def _leave_out(self, worker: WorkerProcess) -> None:
+        """Let others take a worker's new clients, and its groups."""
+        del self._workers[worker.slot]
+        self._homes.forget(worker)
+        self._leaving.add(worker)
+        self._share_out()
+
+    async def _watch(self, worker: WorkerProcess) -> None:
         """Wait for a worker's end; keep what it counted, and start another one in its place."""
         code = await worker.process.wait()
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(_MEASURE_TIMEOUT_S):
                 await worker.heard_out.wait()
+        if self._workers.get(worker.slot) is worker:
+            self._leave_out(worker)
         self._counted.add(worker.page)
         worker.page = ""
         worker.ended.set()
@@ -221,8 +250,6 @@ class Supervisor:
         if worker.is_expected_to_end or self._stopping.is_set():
             log("worker ended", worker=worker.slot, process=worker.process.pid, code=code)
             return
-        if self._workers.get(worker.slot) is worker:
-            del self._workers[worker.slot]
         log(
             "worker died",
             level=logging.ERROR,
@@ -239,8 +266,6 @@ class Supervisor:
             while not self._stopping.is_set() and slot not in self._workers:
                 pause_s = min(_LONGEST_PAUSE_S, _FIRST_PAUSE_S * 2.0 ** self._failures[slot])
                 self._failures[slot] = min(16, self._failures[slot] + 1)
-                if self._failures[slot] > 1:
-                    self._listeners.give_up(slot)
                 with contextlib.suppress(TimeoutError):
                     async with asyncio.timeout(pause_s):
                         await self._stopping.wait()
@@ -280,12 +305,12 @@ class Supervisor:
         settings.check()
         self._settings = settings
 
-    async def _retire(self, worker: _Worker) -> None:
+    async def _retire(self, worker: WorkerProcess) -> None:
         worker.is_expected_to_end = True
         worker.channel.say("retire")
         await self._await_end(worker)
 
-    async def _await_end(self, worker: _Worker) -> None:
+    async def _await_end(self, worker: WorkerProcess) -> None:
         """Wait for a worker that was told to end, at most as long as it may take."""
         settings = self._settings
         bound_s = settings.drain_timeout_s + 2 * settings.close_timeout_s + 5.0
@@ -312,7 +337,7 @@ class Supervisor:
         await asyncio.gather(*self._tasks, return_exceptions=True)
         self._listeners.close()
 
-    async def _answer(self, worker: _Worker, number: int) -> None:
+    async def _answer(self, worker: WorkerProcess, number: int) -> None:
         """Give a worker the metrics of all; scrapes at one time share one collection."""
         if self._collecting is None:
             self._collecting = asyncio.create_task(self._collect())
@@ -338,7 +363,9 @@ class Supervisor:
         starting = sum(not worker.ready.is_set() for worker in self._leaving)
         yield "# HELP terraport_workers Worker processes by what they do"
         yield "# TYPE terraport_workers gauge"
-        yield f'terraport_workers{{state="serving"}} {len(self._workers)}'
+        silent = sum(worker.is_silent for worker in self._workers.values())
+        yield f'terraport_workers{{state="serving"}} {len(self._workers) - silent}'
+        yield f'terraport_workers{{state="silent"}} {silent}'
         yield f'terraport_workers{{state="draining"}} {len(self._leaving) - starting}'
         yield f'terraport_workers{{state="starting"}} {starting}'
         yield "# HELP terraport_workers_wanted Worker processes that should serve"
@@ -347,6 +374,12 @@ class Supervisor:
         yield "# HELP terraport_worker_restarts_total Starts after a worker ended by itself"
         yield "# TYPE terraport_worker_restarts_total counter"
         yield f"terraport_worker_restarts_total {self._restarts}"
+        yield "# HELP terraport_worker_silences_total Times that a worker said nothing for too long"
+        yield "# TYPE terraport_worker_silences_total counter"
+        yield f"terraport_worker_silences_total {self._silences}"
+        yield "# HELP terraport_passed_connections_total Connections handed to their group's worker"
+        yield "# TYPE terraport_passed_connections_total counter"
+        yield f"terraport_passed_connections_total {self._passed}"
         yield "# HELP terraport_rolling_restarts_total Rolling restarts completed"
         yield "# TYPE terraport_rolling_restarts_total counter"
         yield f"terraport_rolling_restarts_total {self._rolls}"
@@ -355,13 +388,3 @@ class Supervisor:
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
-
-
-def _as_plain(settings: Settings) -> dict[str, Any]:
-    """Every setting as JSON has it, secrets included: for the worker's pair of sockets alone."""
-    plain: dict[str, Any] = settings.model_dump(mode="json")
-    for name in type(settings).model_fields:
-        value = getattr(settings, name)
-        if isinstance(value, SecretStr):
-            plain[name] = value.get_secret_value()
-    return plain

@@ -18,6 +18,7 @@ import typer
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.signed_tokens import look_into, make_token, read_token
 from terraport_server.token_keys import TokenKey, new_key, read_keys, write_keys
+from terraport_server.token_scopes import LAND, SCOPES, Scope, scopes_of
 from terraport_wire import MAX_TOKEN_BYTES
 
 __all__ = ["register"]
@@ -106,7 +107,10 @@ def create(
     audience: Annotated[
         str | None, typer.Option(help="The service's TERRAPORT_TOKEN_AUDIENCE, if it has one.")
     ] = None,
-    guide: Annotated[bool, typer.Option("--guide", help="It may move a group.")] = False,
+    scope: Annotated[
+        list[str] | None,
+        typer.Option(help="What it lets do: land (the default), guide, metrics; repeatable."),
+    ] = None,
 ) -> None:
     """Print a token, alone on standard output; what it says goes to standard error.
 
@@ -114,10 +118,11 @@ def create(
 
       terraport token create --keys keys --name anna --scene pit --valid 8h
 
-      terraport token create --keys keys --name tour --all-scenes --guide > token
+      terraport token create --keys keys --name tour --all-scenes --scope guide > token
     """
     # What the token grants, and when.
-    if all_scenes == bool(scene):
+    scopes = _scopes(scope)
+    if "land" in scopes and all_scenes == bool(scene):
         raise SettingsError("--scene", "expected --scene ID, once or more, or --all-scenes")
     ring = read_keys(keys)
     now_s = int(time.time())
@@ -130,7 +135,7 @@ def create(
         begins_s=begins_s,
         audience=audience,
         token_id=secrets.token_hex(_MIN_ID_BYTES),
-        guide=guide,
+        scopes=scopes,
     )
     # Read back as the service would: what is printed is accepted.
     claims = read_token(token, ring, audience=audience)
@@ -141,6 +146,7 @@ def create(
         raise SettingsError("--scene", f"{what} at most; --all-scenes, or several tokens")
     typer.echo(token)
     opens = "every scene" if claims.scenes is None else ", ".join(sorted(claims.scenes))
+    opens = "; ".join(filter(None, [opens, ", ".join(sorted(scopes - LAND))]))
     typer.echo(f"for {name}: {opens}, until {_time(claims.expires_s)}", err=True)
     typer.echo(f"to take it back: add the line  revoke {claims.token_id}  to {keys}", err=True)
 
@@ -223,6 +229,14 @@ def _lines(keys: tuple[TokenKey, ...], revoked: Any) -> list[str]:
         *(key.line() for key in keys),
         *(f"revoke {token_id}" for token_id in revoked),
     ]
+
+
+def _scopes(words: list[str] | None) -> frozenset[Scope]:
+    wrong = [word for word in words or () if word not in SCOPES]
+    if wrong:
+        expected = ", ".join(SCOPES)
+        raise SettingsError("--scope", f"got {wrong[0][:32]!r}, expected one of {expected}")
+    return scopes_of(words) if words else LAND
 
 
 def _free_id(taken: set[str]) -> str:

@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Final
 
 from terraport_server.errors import SettingsError
+from terraport_server.token_scopes import LAND, SCOPES, Scope, scopes_of
 from terraport_wire import MAX_TOKEN_BYTES
 
 __all__ = ["MIN_TOKEN_CHARACTERS", "StaticToken", "check_token", "read_lines", "read_tokens"]
-
-_GUIDE: Final = "+guide"
 
 MIN_TOKEN_CHARACTERS: Final = 16
 """Shorter ones can be guessed; ``python -c "import secrets; print(secrets.token_urlsafe())"``."""
@@ -27,8 +26,8 @@ class StaticToken:
     token: str = field(repr=False)
     scenes: frozenset[str] | None = None
     """Ids; ``None`` = every scene."""
-    guide: bool = False
-    """Whether its bearer may move a group."""
+    scopes: frozenset[Scope] = LAND
+    """What its bearer may do."""
 
 
 def read_tokens(path: Path) -> list[StaticToken]:
@@ -37,8 +36,8 @@ def read_tokens(path: Path) -> list[StaticToken]:
     Parameters
     ----------
     path
-        UTF-8 text; each line ``NAME TOKEN [+guide] [SCENE ...]``, empty lines and those that begin
-        with ``#`` skipped. No scene named = every scene.
+        UTF-8 text; each line ``NAME TOKEN [+SCOPE ...] [SCENE ...]``, empty lines and those that
+        begin with ``#`` skipped. No scope named = ``land``, no scene = every scene.
 
     Raises
     ------
@@ -51,8 +50,15 @@ def read_tokens(path: Path) -> list[StaticToken]:
             what = f"{path} line {number}: got one word, expected NAME TOKEN [SCENE ...]"
             raise SettingsError("tokens_file", what)
         check_token("tokens_file", words[1], where=f"{path} line {number}: ")
-        scenes = frozenset(words[2:]) - {_GUIDE}
-        tokens.append(StaticToken(words[0], words[1], scenes or None, _GUIDE in words[2:]))
+        named = {word[1:] for word in words[2:] if word.startswith("+")}
+        if not named <= set(SCOPES):
+            wrong = ", ".join(sorted(f"+{word[:32]}" for word in named.difference(SCOPES)))
+            expected = ", ".join(f"+{scope}" for scope in SCOPES)
+            what = f"{path} line {number}: got {wrong}, expected scopes out of {expected}"
+            raise SettingsError("tokens_file", what)
+        scenes = frozenset(word for word in words[2:] if not word.startswith("+"))
+        scopes = scopes_of(named) if named else LAND
+        tokens.append(StaticToken(words[0], words[1], scenes or None, scopes))
     if not tokens:
         raise SettingsError("tokens_file", f"{path} holds no token, expected at least one")
     return tokens

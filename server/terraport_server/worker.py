@@ -19,24 +19,55 @@ from typing import Any
 from terraport_server.control import Channel
 from terraport_server.errors import ServerError
 from terraport_server.logs import configure_logging, log
+from terraport_server.mailbox import Mailbox, Parcel
 from terraport_server.serving import TerraportServer, make_server
 from terraport_server.settings import Settings
 
 __all__ = ["main"]
 
 _SCRAPE_TIMEOUT_S = 5.0
+_ALIVE_PERIOD_S = 0.2
+"""A third of what the supervisor takes for silence."""
 
 
 class _Worker:
-    """The worker's end of the control channel, around one server."""
+    """The worker's end of the control channel, around one server.
 
-    def __init__(self, server: TerraportServer, channel_end: socket.socket) -> None:
+    Parameters
+    ----------
+    server
+        Which it says all of this about.
+    channel_end
+        Of the control channel.
+    listeners
+        Sockets of all workers, by slot; the server itself accepts from those of `slot`.
+    slot
+        Which worker this is.
+    mail_end
+        Connections of groups come and go there; None where groups are not served.
+    """
+
+    def __init__(
+        self,
+        server: TerraportServer,
+        channel_end: socket.socket,
+        listeners: list[list[socket.socket]],
+        slot: int,
+        mail_end: socket.socket | None,
+    ) -> None:
         self._server = server
         self._end = channel_end
+        self._listeners = listeners
+        self._slot = slot
+        self._mail_end = mail_end
+        self._mailbox: Mailbox | None = None
+        self._adopted: dict[int, list[asyncio.Server]] = {}
         self._channel: Channel | None = None
         self._scrapes: dict[int, asyncio.Future[bytes]] = {}
         self._asked = 0
         self._hearing: asyncio.Task[None] | None = None
+        self._saying: asyncio.Task[None] | None = None
+        self._taking: set[asyncio.Task[Any]] = set()
         server.service.all_metrics = self.all_metrics
         server.on_started = self.started
         server.on_ended = self.ended
@@ -45,13 +76,22 @@ class _Worker:
         """Say that clients are served from now on."""
         self._channel = await Channel.open(self._end)
         self._hearing = asyncio.create_task(self._hear(self._channel))
+        groups = self._server.service.groups
+        if self._mail_end is not None and groups is not None:
+            self._mailbox = Mailbox(self._mail_end, self._take)
+            self._server.http_class.pass_on = staticmethod(self._mailbox.send)
+            groups.changed = self._say_groups
         self._channel.say("ready")
+        self._saying = asyncio.create_task(self._say_alive(self._channel))
 
     async def ended(self) -> None:
         """Hand over the last counts."""
-        if self._channel is None or self._hearing is None:
+        if self._channel is None or self._hearing is None or self._saying is None:
             return
         self._hearing.cancel()
+        self._saying.cancel()
+        if self._mailbox is not None:
+            self._mailbox.close()
         self._say_page(self._channel)
         await self._channel.close()
 
@@ -81,9 +121,37 @@ class _Worker:
                 answer = self._scrapes.get(message["number"])
                 if answer is not None and not answer.done():
                     answer.set_result(message["page"].encode())
+            elif kind == "listen":
+                await self._listen(set(message["slots"]))
             elif kind == "retire":
                 self._server.retire()
         self._server.should_exit = True  # the supervisor is gone
+
+    async def _listen(self, slots: set[int]) -> None:
+        """Accept the new clients of these workers, beside our own, and of no others."""
+        for slot in set(self._adopted) - slots:
+            for server in self._adopted.pop(slot):
+                self._server.stop_accepting(server)
+        for slot in slots - {self._slot} - set(self._adopted):
+            self._adopted[slot] = [
+                await self._server.accept_from(listener.dup()) for listener in self._listeners[slot]
+            ]
+
+    def _take(self, parcel: Parcel) -> None:
+        """Serve a connection that another worker accepted: its group lives here."""
+        task = asyncio.create_task(self._server.take_over(parcel))
+        self._taking.add(task)
+        task.add_done_callback(self._taking.discard)
+
+    def _say_groups(self, names: frozenset[str]) -> None:
+        if self._channel is not None:
+            self._channel.say("groups", names=sorted(names))
+
+    async def _say_alive(self, channel: Channel) -> None:
+        """Say that the event loop turns, until cancelled."""
+        while True:
+            channel.say("alive")
+            await asyncio.sleep(_ALIVE_PERIOD_S)
 
     def _say_page(self, channel: Channel) -> None:
         channel.say("page", page=self._server.service.metrics.render().decode())
@@ -116,17 +184,23 @@ def main(arguments: list[str]) -> int:
     end = socket.socket(fileno=int(arguments[0]))
     start = _read_start(end)
     settings = Settings(**start["settings"])
-    configure_logging(settings.log_level, settings.log_format)
-    listeners = [socket.socket(fileno=number) for number in start["listeners"]]
+    slot = int(start["slot"])
+    configure_logging(settings.log_level, settings.log_format, worker=slot)
+    by_number: dict[int, socket.socket] = {}
+    listeners = [
+        [by_number.setdefault(number, socket.socket(fileno=number)) for number in numbers]
+        for numbers in start["listeners"]
+    ]
+    mail_end = None if start["mailbox"] is None else socket.socket(fileno=start["mailbox"])
     try:
         server = make_server(settings)
     except ServerError as error:
         log("worker cannot serve", level=logging.ERROR, reason=str(error))
         return 1
     server.owns_process = True
-    _Worker(server, end)
+    _Worker(server, end, listeners, slot, mail_end)
     with contextlib.suppress(KeyboardInterrupt, SystemExit):
-        server.run(sockets=listeners)
+        server.run(sockets=listeners[slot])
     return 0 if server.started else 1
 
 

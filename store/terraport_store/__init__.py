@@ -9,8 +9,8 @@ A scene is a directory that is published atomically; format in ``spec/scene-form
 * :func:`change_labels`, :func:`read_labels`, :func:`read_names`, :class:`RegionNames`: what regions
   are called;
 * :class:`SegmentIndex`, :class:`Cover`, :class:`Manifest`: what is in it;
-* :class:`SpatialIndex` with :class:`RTreeIndex` and :class:`BruteForceIndex`: segments within a
-  radius;
+* :class:`SpatialIndex` with :class:`RTreeIndex`, :class:`PackedRTree` and
+  :class:`BruteForceIndex`: segments within a radius; :func:`spatial_index_of` chooses;
 * :class:`PayloadSource` with :class:`FileSource`, :class:`MmapSource`, :class:`MemorySource`;
 * :class:`SceneFiles`, :func:`scene_files`: where a scene lies. Object storage is in
   :mod:`terraport_store.object_files`, which needs ``terraport[s3]``.
@@ -34,7 +34,7 @@ from terraport_store.errors import (
     SceneNotFoundError,
     StoreError,
 )
-from terraport_store.files import FolderFiles, SceneFiles, path_inside
+from terraport_store.files import FolderFiles, SceneFiles, open_inside, path_inside
 from terraport_store.index import SegmentIndex
 from terraport_store.labelling import change_labels, read_labels, read_names
 from terraport_store.labels import MAX_LABEL_LENGTH, label_fault
@@ -59,8 +59,9 @@ from terraport_store.opening import list_scenes, read_manifest
 from terraport_store.packed_rtree import PackedRTree
 from terraport_store.reader import Scene
 from terraport_store.regions import RegionNames
+from terraport_store.rtree_index import RTreeIndex, spatial_index_of
 from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadRange, PayloadSource
-from terraport_store.spatial import BruteForceIndex, RTreeIndex, SpatialIndex
+from terraport_store.spatial import BruteForceIndex, SpatialIndex
 from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
 
@@ -118,11 +119,13 @@ __all__ = [
     "manifest_digest",
     "meant_url",
     "needing_obstore",
+    "open_inside",
     "path_inside",
     "read_labels",
     "read_manifest",
     "read_names",
     "say_building",
     "scene_files",
+    "spatial_index_of",
     "validate_scene",
 ]

@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import contextlib
 import json
+import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
+from terraport_store.files import open_regular
 from terraport_store.layout import MANIFEST_NAME
 
 __all__ = [
@@ -112,9 +114,9 @@ def _path(scene: Path) -> Path:
 def _read(path: Path, oldest: float) -> SceneBuilding | None:
     """Read what one build says; None for what is silent, gone, or not written by a build."""
     try:
-        if path.is_symlink() or path.stat().st_mtime < oldest:
-            return None
-        with path.open("rb") as file:
+        with os.fdopen(open_regular(path), "rb") as file:
+            if os.fstat(file.fileno()).st_mtime < oldest:
+                return None
             document: Any = json.loads(file.read(_MAX_BYTES))
         name, step, share = document["name"], document["step"], document["share"]
     except (OSError, ValueError, TypeError, KeyError):

@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import errno
 import os
+import stat
 from collections.abc import Callable, Hashable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, Protocol
+from typing import BinaryIO, Literal, Protocol
 
 from terraport_store.index import SegmentIndex
 from terraport_store.manifest import FileInfo, Manifest
@@ -24,6 +25,8 @@ __all__ = [
     "LocalCopy",
     "SceneFiles",
     "SourceKind",
+    "open_inside",
+    "open_regular",
     "path_inside",
 ]
 
@@ -31,6 +34,9 @@ SourceKind = Literal["file", "mmap"]
 """How packs in a folder are read."""
 
 _BLOCK_BYTES = 1 << 20
+
+_AS_THEY_ARE = os.O_RDONLY | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_NOFOLLOW", 0)
+"""No link is followed. Windows has neither flag, and its links need a right that few have."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +118,64 @@ def path_inside(folder: Path, path: str) -> Path:
     return real
 
 
+def open_inside(folder: Path, path: str) -> int:
+    """Open a file of a scene for reading, which no link leads out of; return the descriptor.
+
+    As :func:`path_inside`, and what is opened lies in the folder even where somebody who can write
+    to it puts a link there meanwhile. What is no file (a pipe, a device, a folder) is not opened.
+
+    Parameters
+    ----------
+    folder : Path
+        The scene directory.
+    path : str
+        Relative to it.
+
+    Raises
+    ------
+    PermissionError
+        When it leads out of the folder.
+    OSError
+        When it cannot be opened, or is no regular file.
+    """
+    real = path_inside(folder, path)
+    if os.open not in os.supports_dir_fd:
+        return open_regular(real)
+    root = os.path.realpath(folder)
+    at = os.open(root, _AS_THEY_ARE | os.O_DIRECTORY)
+    try:
+        *folders, name = real.relative_to(root).parts or (".",)
+        for step in folders:
+            inner = os.open(step, _AS_THEY_ARE | os.O_DIRECTORY, dir_fd=at)
+            os.close(at)
+            at = inner
+        return open_regular(name, dir_fd=at)
+    finally:
+        os.close(at)
+
+
+def open_regular(path: str | Path, *, dir_fd: int | None = None) -> int:
+    """Open a regular file for reading, no link, without waiting; return the descriptor.
+
+    Parameters
+    ----------
+    path : str or Path
+    dir_fd : int, optional
+        Folder that the path is relative to.
+
+    Raises
+    ------
+    OSError
+        When it cannot be opened, or is something else: a pipe waits for its other end for ever.
+    """
+    flags = _AS_THEY_ARE | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+    descriptor = os.open(path, flags, dir_fd=dir_fd)
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        return descriptor
+    os.close(descriptor)
+    raise OSError(errno.EINVAL, "no regular file, expected one", str(path))
+
+
 class FolderFiles:
     """The files of a scene directory; see :class:`SceneFiles`.
 
@@ -128,8 +192,13 @@ class FolderFiles:
 
     def read(self, path: str, limit: int) -> bytes:
         """Read a whole file; see :class:`SceneFiles`."""
-        with _named(path), path_inside(self.directory, path).open("rb") as file:
+        with self.open(path) as file:
             return file.read(limit + 1)
+
+    def open(self, path: str) -> BinaryIO:
+        """Open a file; raises as :func:`open_inside`."""
+        with _named(path):
+            return os.fdopen(open_inside(self.directory, path), "rb")
 
     def fetch(self, file: FileInfo) -> bytes:
         """Read a file of a version; see :class:`SceneFiles`."""
@@ -142,7 +211,7 @@ class FolderFiles:
 
     def blocks(self, file: FileInfo) -> Iterator[bytes]:
         """Read a file from end to end; see :class:`SceneFiles`."""
-        with _named(file.path), path_inside(self.directory, file.path).open("rb") as opened:
+        with self.open(file.path) as opened:
             while block := opened.read(_BLOCK_BYTES):
                 yield block
 
@@ -162,8 +231,8 @@ class FolderFiles:
     ) -> PayloadSource:
         """Open a pack; see :class:`SceneFiles`."""
         with _named(file.path):
-            path = path_inside(self.directory, file.path)
-            return (MmapSource if kind == "mmap" else FileSource)(path)
+            descriptor = open_inside(self.directory, file.path)
+        return (MmapSource if kind == "mmap" else FileSource)(descriptor)
 
     def local_copy(self, manifest: Manifest) -> LocalCopy:  # noqa: ARG002 - all of it is local
         """Return the directory itself."""

@@ -27,6 +27,8 @@ __all__ = [
     "PACK",
     "PACK_HEADER_BYTES",
     "REGIONS",
+    "REPORT",
+    "REPORT_PDF",
     "STAGING",
     "VERSION_FOLDER",
     "check_pack_header",
@@ -38,6 +40,10 @@ MANIFEST_NAME: Final = "scene.json"
 
 LABELS: Final = "labels.json"
 """What people call the regions; beside the manifest, part of no version."""
+
+REPORT: Final = "report.html"
+REPORT_PDF: Final = "report.pdf"
+"""What the build's report writes there too: the page, and the page to print."""
 
 FORMAT_VERSION: Final = "1.0"
 """What is written; every 1.x is read."""

@@ -158,6 +158,9 @@ class BuildInfo(_Frozen):
     options: dict[str, JsonValue] = {}
     input: InputInfo | None = None
     warnings: tuple[str, ...] = ()
+    """What looks wrong with the survey, or with what was made of it."""
+    choices: tuple[str, ...] = ()
+    """What the build decided otherwise than asked."""
     stages: tuple[dict[str, JsonValue], ...] = ()
 
 

@@ -46,7 +46,7 @@ from terraport_store.opening import (
     read_manifest,
     read_parsed,
 )
-from terraport_store.packed_rtree import PackedRTree
+from terraport_store.rtree_index import spatial_index_of
 from terraport_store.source import PayloadRange, PayloadSource
 from terraport_store.spatial import SpatialIndex
 
@@ -181,8 +181,8 @@ class Scene:
 
     @cached_property
     def spatial(self) -> SpatialIndex:
-        """R-tree over the segments, built on first use (30 ms per 100 k)."""
-        return PackedRTree(self.index.bounds)
+        """R-tree over the segments, built on first use (0.1 s per 100 k)."""
+        return spatial_index_of(self.index.bounds)
 
     @property
     def base_path(self) -> Path:
@@ -339,6 +339,18 @@ class Scene:
         if start < 0 or length < 0 or start + length > total:
             raise RangeError(start, length, total)
         return self._sources[encoding].file_range(int(index.offset[segment_id]) + start, length)
+
+    def pack_range(self, encoding: str, start: int, length: int) -> PayloadRange | None:
+        """Tell where in an open file a part of a pack lies; as :meth:`payload_range`.
+
+        Raises
+        ------
+        KeyError
+            When the scene has no such encoding.
+        RangeError
+            When the bytes do not all lie in the pack.
+        """
+        return self._sources[encoding].file_range(start, length)
 
     def held(
         self, segment_id: int, encoding: str, start: int, length: int

@@ -141,12 +141,12 @@ class FileSource(LocalSource):
 
     Parameters
     ----------
-    path : Path
-        The pack.
+    pack : Path or int
+        The pack; an open descriptor is closed with this.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    def __init__(self, pack: Path | int) -> None:
+        self._descriptor = _opened(pack)
         self._size = os.fstat(self._descriptor).st_size
 
     @property
@@ -186,12 +186,12 @@ class MmapSource(LocalSource):
 
     Parameters
     ----------
-    path : Path
-        The pack; never empty.
+    pack : Path or int
+        The pack, never empty; an open descriptor is closed.
     """
 
-    def __init__(self, path: Path) -> None:
-        with path.open("rb") as file:
+    def __init__(self, pack: Path | int) -> None:
+        with os.fdopen(_opened(pack), "rb") as file:
             self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
         self._view = memoryview(self._map)
 
@@ -267,3 +267,7 @@ def check_range(offset: int, length: int, size: int) -> None:
     """
     if offset < 0 or length < 0 or offset + length > size:
         raise RangeError(offset, length, size)
+
+
+def _opened(pack: Path | int) -> int:
+    return pack if isinstance(pack, int) else os.open(pack, os.O_RDONLY | os.O_CLOEXEC)

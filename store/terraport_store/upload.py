@@ -1,14 +1,15 @@
 """Put a published scene into object storage, so that its publication stays one step.
 
 The files of the version go first, each under its own path, which no older version uses; then labels
-and report; ``scene.json`` last. Whoever reads meanwhile sees the old version, or the new one whole.
-What an interrupted upload has put there whole is found by its hash and not sent again.
+and reports; ``scene.json`` last. Whoever reads meanwhile sees the old version, or the new one
+whole. What an interrupted upload has put there whole is found by its hash and not sent again.
 
 Needs ``terraport[s3]``.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -22,6 +23,8 @@ from terraport_store.layout import (
     LABELS,
     MANIFEST_NAME,
     MAX_MANIFEST_BYTES,
+    REPORT,
+    REPORT_PDF,
     VERSION_FOLDER,
 )
 from terraport_store.location import REACH_S
@@ -37,8 +40,6 @@ __all__ = [
     "UploadReport",
     "upload_scene",
 ]
-
-REPORT: Final = "report.html"
 
 PART_BYTES: Final = 8 << 20
 MOST_PARTS: Final = 9000
@@ -116,11 +117,11 @@ def upload_scene(
     # within seconds, not after the patience that a part deserves.
     Origin(url, replace(asked, timeout_s=REACH_S)).head(MANIFEST_NAME)
     before = _published_folder(origin)
-    upload = _Upload(origin, local.directory, progress or _nobody)
+    upload = _Upload(origin, local, progress or _nobody)
     for file in sorted(manifest.files.values(), key=lambda file: file.bytes):
         upload.file(file)
-    for name in (LABELS, REPORT):
-        if (local.directory / name).is_file():
+    for name in (LABELS, REPORT, REPORT_PDF):
+        if os.path.lexists(local.directory / name):
             upload.loose(name)
     origin.put(MANIFEST_NAME, text)
     removed = _prune(origin, {manifest.folder, before}) if prune else ()
@@ -132,9 +133,9 @@ def upload_scene(
 class _Upload:
     """Sends files and counts."""
 
-    def __init__(self, origin: Origin, directory: Path, progress: UploadProgress) -> None:
+    def __init__(self, origin: Origin, files: FolderFiles, progress: UploadProgress) -> None:
         self._origin = origin
-        self._directory = directory
+        self._files = files
         self._progress = progress
         self._done_bytes = 0
         self.sent_bytes = 0
@@ -143,9 +144,9 @@ class _Upload:
 
     def file(self, file: FileInfo) -> None:
         """Send a file of the version, unless it is there."""
-        path = self._directory / file.path
-        if path.stat().st_size != file.bytes:
-            what = f"{path.stat().st_size} bytes, expected {file.bytes} by scene.json"
+        size = self._files.size(file.path)
+        if size != file.bytes:
+            what = f"{size} bytes, expected {file.bytes} by scene.json"
             raise DamagedSceneError(file.path, what)
         seen = self._origin.head(file.path)
         if seen is not None and seen.size == file.bytes and seen.attributes.get(HASH) == file.xxh3:
@@ -164,7 +165,11 @@ class _Upload:
 
     def loose(self, name: str) -> None:
         """Send a file that belongs to no version."""
-        data = (self._directory / name).read_bytes()
+        try:
+            with self._files.open(name) as opened:
+                data = opened.read()
+        except PermissionError as error:  # a link would publish what lies elsewhere
+            raise DamagedSceneError(name, error.strerror or str(error)) from None
         self._origin.put(name, data)
         self.sent_files += 1
         self.sent_bytes += len(data)
@@ -172,7 +177,7 @@ class _Upload:
     def _parts(self, file: FileInfo, part_bytes: int) -> Iterator[bytes]:
         """Read a file; raises DamagedSceneError instead of the last part of a wrong one."""
         digest = xxhash.xxh3_64()
-        with (self._directory / file.path).open("rb") as opened:
+        with self._files.open(file.path) as opened:
             chunk = opened.read(part_bytes)
             while chunk:
                 digest.update(chunk)

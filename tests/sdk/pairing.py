@@ -17,6 +17,7 @@ from terraport.session import ClientSession, SessionOptions
 from terraport_payload import encode_glb
 from terraport_server.actions import (
     Close,
+    MakePlan,
     RunPick,
     SceneView,
     SendChunk,
@@ -153,15 +154,11 @@ class Pair:
         self._collect()
         if self.server is None:
             return False
-        data = self.client.data_to_send()
-        for frame in data:
-            try:
-                message = decode(frame, Direction.CLIENT_TO_SERVER)
-                self.server.receive(message, self.now_s)
-            except DecodeError as error:
-                self.server.refuse(error, self.now_s)
+        data = self.deliver()
         action = self.server.next_action()
-        if action is not None:
+        if isinstance(action, MakePlan):
+            self.server.make_plan(self.now_s)
+        elif action is not None:
             self._carry_out(action)
         if len(self.down) > (self.lag if action is not None or data else 0):
             self.client.receive(self.down.popleft())
@@ -169,6 +166,18 @@ class Pair:
             return bool(data)
         self._collect()
         return True
+
+    def deliver(self) -> bool:
+        """Let the server hear what the client says; return whether it said anything."""
+        assert self.server is not None
+        data = self.client.data_to_send()
+        for frame in data:
+            try:
+                message = decode(frame, Direction.CLIENT_TO_SERVER)
+                self.server.receive(message, self.now_s)
+            except DecodeError as error:
+                self.server.refuse(error, self.now_s)
+        return bool(data)
 
     def settle(self) -> None:
         """Let everything happen that will."""

@@ -15,7 +15,7 @@ from server.session_model import make_scene
 from terraport.cache import SegmentCache
 from terraport.events import Dropped, Opened, Planned, Prefetched, Ready, Refused
 from terraport.session import ClientSession, SessionOptions
-from terraport_server.actions import SendMessage, SessionLimits
+from terraport_server.actions import MakePlan, SendMessage, SessionLimits
 from terraport_server.session import Session as ServerSession
 from terraport_wire import (
     Direction,
@@ -104,6 +104,9 @@ def test_more_than_one_table_takes() -> None:
             messages.append(message := decode(data, Direction.CLIENT_TO_SERVER))
             server.receive(message, 0.0)
         while (action := server.next_action()) is not None:
+            if isinstance(action, MakePlan):
+                server.make_plan(0.0)
+                continue
             assert isinstance(action, SendMessage)
             heard.append(action.message)
             client.receive(encode(action.message))

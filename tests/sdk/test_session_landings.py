@@ -106,6 +106,22 @@ def test_a_newer_landing_supersedes_and_its_parts_go_on(toy: ToyScene) -> None:
     assert pair.chunk_bytes == sum(len(pair.scene.payloads[segment]) for segment in want)
 
 
+def test_a_landing_that_a_newer_one_ends_before_its_plan_never_gets_one(toy: ToyScene) -> None:
+    """The server says `superseded` and nothing else of it (6.3)."""
+    pair = Pair(toy)
+    pair.connect()
+    pair.settle()
+    landings = [pair.client.land(MIDDLE, 4.0)]
+    pair.deliver()  # and the server has no time to plan
+    landings.append(pair.client.land(MIDDLE, 2.0))
+    pair.deliver()
+    pair.settle()
+    assert pair.of(Superseded) == [Superseded(*landings)]
+    assert [event.landing for event in pair.of(Planned)] == [landings[1]]
+    assert [event.landing for event in pair.of(Ready)] == [landings[1]]
+    assert pair.client.visible == expected(toy, MIDDLE, 2.0)
+
+
 def test_a_refused_landing_leaves_the_older_one_going(pair: Pair) -> None:
     """A radius beyond the server's limit changes nothing."""
     good = pair.client.land(MIDDLE, 4.0)

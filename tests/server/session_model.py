@@ -16,6 +16,7 @@ from terraport_payload import box_distances_m
 from terraport_server.actions import (
     Action,
     Close,
+    MakePlan,
     RunPick,
     SceneView,
     SendChunk,
@@ -83,6 +84,8 @@ class Client:
         self.messages: list[Message] = []
         self.chunks: list[SendChunk] = []
         self.picks: list[RunPick] = []
+        self.looked_at: list[int] = []
+        """What each plan cost."""
         self.close: Close | None = None
 
     def greet(self, **fields: Any) -> Welcome:
@@ -105,6 +108,9 @@ class Client:
             action = self.session.next_action()
             if action is None:
                 break
+            if isinstance(action, MakePlan):
+                self.looked_at.append(self.session.make_plan(self.now_s))
+                continue
             seen.append(self._carry_out(action))
         return seen
 

@@ -234,7 +234,9 @@ def test_a_name_that_was_pointed_here_does_not_open_an_open_service(
         assert httpx.get(f"{named.url}/scenes", headers=headers).status_code == 200
 
 
-def test_metrics_and_docs_are_for_operators(guarded: BackgroundServer, folder: Path) -> None:
+def test_metrics_and_docs_are_for_operators(
+    guarded: BackgroundServer, folder: Path, tmp_path: Path
+) -> None:
     url = f"{guarded.url}/metrics"
     for token in ("", TOKEN, "wrong", METRICS[:-1], METRICS + "x"):
         headers = {"Authorization": f"Bearer {token}"} if token else {}
@@ -247,6 +249,15 @@ def test_metrics_and_docs_are_for_operators(guarded: BackgroundServer, folder: P
     assert "metrics" not in httpx.get(guarded.url).text
     with BackgroundServer(folder, token=TOKEN) as closed:
         assert httpx.get(f"{closed.url}/metrics").status_code == 404
+        # Nor do tokens that open scenes.
+        headers = {"Authorization": f"Bearer {TOKEN}"}
+        assert httpx.get(f"{closed.url}/metrics", headers=headers).status_code == 404
+    (tmp_path / "tokens").write_text(f"prometheus {METRICS} +metrics\nheadset {TOKEN}\n")
+    with BackgroundServer(folder, tokens_file=tmp_path / "tokens") as scoped:
+        for token, status, scenes in ((METRICS, 200, 403), (TOKEN, 404, 200)):
+            headers = {"Authorization": f"Bearer {token}"}
+            assert httpx.get(f"{scoped.url}/metrics", headers=headers).status_code == status
+            assert httpx.get(f"{scoped.url}/scenes/pit", headers=headers).status_code == scenes
     with BackgroundServer(folder, token=TOKEN, public_metrics=True, public_docs=True) as shown:
         assert httpx.get(f"{shown.url}/metrics").status_code == 200
         assert httpx.get(f"{shown.url}/docs").status_code == 200

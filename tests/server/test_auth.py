@@ -38,6 +38,15 @@ def test_gate(token: str | None, scene: str, expected: ErrorCode | None) -> None
     assert GATE.check(token, scene) is expected
 
 
+def test_a_token_of_metrics_opens_no_scene_and_moves_no_group() -> None:
+    gate = Gate([StaticToken("ops", "reads-the-metrics", scopes=frozenset({"metrics"}))])
+    assert gate.check("reads-the-metrics", "pit") is ErrorCode.FORBIDDEN
+    assert not gate.may_guide("reads-the-metrics", "pit")
+    bearer = gate.find("reads-the-metrics")
+    assert bearer is not None
+    assert gate.withdrawal(bearer, "pit") == "revoked"
+
+
 def test_an_open_gate_asks_for_nothing() -> None:
     gate = Gate(None)
     assert gate.is_open
@@ -69,12 +78,15 @@ def test_tokens_file(tmp_path: Path) -> None:
     path.write_text(
         "# who\n\nanna   aaaaaaaaaaaaaaaa\nbob bbbbbbbbbbbbbbbb pit quarry\n"
         "kim cccccccccccccccc +guide\nlea dddddddddddddddd +guide pit\n"
+        "ops eeeeeeeeeeeeeeee +metrics\nmax ffffffffffffffff +land +metrics pit\n"
     )
     assert read_tokens(path) == [
         StaticToken("anna", "aaaaaaaaaaaaaaaa"),
         StaticToken("bob", "bbbbbbbbbbbbbbbb", frozenset({"pit", "quarry"})),
-        StaticToken("kim", "cccccccccccccccc", None, guide=True),
-        StaticToken("lea", "dddddddddddddddd", frozenset({"pit"}), guide=True),
+        StaticToken("kim", "cccccccccccccccc", None, frozenset({"land", "guide"})),
+        StaticToken("lea", "dddddddddddddddd", frozenset({"pit"}), frozenset({"land", "guide"})),
+        StaticToken("ops", "eeeeeeeeeeeeeeee", None, frozenset({"metrics"})),
+        StaticToken("max", "ffffffffffffffff", frozenset({"pit"}), frozenset({"land", "metrics"})),
     ]
 
 
@@ -85,6 +97,7 @@ def test_tokens_file(tmp_path: Path) -> None:
         (b"# only a comment\n", "holds no token"),
         (b"lonely\n", "line 1: got one word"),
         (b"ok aaaaaaaaaaaaaaaa\nbob short\n", "line 2.*5 characters"),
+        (b"ok aaaaaaaaaaaaaaaa +gude pit\n", r"line 1: got \+gude, expected scopes out of \+land"),
         (b"\xff\xfe\n", "no UTF-8"),
         (b"a" * (1 << 20) + b"b", "larger than"),
     ],

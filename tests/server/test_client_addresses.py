@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from terraport_server.client_addresses import ARRIVALS_S, ClientAddresses, too_many_of_address
+from terraport_server.client_addresses import (
+    ARRIVALS_S,
+    ClientAddresses,
+    client_key,
+    too_many_of_address,
+)
 
 
 def test_addresses_that_are_counted() -> None:
@@ -33,3 +38,24 @@ def test_arrivals_are_counted_for_a_while() -> None:
     assert [addresses.arrive("192.0.2.1", 100.0 + second) for second in range(3)] == [1, 2, 3]
     assert addresses.arrive("192.0.2.2", 103.0) == 1
     assert addresses.arrive("192.0.2.1", 100.0 + ARRIVALS_S) == 1
+
+
+def test_an_address_of_ipv6_is_one_of_many() -> None:
+    """Whoever has one has 2^64; and one of IPv4 is the same however it is written."""
+    addresses = ClientAddresses("2001:db8:1::/48, 192.0.2.9")
+    assert addresses.counted("2001:db8::1") == addresses.counted("2001:db8::ffff:2")
+    assert addresses.counted("2001:db8:0:1::1") != addresses.counted("2001:db8::1")
+    assert addresses.counted("2001:db8:1::1") is None
+    assert addresses.counted("::ffff:192.0.2.9") is None
+    assert addresses.counted("::ffff:192.0.2.1") == "192.0.2.1"
+    assert client_key("fe80::1%eth0") == "fe80::/64"
+    assert client_key("unknown") == "unknown"
+
+
+def test_who_came_in_vain_is_remembered_for_a_while() -> None:
+    addresses = ClientAddresses("")
+    addresses.came_in_vain("192.0.2.1", 100.0)
+    addresses.came_in_vain("192.0.2.1", 101.0)
+    assert addresses.in_vain("192.0.2.1", 102.0) == 2
+    assert addresses.in_vain("192.0.2.2", 102.0) == 0
+    assert addresses.in_vain("192.0.2.1", 100.0 + ARRIVALS_S) == 0

@@ -157,6 +157,20 @@ def test_the_report(http: httpx.Client, grid: GridScene) -> None:
         report.unlink()
 
 
+def test_the_report_to_print(http: httpx.Client, grid: GridScene) -> None:
+    assert http.get("/scenes/grid/report.pdf").json()["error"]["code"] == "unknown_report"
+    pdf = grid.path / "report.pdf"
+    pdf.write_bytes(b"%PDF-1.4")
+    try:
+        answer = http.get("/scenes/grid/report.pdf")
+        links = http.get("/scenes/grid").json()["links"]
+    finally:
+        pdf.unlink()
+    assert (answer.content, answer.headers["content-type"]) == (b"%PDF-1.4", "application/pdf")
+    assert links["report_pdf"] == "scenes/grid/report.pdf"
+    assert "report" not in links
+
+
 @pytest.mark.parametrize("way", ["the file", "its folder", "in a circle"])
 def test_a_report_that_is_a_link_out_of_the_scene_is_not_served(
     http: httpx.Client, grid: GridScene, tmp_path: Path, way: str

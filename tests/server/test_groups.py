@@ -8,7 +8,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from terraport_server.groups import GroupLimits, Groups
+from terraport_server.group_state import GroupLimits
+from terraport_server.groups import Groups
 from terraport_wire import Gather, Gathered, Gathering, Join, Joined, Message, Roster
 
 
@@ -34,6 +35,7 @@ class Hall:
         self.inboxes: dict[str, list[Message]] = {}
         self.now_s = 0.0
         self.secrets = 0
+        self.owner = "school"
 
     def join(self, key: str, join: Join | None = None, **options: Any) -> str | None:
         self.secrets += 1
@@ -44,6 +46,7 @@ class Hall:
             self.now_s,
             new_secret=f"secret-{self.secrets}",
             may_guide=True,
+            owner=options.get("owner", self.owner),
         )
 
     def hear(self) -> dict[str, list[Message]]:
@@ -266,6 +269,59 @@ def test_rosters_are_not_told_faster_than_four_times_a_second() -> None:
     assert 3 <= rosters <= 5
 
 
+def test_who_comes_and_goes_takes_only_his_own_places() -> None:
+    """64 groups begun and dropped in a second kept everybody out for `group_absence_s`."""
+    hall = Hall(max_groups=6, max_groups_per_client=3)
+    hall.owner = "honest"
+    assert hall.join("h", group="tour") is None
+    hall.join("lost", group="expected-back")
+    hall.groups.lost("lost", 0.0)
+    hall.owner = "attacker"
+    for number in range(50):
+        assert hall.join(f"a{number}", group=f"g{number}") is None
+        hall.groups.lost(f"a{number}", 0.0)
+    assert hall.groups.group_count == 5  # his own first ones went
+    hall.owner = "another"
+    for number in range(3):
+        assert hall.join(f"b{number}", group=f"b{number}") is None
+    assert hall.groups.group_count == 6  # the first of whom most is absent, not who is alone
+    hall.owner = "honest"
+    assert "secret-2" in [one.seat for one in joined_by(hall, "lost", "expected-back", "secret-2")]
+
+
+def joined_by(hall: Hall, key: str, group: str, secret: str) -> list[Joined]:
+    hall.hear()
+    hall.join(key, wants(group=group, seat=secret))
+    return [message for message in hall.hear()[key] if isinstance(message, Joined)]
+
+
+def test_who_is_there_does_not_give_way() -> None:
+    hall = Hall(max_groups=3, max_groups_per_client=2)
+    for number in range(2):
+        assert hall.join(f"a{number}", group=f"a{number}") is None
+    assert "at most 2 of one address and token" in (hall.join("a2", group="a2") or "")
+    hall.owner = "another"
+    assert hall.join("b", group="b") is None
+    assert "at most 3 on this server" in (hall.join("c", group="c") or "")
+    assert hall.join("b", group="c") is None, "its own group goes with it"
+
+
+def test_in_a_full_group_a_lost_seat_gives_way() -> None:
+    hall = Hall(max_group_members=4)
+    hall.join("honest", role="guide")
+    hall.join("lost")
+    hall.groups.lost("lost", 0.0)
+    hall.owner = "attacker"
+    for number in range(9):
+        assert hall.join(f"a{number}") is None
+        hall.groups.lost(f"a{number}", 1.0)
+    hall.owner = "another"
+    assert hall.join("b") is None
+    assert joined_by(hall, "lost", "tour", "secret-2")[0].seat == "secret-2"
+    assert hall.join("c") is None
+    assert "got member 5" in (hall.join("d") or "")
+
+
 class AnyHistory(RuleBasedStateMachine):
     """Keys 0..5 join, leave, get lost, gather and arrive; time passes."""
 
@@ -274,7 +330,11 @@ class AnyHistory(RuleBasedStateMachine):
     @initialize()
     def begin(self) -> None:
         self.hall = Hall(
-            max_groups=2, max_group_members=3, group_absence_s=4.0, group_deadline_s=9.0
+            max_groups=2,
+            max_groups_per_client=1,
+            max_group_members=3,
+            group_absence_s=4.0,
+            group_deadline_s=9.0,
         )
         self.membership: dict[int, tuple[str, int]] = {}
         self.seats: dict[tuple[str, int], str] = {}
@@ -325,6 +385,7 @@ class AnyHistory(RuleBasedStateMachine):
             self.hall.now_s,
             new_secret=f"s{self.hall.secrets}",
             may_guide=True,
+            owner=key % 2,
         )
         if refused is None:
             self.membership.pop(key, None)

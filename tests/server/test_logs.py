@@ -7,7 +7,14 @@ import logging
 
 import pytest
 
-from terraport_server.logs import LOGGER, OncePerMinute, configure_logging, log
+from terraport_server.logs import (
+    LINES_PER_S,
+    LOGGER,
+    OncePerMinute,
+    SomePerMinute,
+    configure_logging,
+    log,
+)
 
 
 @pytest.fixture
@@ -58,3 +65,35 @@ def test_once_per_minute_and_bounded() -> None:
     for number in range(5000):
         assert once.first((str(number),), 0.0)
     assert len(once._seen) <= 1024
+
+
+@pytest.mark.usefixtures("logging_as_it_was")
+def test_lines_are_bounded_by_level(capsys: pytest.CaptureFixture[str]) -> None:
+    """What clients make happen does not hide an error, and what is left out is said."""
+    configure_logging("info", "json")
+    for number in range(5000):
+        log("landing ready", number=number)
+    log("disk failed", level=logging.ERROR)
+    lines = [json.loads(line) for line in capsys.readouterr().err.splitlines()]
+    assert 10 * LINES_PER_S <= len(lines) - 1 < 2000  # as long as it took it may go on
+    assert lines[-1]["event"] == "disk failed"
+    handler = logging.getLogger("terraport").handlers[0]
+    (budget,) = handler.filters
+    later = logging.makeLogRecord({"levelno": logging.INFO, "created": 4e9, "msg": "later"})
+    assert budget.filter(later)  # type: ignore[union-attr]
+    left_out = [line.get("lines_left_out", 0) for line in lines] + [later.fields["lines_left_out"]]  # type: ignore[attr-defined]
+    assert sum(left_out) == 5001 - len(lines)
+
+
+@pytest.mark.usefixtures("logging_as_it_was")
+def test_debug_has_all_lines(capsys: pytest.CaptureFixture[str]) -> None:
+    configure_logging("debug", "text")
+    for _ in range(1000):
+        log("landing ready")
+    assert capsys.readouterr().err.count("landing ready") == 1000
+
+
+def test_some_per_minute() -> None:
+    some = SomePerMinute(3)
+    assert [some.left_out(s) for s in (0.0, 1.0, 2.0, 3.0, 59.0)] == [0, 0, 0, None, None]
+    assert [some.left_out(s) for s in (60.0, 61.0)] == [2, 0]

@@ -104,8 +104,11 @@ def test_a_client_without_credit_is_stalled_until_it_grants_or_goes(
 
 def test_refusals_are_counted_by_reason(server: BackgroundServer) -> None:
     url = server.scene_url("pit")
-    with PlainClient(url), PlainClient(url), PlainClient(url), PlainClient(url) as fourth:
-        fourth.refused()
+    with PlainClient(url) as one, PlainClient(url) as two, PlainClient(url) as three:
+        for client in (one, two, three):
+            client.hello()
+        with PlainClient(url) as fourth:
+            fourth.refused()
     assert value(server, "terraport_refused_total", reason="sessions_per_ip") == 1
     with PlainClient(server.scene_url("atlantis")) as client:
         client.refused()

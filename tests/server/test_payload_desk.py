@@ -13,7 +13,7 @@ import pytest
 from server.grid_scene import GridScene, write_grid_scene
 
 from terraport_server.actions import SendChunk
-from terraport_server.scenes import ServedScene
+from terraport_server.served_scene import ServedScene
 from terraport_store import CorruptPayloadError, PayloadRange, RangeError
 
 

@@ -20,8 +20,9 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient, make_hello
 from uvicorn.protocols.utils import ClientDisconnected
 
-from terraport_server import BackgroundServer, sender
-from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
+from terraport_server import BackgroundServer, client_addresses, sender
+from terraport_server.peer_limits import FRAMES_PER_MESSAGE, MAX_FIRST_FRAMES, BoundedPeer
+from terraport_server.strangers import MAX_STRANGER_BYTES
 from terraport_wire import SUBPROTOCOL, decode, encode
 
 PING, CLOSE, BINARY, TEXT, CONT = 9, 8, 2, 1, 0
@@ -85,6 +86,7 @@ def test_more_frames_than_messages_would_need_are_closed(scenes: Path, blob: byt
         allowed = int(10 * 2.0 * FRAMES_PER_MESSAGE)
         with raw_connect(server.port) as raw:
             begin = frame(TEXT, b"{", fin=False) if blob[0] == CONT else b""
+            raw.sendall(frame(BINARY, encode(make_hello())))
             raw.sendall(begin + blob * (allowed + 50))
             assert close_code(drained(raw)) == 4429
 
@@ -95,6 +97,8 @@ def test_a_client_that_pings_and_does_not_read_costs_no_memory(scenes: Path) -> 
         connections = server._server.server_state.connections
         with raw_connect(server.port) as raw:
             raw.settimeout(5)
+            raw.sendall(frame(BINARY, encode(make_hello())))
+            raw.recv(1 << 16)
             most = 0
             for _ in range(80):
                 raw.sendall(frame(PING, b"x" * 125) * 500)
@@ -310,3 +314,114 @@ def test_whose_hello_is_refused_leaves_without_closing(scenes: Path) -> None:
         at.sendall(frame(BINARY, encode(make_hello())))
         eventually(lambda: not server._server.server_state.connections, 5)
         assert close_code(drained(at)) == 4401
+
+
+@pytest.mark.parametrize(
+    "blob", [frame(PING, b"x" * 32), frame(CONT, b"", fin=False)], ids=["pings", "fragments"]
+)
+def test_before_hello_a_few_frames_are_taken(scenes: Path, blob: bytes) -> None:
+    begin = frame(BINARY, b"\x80", fin=False) if blob[0] == CONT else b""
+    with BackgroundServer(scenes, token=TOKEN) as server:
+        with raw_connect(server.port) as at:
+            at.sendall(begin + blob * (MAX_FIRST_FRAMES - 1))
+            at.sendall(frame(PING, b"last"))
+            pongs = b""
+            while b"last" not in pongs:
+                pongs += at.recv(1 << 16)
+                assert not pongs.endswith(b"\x11\x4d"), "closed with 4429"
+        with raw_connect(server.port) as at:
+            at.sendall(begin + blob * (MAX_FIRST_FRAMES + 1))
+            assert close_code(drained(at)) == 4429
+
+
+def test_who_says_no_hello_takes_no_session(scenes: Path) -> None:
+    """Eight addresses with 32 each, without any token, kept everybody else out."""
+    limits = {"max_sessions": 2, "max_sessions_per_ip": 2, "token": TOKEN}
+    with BackgroundServer(scenes, **limits) as server, ExitStack() as stack:
+        for _ in range(6):
+            stack.enter_context(raw_connect(server.port))
+        assert server.service.session_count == 0
+        url = server.scene_url("grid")
+        for _ in range(2):
+            stack.enter_context(PlainClient(url)).hello(token=TOKEN)
+        assert server.service.session_count == 2
+        third = stack.enter_context(PlainClient(url))
+        third.send(make_hello(token=TOKEN))
+        error, closed = third.refused()
+        assert (error.code, closed) == ("too_many", 4429)
+        stack.close()
+        eventually(lambda: server.service.session_count == 0)
+
+
+def connect_from(port: int, address: str) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", port), 5, source_address=(address, 0))
+
+
+def test_strangers_make_room(scenes: Path) -> None:
+    """Whoever fills the service with silence, an honest client of another address comes in."""
+    limits = {"max_connections": 8, "max_connections_per_ip": 4, "forwarded_allow_ips": ""}
+    with BackgroundServer(scenes, **limits) as server, ExitStack() as stack:
+        connections = server._server.server_state.connections
+        for address in ("127.0.0.2", "127.0.0.3"):
+            for _ in range(4):
+                stack.enter_context(connect_from(server.port, address))
+        eventually(lambda: len(connections) == 8)
+        for _ in range(3):
+            assert httpx.get(f"{server.url}/healthz").status_code == 200
+        client = stack.enter_context(PlainClient(server.scene_url("grid")))
+        client.hello()
+        for _ in range(12):  # nor does he have to leave again
+            stack.enter_context(connect_from(server.port, "127.0.0.4"))
+        assert client.socket.ping().wait(5)
+        assert len(connections) <= 16
+
+
+def test_who_comes_in_vain_again_and_again_is_dropped_unheard(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A few come to be refused; whoever gets what he wants may come again."""
+    monkeypatch.setattr(client_addresses, "ARRIVALS_S", 1000.0)
+    limits = {"max_connections_per_ip": 2, "forwarded_allow_ips": "", "token": TOKEN}
+    with BackgroundServer(scenes, **limits) as server:
+        url, headers = f"{server.url}/scenes", {"Authorization": f"Bearer {TOKEN}"}
+        for _ in range(8):
+            assert httpx.get(url, headers=headers).status_code == 200
+        statuses = []
+        for _ in range(10):
+            with contextlib.suppress(httpx.TransportError):
+                statuses.append(httpx.get(url).status_code)
+        assert statuses == [401] * 5
+        with connect_from(server.port, "127.0.0.2") as at:  # somebody else
+            at.sendall(b"GET /healthz HTTP/1.1\r\nHost: localhost\r\n\r\n")
+            assert b"200 OK" in at.recv(1 << 16)
+
+
+def test_strangers_write_no_lines(scenes: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Each handshake was "connection open", "session opened" and "session closed"."""
+    with BackgroundServer(scenes, token=TOKEN) as server, caplog.at_level(logging.INFO):
+        caplog.clear()
+        for _ in range(3):
+            raw_connect(server.port).close()
+        with raw_connect(server.port) as at:
+            at.sendall(frame(BINARY, b"\x81\xa4type\xa3bye"))
+            drained(at)
+        eventually(lambda: not server._server.server_state.connections)
+        assert [record.message for record in caplog.records] == ["refused"]
+        with PlainClient(server.scene_url("grid")) as client:
+            client.hello(token=TOKEN)
+        eventually(lambda: "session closed" in caplog.messages)
+        assert caplog.messages == ["refused", "session opened", "session closed"]
+
+
+def test_unfinished_messages_of_strangers_are_bounded(scenes: Path) -> None:
+    limits = {"token": TOKEN, "max_connections_per_ip": 200, "forwarded_allow_ips": ""}
+    with BackgroundServer(scenes, **limits) as server, ExitStack() as stack:
+        connections = server._server.server_state.connections
+        half = frame(BINARY, bytes(4_000_000))[:-1]
+        for _ in range(20):
+            at = stack.enter_context(raw_connect(server.port))
+            with contextlib.suppress(OSError):
+                at.sendall(half)
+        eventually(lambda: len(connections) < 20)
+        (entrance,) = {one._entrance for one in connections}
+        assert entrance.strangers.total_bytes <= MAX_STRANGER_BYTES

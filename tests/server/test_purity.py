@@ -11,8 +11,9 @@ import terraport_server
 
 FOLDER = Path(terraport_server.__file__).parent
 PURE = [
-    "actions", "aim_ledger", "deliveries", "errors", "greeting", "group_talk", "groups", "id_set",
-    "merged_metrics", "outbox", "plans", "rate", "selection", "session", "transfer",
+    "actions", "aim_ledger", "client_addresses", "deliveries", "errors", "fair_queue", "greeting",
+    "group_homes", "group_state", "group_talk", "groups", "id_set", "merged_metrics", "outbox",
+    "pick_talk", "plans", "rate", "selection", "session", "strangers", "token_scopes", "transfer",
 ]  # fmt: skip
 FORBIDDEN = {
     "asyncio", "socket", "fastapi", "starlette", "uvicorn", "websockets", "httpx", "time",

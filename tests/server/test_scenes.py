@@ -9,7 +9,8 @@ import pytest
 from server.grid_scene import write_grid_scene
 
 from terraport_server.errors import UnknownSceneError
-from terraport_server.scenes import SceneRegistry, ServedScene
+from terraport_server.scenes import SceneRegistry
+from terraport_server.served_scene import ServedScene
 from terraport_store import change_labels
 
 
@@ -65,6 +66,24 @@ def test_one_scene_may_be_the_directory(tmp_path: Path) -> None:
         registry.close()
 
     asyncio.run(story())
+
+
+def test_lines_about_failures_are_few(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    """Of a pack that is gone each landing meets some segments: it was a line for each."""
+
+    async def story() -> None:
+        write_grid_scene(tmp_path / "pit", cells=2)
+        registry = SceneRegistry(tmp_path)
+        await registry.refresh()
+        served = registry.get("pit")
+        for segment in range(1000):
+            served.tell_failure("segment_lost", segment, OSError("gone"), landing=f"a-{segment}")
+        registry.close()
+
+    asyncio.run(story())
+    lost = [record for record in caplog.records if record.getMessage() == "segment_lost"]
+    assert 1 <= len(lost) < 20
+    assert lost[0].fields["segment"] == 0  # type: ignore[attr-defined]
 
 
 def test_a_scene_that_cannot_be_opened_is_logged_once(

@@ -101,10 +101,13 @@ def test_too_many_held_segments() -> None:
 
 @pytest.mark.parametrize("code", [ErrorCode.UNAUTHORISED, ErrorCode.FORBIDDEN])
 def test_the_token_decides(code: ErrorCode) -> None:
-    client = make_client(greet=False, authorise=lambda token: None if token == "right" else code)
+    def authorise(token: str | None) -> tuple[ErrorCode, str] | None:
+        return None if token == "right" else (code, "why not")
+
+    client = make_client(greet=False, authorise=authorise)
     client.tell(make_hello(token="wrong"))
     assert_fatal(client, code, {"unauthorised": 4401, "forbidden": 4403}[code])  # type: ignore[arg-type]
-    client = make_client(greet=False, authorise=lambda token: None if token == "right" else code)
+    client = make_client(greet=False, authorise=authorise)
     assert isinstance(client.greet(token="right"), Welcome)
 
 
@@ -235,7 +238,7 @@ def test_draining_is_bounded() -> None:
     client.greet(credit_bytes=0)
     client.tell(land(1))
     client.session.drain(0.0, 2.0)
-    assert kinds(client.run()) == ["Plan", "Notice"]
+    assert kinds(client.run()) == ["Notice", "Plan"]
     assert client.session.wake_at_s() == 2.0
     client.session.tick(2.0)
     assert client.run() == [Close(CloseCode.DRAINING, "draining")]
@@ -299,14 +302,16 @@ def test_the_observer_hears_of_times_and_bytes() -> None:
     client.now_s = 0.25
     client.run(most=2)
     client.tell(land(2, radius_m=5.0))
+    client.tell(land(3, radius_m=5.0))
     client.now_s = 0.5
     client.run()
     assert heard == [
         ("planned", 1, 3003),
         ("first byte", 0.25),
         ("superseded", 2003, True),
-        ("planned", 2, 0),
-        ("ready", 2, 0.0),
+        ("superseded", 0, True),
+        ("planned", 3, 0),
+        ("ready", 3, 0.25),
     ]
 
 

@@ -10,7 +10,8 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from server.session_model import Client, aim, assert_fatal, land, make_client, make_scene
 
 from terraport_server.actions import SendMessage, SessionLimits
-from terraport_server.groups import GroupLimits, Groups
+from terraport_server.group_state import GroupLimits
+from terraport_server.groups import Groups
 from terraport_server.session import Session
 from terraport_wire import (
     Arrived,

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from server.session_model import (
     Client,
+    aim,
+    assert_fatal,
     ids,
     kinds,
     land,
@@ -15,12 +17,14 @@ from server.session_model import (
     make_scene,
 )
 
-from terraport_server.actions import SendChunk
+from terraport_server.actions import MakePlan, SendChunk
 from terraport_wire import (
     MAX_CHUNK_BYTES,
     Budgets,
+    CloseCode,
     Credit,
     Degraded,
+    ErrorCode,
     Evict,
     Plan,
     Ready,
@@ -155,6 +159,70 @@ def test_a_finished_landing_is_not_superseded() -> None:
     client.run()
     client.tell(land(2))
     assert kinds(client.run()) == ["Plan", "Ready"]
+
+
+# Plans are made when it is the client's turn.
+
+
+def test_what_a_newer_landing_ends_before_its_turn_is_never_planned() -> None:
+    client = make_client()
+    for generation in range(1, 101):
+        client.tell(land(generation, 10.0 * generation))
+    client.tell(land(101, 30.0, radius_m=5.0))
+    assert client.looked_at == []
+    *ended, plan, chunk, ready = client.run()
+    assert [(m.generation, m.by, m.unsent_bytes) for m in ended] == [
+        (generation, generation + 1, 0) for generation in range(1, 101)
+    ]
+    assert (plan.generation, plan.load["id"].tolist()) == (101, [3])
+    assert (chunk.generation, ready.generation) == (101, 101)
+    assert client.looked_at == [1]
+
+
+def test_a_landing_ends_an_older_one_at_once_and_sends_nothing_until_its_plan() -> None:
+    client = make_client(make_scene(12, length=300_000))
+    client.tell(land(1))
+    client.run(until=lambda: len(client.chunks) == 4)
+    client.tell(land(2))
+    client.tell(land(3))
+    (first, second) = client.run(most=2)
+    assert [(m.generation, m.unsent_bytes > 0) for m in (first, second)] == [(1, True), (2, False)]
+    assert client.session.next_action() == MakePlan()
+    assert client.session.next_chunks(1) == []
+    assert client.session.next_action() == MakePlan(), "until it is answered"
+
+
+def test_a_plan_costs_what_is_near_and_what_is_held() -> None:
+    client = make_client()
+    client.tell(land(1, radius_m=25.0))
+    client.run()
+    client.tell(aim(2, 80.0, radius_m=10.0))
+    client.run()
+    assert client.looked_at == [3, 3 + 3]
+
+
+def test_an_aim_is_planned_after_the_landing_is_ready() -> None:
+    client = make_client()
+    client.tell(land(1))
+    client.tell(aim(2, 80.0))
+    assert kinds(client.run())[-2:] == ["SendChunk", "SendChunk"]
+    assert len(client.looked_at) == 2
+
+
+def test_a_deadline_counts_from_land_and_not_from_the_plan() -> None:
+    client = make_client(make_scene(12, length=300_000))
+    client.tell(land(1, deadline_ms=100, inner_radius_m=5.0))
+    client.now_s = 0.05
+    client.run(most=1)
+    assert client.session.wake_at_s() == 0.1
+
+
+def test_an_evict_between_land_and_plan_is_fatal() -> None:
+    client = make_client()
+    client.tell(land(1))
+    client.tell(Evict(segments=ids(11)))
+    error = assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
+    assert error.message == "got evict of segment 11 after land, expected the plan first"
 
 
 # Credit.

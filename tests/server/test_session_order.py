@@ -73,7 +73,7 @@ def test_no_chunk_of_an_older_generation_and_never_beyond_the_credit(
 
 def _reject(client: Client, segment: int) -> None:
     """Reject what is held; the newest plan that has it sends it again."""
-    client.run(until=lambda: client.session.pending == 0)
+    _until_told(client)
     if segment in client.held:
         client.held.discard(segment)
         newest = next((m for m in reversed(client.messages) if isinstance(m, Plan)), None)
@@ -82,8 +82,15 @@ def _reject(client: Client, segment: int) -> None:
         client.tell(Reject(generation=0, segment=segment, reason="x"))
 
 
+def _until_told(client: Client) -> None:
+    """Take every message and plan, and no payload."""
+    deliveries = client.session.deliveries
+    assert deliveries is not None
+    client.run(until=lambda: client.session.pending == 0 and not deliveries.plan_is_due)
+
+
 def _evict(client: Client, segment: int) -> None:
-    client.run(until=lambda: client.session.pending == 0)
+    _until_told(client)
     deliveries = client.session.deliveries
     assert deliveries is not None
     newest = next((m for m in reversed(client.messages) if isinstance(m, Plan)), None)

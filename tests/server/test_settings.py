@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 
 import pydantic
@@ -82,6 +83,8 @@ def test_the_environment_is_read(monkeypatch: pytest.MonkeyPatch) -> None:
         ("max_message_bytes", 2 << 20),
         ("idle_timeout_s", -1.0),
         ("payload_source", "tape"),
+        ("pull_base_url", "ftp://cdn.example/scenes"),
+        ("pull_base_url", "https://cdn.example/scenes?key=1"),
     ],
 )
 def test_values_out_of_range_are_refused(name: str, value: object) -> None:
@@ -121,15 +124,27 @@ def test_half_of_tls(tmp_path: Path) -> None:
 
 def test_every_bound_of_groups_comes_from_a_setting() -> None:
     changed = Settings(
-        max_groups=3, max_group_members=4, group_absence_s=5.0, group_deadline_s=6.0
+        max_groups=3,
+        max_groups_per_client=2,
+        max_group_members=4,
+        group_absence_s=5.0,
+        group_deadline_s=6.0,
     ).group_limits()
     default = Settings().group_limits()
     for name in type(changed).__dataclass_fields__:
         assert getattr(changed, name) != getattr(default, name), name
 
 
-def test_groups_are_served_by_one_process_alone() -> None:
+def test_where_groups_can_be_joined(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert Settings().groups_served == "here"
     assert Settings(group_routing="query").groups_served == "query"
     assert Settings(group_routing="off").groups_served == "none"
-    assert Settings(group_routing="query", workers=2).groups_served == "none"
+    monkeypatch.setattr(sys, "platform", "linux")
+    for routing in ("process", "query"):
+        assert Settings(group_routing=routing, workers=2).groups_served == "query"
+    assert Settings(group_routing="off", workers=2).groups_served == "none"
+    # What TLS has read ahead cannot be handed over; nor can a connection, elsewhere.
+    pem = tmp_path / "a.pem"
+    assert Settings(workers=2, tls_certificate=pem, tls_key=pem).groups_served == "none"
+    monkeypatch.setattr(sys, "platform", "darwin")
+    assert Settings(workers=2).groups_served == "none"

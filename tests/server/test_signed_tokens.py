@@ -57,9 +57,11 @@ def test_every_scene_must_be_said() -> None:
 
 
 def test_guides() -> None:
-    assert gate().may_guide(signed(CLAIMS | {"guide": True}), "pit")
-    assert not gate().may_guide(signed(CLAIMS | {"guide": True}), "quarry")
-    assert not gate().may_guide(signed(CLAIMS | {"guide": "yes"}), "pit")
+    assert gate().may_guide(signed(CLAIMS | {"scope": "guide"}), "pit")
+    assert gate().may_guide(signed(CLAIMS | {"scope": "openid guide metrics"}), "pit")
+    assert not gate().may_guide(signed(CLAIMS | {"scope": "guide"}), "quarry")
+    assert not gate().may_guide(signed(CLAIMS | {"scope": "land"}), "pit")
+    assert not gate().may_guide(signed(CLAIMS | {"scope": ["guide"]}), "pit")
     assert not gate().may_guide(signed(CLAIMS), "pit")
 
 

@@ -5,9 +5,11 @@ from __future__ import annotations
 import asyncio
 import os
 import random
+import re
 import signal
 import socket
 from collections.abc import Iterator
+from contextlib import AsyncExitStack, ExitStack
 from pathlib import Path
 
 import httpx
@@ -19,6 +21,7 @@ from server.supervised import Supervised, is_alive
 import terraport
 from terraport_server.errors import ServerError
 from terraport_server.listeners import Listeners
+from terraport_server.port_holder import _listening_inodes
 from terraport_server.settings import Settings
 from terraport_server.supervisor import Supervisor
 from terraport_wire import Credit, Land, Notice, Plan, Ready
@@ -155,7 +158,7 @@ def test_a_rolling_restart_costs_no_landing(
     with PlainClient(f"{service.url}/scenes/pit") as client_of_new:
         limits = client_of_new.hello().limits
         assert limits.max_radius_m == 400.0
-        assert limits.groups == "none"  # its members could be in different processes
+        assert limits.groups == "query"  # by which all of a group come to one process
     # Settings that cannot be used change nothing.
     pids = service.worker_pids()
     settings.write_text("TERRAPORT_MAX_RADIUS_M=-1\n")
@@ -217,6 +220,117 @@ def test_a_worker_that_dies_is_replaced_and_its_clients_resume(
     name = "terraport_landings_total{scene=big}"
     assert after[name] >= before[name]
     assert service.log.count("worker died") == len(killed)
+
+
+def listening(process: int, port: int) -> int:
+    """Sockets of the port that a process's event loop waits for."""
+    inodes = _listening_inodes(port)
+    watched = 0
+    for descriptor in Path(f"/proc/{process}/fd").iterdir():
+        if str(descriptor.readlink()) == "anon_inode:[eventpoll]":
+            for line in Path(f"/proc/{process}/fdinfo/{descriptor.name}").read_text().splitlines():
+                if line.startswith("tfd:"):
+                    target = Path(f"/proc/{process}/fd/{line.split()[1]}")
+                    watched += str(target.readlink()) in inodes
+    return watched
+
+
+def answers(port: int, count: int) -> list[str]:
+    """Connect so often, all at once; return the first line of each answer."""
+    lines = []
+    with ExitStack() as stack:
+        connections = [
+            stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=60))
+            for _ in range(count)
+        ]
+        for connection in connections:
+            connection.sendall(b"GET /healthz HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n")
+        for connection in connections:
+            lines.append(connection.recv(65536).decode().split("\r\n")[0])
+    return lines
+
+
+def test_who_connects_to_a_worker_that_hangs_is_served_by_the_others(pit: GridScene) -> None:
+    """It is stopped all the while: nobody but the other worker can have answered."""
+    with Supervised(pit.path.parent, worker_hang_s="3600") as running:
+        victim = running.worker_pids()[0]
+        # Both start at once: whose number is lower is chance.
+        ready = re.search(rf"worker ready worker=(\d) process={victim}\n", running.log)
+        assert ready is not None
+        os.kill(victim, signal.SIGSTOP)
+        try:
+            # Half of them fall to the stopped one.
+            assert answers(running.port, 24) == ["HTTP/1.1 200 OK"] * 24
+            metrics = running.metrics()
+        finally:
+            os.kill(victim, signal.SIGCONT)
+        assert metrics["terraport_workers{state=silent}"] == 1.0
+        assert metrics["terraport_workers{state=serving}"] == 1.0
+        assert metrics["terraport_worker_silences_total{}"] >= 1.0
+        assert f"worker silent worker={ready[1]}\n" in running.log
+        # Heard again, it is as before: each accepts from its own socket alone.
+        running.until(lambda: running.metrics()["terraport_workers{state=serving}"] == 2.0, 30)
+        assert running.metrics()["terraport_worker_restarts_total{}"] == 0.0
+        running.until(lambda: listening(running.worker_pids()[1], running.port) == 1, 30)
+
+
+def test_a_worker_that_hangs_for_long_is_replaced(pit: GridScene) -> None:
+    with Supervised(pit.path.parent, worker_hang_s="1.5") as running:
+        victim = running.worker_pids()[1]
+        os.kill(victim, signal.SIGSTOP)
+        running.until(lambda: "worker died" in running.log, 60)
+        # While its successor starts, too.
+        assert answers(running.port, 24) == ["HTTP/1.1 200 OK"] * 24
+        running.until(lambda: len(running.worker_pids()) == 3, 60)
+        assert not is_alive(victim)
+
+
+def test_all_of_a_group_meet_in_one_worker(service: Supervised) -> None:
+    """Whichever accepts them; so do those who come back, and those of another scene's group."""
+
+    async def party(stack: AsyncExitStack, name: str) -> list[terraport.Group]:
+        sessions = [
+            await stack.enter_async_context(
+                terraport.connect(f"{service.url}/scenes/pit", group=name if number % 2 else None)
+            )
+            for number in range(6)
+        ]
+        groups = [
+            await session.join_group(name, role="member" if number else "guide")
+            for number, session in enumerate(sessions)
+        ]
+        for group in groups:
+            await group.members_present(6, 60)
+        return groups
+
+    async def work() -> None:
+        async with AsyncExitStack() as stack:
+            parties = [await party(stack, name) for name in ("tour", "inspection", "class-7b")]
+            for groups in parties:
+                call = await groups[0].land_group((30.0, 0.0, 30.0), 15.0)
+                for group in groups:
+                    landing_call = group.newest or await group.next_landing(60)
+                    await landing_call.land()
+                assert (await call.all_there(60)).complete
+            metrics = await asyncio.to_thread(service.metrics)
+            assert metrics["terraport_groups_active{}"] == 3.0
+            assert metrics["terraport_group_members{}"] == 18.0
+
+    before = service.metrics()["terraport_passed_connections_total{}"]
+    asyncio.run(asyncio.wait_for(work(), 200))
+    assert service.metrics()["terraport_passed_connections_total{}"] - before == 18
+
+
+def test_every_line_says_which_worker(service: Supervised) -> None:
+    """Of the service's own and of uvicorn's."""
+    with PlainClient(f"{service.url}/scenes/pit") as client:
+        client.hello()
+    lines = [line for line in service.log.splitlines() if "Started server process" in line]
+    assert {re.findall(r" worker=(\d)", line)[0] for line in lines} == {"0", "1"}
+    service.until(lambda: "session closed" in service.log, 20)
+    for line in service.log.splitlines():
+        if " session=" in line:
+            assert " worker=" in line
 
 
 def test_workers_that_cannot_start_end_the_service(

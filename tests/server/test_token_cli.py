@@ -33,10 +33,20 @@ def test_from_key_to_open_scene(tmp_path: Path, algorithm: str) -> None:
     for path in tmp_path.iterdir():
         assert stat.S_IMODE(path.stat().st_mode) == 0o600
     code, token, output = run(
-        "create", "--keys", keys, "--name", "anna", "--scene", "pit", "--valid", "8h", "--guide"
+        "create",
+        "--keys",
+        keys,
+        "--name",
+        "anna",
+        "--scene",
+        "pit",
+        "--valid",
+        "8h",
+        "--scope",
+        "guide",
     )
     assert code == 0
-    assert re.search(r"for anna: pit, until 20\d\d-", output)
+    assert re.search(r"for anna: pit; guide, until 20\d\d-", output)
     gate = Gate(None, read_keys(served))
     assert gate.check(token.strip(), "pit") is None
     assert gate.check(token.strip(), "other") is not None

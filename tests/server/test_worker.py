@@ -8,12 +8,22 @@ import socket
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import httpx
 from server.grid_scene import write_grid_scene
 
 from terraport_server.control import Channel
 from terraport_server.listeners import Listeners
+
+
+async def heard(channel: Channel) -> dict[str, Any]:
+    """What the worker says beside that it is alive."""
+    while True:
+        message = await channel.hear()
+        assert message is not None
+        if message["kind"] != "alive":
+            return message
 
 
 def test_a_worker_serves_answers_and_ends_with_its_supervisor(tmp_path: Path) -> None:
@@ -32,7 +42,8 @@ def test_a_worker_serves_answers_and_ends_with_its_supervisor(tmp_path: Path) ->
             )
         channel = await Channel.open(ours)
         settings = {"scenes_dir": str(tmp_path), "token": "sixteen-characters", "public_metrics": 1}
-        channel.say("start", settings=settings, listeners=[listener.fileno()])
+        start = {"slot": 0, "listeners": [[listener.fileno()]], "mailbox": None}
+        channel.say("start", settings=settings, **start)
         assert await channel.hear() == {"kind": "ready"}
         # Nobody else could have told it the token: no argument and no variable has it.
         async with httpx.AsyncClient(
@@ -42,11 +53,10 @@ def test_a_worker_serves_answers_and_ends_with_its_supervisor(tmp_path: Path) ->
             assert (await http.get(f"{url}/scenes", headers={"Authorization": ""})).is_error
             # It asks its supervisor for everybody's metrics.
             scrape = asyncio.create_task(http.get(f"{url}/metrics"))
-            request = await channel.hear()
+            request = await heard(channel)
             assert request == {"kind": "scrape", "number": 1}
             channel.say("measure")
-            answer = await channel.hear()
-            assert answer is not None
+            answer = await heard(channel)
             assert "terraport_sessions_active" in answer["page"]
             channel.say("merged", number=1, page="all_of_us 7\n")
             assert (await scrape).text == "all_of_us 7\n"
@@ -54,7 +64,7 @@ def test_a_worker_serves_answers_and_ends_with_its_supervisor(tmp_path: Path) ->
         await channel.close()
         async with asyncio.timeout(20):
             _, log = await process.communicate()
-        assert process.returncode == 0
+        assert process.returncode == 0, log
         assert b"Traceback" not in log
         listeners.close()
 
@@ -67,7 +77,8 @@ def test_a_worker_that_cannot_serve_says_why_in_one_line(tmp_path: Path) -> None
     ours, theirs = socket.socketpair()
     with ours, theirs:
         settings = {"scenes_dir": str(tmp_path), "tokens_file": str(tmp_path / "tokens")}
-        start = {"kind": "start", "settings": settings, "listeners": []}
+        start = {"kind": "start", "settings": settings, "slot": 0, "listeners": [[]]}
+        start["mailbox"] = None
         ours.sendall(json.dumps(start).encode() + b"\n")
         process = subprocess.run(
             [sys.executable, "-m", "terraport_server.worker", str(theirs.fileno())],

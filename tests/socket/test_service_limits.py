@@ -9,7 +9,7 @@ from pathlib import Path
 import httpx
 import pytest
 from server.grid_scene import write_grid_scene
-from server.plain_client import PlainClient
+from server.plain_client import PlainClient, make_hello
 
 from terraport_server import BackgroundServer
 from terraport_server.logs import configure_logging, log
@@ -88,11 +88,13 @@ def test_addresses_behind_a_trusted_proxy_count_for_themselves(folder: Path) -> 
         with came("192.0.2.1") as first, came("192.0.2.2") as second, came("192.0.2.1") as again:
             first.hello()
             second.hello()
+            again.send(make_hello())
             assert again.refused()[1] == 4429
     with BackgroundServer(folder, max_sessions_per_ip=1, forwarded_allow_ips="192.0.2.9") as server:
         url = server.scene_url("pit")
         with came("192.0.2.1") as first, came("192.0.2.2") as second:
             first.hello()
+            second.send(make_hello())
             assert second.refused()[1] == 4429, "anybody may write such a header"
 
 

@@ -57,6 +57,11 @@ def test_lists_and_texts_are_bounded(tmp_path: Path) -> None:
     assert {(len(build.name), len(build.step)) for build in builds} == {(200, 200)}
 
 
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / ".pit.building.json")
+    assert list_building(tmp_path) == []
+
+
 def test_a_link_is_not_followed_and_one_scene_lists_none(tmp_path: Path) -> None:
     (tmp_path / "secret").write_text(json.dumps({"name": "a", "step": "b", "share": None}))
     (tmp_path / ".pit.building.json").symlink_to(tmp_path / "secret")

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 from store.tiny_scene import write_tiny_scene
 
-from terraport_store import DamagedSceneError, FolderFiles, Scene, path_inside
+from terraport_store import DamagedSceneError, FolderFiles, Scene, files, open_inside, path_inside
 
 
 def test_links_out_of_the_folder_lead_nowhere(tmp_path: Path) -> None:
@@ -38,6 +39,55 @@ def test_links_out_of_the_folder_lead_nowhere(tmp_path: Path) -> None:
             files.size(path)
     with pytest.raises(OSError, match="circle"):
         files.read("circle", 100)
+
+
+def test_what_is_opened_is_a_file_of_the_folder(tmp_path: Path) -> None:
+    scene = tmp_path / "scene"
+    (scene / "v" / "w").mkdir(parents=True)
+    (scene / "v" / "w" / "inside").write_text("inside")
+    (tmp_path / "beside").mkdir()
+    (tmp_path / "beside" / "inside").write_text("secret")
+    (scene / "in").symlink_to("v/w/inside")
+    (scene / "folder").symlink_to("../beside")
+    os.mkfifo(scene / "pipe")
+    for path in ("in", "v/w/inside"):
+        with os.fdopen(open_inside(scene, path)) as file:
+            assert file.read() == "inside"
+    for path in ("folder/inside", "folder", "../beside/inside", "/dev/zero"):
+        with pytest.raises(PermissionError, match="leads out"):
+            open_inside(scene, path)
+    for path in ("pipe", "v", ""):  # a pipe would be waited for
+        with pytest.raises(OSError, match="no regular file"):
+            open_inside(scene, path)
+    with pytest.raises(FileNotFoundError):
+        open_inside(scene, "v/none")
+    before = len(list(Path("/proc/self/fd").iterdir()))
+    with pytest.raises(OSError, match="no regular file"):
+        FolderFiles(scene).read("pipe", 100)
+    assert len(list(Path("/proc/self/fd").iterdir())) == before
+
+
+@pytest.mark.parametrize("swapped", ["v", "v/w"])
+def test_a_link_that_is_put_there_meanwhile_is_not_followed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, swapped: str
+) -> None:
+    """Between the look at the path and the opening of the file."""
+    scene, real_path = tmp_path / "scene", files.path_inside
+    (scene / "v" / "w").mkdir(parents=True)
+    (scene / "v" / "w" / "inside").write_text("inside")
+    (tmp_path / "beside" / "w").mkdir(parents=True)
+    for folder in (tmp_path / "beside", tmp_path / "beside" / "w"):
+        (folder / "inside").write_text("secret")
+
+    def slow_path(folder: Path, path: str) -> Path:
+        real = real_path(folder, path)
+        (scene / swapped).rename(tmp_path / "moved")
+        (scene / swapped).symlink_to(tmp_path / "beside")
+        return real
+
+    monkeypatch.setattr(files, "path_inside", slow_path)
+    with pytest.raises(OSError, match=r"v|w"):
+        open_inside(scene, "v/w/inside")
 
 
 def test_the_folder_itself_may_be_a_link(tmp_path: Path) -> None:

@@ -38,11 +38,12 @@ def test_the_manifest_goes_last(proxy: FaultProxy, url: str, tmp_path: Path) -> 
     scene = write_tiny_scene(tmp_path / "t", stable_ids=(4, 2, 9))
     change_labels(scene.path, {2: "bench"})
     (scene.path / "report.html").write_text("<p>fine</p>")
+    (scene.path / "report.pdf").write_bytes(b"%PDF-")
     done: list[int] = []
     report = upload_scene(scene.path, url, progress=lambda _path, _now, all_: done.append(all_))
     sent = puts(proxy)
-    assert sent[-3:] == ["labels.json", "report.html", "scene.json"]
-    assert set(sent[:-3]) == set(scene.manifest.files)
+    assert sent[-4:] == ["labels.json", "report.html", "report.pdf", "scene.json"]
+    assert set(sent[:-4]) == set(scene.manifest.files)
     assert done[-1] == sum(file.bytes for file in scene.manifest.files.values())
     assert (report.sent_files, report.kept_files) == (len(sent) - 1, 0)
 
@@ -102,6 +103,20 @@ def test_a_part_that_fails_is_sent_again(
     assert failed
     with Scene.open(url) as opened:
         assert [bytes(opened.payload(n)) for n in range(4)] == scene.glbs
+
+
+@pytest.mark.parametrize("name", ["report.html", "labels.json", "segments.pack"])
+def test_what_lies_beside_a_scene_is_not_uploaded(
+    proxy: FaultProxy, url: str, tiny: TinyScene, tmp_path: Path, name: str
+) -> None:
+    """A link out of it would publish whatever the uploading user may read."""
+    path = tiny.path / (tiny.manifest.files[name].path if "pack" in name else name)
+    path.unlink(missing_ok=True)
+    (tmp_path / "secret").write_text("secret")
+    path.symlink_to(tmp_path / "secret")
+    with pytest.raises((DamagedSceneError, PermissionError), match="leads out of the scene"):
+        upload_scene(tiny.path, url)
+    assert "scene.json" not in puts(proxy)
 
 
 def test_a_damaged_file_is_not_published(

@@ -20,11 +20,12 @@ from __future__ import annotations
 import asyncio
 from pathlib import Path
 from types import TracebackType
-from typing import Final
+from typing import Final, Literal
 
 from terraport.access import Access, Token
 from terraport.cache import SegmentCache
 from terraport.disk_cache import DEFAULT_DISK_BYTES, DiskCache
+from terraport.errors import UsageError
 from terraport.http import SceneHttp
 from terraport.live import Session
 from terraport.options import SessionOptions, checked
@@ -75,7 +76,9 @@ class Connecting:
                     DiskCache, self._cache_dir, url.key, self._disk_bytes
                 )
                 on_disk = await asyncio.to_thread(disk.catalogue)
-            state = ClientSession(self._options, SegmentCache(self._cache_bytes), on_disk)
+            state = ClientSession(
+                self._options, SegmentCache(self._cache_bytes), on_disk, server=url.server
+            )
             session = Session(state, http, url, self._access, self._timeouts, disk, self._group)
         except BaseException:
             await http.aclose()
@@ -112,6 +115,7 @@ def connect(
     release_factor: float | None = None,
     timeouts: Timeouts | None = None,
     group: str | None = None,
+    delivery: Literal["push", "pull"] = "push",
 ) -> Connecting:
     """Connect to a scene: ``async with connect(...) as session``.
 
@@ -141,6 +145,10 @@ def connect(
     group : str, optional
         Group that the session will join: named in the address, by which a proxy may bring all of
         it to one server. :meth:`Session.join_group` joins it.
+    delivery : {"push", "pull"}
+        How payload comes: on the session's own connection; or fetched over HTTP, from where the
+        server says, perhaps a CDN. A server that does not offer that sends it, and so does one
+        whose packs cannot be reached.
 
     Returns
     -------
@@ -157,6 +165,8 @@ def connect(
     UsageError
         An argument that cannot work.
     """
+    if delivery not in {"push", "pull"}:
+        raise UsageError(f"delivery is {delivery!r}, expected 'push' or 'pull'")
     if group is not None:
         checked(lambda: Join(request=0, group=group, role="member"))
     options = SessionOptions(
@@ -166,6 +176,7 @@ def connect(
         max_segments=max_segments,
         credit_bytes=credit_bytes,
         release_factor=release_factor,
+        pull=delivery == "pull",
     )
     return Connecting(
         SceneUrl.parse(url),

@@ -8,12 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from terraport.cache import CachedSegment
+from terraport.pull_ranges import Fetch, PackAddress
 from terraport_wire import Gathering, Hit, Member, Plan, SceneInfo, ServerLimits, Timings
 
 __all__ = [
     "Degraded",
     "Dropped",
     "Event",
+    "FetchNeeded",
+    "FetchStopped",
     "GroupCalled",
     "GroupGathered",
     "GroupJoined",
@@ -115,6 +118,23 @@ class RestoreNeeded:
 
     landing: int
     segments: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FetchNeeded:
+    """A session that pulls needs these payloads, the most urgent first, and no other any more.
+
+    The caller answers each with :meth:`ClientSession.fetched`, or all of them with
+    :meth:`ClientSession.stop_pulling` and another connection.
+    """
+
+    address: PackAddress
+    fetches: tuple[Fetch, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FetchStopped:
+    """Nothing is to be fetched until the next :class:`FetchNeeded`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -240,6 +260,8 @@ Event = (
     | SegmentArrived
     | SegmentRejected
     | RestoreNeeded
+    | FetchNeeded
+    | FetchStopped
     | Degraded
     | LandingSent
     | PayloadBegan

@@ -18,6 +18,8 @@ from terraport.events import (
     Degraded,
     Dropped,
     Event,
+    FetchNeeded,
+    FetchStopped,
     LandingSent,
     Noticed,
     Opened,
@@ -61,6 +63,8 @@ class EventIntake:
         self.waiting = Waiting()
         self.opened: Opened | None = None
         """The newest connection's welcome."""
+        self.on_fetch: Callable[[FetchNeeded | FetchStopped], None] | None = None
+        """Set once by the session, where it may pull."""
         self.worker: DiskWorker | None = None
         """Set once by the session, where it has a disk cache."""
         self.group: GroupRecord | None = None
@@ -79,6 +83,9 @@ class EventIntake:
             self.waiting.answer_pick(event)
         elif isinstance(event, SegmentRejected):
             self._rejected(event)
+        elif isinstance(event, FetchNeeded | FetchStopped):
+            assert self.on_fetch is not None  # only then is it asked for
+            self.on_fetch(event)
         elif isinstance(event, RestoreNeeded):
             self._restore(event)
         elif isinstance(event, Dropped) and self.worker is not None:

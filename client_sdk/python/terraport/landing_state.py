@@ -50,6 +50,8 @@ class LandingState:
     """Of the newest ``ready``."""
     began: bool = False
     """Whether a chunk of it has come, in any of its generations."""
+    pulled: bool = False
+    """Whether its payload is fetched here, so that ``ready`` is not waited for (17)."""
     done: bool = False
     """Whether it became ready for the client."""
 
@@ -85,8 +87,8 @@ class LandingState:
 
     @property
     def complete(self) -> bool:
-        """Whether it is ready for the client (wire protocol, section 6.4, rule 5)."""
-        return self.ready_seen and not self.waiting - self.missing
+        """Whether it is ready for the client (wire protocol, section 6.4, rule 5, and 17)."""
+        return (self.ready_seen or self.pulled) and not self.waiting - self.missing
 
     @property
     def shown(self) -> tuple[int, ...]:

@@ -129,6 +129,10 @@ class Link:
     def reroute(self, group: str) -> None:
         """Connect anew, at once, by a URL that names a group."""
         self.group = group
+        self.renew()
+
+    def renew(self) -> None:
+        """Connect anew, at once: what hello says has changed."""
         self._rerouting = True
         if self._websocket is not None:
             self._websocket.transport.abort()

@@ -26,12 +26,13 @@ from terraport.errors import (
     SessionClosedError,
     TerraportError,
 )
-from terraport.events import Opened
+from terraport.events import FetchNeeded, FetchStopped, Opened
 from terraport.group import Group, GroupRecord
 from terraport.http import SceneHttp
 from terraport.intake import EventIntake
 from terraport.landing import Landing
 from terraport.link import Link
+from terraport.puller import Puller
 from terraport.scene_box import SceneBox
 from terraport.session import ClientSession
 from terraport.session_stats import SessionStats
@@ -77,7 +78,19 @@ class Session:
                 removed=intake.removed,
             )
         self._worker = intake.worker
+        self._puller: Puller | None = None
+        if state.options.pull:
+            intake.on_fetch = self._on_fetch
+            self._puller = Puller(
+                access,
+                timeouts.http_s,
+                arrived=self._on_fetched,
+                told=self._on_range_ended,
+                lost=self._on_unreached,
+            )
         self._welcome: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self.unreached_pack: str | None = None
+        """Why payload is not fetched any more but comes in frames; None where nothing failed."""
         self._failure: TerraportError | None = None
         self._base: BaseMesh | None = None
         self._base_lock = asyncio.Lock()
@@ -133,6 +146,8 @@ class Session:
             repeated_bytes=self._state.repeated_bytes,
             rejected=self._intake.rejected,
             cache_bytes=self._state.holdings.cache_bytes,
+            pulled_bytes=0 if self._puller is None else self._puller.received_bytes,
+            pull_requests=0 if self._puller is None else self._puller.requests,
         )
 
     async def manifest(self) -> dict[str, Any]:
@@ -366,6 +381,8 @@ class Session:
 
     async def aclose(self) -> None:
         """Say goodbye and free everything; may be called again. ``async with`` calls it."""
+        if self._puller is not None:
+            self._puller.stop()
         self._link.leave()
         try:
             async with asyncio.timeout(self._timeouts.close_s):
@@ -381,9 +398,32 @@ class Session:
                 task.cancel()
             await asyncio.gather(*self._tasks, return_exceptions=True)
             self._fail(SessionClosedError("it was closed here"))
+            if self._puller is not None:
+                await self._puller.aclose()
             await self._http.aclose()
 
     # ---- private
+
+    def _on_fetch(self, event: FetchNeeded | FetchStopped) -> None:
+        assert self._puller is not None
+        if isinstance(event, FetchNeeded):
+            self._puller.want(event.address, event.fetches)
+        else:
+            self._puller.stop()
+
+    def _on_fetched(self, segment: int, payload: bytes) -> None:
+        self._state.fetched(segment, payload)
+        self._link.pump()
+
+    def _on_range_ended(self) -> None:
+        self._state.tell_fetched()
+        self._link.pump()
+
+    def _on_unreached(self, reason: str) -> None:
+        """Go on in frames: the connection is made anew, and what is held is not sent again."""
+        self.unreached_pack = reason
+        self._state.stop_pulling()
+        self._link.renew()
 
     async def _warn_outside(
         self, position: tuple[float, float, float], radius_m: float

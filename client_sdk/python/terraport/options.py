@@ -46,12 +46,15 @@ class SessionOptions:
     """Within so many radii of a landing what is held is kept beside what is shown, so that a hop
     back costs no bytes; None takes the server's."""
 
+    pull: bool = False
+    """Whether to fetch payload over HTTP, where the server offers that; else it comes in frames."""
+
     def __post_init__(self) -> None:
         if self.credit_bytes < 1:
             raise UsageError(f"credit_bytes is {self.credit_bytes}, expected 1 or more")
         checked(lambda: self.hello(np.zeros(0, dtype=HELD_DTYPE)))
 
-    def hello(self, held: AnyArray) -> Hello:
+    def hello(self, held: AnyArray, *, pull: bool = False) -> Hello:
         """Return the message that opens a connection."""
         return Hello(
             protocol=PROTOCOL,
@@ -65,6 +68,7 @@ class SessionOptions:
             credit_bytes=self.credit_bytes,
             release_factor=self.release_factor,
             held=held,
+            delivery="pull" if pull else None,
             timings=True,
         )
 

@@ -20,6 +20,7 @@ PURE: no I/O, no clock, no task.
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Iterable, Sequence
 
@@ -42,6 +43,7 @@ from terraport.landing_state import LandingState
 from terraport.offer import HeldOffer
 from terraport.options import SessionOptions, checked, point
 from terraport.pick_state import PickState
+from terraport.pull_ranges import PackAddress
 from terraport.transfers import Transfers
 from terraport_payload.types import AnyArray
 from terraport_wire import (
@@ -59,6 +61,7 @@ from terraport_wire import (
     Picked,
     Plan,
     Prefetch,
+    PullInfo,
     Ready,
     Unknown,
     Welcome,
@@ -70,6 +73,9 @@ from terraport_wire import (
 from terraport_wire import Superseded as SupersededMessage
 
 __all__ = ["ClientSession", "SessionOptions"]
+
+_PACK_PATH = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}/[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+"""Of a version's file, as the scene format has it (section 1)."""
 
 
 class ClientSession:
@@ -83,6 +89,8 @@ class ClientSession:
         Payloads in memory; from now on owned by the session.
     on_disk : mapping of int to int, optional
         xxh3 by segment id of what the disk cache holds of this scene.
+    server : str, optional
+        Server URL, which relative addresses of packs begin at; None never pulls.
     """
 
     def __init__(
@@ -90,8 +98,12 @@ class ClientSession:
         options: SessionOptions,
         cache: SegmentCache,
         on_disk: dict[int, int] | None = None,
+        server: str | None = None,
     ) -> None:
         self.options = options
+        self._server = server
+        self._pulls = options.pull and server is not None
+        """Whether to ask for payload by ranges."""
         self.version: str | None = None
         """Scene version of the newest connection."""
         self.holdings = Holdings(cache, on_disk)
@@ -190,7 +202,7 @@ class ClientSession:
         self._open = False
         self._greeting = True
         held_rows = self._offer.first(self.holdings.offer(), in_hello=offer_held)
-        self._outbox.append(self.options.hello(held_rows))
+        self._outbox.append(self.options.hello(held_rows, pull=self._pulls))
 
     def connection_lost(self) -> None:
         """Note that the connection is gone.
@@ -279,6 +291,7 @@ class ClientSession:
     def flush_aim(self) -> None:
         """Send the newest aim, if there is one and the connection is open."""
         if self.has_aim:
+            self._transfers.tell_fetched()
             self._send_evictions()
             self._generation += 1
             self._outbox.append(self._aim.take(self._generation))
@@ -325,6 +338,21 @@ class ClientSession:
         """Note that the disk cannot give a segment that it was asked for."""
         self._transfers.lost(segment)
 
+    # ---- payload that is fetched
+
+    def fetched(self, segment: int, payload: bytes) -> None:
+        """Take a payload that ``FetchNeeded`` asked for; its hash is compared here."""
+        self._transfers.on_fetched(segment, payload)
+
+    def tell_fetched(self) -> None:
+        """Tell the server what was fetched since it was last told."""
+        if self._open:
+            self._transfers.tell_fetched()
+
+    def stop_pulling(self) -> None:
+        """Ask for payload in frames, from the next connection on: the pack is out of reach."""
+        self._pulls = False
+
     # ---- messages
 
     def _on_message(self, message: Message) -> None:
@@ -369,6 +397,7 @@ class ClientSession:
         if changed:  # visible ids meant segments of the version before (5.4)
             self._transfers.hide_all()
         credit = min(self.options.credit_bytes, welcome.limits.max_credit_bytes)
+        self._transfers.pull = self._address_of(welcome.pull)
         # Granted in halves: the server never runs dry while a grant is on its way (8).
         self._credit_step = max(1, credit // 2)
         self._events.append(
@@ -404,6 +433,20 @@ class ClientSession:
 
     # ---- state
 
+    def _address_of(self, pull: PullInfo | None) -> PackAddress | None:
+        """Return where the pack is, as welcome says (17); None where payload comes in frames."""
+        if pull is None or not self._pulls:
+            return None
+        if not _PACK_PATH.fullmatch(pull.pack):
+            raise ProtocolViolationError(f"got the pack {pull.pack[:64]!r}, expected FOLDER/NAME")
+        if pull.base.startswith(("http://", "https://")):
+            return PackAddress(pull.base + pull.pack, pull.pack_bytes, is_ours=False)
+        if pull.base.startswith("/") or ":" in pull.base or ".." in pull.base:
+            raise ProtocolViolationError(
+                f"got the base address {pull.base[:64]!r}, expected http(s) or a relative path"
+            )
+        return PackAddress(f"{self._server}/{pull.base}{pull.pack}", pull.pack_bytes, is_ours=True)
+
     def _take_request(self) -> int:
         self._requests += 1
         return self._requests
@@ -417,6 +460,7 @@ class ClientSession:
         self._queued = landing
 
     def _send_landing(self, landing: LandingState) -> None:
+        self._transfers.tell_fetched()
         # Evictions go first: the plan must not keep what is gone here (6.7).
         self._send_evictions()
         self._generation += 1

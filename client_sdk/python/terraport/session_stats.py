@@ -30,6 +30,10 @@ class SessionStats:
     """Segments with a wrong hash, from the stream or the disk cache."""
     cache_bytes: int
     """Payload bytes in memory now."""
+    pulled_bytes: int = 0
+    """Bytes fetched over HTTP by a session that pulls: payload, and gaps between payloads."""
+    pull_requests: int = 0
+    """Requests that it took."""
 
     @property
     def aim_hit_rate(self) -> float | None:

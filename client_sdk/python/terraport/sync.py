@@ -21,7 +21,7 @@ import threading
 from collections.abc import Coroutine, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Final, Self, TypeVar
+from typing import Any, Final, Literal, Self, TypeVar
 
 from terraport import client
 from terraport.access import Token
@@ -231,6 +231,7 @@ def connect(
     release_factor: float | None = None,
     timeouts: Timeouts | None = None,
     group: str | None = None,
+    delivery: Literal["push", "pull"] = "push",
 ) -> Session:
     """Connect to a scene: ``with connect(...) as session``.
 
@@ -251,5 +252,6 @@ def connect(
             release_factor=release_factor,
             timeouts=timeouts,
             group=group,
+            delivery=delivery,
         )
     )

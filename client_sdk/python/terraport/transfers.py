@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Collection
 
+import numpy as np
 import xxhash
 
 from terraport.aim_counts import AimCounts
@@ -20,6 +21,8 @@ from terraport.errors import ProtocolViolationError
 from terraport.events import (
     Degraded,
     Event,
+    FetchNeeded,
+    FetchStopped,
     PayloadBegan,
     Planned,
     Prefetched,
@@ -32,8 +35,20 @@ from terraport.events import (
 from terraport.holdings import Holdings
 from terraport.landing_state import LandingState, PrefetchState
 from terraport.payloads import facts_of_payload
+from terraport.pull_ranges import Fetch, PackAddress
+from terraport_payload.types import AnyArray
+from terraport_wire import (
+    BLOCK_BYTES,
+    HELD_DTYPE,
+    MAX_HELD_SEGMENTS,
+    Held,
+    Message,
+    PayloadFrame,
+    Plan,
+    Prefetch,
+    Reject,
+)
 from terraport_wire import Degraded as DegradedMessage
-from terraport_wire import Message, PayloadFrame, Plan, Prefetch, Reject
 from terraport_wire import Ready as ReadyMessage
 from terraport_wire import Superseded as SupersededMessage
 
@@ -77,6 +92,10 @@ class Transfers:
         self._prefetch: PrefetchState | None = None
         self._parts = Assembler()
         self._retried: set[int] = set()
+        self.pull: PackAddress | None = None
+        """Where payload is fetched on the present connection; None where it comes in frames."""
+        self._untold: dict[int, int] = {}
+        """xxh3 by id of what was fetched and the server does not know to be held."""
 
     @property
     def unfinished(self) -> LandingState | None:
@@ -112,6 +131,10 @@ class Transfers:
     def connection_lost(self) -> LandingState | None:
         """Forget parts (10.2); return the newest landing that is not ready, to ask again."""
         self._parts.clear()
+        self._untold.clear()  # the next hello offers all
+        if self.pull is not None:
+            self.pull = None
+            self._report(FetchStopped())
         self._prefetch, self.aim_done = None, -1
         current, self._current = self._current, None
         waiting = [] if current is None or current.done else [current]
@@ -145,6 +168,7 @@ class Transfers:
         self._nearby = tuple(plan.nearby.tolist())
         self._retried.clear()
         landing.begin(plan)
+        landing.pulled = self.pull is not None
         self._parts.keep_only(landing.facts)
         self.aims.planned(plan.keep.tolist(), loads=len(plan.load) > 0)
         kept: list[CachedSegment] = []
@@ -166,6 +190,8 @@ class Transfers:
             self._report(RestoreNeeded(landing.number, tuple(restore)))
         for segment in gone:
             self._ask_again(landing, segment, self.held.hash_of(segment))
+        self._fetch(plan.load, plan.blocks)
+        self._finish_if_complete()
 
     def on_ready(self, ready: ReadyMessage) -> None:
         """Take one of the (one or more) ``ready`` of the present landing (6.4)."""
@@ -188,7 +214,7 @@ class Transfers:
             self._report(Degraded(landing.number, segments))
 
     def on_superseded(self, message: SupersededMessage) -> None:
-        """End a landing or a prefetch: no more frames of it come (6.5)."""
+        """End a landing or a prefetch: no more frames of it come, or never a plan (6.3, 6.5)."""
         landing = self._current
         if self._prefetch is not None and self._prefetch.generation == message.generation:
             self._prefetch = None
@@ -197,6 +223,10 @@ class Transfers:
             if not landing.done:
                 newer = self._asked[0].number if self._asked else landing.number
                 self._report(Superseded(landing.number, newer))
+        elif self._asked and self._asked[0].generation == message.generation:
+            unplanned = self._asked.popleft()
+            newer = self._asked[0].number if self._asked else unplanned.number
+            self._report(Superseded(unplanned.number, newer))
 
     def on_prefetch(self, prefetch: Prefetch) -> None:
         """Begin to take what an aim brings."""
@@ -204,11 +234,12 @@ class Transfers:
         self.aims.prefetching()
         self._retried.clear()
         self._parts.keep_only(self._prefetch.facts)
+        self._fetch(prefetch.segments, prefetch.blocks)
         self._end_prefetch_if_done(self._prefetch)
 
     def on_frame(self, frame: PayloadFrame) -> None:
         """Take one chunk; check the hash when it was the last one (4, rule 4)."""
-        landing, prefetch = self._current, self._prefetch
+        landing = self._current
         if landing is not None and landing.generation != frame.generation:
             landing = None
         facts, xxh3 = self._expected(frame, landing)
@@ -220,26 +251,85 @@ class Transfers:
         payload = self._parts.take(frame, None if facts is None else facts.length)
         if payload is None:
             return
-        actual = xxhash.xxh3_64_intdigest(payload)
-        if actual != xxh3:
-            number = None if landing is None else landing.number
-            self._report(SegmentRejected(number, frame.segment, actual, xxh3))
-            self._reject(frame.generation, frame.segment, facts, xxh3, "hash_mismatch")
-            if landing is None and prefetch is not None:
-                self._give_up_second_time(prefetch, frame.segment)
-            return
-        if facts is None:
+        if facts is None and xxhash.xxh3_64_intdigest(payload) == xxh3:
             facts = facts_of_payload(frame.segment, payload, xxh3)
+        self._take(frame.segment, payload, facts, xxh3, landing)
+
+    # ---- payload that is fetched (17)
+
+    def on_fetched(self, segment: int, payload: bytes) -> None:
+        """Take a payload that :class:`FetchNeeded` asked for; what nobody wants is dropped."""
+        landing, prefetch = self._current, self._prefetch
+        if landing is not None and segment not in landing.waiting:
+            landing = None
+        if landing is not None:
+            facts = landing.facts.get(segment)
+            if not landing.began:
+                landing.began = True
+                self._report(PayloadBegan(landing.number))
+        elif prefetch is not None and segment in prefetch.waiting:
+            facts = prefetch.facts[segment]
+        else:
+            return
+        if facts is not None and self._take(segment, payload, facts, facts.xxh3, landing):
+            self._untold[segment] = facts.xxh3
+
+    def tell_fetched(self) -> None:
+        """Tell the server what was fetched: before a land or aim, and from time to time."""
+        rows, self._untold = list(self._untold.items()), {}
+        for start in range(0, len(rows), MAX_HELD_SEGMENTS):
+            table = np.array(rows[start : start + MAX_HELD_SEGMENTS], dtype=HELD_DTYPE)
+            self._say(Held(segments=table))
+
+    def _fetch(self, load: AnyArray, blocks: AnyArray | None) -> None:
+        """Ask the shell for a plan's payloads, where this session pulls."""
+        if self.pull is None:
+            return
+        if blocks is None or len(blocks) != len(load):
+            got = "none" if blocks is None else str(len(blocks))
+            raise ProtocolViolationError(f"got {got} blocks, expected {len(load)} to pull by")
+        starts = blocks.astype(np.int64) * BLOCK_BYTES
+        if len(load) and int((starts + load["length"]).max()) > self.pull.total:
+            raise ProtocolViolationError(
+                f"got a payload beyond the pack, expected it within {self.pull.total} bytes"
+            )
+        rows = zip(load["id"].tolist(), starts.tolist(), load["length"].tolist(), strict=True)
+        fetches = tuple(Fetch(*row) for row in rows)
+        self._report(FetchNeeded(self.pull, fetches))
+
+    def _take(
+        self,
+        segment: int,
+        payload: bytes,
+        facts: SegmentFacts | None,
+        xxh3: int,
+        landing: LandingState | None,
+    ) -> bool:
+        """Take a whole payload; whether it is the one that was meant (4, rule 4)."""
+        prefetch = self._prefetch
+        actual = xxhash.xxh3_64_intdigest(payload)
+        if actual != xxh3 or facts is None:
+            number = None if landing is None else landing.number
+            generation = landing.generation if landing is not None else None
+            if generation is None:
+                assert prefetch is not None  # the caller found it wanted by one of the two
+                generation = prefetch.generation
+            self._report(SegmentRejected(number, segment, actual, xxh3))
+            self._reject(generation, segment, facts, xxh3, "hash_mismatch")
+            if landing is None and prefetch is not None:
+                self._give_up_second_time(prefetch, segment)
+            return False
         entry = CachedSegment(facts, payload)
         self.held.put(entry, trim=not self._asked)
         self._report(SegmentArrived(None if landing is None else landing.number, entry))
         if landing is not None:
-            landing.waiting.discard(frame.segment)
+            landing.waiting.discard(segment)
             self._finish_if_complete()
         elif prefetch is not None:
-            self.aims.arrived(frame.segment, len(payload))
-            prefetch.waiting.discard(frame.segment)
+            self.aims.arrived(segment, len(payload))
+            prefetch.waiting.discard(segment)
             self._end_prefetch_if_done(prefetch)
+        return True
 
     # ---- disk
 

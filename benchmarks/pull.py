@@ -1,0 +1,333 @@
+"""Payload over HTTP: what it costs the service, and what many viewers behind a cache cost it.
+
+::
+
+    python benchmarks/pull.py                       # about 3 minutes
+    python benchmarks/pull.py --nginx /usr/sbin/nginx --viewers 200
+    python benchmarks/pull.py --smoke
+
+* **files**: segments one by one, and ranges of 2 MiB of the pack, over one connection, whose client
+  only reads. CPU seconds of the service for each GB, from the kernel's accounting.
+* **cache**: viewers (the real SDK, ``delivery="pull"``, 20 at a time) land at one place through
+  nginx as a caching proxy in front of the service. What nginx asked the service for, against what
+  the viewers got.
+* **plans**: landings a second that the service's session decides on one core, with the messages of
+  each encoded and decoded: ``land`` to ``plan`` and ``held`` to ``ready``, of some 500 segments in
+  a scene of 100,000. No socket, no HTTP.
+* **folder**: the same viewers with nginx serving the scenes' folder as ``pull_base_url``. Payload
+  bytes through the service, and its CPU for each landing, connecting and all.
+
+nginx is Debian's; without one the last two are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import os
+import shutil
+import socket
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from parts.random_scene import TILE_M, write_random_scene
+from parts.service_process import ServiceProcess, free_port
+
+import terraport
+from terraport_server.actions import MakePlan, PullView, SceneView, SendMessage, SessionLimits
+from terraport_server.selection import SegmentTable
+from terraport_server.session import Session
+from terraport_store import PackedRTree, Scene
+from terraport_wire import (
+    HELD_DTYPE,
+    Budgets,
+    Direction,
+    Evict,
+    Held,
+    Hello,
+    Land,
+    Message,
+    Plan,
+    PullInfo,
+    decode,
+    encode,
+)
+
+RANGE_BYTES: Final = 2 << 20
+AT_ONCE: Final = 20
+
+_NGINX: Final = """
+daemon off; worker_processes 1; pid {folder}/pid; error_log {folder}/error.log warn;
+events {{ worker_connections 1024; }}
+http {{
+  access_log off; sendfile on; types {{ }} default_type application/octet-stream;
+  client_body_temp_path {folder}/b; fastcgi_temp_path {folder}/f; uwsgi_temp_path {folder}/u;
+  scgi_temp_path {folder}/s; proxy_temp_path {folder}/p;
+  log_subrequest on;
+  log_format origin "$upstream_status $upstream_bytes_received";
+  proxy_cache_path {folder}/cache keys_zone=packs:10m max_size=4g;
+  server {{
+    listen 127.0.0.1:{port};
+    location /scenes/ {{
+      slice 1m;
+      proxy_cache packs; proxy_cache_key $uri$slice_range; proxy_cache_lock on;
+      proxy_cache_valid 200 206 1y; proxy_set_header Range $slice_range;
+      proxy_http_version 1.1; proxy_set_header Connection "";
+      proxy_pass http://127.0.0.1:{origin};
+      access_log {folder}/origin.log origin;
+    }}
+    location /files/ {{ alias {scenes}/; }}
+  }}
+}}
+"""
+
+
+def main() -> None:
+    """Run what is asked for and print a Markdown table of each."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--nginx", default=shutil.which("nginx"))
+    parser.add_argument("--viewers", type=int, default=200)
+    parser.add_argument("--only", choices=("files", "plans", "viewers"))
+    parser.add_argument("--smoke", action="store_true")
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        side, volume = (2, 1 << 20) if options.smoke else (8, 300 << 20)
+        print("| what is asked for | MB | CPU-s per GB | us a request |\n|---|---|---|---|")
+        for kib in (32, 128, 1024):
+            scenes = folder / f"of-{kib}"
+            scenes.mkdir()
+            write_random_scene(scenes / "pit", side=side, segment_bytes=kib << 10, spread=1.0)
+            if options.only in {None, "files"}:
+                measure_files(scenes, volume, kib, options.nginx)
+        if options.only in {None, "plans"}:
+            measure_plans(4 if options.smoke else 200)
+        if options.nginx is not None and options.only in {None, "viewers"}:
+            viewers = 2 if options.smoke else options.viewers
+            measure_viewers(folder / "of-32", options.nginx, viewers, side)
+
+
+def measure_files(scenes: Path, volume: int, kib: int, nginx: str | None) -> None:
+    """Ask for segments, then for ranges of the pack, and for these of nginx beside it."""
+    with Scene.open(scenes / "pit") as scene:
+        pack = scene.manifest.files["segments.pack"]
+        count = len(scene.index)
+    spans = [
+        (start, min(start + RANGE_BYTES, pack.bytes) - 1)
+        for start in range(0, pack.bytes, RANGE_BYTES)
+    ]
+    asked = {
+        f"segments of {kib} KiB": [f"/scenes/pit/segments/{n}.glb" for n in range(count)],
+        "ranges of 2 MiB": [f"/scenes/pit/{pack.path}\r\nRange: bytes={a}-{b}" for a, b in spans],
+    }
+    with ServiceProcess(scenes) as service:
+        for what, requests in asked.items():
+            measure(what, service.port, requests, volume, service.cpu_s)
+    if nginx is None:
+        return
+    port = free_port()
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        config = _NGINX.format(folder=folder, port=port, origin=1, scenes=scenes)
+        with serving(nginx, folder, config, port) as pid:
+            there = [path.replace("/scenes/", "/files/") for path in asked["ranges of 2 MiB"]]
+            measure("the same of nginx", port, there, volume, lambda: cpu_of(pid))
+
+
+def measure(
+    what: str, port: int, requests: list[str], volume: int, cpu_s: Callable[[], float]
+) -> None:
+    """Ask until so many bytes have come; print a row."""
+    drain(port, requests, 1)
+    rounds = max(1, volume // drain(port, requests, 1))
+    before_s = cpu_s()
+    total = drain(port, requests, rounds)
+    used_s = cpu_s() - before_s
+    each_us = used_s / (rounds * len(requests)) * 1e6
+    print(f"| {what} | {total / 1e6:.0f} | {used_s / (total / 1e9):.3f} | {each_us:.0f} |")
+
+
+def cpu_of(pid: int) -> float:
+    """CPU seconds of a process and its children so far."""
+    children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+    ticks = 0
+    for process in (pid, *children):
+        fields = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+        ticks += int(fields[11]) + int(fields[12])
+    return ticks / os.sysconf("SC_CLK_TCK")
+
+
+def drain(port: int, requests: list[str], rounds: int) -> int:
+    """Ask one after the other over one connection; return the bytes of the bodies."""
+    total, buffer = 0, bytearray(1 << 20)
+    view = memoryview(buffer)
+    with socket.create_connection(("127.0.0.1", port)) as raw:
+        for request in requests * rounds:
+            path, _, header = request.partition("\r\n")
+            header = f"{header}\r\n" if header else ""
+            raw.sendall(f"GET {path} HTTP/1.1\r\nHost: localhost\r\n{header}\r\n".encode())
+            got = raw.recv_into(buffer)
+            head = bytes(view[: min(got, 4096)]).partition(b"\r\n\r\n")[0]
+            assert head[9:12] in {b"200", b"206"}, head
+            length = int(head.lower().partition(b"content-length: ")[2].partition(b"\r")[0])
+            left = length - (got - len(head) - 4)
+            while left:
+                left -= raw.recv_into(view[: min(left, len(view))])
+            total += length
+    return total
+
+
+def measure_plans(landings: int) -> None:
+    """Land at one place after another as a viewer that pulls and keeps nothing."""
+    side, radius_m = 316, 121.0
+    row, column = np.divmod(np.arange(side * side), side)
+    bounds = np.zeros((side * side, 6), dtype=np.float32)
+    bounds[:, 0], bounds[:, 2] = column * TILE_M, row * TILE_M
+    bounds[:, 3:] = bounds[:, :3] + np.float32(TILE_M - 0.5)
+    lengths = np.full(side * side, 40_000, dtype=np.uint32)
+    counts = np.full(side * side, 5000, dtype=np.uint32)
+    hashes = np.arange(side * side, dtype=np.uint64)
+    table = SegmentTable(
+        bounds=bounds, lengths=lengths, hashes=hashes, faces=counts, vertices=counts
+    )
+    pack = PullInfo(base="scenes/pit/", pack="v-1/segments.pack", pack_bytes=1 << 37)
+    pull = PullView(pack, hashes * np.uint64(40_000 // 64 * 64 + 64))
+    within = PackedRTree(bounds).within
+    view = SceneView("pit", "1", "pit", {"glb": table}, within, pull)
+    session = Session(view, SessionLimits(max_messages_per_s=1e9), session_id="s", now_s=0.0)
+    sent = {"land": 0, "plan": 0, "held": 0}
+
+    def say(message: Message) -> list[bytes]:
+        data = encode(message)
+        sent[message.TYPE] = sent.get(message.TYPE, 0) + len(data)
+        session.receive(decode(data, Direction.CLIENT_TO_SERVER), 0.0)
+        answers = []
+        while (action := session.next_action()) is not None:
+            if isinstance(action, MakePlan):
+                session.make_plan(0.0)
+                continue
+            assert isinstance(action, SendMessage)
+            answers.append(encode(action.message))
+        return answers
+
+    hello = Hello(
+        protocol=(1, 0),
+        client="b",
+        encoding="glb",
+        budgets=Budgets(),
+        credit_bytes=1 << 20,
+        delivery="pull",
+    )
+    say(hello)
+    segments, client_s = 0, 0.0
+    places = np.random.default_rng(1).uniform(200.0, (side - 20) * TILE_M, (landings, 2))
+    began_s = time.process_time()
+    for number, (x, z) in enumerate(places.tolist()):
+        answers = say(Land(generation=number, position=(x, 0.0, z), radius_m=radius_m))
+        at_s = time.process_time()  # what the client does is its own
+        plan = decode(answers[0], Direction.SERVER_TO_CLIENT)
+        assert isinstance(plan, Plan)
+        sent["plan"] += len(answers[0])
+        segments += len(plan.load)
+        rows = np.zeros(len(plan.load), dtype=HELD_DTYPE)
+        rows["id"], rows["xxh3"] = plan.load["id"], plan.load["xxh3"]
+        client_s += time.process_time() - at_s
+        say(Held(segments=rows))
+        say(Evict(segments=plan.load["id"]))
+    cpu_s = time.process_time() - began_s - client_s
+    print("\n| landings | segments each | plans a second and core | plan, B | held, B |")
+    print("|---|---|---|---|---|")
+    print(
+        f"| {landings} | {segments / landings:.0f} | {landings / cpu_s:.0f} | "
+        f"{sent['plan'] / landings:.0f} | {sent['held'] / landings:.0f} |"
+    )
+
+
+def measure_viewers(scenes: Path, nginx: str, viewers: int, side: int) -> None:
+    """Let many land at one place, through a cache and beside a folder of files."""
+    print(
+        "\n| packs from | viewers | they got, MB | asked of the service, MB (requests) | ", end=""
+    )
+    print("frames, MB | service CPU, ms a viewer |\n|---|---|---|---|---|---|")
+    for what, path in (("a caching proxy", "scenes"), ("the folder", "files")):
+        origin, port = free_port(), free_port()
+        service = ServiceProcess(
+            scenes,
+            port=origin,
+            pull_base_url=f"http://127.0.0.1:{port}/{path}",
+            max_sessions_per_ip=256,
+            max_connections_per_ip=1000,
+        )
+        with tempfile.TemporaryDirectory() as name, service:
+            folder = Path(name)
+            folder.chmod(0o755)
+            config = _NGINX.format(folder=folder, port=port, origin=origin, scenes=scenes)
+            with serving(nginx, folder, config, port):
+                before_s = service.cpu_s()
+                got, frames = asyncio.run(land_all(service.url, viewers, side))
+                cpu_s = service.cpu_s() - before_s
+            asked = origin_requests(folder / "origin.log")
+        print(
+            f"| {what} | {viewers} | {got / 1e6:.1f} | {sum(asked) / 1e6:.2f} ({len(asked)}) | "
+            f"{frames / 1e6:.2f} | {cpu_s / viewers * 1e3:.1f} |"
+        )
+
+
+@contextmanager
+def serving(nginx: str, folder: Path, config: str, port: int) -> Iterator[int]:
+    """Run nginx as the user that this runs as, root or not: it reads a folder of root's."""
+    (folder / "nginx.conf").write_text(("user root;\n" if os.geteuid() == 0 else "") + config)
+    command = [nginx, "-c", str(folder / "nginx.conf"), "-e", str(folder / "error.log")]
+    process = subprocess.Popen(command)
+    try:
+        until_s = time.monotonic() + 20
+        while time.monotonic() < until_s:
+            try:
+                socket.create_connection(("127.0.0.1", port), 1).close()
+                break
+            except OSError:
+                time.sleep(0.05)
+        yield process.pid
+    finally:
+        process.terminate()
+        process.wait()
+
+
+def origin_requests(log: Path) -> list[int]:
+    """Bytes of every answer that the proxy had from the service."""
+    asked: list[int] = []
+    for line in log.read_text().splitlines() if log.exists() else []:
+        fields = line.replace(",", " ").replace(":", " ").split()
+        numbers = [int(field) for field in fields[len(fields) // 2 :] if field.isdecimal()]
+        asked += [number for number in numbers if number]
+    return asked
+
+
+async def land_all(url: str, viewers: int, side: int) -> tuple[int, int]:
+    """Return the payload bytes that all viewers got, and those of them that came in frames."""
+    room = asyncio.Semaphore(AT_ONCE)
+    middle_m = side * TILE_M / 2
+
+    async def land_one() -> tuple[int, int]:
+        async with (
+            room,
+            terraport.connect(f"{url}/scenes/pit", delivery="pull") as session,
+        ):
+            landing = await session.land((middle_m, 0.0, middle_m), side * TILE_M)
+            await landing.ready(timeout_s=120)
+            assert session.unreached_pack is None, session.unreached_pack
+            stats = session.stats
+            return stats.payload_bytes, max(0, stats.payload_bytes - stats.pulled_bytes)
+
+    rows = await asyncio.gather(*(land_one() for _ in range(viewers)))
+    return sum(got for got, _ in rows), sum(frames for _, frames in rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,217 @@
+"""Bodies of HTTP answers by ``sendfile``: the ASGI extension ``http.response.zerocopysend``.
+
+uvicorn does not have it. With it a range of an open file goes from the page cache to the socket,
+and the head of the answer with its first bytes, in one segment: two system calls for a body that
+the socket takes at once. Not under TLS, and not on every system: an application asks the scope.
+
+The transport's buffer must be empty, so that nothing is overtaken; where it is not, which takes a
+client that sends requests ahead, the bytes are read and go through the transport like any others.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import socket
+from collections.abc import Callable
+from http import HTTPStatus
+from typing import Any, Final
+
+from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
+
+__all__ = ["FILES", "FileSender", "with_files"]
+
+FILES: Final = "http.response.zerocopysend"
+"""Name of the extension, and type of its message (ASGI, extensions)."""
+
+_MSG_MORE: Final = getattr(socket, "MSG_MORE", 0)
+"""The head waits for its body, so that both leave in one segment."""
+
+_REASONS: Final = {
+    status.value: f"HTTP/1.1 {status.value} {status.phrase}\r\n".encode() for status in HTTPStatus
+}
+
+
+class FileSender:
+    """Sends the answers of one connection; one answer at a time.
+
+    Parameters
+    ----------
+    transport
+        Of the connection: plain TCP.
+    stalled
+        Called with True whenever a wait for the client to take more begins, with False at its end.
+    """
+
+    def __init__(self, transport: asyncio.Transport, stalled: Callable[[bool], None]) -> None:
+        self._transport = transport
+        self._stalled = stalled
+        self._loop = asyncio.get_running_loop()
+        self._direct: socket.socket | None = None
+        """Our own descriptor of the same socket: the loop refuses to watch the transport's."""
+        self._room: asyncio.Future[None] | None = None
+        """Done when the body is with the socket, or the connection gone."""
+        self._rest: tuple[bytes, int, int, int] = (b"", -1, 0, 0)
+        """What is left of it: head, descriptor, offset, bytes."""
+
+    @staticmethod
+    def can_serve(transport: asyncio.Transport) -> bool:
+        """Whether the connection is one that takes files."""
+        raw = transport.get_extra_info("socket")
+        plain = transport.get_extra_info("ssl_object") is None
+        return plain and raw is not None and hasattr(os, "sendfile")
+
+    async def answer(
+        self, cycle: RequestResponseCycle, start: Any, message: Any, *, more_body: bool
+    ) -> None:
+        """Send a part of a body, and before the first one the head; waits for the socket.
+
+        Parameters
+        ----------
+        cycle
+            The request.
+        start
+            The message ``http.response.start``; None where it was sent.
+        message
+            ``file`` (a descriptor), ``offset``, ``count``.
+        more_body
+            Whether another part follows.
+
+        Raises
+        ------
+        OSError
+            When the file ends before `count`, or cannot be read: the client was promised more, so
+            the connection is dropped.
+        """
+        if cycle.disconnected:
+            return
+        head = b"" if start is None else _head(cycle, start)
+        cycle.response_started = True
+        cycle.waiting_for_100_continue = False
+        try:
+            if self._transport.get_write_buffer_size():
+                await self._send_read(cycle, head, message)
+            else:
+                await self._send_file(head, message)
+        except ConnectionError:
+            cycle.disconnected = True
+            self._transport.abort()
+            return
+        except OSError:
+            self._transport.abort()
+            raise
+        if cycle.disconnected or more_body:
+            return
+        cycle.response_complete = True
+        cycle.message_event.set()
+        if not cycle.keep_alive:
+            self._transport.close()
+        cycle.on_response()
+
+    def close(self) -> None:
+        """Let a body that waits for room know that the connection is gone; free the descriptor."""
+        if self._room is not None and not self._room.done():
+            self._room.set_result(None)
+        if self._direct is not None:
+            if self._room is not None:
+                self._loop.remove_writer(self._direct.fileno())
+            self._direct.close()
+            self._direct = None
+
+    async def _send_file(self, head: bytes, message: Any) -> None:
+        self._rest = (head, message["file"], message["offset"], message["count"])
+        direct = self._direct or self._own_socket()
+        if self._push(direct):
+            return
+        # From here on the socket's own readiness pushes: no task is woken for a part of a body.
+        self._room = room = self._loop.create_future()
+        self._stalled(True)
+        self._loop.add_writer(direct.fileno(), self._on_writable, direct)
+        try:
+            await room
+        finally:
+            self._room = None
+            if self._direct is not None:
+                self._loop.remove_writer(direct.fileno())
+                self._stalled(False)
+
+    def _push(self, direct: socket.socket) -> bool:
+        """Hand the socket what it takes; tell whether that was all."""
+        head, descriptor, offset, left = self._rest
+        try:
+            while head:
+                head = head[direct.send(head, _MSG_MORE if left else 0) :]
+            while left:
+                sent = os.sendfile(direct.fileno(), descriptor, offset, left)
+                if not sent:
+                    raise OSError(f"the file ends {left} bytes before its range")
+                offset, left = offset + sent, left - sent
+        except BlockingIOError:
+            self._rest = (head, descriptor, offset, left)
+            return False
+        return True
+
+    def _on_writable(self, direct: socket.socket) -> None:
+        if self._room is None or self._room.done():
+            return
+        try:
+            if self._push(direct):
+                self._room.set_result(None)
+            else:
+                self._stalled(True)  # it took something: the wait for it begins anew
+        except OSError as error:
+            self._room.set_exception(error)
+
+    async def _send_read(self, cycle: RequestResponseCycle, head: bytes, message: Any) -> None:
+        """Send behind what the transport still has."""
+        data = os.pread(message["file"], message["count"], message["offset"])
+        if len(data) < message["count"]:
+            raise OSError(f"the file ends {message['count'] - len(data)} bytes before its range")
+        self._transport.write(head + data)
+        if cycle.flow.write_paused:
+            await cycle.flow.drain()
+
+    def _own_socket(self) -> socket.socket:
+        raw = self._transport.get_extra_info("socket")
+        if raw.fileno() < 0:
+            raise ConnectionResetError
+        self._direct = socket.socket(fileno=os.dup(raw.fileno()))
+        self._direct.setblocking(False)
+        return self._direct
+
+
+def _head(cycle: RequestResponseCycle, start: Any) -> bytes:
+    """Return status line and headers; the application has said the length."""
+    lines = [_REASONS[start["status"]]]
+    for name, value in (*cycle.default_headers, *start["headers"]):
+        lines.append(b"%b: %b\r\n" % (name, value))
+    if not cycle.keep_alive:
+        lines.append(b"connection: close\r\n")
+    lines.append(b"\r\n")
+    return b"".join(lines)
+
+
+def with_files(files: FileSender, cycle: RequestResponseCycle, app: Any) -> Any:
+    """Let an application send files (`http.response.zerocopysend`) beside bytes."""
+
+    async def run(scope: Any, receive: Any, send: Any) -> None:
+        start = None  # kept until it is known what follows: a file's head goes with its bytes
+
+        async def send_any(message: Any) -> None:
+            nonlocal start
+            if message["type"] == FILES:
+                head, start = start, None
+                more_body = message.get("more_body", False)
+                await files.answer(cycle, head, message, more_body=more_body)
+                return
+            if message["type"] == "http.response.start":
+                start = message
+                return
+            if start is not None:
+                head, start = start, None
+                await send(head)
+            await send(message)
+
+        await app(scope, receive, send_any)
+
+    return run

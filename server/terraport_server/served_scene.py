@@ -1,0 +1,224 @@
+"""One version of one scene, open, with all that sessions and requests ask of it."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import time
+from concurrent.futures import Executor, ThreadPoolExecutor
+from pathlib import Path
+from typing import Final, Literal
+from urllib.parse import quote
+
+from terraport_server.actions import PullView, SceneView
+from terraport_server.logs import SomePerMinute, log
+from terraport_server.payload_desk import PayloadDesk
+from terraport_server.selection import SegmentTable
+from terraport_store import (
+    RegionNames,
+    Scene,
+    SceneFiles,
+    StoreError,
+)
+from terraport_wire import BLOCK_BYTES, PullInfo
+
+__all__ = ["ServedScene"]
+
+_FAILURES_PER_MINUTE: Final = 6
+"""Lines about segments of a scene that cannot be read: of a pack that is gone they are all the
+same, and each landing meets some of them."""
+
+
+class ServedScene:
+    """One version of one scene, open.
+
+    Whoever uses it beyond the current step of the event loop holds it: :meth:`hold` and
+    :meth:`release`, on the event loop's thread. It is closed when it is retired and nobody holds
+    it.
+    """
+
+    def __init__(
+        self,
+        scene_id: str,
+        scene: Scene,
+        names: RegionNames,
+        readers: Executor | None = None,
+        *,
+        fetch_threads: int = 0,
+        ahead_bytes: int = 0,
+        pull_base: str | None = None,
+    ) -> None:
+        self.id = scene_id
+        self.scene = scene
+        # Threads. Whoever may wait for a network waits in the scene's own.
+        self.fetchers: Executor | None = None
+        """Threads that may wait for the scene's storage; None = it lies on this machine."""
+        self.pickers: Executor | None = None
+        """The thread of its picks; None = the service's."""
+        if fetch_threads:
+            self.fetchers = ThreadPoolExecutor(fetch_threads, thread_name_prefix="fetch")
+            self.pickers = ThreadPoolExecutor(1, thread_name_prefix="pick")
+        # What sessions ask: payload bytes, names of regions, the tables of the plans.
+        self.desk = PayloadDesk(
+            scene,
+            readers,
+            hold=self.hold,
+            release=self.release,
+            fetchers=self.fetchers,
+            ahead_bytes=ahead_bytes,
+        )
+        """Its payloads, for all clients."""
+        self.names = names
+        """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
+        self.version = scene.manifest.version
+        index = scene.index
+        self.view = SceneView(
+            id=scene_id,
+            version=self.version,
+            name=scene.manifest.name,
+            encodings={
+                encoding: SegmentTable(
+                    bounds=index.bounds,
+                    lengths=scene.index_for(encoding).length,
+                    hashes=scene.index_for(encoding).xxh3,
+                    faces=index.face_count,
+                    vertices=index.vertex_count,
+                )
+                for encoding in scene.manifest.encodings
+            },
+            within=scene.within,
+            pull=None if pull_base is None else _pull_view(scene, pull_base),
+        )
+        self._failures = SomePerMinute(_FAILURES_PER_MINUTE)
+        # Life: open while anybody holds it, or nothing has replaced it.
+        self._holders = 0
+        self._retired = False
+        self.closed = False
+
+    @classmethod
+    def open(
+        cls,
+        scene_id: str,
+        location: Path | SceneFiles,
+        source: Literal["file", "mmap"],
+        readers: Executor | None = None,
+        *,
+        fetch_threads: int = 0,
+        ahead_bytes: int = 0,
+        pull_base_url: str | None = None,
+    ) -> ServedScene:
+        """Open the published version and build its R-tree. Blocks: call it in a thread.
+
+        ``fetch_threads`` and ``ahead_bytes`` are for scenes behind a network: see
+        :class:`~terraport_server.scene_roots.SceneRoot`. ``pull_base_url`` is where others serve
+        the scenes' folders; without it packs are fetched from this service, where they are files.
+
+        Raises
+        ------
+        StoreError
+            When the scene is not there or not whole.
+        OSError
+            When a file cannot be read.
+        """
+        scene = Scene.open(location, source=source)
+        # Built here, once, while no other thread knows the scene; asked on the loop's thread only.
+        _ = scene.spatial
+        try:
+            names = RegionNames.of(scene.regions)
+        except (StoreError, OSError) as error:
+            # A name never takes the ground away: the scene is served without.
+            log("regions not read", level=logging.ERROR, scene=scene_id, reason=str(error))
+            names = RegionNames()
+        # The facts are for tools, which read the file; here they would only take memory.
+        scene.__dict__.pop("regions", None)
+        pull_base = None
+        if pull_base_url is not None:
+            pull_base = f"{pull_base_url.rstrip('/')}/{quote(scene_id, safe='')}/"
+        elif not fetch_threads and source == "file":
+            pull_base = f"scenes/{quote(scene_id, safe='')}/"
+        return cls(
+            scene_id,
+            scene,
+            names,
+            readers,
+            fetch_threads=fetch_threads,
+            ahead_bytes=ahead_bytes,
+            pull_base=pull_base,
+        )
+
+    @property
+    def pack_path(self) -> str:
+        """Path of the GLB pack within the scene's folder: it names the version."""
+        manifest = self.scene.manifest
+        return manifest.files[manifest.encodings["glb"].pack].path
+
+    async def read(self, path: str, limit: int) -> bytes:
+        """Read a loose file of the scene in a thread; ``limit`` bytes at most.
+
+        Raises
+        ------
+        FileNotFoundError
+            When there is none.
+        StoreError, OSError
+            When it cannot be read.
+        """
+        self.hold()
+        try:
+            loop = asyncio.get_running_loop()
+            data = await loop.run_in_executor(self.fetchers, self.scene.files.read, path, limit)
+        finally:
+            self.release()
+        return data[:limit]
+
+    def tell_failure(
+        self, event: str, segment: int | None, error: Exception, *, landing: str | None = None
+    ) -> None:
+        """Log that a segment, or a file, could not be read; from any thread.
+
+        A few times a minute, and then how many more there were.
+        """
+        left_out = self._failures.left_out(time.monotonic())
+        if left_out is not None:
+            log(
+                event,
+                level=logging.ERROR,
+                landing=landing,
+                scene=self.id,
+                version=self.version,
+                segment=segment,
+                reason=str(error),
+                lines_left_out=left_out or None,
+            )
+
+    def hold(self) -> None:
+        """Keep the scene open until :meth:`release`."""
+        self._holders += 1
+
+    def release(self) -> None:
+        """End one :meth:`hold`; the last one closes a scene that was retired."""
+        self._holders -= 1
+        self._close_if_idle()
+
+    def retire(self) -> None:
+        """Serve no new session; close as soon as nobody holds the scene."""
+        self._retired = True
+        self._close_if_idle()
+
+    def _close_if_idle(self) -> None:
+        if self._retired and self._holders == 0 and not self.closed:
+            self.closed = True
+            self.scene.close()
+            for pool in (self.fetchers, self.pickers):
+                if pool is not None:
+                    pool.shutdown(wait=False)
+
+
+def _pull_view(scene: Scene, base: str) -> PullView | None:
+    """Return where clients fetch a scene's payloads; None where the wire has no number for it."""
+    manifest = scene.manifest
+    pack = manifest.files[manifest.encodings["glb"].pack]
+    offsets = scene.index.offset
+    if int(offsets[-1]) // BLOCK_BYTES >= 1 << 32 or (offsets % BLOCK_BYTES).any():
+        return None
+    info = PullInfo(base=base, pack=pack.path, pack_bytes=pack.bytes)
+    return PullView(info=info, offsets=offsets)

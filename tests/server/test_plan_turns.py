@@ -1,0 +1,158 @@
+"""Whose landing is planned next."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from terraport_server.plan_turns import LEAST_COST, PlanAccount, PlanTurns
+
+
+def plan(order: list[str], name: str, cost: int) -> Callable[[], int]:
+    """A plan that notes its name and looks at so many segments."""
+
+    def make() -> int:
+        order.append(name)
+        return cost
+
+    return make
+
+
+async def land_often(
+    turns: PlanTurns, order: list[str], name: str, cost: int, times: int
+) -> PlanAccount:
+    account = PlanAccount()
+    for _ in range(times):
+        await turns.take(account, plan(order, name, cost))
+    return account
+
+
+def test_who_lands_widely_waits_behind_who_does_not() -> None:
+    async def story() -> list[str]:
+        turns, order = PlanTurns(), list[str]()
+        await asyncio.gather(
+            land_often(turns, order, "wide", 9 * LEAST_COST, 5),
+            land_often(turns, order, "narrow", 0, 20),
+        )
+        assert len(turns) == 0
+        return order
+
+    order = asyncio.run(story())
+    turns_of_wide = [index for index, name in enumerate(order) if name == "wide"]
+    assert turns_of_wide[:3] == [0, 11, 22], "ten narrow ones cost as much as a wide one"
+
+
+def test_a_newcomer_goes_next() -> None:
+    async def story() -> list[str]:
+        turns, order = PlanTurns(), list[str]()
+        others = [
+            asyncio.create_task(land_often(turns, order, "wide", 10_000, 4)) for _ in range(8)
+        ]
+        for _ in range(20):
+            await asyncio.sleep(0)
+        came_at = len(order)
+        await turns.take(PlanAccount(), plan(order, "newcomer", 10_000))
+        assert order.index("newcomer") <= came_at + 1, "one turn may be under way"
+        await asyncio.gather(*others)
+        return order
+
+    assert len(asyncio.run(story())) == 33
+
+
+def test_idle_time_earns_nothing() -> None:
+    """Who was away for long gets the next turn, and not all of the following ones."""
+
+    async def story() -> list[str]:
+        turns, order = PlanTurns(), list[str]()
+        idle = PlanAccount()
+        await land_often(turns, order, "busy", 1000, 50)
+        order.clear()
+
+        async def back() -> None:
+            for _ in range(4):
+                await turns.take(idle, plan(order, "back", 1000))
+
+        await asyncio.gather(land_often(turns, order, "busy", 1000, 4), back())
+        return order
+
+    order = asyncio.run(story())
+    for count in range(1, 9):
+        assert abs(order[:count].count("busy") - order[:count].count("back")) <= 1
+
+
+def test_who_goes_away_gives_the_place_up() -> None:
+    async def story() -> list[str]:
+        turns, order = PlanTurns(), list[str]()
+        await turns.take(PlanAccount(), plan(order, "first", 0))
+        gone = asyncio.create_task(turns.take(PlanAccount(), plan(order, "gone", 0)))
+        stays = asyncio.create_task(turns.take(PlanAccount(), plan(order, "stays", 0)))
+        await asyncio.sleep(0)
+        gone.cancel()
+        await asyncio.gather(gone, stays, return_exceptions=True)
+        return order
+
+    assert asyncio.run(story())[-1] == "stays"
+
+
+def test_who_comes_alone_does_not_wait() -> None:
+    async def story() -> None:
+        turns, order = PlanTurns(), list[str]()
+        taking = turns.take(PlanAccount(), plan(order, "alone", 1))
+        with pytest.raises(StopIteration):
+            taking.send(None)
+        assert order == ["alone"]
+
+    asyncio.run(story())
+
+
+def test_a_failure_is_the_asker_s_and_nobody_else_s() -> None:
+    def fail() -> int:
+        raise ValueError("broken")
+
+    async def story() -> list[str]:
+        turns, order = PlanTurns(), list[str]()
+        results = await asyncio.gather(
+            turns.take(PlanAccount(), plan(order, "first", 0)),
+            turns.take(PlanAccount(), fail),
+            turns.take(PlanAccount(), plan(order, "last", 0)),
+            return_exceptions=True,
+        )
+        assert [type(result) for result in results] == [type(None), ValueError, type(None)]
+        return order
+
+    assert asyncio.run(story()) == ["first", "last"]
+
+
+@settings(max_examples=60)
+@given(costs=st.lists(st.integers(0, 20_000), min_size=2, max_size=6), turns_each=st.just(12))
+def test_shares_are_equal_while_all_ask(costs: list[int], turns_each: int) -> None:
+    """Between any two that ask all the time, what was used differs by two plans at most."""
+
+    async def story() -> None:
+        turns, order = PlanTurns(), list[str]()
+        used = [0.0] * len(costs)
+        worst = 2 * (max(costs) + LEAST_COST)
+        everybody_asks = True
+
+        async def client(number: int) -> None:
+            nonlocal everybody_asks
+            account = PlanAccount()
+
+            def make() -> int:
+                used[number] += costs[number] + LEAST_COST
+                order.append(str(number))
+                if everybody_asks and len(order) > len(costs):
+                    assert max(used) - min(used) <= worst
+                return costs[number]
+
+            for _ in range(turns_each):
+                await turns.take(account, make)
+            everybody_asks = False
+
+        await asyncio.gather(*(client(number) for number in range(len(costs))))
+
+    asyncio.run(story())
