@@ -27,7 +27,7 @@ from terraport_pipeline.engines.camera_files.write_opensfm import write_opensfm
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.report.report import ReportResult
-from terraport_pipeline.survey_files import find_survey
+from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.workflow.build import BuildOptions
 from terraport_pipeline.workflow.report import BuildReport
 from terraport_store import Scene, change_labels, read_manifest
