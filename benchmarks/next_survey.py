@@ -142,8 +142,13 @@ def dig(delivery: Path, pit: Pit, target: Path, *, noise: bool) -> int:
 
 
 async def _land(url: str, cache: Path, reach_m: float) -> terraport.LandingStats:
+    # The whole scene came within seconds: leaving waits until the disk has it.
     async with terraport.connect(
-        url, cache_dir=cache, cache_bytes=2**33, disk_bytes=2**34
+        url,
+        cache_dir=cache,
+        cache_bytes=2**33,
+        disk_bytes=2**34,
+        timeouts=terraport.Timeouts(close_s=600.0),
     ) as session:
         landing = await session.land((0.0, 0.0, 0.0), reach_m)
         await landing.ready(600)

@@ -14,7 +14,8 @@ from terraport.errors import CorruptSegmentError
 __all__ = ["DiskWorker"]
 
 _MAX_PENDING_BYTES: Final = 64 << 20
-"""Payloads waiting to be written; what comes while that many wait is not cached on disk."""
+"""Payloads waiting to be written; of what comes while that many wait only the id is kept, and it
+is written if memory still holds it when its turn comes."""
 
 
 class DiskWorker:
@@ -33,6 +34,8 @@ class DiskWorker:
         A segment is on disk.
     removed
         These were deleted to make room.
+    in_memory
+        What the memory cache holds of a segment; None where it holds nothing.
     """
 
     def __init__(
@@ -43,16 +46,19 @@ class DiskWorker:
         lost: Callable[[int], None],
         stored: Callable[[SegmentFacts], None],
         removed: Callable[[list[int]], None],
+        in_memory: Callable[[int], CachedSegment | None],
     ) -> None:
         self._disk = disk
         self._restored = restored
         self._lost = lost
         self._stored = stored
         self._removed = removed
+        self._in_memory = in_memory
         self._reads: deque[tuple[int, int]] = deque()
         self._writes: deque[CachedSegment] = deque()
         self._deletions: deque[dict[int, int]] = deque()
         self._pending_bytes = 0
+        self._later: dict[int, None] = {}  # ids, in order of their coming
         self._wake = asyncio.Event()
         self._idle = asyncio.Event()
         self._idle.set()
@@ -63,11 +69,13 @@ class DiskWorker:
         self._work()
 
     def store(self, entry: CachedSegment) -> None:
-        """Write a segment, unless too much waits already."""
+        """Write a segment; where too much waits already, when that is written."""
         if self._pending_bytes + len(entry.payload) <= _MAX_PENDING_BYTES:
             self._pending_bytes += len(entry.payload)
             self._writes.append(entry)
-            self._work()
+        else:
+            self._later[entry.facts.segment] = None
+        self._work()
 
     def remove(self, segments: dict[int, int]) -> None:
         """Delete segments, given as xxh3 by id."""
@@ -83,7 +91,7 @@ class DiskWorker:
         while True:
             await self._wake.wait()
             self._wake.clear()
-            while self._reads or self._writes or self._deletions:
+            while self._reads or self._writes or self._deletions or self._later:
                 await self._step()
             self._idle.set()
 
@@ -104,11 +112,19 @@ class DiskWorker:
                 self._restored(entry)
         elif self._deletions:
             await asyncio.to_thread(self._disk.remove, self._deletions.popleft())
-        else:
+        elif self._writes:
             entry = self._writes.popleft()
-            removed = await asyncio.to_thread(self._disk.put, entry)
+            await self._put(entry)
             self._pending_bytes -= len(entry.payload)
-            if removed is not None:
-                self._stored(entry.facts)
-                if removed:
-                    self._removed(removed)
+        else:
+            segment = next(iter(self._later))
+            del self._later[segment]
+            if (entry := self._in_memory(segment)) is not None:
+                await self._put(entry)
+
+    async def _put(self, entry: CachedSegment) -> None:
+        removed = await asyncio.to_thread(self._disk.put, entry)
+        if removed is not None:
+            self._stored(entry.facts)
+            if removed:
+                self._removed(removed)

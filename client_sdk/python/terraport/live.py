@@ -76,6 +76,7 @@ class Session:
                 lost=intake.lost,
                 stored=intake.stored,
                 removed=intake.removed,
+                in_memory=state.holdings.peek,
             )
         self._worker = intake.worker
         self._puller: Puller | None = None
