@@ -113,6 +113,14 @@ def test_open_edges_are_seams_cracks_or_rims() -> None:
         min_faces=1,
     )
     assert (rim.seam_edges, rim.cracks, rim.rims) == (0, 0, 2)
+    # Between two vertices that the cut made lies the cut itself.
+    cut, beside = [0, 3, 0, 4], [1, 3, 1, 4]
+    ends = settle(
+        join,
+        [seen([1], edges=[cut], middles=here), seen([1], edges=[beside], middles=here)],
+        min_faces=1,
+    )
+    assert (ends.seam_edges, ends.cracks, ends.rims) == (0, 0, 2)
 
 
 def test_a_sheet_over_two_tiles_has_a_seam_and_no_crack() -> None:

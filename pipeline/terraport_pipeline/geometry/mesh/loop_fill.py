@@ -9,12 +9,17 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+from typing import Final
+
 import numba
 import numpy as np
 
 from terraport_payload.types import Float64, Int64
 
 __all__ = ["directed_loops", "fill_loop"]
+
+_MAX_PLACES: Final = 200
+"""Of a loop that is filled in one piece."""
 
 
 def directed_loops(edges: Int64) -> tuple[list[Int64], int]:
@@ -72,10 +77,14 @@ def directed_loops(edges: Int64) -> tuple[list[Int64], int]:
 def fill_loop(loop: Float64) -> Int64:
     """Triangulate a closed loop so that the area is least.
 
+    A departure from the source: the time of least area grows with the cube of n, so a loop of more
+    than 200 places is first cut by the shortest chord that leaves each part a quarter of it, and
+    each part likewise. In a long sliver, which it mostly is, that chord runs across.
+
     Parameters
     ----------
     loop : ndarray of shape (n, 3), float64
-        Places in order, n >= 3. The time grows with the cube of n.
+        Places in order, n >= 3.
 
     Returns
     -------
@@ -87,7 +96,32 @@ def fill_loop(loop: Float64) -> Int64:
     >>> fill_loop(np.array([[0.0, 0, 0], [2, 0, 0], [0.5, 0.5, 0], [0, 2, 0]])).tolist()
     [[0, 2, 3], [0, 1, 2]]
     """
-    return _least_area(np.ascontiguousarray(loop, dtype=np.float64))
+    loop = np.ascontiguousarray(loop, dtype=np.float64)
+    faces = [np.zeros((0, 3), np.int64)]
+    # Invariant: the faces and the parts that are left tile the loop; parts share chords alone.
+    parts = [np.arange(len(loop))]
+    while parts:
+        part = parts.pop()
+        if len(part) <= _MAX_PLACES:
+            faces.append(part[_least_area(loop[part])])
+            continue
+        i, j = _shortest_chord(loop[part])
+        parts += [part[i : j + 1], np.concatenate([part[j:], part[: i + 1]])]
+    return np.concatenate(faces)
+
+
+@numba.njit(cache=True)
+def _shortest_chord(loop: Float64) -> tuple[int, int]:
+    """Find places i < j that are nearest to each other, at least a quarter of the loop apart."""
+    n = len(loop)
+    apart = n // 4
+    nearest, low, high = np.inf, 0, apart
+    for i in range(n - apart):
+        for j in range(i + apart, min(n, i + n - apart + 1)):
+            gap = ((loop[i] - loop[j]) ** 2).sum()
+            if gap < nearest:
+                nearest, low, high = gap, i, j
+    return low, high
 
 
 @numba.njit(cache=True)

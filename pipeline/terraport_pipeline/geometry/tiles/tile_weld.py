@@ -11,8 +11,9 @@ a lattice corner were exchanged: four faces at one edge.)
 2. Matches become classes in order of distance; a class never holds two vertices of one tile. On
 the line where four cores meet a class has up to four members.
 3. Edges that run along the wall in opposite directions on both sides cancel. The rest, reversed, is
-the boundary of what is missing; its closed loops are filled by the triangulation of least area
-(G. Barequet and M. Sharir, "Filling gaps in the boundary of a polyhedron", CAGD 12, 1995).
+the boundary of what is missing; its loops are filled by the triangulation of least area
+(G. Barequet and M. Sharir, "Filling gaps in the boundary of a polyhedron", CAGD 12, 1995;
+:mod:`~terraport_pipeline.geometry.tiles.wall_gaps`).
 
 PURE: no I/O, no clock.
 """
@@ -20,7 +21,7 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numba
@@ -28,7 +29,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from terraport_payload.types import Bool, Float32, Float64, Int32, Int64, UInt8
-from terraport_pipeline.geometry.mesh.loop_fill import directed_loops, fill_loop
+from terraport_pipeline.geometry.mesh.loop_fill import fill_loop
+from terraport_pipeline.geometry.tiles.wall_gaps import ON_LINE_CELLS, missing_loops
 
 __all__ = ["HeldBorder", "Seams", "TileBorder", "weld_tiles"]
 
@@ -38,12 +40,6 @@ EDGE_REACH_CELLS: Final = 1.0
 
 PLANE_REACH_CELLS: Final = 0.25
 """Vertices that took different edges at one lattice corner."""
-
-_MAX_LOOP: Final = 200
-"""Vertices of a loop that is filled; the triangulation takes their cube."""
-
-_MAX_CAP_CELLS: Final = 8.0
-"""A loop of one side alone (a bubble that the other side lacks) is capped up to this wide."""
 
 _FAR: Final = 1e7
 """Parts lattice lines in a search by distance: more than any cell index."""
@@ -63,6 +59,8 @@ class TileBorder:
     """(E, 2) open edges that run along a wall, as their faces go round; places in `rows`."""
     walls: UInt8
     """(E,) wall of each edge: 2 * axis, and 1 more for the high one."""
+    apart: Int32 = field(default_factory=lambda: np.zeros(0, np.int32))
+    """Places in `rows` of vertices that are joined to nothing, by a match or by fillers."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +84,7 @@ class HeldBorder:
         """Give the tile's border, moved to where it was, with its fillers as faces of the tile's.
 
         Vertices that it got follow its own, and have no row (-1). Those that were not shared and
-        will be cut away are left out with their edges: a chance match there would change the tile.
+        will be cut away stay apart: a chance match there would change the tile.
         """
         # (1) Vertices at their earlier positions. `place` is that of each of the K.
         shared, guests = len(self.rows), len(self.cells) - len(self.rows)
@@ -109,8 +107,12 @@ class HeldBorder:
         opposite = edges[:, 1].astype(np.int64) * len(rows) + edges[:, 0]
         alone = ratio > self.largest_ratio
         alone[place] = False
-        is_open = ~np.isin(key, opposite) & ~alone[edges].any(axis=1)
-        return TileBorder(rows, cells, ratio, edges[is_open], walls[is_open])
+        is_open = ~np.isin(key, opposite)
+        # (3) Nor is one open on a line where walls meet: there fillers of all walls close up.
+        off = np.abs(cells[edges][:, :, :, None] - planes).max(axis=1).reshape(-1, 6)
+        is_open &= (off < ON_LINE_CELLS).sum(axis=1) < 2
+        apart = np.flatnonzero(alone).astype(np.int32)
+        return TileBorder(rows, cells, ratio, edges[is_open], walls[is_open], apart)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,11 +215,15 @@ def _weld(
     # (3) what is missing
     loops: list[tuple[int, Int64]] = []
     open_edges = 0
+    at_line = _at_lines(borders, root)
+    is_apart = np.zeros(count, dtype=np.bool_)
+    for border, start in zip(borders, starts[:-1], strict=True):
+        is_apart[border.apart + start] = True
     for wall, keep in zip(walls, _uncancelled(walls, root), strict=True):
-        closed, left = _missing_loops(root[wall.edges[keep]], wall.side[keep], cells)
+        closed, left = missing_loops(root[wall.edges[keep]], wall.side[keep], cells, at_line)
         filled = wall.beyond if wall.tile in held and wall.beyond not in held else wall.tile
-        loops += [(filled, loop) for loop in closed]
-        open_edges += left
+        loops += [(filled, loop) for loop in closed if not is_apart[loop].any()]
+        open_edges += left + sum(len(loop) for loop in closed if is_apart[loop].any())
     return _assemble(
         borders, starts, tile_of, cells, root, loops, gaps, unmatched, open_edges, held
     )
@@ -232,7 +238,7 @@ class _Wall:
     beyond: int
     axis: int
     low: Int64
-    """Vertices of the tile below it, ascending."""
+    """Vertices of the tile below it that may be joined, ascending."""
     high: Int64
     edges: Int64
     """(E, 2) of both sides."""
@@ -243,20 +249,26 @@ class _Wall:
 def _wall_pair(
     borders: Sequence[TileBorder], starts: Int64, low: int, high: int, axis: int
 ) -> _Wall:
-    sides_edges = []
+    edges, joinable = [], []
     for tile, code in ((low, 2 * axis + 1), (high, 2 * axis)):
         border = borders[tile]
-        sides_edges.append(border.edges[border.walls == code].astype(np.int64) + starts[tile])
-    side = np.repeat([0, 1], [len(edges) for edges in sides_edges]).astype(np.uint8)
-    return _Wall(
-        low,
-        high,
-        axis,
-        np.unique(sides_edges[0]),
-        np.unique(sides_edges[1]),
-        np.concatenate(sides_edges),
-        side,
-    )
+        edges.append(border.edges[border.walls == code].astype(np.int64) + starts[tile])
+        joinable.append(np.setdiff1d(edges[-1], border.apart + starts[tile]))
+    side = np.repeat([0, 1], [len(each) for each in edges]).astype(np.uint8)
+    below, above = joinable
+    return _Wall(low, high, axis, below, above, np.concatenate(edges), side)
+
+
+def _at_lines(borders: Sequence[TileBorder], root: Int64) -> Bool:
+    """Mark classes on lines where walls meet: a tile's border turns there, from wall to wall."""
+    turns = []
+    for border in borders:
+        in_axis = np.zeros((len(border.rows), 3), dtype=np.bool_)
+        in_axis[border.edges, border.walls[:, None] // 2] = True
+        turns.append(in_axis.sum(axis=1) > 1)
+    at_line = np.zeros(len(root), dtype=np.bool_)
+    at_line[root[np.concatenate([np.zeros(0, np.bool_), *turns])]] = True
+    return at_line
 
 
 def _match(cells: Float64, wall: _Wall) -> tuple[Int64, Float64]:
@@ -353,43 +365,6 @@ def _uncancelled(walls: Sequence[_Wall], root: Int64) -> list[Bool]:
         key = wall.edges[:, 0] * base + wall.edges[:, 1]
         marks.append(np.isin(key, left))
     return marks
-
-
-def _missing_loops(edges: Int64, side: UInt8, cells: Float64) -> tuple[list[Int64], int]:
-    """Find closed loops that bound what is missing between both sides; count edges in none.
-
-    Parameters
-    ----------
-    edges : ndarray of shape (E, 2), int64
-        Of both sides, joined vertices by one number.
-    """
-    proper = edges[:, 0] != edges[:, 1]
-    edges, side = edges[proper], side[proper]
-    # Cancel: an edge of one side with its opposite on the other, one for one.
-    ordered = np.sort(edges, axis=1)
-    forward = (edges[:, 0] == ordered[:, 0]).astype(np.int64)
-    unique, which = np.unique(ordered, axis=0, return_inverse=True)
-    balance = np.bincount(which.ravel(), 2 * forward - 1, minlength=len(unique)).astype(np.int64)
-    left = np.flatnonzero(balance)
-    if not len(left):
-        return [], 0
-    # Reversed: the fillers' own direction.
-    turned = np.where((balance[left] > 0)[:, None], unique[left][:, ::-1], unique[left])
-    repeated = np.repeat(turned, np.abs(balance[left]), axis=0)
-    side_of_edge = {
-        tuple(sorted(edge)): int(s) for edge, s in zip(edges.tolist(), side.tolist(), strict=True)
-    }
-    loops, open_edges = directed_loops(repeated)
-    kept = []
-    for loop in loops:
-        around = zip(loop.tolist(), np.roll(loop, -1).tolist(), strict=True)
-        sides = {side_of_edge[(min(u, v), max(u, v))] for u, v in around}
-        wide = float(np.ptp(cells[loop], axis=0).max())
-        if len(loop) > _MAX_LOOP or (len(sides) == 1 and wide > _MAX_CAP_CELLS):
-            open_edges += len(loop)
-        else:
-            kept.append(loop)
-    return kept, open_edges
 
 
 def _assemble(

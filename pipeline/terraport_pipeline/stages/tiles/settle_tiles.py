@@ -243,9 +243,9 @@ def _restore_settled(stored: Stored, _facts: Facts) -> Settled:
 
 
 def _settled_facts(settled: Settled) -> Facts:
-    choices: list[str] = []
+    warnings: list[str] = []
     if settled.cracks:
-        choices.append(
+        warnings.append(
             f"{settled.cracks} edges between tiles stay open; look at the seams in the report, "
             "and build with a larger --tile-depth if they show"
         )
@@ -255,7 +255,7 @@ def _settled_facts(settled: Settled) -> Facts:
         "seam_rims": settled.rims,
         "islands_dropped": settled.islands,
     }
-    return Facts(counts, choices=tuple(choices))
+    return Facts(counts, tuple(warnings))
 
 
 SETTLED_FORM: Final[Form[Settled]] = Form(_store_settled, _restore_settled, _settled_facts)
@@ -318,7 +318,12 @@ def _count_open(looks: Sequence[Look], ids: Sequence[Int64]) -> tuple[int, int, 
     left = np.flatnonzero(~closed)
     if not len(left):
         return int(closed.sum()) // 2, 0, 0
-    near = cKDTree(middles[left]).query_pairs(_CRACK_CELLS, output_type="ndarray")
-    other = tile[left][near[:, 0]] != tile[left][near[:, 1]] if len(near) else np.zeros(0, bool)
+    # An edge between two vertices that the cut made is where the surface was cut.
+    is_cut = (edges[left][:, :, 0] != edges[left][:, :, 1]).all(axis=1)
+    uncut = left[~is_cut]
+    if not len(uncut):
+        return int(closed.sum()) // 2, 0, len(left)
+    near = cKDTree(middles[uncut]).query_pairs(_CRACK_CELLS, output_type="ndarray")
+    other = tile[uncut][near[:, 0]] != tile[uncut][near[:, 1]] if len(near) else np.zeros(0, bool)
     cracked = np.unique(near[other])
     return int(closed.sum()) // 2, len(cracked), len(left) - len(cracked)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from terraport_pipeline.geometry.mesh.loop_fill import directed_loops, fill_loop
 
@@ -50,3 +51,28 @@ def test_the_least_area_is_found() -> None:
     a, b, c = (dart[faces[:, corner]] for corner in range(3))
     area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
     assert area == 1.0
+
+
+def test_a_long_sliver_is_filled_across() -> None:
+    """Two polylines along a wall that part and meet again 900 places on: one surface, no more."""
+    rng = np.random.default_rng(3)
+    x = np.arange(451.0)
+    gap = 0.8 * np.sin(np.pi * x / 450) + 0.02
+    low = np.stack([x, rng.uniform(-0.1, 0.1, 451) - gap, 0 * x], axis=1)
+    high = np.stack([x + 0.3, rng.uniform(-0.1, 0.1, 451) + gap, 0 * x], axis=1)
+    loop = np.concatenate([low, high[::-1]])
+    faces = fill_loop(loop)
+    assert faces.shape == (len(loop) - 2, 3)
+    # Every edge of the loop once, its way; every other edge once each way.
+    sides = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    assert len(np.unique(sides, axis=0)) == len(sides)
+    around = {(i, (i + 1) % len(loop)) for i in range(len(loop))}
+    directed = set(map(tuple, sides.tolist()))
+    assert around <= directed
+    assert all((v, u) in directed for u, v in directed - around)
+    # No more than the sliver: nowhere do triangles fold over each other.
+    corners = loop[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    turned = loop[:, 0] * np.roll(loop[:, 1], -1) - np.roll(loop[:, 0], -1) * loop[:, 1]
+    area = 0.5 * np.linalg.norm(normal, axis=1).sum()
+    assert area == pytest.approx(0.5 * abs(turned.sum()), rel=0.01)

@@ -125,6 +125,22 @@ def test_where_one_side_ends_the_rest_is_a_rim() -> None:
     assert seams.unmatched == 2
 
 
+def test_surfaces_that_part_for_good_are_closed_between_them() -> None:
+    """Away from all samples each solver's surface runs on alone: they part from z = 2 on."""
+    parting = [(y + 1.5 * max(0.0, z - 2.0), z) for y, z in PLACES]
+    seams = weld(parting)
+    own, other = (ids.tolist() for ids in seams.tile_ids)
+    assert own[:3] == other[:3]
+    # The gap is bound by 2-3-4 below and 4-3-2 beyond, and closed between both ends.
+    assert len(seams.fillers[0]) == 3
+    assert seams.open_edges == 0
+    ends = {(own[4], other[4]), (other[4], own[4])}
+    sides = {(f[i], f[(i + 1) % 3]) for f in seams.fillers[0].tolist() for i in range(3)}
+    assert {(own[3], own[2]), (own[4], own[3])} <= sides
+    assert {(other[2], other[3]), (other[3], other[4])} <= sides
+    assert len(ends & sides) == 1
+
+
 def test_a_small_bubble_of_one_side_is_capped() -> None:
     ring = [(1.0, 0.5), (1.5, 1.0), (1.0, 1.5), (0.5, 1.0)]
     border = polyline(ring, wall=LOW, backwards=False)
@@ -176,6 +192,36 @@ def test_four_tiles_that_meet_in_a_line_share_its_vertex() -> None:
     assert len(set(shared)) == 1
     assert seams.cells[shared[0]] == pytest.approx([16.0, 5.515, 16.0])
     assert (seams.open_edges, seams.unmatched) == (0, 0)
+
+
+def test_gaps_go_on_around_the_line_where_four_tiles_meet() -> None:
+    """At the line they are cells apart, a cell off they meet: four slivers, each closed there."""
+    borders = []
+    for x, z in ((0, 0), (1, 0), (0, 1), (1, 1)):
+        other_x, other_z = (16.0 + (1 if x else -1)), (16.0 + (1 if z else -1))
+        cells = np.array([[16.0, 5.5 + 3.0 * (x + 2 * z), 16.0], [16, 5.5, 16], [16, 5.5, 16]])
+        cells[1, 2] = other_z  # along the wall x = 16
+        cells[2, 0] = other_x  # along the wall z = 16
+        edges = np.array([[1, 0], [0, 2]], dtype=np.int32)
+        if x != z:
+            edges = edges[:, ::-1].copy()
+        walls = np.array([1 - x, 4 + 1 - z], dtype=np.uint8)
+        ratio = np.zeros(3, dtype=np.float32)
+        borders.append(TileBorder(np.arange(3, dtype=np.int32), cells, ratio, edges, walls))
+    seams = weld_tiles(borders, [(0, 1, 0), (2, 3, 0), (0, 2, 2), (1, 3, 2)])
+    assert [len(filler) for filler in seams.fillers] == [2, 1, 1, 0]
+    assert seams.open_edges == 0
+    # What is left open lies on the line, and runs as often up as down over each of its parts.
+    edges = []
+    for border, rows, ids in zip(borders, seams.tile_rows, seams.tile_ids, strict=True):
+        own = np.full(3, -1)
+        own[rows] = ids[: len(rows)]
+        edges += [tuple(edge) for edge in own[border.edges].tolist()]
+    for a, b, c in np.concatenate(seams.fillers).tolist():
+        edges += [(a, b), (b, c), (c, a)]
+    left = np.array([edge for edge in edges if edge[::-1] not in edges])
+    assert (seams.cells[left][:, :, [0, 2]] == 16.0).all()
+    assert np.array_equal(np.sort(left[:, 0]), np.sort(left[:, 1]))
 
 
 def test_the_order_of_walls_does_not_matter() -> None:
