@@ -2,6 +2,11 @@
 #ifndef STUB_UNITY_CG
 #define STUB_UNITY_CG
 #include "Eyes.hlsl"
+#if defined(STUB_SAMPLER2D)
+// Compilers newer than Direct3D 9 do not know it; Unity's includes make it up in such a way, too.
+struct sampler2D { Texture2D<float4> image; SamplerState state; };
+float4 tex2D(sampler2D from, float2 uv) { return from.image.Sample(from.state, uv); }
+#endif
 float4 unity_LightShadowBias;
 float4 unity_FogParams;
 float4 unity_FogColor;

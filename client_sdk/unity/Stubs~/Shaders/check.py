@@ -6,7 +6,8 @@ By glslang (Debian glslang-tools); with ``--slang`` also by Slang's HLSL front e
 which follows what is written before it is read. Variants are instancing, both eyes in one pass
 (instanced, multiview, side by side), fog, and the colour space. It finds what a compiler of HLSL
 finds: a wrong name, type or semantic in our own lines, a name of a pipeline that is not listed
-here, an eye that was not passed on. It does not find what Unity's real includes do.
+here. No front end sees that a vertex does not pass its eye on: that is looked for in the text. What
+Unity's real includes do is not found.
 """
 
 from __future__ import annotations
@@ -41,7 +42,7 @@ FrontEnd = Callable[[Path, str, str, list[str]], str]
 
 
 def stages(shader: Path) -> Iterator[tuple[int, str, str, str]]:
-    """Number of the pass, its source, stage and entry point of each program of a shader."""
+    """Yield number of the pass, source, stage and entry point of each program of a shader."""
     for number, body in enumerate(PASS.findall(shader.read_text("utf-8"))):
         source = "\n".join(
             line for line in body.splitlines() if not line.strip().startswith("#pragma")
@@ -77,7 +78,7 @@ def slang_of(library_path: Path) -> FrontEnd:
         words += ["-warnings-disable", "39019"]
         for folder in INCLUDES:
             words += ["-I", str(folder)]
-        words += [f"-D{keyword}" for keyword in keywords]
+        words += [f"-D{keyword}" for keyword in ["STUB_SAMPLER2D", *keywords]]
         arguments = (ctypes.c_char_p * len(words))(*(word.encode() for word in words))
         request = ctypes.c_void_p(library.spCreateCompileRequest(session))
         failed = library.spProcessCommandLineArguments(request, arguments, len(words)) < 0
@@ -114,6 +115,18 @@ def failures(shader: Path, compile_by: FrontEnd) -> tuple[int, list[str]]:
     return count, found or ([] if count else [f"{shader.name}: no pass"])
 
 
+def without_eye(source: Path) -> list[str]:
+    """List vertex programs whose output has a place for the eye that they do not write."""
+    text = source.read_text("utf-8")
+    outputs = re.findall(r"struct (\w+)\s*\{[^}]*UNITY_VERTEX_OUTPUT_STEREO[^}]*\}", text)
+    programs = re.findall(r"^(\w+) (\w+)\(Attributes input\)\n\{\n(.*?)^\}", text, re.M | re.S)
+    return [
+        f"{source.name}, {name}: {output} is returned without its eye"
+        for output, name, body in programs
+        if output in outputs and "UNITY_INITIALIZE_VERTEX_OUTPUT_STEREO(output)" not in body
+    ]
+
+
 def main() -> int:
     """Check them all; the exit code is 1 where one does not compile."""
     parser = argparse.ArgumentParser(description="compile the shaders against stub includes")
@@ -124,7 +137,9 @@ def main() -> int:
         if library is None:
             parser.error("no Slang: pip install slangpy")
         front_ends["Slang"] = slang_of(library)
-    bad = False
+    eyeless = [text for path in sorted(RUNTIME.rglob("*.hlsl")) for text in without_eye(path)]
+    print("\n".join(eyeless))
+    bad = bool(eyeless)
     for name, compile_by in front_ends.items():
         for shader in sorted(RUNTIME.rglob("*.shader")):
             count, found = failures(shader, compile_by)
