@@ -25,8 +25,6 @@ namespace EngineNetwork
 namespace
 {
 constexpr std::size_t PieceBytes = 60000;
-/// How long a socket must have been still before a round is begun with less than it could take, milliseconds.
-constexpr int StillMs = 30;
 /// Of a frame of the game, as the visit has them.
 constexpr double GameFrameS = 0.005;
 /// In a frame, where the thread does not wait at all.
@@ -40,6 +38,8 @@ struct FSocketThread
 	double WaitedS = 0.0;
 	/// What the engine's module gives libwebsockets for a buffer: its MaxHttpHeaderData.
 	unsigned ReceiveBytes = 32 * 1024;
+	/// How long a socket must have been still before a round is begun with less than it could take, milliseconds.
+	int StillMs = 1;
 	bool bInRound = false;
 	bool bBusy = false;
 	int Rounds = 0;
@@ -65,8 +65,12 @@ FSocketThread Thread;
 /// machine is that counts them.
 void AwaitBytes(int Socket)
 {
+	// A round must be able to take its buffer: how quickly a kernel widens its own for a slow reader is not what is counted.
+	const int RoomBytes = 4 * int(Thread.ReceiveBytes);
+	(void)setsockopt(Socket, SOL_SOCKET, SO_RCVBUF, &RoomBytes, sizeof(RoomBytes));
 	int Waiting = 0, Before = -1;
-	for (int Still = 0; Still < StillMs && ioctl(Socket, FIONREAD, &Waiting) == 0 && unsigned(Waiting) < Thread.ReceiveBytes; ++Still)
+	for (int Still = 0;
+		Still < Thread.StillMs && ioctl(Socket, FIONREAD, &Waiting) == 0 && unsigned(Waiting) < Thread.ReceiveBytes; ++Still)
 	{
 		Still = Waiting != Before ? 0 : Still;
 		Before = Waiting;
@@ -355,6 +359,11 @@ void Install(unsigned ReceiveBytes)
 		Requests.push_back(Request.StubObject);
 		return Request;
 	};
+}
+
+void Await(int StillMs)
+{
+	Thread.StillMs = StillMs;
 }
 
 FPace Pace()

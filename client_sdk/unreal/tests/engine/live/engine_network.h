@@ -21,6 +21,9 @@ struct FPace
 void Install(unsigned ReceiveBytes);
 /// Tell what came; once a frame. True while the socket brings something.
 bool Pump();
+/// Begin a round only when nothing has come for so long, or as much as it can take is here: then a round that brings nothing is
+/// one in which the service had nothing to send, and not one in which it was too busy to.
+void Await(int StillMs);
 /// Frames and rounds since the start.
 FPace Pace();
 } // namespace EngineNetwork

@@ -167,10 +167,12 @@ int main(int Count, char** Arguments)
 	const FVector Corner = Bounds.Min * 0.7 + Bounds.Max * 0.3;
 
 	// 2. The first landing, with the pace of the module's thread meanwhile.
+	EngineNetwork::Await(200);
 	const EngineNetwork::FPace Before = EngineNetwork::Pace();
 	int64 First = Visit.Scene.Land(Middle, RadiusM, FTerraportLandOptions());
 	Expect(Visit.Until([&] { return Visit.LastReady == First; }), "the first landing is ready");
 	const EngineNetwork::FPace After = EngineNetwork::Pace();
+	EngineNetwork::Await(1);
 	Expect(Visit.Until([&] { return Visit.LastShown == First; }), "the first landing is shown");
 	const int64 FirstBytes = Visit.Scene.TakeStats().PayloadBytes;
 	ExpectShown(Visit, First);
