@@ -103,20 +103,28 @@ class Client:
 
 
 def socket_pace(
-    cpp: CppCore, scene_url: str, radius_m: float, *, late: bool = False
+    cpp: CppCore,
+    scene_url: str,
+    radius_m: float,
+    *,
+    late: bool = False,
+    buffer_bytes: int = 32 * 1024,
 ) -> dict[str, Any]:
-    """Land in Unreal's scene on the stubs; return what its first landing took of the socket.
+    """Land in Unreal's scene on the stubs; return what it took of the socket until it was ready.
 
     Parameters
     ----------
     late
         Something has loaded the engine's WebSockets module before the plugin starts.
+    buffer_bytes
+        What one round of the module's thread takes from its socket at most.
 
     Returns
     -------
     dict
-        ``frame_time_s`` (between two rounds of the socket's thread), ``frames`` of 5 ms, ``rounds``
-        (each takes 32 KiB at most), ``payload_bytes``, ``ms``, ``warnings`` of the plugin's start.
+        ``frame_time_s`` (between two rounds of the socket's thread), ``frames`` of 5 ms and
+        ``rounds`` until the landing was ready, ``payload_bytes``, ``warnings`` of the plugin's
+        start. Time is frames: how fast this machine is does not count.
 
     Raises
     ------
@@ -125,7 +133,7 @@ def socket_pace(
     """
     program = [str(cpp.folder / "bin" / "terraport-scene-on-stubs")]
     done = subprocess.run(
-        [*program, scene_url, str(radius_m), "", *(["late"] * late)],
+        [*program, scene_url, str(radius_m), "", "late" if late else "early", str(buffer_bytes)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,

@@ -6,6 +6,7 @@ Neither engine is run: a stub finds a wrong name or type, not a wrong picture.
 from __future__ import annotations
 
 import graphlib
+import importlib.util
 import json
 import re
 import shutil
@@ -84,6 +85,12 @@ def test_the_shaders_of_unity_compile() -> None:
     if shutil.which("glslangValidator") is None:
         skip_or_fail("the shaders cannot be compiled (apt-get install glslang-tools)")
     cores.run_logged([sys.executable, str(UNITY / "Stubs~" / "Shaders" / "check.py")])
+
+
+def test_the_shaders_of_unity_compile_by_slang() -> None:
+    if importlib.util.find_spec("slangpy") is None:
+        pytest.skip("no second HLSL front end (pip install slangpy: 92 MB)")
+    cores.run_logged([sys.executable, str(UNITY / "Stubs~" / "Shaders" / "check.py"), "--slang"])
 
 
 def test_every_file_that_unity_imports_has_its_meta() -> None:

@@ -14,11 +14,16 @@ from engines.programs import socket_pace
 from faults.service import Service
 
 RADIUS_M: Final = 8
+FULL_RADIUS_M: Final = 25
+"""A landing of 8 MB: what greets, asks and plans takes a few rounds of whatever size."""
+
 FRAME_S: Final = 0.005
 ROUND_BYTES: Final = 32 * 1024
 """What one round takes from a socket at most: the buffer that the engine gives libwebsockets."""
 
 ENGINES_S: Final = 0.0333
+MAX_RATIO: Final = 1.15
+"""Time from the call to ready, over what the bytes alone need."""
 
 
 @pytest.fixture(scope="module")
@@ -53,3 +58,15 @@ def test_at_the_engines_pace_the_rounds_are_what_takes_the_time(
     assert late["rounds"] >= needed
     assert late["frames"] * FRAME_S >= (needed - 1) * ENGINES_S
     assert early["frames"] * 4 < late["frames"]
+
+
+@pytest.mark.parametrize("buffer_kib", [4, 32, 64, 128])
+def test_nothing_but_the_bytes_is_waited_for(
+    cpp: cores.CppCore, server: Service, buffer_kib: int
+) -> None:
+    """Asking, planning and acknowledging cost next to no rounds, however small or large."""
+    url = f"{server.url}/scenes/big"
+    pace = socket_pace(cpp, url, FULL_RADIUS_M, late=True, buffer_bytes=buffer_kib * 1024)
+    assert pace["payload_bytes"] > 8e6
+    needed_s = pace["payload_bytes"] / (buffer_kib * 1024) * ENGINES_S
+    assert 1 <= pace["frames"] * FRAME_S / needed_s <= MAX_RATIO, pace

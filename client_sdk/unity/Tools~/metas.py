@@ -1,5 +1,8 @@
 """Write the .meta file beside every file and folder that Unity imports from this package.
 
+Samples lie hidden in the package, and are copied into a project with their .meta files: a scene or
+a prefab names scripts by their GUIDs.
+
 Unity refuses assets of a package (which it may not write to) without them. A GUID is the MD5 of the
 package's name and the path, so that it is the same on every machine and changes only when a file
 moves.
@@ -71,9 +74,12 @@ _BROWSER = (
     + _END
 )
 
+_PREFAB = "PrefabImporter:\n  externalObjects: {}\n" + _END
+
 _BY_SUFFIX = {
     ".cs": _SCRIPT,
     ".asmdef": _ASMDEF,
+    ".prefab": _PREFAB,
     ".shader": _SHADER,
     ".hlsl": _INCLUDE,
     ".jslib": _BROWSER,
@@ -84,8 +90,12 @@ _BY_SUFFIX = {
 
 
 def is_imported(path: Path) -> bool:
-    """Whether Unity looks at it: no .meta, nothing below a name like `.x` or `x~`."""
+    """Whether Unity looks at it: no .meta, nothing below a name like `.x` or `x~` but samples."""
     parts = path.relative_to(ROOT).parts
+    if parts[0] == "Samples~":
+        parts = parts[2:]  # each sample's folder gets its .meta where it is copied to
+        if not parts:
+            return False
     return path.suffix != ".meta" and not any(
         part.startswith(".") or part.endswith("~") for part in parts
     )

@@ -1,7 +1,6 @@
 #pragma once
 
 #include "CoreMinimal.h"
-#include "Misc/EngineVersionComparison.h"
 
 class IWebSocket
 {
@@ -17,15 +16,11 @@ public:
 	using FWebSocketConnectionErrorEvent = TMulticastDelegate<const FString&>;
 	using FWebSocketClosedEvent = TMulticastDelegate<int32, const FString&, bool>;
 	using FWebSocketMessageEvent = TMulticastDelegate<const FString&>;
-	using FWebSocketRawMessageEvent = TMulticastDelegate<const void*, SIZE_T, SIZE_T>;
+	using FWebSocketBinaryMessageEvent = TMulticastDelegate<const void*, SIZE_T, bool>;
 	virtual FWebSocketConnectedEvent& OnConnected() = 0;
 	virtual FWebSocketConnectionErrorEvent& OnConnectionError() = 0;
 	virtual FWebSocketClosedEvent& OnClosed() = 0;
 	virtual FWebSocketMessageEvent& OnMessage() = 0;
-	virtual FWebSocketRawMessageEvent& OnRawMessage() = 0;
-#if !UE_VERSION_OLDER_THAN(5, 2, 0)
-	using FWebSocketBinaryMessageEvent = TMulticastDelegate<const void*, SIZE_T, bool>;
 	virtual FWebSocketBinaryMessageEvent& OnBinaryMessage() = 0;
 	virtual void SetTextMessageMemoryLimit(uint64 Bytes) = 0;
-#endif
 };

@@ -173,7 +173,8 @@ class LwsTransport final : public Transport {
   };
 
   void service() {
-    if (options_.mayService && !options_.mayService()) return;
+    const int socket = wsi_ == nullptr ? -1 : static_cast<int>(lws_get_socket_fd(wsi_));
+    if (options_.mayService && !options_.mayService(socket)) return;
     if (context_ != nullptr && state_ != TransportState::Closed) lws_service(context_, -1);
   }
 

@@ -9,8 +9,9 @@
 namespace terraport::tools {
 
 struct LwsOptions {
-  /// Asked before each round of an event loop, which does not run where it says no; none lets all of them run.
-  std::function<bool()> mayService;
+  /// Asked before each round of an event loop, with its socket (-1 before there is one); the loop does not run where it says
+  /// no. None lets all of them run.
+  std::function<bool(int)> mayService;
   /// Bytes taken from a socket in one round at most; 0 leaves it to the library.
   unsigned receiveBytes = 0;
 };

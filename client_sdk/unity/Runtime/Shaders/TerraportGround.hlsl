@@ -52,7 +52,8 @@ float3 TerraportColour(float3 tint, float3 photo, float hasPhoto, float3 normal,
 float3 TerraportTint(float3 linearTint)
 {
 #if defined(UNITY_COLORSPACE_GAMMA)
-    return linearTint <= 0.0031308 ? linearTint * 12.92 : 1.055 * pow(max(linearTint, 0.0), 1.0 / 2.4) - 0.055;
+    // No ?: of vectors: HLSL of 2021 refuses it.
+    return lerp(linearTint * 12.92, 1.055 * pow(max(linearTint, 0.0), 1.0 / 2.4) - 0.055, step(0.0031308, linearTint));
 #else
     return linearTint;
 #endif

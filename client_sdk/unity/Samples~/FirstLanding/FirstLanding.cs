@@ -7,57 +7,59 @@ using UnityEngine.InputSystem;
 namespace Terraport.Samples
 {
     /// <summary>
-    /// The whole of it without XR: point with the mouse to aim, click to land, drag with the right button to look round. Put it on an
-    /// empty object in an empty scene and press Play.
+    /// Lands without XR: point with the mouse to aim, click to land, drag with the right button to look round. The prefab beside this has
+    /// it, with a scene, a user and an eye.
     /// </summary>
     public sealed class FirstLanding : MonoBehaviour
     {
-        private const float EyeHeightM = 1.7f;
+        [SerializeField]
+        [Tooltip("Who lands; it moves the rig that the eye is on.")]
+        private TerraportUser user;
 
         [SerializeField]
-        [Tooltip("Address of the scene: http(s)://host/scenes/ID.")]
-        private string sceneUrl = "http://127.0.0.1:8080/scenes/quarry";
+        [Tooltip("Looks and aims; a child of the user's rig, at the height of a head.")]
+        private Camera eye;
 
         [SerializeField]
         [Tooltip("Degrees that the view turns for a pixel of dragging.")]
         private float turnDegrees = 0.2f;
 
-        private TerraportScene scene;
-        private TerraportUser user;
-        private Camera eye;
         private Vector3 draggedFrom;
         private float yawDegrees;
         private float pitchDegrees;
 
-        private void Awake()
+        private void OnEnable()
         {
-            // Inactive meanwhile, so that nothing is opened before it is set up.
-            GameObject ground = new GameObject("Ground");
-            ground.SetActive(false);
-            scene = ground.AddComponent<TerraportScene>();
-            scene.SceneUrl = sceneUrl;
-            // Solid ground is what the mouse's ray meets.
-            ground.AddComponent<TerraportGroundCollider>();
-            user = ground.AddComponent<TerraportUser>();
-            user.Scene = scene;
-            user.Rig = new GameObject("Rig").transform;
-            eye = Camera.main != null ? Camera.main : new GameObject("Eye").AddComponent<Camera>();
-            // The rig stands on the ground, the eye above it: landings move the rig alone.
-            eye.transform.SetParent(user.Rig, false);
-            eye.transform.localPosition = new Vector3(0, EyeHeightM, 0);
-            eye.nearClipPlane = 0.1f;
-            // A quarry is seen from rim to rim.
-            eye.farClipPlane = 5000;
-            scene.Planned += plan =>
-                Debug.Log("planned: " + plan.TotalTriangles + " triangles, " + (plan.LoadBytes >> 10) + " KiB to load");
-            scene.Shown += swap => Debug.Log("shown: landing " + swap.Landing);
-            scene.Failed += error => Debug.LogWarning(error.Code + ": " + error.Message);
-            ground.SetActive(true);
+            // From where it looks in the prefab; angles beyond half a turn are those to the other side.
+            Vector3 angles = eye.transform.localEulerAngles;
+            yawDegrees = angles.y;
+            pitchDegrees = angles.x > 180 ? angles.x - 360 : angles.x;
+            TerraportScene scene = user.Scene;
+            scene.Planned += OnPlanned;
+            scene.Shown += OnShown;
+            scene.Failed += OnFailed;
 #if !(ENABLE_INPUT_SYSTEM && TERRAPORT_INPUT_SYSTEM) && !ENABLE_LEGACY_INPUT_MANAGER
             Debug.LogWarning(
                 "First landing: no mouse. Install the Input System (com.unity.inputsystem), or set Active Input Handling to Both.");
 #endif
         }
+
+        private void OnDisable()
+        {
+            TerraportScene scene = user.Scene;
+            scene.Planned -= OnPlanned;
+            scene.Shown -= OnShown;
+            scene.Failed -= OnFailed;
+        }
+
+        private static void OnPlanned(PlanFacts plan)
+        {
+            Debug.Log("planned: " + plan.TotalTriangles + " triangles, " + (plan.LoadBytes >> 10) + " KiB to load");
+        }
+
+        private static void OnShown(SceneSwap swap) { Debug.Log("shown: landing " + swap.Landing); }
+
+        private static void OnFailed(TerraportException error) { Debug.LogWarning(error.Code + ": " + error.Message); }
 
         private void Update()
         {

@@ -1,16 +1,9 @@
 // What both scriptable pipelines' includes have in common, as far as the shaders use it.
 #ifndef STUB_PIPELINES
 #define STUB_PIPELINES
-float4x4 UNITY_MATRIX_M;
-float4x4 UNITY_MATRIX_V;
-float4x4 UNITY_MATRIX_P;
-float4x4 UNITY_MATRIX_VP;
+#include "Eyes.hlsl"
+#define UNITY_MATRIX_M unity_ObjectToWorld
 #define UNITY_REVERSED_Z 1
-#define UNITY_VERTEX_INPUT_INSTANCE_ID
-#define UNITY_VERTEX_OUTPUT_STEREO
-#define UNITY_SETUP_INSTANCE_ID(input)
-#define UNITY_INITIALIZE_VERTEX_OUTPUT_STEREO(output)
-#define UNITY_SETUP_STEREO_EYE_INDEX_POST_VERTEX(input)
 #define CBUFFER_START(name) cbuffer name {
 #define CBUFFER_END };
 #define TEXTURE2D(name) Texture2D name

@@ -194,6 +194,8 @@ namespace UnityEngine
 
         public Quaternion localRotation { get; set; }
 
+        public Vector3 localEulerAngles { get; set; }
+
         public Vector3 forward => new Vector3(0, 0, 1);
 
         public void SetParent(Transform parent, bool worldPositionStays) { this.parent = parent; }

@@ -144,10 +144,6 @@ namespace UnityEngine
     {
         public static Camera main => null;
 
-        public float nearClipPlane { get; set; }
-
-        public float farClipPlane { get; set; }
-
         public Ray ScreenPointToRay(Vector3 pos) { return new Ray(pos, new Vector3(0, 0, 1)); }
     }
 

@@ -10,7 +10,6 @@ public:
 	virtual FWebSocketConnectionErrorEvent& OnConnectionError() override { return Error; }
 	virtual FWebSocketClosedEvent& OnClosed() override { return Closed; }
 	virtual FWebSocketMessageEvent& OnMessage() override { return Message; }
-	virtual FWebSocketRawMessageEvent& OnRawMessage() override { return Raw; }
 	virtual FWebSocketBinaryMessageEvent& OnBinaryMessage() override { return Binary; }
 	virtual void SetTextMessageMemoryLimit(uint64) override {}
 
@@ -18,6 +17,5 @@ public:
 	FWebSocketConnectionErrorEvent Error;
 	FWebSocketClosedEvent Closed;
 	FWebSocketMessageEvent Message;
-	FWebSocketRawMessageEvent Raw;
 	FWebSocketBinaryMessageEvent Binary;
 };

@@ -2,11 +2,8 @@
 
 #include "GameFramework/Actor.h"
 #include "HAL/PlatformTime.h"
-#include "Materials/Material.h"
-#include "Misc/EngineVersionComparison.h"
-#if !UE_VERSION_OLDER_THAN(5, 2, 0)
 #include "MaterialDomain.h"
-#endif
+#include "Materials/Material.h"
 #include "Modules/ModuleManager.h"
 #include "TerraportLog.h"
 #include "TerraportText.h"

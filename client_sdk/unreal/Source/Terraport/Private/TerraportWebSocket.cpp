@@ -1,7 +1,6 @@
 #include "TerraportWebSocket.h"
 
 #include "IWebSocket.h"
-#include "Misc/EngineVersionComparison.h"
 #include "Modules/ModuleManager.h"
 #include "Terraport/MessageAssembler.h"
 #include "TerraportText.h"
@@ -89,13 +88,6 @@ void FTerraportWebSocket::open(
 		const bool bHasCode = bWasClean || Code >= 3000;
 		Shared->Fail(bHasCode && Code > 0 ? int(Code) : Abnormal, TerraportText::ToUtf8(Reason));
 	});
-#if UE_VERSION_OLDER_THAN(5, 2, 0)
-	// Text and binary cannot be told apart here: a text message, which the protocol has not, is then read as a binary one and
-	// refused as such. BytesRemaining counts within one WebSocket frame, and the server sends each message in one.
-	Socket->OnRawMessage().AddLambda([Shared](const void* Data, SIZE_T Size, SIZE_T BytesRemaining) {
-		Shared->Take(Data, Size, false, BytesRemaining == 0);
-	});
-#else
 	Socket->SetTextMessageMemoryLimit(MaxTextBytes);
 	Socket->OnBinaryMessage().AddLambda(
 		[Shared](const void* Data, SIZE_T Size, bool bIsLastFragment) { Shared->Take(Data, Size, false, bIsLastFragment); });
@@ -103,7 +95,6 @@ void FTerraportWebSocket::open(
 		const std::string Text = TerraportText::ToUtf8(Message);
 		Shared->Take(Text.data(), Text.size(), true, true);
 	});
-#endif
 	// 4. Last, since it may report at once.
 	Socket->Connect();
 }
@@ -152,12 +143,8 @@ void FTerraportWebSocket::close(int Code, const std::string& Reason)
 		Socket->OnConnected().Clear();
 		Socket->OnConnectionError().Clear();
 		Socket->OnClosed().Clear();
-#if UE_VERSION_OLDER_THAN(5, 2, 0)
-		Socket->OnRawMessage().Clear();
-#else
 		Socket->OnBinaryMessage().Clear();
 		Socket->OnMessage().Clear();
-#endif
 		Socket->Close(Code, TerraportText::FromUtf8(Reason));
 		Socket.Reset();
 	}

@@ -6,10 +6,12 @@
 #include "Misc/ConfigCacheIni.h"
 
 #include <netdb.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 #include <unistd.h>
 
 #include <algorithm>
+#include <chrono>
 #include <cstdlib>
 #include <memory>
 #include <mutex>
@@ -23,8 +25,6 @@ namespace EngineNetwork
 namespace
 {
 constexpr std::size_t PieceBytes = 60000;
-/// What the engine's module gives libwebsockets for a buffer: its MaxHttpHeaderData.
-constexpr unsigned ReceiveBytes = 32 * 1024;
 /// Of a frame of the game, as the visit has them.
 constexpr double GameFrameS = 0.005;
 /// In a frame, where the thread does not wait at all.
@@ -36,7 +36,12 @@ struct FSocketThread
 {
 	double FrameTimeS = 1.0 / 30.0;
 	double WaitedS = 0.0;
+	/// What the engine's module gives libwebsockets for a buffer: its MaxHttpHeaderData.
+	unsigned ReceiveBytes = 32 * 1024;
+	/// How long a socket must have been still before a round is begun with less than it could take, milliseconds.
+	int StillMs = 1;
 	bool bInRound = false;
+	bool bBusy = false;
 	int Rounds = 0;
 	FPace Pace;
 
@@ -55,6 +60,24 @@ struct FSocketThread
 	}
 };
 FSocketThread Thread;
+
+/// What could have come between two rounds of the engine's thread has come: rounds are what is counted, and not how fast the
+/// machine is that counts them.
+void AwaitBytes(int Socket)
+{
+	// A round must be able to take its buffer: how quickly a kernel widens its own for a slow reader is not what is counted.
+	const int RoomBytes = 4 * int(Thread.ReceiveBytes);
+	(void)setsockopt(Socket, SOL_SOCKET, SO_RCVBUF, &RoomBytes, sizeof(RoomBytes));
+	int Waiting = 0, Before = -1;
+	for (int Still = 0;
+		Still < Thread.StillMs && ioctl(Socket, FIONREAD, &Waiting) == 0 && unsigned(Waiting) < Thread.ReceiveBytes; ++Still)
+	{
+		Still = Waiting != Before ? 0 : Still;
+		Before = Waiting;
+		std::this_thread::sleep_for(std::chrono::milliseconds(1));
+	}
+	Thread.bBusy = Thread.bBusy || Waiting > 0;
+}
 
 std::string TextOf(const FString& Text)
 {
@@ -79,8 +102,14 @@ public:
 	virtual void Connect() override
 	{
 		terraport::tools::LwsOptions Options;
-		Options.mayService = []() { return Thread.bInRound; };
-		Options.receiveBytes = ReceiveBytes;
+		Options.mayService = [](int Socket) {
+			if (Thread.bInRound && Socket >= 0)
+			{
+				AwaitBytes(Socket);
+			}
+			return Thread.bInRound;
+		};
+		Options.receiveBytes = Thread.ReceiveBytes;
 		Transport = terraport::tools::makeLwsTransports(std::move(Options))->make();
 		Transport->open(Url, Protocols, Token);
 	}
@@ -314,8 +343,9 @@ void PumpAll(std::vector<std::weak_ptr<T>>& All)
 }
 } // namespace
 
-void Install()
+void Install(unsigned ReceiveBytes)
 {
+	Thread.ReceiveBytes = ReceiveBytes;
 	static FModule Module;
 	FWebSocketsModule::Stub = &Module;
 	FModuleManager::Get().StubOnLoad = [](const FName& Name) {
@@ -331,15 +361,22 @@ void Install()
 	};
 }
 
+void Await(int StillMs)
+{
+	Thread.StillMs = StillMs;
+}
+
 FPace Pace()
 {
 	return Thread.Pace;
 }
 
-void Pump()
+bool Pump()
 {
 	Thread.BeginFrame();
+	Thread.bBusy = Thread.bBusy && Thread.Rounds == 0;
 	PumpAll(Requests);
 	PumpAll(Sockets);
+	return Thread.bBusy;
 }
 } // namespace EngineNetwork

@@ -13,7 +13,7 @@
 namespace terraport {
 
 /// Pieces of WebSocket messages to whole messages: libraries hand over what came in one read (Unreal's
-/// `IWebSocket::OnRawMessage`, libwebsockets), and a bounded queue of what is whole. Not safe on two threads at a time.
+/// `IWebSocket::OnBinaryMessage`, libwebsockets), and a bounded queue of what is whole. Not safe on two threads at a time.
 class TERRAPORTCORE_API MessageAssembler {
  public:
   struct Limits {

@@ -1,5 +1,4 @@
 #include "../../../Pipelines.hlsl"
-float3 _WorldSpaceCameraPos;
 float4 unity_FogColor;
 float3 GetCameraPositionWS() { return _WorldSpaceCameraPos; }
 float ComputeFogFactor(float z) { return z; }
