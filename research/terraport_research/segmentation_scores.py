@@ -38,6 +38,7 @@ import numpy as np
 from terraport_payload.types import AnyFloat, AnyInt, Float64, Int32, Int64
 from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
 from terraport_pipeline.geometry.mesh.face_measures import face_areas, face_centres
+from terraport_research.kernels.nearest_source import nearest_source, rows_of_edges
 
 __all__ = [
     "METRICS",
@@ -122,16 +123,17 @@ class MeshFacts:
         # Every mesh edge, those of one face included: distances run along them too.
         sides = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]))
         sides = np.unique(sides[sides[:, 0] != sides[:, 1]], axis=0).astype(np.int64)
-        both = np.concatenate([sides, sides[:, ::-1]])
-        both = both[np.argsort(both[:, 0], kind="stable")]
-        step = places[both[:, 0]] - places[both[:, 1]]
+        step = places[sides[:, 0]] - places[sides[:, 1]]
+        starts, neighbours, lengths = rows_of_edges(
+            len(places), sides, np.sqrt((step * step).sum(axis=1))
+        )
         return cls(
             area,
             pairs,
             edges,
-            np.searchsorted(both[:, 0], np.arange(len(places) + 1)).astype(np.int64),
-            both[:, 1].astype(np.int32),
-            np.sqrt((step * step).sum(axis=1)),
+            starts,
+            neighbours,
+            lengths,
             float(np.dot(area, away)) / whole,
         )
 
@@ -155,7 +157,7 @@ class MeshFacts:
         pieces, count = components(len(labels), self.pairs, labels=dense)
         border = pieces[self.pairs[:, 0]] != pieces[self.pairs[:, 1]]
         cut = np.unique(self.edges[border]).astype(np.int32)
-        distance = _distances(self.starts, self.neighbours, self.lengths, cut)
+        distance, _ = nearest_source(self.starts, self.neighbours, self.lengths, cut)
         return Pieces(pieces, count, cut, distance)
 
 
@@ -326,64 +328,3 @@ def _common(a: Int32, b: Int32, area: Float64, count_a: int, count_b: int) -> tu
         faces[a[f], b[f]] += 1
         common[a[f], b[f]] += area[f]
     return faces, common
-
-
-@numba.njit(cache=True)
-def _distances(starts: Int64, neighbours: Int32, lengths: Float64, sources: Int32) -> Float64:
-    """Dijkstra's algorithm from several vertices at once, over a binary heap."""
-    n = len(starts) - 1
-    distance = np.full(n, np.inf)
-    heap = np.empty(n, np.int32)
-    at = np.full(n, -1, np.int32)  # place in the heap; -1: not there
-    size = 0
-    for source in sources:
-        distance[source] = 0.0
-        heap[size] = source
-        at[source] = size
-        size += 1
-    while size > 0:
-        vertex = heap[0]
-        at[vertex] = -1
-        size -= 1
-        if size > 0:
-            heap[0] = heap[size]
-            at[heap[0]] = 0
-            _sink(heap, at, distance, size)
-        for row in range(starts[vertex], starts[vertex + 1]):
-            other = neighbours[row]
-            through = distance[vertex] + lengths[row]
-            if through < distance[other]:
-                distance[other] = through
-                if at[other] < 0:
-                    heap[size] = other
-                    at[other] = size
-                    size += 1
-                _rise(heap, at, distance, at[other])
-    return distance
-
-
-@numba.njit(cache=True, inline="always")
-def _sink(heap: Int32, at: Int32, distance: Float64, size: int) -> None:
-    i = 0
-    while True:
-        child = 2 * i + 1
-        if child >= size:
-            return
-        if child + 1 < size and distance[heap[child + 1]] < distance[heap[child]]:
-            child += 1
-        if distance[heap[i]] <= distance[heap[child]]:
-            return
-        heap[i], heap[child] = heap[child], heap[i]
-        at[heap[i]], at[heap[child]] = i, child
-        i = child
-
-
-@numba.njit(cache=True, inline="always")
-def _rise(heap: Int32, at: Int32, distance: Float64, i: int) -> None:
-    while i > 0:
-        parent = (i - 1) // 2
-        if distance[heap[parent]] <= distance[heap[i]]:
-            return
-        heap[i], heap[parent] = heap[parent], heap[i]
-        at[heap[i]], at[heap[parent]] = i, parent
-        i = parent

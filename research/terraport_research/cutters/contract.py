@@ -10,6 +10,12 @@ import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.engines.shape_diameter import shape_diameter
+from terraport_pipeline.geometry.graph.graph_segmenter import (
+    SHAPE_GRAPH,
+    graph_of_mesh,
+    merge_graph,
+)
+from terraport_pipeline.geometry.graph.merge_tree import MergeTree
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.mesh.face_measures import face_areas, face_centres
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
@@ -79,9 +85,11 @@ class Body:
         middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
         return (self.vertices - middle).astype(np.float32)
 
-    def segmenter_mesh(self) -> SegmenterMesh:
-        """Give what the pipeline's engines read."""
-        return SegmenterMesh(self.vertices32, self.faces, pairs=self.neighbours)
+    @cached_property
+    def merge_tree(self) -> MergeTree:
+        """The graph engine's tree, by shape alone."""
+        mesh = SegmenterMesh(self.vertices32, self.faces, pairs=self.neighbours)
+        return merge_graph(graph_of_mesh(mesh, SHAPE_GRAPH), SHAPE_GRAPH).tree
 
 
 Cut = Callable[[int], Int32]

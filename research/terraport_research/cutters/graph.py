@@ -5,18 +5,14 @@ from __future__ import annotations
 from typing import Final
 
 from terraport_payload.types import Int32
-from terraport_pipeline.geometry.graph.graph_segmenter import (
-    SHAPE_GRAPH,
-    graph_of_mesh,
-    merge_graph,
-)
+from terraport_pipeline.geometry.graph.graph_segmenter import SHAPE_GRAPH
 from terraport_research.cutters.contract import Body, Cut, Cutter
 
 __all__ = ["AUTOMATIC", "GRAPH"]
 
 
 def _prepare(body: Body) -> Cut:
-    tree = merge_graph(graph_of_mesh(body.segmenter_mesh(), SHAPE_GRAPH), SHAPE_GRAPH).tree
+    tree = body.merge_tree
 
     def cut(k: int) -> Int32:
         return tree.cut_by_count(k)[0]
@@ -25,8 +21,7 @@ def _prepare(body: Body) -> Cut:
 
 
 def _prepare_automatic(body: Body) -> Cut:
-    tree = merge_graph(graph_of_mesh(body.segmenter_mesh(), SHAPE_GRAPH), SHAPE_GRAPH).tree
-    labels, _ = tree.cut_by_cost(-SHAPE_GRAPH.threshold)
+    labels, _ = body.merge_tree.cut_by_cost(-SHAPE_GRAPH.threshold)
 
     def cut(k: int) -> Int32:  # noqa: ARG001  finds the number itself
         return labels

@@ -105,7 +105,7 @@ SHAPE_GRAPH: Final = GraphOptions(
     threshold=5.0, small_share=0.0, weights=EdgeWeights(colour_scale=0.0, concavity=20.0)
 )
 """For shape alone (CAD parts, scans without colour): concavity decides. Chosen on Princeton's
-models, ``benchmarks/princeton.py``."""
+models (docs/topics/segmentation.md)."""
 OPEN_SHAPE_GRAPH: Final = replace(SHAPE_GRAPH, threshold=2.5, small_share=0.003)
 """For the shape of open ground. Halving a flat square lowers the cut by 4, halving a ball by 7.1: a
 threshold for closed bodies would part every field."""
