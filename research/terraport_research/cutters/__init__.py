@@ -15,7 +15,5 @@ from terraport_research.cutters.tpa import TPA
 
 __all__ = ["CUTTERS", "Body", "Cut", "Cutter"]
 
-CUTTERS: Final[dict[str, Cutter]] = {
-    one.key: one for one in (AUTOMATIC, GRAPH, TPA, K_MEANS)
-}
+CUTTERS: Final[dict[str, Cutter]] = {one.key: one for one in (AUTOMATIC, GRAPH, TPA, K_MEANS)}
 """Every algorithm by its key, in the order of the page."""
