@@ -22,7 +22,7 @@ from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.gathered import GatheredMesh, has_three_corners
-from terraport_pipeline.geometry.mesh.same_places import same_places
+from terraport_pipeline.geometry.mesh.face_blocks import same_places
 from terraport_pipeline.progress import Progress
 from terraport_store import Manifest
 

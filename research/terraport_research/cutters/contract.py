@@ -72,7 +72,7 @@ class Body:
         cosine = np.clip((a * b).sum(axis=1), -1.0, 1.0)
         apart = self.centres[pairs[:, 1]] - self.centres[pairs[:, 0]]
         inwards = ((a - b) * apart).sum(axis=1) > 0.0
-        return np.where(inwards, -1.0, 1.0) * np.arccos(cosine)
+        return np.asarray(np.where(inwards, -1.0, 1.0) * np.arccos(cosine))
 
     @cached_property
     def thickness(self) -> Float64:
@@ -83,7 +83,7 @@ class Body:
     def vertices32(self) -> Float32:
         """(V, 3) about the middle."""
         middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
-        return (self.vertices - middle).astype(np.float32)
+        return np.asarray(self.vertices - middle, np.float32)
 
     @cached_property
     def merge_tree(self) -> MergeTree:

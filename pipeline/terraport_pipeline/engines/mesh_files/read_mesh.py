@@ -18,7 +18,7 @@ from terraport_payload.types import AnyArray, Float64, Int32, UInt8
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.engines.mesh_files.read_obj import read_obj
 from terraport_pipeline.errors import EngineError, ReadError
-from terraport_pipeline.geometry.mesh.same_places import same_places
+from terraport_pipeline.geometry.mesh.face_blocks import same_places
 
 __all__ = ["MAX_MESH_BYTES", "MESH_ENDINGS", "FileMesh", "read_mesh"]
 
