@@ -178,6 +178,7 @@ def evaluate_segmentation(
     """
     watcher = progress or NullProgress()
     start = time.perf_counter()
+    versions = _versions()  # of the code that runs: a checkout may change meanwhile
     if options.models is None:
         models, count = procedural_models(), len(WAISTS)
     else:
@@ -196,7 +197,7 @@ def evaluate_segmentation(
     watcher.done({"models": count})
     results.sort(key=lambda one: one.number)
     return SegmentationEvaluation(
-        options, tuple(results), _versions(), metrics_cpu_s, time.perf_counter() - start
+        options, tuple(results), versions, metrics_cpu_s, time.perf_counter() - start
     )
 
 
