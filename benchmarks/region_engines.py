@@ -42,11 +42,8 @@ from terraport_pipeline.geometry.regions.triangle_pool import TrianglePoolOption
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 from terraport_pipeline.synth.truth_regions import true_regions
-from terraport_research.partition_scores import (
-    boundary_score,
-    consistency_errors,
-    rand_error,
-)
+from terraport_research.boundary_scores import boundary_score
+from terraport_research.segmentation_scores import consistency_errors, rand_error
 
 SEEDS: Final = (11, 12, 13)
 EDGE_M: Final = 2.6
@@ -163,7 +160,7 @@ def score(mesh: SegmenterMesh, truths: dict[str, AnyInt], engine: Engine) -> Row
         row[f"{name}_error"] = rand_error(truth[labelled], labels[labelled])
         row[f"{name}_area_error"] = rand_error(truth[labelled], labels[labelled], area[labelled])
         row[f"{name}_gce"], row[f"{name}_lce"] = consistency_errors(
-            truth[labelled], labels[labelled]
+            truth[labelled], labels[labelled], area[labelled]
         )
         if labelled.all():
             border = boundary_score(mesh.vertices, *mesh.pairs, truth, labels, BORDER_EDGES * edge)

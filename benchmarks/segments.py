@@ -41,7 +41,7 @@ from terraport_pipeline.geometry.segments.segments import SegmentOptions, Segmen
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 from terraport_pipeline.synth.truth_regions import true_regions
-from terraport_research.partition_scores import boundary_score
+from terraport_research.boundary_scores import boundary_score
 
 SEEDS: Final = (11, 12)
 LANDINGS: Final = 1000

@@ -18,7 +18,7 @@ from terraport_pipeline.export.pieces import Piece, read_pieces
 from terraport_pipeline.export.selection import SelectedScene, choose_segments
 from terraport_pipeline.progress import Progress
 
-__all__ = ["MAX_MESH_FACES", "GatheredMesh", "gather_mesh", "has_three_corners", "weld"]
+__all__ = ["MAX_MESH_FACES", "GatheredMesh", "gather_mesh", "has_three_corners"]
 
 MAX_MESH_FACES: Final = 30_000_000
 """Largest mesh in one file: some 6 GB while it is written, and more than most programs open."""
@@ -112,35 +112,6 @@ def _uvs(piece: Piece) -> Float32:
     if piece.uvs is None:
         return np.zeros((len(piece.positions), 2), np.float32)
     return piece.uvs
-
-
-def weld(positions: Float64) -> tuple[Int64, Int64]:
-    """Find vertices at the same place.
-
-    Parameters
-    ----------
-    positions : ndarray of shape (V, 3), float64
-
-    Returns
-    -------
-    first : ndarray of shape (W,), int64
-        A vertex of every place, in the order in which places come first.
-    number : ndarray of shape (V,), int64
-        The place of every vertex.
-
-    Examples
-    --------
-    >>> first, number = weld(np.array([[5.0, 0, 0], [1, 0, 0], [5, 0, 0]]))
-    >>> first.tolist(), number.tolist()
-    ([0, 1], [0, 1, 0])
-    """
-    # + 0.0 makes -0.0 the same bytes as 0.0.
-    rows = np.ascontiguousarray(positions + 0.0).view("V24").reshape(-1)
-    _, first, number = np.unique(rows, return_index=True, return_inverse=True)
-    order = np.argsort(first, kind="stable")
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    return first[order].astype(np.int64), rank[number.reshape(-1)]
 
 
 def has_three_corners(faces: Int64) -> Bool:

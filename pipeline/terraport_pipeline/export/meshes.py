@@ -21,7 +21,8 @@ from terraport_payload.glb_container import join_glb
 from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.export.frame import SurveyFrame
-from terraport_pipeline.export.gathered import GatheredMesh, has_three_corners, weld
+from terraport_pipeline.export.gathered import GatheredMesh, has_three_corners
+from terraport_pipeline.geometry.mesh.face_blocks import same_places
 from terraport_pipeline.progress import Progress
 from terraport_store import Manifest
 
@@ -108,7 +109,7 @@ def write_ply(
     Z is up. Positions are float32, or float64 where nothing is shifted. Textures become colours of
     the vertices: PLY has no form of them that programs agree on.
     """
-    first, number = weld(mesh.positions)
+    first, number = same_places(mesh.positions)
     local = frame.to_survey(mesh.positions[first]) - shift
     real = "f4" if any(shift) else "f8"
     columns: list[tuple[str, str]] = [(axis, f"<{real}") for axis in "xyz"]
@@ -162,7 +163,7 @@ def write_obj(
     Z is up. Without textures vertices have colours behind their positions, 0 to 1, as CloudCompare,
     MeshLab and Blender read them.
     """
-    first, number = weld(mesh.positions)
+    first, number = same_places(mesh.positions)
     local = frame.to_survey(mesh.positions[first]) - shift
     # 0.1 mm, or 0.3 of it in feet: below the grid of any scene's positions.
     form = "v %.4f %.4f %.4f"
@@ -223,7 +224,7 @@ def write_glb(
     east, north, height = np.array(frame.origin) - shift
     positions = (mesh.positions + np.array([east, height, -north])).astype(np.float32)
     if mesh.uvs is None:
-        first, number = weld(mesh.positions)
+        first, number = same_places(mesh.positions)
         welded = number[mesh.faces]
         spans: list[tuple[Texture | None, Int64, AnyArray]] = [
             (None, first, welded[has_three_corners(welded)])

@@ -33,6 +33,7 @@ __all__ = [
     "COLOUR",
     "ENGINES",
     "Engine",
+    "EngineOptions",
     "RegionOptions",
     "check_segment_by",
     "make_segmenter",
@@ -57,17 +58,9 @@ _MOST: Final = 1e6
 
 
 @dataclass(frozen=True, slots=True)
-class RegionOptions:
-    """Which engine, by what, and how finely; ``ENGINE_...`` is of that engine alone."""
+class EngineOptions:
+    """How finely an engine cuts; ``ENGINE_...`` is of that engine alone."""
 
-    engine: Annotated[Engine, Option()] = "means"
-    """What cuts the surface into regions. means: mean colours of whole pieces; best on coloured
-    ground. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
-    thesis's Triangle Pool Algorithm, one number per face; blind to hue. felzenszwalb, grid: to
-    compare with."""
-    segment_by: Annotated[str, Option()] = "colour"
-    """What the surface is cut by: colour; shape (the thickness of closed bodies, or with graph how
-    the surface folds); or the name of an attribute of the points."""
     means_spread: Annotated[
         float | None,
         Option(heading=_OWN, above=0, most=100, unset=f"{MeanColourSegmenter().spread:g}"),
@@ -119,20 +112,44 @@ class RegionOptions:
     """Regions below this share of the surface (graph: of its area, else of its faces) join a
     neighbour; grid knows none."""
 
+    def check_engine(self, engine: str) -> None:
+        """Refuse what is stated of another engine.
+
+        Raises
+        ------
+        OptionError
+            Names the option and the engine that has it.
+        """
+        for field in option_fields(type(self)):
+            value, owner = getattr(self, field.name), field.name.partition("_")[0]
+            is_of_others = owner in ENGINES and owner != engine
+            if engine == "grid" and field.name == "small_region_share":
+                is_of_others, owner = True, "means, graph, tpa or felzenszwalb"
+            if is_of_others and value is not None:
+                raise OptionError(
+                    f"{field.stated(value)} with engine {engine}; expected engine {owner}: "
+                    f"leave out {field.flags[0]}, or change --engine"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class RegionOptions(EngineOptions):
+    """Which engine, by what, and how finely."""
+
+    engine: Annotated[Engine, Option()] = "means"
+    """What cuts the surface into regions. means: mean colours of whole pieces; best on coloured
+    ground. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
+    thesis's Triangle Pool Algorithm, one number per face; blind to hue. felzenszwalb, grid: to
+    compare with."""
+    segment_by: Annotated[str, Option()] = "colour"
+    """What the surface is cut by: colour; shape (the thickness of closed bodies, or with graph how
+    the surface folds); or the name of an attribute of the points."""
+
     def __post_init__(self) -> None:
         check_options(self)
         if not self.segment_by:
             raise OptionError("segment by ''; expected colour, shape or an attribute's name")
-        for field in option_fields(type(self)):
-            value, owner = getattr(self, field.name), field.name.partition("_")[0]
-            is_of_others = owner in ENGINES and owner not in (field.name, self.engine)
-            if self.engine == "grid" and field.name == "small_region_share":
-                is_of_others, owner = True, "means, graph, tpa or felzenszwalb"
-            if is_of_others and value is not None:
-                raise OptionError(
-                    f"{field.stated(value)} with engine {self.engine}; expected engine {owner}: "
-                    f"leave out {field.flags[0]}, or change --engine"
-                )
+        self.check_engine(self.engine)
 
 
 def make_segmenter(options: RegionOptions, *, threads: int) -> Segmenter:

@@ -125,6 +125,12 @@ VERBS: Final = (
         "Hand a scene on: orthophoto, heights, mesh, points, contours, sections.",
     ),
     Verb(
+        "segment",
+        "terraport_pipeline.cli.segment",
+        "pipeline",
+        "Cut any mesh (OFF, PLY, OBJ, STL, GLB) into segments.",
+    ),
+    Verb(
         "synth",
         "terraport_pipeline.cli.synth",
         "pipeline",

@@ -105,7 +105,7 @@ SHAPE_GRAPH: Final = GraphOptions(
     threshold=5.0, small_share=0.0, weights=EdgeWeights(colour_scale=0.0, concavity=20.0)
 )
 """For shape alone (CAD parts, scans without colour): concavity decides. Chosen on Princeton's
-models, ``benchmarks/princeton.py``."""
+models (docs/topics/segmentation.md)."""
 OPEN_SHAPE_GRAPH: Final = replace(SHAPE_GRAPH, threshold=2.5, small_share=0.003)
 """For the shape of open ground. Halving a flat square lowers the cut by 4, halving a ball by 7.1: a
 threshold for closed bodies would part every field."""
@@ -117,6 +117,9 @@ class GraphSegmenter:
 
     options: GraphOptions | None = None
     """None: ``COLOUR_GRAPH`` where the mesh has colours or a scalar, else ``SHAPE_GRAPH``."""
+    count: int | None = None
+    """Regions to make, as many as the surface has pieces at least; None: as many as the threshold
+    leaves. Small ones are then kept."""
 
     @property
     def name(self) -> str:
@@ -132,9 +135,16 @@ class GraphSegmenter:
         graph = graph_of_mesh(mesh, options)
         merged = merge_graph(graph, options)
         tree = merged.tree
-        cut, cut_count = tree.cut_by_cost(-options.threshold)
-        regions, count = join_small(graph, options.weights, cut, cut_count, options.small_share)
-        regions, count, islands = _join_islands(mesh, graph, regions, count, options.small_share)
+        cut, cut_count = (
+            tree.cut_by_cost(-options.threshold)
+            if self.count is None
+            else tree.cut_by_count(self.count)
+        )
+        regions, count, islands = cut, cut_count, 0
+        if self.count is None:
+            share = options.small_share
+            regions, count = join_small(graph, options.weights, cut, cut_count, share)
+            regions, count, islands = _join_islands(mesh, graph, regions, count, share)
         fine, _ = tree.cut_by_size(options.fine_faces, -options.threshold)
         return Segmentation(
             regions=regions,

@@ -11,11 +11,11 @@ from typing import Final
 import numba
 import numpy as np
 
-from terraport_payload.types import Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 from terraport_pipeline.geometry.mesh.trim import compact
 
-__all__ = ["block_meshes", "face_blocks", "weld"]
+__all__ = ["block_meshes", "face_blocks", "same_places", "weld"]
 
 _SIDE_BITS: Final = 9
 """The ground is divided into 512 x 512 squares: a block's border is as coarse as a square, and the
@@ -65,6 +65,35 @@ def block_meshes(vertices: Float32, faces: Int32, blocks: Int32) -> Iterator[tup
         some = faces[order[begin:end]]
         yield compact(vertices, some, np.ones(len(some), dtype=bool))
         begin = int(end)
+
+
+def same_places(positions: Float64) -> tuple[Int64, Int64]:
+    """Find vertices at the same place.
+
+    Parameters
+    ----------
+    positions : ndarray of shape (V, 3), float64
+
+    Returns
+    -------
+    first : ndarray of shape (W,), int64
+        A vertex of every place, in the order in which places come first.
+    number : ndarray of shape (V,), int64
+        The place of every vertex.
+
+    Examples
+    --------
+    >>> first, number = same_places(np.array([[5.0, 0, 0], [1, 0, 0], [5, 0, 0]]))
+    >>> first.tolist(), number.tolist()
+    ([0, 1], [0, 1, 0])
+    """
+    # + 0.0 makes -0.0 the same bytes as 0.0.
+    rows = np.ascontiguousarray(positions + 0.0).view("V24").reshape(-1)
+    _, first, number = np.unique(rows, return_index=True, return_inverse=True)
+    order = np.argsort(first, kind="stable")
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return first[order].astype(np.int64), rank[number.reshape(-1)]
 
 
 def weld(vertices: Float32, faces: Int32) -> tuple[Float32, Int32]:

@@ -18,7 +18,7 @@ from terraport_pipeline.geometry.regions.mean_colour import (
 )
 from terraport_pipeline.geometry.regions.merge_order import scramble
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh, segmenter_by_name
-from terraport_research.partition_scores import rand_error
+from terraport_research.segmentation_scores import rand_error
 
 
 def literal(mesh, engine):

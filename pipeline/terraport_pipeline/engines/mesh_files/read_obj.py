@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.geometry.mesh.uv import split_wedges
 
@@ -22,7 +22,8 @@ __all__ = ["MAX_OBJ_BYTES", "ObjPiece", "read_obj"]
 MAX_OBJ_BYTES: Final = 4 << 30
 """Largest OBJ: about 40 M faces. It is read whole, at about six times its size."""
 
-_ADVICE: Final = "export it again as an OBJ of triangles with texture"
+_ADVICE: Final = "export it again as an OBJ of triangles"
+_CHANNELS: Final = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +40,10 @@ class ObjPiece:
     """(F, 3)"""
     uvs: Float32 | None
     """(V, 2) from the image's upper left (OBJ counts v from below); None without."""
+    place: Int32
+    """(F,) place of every triangle among all of the file, from 0."""
+    colours: UInt8 | None
+    """(V, 3) sRGB, of ``v`` lines with six numbers (0..1, as MeshLab writes them); None without."""
 
 
 def read_obj(path: Path) -> tuple[ObjPiece, ...]:
@@ -66,14 +71,16 @@ def read_obj(path: Path) -> tuple[ObjPiece, ...]:
         raise ReadError(path, f"{size} bytes, more than {MAX_OBJ_BYTES}", "cut it into tiles")
     # (1) Tables of the whole file; lines that end in a backslash go on.
     lines = path.read_bytes().replace(b"\\\n", b" ").splitlines()
-    positions = _table(path, [line[2:] for line in lines if line.startswith(b"v ")], 3, "v")
+    points = _table(path, [line[2:] for line in lines if line.startswith(b"v ")], 3, "v")
+    positions = points[:, :3]
+    colours = _colours(points[:, 3:])
     texture = [line[3:] for line in lines if line.startswith(b"vt ")]
-    wedge_table = _table(path, texture, 2, "vt") if texture else np.zeros((0, 2))
+    wedge_table = _table(path, texture, 2, "vt")[:, :2] if texture else np.zeros((0, 2))
     images = _images(path, lines)
     pieces = []
     # (2) One piece per material. OBJ counts v from the bottom, images from the top.
     for material, rows in _by_material(lines).items():
-        corners = _corners(path, rows, len(positions), len(wedge_table))
+        corners, place = _corners(path, rows, len(positions), len(wedge_table))
         vertex, wedge = corners[:, :, 0], corners[:, :, 1]
         textured = bool((wedge >= 0).all())
         uvs = wedge_table[wedge] if textured else np.zeros((len(corners), 3, 2))
@@ -87,6 +94,8 @@ def read_obj(path: Path) -> tuple[ObjPiece, ...]:
                 positions[used[split.vertex]],
                 split.faces,
                 split.uvs if textured else None,
+                place,
+                None if colours is None else colours[used[split.vertex]],
             )
         )
     if not pieces:
@@ -95,7 +104,7 @@ def read_obj(path: Path) -> tuple[ObjPiece, ...]:
 
 
 def _table(path: Path, rows: list[bytes], columns: int, label: str) -> Float64:
-    """Numbers of all lines of a kind; more than *columns* a line (colours) are left out."""
+    """Numbers of all lines of a kind, at least *columns* and as many on each."""
     if not rows:
         raise ReadError(path, f"no {label} line", _ADVICE)
     try:
@@ -107,27 +116,40 @@ def _table(path: Path, rows: list[bytes], columns: int, label: str) -> Float64:
         raise ReadError(
             path, f"{len(values)} finite numbers on {len(rows)} {label} lines expected", _ADVICE
         )
-    return values.reshape(len(rows), width)[:, :columns]
+    return values.reshape(len(rows), width)
 
 
-def _by_material(lines: list[bytes]) -> dict[str, list[bytes]]:
-    """Face lines by the material that is in force."""
-    lines_of_material: dict[str, list[bytes]] = {}
+def _colours(further: Float64) -> UInt8 | None:
+    """Colours behind the three coordinates; four numbers (a weight) hold none."""
+    if further.shape[1] < _CHANNELS:
+        return None
+    return np.rint(np.clip(further[:, -_CHANNELS:], 0.0, 1.0) * 255.0).astype(np.uint8)
+
+
+def _by_material(lines: list[bytes]) -> dict[str, list[tuple[int, bytes]]]:
+    """Face lines by the material that is in force, each with its first triangle's place."""
+    lines_of_material: dict[str, list[tuple[int, bytes]]] = {}
     rows = lines_of_material.setdefault("", [])
+    place = 0
     for line in lines:
         if line.startswith(b"f "):
-            rows.append(line)
+            rows.append((place, line))
+            place += max(len(line.split()) - 3, 0)
         elif line.startswith(b"usemtl "):
             rows = lines_of_material.setdefault(line[7:].strip().decode("utf-8", "replace"), [])
     return {material: rows for material, rows in lines_of_material.items() if rows}
 
 
-def _corners(path: Path, rows: list[bytes], vertices: int, wedges: int) -> Int32:
-    """Vertex and wedge (-1: none) of every triangle's corners, (F, 3, 2), from 0."""
+def _corners(
+    path: Path, rows: list[tuple[int, bytes]], vertices: int, wedges: int
+) -> tuple[Int32, Int32]:
+    """Vertex and wedge (-1: none) of every triangle's corners, (F, 3, 2), from 0; their places."""
     triangles: list[list[bytes]] = []
-    for row in rows:
+    place: list[int] = []
+    for first, row in rows:
         words = row.split()[1:]
         triangles += [[words[0], b, c] for b, c in itertools.pairwise(words[1:])]
+        place += range(first, first + len(triangles) - len(place))
     pairs = [(corner + b"//").split(b"/")[:2] for triangle in triangles for corner in triangle]
     try:
         numbers = np.array([(int(v), int(t or b"0")) for v, t in pairs], dtype=np.int64)
@@ -139,7 +161,7 @@ def _corners(path: Path, rows: list[bytes], vertices: int, wedges: int) -> Int32
     numbers = np.where(numbers < 0, numbers + counts, numbers - 1)
     if len(numbers) and not ((numbers >= [0, -1]) & (numbers < counts)).all():
         raise ReadError(path, f"a face beyond {vertices} vertices or {wedges} vt lines", _ADVICE)
-    return numbers.astype(np.int32)
+    return numbers.astype(np.int32), np.array(place, np.int32)
 
 
 def _images(path: Path, lines: list[bytes]) -> dict[str, Path]:

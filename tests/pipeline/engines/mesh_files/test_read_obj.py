@@ -10,8 +10,8 @@ from payload.images import pillow
 from store.tiny_scene import lattice_mesh, textured
 
 from terraport.obj import write_obj
+from terraport_pipeline.engines.mesh_files.read_obj import read_obj
 from terraport_pipeline.errors import ReadError
-from terraport_research.read_obj import read_obj
 
 SEAM = """mtllib a.mtl
 v 500000.25 5200000.5 1

@@ -1,120 +1,12 @@
-"""Scores of partitions against their definitions, pair by pair and face by face."""
+"""Borders of partitions against their definitions."""
 
 from __future__ import annotations
 
-from fractions import Fraction
-from itertools import combinations
-
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
-from terraport_research.partition_scores import (
-    border_edges,
-    boundary_score,
-    consistency_errors,
-    rand_error,
-)
-
-PARTITIONS = st.integers(2, 14).flatmap(
-    lambda n: st.tuples(
-        *(st.lists(st.integers(-2, 4), min_size=n, max_size=n) for _ in range(2)),
-        st.lists(st.integers(0, 8).map(float), min_size=n, max_size=n),
-    )
-)
-
-
-def literal_rand_error(a, b, weights):
-    """Sum over all pairs, as a fraction."""
-    wrong = total = Fraction(0)
-    for i, j in combinations(range(len(a)), 2):
-        pair = Fraction(weights[i]) * Fraction(weights[j])
-        total += pair
-        if (a[i] == a[j]) != (b[i] == b[j]):
-            wrong += pair
-    return float(wrong / total) if total else 0.0
-
-
-def literal_consistency(a, b, weights):
-    """Refinement errors of every face, as fractions."""
-
-    def outside(first, second, i):
-        region = [j for j in range(len(first)) if first[j] == first[i]]
-        whole = sum(Fraction(weights[j]) for j in region)
-        return sum(Fraction(weights[j]) for j in region if second[j] != second[i]) / whole
-
-    faces = [i for i in range(len(a)) if weights[i] > 0]
-    total = sum(Fraction(weights[i]) for i in faces)
-    if not total:
-        return 0.0, 0.0
-    errors = [(Fraction(weights[i]), outside(a, b, i), outside(b, a, i)) for i in faces]
-    gce = min(sum(w * x for w, x, _ in errors), sum(w * y for w, _, y in errors)) / total
-    return float(gce), float(sum(w * min(x, y) for w, x, y in errors) / total)
-
-
-@settings(max_examples=300)
-@given(PARTITIONS)
-def test_scores_are_their_definitions(partitions):
-    """Weighted and not, against loops over pairs and faces."""
-    a, b, weights = (np.array(values) for values in partitions)
-    ones = np.ones(len(a))
-    assert rand_error(a, b) == literal_rand_error(a, b, ones)
-    assert rand_error(a, b, weights) == pytest.approx(literal_rand_error(a, b, weights), abs=1e-12)
-    assert consistency_errors(a, b) == pytest.approx(literal_consistency(a, b, ones), abs=1e-12)
-    assert consistency_errors(a, b, weights) == pytest.approx(
-        literal_consistency(a, b, weights), abs=1e-12
-    )
-
-
-@given(PARTITIONS)
-def test_scores_do_not_depend_on_sides_or_names(partitions):
-    """Symmetric; other label values change nothing; a partition agrees with itself."""
-    a, b, weights = (np.array(values) for values in partitions)
-    assert rand_error(a, b) == rand_error(b, a) == rand_error(-7 * a, b + 100)
-    assert rand_error(a, a, weights) == 0.0
-    assert consistency_errors(a, a, weights) == (0.0, 0.0)
-
-
-def test_a_refinement_is_consistent_but_not_equal():
-    """GCE and LCE forgive a finer partition, the Rand error does not."""
-    coarse, fine = np.array([0, 0, 0, 1, 1, 1]), np.array([0, 1, 1, 2, 3, 3])
-    assert consistency_errors(coarse, fine) == (0.0, 0.0)
-    assert rand_error(coarse, fine) == 4 / 15
-
-
-def test_large_counts_stay_whole_numbers():
-    """12 M faces: squares of counts beyond 2^47 lose nothing."""
-    n = 12_000_000
-    a = np.zeros(n, np.int8)
-    b = a.copy()
-    b[-1] = 1  # n - 1 pairs disagree
-    assert rand_error(a, b) == (n - 1) / (n * (n - 1) // 2)
-
-
-def test_no_faces_and_one_face_agree():
-    """Nothing to disagree on."""
-    for n in (0, 1):
-        labels = np.zeros(n, np.int32)
-        assert rand_error(labels, labels) == 0.0
-        assert rand_error(labels, labels, np.ones(n)) == 0.0
-        assert consistency_errors(labels, labels) == (0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("a", "b", "weights", "message"),
-    [
-        (np.zeros(3, int), np.zeros(4, int), None, "two"),
-        (np.zeros(3, int), np.zeros(3, int), np.ones(2), "weights"),
-        (np.zeros(2, int), np.zeros(2, int), np.array([1.0, -1.0]), "face 1"),
-        (np.zeros(2, int), np.zeros(2, int), np.array([np.nan, 1.0]), "face 0"),
-    ],
-)
-def test_wrong_input_is_named(a, b, weights, message):
-    """Each message says what came."""
-    with pytest.raises(ValueError, match=message):
-        rand_error(a, b, weights)
+from terraport_research.boundary_scores import border_edges, boundary_score
 
 
 def grid(cells):

@@ -1,0 +1,19 @@
+"""Segmentation algorithms behind one interface, for ``terraport evaluate segmentation``.
+
+A build and ``terraport segment`` have the pipeline's engines; these are here so that the thesis's
+comparison on Princeton's models can be run again.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+from terraport_research.cutters.contract import Body, Cut, Cutter
+from terraport_research.cutters.graph import AUTOMATIC, GRAPH
+from terraport_research.cutters.k_means import K_MEANS
+from terraport_research.cutters.tpa import TPA
+
+__all__ = ["CUTTERS", "Body", "Cut", "Cutter"]
+
+CUTTERS: Final[dict[str, Cutter]] = {one.key: one for one in (AUTOMATIC, GRAPH, TPA, K_MEANS)}
+"""Every algorithm by its key, in the order of the page."""

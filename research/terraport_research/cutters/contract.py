@@ -1,0 +1,116 @@
+"""What a compared segmentation algorithm takes, gives and says of itself."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from terraport_payload.types import Float32, Float64, Int32
+from terraport_pipeline.engines.shape_diameter import shape_diameter
+from terraport_pipeline.geometry.graph.graph_segmenter import (
+    SHAPE_GRAPH,
+    graph_of_mesh,
+    merge_graph,
+)
+from terraport_pipeline.geometry.graph.merge_tree import MergeTree
+from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.face_measures import face_areas, face_centres
+from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
+
+__all__ = ["Body", "Cut", "Cutter"]
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A mesh without colour, with what several algorithms ask of it, measured when first asked."""
+
+    vertices: Float64
+    """(V, 3) any unit."""
+    faces: Int32
+    """(F, 3) wound so that normals point outwards."""
+    seed: int = 0
+    """Of what is drawn by lot."""
+
+    @cached_property
+    def neighbours(self) -> tuple[Int32, Int32]:
+        """Faces over edges (P, 2), and those edges' vertices (P, 2)."""
+        return face_pairs(self.faces, len(self.vertices))
+
+    @cached_property
+    def area(self) -> Float64:
+        """Of the faces, (F,)."""
+        return face_areas(self.vertices, self.faces)
+
+    @cached_property
+    def centres(self) -> Float64:
+        """Middles of the faces, (F, 3)."""
+        return face_centres(self.vertices, self.faces)
+
+    @cached_property
+    def normals(self) -> Float64:
+        """(F, 3) unit; zero of a face without area."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        vectors = np.cross(b - a, c - a)
+        length = np.sqrt((vectors * vectors).sum(axis=1))
+        return np.asarray(vectors / np.where(length > 0.0, length, 1.0)[:, None])
+
+    @cached_property
+    def edge_lengths(self) -> Float64:
+        """(P,) of the shared edges."""
+        edges = self.neighbours[1]
+        step = self.vertices[edges[:, 0]] - self.vertices[edges[:, 1]]
+        return np.asarray(np.sqrt((step * step).sum(axis=1)))
+
+    @cached_property
+    def folds(self) -> Float64:
+        """(P,) angle between the normals of neighbours, radians; negative where folded inwards."""
+        pairs = self.neighbours[0]
+        a, b = self.normals[pairs[:, 0]], self.normals[pairs[:, 1]]
+        cosine = np.clip((a * b).sum(axis=1), -1.0, 1.0)
+        apart = self.centres[pairs[:, 1]] - self.centres[pairs[:, 0]]
+        inwards = ((a - b) * apart).sum(axis=1) > 0.0
+        return np.asarray(np.where(inwards, -1.0, 1.0) * np.arccos(cosine))
+
+    @cached_property
+    def thickness(self) -> Float64:
+        """(F,) shape diameter; NaN where there is none."""
+        return shape_diameter(self.vertices32, self.faces)
+
+    @cached_property
+    def vertices32(self) -> Float32:
+        """(V, 3) about the middle."""
+        middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
+        return np.asarray(self.vertices - middle, np.float32)
+
+    @cached_property
+    def merge_tree(self) -> MergeTree:
+        """The graph engine's tree, by shape alone."""
+        mesh = SegmenterMesh(self.vertices32, self.faces, pairs=self.neighbours)
+        return merge_graph(graph_of_mesh(mesh, SHAPE_GRAPH), SHAPE_GRAPH).tree
+
+
+Cut = Callable[[int], Int32]
+"""Segment of every face (F,) for a number of segments asked for; what is told no number ignores
+it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Cutter:
+    """A segmentation algorithm of the comparison: names, origin, and how to run it."""
+
+    key: str
+    """Name on the command line."""
+    title: str
+    paper: str
+    takes_k: bool
+    """Whether it is told the number of segments."""
+    prepare: Callable[[Body], Cut]
+    """Does all that does not depend on the number, once for a body. Raises a ``PipelineError``
+    where it cannot cut this one."""
+    thesis: str = ""
+    """Its column in the thesis's tables; empty: not there."""
+    departs: str = ""
+    """What differs from the paper, for the page."""
