@@ -6,8 +6,9 @@
     python benchmarks/pull.py --nginx /usr/sbin/nginx --viewers 200
     python benchmarks/pull.py --smoke
 
-* **files**: segments one by one, and ranges of 2 MiB of the pack, over one connection, whose client
-  only reads. CPU seconds of the service for each GB, from the kernel's accounting.
+* **files**: segments of 128 KiB, 512 KiB and 2 MiB one by one, and ranges as long of the pack, over
+  one connection, whose client only reads; the same ranges of nginx. CPU seconds of the process for
+  each GB, from the kernel's accounting.
 * **cache**: viewers (the real SDK, ``delivery="pull"``, 20 at a time) land at one place through
   nginx as a caching proxy in front of the service. What nginx asked the service for, against what
   the viewers got.
@@ -59,14 +60,13 @@ from terraport_wire import (
     encode,
 )
 
-RANGE_BYTES: Final = 2 << 20
 AT_ONCE: Final = 20
 
 _NGINX: Final = """
 daemon off; worker_processes 1; pid {folder}/pid; error_log {folder}/error.log warn;
 events {{ worker_connections 1024; }}
 http {{
-  access_log off; sendfile on; types {{ }} default_type application/octet-stream;
+  access_log off; sendfile on; keepalive_requests 1000000; types {{ }} default_type application/octet-stream;
   client_body_temp_path {folder}/b; fastcgi_temp_path {folder}/f; uwsgi_temp_path {folder}/u;
   scgi_temp_path {folder}/s; proxy_temp_path {folder}/p;
   log_subrequest on;
@@ -98,19 +98,25 @@ def main() -> None:
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        side, volume = (2, 1 << 20) if options.smoke else (8, 300 << 20)
-        print("| what is asked for | MB | CPU-s per GB | us a request |\n|---|---|---|---|")
-        for kib in (32, 128, 1024):
-            scenes = folder / f"of-{kib}"
-            scenes.mkdir()
-            write_random_scene(scenes / "pit", side=side, segment_bytes=kib << 10, spread=1.0)
-            if options.only in {None, "files"}:
+        side, volume = (2, 1 << 20) if options.smoke else (8, 1 << 30)
+        if options.only in {None, "files"}:
+            print("| what is asked for | MB | CPU-s per GB | us a request |\n|---|---|---|---|")
+            for kib in (128, 512, 2048):
+                scenes = write_scene(folder, side, kib)
                 measure_files(scenes, volume, kib, options.nginx)
         if options.only in {None, "plans"}:
             measure_plans(4 if options.smoke else 200)
         if options.nginx is not None and options.only in {None, "viewers"}:
             viewers = 2 if options.smoke else options.viewers
-            measure_viewers(folder / "of-32", options.nginx, viewers, side)
+            measure_viewers(write_scene(folder, side, 32), options.nginx, viewers, side)
+
+
+def write_scene(folder: Path, side: int, kib: int) -> Path:
+    """Write a folder of one scene with segments of that size; bytes as of noise."""
+    scenes = folder / f"of-{kib}"
+    scenes.mkdir()
+    write_random_scene(scenes / "pit", side=side, segment_bytes=kib << 10, spread=1.0)
+    return scenes
 
 
 def measure_files(scenes: Path, volume: int, kib: int, nginx: str | None) -> None:
@@ -118,13 +124,14 @@ def measure_files(scenes: Path, volume: int, kib: int, nginx: str | None) -> Non
     with Scene.open(scenes / "pit") as scene:
         pack = scene.manifest.files["segments.pack"]
         count = len(scene.index)
+    step = kib << 10
     spans = [
-        (start, min(start + RANGE_BYTES, pack.bytes) - 1)
-        for start in range(0, pack.bytes, RANGE_BYTES)
+        (start, min(start + step, pack.bytes) - 1) for start in range(0, pack.bytes, step)
     ]
+    ranges = [f"/scenes/pit/{pack.path}\r\nRange: bytes={a}-{b}" for a, b in spans]
     asked = {
         f"segments of {kib} KiB": [f"/scenes/pit/segments/{n}.glb" for n in range(count)],
-        "ranges of 2 MiB": [f"/scenes/pit/{pack.path}\r\nRange: bytes={a}-{b}" for a, b in spans],
+        f"ranges of {kib} KiB": ranges,
     }
     with ServiceProcess(scenes) as service:
         for what, requests in asked.items():
@@ -136,8 +143,8 @@ def measure_files(scenes: Path, volume: int, kib: int, nginx: str | None) -> Non
         folder = Path(name)
         config = _NGINX.format(folder=folder, port=port, origin=1, scenes=scenes)
         with serving(nginx, folder, config, port) as pid:
-            there = [path.replace("/scenes/", "/files/") for path in asked["ranges of 2 MiB"]]
-            measure("the same of nginx", port, there, volume, lambda: cpu_of(pid))
+            there = [path.replace("/scenes/", "/files/") for path in ranges]
+            measure("the same ranges of nginx", port, there, volume, lambda: cpu_of(pid))
 
 
 def measure(

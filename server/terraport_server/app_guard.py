@@ -17,7 +17,7 @@ from terraport_server.http_connection import ANSWERED
 from terraport_server.service import Service
 from terraport_server.settings import Settings
 
-__all__ = ["EVERYWHERE", "AppGuard", "check_request", "host_is_ours"]
+__all__ = ["EVERYWHERE", "AppGuard", "RequestRules", "host_is_ours"]
 
 EVERYWHERE: Final = (
     (b"x-content-type-options", b"nosniff"),
@@ -61,6 +61,7 @@ class AppGuard:
     def __init__(self, app: ASGIApp, service: Service) -> None:
         self._app = app
         self._service = service
+        self._rules = RequestRules(service.settings)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request; WebSockets pass, their endpoint checks for itself."""
@@ -84,30 +85,48 @@ class AppGuard:
             await _answer(counted, refusal)
 
     def _refusal(self, scope: Scope) -> Refusal | None:
-        refusal = check_request(scope["headers"], self._service.settings)
+        refusal = self._rules.refusal(scope["headers"])
         if refusal is not None:
             self._service.note_refusal(refusal.reason, refusal.text, _client(scope))
         return refusal
 
 
-def check_request(headers: Sequence[tuple[bytes, bytes]], settings: Settings) -> Refusal | None:
-    """Return why a request is refused, whatever it asks for; None where it is not."""
-    host, ranges = None, 0
-    for name, value in headers:
-        if name == b"host":
-            host = value.decode("latin-1")
-        elif name == b"range":
-            ranges += value.count(b",") + 1
-    if settings.checks_host and not host_is_ours(host, settings.allowed_hosts):
-        text = (
-            "got a Host that is not this service's, expected an address, localhost, or one of "
-            "allowed_hosts"
-        )
-        return Refusal("host", 421, "forbidden", text)
-    if ranges > settings.http_ranges:
-        text = f"got {ranges} ranges, expected at most {settings.http_ranges}"
-        return Refusal("http_ranges", 416, "too_many", text)
-    return None
+class RequestRules:
+    """What is asked of every request, whatever it asks for.
+
+    Parameters
+    ----------
+    settings
+        Read once.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._checks_host = settings.checks_host
+        self._allowed_hosts = settings.allowed_hosts
+        self._max_ranges = settings.http_ranges
+        self._good_host = b"localhost"
+        """The last one that was ours: the next is mostly the same."""
+
+    def refusal(self, headers: Sequence[tuple[bytes, bytes]]) -> Refusal | None:
+        """Return why a request with these headers is refused; None where it is not."""
+        host, ranges = None, 0
+        for name, value in headers:
+            if name == b"host":
+                host = value
+            elif name == b"range":
+                ranges += value.count(b",") + 1
+        if self._checks_host and host is not None and host != self._good_host:
+            if not host_is_ours(host.decode("latin-1"), self._allowed_hosts):
+                text = (
+                    "got a Host that is not this service's, expected an address, localhost, or one "
+                    "of allowed_hosts"
+                )
+                return Refusal("host", 421, "forbidden", text)
+            self._good_host = host
+        if ranges > self._max_ranges:
+            text = f"got {ranges} ranges, expected at most {self._max_ranges}"
+            return Refusal("http_ranges", 416, "too_many", text)
+        return None
 
 
 def host_is_ours(host: str | None, allowed: tuple[str, ...]) -> bool:

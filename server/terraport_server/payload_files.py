@@ -88,10 +88,9 @@ class PayloadFiles:
         self._check_token(headers, scene_id)
         version = _version(query) if query else None
         served = self._service.registry.get(scene_id, version)
-        index = served.scene.index
-        segment = _number(number, len(index))
-        etag = f'"{int(index.xxh3[segment]):016x}"'
-        part = choose_part(method, headers, etag, int(index.length[segment]))
+        segment = _number(number, len(served.lengths))
+        etag = f'"{served.hashes[segment]:016x}"'
+        part = choose_part(method, headers, etag, served.lengths[segment])
         return self._answer(served, part, "model/gltf-binary", etag, version, segment)
 
     def pack(self, method: str, scene_id: str, path: str, headers: Headers) -> FileAnswer:

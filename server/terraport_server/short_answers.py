@@ -12,7 +12,7 @@ import re
 from http import HTTPStatus
 from typing import Final, NamedTuple
 
-from terraport_server.app_guard import EVERYWHERE, check_request
+from terraport_server.app_guard import EVERYWHERE, RequestRules
 from terraport_server.errors import ServerError
 from terraport_server.payload_files import FileAnswer, Headers, PayloadFiles
 from terraport_server.service import Service
@@ -22,7 +22,7 @@ __all__ = ["Asked", "ShortAnswer", "ShortAnswers", "read_request"]
 
 _REQUEST: Final = re.compile(
     rb"GET /scenes/([A-Za-z0-9._~-]{1,64})/"
-    rb"(?:segments/([0-9]{1,10})\.glb|([A-Za-z0-9_-]{1,64}/[A-Za-z0-9._-]{1,64}))"
+    rb"(?:segments/([0-9]{1,10})\.glb|((?!segments/)[A-Za-z0-9_-]{1,64}/[A-Za-z0-9._-]{1,64}))"
     rb"(?:\?([A-Za-z0-9._~=&-]*))? HTTP/1\.1\r\n"
     rb"((?:[A-Za-z0-9-]+:[\x20-\x7e]*\r\n)*)\r\n"
 )
@@ -125,6 +125,9 @@ class ShortAnswers:
     def __init__(self, service: Service) -> None:
         self._service = service
         self._files = PayloadFiles(service)
+        self._rules = RequestRules(service.settings)
+        self._varies = bool(service.settings.allowed_origins)
+        """Whether a page of another origin would be answered with one more header."""
 
     def find(
         self, asked: Asked, date: tuple[bytes, bytes], most_bytes: int
@@ -140,7 +143,7 @@ class ShortAnswers:
             Longest body that may go this way.
         """
         try:
-            if check_request(asked.headers, self._service.settings) is not None:
+            if self._rules.refusal(asked.headers) is not None:
                 return None
             if asked.segment is not None:
                 file = self._files.segment(
@@ -160,5 +163,8 @@ class ShortAnswers:
         except (ServerError, StoreError, OSError):
             return None  # the long way says what is wrong
         self._service.metrics.answered(file.part.status)
-        lines = (status_line, *date, file.lines, _EVERYWHERE_LINES)
+        said = file.lines
+        if self._varies:
+            said = said.replace(b"vary: Authorization\r\n", b"vary: Authorization, Origin\r\n")
+        lines = (status_line, *date, said, _EVERYWHERE_LINES)
         return ShortAnswer(file, b"%b%b: %b\r\n%b%b\r\n" % lines, body)
