@@ -66,7 +66,8 @@ _NGINX: Final = """
 daemon off; worker_processes 1; pid {folder}/pid; error_log {folder}/error.log warn;
 events {{ worker_connections 1024; }}
 http {{
-  access_log off; sendfile on; keepalive_requests 1000000; types {{ }} default_type application/octet-stream;
+  access_log off; sendfile on; keepalive_requests 1000000;
+  types {{ }} default_type application/octet-stream;
   client_body_temp_path {folder}/b; fastcgi_temp_path {folder}/f; uwsgi_temp_path {folder}/u;
   scgi_temp_path {folder}/s; proxy_temp_path {folder}/p;
   log_subrequest on;
@@ -125,9 +126,7 @@ def measure_files(scenes: Path, volume: int, kib: int, nginx: str | None) -> Non
         pack = scene.manifest.files["segments.pack"]
         count = len(scene.index)
     step = kib << 10
-    spans = [
-        (start, min(start + step, pack.bytes) - 1) for start in range(0, pack.bytes, step)
-    ]
+    spans = [(start, min(start + step, pack.bytes) - 1) for start in range(0, pack.bytes, step)]
     ranges = [f"/scenes/pit/{pack.path}\r\nRange: bytes={a}-{b}" for a, b in spans]
     asked = {
         f"segments of {kib} KiB": [f"/scenes/pit/segments/{n}.glb" for n in range(count)],

@@ -10,7 +10,9 @@ import asyncio
 import os
 from typing import Final
 
-from terraport_server.http_connection import HttpConnection
+from terraport_server.http_connection import HttpConnection, http_protocol_class
+from terraport_server.service import Service
+from terraport_server.settings import Settings
 from terraport_server.short_answers import Asked, ShortAnswer, ShortAnswers, read_request
 
 __all__ = ["PayloadConnection", "answering_class"]
@@ -156,9 +158,8 @@ class PayloadConnection(HttpConnection):
         self.timeout_keep_alive_task = self.loop.call_later(wait_s, handler)
 
 
-def answering_class(
-    base: type[HttpConnection], short_answers: ShortAnswers
-) -> type[PayloadConnection]:
-    """Return a class for uvicorn's ``http`` option, on top of one with its bounds set."""
-    members = {"short_answers": short_answers}
-    return type("PayloadConnection", (PayloadConnection, base), members)
+def answering_class(settings: Settings, service: Service) -> type[PayloadConnection]:
+    """Return a class for uvicorn's ``http`` option, with its bounds set."""
+    bounded = http_protocol_class(settings, service.note_refusal)
+    members = {"short_answers": ShortAnswers(service)}
+    return type("PayloadConnection", (PayloadConnection, bounded), members)

@@ -48,7 +48,7 @@ class _Segments:
         self._service = service
         self._files = PayloadFiles(service)
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
         """Answer one request."""
         path, query, headers = scope["path_params"], scope["query_string"], scope["headers"]
         scene_id, number = path["scene_id"], path["segment"]
@@ -93,7 +93,7 @@ class _Packs:
     def __init__(self, service: Service) -> None:
         self._files = PayloadFiles(service)
 
-    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+    async def __call__(self, scope: Scope, _receive: Receive, send: Send) -> None:
         """Answer one request."""
         path = scope["path_params"]
         pack, headers = f"{path['folder']}/{path['name']}", scope["headers"]

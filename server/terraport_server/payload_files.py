@@ -55,7 +55,6 @@ class FileAnswer(NamedTuple):
             return None
         return scene.payload_range(self.segment, "glb", part.offset, part.length)
 
-
     def tell_failure(self, error: Exception) -> None:
         """Log that the file could not be sent; a segment's hash is compared again."""
         if self.segment is not None:

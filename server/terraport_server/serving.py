@@ -22,14 +22,12 @@ from terraport_server.app import create_app
 from terraport_server.descriptors import make_room
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.group_connection import GroupConnection, passing_class
-from terraport_server.http_connection import http_protocol_class
 from terraport_server.listeners import Listeners, host_in_url
 from terraport_server.logs import configure_logging
 from terraport_server.mailbox import Parcel
 from terraport_server.payload_connection import answering_class
 from terraport_server.service import Service
 from terraport_server.settings import Settings
-from terraport_server.short_answers import ShortAnswers
 from terraport_server.supervisor import Supervisor
 from terraport_server.transport import protocol_class
 from terraport_store import is_url
@@ -166,13 +164,12 @@ def make_server(settings: Settings) -> TerraportServer:
     app = create_app(settings)
     service = app.state.service
     assert isinstance(service, Service)
-    http = http_protocol_class(settings, service.note_refusal)
     config = uvicorn.Config(
         app,
         host=settings.host,
         port=settings.port,
         # It bounds connections, too, so uvicorn's limit_concurrency is not needed.
-        http=passing_class(answering_class(http, ShortAnswers(service))),
+        http=passing_class(answering_class(settings, service)),
         ws=protocol_class(
             notsent_lowat_bytes=settings.notsent_lowat_bytes,
             send_buffer_bytes=settings.send_buffer_bytes,

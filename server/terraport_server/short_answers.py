@@ -67,7 +67,7 @@ class ShortAnswer(NamedTuple):
 
 
 def read_request(data: bytes, before: Asked | None) -> Asked | None:
-    """Read one request off the beginning of what came; None where it goes the long way.
+    r"""Read one request off the beginning of what came; None where it goes the long way.
 
     Parameters
     ----------
@@ -78,7 +78,8 @@ def read_request(data: bytes, before: Asked | None) -> Asked | None:
 
     Examples
     --------
-    >>> asked = read_request(b"GET /scenes/pit/segments/7.glb HTTP/1.1\\r\\nHost: x\\r\\n\\r\\n", None)
+    >>> head = b"GET /scenes/pit/segments/7.glb HTTP/1.1\r\nHost: x\r\n\r\n"
+    >>> asked = read_request(head, None)
     >>> asked.segment, asked.headers, asked.size
     ('7', [(b'host', b'x')], 51)
     """
@@ -129,9 +130,7 @@ class ShortAnswers:
         self._varies = bool(service.settings.allowed_origins)
         """Whether a page of another origin would be answered with one more header."""
 
-    def find(
-        self, asked: Asked, date: tuple[bytes, bytes], most_bytes: int
-    ) -> ShortAnswer | None:
+    def find(self, asked: Asked, date: tuple[bytes, bytes], most_bytes: int) -> ShortAnswer | None:
         """Answer a request; None where it goes the long way. Never waits.
 
         Parameters

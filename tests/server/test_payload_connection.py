@@ -138,7 +138,9 @@ def test_both_ways_say_the_same(
         # Metrics, too.
         again = count_answers(running)
     for status, count in again.items():
-        assert count - counted[status] == sum(answer[9:10] == status[:1].encode() for answer in long)
+        assert count - counted[status] == sum(
+            answer[9:10] == status[:1].encode() for answer in long
+        )
 
 
 def count_answers(server: BackgroundServer) -> dict[str, float]:

@@ -6,7 +6,16 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from server.session_model import Client, aim, assert_fatal, kinds, last_error, land, make_client, make_scene
+from server.session_model import (
+    Client,
+    aim,
+    assert_fatal,
+    kinds,
+    land,
+    last_error,
+    make_client,
+    make_scene,
+)
 
 from terraport_server.actions import PullView, SceneView, SendChunk
 from terraport_server.rate import HELD_ROWS_PER_MESSAGE, RATE_WINDOW_S
@@ -36,8 +45,8 @@ def pull_scene() -> SceneView:
     return dataclasses.replace(make_scene(COUNT), pull=PullView(info, offsets))
 
 
-def make_puller() -> Client:
-    client = make_client(pull_scene(), greet=False)
+def make_puller(**limits: float) -> Client:
+    client = make_client(pull_scene(), greet=False, **limits)
     welcome = client.greet(delivery="pull")
     assert welcome.pull is not None
     assert welcome.pull.pack == "v-1/segments.pack"
@@ -188,20 +197,20 @@ def held_rows(count: int) -> Any:
 
 def test_held_is_charged_by_its_rows() -> None:
     """Sixty messages a second may each have 32,768 rows; so many cost the service seconds."""
-    client = make_puller()
+    client = make_puller(max_messages_per_s=4.0)
     client.tell(land(1))
     client.run()
     rows = held_rows(4 * HELD_ROWS_PER_MESSAGE)
-    limits = client.session._limits
+    tokens = int(RATE_WINDOW_S * 4.0)
     told = 0
     while not client.session.closing:
         client.tell(Held(segments=rows))
         client.run()
         told += 1
-        assert told < RATE_WINDOW_S * limits.max_messages_per_s / 4
+        assert told < tokens / 4
     assert last_error(client).code == ErrorCode.TOO_MANY
     # Five each: one for the message, four for its rows; hello and land took one each.
-    assert told == (RATE_WINDOW_S * limits.max_messages_per_s - 2) // 5 + 1
+    assert told == (tokens - 2) // 5 + 1
 
 
 def test_the_next_plan_pays_for_held_rows() -> None:
