@@ -18,7 +18,10 @@
 * **folder**: the same viewers with nginx serving the scenes' folder as ``pull_base_url``. Payload
   bytes through the service, and its CPU for each landing, connecting and all.
 
-nginx is Debian's; without one the last two are left out.
+* **s3**: the same viewers with the packs in a public bucket of a real S3 server (SeaweedFS), which
+  the service does not see: `pull_base_url` names the bucket.
+
+nginx is Debian's; without one the cache and the folder are left out.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ import os
 import shutil
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -36,6 +40,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+import httpx
 import numpy as np
 from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port
@@ -45,6 +50,8 @@ from terraport_server.actions import MakePlan, PullView, SceneView, SendMessage,
 from terraport_server.selection import SegmentTable
 from terraport_server.session import Session
 from terraport_store import PackedRTree, Scene
+from terraport_store.origin import ObjectOptions
+from terraport_store.upload import upload_scene
 from terraport_wire import (
     HELD_DTYPE,
     Budgets,
@@ -59,6 +66,9 @@ from terraport_wire import (
     decode,
     encode,
 )
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from s3_servers import s3_environment, weed_server
 
 AT_ONCE: Final = 20
 
@@ -94,7 +104,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--nginx", default=shutil.which("nginx"))
     parser.add_argument("--viewers", type=int, default=200)
-    parser.add_argument("--only", choices=("files", "plans", "viewers"))
+    parser.add_argument("--only", choices=("files", "plans", "viewers", "s3"))
     parser.add_argument("--smoke", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
@@ -110,6 +120,9 @@ def main() -> None:
         if options.nginx is not None and options.only in {None, "viewers"}:
             viewers = 2 if options.smoke else options.viewers
             measure_viewers(write_scene(folder, side, 32), options.nginx, viewers, side)
+        if options.only in {None, "s3"}:
+            viewers = 2 if options.smoke else options.viewers
+            measure_s3(write_scene(folder, side, 31), viewers, side)
 
 
 def write_scene(folder: Path, side: int, kib: int) -> Path:
@@ -283,6 +296,37 @@ def measure_viewers(scenes: Path, nginx: str, viewers: int, side: int) -> None:
             f"| {what} | {viewers} | {got / 1e6:.1f} | {sum(asked) / 1e6:.2f} ({len(asked)}) | "
             f"{frames / 1e6:.2f} | {cpu_s / viewers * 1e3:.1f} |"
         )
+
+
+def measure_s3(scenes: Path, viewers: int, side: int) -> None:
+    """Let many land at one place, with packs from a bucket."""
+    print("\n| packs from | viewers | they got, MB | payload by the service, MB | ", end="")
+    print("service CPU, ms a viewer |\n|---|---|---|---|---|")
+    with weed_server(public=True) as s3_url, s3_environment(s3_url):
+        upload_scene(scenes / "pit", "s3://packs/scenes/pit", ObjectOptions())
+        with ServiceProcess(
+            scenes,
+            pull_base_url=f"{s3_url}/packs/scenes",
+            max_sessions_per_ip=256,
+            max_connections_per_ip=1000,
+        ) as service:
+            before_s = service.cpu_s()
+            got, _ = asyncio.run(land_all(service.url, viewers, side))
+            cpu_s = service.cpu_s() - before_s
+            sent = payload_sent(service.url)
+    print(
+        f"| SeaweedFS | {viewers} | {got / 1e6:.1f} | {sent / 1e6:.2f} | "
+        f"{cpu_s / viewers * 1e3:.1f} |"
+    )
+
+
+def payload_sent(url: str) -> float:
+    """Payload bytes in frames, as the service itself counts them."""
+    sent = 0.0
+    for line in httpx.get(f"{url}/metrics").text.splitlines():
+        if line.startswith("terraport_payload_bytes_total{"):
+            sent += float(line.rpartition(" ")[2])
+    return sent
 
 
 @contextmanager
