@@ -22,6 +22,7 @@ from terraport_server.app import create_app
 from terraport_server.descriptors import make_room
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.group_connection import GroupConnection, passing_class
+from terraport_server.large_buffers import keep_large_buffers
 from terraport_server.listeners import Listeners, host_in_url
 from terraport_server.logs import configure_logging
 from terraport_server.mailbox import Parcel
@@ -108,6 +109,7 @@ class TerraportServer(uvicorn.Server):
         if self.config.ssl is not None:
             self.service.access.watch_certificate(self.config.ssl)
         if self.owns_process:
+            keep_large_buffers(wanted=self.config.ssl is not None)
             # A search through all modules stops the loop for tens of milliseconds.
             gc.collect()
             gc.freeze()
