@@ -88,12 +88,12 @@ def _weed_server(public: bool) -> Iterator[str]:
     folder = Path(tempfile.mkdtemp(prefix="terraport-weed-"))
     names = ("master", "volume", "filer", "s3")
     ports = free_ports(2 * len(names))
-    identity = {
+    identity: dict[str, object] = {
         "name": "test",
         "credentials": [{"accessKey": KEY_ID, "secretKey": SECRET}],
         "actions": ["Admin", "Read", "Write", "List", "Tagging"],
     }
-    identities: list[dict[str, object]] = [identity]
+    identities = [identity]
     if public:
         identities.append({"name": "anonymous", "actions": ["Read"]})
     (folder / "s3.json").write_text(json.dumps({"identities": identities}))
