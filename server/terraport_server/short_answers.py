@@ -81,7 +81,7 @@ def read_request(data: bytes, before: Asked | None) -> Asked | None:
     >>> head = b"GET /scenes/pit/segments/7.glb HTTP/1.1\r\nHost: x\r\n\r\n"
     >>> asked = read_request(head, None)
     >>> asked.segment, asked.headers, asked.size
-    ('7', [(b'host', b'x')], 51)
+    ('7', [(b'host', b'x')], 52)
     """
     match = _REQUEST.match(data)
     if match is None:
