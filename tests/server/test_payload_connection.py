@@ -54,19 +54,19 @@ def ask(raw: socket.socket, path: str, *lines: str) -> bytes:
 
 
 def read_answer(raw: socket.socket) -> bytes:
+    """Read one answer and nothing of the next."""
     data = b""
-    while b"\r\n\r\n" not in data:
-        piece = raw.recv(1 << 16)
-        assert piece, data
-        data += piece
-    head = data.partition(b"\r\n\r\n")[0]
-    length = re.search(rb"content-length: (\d+)", head)
-    whole = len(head) + 4 + (int(length[1]) if length and b" 304 " not in head[:20] else 0)
-    while len(data) < whole:
-        piece = raw.recv(1 << 16)
+    while not data.endswith(b"\r\n\r\n"):
+        byte = raw.recv(1)
+        assert byte, data
+        data += byte
+    length = re.search(rb"content-length: (\d+)", data)
+    left = int(length[1]) if length and b" 304 " not in data[:20] else 0
+    while left:
+        piece = raw.recv(min(left, 1 << 16))
         assert piece
         data += piece
-    assert len(data) == whole
+        left -= len(piece)
     return re.sub(rb"date: [^\r]*\r\n", b"", data)
 
 
