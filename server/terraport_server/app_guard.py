@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import ipaddress
 import json
-from typing import Final
+from collections.abc import Sequence
+from typing import Final, NamedTuple
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from terraport_server.http_connection import ANSWERED
 from terraport_server.service import Service
+from terraport_server.settings import Settings
 
-__all__ = ["AppGuard", "host_is_ours"]
+__all__ = ["EVERYWHERE", "AppGuard", "RequestRules", "host_is_ours"]
 
-_EVERYWHERE: Final = (
+EVERYWHERE: Final = (
     (b"x-content-type-options", b"nosniff"),
     (b"referrer-policy", b"no-referrer"),
     (b"x-frame-options", b"DENY"),
 )
+"""Headers of every answer of the application."""
 
 # Pages without a policy of their own carry their pictures and styles with them, and have no
 # scripts: the list of scenes, a build's report.
@@ -32,6 +35,16 @@ _PAGE_POLICY: Final = (
 
 _DOCS: Final = "/docs"
 """FastAPI's page loads its script from elsewhere."""
+
+
+class Refusal(NamedTuple):
+    """Why a request is not answered."""
+
+    reason: str
+    """For metric and log."""
+    status: int
+    code: str
+    text: str
 
 
 class AppGuard:
@@ -48,6 +61,7 @@ class AppGuard:
     def __init__(self, app: ASGIApp, service: Service) -> None:
         self._app = app
         self._service = service
+        self._rules = RequestRules(service.settings)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request; WebSockets pass, their endpoint checks for itself."""
@@ -68,27 +82,50 @@ class AppGuard:
         if refusal is None:
             await self._app(scope, receive, counted)
         else:
-            await _answer(counted, *refusal)
+            await _answer(counted, refusal)
 
-    def _refusal(self, scope: Scope) -> tuple[int, str, str] | None:
-        settings = self._service.settings
+    def _refusal(self, scope: Scope) -> Refusal | None:
+        refusal = self._rules.refusal(scope["headers"])
+        if refusal is not None:
+            self._service.note_refusal(refusal.reason, refusal.text, _client(scope))
+        return refusal
+
+
+class RequestRules:
+    """What is asked of every request, whatever it asks for.
+
+    Parameters
+    ----------
+    settings
+        Read once.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self._checks_host = settings.checks_host
+        self._allowed_hosts = settings.allowed_hosts
+        self._max_ranges = settings.http_ranges
+        self._good_host = b"localhost"
+        """The last one that was ours: the next is mostly the same."""
+
+    def refusal(self, headers: Sequence[tuple[bytes, bytes]]) -> Refusal | None:
+        """Return why a request with these headers is refused; None where it is not."""
         host, ranges = None, 0
-        for name, value in scope["headers"]:
+        for name, value in headers:
             if name == b"host":
-                host = value.decode("latin-1")
+                host = value
             elif name == b"range":
                 ranges += value.count(b",") + 1
-        if settings.checks_host and not host_is_ours(host, settings.allowed_hosts):
-            text = (
-                "got a Host that is not this service's, expected an address, localhost, or one of "
-                "allowed_hosts"
-            )
-            self._service.note_refusal("host", text, _client(scope))
-            return 421, "forbidden", text
-        if ranges > settings.http_ranges:
-            text = f"got {ranges} ranges, expected at most {settings.http_ranges}"
-            self._service.note_refusal("http_ranges", text, _client(scope))
-            return 416, "too_many", text
+        if self._checks_host and host is not None and host != self._good_host:
+            if not host_is_ours(host.decode("latin-1"), self._allowed_hosts):
+                text = (
+                    "got a Host that is not this service's, expected an address, localhost, or one "
+                    "of allowed_hosts"
+                )
+                return Refusal("host", 421, "forbidden", text)
+            self._good_host = host
+        if ranges > self._max_ranges:
+            text = f"got {ranges} ranges, expected at most {self._max_ranges}"
+            return Refusal("http_ranges", 416, "too_many", text)
         return None
 
 
@@ -115,7 +152,7 @@ def host_is_ours(host: str | None, allowed: tuple[str, ...]) -> bool:
 
 
 def _added(scope: Scope, message: Message) -> list[tuple[bytes, bytes]]:
-    added = list(_EVERYWHERE)
+    added = list(EVERYWHERE)
     headers = dict(message.get("headers", ()))
     is_page = headers.get(b"content-type", b"").startswith(b"text/html")
     if is_page and b"content-security-policy" not in headers and scope["path"] != _DOCS:
@@ -123,10 +160,10 @@ def _added(scope: Scope, message: Message) -> list[tuple[bytes, bytes]]:
     return added
 
 
-async def _answer(send: Send, status: int, code: str, text: str) -> None:
-    body = json.dumps({"error": {"code": code, "message": text}}).encode()
+async def _answer(send: Send, refusal: Refusal) -> None:
+    body = json.dumps({"error": {"code": refusal.code, "message": refusal.text}}).encode()
     headers = [(b"content-type", b"application/json"), (b"content-length", b"%d" % len(body))]
-    await send({"type": "http.response.start", "status": status, "headers": headers})
+    await send({"type": "http.response.start", "status": refusal.status, "headers": headers})
     await send({"type": "http.response.body", "body": body})
 
 

@@ -24,6 +24,8 @@ __all__ = ["FILES", "FileSender", "with_files"]
 FILES: Final = "http.response.zerocopysend"
 """Name of the extension, and type of its message (ASGI, extensions)."""
 
+Done = Callable[[OSError | None], None]
+
 _MSG_MORE: Final = getattr(socket, "MSG_MORE", 0)
 """The head waits for its body, so that both leave in one segment."""
 
@@ -49,8 +51,8 @@ class FileSender:
         self._loop = asyncio.get_running_loop()
         self._direct: socket.socket | None = None
         """Our own descriptor of the same socket: the loop refuses to watch the transport's."""
-        self._room: asyncio.Future[None] | None = None
-        """Done when the body is with the socket, or the connection gone."""
+        self._done: Done | None = None
+        """Whom to tell that the body is with the socket, or lost; None where none is under way."""
         self._rest: tuple[bytes, int, int, int] = (b"", -1, 0, 0)
         """What is left of it: head, descriptor, offset, bytes."""
 
@@ -60,6 +62,44 @@ class FileSender:
         raw = transport.get_extra_info("socket")
         plain = transport.get_extra_info("ssl_object") is None
         return plain and raw is not None and hasattr(os, "sendfile")
+
+    @property
+    def is_clear(self) -> bool:
+        """Whether :meth:`begin` may be called: nothing would be overtaken."""
+        return self._done is None and not self._transport.get_write_buffer_size()
+
+    def begin(self, head: bytes, file: int, offset: int, count: int, done: Done) -> bool:
+        """Send bytes and a range of a file; never waits.
+
+        Parameters
+        ----------
+        head
+            Goes first.
+        file, offset, count
+            A descriptor, and what of it.
+        done
+            Called once, where this returns False: with None when the socket has all, else with what
+            went wrong.
+
+        Returns
+        -------
+        bool
+            Whether the socket took all of it at once.
+
+        Raises
+        ------
+        OSError
+            When the connection is gone, or the file cannot be read or ends before `count`.
+        """
+        self._rest = (head, file, offset, count)
+        direct = self._direct or self._own_socket()
+        if self._push(direct):
+            return True
+        # From here on the socket's own readiness pushes: no task is woken for a part of a body.
+        self._done = done
+        self._stalled(True)
+        self._loop.add_writer(direct.fileno(), self._on_writable, direct)
+        return False
 
     async def answer(
         self, cycle: RequestResponseCycle, start: Any, message: Any, *, more_body: bool
@@ -109,31 +149,31 @@ class FileSender:
         cycle.on_response()
 
     def close(self) -> None:
-        """Let a body that waits for room know that the connection is gone; free the descriptor."""
-        if self._room is not None and not self._room.done():
-            self._room.set_result(None)
+        """Tell whoever sends a body that the connection is gone; free the descriptor."""
+        if self._done is not None:
+            self._end(ConnectionResetError())
         if self._direct is not None:
-            if self._room is not None:
-                self._loop.remove_writer(self._direct.fileno())
             self._direct.close()
             self._direct = None
 
     async def _send_file(self, head: bytes, message: Any) -> None:
-        self._rest = (head, message["file"], message["offset"], message["count"])
-        direct = self._direct or self._own_socket()
-        if self._push(direct):
+        room = self._loop.create_future()
+
+        def done(error: OSError | None) -> None:
+            if room.done():
+                return
+            if error is None:
+                room.set_result(None)
+            else:
+                room.set_exception(error)
+
+        if self.begin(head, message["file"], message["offset"], message["count"], done):
             return
-        # From here on the socket's own readiness pushes: no task is woken for a part of a body.
-        self._room = room = self._loop.create_future()
-        self._stalled(True)
-        self._loop.add_writer(direct.fileno(), self._on_writable, direct)
         try:
             await room
         finally:
-            self._room = None
-            if self._direct is not None:
-                self._loop.remove_writer(direct.fileno())
-                self._stalled(False)
+            if self._done is done:  # cancelled
+                self._end(None)
 
     def _push(self, direct: socket.socket) -> bool:
         """Hand the socket what it takes; tell whether that was all."""
@@ -152,15 +192,23 @@ class FileSender:
         return True
 
     def _on_writable(self, direct: socket.socket) -> None:
-        if self._room is None or self._room.done():
-            return
         try:
-            if self._push(direct):
-                self._room.set_result(None)
-            else:
+            if not self._push(direct):
                 self._stalled(True)  # it took something: the wait for it begins anew
+                return
         except OSError as error:
-            self._room.set_exception(error)
+            self._end(error)
+        else:
+            self._end(None)
+
+    def _end(self, error: OSError | None) -> None:
+        """Watch the socket no more, and tell."""
+        assert self._done is not None
+        assert self._direct is not None
+        done, self._done = self._done, None
+        self._loop.remove_writer(self._direct.fileno())
+        self._stalled(False)
+        done(error)
 
     async def _send_read(self, cycle: RequestResponseCycle, head: bytes, message: Any) -> None:
         """Send behind what the transport still has."""
@@ -184,7 +232,10 @@ def _head(cycle: RequestResponseCycle, start: Any) -> bytes:
     """Return status line and headers; the application has said the length."""
     lines = [_REASONS[start["status"]]]
     for name, value in (*cycle.default_headers, *start["headers"]):
-        lines.append(b"%b: %b\r\n" % (name, value))
+        if name != b"connection":
+            lines.append(b"%b: %b\r\n" % (name, value))
+        elif value == b"close":  # a process that goes asks for it, with every answer
+            cycle.keep_alive = False
     if not cycle.keep_alive:
         lines.append(b"connection: close\r\n")
     lines.append(b"\r\n")

@@ -52,7 +52,7 @@ class GroupConnection(HttpConnection):
             super().handle_websocket_upgrade()
             return
         assert self.pass_on is not None
-        self._stop_header_timer()
+        self._header_deadline.stop()
         head = [self.scope["method"].encode(), b" ", self.url, b" HTTP/1.1\r\n"]
         for name, value in self.headers:
             head += [name, b": ", value, b"\r\n"]

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 import asyncio
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from http import HTTPStatus
 from typing import Any, Final, cast
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
 from terraport_server.client_addresses import ARRIVALS_S, too_many_of_address
+from terraport_server.deadline import Deadline
 from terraport_server.entrance import Entrance
 from terraport_server.file_sender import FILES, FileSender, with_files
 from terraport_server.http_limits import HttpLimits
@@ -56,6 +57,9 @@ _PROXIES: Final = "proxies"
 """Whose turn it is where a proxy does not say for whom it asks."""
 
 
+Headers = Sequence[tuple[bytes, bytes]]
+
+
 class HttpConnection(HttpToolsProtocol):
     """One HTTP connection, until it ends or becomes a WebSocket."""
 
@@ -64,8 +68,7 @@ class HttpConnection(HttpToolsProtocol):
     refused: Callable[[str, str, str], None]
     """Told reason, text and client of each refusal, for metric and log."""
 
-    _header_timer: asyncio.TimerHandle | None = None
-    _stall_timer: asyncio.TimerHandle | None = None
+    _end_timer: asyncio.TimerHandle | None = None
     _counted: str | None = None
     _full: str | None = None
     """Why this connection is one too many; said when it asks for something."""
@@ -83,10 +86,15 @@ class HttpConnection(HttpToolsProtocol):
     """What came and was not parsed yet."""
     _in_vain = True
     """Whether it got nothing but refusals so far."""
+    _in_request = False
+    """Whether the parser is within a request."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self.timeout_keep_alive = self.limits.keep_alive_s  # type: ignore[assignment]
+        limits = self.limits
+        self._header_deadline = Deadline(self.loop, limits.header_timeout_s, self._on_slow)
+        self._stall_deadline = Deadline(self.loop, limits.stall_timeout_s, self._on_stall)
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Count the connection, and begin to wait for a request."""
@@ -104,7 +112,7 @@ class HttpConnection(HttpToolsProtocol):
             self._count(key, limits.max_connections_per_ip)
         if open_now > _FLOOD * limits.max_connections:
             self._drop("connections", self._full or "")
-        self._header_timer = self.loop.call_later(limits.header_timeout_s, self._on_slow)
+        self._header_deadline.start()
 
     def _count(self, key: str, most: int) -> None:
         """Count a connection of an address; note that it is one too many, or drop it unheard."""
@@ -133,8 +141,10 @@ class HttpConnection(HttpToolsProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the timers and count the connection out."""
-        self._stop_header_timer()
-        self._stop_stall_timer()
+        self._header_deadline.end()
+        self._stall_deadline.end()
+        if self._end_timer is not None:
+            self._end_timer.cancel()
         self._uncount()
         super().connection_lost(exc)
         if self._files is not None:
@@ -142,9 +152,17 @@ class HttpConnection(HttpToolsProtocol):
 
     def data_received(self, data: bytes) -> None:
         """Read on, within the bounds."""
-        if not self._over:
-            self._unread += data
-            self._take_piece()
+        if self._over:
+            return
+        self._unread += data
+        if self._waits:
+            self.transport.pause_reading()  # what one read brought is enough
+        else:
+            self._begin_next()
+
+    def _begin_next(self) -> None:
+        """Begin with what came."""
+        self._take_piece()
 
     def _take_piece(self) -> None:
         """Parse some of what came; the rest in another turn."""
@@ -160,18 +178,19 @@ class HttpConnection(HttpToolsProtocol):
         if self._header_bytes > self.limits.header_bytes:
             text = f"got headers of more than {self.limits.header_bytes} bytes, expected fewer"
             self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "http_headers", text)
-        elif self._header_timer is None:
-            self._header_timer = self.loop.call_later(self.limits.header_timeout_s, self._on_slow)
+        elif not self._header_deadline.is_running:
+            self._header_deadline.start()
 
     def on_message_begin(self) -> None:
         """Say in the scope of a request that its answer may be a file."""
         super().on_message_begin()
+        self._in_request = True
         if self._files is not None:
             self.scope["extensions"] = {FILES: {}}
 
     def on_headers_complete(self) -> None:
         """Stop waiting; look at what the headers announce."""
-        self._stop_header_timer()
+        self._header_deadline.stop()
         if self._over:
             return
         size = len(self.url) + sum(len(name) + len(value) for name, value in self.headers)
@@ -206,6 +225,7 @@ class HttpConnection(HttpToolsProtocol):
             return
         super().on_message_complete()
         self._in_headers = True
+        self._in_request = False
         self._header_bytes = 0
 
     def on_response_complete(self) -> None:
@@ -221,8 +241,9 @@ class HttpConnection(HttpToolsProtocol):
 
     def handle_websocket_upgrade(self) -> None:
         """Hand over when it is this one's turn; nothing of it is read until then."""
-        self._stop_header_timer()
+        self._header_deadline.stop()
         if not self._over:
+            self.transport.pause_reading()
             self._wait(self._upgrade)
 
     def send_400_response(self, msg: str) -> None:
@@ -232,48 +253,49 @@ class HttpConnection(HttpToolsProtocol):
     def pause_writing(self) -> None:
         """Begin to wait for a client that does not read."""
         super().pause_writing()
-        self._stop_stall_timer()
-        self._stall_timer = self.loop.call_later(self.limits.stall_timeout_s, self._on_stall)
+        self._stall_deadline.start()
 
     def resume_writing(self) -> None:
         """Note that it reads."""
         super().resume_writing()
         if not self._over and not self.transport.is_closing():
-            self._stop_stall_timer()
+            self._stall_deadline.stop()
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
         """Begin one request at a time; uvicorn comes by here for each."""
         begin = super()._start_asgi_task
         run = app if self._files is None else with_files(self._files, cycle, app)
-        self.entrance.wait(self._turn_key(), lambda: begin(cycle, run))
+        self.entrance.wait(self._turn_key(self.headers), lambda: begin(cycle, run))
 
     def _on_room(self, stalled: bool) -> None:
         """Begin, or cease, to wait for a client that takes nothing of a file."""
-        self._stop_stall_timer()
         if stalled:
-            self._stall_timer = self.loop.call_later(self.limits.stall_timeout_s, self._on_stall)
+            self._stall_deadline.start()
+        else:
+            self._stall_deadline.stop()
 
-    def _turn_key(self) -> str:
+    def _turn_key(self, headers: Headers | None) -> str:
         """Return whose turn it has to be: a proxy asks for many, each with turns of its own."""
         if self._counted is not None:
             return self._counted
-        for name, value in reversed(self.headers or []):
+        for name, value in reversed(headers or ()):
             if name == b"x-forwarded-for":
                 client = value.rpartition(b",")[2].strip().decode("latin-1")
                 return self.entrance.addresses.counted(client) or _PROXIES
         return _PROXIES
 
-    def _wait(self, step: Callable[[], None]) -> None:
-        """Read nothing until it is this one's turn, then take the step."""
+    def _wait(self, step: Callable[[], None], headers: Headers | None = None) -> None:
+        """Take a step when it is this one's turn; no more than one read comes meanwhile."""
         self._waits = True
-        self.transport.pause_reading()
-        self.entrance.wait(self._turn_key(), step)
+        self.entrance.wait(self._turn_key(headers or self.headers), step)
 
     def _read_on(self) -> None:
         self._waits = False
-        if self._unread and not (self._over or self.transport.is_closing()):
+        if self._over or self.transport.is_closing():
+            return
+        if self._unread:
             self._take_piece()
-        elif not (self.transport.is_closing() or self.flow.read_paused):
+        elif not self.flow.read_paused:
             self.transport.resume_reading()
 
     def _upgrade(self) -> None:
@@ -319,7 +341,6 @@ class HttpConnection(HttpToolsProtocol):
         self.refused(reason, text, "unknown" if self.client is None else self.client[0])
 
     def _on_slow(self) -> None:
-        self._header_timer = None
         text = f"got no whole request in {self.limits.header_timeout_s:g} s, expected one"
         self._refuse(HTTPStatus.REQUEST_TIMEOUT, "http_slow", text)
 
@@ -329,19 +350,10 @@ class HttpConnection(HttpToolsProtocol):
 
     def _abort_soon(self) -> None:
         """Drop the connection if its last bytes are not taken."""
-        self._stop_stall_timer()
-        wait_s = self.limits.stall_timeout_s
-        self._stall_timer = self.loop.call_later(wait_s, self.transport.abort)
-
-    def _stop_header_timer(self) -> None:
-        if self._header_timer is not None:
-            self._header_timer.cancel()
-            self._header_timer = None
-
-    def _stop_stall_timer(self) -> None:
-        if self._stall_timer is not None:
-            self._stall_timer.cancel()
-            self._stall_timer = None
+        self._stall_deadline.end()
+        if self._end_timer is None:
+            wait_s = self.limits.stall_timeout_s
+            self._end_timer = self.loop.call_later(wait_s, self.transport.abort)
 
     def _uncount(self) -> None:
         if self._counted is not None:

@@ -15,11 +15,15 @@ import asyncio
 import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
+from typing import Final
 
 from terraport_server.actions import SendChunk
 from terraport_store import PayloadRange, RangeError, Scene
 
-__all__ = ["PayloadDesk"]
+__all__ = ["WINDOW_BYTES", "PayloadDesk"]
+
+WINDOW_BYTES: Final = 1 << 20
+"""What is looked for in the page cache, or brought there by a thread, at a time."""
 
 _NOWAIT = getattr(os, "RWF_NOWAIT", 0)
 """Linux 4.14: fail instead of waiting for the disk."""
@@ -186,6 +190,14 @@ class PayloadDesk:
         loop = asyncio.get_running_loop()
         data = await loop.run_in_executor(self._readers, _read, where)
         return None if as_file else data
+
+    @staticmethod
+    def is_near(where: PayloadRange) -> bool:
+        """Whether a range of a file is in the page cache, as far as a look at each window tells."""
+        if where.length <= WINDOW_BYTES:
+            return _is_cached(where)
+        starts = range(where.offset, where.offset + where.length, WINDOW_BYTES)
+        return all(_is_cached(where._replace(offset=start)) for start in starts)
 
     def distrust(self, segment: int) -> None:
         """Compare the segment's hashes again before it is sent once more."""

@@ -5,7 +5,10 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-__all__ = ["RATE_WINDOW_S", "RateLimit"]
+__all__ = ["HELD_ROWS_PER_MESSAGE", "RATE_WINDOW_S", "RateLimit"]
+
+HELD_ROWS_PER_MESSAGE = 4096
+"""So many rows of a ``held`` count as another message: they are looked at one by one."""
 
 RATE_WINDOW_S = 10.0
 """Messages per second are averaged over this time (spec/wire-protocol.md, section 12)."""
@@ -34,12 +37,18 @@ class RateLimit:
         self._tokens = self._most
         self._filled_s = now_s
 
-    def take(self, now_s: float) -> bool:
-        """Take one token; ``False`` when there is none."""
+    @property
+    def broken_text(self) -> str:
+        """What whoever goes beyond it is told."""
+        window = f"{self.per_s:g} per second in {RATE_WINDOW_S:g} s"
+        return f"got more messages than {window}, expected fewer"
+
+    def take(self, now_s: float, count: int = 1) -> bool:
+        """Take so many tokens; ``False``, and none taken, when there are fewer."""
         gained = max(0.0, now_s - self._filled_s) * self.per_s
         self._tokens = min(self._most, self._tokens + gained)
         self._filled_s = max(self._filled_s, now_s)
-        if self._tokens < 1.0:
+        if self._tokens < count:
             return False
-        self._tokens -= 1.0
+        self._tokens -= count
         return True

@@ -89,6 +89,11 @@ class ServedScene:
             within=scene.within,
             pull=None if pull_base is None else _pull_view(scene, pull_base),
         )
+        # As memory, not arrays: one item of an array takes four times as long.
+        self.hashes = memoryview(index.xxh3)
+        """xxh3 of each GLB."""
+        self.lengths = memoryview(index.length)
+        """Bytes of each GLB."""
         self._failures = SomePerMinute(_FAILURES_PER_MINUTE)
         # Life: open while anybody holds it, or nothing has replaced it.
         self._holders = 0

@@ -22,10 +22,11 @@ from terraport_server.app import create_app
 from terraport_server.descriptors import make_room
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.group_connection import GroupConnection, passing_class
-from terraport_server.http_connection import http_protocol_class
+from terraport_server.large_buffers import keep_large_buffers
 from terraport_server.listeners import Listeners, host_in_url
 from terraport_server.logs import configure_logging
 from terraport_server.mailbox import Parcel
+from terraport_server.payload_connection import answering_class
 from terraport_server.service import Service
 from terraport_server.settings import Settings
 from terraport_server.supervisor import Supervisor
@@ -108,6 +109,7 @@ class TerraportServer(uvicorn.Server):
         if self.config.ssl is not None:
             self.service.access.watch_certificate(self.config.ssl)
         if self.owns_process:
+            keep_large_buffers(wanted=self.config.ssl is not None)
             # A search through all modules stops the loop for tens of milliseconds.
             gc.collect()
             gc.freeze()
@@ -169,7 +171,7 @@ def make_server(settings: Settings) -> TerraportServer:
         host=settings.host,
         port=settings.port,
         # It bounds connections, too, so uvicorn's limit_concurrency is not needed.
-        http=passing_class(http_protocol_class(settings, service.note_refusal)),
+        http=passing_class(answering_class(settings, service)),
         ws=protocol_class(
             notsent_lowat_bytes=settings.notsent_lowat_bytes,
             send_buffer_bytes=settings.send_buffer_bytes,

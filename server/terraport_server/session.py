@@ -27,7 +27,7 @@ from terraport_server.greeting import check_hello, make_welcome, no_hello_text
 from terraport_server.group_talk import GroupMessage, GroupTalk
 from terraport_server.outbox import Outbox
 from terraport_server.pick_talk import INTERNAL_TEXT, PickTalk
-from terraport_server.rate import RATE_WINDOW_S, RateLimit
+from terraport_server.rate import HELD_ROWS_PER_MESSAGE, RateLimit
 from terraport_wire import (
     Aim,
     Bye,
@@ -99,6 +99,7 @@ class Session:
         self._generation: int | None = None
         self._picks = PickTalk(self._out, limits.max_picks)
         self._news: str | None = None
+        self._held_rows = 0
         self._deliveries: Deliveries | None = None
 
     @property
@@ -167,11 +168,11 @@ class Session:
         Returns
         -------
         int
-            How many segments were looked at: what it cost.
+            How many segments were looked at, held ones told of before included: what it cost.
         """
         if self._deliveries is None or self._out.closing:
             return 0
-        looked_at = self._deliveries.make_plan(now_s)
+        looked_at, self._held_rows = self._deliveries.make_plan(now_s) + self._held_rows, 0
         self._close_if_drained()
         return looked_at
 
@@ -341,7 +342,8 @@ class Session:
         elif rows > most:
             text = f"got {rows} held segments, expected at most {most}"
             self._out.fatal(ErrorCode.TOO_LARGE, text)
-        else:
+        elif self._admit(now_s, rows // HELD_ROWS_PER_MESSAGE):
+            self._held_rows += rows
             dropped = deliveries.take_held(held.segments, now_s)
             self._out.say(HeldChecked(dropped=dropped, held_count=len(deliveries.held)))
             self._close_if_drained()
@@ -359,15 +361,13 @@ class Session:
         deliveries.reject(reject, now_s)
         self._close_if_drained()
 
-    def _admit(self, now_s: float) -> bool:
+    def _admit(self, now_s: float, count: int = 1) -> bool:
         if self._out.closing:
             return False
         self.heard(now_s)
-        if self._rate.take(now_s):
+        if self._rate.take(now_s, count):
             return True
-        per_s = self._rate.per_s
-        text = f"got more messages than {per_s:g} per second in {RATE_WINDOW_S:g} s, expected fewer"
-        self._out.fatal(ErrorCode.TOO_MANY, text)
+        self._out.fatal(ErrorCode.TOO_MANY, self._rate.broken_text)
         return False
 
     def _take_generation(self, generation: int) -> bool:

@@ -6,9 +6,19 @@ import dataclasses
 from typing import Any
 
 import numpy as np
-from server.session_model import Client, aim, assert_fatal, kinds, land, make_client, make_scene
+from server.session_model import (
+    Client,
+    aim,
+    assert_fatal,
+    kinds,
+    land,
+    last_error,
+    make_client,
+    make_scene,
+)
 
 from terraport_server.actions import PullView, SceneView, SendChunk
+from terraport_server.rate import HELD_ROWS_PER_MESSAGE, RATE_WINDOW_S
 from terraport_wire import (
     BLOCK_BYTES,
     HELD_DTYPE,
@@ -35,8 +45,8 @@ def pull_scene() -> SceneView:
     return dataclasses.replace(make_scene(COUNT), pull=PullView(info, offsets))
 
 
-def make_puller() -> Client:
-    client = make_client(pull_scene(), greet=False)
+def make_puller(**limits: float) -> Client:
+    client = make_client(pull_scene(), greet=False, **limits)
     welcome = client.greet(delivery="pull")
     assert welcome.pull is not None
     assert welcome.pull.pack == "v-1/segments.pack"
@@ -177,3 +187,43 @@ def test_held_stays_out_of_order_where_frames_are_sent() -> None:
     client.tell(Held(segments=np.array([(0, 7000)], dtype=HELD_DTYPE)))
     client.run()
     assert_fatal(client, ErrorCode.OUT_OF_ORDER, CloseCode.MALFORMED)
+
+
+def held_rows(count: int) -> Any:
+    rows = np.zeros(count, dtype=HELD_DTYPE)
+    rows["id"] = np.arange(count)
+    return rows
+
+
+def test_held_is_charged_by_its_rows() -> None:
+    """Sixty messages a second may each have 32,768 rows; so many cost the service seconds."""
+    client = make_puller(max_messages_per_s=4.0)
+    client.tell(land(1))
+    client.run()
+    rows = held_rows(4 * HELD_ROWS_PER_MESSAGE)
+    tokens = int(RATE_WINDOW_S * 4.0)
+    told = 0
+    while not client.session.closing:
+        client.tell(Held(segments=rows))
+        client.run()
+        told += 1
+        assert told < tokens / 4
+    assert last_error(client).code == ErrorCode.TOO_MANY
+    # Five each: one for the message, four for its rows; hello and land took one each.
+    assert told == (tokens - 2) // 5 + 1
+
+
+def test_the_next_plan_pays_for_held_rows() -> None:
+    def cost(rows: int) -> int:
+        client = make_puller()
+        client.tell(land(1))
+        client.run()
+        if rows:
+            client.tell(Held(segments=held_rows(rows)))
+            client.run()
+        client.tell(land(2))
+        costs = [client.session.make_plan(client.now_s) for _ in range(2)]
+        assert costs[1] == 0
+        return costs[0]
+
+    assert cost(100) == cost(1) + 99
