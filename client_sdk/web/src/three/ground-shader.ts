@@ -104,6 +104,13 @@ uniform vec3 slopes[${RAMP_STOPS}];
 uniform float relief;
 uniform float mapRelief;
 uniform float highlight;
+uniform vec3 freshColour;
+uniform float fresh;
+#ifdef COMPARED
+// Left of it the base is drawn whole and alone, right of it what is shown: in pixels.
+uniform float splitX;
+uniform int side;
+#endif
 
 out vec4 outColour;
 
@@ -119,6 +126,11 @@ vec3 alongRamp(vec3 stops[${RAMP_STOPS}], float share) {
 }
 
 void main() {
+#ifdef COMPARED
+  if (side != 0 && (gl_FragCoord.x < splitX) != (side < 0)) {
+    discard;
+  }
+#endif
   vec3 tilt = normalize(vTilt);
   vec3 colour = plain;
   float strength = relief;
@@ -156,6 +168,7 @@ void main() {
   if (highlight > -0.5 && !(hasRegion && abs(vRegion - highlight) < 0.5)) {
     colour = 0.3 * mix(vec3(dot(colour, vec3(0.2126, 0.7152, 0.0722))), colour, 0.25);
   }
+  colour = mix(colour, freshColour, fresh);
   outColour = linearToOutputTexel(vec4(colour, 1.0));
 }
 `;
