@@ -35,7 +35,7 @@ export interface DrawFacts {
   readonly segmentColour: Vector3;
   /** Whether it became visible by the newest landing: see {@link GroundMaterial.setFresh}. */
   isFresh: boolean;
-  /** While base and detail are compared: drawn on both sides (0), left (-1, the whole base) or right (1, detail). */
+  /** The base (0), the whole base beside which detail is compared (-1), or detail (1). */
   readonly side: -1 | 0 | 1;
 }
 

@@ -107,10 +107,10 @@ uniform float highlight;
 uniform vec3 freshColour;
 uniform float fresh;
 #ifdef COMPARED
-// Left of it the base is drawn whole and alone, right of it what is shown: in pixels.
+// Left of it the base is drawn whole and alone (side -1), right of it detail (side 1): in pixels.
 uniform float splitX;
-uniform int side;
 #endif
+uniform int side;
 
 out vec4 outColour;
 
@@ -123,6 +123,12 @@ vec3 alongRamp(vec3 stops[${RAMP_STOPS}], float share) {
   float at = clamp(share, 0.0, 1.0) * ${(RAMP_STOPS - 1).toFixed(1)};
   int low = min(int(at), ${RAMP_STOPS - 2});
   return toLinear(mix(stops[low], stops[low + 1], at - float(low)));
+}
+
+// The survey's own look, paled: for what a mode has no colour for, so that it stays ground.
+vec3 paled() {
+  vec3 own = hasMap ? texture(map, vSpot).rgb : hasTint ? vTint : plain;
+  return mix(own, vec3(dot(own, vec3(0.2126, 0.7152, 0.0722))), 0.8);
 }
 
 void main() {
@@ -143,13 +149,14 @@ void main() {
       strength *= ${TINT_RELIEF};
     }
   } else if (mode == ${MODE_NUMBER.regions}) {
+    colour = paled();
     ivec2 size = textureSize(regionColours, 0);
     int id = int(vRegion + 0.5);
     if (hasRegion && id / size.x < size.y) {
       colour = texelFetch(regionColours, ivec2(id % size.x, id / size.x), 0).rgb;
     }
   } else if (mode == ${MODE_NUMBER.segments}) {
-    colour = segmentColour;
+    colour = side < 1 ? paled() : segmentColour;
   } else if (mode == ${MODE_NUMBER.attribute}) {
     colour = noValue;
     strength *= 0.6; // Dark must remain "little of it".

@@ -5,6 +5,7 @@
  */
 
 import { afterAll, describe, expect, test, vi } from "vitest";
+import { defaultRadiusM } from "../../src/app/reach.ts";
 import { createStore } from "../../src/app/store.ts";
 import { createCameraDesk, type Ray } from "../../src/app/viewer/camera-desk.ts";
 import { createGoing, type GoingOptions } from "../../src/app/viewer/going.ts";
@@ -12,6 +13,7 @@ import { createGroundTools } from "../../src/app/viewer/ground-tools.ts";
 import type { LandingOrder } from "../../src/app/viewer/landing-desk.ts";
 import type { ViewerState } from "../../src/app/viewer/state.ts";
 import { EYE_HEIGHT_M } from "../../src/app/walk-pose.ts";
+import { budgetsFor } from "../../src/core/budgets.ts";
 import { CoverCounters } from "../../src/core/cover.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
 import { sceneUrlOf } from "../../src/core/scene/urls.ts";
@@ -24,7 +26,7 @@ import { listening } from "./listening.ts";
 
 const { TERRAPORT_URL, TERRAPORT_SCENE = "sample" } = process.env;
 const CLICKS = Number(process.env.TERRAPORT_CLICKS ?? 200);
-const RADIUS_M = 9;
+
 const SIZE = { width: 1280, height: 720 };
 
 /** Every segment of the scene, through one landing over all of it. */
@@ -84,9 +86,10 @@ describe.skipIf(TERRAPORT_URL === undefined)("clicks on a real scene", () => {
     const files = await loadScene(sceneUrl);
     const scene = clickable(files, await everySegment(sceneUrl, files));
     const { bounds } = files.manifest;
+    const radiusM = defaultRadiusM(files.manifest, budgetsFor("desktop"));
     const random = seeded(24);
     const between = (from: number, to: number) => from + ((to - from) * random(2 ** 30)) / 2 ** 30;
-    const counts = { walked: 0, above: 0, nothing: 0, buried: 0, buriedBefore: 0 };
+    const counts = { walked: 0, above: 0, nothing: 0, buried: 0 };
     const buried: { order: LandingOrder; eye: Vec3 }[] = [];
 
     for (let click = 0; click < CLICKS; click += 1) {
@@ -143,7 +146,7 @@ describe.skipIf(TERRAPORT_URL === undefined)("clicks on a real scene", () => {
         standNear: (hit) => standNear(hit, scene.ground),
         pixelOf: () => null,
         aim: nothing,
-        land: (position) => going.land({ position, radiusM: RADIUS_M, look: null, isEntry: true, goes: true }),
+        land: (position) => going.land({ position, radiusM, look: null, isEntry: true, goes: true }),
         announce: nothing,
         refuse: (reason) => {
           refused = reason ?? refused;
@@ -157,12 +160,6 @@ describe.skipIf(TERRAPORT_URL === undefined)("clicks on a real scene", () => {
         continue;
       }
       scene.showLanding(order.position, order.radiusM);
-      {
-        const hit0 = scene.ground.cast; void hit0;
-        const old = standNear({ position: order.position, normal: [0, 1, 0] }, scene.ground) ?? order.position;
-        const y = scene.ground.groundAt(old[0], old[2], old[1] + 1.7)?.position[1] ?? old[1];
-        if (isBuried([old[0], y + 1.7, old[2]], scene.truth)) counts.buriedBefore += 1;
-      }
       going.arrived(order);
       if (camera.view === "walk") counts.walked += 1;
       else counts.above += 1;
