@@ -200,6 +200,21 @@ def test_a_kept_place_comes_back(viewer: DrivenViewer) -> None:
     assert set(viewer.visible) >= set(first["visible"])
 
 
+def test_a_reload_loads_nothing_twice(viewer: DrivenViewer, server: Service) -> None:
+    first = viewer.land(POSITION, RADIUS_M)
+    viewer.until(
+        "caches.open('terraport-payload-1').then((cache) => cache.keys())"
+        ".then((bundles) => bundles.length > 0)"
+    )
+    viewer.until("location.hash.includes('at=0,')")
+    before = payload_bytes(server.url)
+    viewer.page.reload()
+    viewer.until("window.terraport?.status.phase === 'shown'")
+    assert viewer.visible == first["visible"]
+    assert viewer.digest == first["digest"]
+    assert payload_bytes(server.url) == before
+
+
 FIND_WALL = """(eye) => {
   for (let azimuth = 0; azimuth < 360; azimuth += 3) {
     const [dx, dz] = [Math.sin(azimuth * Math.PI / 180), -Math.cos(azimuth * Math.PI / 180)];

@@ -68,6 +68,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
       ...(token === undefined ? {} : { token }),
       budgets,
       cacheBytes: budgets.cacheBytes,
+      diskBytes: budgets.diskBytes,
       creditBytes: budgets.creditBytes,
     });
     try {

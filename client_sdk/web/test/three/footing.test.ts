@@ -182,7 +182,7 @@ describe("an eye", () => {
     [[20, 5, 0.3], true, "in the rock below the bench"],
     [[-20, -3, 0.3], true, "below the floor"],
     [[200, 1.7, 0.3], true, "beyond the ground"],
-  ] as const)("at %j is buried: %s (%s)", (eye, buried) => {
+  ] as const)("at %j is buried: %s (%s)", (eye, buried, _where) => {
     expect(isBuried(eye, landings)).toBe(buried);
   });
 });
