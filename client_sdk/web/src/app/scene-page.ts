@@ -1,6 +1,6 @@
 /** One scene: loaded, shown, and loaded anew where the service publishes another version of it. */
 
-import { budgetsFor, loadSceneInWorker, openStream } from "../core/client/index.ts";
+import { budgetsFor, loadSceneInWorker, openStream } from "../core/index.ts";
 import { sceneUrlOf } from "../core/scene/urls.ts";
 import type { SceneFiles } from "../core/types.ts";
 import { deviceClass } from "./device.ts";

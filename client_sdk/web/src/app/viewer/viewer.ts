@@ -2,8 +2,8 @@
 
 import { listScenes } from "../../core/scene/load.ts";
 import type { Vec3 } from "../../core/types.ts";
-import { isBuried, standNear } from "../../three/footing.ts";
-import { Stage } from "../../three/stage.ts";
+
+import { isBuried, Stage, standNear } from "../../three/index.ts";
 import { prefersLessMotion } from "../device.ts";
 import { h, setAttribute } from "../dom.ts";
 import { nothingNotice, steepNotice } from "../failures.ts";
