@@ -17,10 +17,11 @@ from terraport_server.service import Service
 
 __all__ = ["AppGuard", "host_is_ours"]
 
+_NO_FRAMES: Final = (b"x-frame-options", b"DENY")
 _EVERYWHERE: Final = (
     (b"x-content-type-options", b"nosniff"),
     (b"referrer-policy", b"no-referrer"),
-    (b"x-frame-options", b"DENY"),
+    _NO_FRAMES,
 )
 
 # Pages without a policy of their own carry their pictures and styles with them, and have no
@@ -118,6 +119,9 @@ def _added(scope: Scope, message: Message) -> list[tuple[bytes, bytes]]:
     added = list(_EVERYWHERE)
     headers = dict(message.get("headers", ()))
     is_page = headers.get(b"content-type", b"").startswith(b"text/html")
+    policy = headers.get(b"content-security-policy", b"")
+    if b"frame-ancestors" in policy and b"frame-ancestors 'none'" not in policy:
+        added.remove(_NO_FRAMES)  # the policy says who may; the older header knows no list
     if is_page and b"content-security-policy" not in headers and scope["path"] != _DOCS:
         added.append((b"content-security-policy", _PAGE_POLICY))
     return added
