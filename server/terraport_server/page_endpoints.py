@@ -25,8 +25,9 @@ VIEWER_POLICY: Final = (
     "style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; base-uri 'none'; "
     "form-action 'none'; frame-ancestors "
 )
-"""Nothing from elsewhere, no inline script or style; who may frame it follows. The decoders are WebAssembly. With
-every file, not with the page alone: a worker is held to the policy that came with its own script.
+"""Nothing from elsewhere, no inline script or style; who may frame it follows. The decoders are
+WebAssembly. With every file, not with the page alone: a worker is held to the policy that came with
+its own script.
 """
 
 PERMISSIONS: Final = (

@@ -56,6 +56,8 @@ export interface Viewer {
 
 /** How long frames go on after the last thing that may need one: a message from the stream, a move. */
 const LINGER_MS = 250;
+/** So long a click that met no ground is explained. */
+const REFUSAL_MS = 5000;
 /** The figures are read so often while they are shown. */
 const FIGURES_MS = 500;
 
@@ -161,6 +163,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     lastEventMs = performance.now();
     watch(event);
   };
+  let refusalTimer: number | null = null;
   const tools = createGroundTools({
     store,
     stream,
@@ -174,8 +177,15 @@ export function createViewer(options: ViewerOptions): Viewer {
     },
     announce: shell.announcer.announce,
     refuse(reason) {
-      if (reason === null) notices.clear("ground");
-      else notices.show(reason === "steep" ? steepNotice(true) : nothingNotice());
+      if (refusalTimer !== null) window.clearTimeout(refusalTimer);
+      refusalTimer = null;
+      if (reason === null) {
+        notices.clear("ground");
+        return;
+      }
+      notices.show(reason === "steep" ? steepNotice(true) : nothingNotice());
+      // It may lie over the ground that is clicked next.
+      refusalTimer = window.setTimeout(() => notices.clear("ground"), REFUSAL_MS);
     },
   });
   const help = createHelpDialog();
