@@ -19,10 +19,11 @@ from terraport_server.settings import Settings
 
 __all__ = ["EVERYWHERE", "AppGuard", "RequestRules", "host_is_ours"]
 
+_NO_FRAMES: Final = (b"x-frame-options", b"DENY")
 EVERYWHERE: Final = (
     (b"x-content-type-options", b"nosniff"),
     (b"referrer-policy", b"no-referrer"),
-    (b"x-frame-options", b"DENY"),
+    _NO_FRAMES,
 )
 """Headers of every answer of the application."""
 
@@ -155,6 +156,9 @@ def _added(scope: Scope, message: Message) -> list[tuple[bytes, bytes]]:
     added = list(EVERYWHERE)
     headers = dict(message.get("headers", ()))
     is_page = headers.get(b"content-type", b"").startswith(b"text/html")
+    policy = headers.get(b"content-security-policy", b"")
+    if b"frame-ancestors" in policy and b"frame-ancestors 'none'" not in policy:
+        added.remove(_NO_FRAMES)  # the policy says who may; the older header knows no list
     if is_page and b"content-security-policy" not in headers and scope["path"] != _DOCS:
         added.append((b"content-security-policy", _PAGE_POLICY))
     return added

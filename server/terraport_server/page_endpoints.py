@@ -23,10 +23,11 @@ __all__ = ["VIEWER_POLICY", "add_page_routes"]
 VIEWER_POLICY: Final = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; worker-src 'self'; "
     "style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'"
+    "form-action 'none'; frame-ancestors "
 )
-"""Nothing from elsewhere, no inline script or style, no frames. The decoders are WebAssembly. With
-every file, not with the page alone: a worker is held to the policy that came with its own script.
+"""Nothing from elsewhere, no inline script or style; who may frame it follows. The decoders are
+WebAssembly. With every file, not with the page alone: a worker is held to the policy that came with
+its own script.
 """
 
 PERMISSIONS: Final = (
@@ -52,21 +53,21 @@ async def get_page(request: Request, service: ServiceOfRequest) -> Response:
     """Return the viewer's page, or a list with names only where no token is asked for."""
     if service.viewer is None:
         return HTMLResponse(_list_page(service), headers={"Cache-Control": CHECK})
-    return _answer(request, service.viewer.index)
+    return _answer(request, service, service.viewer.index)
 
 
 @_router.head("/assets/{name}", include_in_schema=False)
 @_router.get("/assets/{name}", include_in_schema=False)
 async def get_asset(request: Request, service: ServiceOfRequest, name: str) -> Response:
     """Return one of the viewer's scripts, styles or pictures."""
-    return _answer(request, _find(service, ASSETS + name))
+    return _answer(request, service, _find(service, ASSETS + name))
 
 
 @_router.head("/{name}", include_in_schema=False)
 @_router.get("/{name}", include_in_schema=False)
 async def get_other(request: Request, service: ServiceOfRequest, name: str) -> Response:
     """Return what the viewer has beside its page: its icon, the licences of what is in it."""
-    return _answer(request, _find(service, name))
+    return _answer(request, service, _find(service, name))
 
 
 def _find(service: Service, name: str) -> PageFile:
@@ -76,11 +77,12 @@ def _find(service: Service, name: str) -> PageFile:
     return file
 
 
-def _answer(request: Request, file: PageFile) -> Response:
+def _answer(request: Request, service: Service, file: PageFile) -> Response:
+    ancestors = service.settings.frame_ancestors
     coding = chosen_coding(request.headers.get("accept-encoding"), file.forms)
     headers = {
         "Cache-Control": FOREVER if file.is_fixed else CHECK,
-        "Content-Security-Policy": VIEWER_POLICY,
+        "Content-Security-Policy": VIEWER_POLICY + (" ".join(ancestors) or "'none'"),
         "ETag": file.etag(coding),
         "Permissions-Policy": PERMISSIONS,
         "Vary": "Accept-Encoding",

@@ -90,9 +90,9 @@ class ServedScene:
             pull=None if pull_base is None else _pull_view(scene, pull_base),
         )
         # As memory, not arrays: one item of an array takes four times as long.
-        self.hashes = memoryview(index.xxh3)
+        self.hashes = index.xxh3.data
         """xxh3 of each GLB."""
-        self.lengths = memoryview(index.length)
+        self.lengths = index.length.data
         """Bytes of each GLB."""
         self._failures = SomePerMinute(_FAILURES_PER_MINUTE)
         # Life: open while anybody holds it, or nothing has replaced it.

@@ -37,6 +37,9 @@ ENV_PREFIX = "TERRAPORT_"
 _BASE_URL = r"^https?://[A-Za-z0-9._~:/\[\]%@!$&'()*+,;=-]{1,1900}$"
 """No query and no fragment: paths are appended."""
 
+_FRAME_ANCESTOR = r"^(\*|https?://(\*\.)?[A-Za-z0-9.-]{1,253}(:(\*|[0-9]{1,5}))?)$"
+"""An origin as Content-Security-Policy takes it; nothing that could end the header's directive."""
+
 _Seconds = Annotated[float, Field(gt=0, le=86_400)]
 _Bytes = Annotated[int, Field(ge=1, le=MAX_INTEGER)]
 
@@ -128,6 +131,9 @@ class Settings(BaseSettings):
     """Whether / is the viewer, where it is built; else a list of the scenes."""
     viewer_dir: Path | None = None
     """Folder of another built viewer; none = the one that this installation brings."""
+    frame_ancestors: tuple[Annotated[str, Field(pattern=_FRAME_ANCESTOR)], ...] = ()
+    """Origins of web pages that may show the viewer in a frame; "*" = all, none = no page. Such a
+    page can lay its own picture over the viewer: name those that are trusted."""
     public_docs: bool | None = None
     """Whether /docs answers; none = only where the service is open."""
     public_metrics: bool | None = None

@@ -98,8 +98,9 @@ def test_everything_by_keyboard(page: Page, server: Service) -> None:
     press("Enter")
     viewer.until("terraport.state.measured.length === 2")
     assert viewer.run("terraport.state.measured[1]") != before
+    # Who lands is taken to the ground, and goes up again.
     press("KeyV")
-    viewer.until("terraport.state.view === 'walk'")
+    viewer.until("terraport.state.view === 'orbit'")
 
     # The panel: to its tabs, to the tab of looks, to the mode of slopes.
     press("KeyI")

@@ -79,20 +79,54 @@ def test_what_is_drawn_is_what_the_sdk_shows(viewer: DrivenViewer, server: Servi
 
 def test_an_aim_leaves_nothing_to_load(viewer: DrivenViewer, server: Service) -> None:
     before = payload_bytes(server.url)
-    canvas = viewer.page.locator("canvas#view")
-    middle = {"x": 320, "y": 200}
-    canvas.click(position=middle)
+    viewer.page.locator("canvas#view").focus()
+    viewer.page.keyboard.press("Space")
     viewer.until("terraport.state.aim?.fraction === 1")
     aimed = payload_bytes(server.url)
     assert aimed["aim"] > before["aim"]
     assert viewer.visible == []  # nothing is shown before the user lands
 
-    canvas.click(position=middle)
+    viewer.page.keyboard.press("Enter")
     viewer.until("terraport.status.phase === 'shown'")
     assert viewer.run("terraport.status.payloadBytes") == 0
     assert viewer.visible != []
     assert payload_bytes(server.url)["land"] == before["land"]
     viewer.until("terraport.stats.stream?.aimHits === 1")
+
+
+def test_a_click_lands_and_takes_one_there(viewer: DrivenViewer) -> None:
+    canvas = viewer.page.locator("canvas#view")
+    canvas.click(position={"x": 320, "y": 8})
+    assert "no ground" in viewer.notice("ground")
+    assert viewer.run("terraport.status.phase") == "idle"
+
+    canvas.click(position={"x": 320, "y": 200})
+    viewer.until("terraport.state.gain !== null")
+    assert viewer.visible != []
+    expect(viewer.page.locator("[data-notice='ground']")).to_have_count(0)
+    expect(viewer.page.locator("#gain")).to_contain_text("times the triangles")
+    assert viewer.run("terraport.state.view") == "walk"
+    stand = viewer.run(SLOPE_AT, _feet(viewer))
+    assert stand["degrees"] <= 50
+    assert not stand["inRock"]
+
+
+def test_before_and_after(viewer: DrivenViewer) -> None:
+    """Left of the line the base is drawn whole, right of it what the landing shows."""
+    page = viewer.page
+    viewer.land(POSITION, RADIUS_M)
+    viewer.until("terraport.state.gain !== null")
+    eye = (0.0, 200.0, 0.0)
+    apart = len(viewer.look(eye, 0.0, -90.0))
+    digest = viewer.digest
+    page.locator("canvas#view").focus()
+    page.keyboard.press("KeyC")
+    expect(page.get_by_label("Before and after: where")).to_be_visible()
+    assert len(viewer.look(eye, 0.0, -90.0)) == apart + 1
+    page.keyboard.press("KeyC")
+    assert len(viewer.look(eye, 0.0, -90.0)) == apart
+    assert viewer.digest == digest
+    assert viewer.run("terraport.state.strayChanges") == 0
 
 
 def test_a_press_aims_and_its_end_lands(viewer: DrivenViewer) -> None:
@@ -166,6 +200,21 @@ def test_a_kept_place_comes_back(viewer: DrivenViewer) -> None:
     assert set(viewer.visible) >= set(first["visible"])
 
 
+def test_a_reload_loads_nothing_twice(viewer: DrivenViewer, server: Service) -> None:
+    first = viewer.land(POSITION, RADIUS_M)
+    viewer.until(
+        "caches.open('terraport-payload-1').then((cache) => cache.keys())"
+        ".then((bundles) => bundles.length > 0)"
+    )
+    viewer.until("location.hash.includes('at=0,')")
+    before = payload_bytes(server.url)
+    viewer.page.reload()
+    viewer.until("window.terraport?.status.phase === 'shown'")
+    assert viewer.visible == first["visible"]
+    assert viewer.digest == first["digest"]
+    assert payload_bytes(server.url) == before
+
+
 FIND_WALL = """(eye) => {
   for (let azimuth = 0; azimuth < 360; azimuth += 3) {
     const [dx, dz] = [Math.sin(azimuth * Math.PI / 180), -Math.cos(azimuth * Math.PI / 180)];
@@ -193,6 +242,23 @@ SLOPE_AT = """([x, y, z]) => {
 """How steep it is under two feet, and whether rock is all around."""
 
 
+FEET = """() => {
+  const fields = new URLSearchParams(location.hash.slice(1));
+  const numbers = (name) => fields.get(name)?.split(',').map(Number) ?? null;
+  const at = numbers('at');
+  const isThere = at !== null && fields.get('view') === 'walk'
+    && Math.abs(at[0] - terraport.state.landed.place[0]) < 0.01;
+  return isThere ? numbers('focus') ?? at : null;
+}"""
+"""Where the walker stands, once the address has his landing; within a centimetre."""
+
+
+def _feet(viewer: DrivenViewer) -> list[float]:
+    viewer.until(f"({FEET})() !== null")
+    feet: list[float] = viewer.run(FEET)
+    return feet
+
+
 def test_a_click_on_a_wall_leads_to_where_one_can_stand(viewer: DrivenViewer) -> None:
     viewer.land(POSITION, RADIUS_M)
     viewer.page.get_by_role("button", name="Walk").click()
@@ -204,15 +270,10 @@ def test_a_click_on_a_wall_leads_to_where_one_can_stand(viewer: DrivenViewer) ->
     assert box is not None
     middle = {"x": box["width"] / 2, "y": box["height"] / 2}
     canvas.click(position=middle)
-    viewer.until("terraport.state.aim !== null")
-    target = viewer.run("terraport.state.aim.place")
-    stand = viewer.run(SLOPE_AT, target)
+    viewer.until("terraport.status.landing === 2 && terraport.status.phase === 'shown'")
+    stand = viewer.run(SLOPE_AT, _feet(viewer))
     assert stand["degrees"] <= 50
     assert not stand["inRock"]
-    expect(viewer.page.locator("#live")).to_contain_text("Nobody could stand there")
-    canvas.click(position=middle)  # on the wall again: the target beside it is meant
-    viewer.until("terraport.status.landing === 2 && terraport.status.phase === 'shown'")
-    assert viewer.run("terraport.state.landed.place") == target
     assert viewer.run("terraport.state.view") == "walk"
 
 

@@ -18,13 +18,13 @@ TOKEN = "sixteen-characters"
 
 
 def test_it_lands_and_agrees_with_the_python_sdk(server: Service, scenes: Path) -> None:
-    """Landings, cut links, tokens; visible sets beside the Python SDK's."""
+    """Landings, cut links, tokens; visible sets beside the Python SDK's; 200 clicks of the page."""
     node, vitest = shutil.which("node"), WEB / "node_modules" / "vitest" / "vitest.mjs"
     if node is None or not vitest.is_file():
         pytest.skip("no Node on the PATH, or no node_modules (npm ci in client_sdk/web)")
     with Service(scenes, token=TOKEN) as guarded:
         done = subprocess.run(
-            [node, str(vitest), "run", "test/client/server.test.ts"],
+            [node, str(vitest), "run", "test/client/server.test.ts", "test/client/clicks.test.ts"],
             cwd=WEB,
             env=os.environ
             | {

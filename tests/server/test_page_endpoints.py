@@ -9,6 +9,7 @@ from pathlib import Path
 
 import httpx
 import pytest
+from pydantic import ValidationError
 from server.grid_scene import write_grid_scene
 
 from terraport_server import BackgroundServer
@@ -193,3 +194,24 @@ def test_without_a_build_the_list_says_how_to_make_one(
 def test_a_folder_without_a_page_is_refused(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match=r"viewer_dir: .* has no index\.html"):
         Settings(scenes_dir=tmp_path, viewer_dir=tmp_path).check()
+
+
+def test_only_pages_that_are_named_may_frame_the_viewer(
+    http: httpx.Client, scenes: Path, built: Path
+) -> None:
+    answer = http.get("/")
+    assert "frame-ancestors 'none'" in answer.headers["content-security-policy"]
+    assert answer.headers["x-frame-options"] == "DENY"
+    named = ("https://mine.example", "https://*.example.org:8443")
+    with BackgroundServer(scenes, viewer_dir=built, frame_ancestors=named) as running:
+        page = httpx.get(f"{running.url}/")
+        listed = httpx.get(f"{running.url}/scenes")
+    assert page.headers["content-security-policy"].endswith(f"frame-ancestors {' '.join(named)}")
+    assert "x-frame-options" not in page.headers
+    assert listed.headers["x-frame-options"] == "DENY"
+
+
+@pytest.mark.parametrize("named", ["https://a.example; script-src *", "a.example", "'self' *", ""])
+def test_what_is_no_origin_may_not_frame(named: str) -> None:
+    with pytest.raises(ValidationError, match="frame_ancestors"):
+        Settings(frame_ancestors=(named,))

@@ -9,17 +9,17 @@ import type { GroundHit } from "../src/three/types.ts";
 
 const WALL: Vec3 = [5, 4, 0];
 const FOOT: Vec3 = [4.5, 0, 0];
+const HIT: GroundHit = { position: WALL, normal: [-1, 0, 0], isOuter: true, distanceM: 9, segment: 1, region: 2 };
 
 /** Tools of a page on which every click meets a wall; what they do, in order. */
-function toolsAtWall(view: "orbit" | "walk", foothold: Vec3 | null) {
+function toolsAtWall(view: "orbit" | "walk", foothold: Vec3 | null, met: GroundHit | null = HIT) {
   const store = createStore({ view, tool: "land", aim: null } as unknown as ViewerState);
   const calls: string[] = [];
-  const hit: GroundHit = { position: WALL, normal: [-1, 0, 0], isOuter: true, distanceM: 9, segment: 1, region: 2 };
   const tools = createGroundTools({
     store,
     stream: { pick: () => Promise.resolve(null) },
     rayAt: () => ({ origin: [0, 2, 0], direction: [1, 0, 0] }),
-    cast: () => hit,
+    cast: () => met,
     standNear: () => foothold,
     pixelOf: () => ({ x: 900, y: 900 }),
     aim(at) {
@@ -34,24 +34,45 @@ function toolsAtWall(view: "orbit" | "walk", foothold: Vec3 | null) {
 }
 
 describe("a click on a wall", () => {
-  it("puts the target where one can stand, says so, and lands by a second click on the wall", () => {
+  it("lands where one can stand, and says so", () => {
+    const { tools, calls } = toolsAtWall("orbit", FOOT);
+    tools.tap(10, 10);
+    expect(calls).toEqual(["refuse null", "land 4.5,0,0", "Nobody could stand there. The target is 4.03 m beside"]);
+  });
+
+  it("that is held aims there, and lands when it is let go", () => {
     const { tools, calls } = toolsAtWall("walk", FOOT);
-    tools.tap(10, 10);
-    expect(calls).toEqual(["refuse null", "aim 4.5,0,0", "Nobody could stand there. The target is 4.03 m beside"]);
-    tools.tap(10, 10);
+    expect(tools.press(10, 10)).toBe(true);
+    expect(calls[1]).toBe("aim 4.5,0,0");
+    tools.pressEnd(false);
     expect(calls.at(-1)).toBe("land 4.5,0,0");
+  });
+
+  it("aims by the keys' way alone", () => {
+    const { tools, calls } = toolsAtWall("orbit", FOOT);
+    tools.aimAt(10, 10);
+    expect(calls[1]).toBe("aim 4.5,0,0");
   });
 
   it("without a foothold is refused to a walker", () => {
     const { tools, calls } = toolsAtWall("walk", null);
     tools.tap(10, 10);
     expect(tools.press(10, 10)).toBe(false);
-    expect(calls).toEqual(["refuse steep", "refuse steep"]);
+    expect(calls).toEqual(["refuse null", "refuse steep", "refuse null", "refuse steep"]);
   });
 
   it("without a foothold is looked at from above", () => {
     const { tools, calls } = toolsAtWall("orbit", null);
     tools.tap(10, 10);
-    expect(calls).toEqual(["refuse null", "aim 5,4,0"]);
+    expect(calls).toEqual(["refuse null", "land 5,4,0"]);
+  });
+});
+
+describe("a click on nothing", () => {
+  it("says so, and lands nowhere", () => {
+    const { tools, calls } = toolsAtWall("orbit", FOOT, null);
+    tools.tap(10, 10);
+    expect(tools.press(10, 10)).toBe(false);
+    expect(calls).toEqual(["refuse nothing", "refuse nothing"]);
   });
 });

@@ -2,7 +2,7 @@
 
 import { describe, expect, it } from "vitest";
 import { outsideNotice } from "../src/app/failures.ts";
-import { outsideBy } from "../src/app/reach.ts";
+import { defaultRadiusM, outsideBy } from "../src/app/reach.ts";
 import type { Bounds } from "../src/core/types.ts";
 
 const BOUNDS: Bounds = [-10, 0, -20, 10, 5, 20];
@@ -24,5 +24,19 @@ describe("a place", () => {
     expect(text).toContain("940 m away");
     expect(text).toContain("radius of 60 m");
     expect(remedies).toEqual(["dismiss"]);
+  });
+});
+
+describe("the radius of a first landing", () => {
+  const desk = { radiusM: 60, maxTriangles: 6_000_000 };
+
+  it.each([
+    [12, 100_000, 4, "a quarter of the way across a small scene"],
+    [36, 366_098, 12, "the same, of the scene that comes along"],
+    [1500, 90_000_000, 60, "the device's, in a pit"],
+    [400, 160_000_000, 30, "half of what can be drawn, in a dense survey"],
+    [0.5, 1000, 1, "never less than a metre"],
+  ])("of %d m with %d triangles is %d m: %s", (sideM, detailFaces, radiusM) => {
+    expect(defaultRadiusM({ bounds: [0, 0, 0, sideM, 9, sideM], detailFaces }, desk)).toBe(radiusM);
   });
 });

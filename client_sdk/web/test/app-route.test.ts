@@ -104,3 +104,10 @@ test("the same landing looked at otherwise is the same landing", () => {
   expect(isSameLanding(PLACE, { ...PLACE, at: [12.6, -3.25, 40] })).toBe(false);
   expect(isSameLanding(PLACE, null)).toBe(false);
 });
+
+test("a look without a landing is kept", () => {
+  const look = { view: "orbit", yawDeg: 120.5, pitchDeg: -30, distanceM: 45.25, focus: [1, 2.5, -3] } as const;
+  const hash = formatRoute({ scene: "pit", place: null, look, mode: null });
+  expect(hash).toBe("#scene=pit&look=120.5,-30&distance=45.25&focus=1,2.5,-3&view=orbit");
+  expect(parseRoute(hash)).toEqual({ scene: "pit", place: null, look, mode: null });
+});

@@ -16,7 +16,7 @@ from terraport_payload import (
     encode_glb,
     snap,
 )
-from terraport_payload.types import Bool, Float64, Int32, Int64
+from terraport_payload.types import Bool, Float64, Int32, Int64, UInt16
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.mesh.uv import split_wedges
 from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
@@ -167,13 +167,19 @@ def kept_faces(base: Mesh, kept: Bool) -> Mesh:
     )
 
 
-def whole_payload(mesh: Mesh, textures: TextureSet | None = None) -> SegmentMesh:
-    """Take a mesh as one payload, without regions; with its one image instead of its colours."""
+def whole_payload(
+    mesh: Mesh, textures: TextureSet | None = None, region_ids: UInt16 | None = None
+) -> SegmentMesh:
+    """Take a mesh as one payload; with its one image instead of its colours.
+
+    A vertex has one region, ``region_ids``, (V,): no vertex is split for them.
+    """
     plain = SegmentMesh(
         positions=mesh.vertices,
         faces=mesh.faces.astype(np.uint32),
         normals=mesh.normals,
         colours=mesh.colours,
+        region_ids=region_ids,
         attributes=mesh.attributes,
     )
     if textures is None:
@@ -185,6 +191,7 @@ def whole_payload(mesh: Mesh, textures: TextureSet | None = None) -> SegmentMesh
         faces=split.faces.astype(np.uint32),
         normals=mesh.normals[split.vertex],
         colours=None,
+        region_ids=None if region_ids is None else region_ids[split.vertex],
         attributes={name: values[split.vertex] for name, values in mesh.attributes.items()},
         uvs=split.uvs,
         texture=textures.texture(0),

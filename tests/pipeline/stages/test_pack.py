@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pipeline.one_piece import Labelled, reconstruct_survey, runner_in, segment_surface
+from scipy.spatial import cKDTree
 
 from terraport_payload import decode_glb, snap
 from terraport_pipeline.errors import OptionError
@@ -148,6 +149,18 @@ def test_threads_change_no_byte(inputs: Inputs, scene: Path, tmp_path: Path) -> 
     assert files
     for name in files:
         assert (tmp_path / "hill" / name).read_bytes() == (scene / name).read_bytes(), name
+
+
+def test_the_base_has_the_regions_of_the_detail_over_it(scene: Path, inputs: Inputs) -> None:
+    """So that it can be coloured by them before anything has landed."""
+    detail, labels = inputs.detail, inputs.labelled.regions
+    middles = detail.vertices[detail.faces].mean(axis=1)
+    with Scene.open(scene) as opened:
+        base = decode_glb(opened.base_path.read_bytes())
+    assert base.region_ids is not None
+    _, nearest = cKDTree(middles).query(base.positions)
+    # Positions are rounded to the grid: a vertex in the middle between two may turn to either.
+    assert (base.region_ids == labels[nearest]).mean() > 0.99
 
 
 def test_base_faces_keep_the_order_of_the_cover(scene: Path, inputs: Inputs) -> None:

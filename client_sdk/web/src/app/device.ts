@@ -1,6 +1,6 @@
 /** What kind of machine the page runs on, as far as a page can tell without asking for more rights. */
 
-import type { DeviceClass } from "../core/client/index.ts";
+import type { DeviceClass } from "../core/index.ts";
 
 /** A headset's own browser, a phone or tablet, or a desk. */
 export function deviceClass(): DeviceClass {

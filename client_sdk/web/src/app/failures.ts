@@ -123,13 +123,28 @@ function closedNotice(code: string, message: string): Notice {
   }
 }
 
-/** A walker asked for a place in a wall, or where there is no room. */
-export function steepNotice(): Notice {
+/** A click beside the ground. */
+export function nothingNotice(): Notice {
   return {
-    key: "steep",
+    key: "ground",
+    tone: "info",
+    title: "There is no ground there",
+    text: "The survey has nothing where you clicked. Click the ground itself; Home shows all of it.",
+    remedies: ["dismiss"],
+  };
+}
+
+/** A place in a wall, or where there is no room: refused to a walker, shown from above to others. */
+export function steepNotice(isWalking: boolean): Notice {
+  return {
+    key: "ground",
     tone: "info",
     title: "Nobody could stand there",
-    text: `It is too steep, or too low, and so is everything within ${MAX_BESIDE_M} m of it. Choose flatter ground, or look at it from above.`,
+    text: `It is too steep, or too low, and so is everything within ${MAX_BESIDE_M} m of it. ${
+      isWalking
+        ? "Choose flatter ground, or look at it from above."
+        : "You see it from above; click flatter ground to go there."
+    }`,
     remedies: ["dismiss"],
   };
 }

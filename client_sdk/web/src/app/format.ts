@@ -58,6 +58,13 @@ export function formatCoordinate(metres: number): string {
   return fixed(metres, 2);
 }
 
+/** From one point to the next: `2.4 cm`, `35 cm`, `1.2 m`. */
+export function formatSpacing(metres: number): string {
+  if (metres >= 0.995) return `${metres.toFixed(1)} m`;
+  const centimetres = metres * 100;
+  return centimetres < 9.95 ? `${centimetres.toFixed(1)} cm` : `${Math.round(centimetres)} cm`;
+}
+
 /** A radius: `60 m`, `7.5 m`. */
 export function formatRadius(metres: number | null | undefined): string {
   if (!isNumber(metres)) return "–";

@@ -1,6 +1,31 @@
-/** Whether a landing can meet the scene at all. PURE. */
+/** How far landings reach: that of a first one, and whether one can meet the scene at all. PURE. */
 
-import type { Bounds, Vec3 } from "../core/types.ts";
+import type { DeviceBudgets } from "../core/budgets.ts";
+import type { Bounds, SceneManifest, Vec3 } from "../core/types.ts";
+
+/** Of the way across the scene: a landing shows its edge, and one sees what it brought. */
+const SHARE_OF_SCENE = 0.25;
+/** Of the triangles that the device can draw: the next scene is not the last. */
+const SHARE_OF_TRIANGLES = 0.5;
+/** Less is not a place but a stone. */
+const MIN_RADIUS_M = 1;
+
+/**
+ * The radius of a landing unless the user chooses another: what is right for the device, or less where the scene is small or
+ * so dense that it could not be drawn.
+ */
+export function defaultRadiusM(
+  { bounds, detailFaces }: Pick<SceneManifest, "bounds" | "detailFaces">,
+  { radiusM, maxTriangles }: Pick<DeviceBudgets, "radiusM" | "maxTriangles">,
+): number {
+  const [eastM, southM] = [bounds[3] - bounds[0], bounds[5] - bounds[2]];
+  const acrossM = Math.hypot(eastM, southM) * SHARE_OF_SCENE;
+  const trianglesPerM2 = detailFaces / Math.max(eastM * southM, Number.MIN_VALUE);
+  const drawnM = Math.sqrt((SHARE_OF_TRIANGLES * maxTriangles) / Math.max(trianglesPerM2 * Math.PI, Number.MIN_VALUE));
+  const exact = Math.max(MIN_RADIUS_M, Math.min(radiusM, acrossM, drawnM));
+  // A round number, as the slider has them.
+  return exact < 10 ? Math.floor(exact * 2) / 2 : exact < 20 ? Math.floor(exact) : Math.floor(exact / 5) * 5;
+}
 
 /** Metres from a place to the box around the scene, where that is beyond the radius: nothing can be there. Else null. */
 export function outsideBy(position: Vec3, radiusM: number, bounds: Bounds): number | null {

@@ -24,10 +24,15 @@ export interface Place {
   readonly focus: Vec3 | null;
 }
 
+/** How a place is looked at. */
+export type Look = Omit<Place, "at" | "radiusM">;
+
 /** What the hash says. */
 export interface Route {
   readonly scene: string | null;
   readonly place: Place | null;
+  /** How the scene is looked at where nobody has landed: the address then has a look and a focus, and no `at`. */
+  readonly look?: Look;
   readonly mode: RouteMode | null;
 }
 
@@ -45,7 +50,14 @@ const MAX_RADIUS_M = 1e6;
 /** Read a hash, with or without `#`. */
 export function parseRoute(hash: string): Route {
   const fields = new URLSearchParams(hash.replace(/^#/, ""));
-  return { scene: fields.get("scene") || null, place: parsePlace(fields), mode: parseMode(fields) };
+  const place = parsePlace(fields);
+  const look = parseLook(fields);
+  return {
+    scene: fields.get("scene") || null,
+    place,
+    ...(place === null && look.focus !== null && { look }),
+    mode: parseMode(fields),
+  };
 }
 
 /** Write a hash with its `#`. Commas stay readable; names are escaped. */
@@ -53,6 +65,7 @@ export function formatRoute(route: Route): string {
   const fields: string[] = [];
   if (route.scene !== null) fields.push(`scene=${encodeURIComponent(route.scene)}`);
   if (route.place !== null) fields.push(...formatPlace(route.place));
+  else if (route.look !== undefined) fields.push(...formatLook(route.look));
   if (route.mode !== null) fields.push(...formatMode(route.mode));
   return `#${fields.join("&")}`;
 }
@@ -71,11 +84,14 @@ export function isSameLanding(a: Place | null, b: Place | null): boolean {
 function parsePlace(fields: URLSearchParams): Place | null {
   const at = parsePoint(fields.get("at"));
   if (at === null) return null;
+  const radiusM = within(parseNumber(fields.get("radius")), Number.MIN_VALUE, MAX_RADIUS_M);
+  return { at, radiusM, ...parseLook(fields) };
+}
+
+function parseLook(fields: URLSearchParams): Look {
   const look = parseNumbers(fields.get("look"), 2);
   const view = fields.get("view");
   return {
-    at,
-    radiusM: within(parseNumber(fields.get("radius")), Number.MIN_VALUE, MAX_RADIUS_M),
     view: view === "walk" || view === "orbit" ? view : null,
     yawDeg: look === null ? null : wrapDegrees(look[0]!),
     pitchDeg: look === null ? null : Math.min(90, Math.max(-90, look[1]!)),
@@ -87,6 +103,11 @@ function parsePlace(fields: URLSearchParams): Place | null {
 function formatPlace(place: Place): string[] {
   const fields = [`at=${point(place.at)}`];
   if (place.radiusM !== null) fields.push(`radius=${rounded(atLeastACentimetre(place.radiusM), 2)}`);
+  return [...fields, ...formatLook(place)];
+}
+
+function formatLook(place: Look): string[] {
+  const fields: string[] = [];
   if (place.yawDeg !== null && place.pitchDeg !== null) {
     fields.push(`look=${rounded(wrapDegrees(place.yawDeg), 1)},${rounded(place.pitchDeg, 1)}`);
   }

@@ -1,6 +1,6 @@
 /** One scene: loaded, shown, and loaded anew where the service publishes another version of it. */
 
-import { budgetsFor, loadSceneInWorker, openStream } from "../core/client/index.ts";
+import { budgetsFor, loadSceneInWorker, openStream } from "../core/index.ts";
 import { sceneUrlOf } from "../core/scene/urls.ts";
 import type { SceneFiles } from "../core/types.ts";
 import { deviceClass } from "./device.ts";
@@ -68,6 +68,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
       ...(token === undefined ? {} : { token }),
       budgets,
       cacheBytes: budgets.cacheBytes,
+      diskBytes: budgets.diskBytes,
       creditBytes: budgets.creditBytes,
     });
     try {

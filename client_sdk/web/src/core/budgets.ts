@@ -18,6 +18,8 @@ export interface DeviceBudgets extends Budgets {
   readonly radiusM: number;
   /** Payload bytes kept in the worker beside what is shown. */
   readonly cacheBytes: number;
+  /** Payload bytes kept on disk for the next visit, of all scenes. */
+  readonly diskBytes: number;
   /** Payload bytes under way at most. */
   readonly creditBytes: number;
   /** Buffers and textures on the GPU of segments that nothing shows or waits for. */
@@ -35,6 +37,7 @@ const BUDGETS: Readonly<Record<DeviceClass, DeviceBudgets>> = {
     maxSegments: 4096,
     radiusM: 60,
     cacheBytes: 256 * MIB,
+    diskBytes: 256 * MIB,
     creditBytes: 16 * MIB,
     spareGpuBytes: 256 * MIB,
   },
@@ -45,6 +48,7 @@ const BUDGETS: Readonly<Record<DeviceClass, DeviceBudgets>> = {
     maxSegments: 1024,
     radiusM: 40,
     cacheBytes: 48 * MIB,
+    diskBytes: 64 * MIB,
     creditBytes: 4 * MIB,
     spareGpuBytes: 64 * MIB,
   },
@@ -56,6 +60,7 @@ const BUDGETS: Readonly<Record<DeviceClass, DeviceBudgets>> = {
     maxSegments: 512,
     radiusM: 40,
     cacheBytes: 96 * MIB,
+    diskBytes: 128 * MIB,
     creditBytes: 8 * MIB,
     spareGpuBytes: 96 * MIB,
   },

@@ -281,6 +281,8 @@ export interface StreamOptions {
   readonly budgets: Budgets;
   /** Payload bytes kept in memory beside what is shown. */
   readonly cacheBytes: number;
+  /** Payload bytes kept on disk over all scenes, for the next visit; 0, or no such storage, keeps none. Default 0. */
+  readonly diskBytes?: number;
   readonly creditBytes?: number;
   readonly releaseFactor?: number;
   /** Name and version of the client, for the server's logs. */

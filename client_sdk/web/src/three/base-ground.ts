@@ -41,6 +41,9 @@ export class BaseGround {
   readonly #upload: MeshUpload;
   readonly #scratch: Uint16Array | Uint32Array;
   readonly #facts: DrawFacts;
+  readonly #material: GroundMaterial;
+  /** All faces, drawn while base and detail are compared; null at any other time. */
+  #whole: { readonly mesh: Mesh; readonly buffer: GpuBuffer } | null = null;
   #sides: readonly [Side, Side] | null = null;
   #front: 0 | 1 = 0;
   #toAdd: number[] = [];
@@ -67,7 +70,10 @@ export class BaseGround {
       hasRegion: base.regionIds !== null,
       measure: null,
       segmentColour: linear(PLAIN),
+      isFresh: false,
+      side: 0,
     };
+    this.#material = material;
     this.mesh = new Mesh();
     this.mesh.name = "base";
     this.mesh.material = material.material;
@@ -155,6 +161,39 @@ export class BaseGround {
     }
   }
 
+  /** Draw all of it beside what is shown, or not; at once. False where it is not on the GPU yet. */
+  setCompared(isCompared: boolean): boolean {
+    if (isCompared === (this.#whole !== null)) return true;
+    if (this.#whole !== null) {
+      this.#whole.mesh.removeFromParent();
+      this.#whole.mesh.geometry.dispose();
+      this.#store.freeBuffer(this.#whole.buffer);
+      this.#whole = null;
+      return true;
+    }
+    if (!this.mesh.visible) return false;
+    const { indices } = this.#files.base;
+    const buffer = this.#store.createBuffer(indices.byteLength, "indices");
+    this.#store.writeBuffer(buffer, 0, new Uint8Array(indices.buffer, indices.byteOffset, indices.byteLength));
+    const mesh = new Mesh(
+      geometryOf(this.#upload, wrap(buffer.buffer, indices, 1, false), this.#files.base),
+      this.#material.material,
+    );
+    const facts: DrawFacts = { ...this.#facts, side: -1 };
+    mesh.name = "whole base";
+    mesh.matrixAutoUpdate = false;
+    mesh.renderOrder = this.mesh.renderOrder;
+    mesh.raycast = () => undefined;
+    mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => {
+      facts.measure = this.#facts.measure;
+      this.#material.bind(facts, camera);
+    };
+    setMeasure(mesh.geometry, this.#measure);
+    this.mesh.parent?.add(mesh);
+    this.#whole = { mesh, buffer };
+    return true;
+  }
+
   /** Show an attribute of the survey, or none. */
   setMeasure(name: string | null): void {
     const info = this.#files.base.attributes.find((attribute) => attribute.name === name);
@@ -163,9 +202,11 @@ export class BaseGround {
     for (const side of this.#sides ?? []) {
       setMeasure(this.#geometryOf(side), this.#measure);
     }
+    if (this.#whole) setMeasure(this.#whole.mesh.geometry, this.#measure);
   }
 
   dispose(): void {
+    this.setCompared(false);
     for (const side of this.#sides ?? []) {
       side.geometry?.dispose();
       this.#store.freeBuffer(side.buffer);

@@ -126,6 +126,19 @@ export function standNear(hit: Pick<GroundHit, "position" | "normal">, landings:
   return nearest;
 }
 
+/** Rays that look for the rock around an eye reach so far, metres. */
+const SIGHT_M = 1e6;
+
+/**
+ * Whether an eye is inside the rock, or below the ground: what it sees above it, or below it, is seen from inside, or there is
+ * no ground below it.
+ */
+export function isBuried(eye: Vec3, landings: Pick<Landings, "cast">): boolean {
+  const above = landings.cast(eye, [0, 1, 0], SIGHT_M);
+  const below = landings.cast(eye, [0, -1, 0], SIGHT_M);
+  return above?.isOuter === false || below === null || !below.isOuter;
+}
+
 function isFirm(ground: GroundHit, landings: Footed): boolean {
   const stand = newStand();
   judgeFooting(stand, ground, landings);

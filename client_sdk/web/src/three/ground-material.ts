@@ -33,7 +33,14 @@ export interface DrawFacts {
   measure: readonly [number, number] | null;
   /** Linear light. */
   readonly segmentColour: Vector3;
+  /** Whether it became visible by the newest landing: see {@link GroundMaterial.setFresh}. */
+  isFresh: boolean;
+  /** The base (0), the whole base beside which detail is compared (-1), or detail (1). */
+  readonly side: -1 | 0 | 1;
 }
+
+/** What became sharp is washed with it for a moment, linear light: of no rock, seen by the colour-blind too. */
+const FRESH: Vec3 = [0.1, 0.75, 1];
 
 /** Width of the texture that holds the regions' colours; a region's id is `x + 256 y`. */
 const REGION_TEXTURE_SIDE = 256;
@@ -46,6 +53,7 @@ export class GroundMaterial {
   #gridM: number;
   readonly #uniforms;
   #regionColours: DataTexture;
+  #freshShare = 0;
 
   constructor(manifest: SceneManifest, regions: readonly RegionFacts[]) {
     this.#gridM = Math.max(manifest.stepM, EYE_GRID_M);
@@ -74,6 +82,10 @@ export class GroundMaterial {
       relief: { value: 1 },
       mapRelief: { value: mapRelief(manifest) },
       highlight: { value: -1 },
+      freshColour: { value: new Vector3(...FRESH) },
+      fresh: { value: 0 },
+      splitX: { value: 0 },
+      side: { value: 0 },
     };
     this.material = new ShaderMaterial({
       name: "ground",
@@ -103,6 +115,24 @@ export class GroundMaterial {
     this.material.uniformsNeedUpdate = true;
   }
 
+  /** How strongly what is fresh is washed with colour, 0 to 1. */
+  setFresh(share: number): void {
+    this.#freshShare = share;
+  }
+
+  /**
+   * Compare base and detail at this column of the picture, pixels; null ends it. A program of its own: one that may discard
+   * pixels costs every frame.
+   */
+  setSplit(splitX: number | null): void {
+    this.#uniforms.splitX.value = splitX ?? 0;
+    const isCompared = splitX !== null;
+    if ("COMPARED" in this.material.defines !== isCompared) {
+      this.material.defines = isCompared ? { COMPARED: "" } : {};
+      this.material.needsUpdate = true;
+    }
+  }
+
   /** Set what differs, and where this eye is. three.js calls it (onBeforeRender) with the eye's own camera. */
   bind(facts: DrawFacts, camera: Camera): void {
     const u = this.#uniforms;
@@ -117,6 +147,8 @@ export class GroundMaterial {
     u.hasMeasure.value = facts.measure !== null;
     u.measureScale.value.set(facts.measure?.[0] ?? 0, facts.measure?.[1] ?? 0);
     u.segmentColour.value.copy(facts.segmentColour);
+    u.fresh.value = facts.isFresh ? this.#freshShare : 0;
+    u.side.value = facts.side;
     // The eye in two parts. The coarse one lies on the grid of the codes, so the shader's difference to it is exact in
     // float32; the fine one is small. One number for both would shake by millimetres far from the origin.
     const worldMatrix = camera.matrixWorld.elements;

@@ -118,6 +118,18 @@ export class GroundSet {
     }
   }
 
+  /** Mark these of what is shown as fresh, and no others. */
+  markFresh(segments: ReadonlySet<number>): void {
+    for (const [segment, ground] of this.#shown) ground.isFresh = segments.has(segment);
+  }
+
+  /** Faces of what is shown. */
+  get shownFaces(): number {
+    let faces = 0;
+    for (const ground of this.#shown.values()) faces += ground.faceCount;
+    return faces;
+  }
+
   /** For every segment, and those to come. */
   setMeasure(name: string | null): void {
     this.#measureName = name;

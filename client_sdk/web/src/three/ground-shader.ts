@@ -104,6 +104,13 @@ uniform vec3 slopes[${RAMP_STOPS}];
 uniform float relief;
 uniform float mapRelief;
 uniform float highlight;
+uniform vec3 freshColour;
+uniform float fresh;
+#ifdef COMPARED
+// Left of it the base is drawn whole and alone (side -1), right of it detail (side 1): in pixels.
+uniform float splitX;
+#endif
+uniform int side;
 
 out vec4 outColour;
 
@@ -118,7 +125,18 @@ vec3 alongRamp(vec3 stops[${RAMP_STOPS}], float share) {
   return toLinear(mix(stops[low], stops[low + 1], at - float(low)));
 }
 
+// The survey's own look, paled: for what a mode has no colour for, so that it stays ground.
+vec3 paled() {
+  vec3 own = hasMap ? texture(map, vSpot).rgb : hasTint ? vTint : plain;
+  return mix(own, vec3(dot(own, vec3(0.2126, 0.7152, 0.0722))), 0.8);
+}
+
 void main() {
+#ifdef COMPARED
+  if (side != 0 && (gl_FragCoord.x < splitX) != (side < 0)) {
+    discard;
+  }
+#endif
   vec3 tilt = normalize(vTilt);
   vec3 colour = plain;
   float strength = relief;
@@ -131,13 +149,14 @@ void main() {
       strength *= ${TINT_RELIEF};
     }
   } else if (mode == ${MODE_NUMBER.regions}) {
+    colour = paled();
     ivec2 size = textureSize(regionColours, 0);
     int id = int(vRegion + 0.5);
     if (hasRegion && id / size.x < size.y) {
       colour = texelFetch(regionColours, ivec2(id % size.x, id / size.x), 0).rgb;
     }
   } else if (mode == ${MODE_NUMBER.segments}) {
-    colour = segmentColour;
+    colour = side < 1 ? paled() : segmentColour;
   } else if (mode == ${MODE_NUMBER.attribute}) {
     colour = noValue;
     strength *= 0.6; // Dark must remain "little of it".
@@ -156,6 +175,7 @@ void main() {
   if (highlight > -0.5 && !(hasRegion && abs(vRegion - highlight) < 0.5)) {
     colour = 0.3 * mix(vec3(dot(colour, vec3(0.2126, 0.7152, 0.0722))), colour, 0.25);
   }
+  colour = mix(colour, freshColour, fresh);
   outColour = linearToOutputTexel(vec4(colour, 1.0));
 }
 `;

@@ -46,7 +46,14 @@ export class SegmentGround {
       hasRegion: regionIds !== null,
       measure: null,
       segmentColour: linear(segmentColour(data.segment)),
+      isFresh: false,
+      side: 1,
     };
+  }
+
+  /** Washed with colour as long as the material says. */
+  set isFresh(isFresh: boolean) {
+    this.#facts.isFresh = isFresh;
   }
 
   /** Upload one slice. Returns its bytes. */

@@ -21,6 +21,7 @@ import type {
 import { BaseGround } from "./base-ground.ts";
 import { FaceBoxes } from "./face-boxes.ts";
 import { FrameTimes } from "./frame-times.ts";
+import { type Gain, gainOf } from "./gain.ts";
 import { GpuStore } from "./gpu-store.ts";
 import { GroundMaterial } from "./ground-material.ts";
 import { castGround, groundOnVertical, type Pickable, type ShownGround } from "./ground-picking.ts";
@@ -66,6 +67,9 @@ const MAX_IN_FLIGHT_BYTES = 64 * 1024 * 1024;
 const RESTORED_REVISION = Number.MAX_SAFE_INTEGER;
 /** A page that draws only when there is something to draw rests in between: that is no slow frame. */
 const REST_MS = 1000;
+/** What became sharp is washed with colour so strongly, and for so long. */
+const FRESH_SHARE = 0.6;
+const FRESH_MS = 1600;
 /** How old the stream's counters may be. */
 const STATS_EVERY_MS = 500;
 
@@ -94,6 +98,10 @@ export class Stage implements Landings {
   /** Version of the session; null before it is open. */
   #servedVersion: string | null = null;
   #isDisposed = false;
+  #newlyShown: ReadonlySet<number> = new Set();
+  #freshSinceMs: number | null = null;
+  /** Where base and detail are compared, as a share of the picture's width; null where they are not. */
+  #split: number | null = null;
   #streamStats: StreamStats | null = null;
   #statsAskedAtMs = Number.NEGATIVE_INFINITY;
 
@@ -148,7 +156,12 @@ export class Stage implements Landings {
     const { comingRevision, coming } = this.#residency;
     const isBaseBehind = !this.#isOldVersion && coming !== null && this.#base.preparedRevision !== comingRevision;
     return (
-      !this.object.visible || !this.#base.isUploaded || isBaseBehind || this.#grounds.isBusy || this.#residency.isBusy
+      this.#freshSinceMs !== null ||
+      !this.object.visible ||
+      !this.#base.isUploaded ||
+      isBaseBehind ||
+      this.#grounds.isBusy ||
+      this.#residency.isBusy
     );
   }
 
@@ -242,6 +255,8 @@ export class Stage implements Landings {
     }
     const nowMs = performance.now();
     this.#residency.settle(nowMs);
+    this.#fadeFresh(nowMs);
+    this.#compare();
     this.#times.add(nowMs - startMs);
   }
 
@@ -259,6 +274,7 @@ export class Stage implements Landings {
       this.#grounds.setShown(segment, true);
     }
     this.#base.flip();
+    this.#newlyShown = new Set(swap.shown);
     return {
       landing: swap.landing,
       shown: swap.shown,
@@ -274,6 +290,23 @@ export class Stage implements Landings {
 
   groundAt(x: number, z: number, fromY: number): GroundHit | null {
     return groundOnVertical(this.#shownGround(), x, z, fromY);
+  }
+
+  /** Wash what the newest swap has shown with colour for a moment: that is what became sharp. */
+  markFresh(): void {
+    this.#grounds.markFresh(this.#newlyShown);
+    this.#freshSinceMs = performance.now();
+  }
+
+  /** Draw the base alone left of this share of the picture's width, what is shown right of it; null ends it. */
+  setSplit(share: number | null): void {
+    this.#split = share;
+  }
+
+  /** What the landing that is shown has made sharper; null without one. Walks the base: once per landing. */
+  gain(): Gain | null {
+    const { hidden } = this.#base;
+    return hidden === undefined ? null : gainOf(this.#files.base, hidden, this.#grounds.shownFaces);
   }
 
   /** How the ground is coloured from the next frame on. */
@@ -308,10 +341,8 @@ export class Stage implements Landings {
   stats(): StageStats {
     this.#refreshStreamStats();
     const { bufferBytes, textureBytes, createdBytes, freedBytes } = this.#store;
-    let visibleTriangles = this.#base.isUploaded ? this.#base.faceCount - this.#base.hiddenCount : 0;
-    for (const ground of this.#grounds.shown.values()) {
-      visibleTriangles += ground.faceCount;
-    }
+    const baseTriangles = this.#base.isUploaded ? this.#base.faceCount - this.#base.hiddenCount : 0;
+    const visibleTriangles = baseTriangles + this.#grounds.shownFaces;
     return {
       stream: this.#streamStats,
       gpu: {
@@ -397,6 +428,23 @@ export class Stage implements Landings {
       this.object.visible = true;
     };
     this.#renderer.compileAsync(this.object, new PerspectiveCamera()).then(show, show);
+  }
+
+  #fadeFresh(nowMs: number): void {
+    if (this.#freshSinceMs === null) return;
+    const left = 1 - (nowMs - this.#freshSinceMs) / FRESH_MS;
+    this.#material.setFresh(Math.max(0, left) * FRESH_SHARE);
+    if (left <= 0) {
+      this.#freshSinceMs = null;
+      this.#grounds.markFresh(new Set());
+    }
+  }
+
+  /** Not in a headset, whose eyes have no common picture to divide. */
+  #compare(): void {
+    const share = this.#renderer.xr.isPresenting ? null : this.#split;
+    const isCompared = this.#base.setCompared(share !== null) && share !== null;
+    this.#material.setSplit(isCompared ? share * this.#renderer.domElement.width : null);
   }
 
   #makeBase(): void {

@@ -3,7 +3,7 @@
 import { describe, expect, it } from "vitest";
 import type { Bounds, Vec3 } from "../../src/core/types.ts";
 import { FaceBoxes } from "../../src/three/face-boxes.ts";
-import { HEADROOM_M, MAX_BESIDE_M, standNear } from "../../src/three/footing.ts";
+import { HEADROOM_M, isBuried, MAX_BESIDE_M, standNear } from "../../src/three/footing.ts";
 import { castGround, groundOnVertical, type ShownGround } from "../../src/three/ground-picking.ts";
 import type { GroundHit } from "../../src/three/types.ts";
 
@@ -168,5 +168,21 @@ describe("standing near what was clicked", () => {
     expect(cliff.casts).toBeLessThanOrEqual(700);
     const foot = standNear(cliff.clicked([-5, MAX_BESIDE_M - 2, 0.3], [1, 0, 0]), cliff)!;
     expect(foot[1]).toBeCloseTo(0);
+  });
+});
+
+describe("an eye", () => {
+  const landings = landingsOn(rock(OVERHANG));
+
+  it.each([
+    [[-20, 1.7, 0.3], false, "on the floor"],
+    [[3, 1.7, 0.3], false, "under the overhang"],
+    [[20, 11.7, 0.3], false, "on the bench"],
+    [[3, 8, 0.3], true, "in the overhang's rock"],
+    [[20, 5, 0.3], true, "in the rock below the bench"],
+    [[-20, -3, 0.3], true, "below the floor"],
+    [[200, 1.7, 0.3], true, "beyond the ground"],
+  ] as const)("at %j is buried: %s (%s)", (eye, buried, _where) => {
+    expect(isBuried(eye, landings)).toBe(buried);
   });
 });

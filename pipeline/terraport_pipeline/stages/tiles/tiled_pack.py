@@ -28,6 +28,7 @@ from terraport_payload import (
 from terraport_payload.grid import NULL_CODE
 from terraport_payload.types import AnyArray, Int32, UInt64
 from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE, HEIGHT_CHANGE_SCALE
+from terraport_pipeline.geometry.regions.base_regions import base_regions
 from terraport_pipeline.geometry.segments.segment_ids import carry_segment_ids
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
@@ -281,7 +282,7 @@ def publish(
     segmented : TiledSegmented
     payloads : PayloadFiles
     surface : Surface
-        For the stable ids of regions.
+        For the regions of the base, and their stable ids.
     scales : Scales
     ranges : mapping
         Range of every attribute, for the manifest.
@@ -337,7 +338,7 @@ def publish(
         progress.start("pack: base", None, "faces")
         attributes = scales.attributes
         glb = encode_glb(
-            whole_payload(kept, images),
+            whole_payload(kept, images, base_regions(kept.vertices, surface.pieces())),
             step_m=scales.step_m,
             attribute_scales=attributes,
             keep_face_order=True,

@@ -3,6 +3,7 @@
 import { fill, h, setShown, setText } from "../dom.ts";
 import { formatBytes, formatCount, formatMs, formatPercent, formatRadius } from "../format.ts";
 import { icon } from "../icons.ts";
+import { gainText } from "../viewer/compare.ts";
 import type { ViewerState, ViewerStore } from "../viewer/state.ts";
 import { createFacts } from "./facts.ts";
 
@@ -15,7 +16,7 @@ export interface LandingActions {
 }
 
 /** Smallest radius of the slider, metres. */
-const MIN_RADIUS_M = 5;
+const MIN_RADIUS_M = 1;
 /** A slider over all that the server allows would have its useful part in the first tenth: it is logarithmic. */
 const STEPS = 100;
 
@@ -45,7 +46,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     "button",
     { type: "button", class: "button primary", "data-action": "land", on: { click: actions.land } },
     icon("land"),
-    "Land here",
+    "Land there",
   );
   const cancelButton = h(
     "button",
@@ -65,6 +66,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     ["time", "Ready after"],
     ["shown", "Shown after"],
   ]);
+  const gain = h("p", { id: "landing-gain", class: "hint" });
   const omittedHint = h("p", { id: "landing-cut", class: "hint" });
 
   // --- The next landing
@@ -100,6 +102,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     progress,
     h("div", { class: "row" }, landButton, cancelButton, aimButton),
     facts.element,
+    gain,
     omittedHint,
     h(
       "div",
@@ -108,7 +111,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
       slider,
       hint,
     ),
-    h("label", { class: "choice", for: "brings-camera" }, brings, "Orbit: bring the view along when landing"),
+    h("label", { class: "choice", for: "brings-camera" }, brings, "Take me to the ground where I land"),
     copy,
   );
 
@@ -133,6 +136,8 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     facts.set("shown", landed === null ? "" : formatMs(landed.shownMs));
     setShown(omittedHint, landed?.omittedBy != null || (landed?.missing ?? 0) > 0 || landed?.degraded === true);
     fill(omittedHint, ...cutTexts(state));
+    setShown(gain, state.gain !== null);
+    setText(gain, state.gain === null ? "" : gainText(state.gain));
 
     slider.value = String(toStep(state.radiusM, maxOf(state)));
     const radius = formatRadius(state.radiusM);
@@ -145,7 +150,6 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
         : `Detail is shown within this distance. The service allows ${formatRadius(state.maxRadiusM)}.`,
     );
     brings.checked = state.bringsCamera;
-    copy.disabled = landed === null;
   }
 
   store.subscribe(show);
@@ -167,7 +171,7 @@ export function statusText({ landing, landed, aim }: ViewerState): string {
     return `Landing: ${formatPercent(landing.fraction)}${ofBytes} is here.`;
   }
   if (landed !== null) return landed.degraded ? "Landed, with the middle of the detail only." : "Landed.";
-  return "Click the ground to aim, and once more to land there in full detail.";
+  return "Click the ground to go there, in full detail.";
 }
 
 function cutTexts({ landed }: ViewerState): string[] {
@@ -194,7 +198,10 @@ function maxOf(state: ViewerState): number {
 
 function toRadius(step: number, maxM: number): number {
   const exact = MIN_RADIUS_M * (maxM / MIN_RADIUS_M) ** (step / STEPS);
-  return Math.min(maxM, exact < 20 ? Math.round(exact) : Math.round(exact / 5) * 5);
+  return Math.min(
+    maxM,
+    exact < 10 ? Math.round(exact * 2) / 2 : exact < 20 ? Math.round(exact) : Math.round(exact / 5) * 5,
+  );
 }
 
 function toStep(radiusM: number, maxM: number): number {

@@ -90,7 +90,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
         h(
           "p",
           { class: "faint" },
-          "Each colour is one segment, the piece in which detail is streamed. Grey is the base.",
+          "Each colour is one segment, the piece in which detail is streamed. The base is pale.",
         ),
       );
     } else fill(legend);
@@ -117,7 +117,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
     fill(
       legend,
       h("h2", { id: "regions-title" }, `Regions (${byArea.length})`),
-      h("p", { class: "faint" }, "Choose one to see it alone in colour. Grey: the base, no detail landed here."),
+      h("p", { class: "faint" }, "Choose one to see it alone in colour. Pale: ground whose region is not known."),
       h("ul", { class: "regions", "aria-labelledby": "regions-title" }, ...listed.map(regionRow)),
       hiddenCount > 0 && more,
     );

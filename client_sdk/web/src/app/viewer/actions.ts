@@ -5,6 +5,7 @@ import type { HeadsetOptions } from "../../xr/types.ts";
 import type { Remedy } from "../failures.ts";
 import type { Shell } from "../shell.ts";
 import type { CameraDesk } from "./camera-desk.ts";
+import { SPLIT_AT_START } from "./compare.ts";
 import type { FrameLoop } from "./frame-loop.ts";
 import type { Going } from "./going.ts";
 import type { GroundTools } from "./ground-tools.ts";
@@ -63,17 +64,19 @@ export function createActions(options: ActionOptions): Actions {
 
   return {
     act(action) {
-      const { aim, tool, panelOpen } = store.get();
+      const { aim, tool, panelOpen, split } = store.get();
       switch (action) {
         case "aim":
-          useToolAtCentre();
+          usesKeys();
+          tools.aimAt(canvas.clientWidth / 2, canvas.clientHeight / 2);
           break;
         case "land":
-          if (tool === "land") going.landAim();
+          if (tool === "land" && aim !== null) going.landAim();
           else useToolAtCentre();
           break;
         case "cancel":
           if (aim !== null) desk.cancelAim();
+          else if (split !== null) store.set({ split: null });
           else if (tool !== "land") store.set({ tool: "land" });
           break;
         case "home":
@@ -91,6 +94,9 @@ export function createActions(options: ActionOptions): Actions {
           break;
         case "keep":
           panel().keep();
+          break;
+        case "compare":
+          store.set({ split: split === null ? SPLIT_AT_START : null });
           break;
         case "help":
           openHelp();

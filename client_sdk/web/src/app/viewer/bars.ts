@@ -97,6 +97,7 @@ export function createBars({ store, name, themeButton, act, enterHeadset }: BarO
     pick: tool("pick", "Pick", "P"),
     measure: tool("measure", "Measure", "M"),
   };
+  const compare = iconButton("compare", "Before and after (C)", "compare", () => act("compare"));
   const bar = h(
     "div",
     { class: "tool-bar", role: "toolbar", "aria-label": "View and tools" },
@@ -111,6 +112,7 @@ export function createBars({ store, name, themeButton, act, enterHeadset }: BarO
     h(
       "div",
       { class: "tool-group" },
+      compare,
       iconButton("home", "Whole scene (H)", "home", () => act("home")),
     ),
   );
@@ -122,6 +124,8 @@ export function createBars({ store, name, themeButton, act, enterHeadset }: BarO
     setAttribute(panelButton, "aria-expanded", String(state.panelOpen));
     setAttribute(orbit, "aria-pressed", String(state.view === "orbit"));
     setAttribute(walk, "aria-pressed", String(state.view === "walk"));
+    setAttribute(compare, "aria-pressed", String(state.split !== null));
+    compare.disabled = state.gain === null;
     for (const [kind, button] of Object.entries(tools)) {
       setAttribute(button, "aria-pressed", String(state.tool === kind));
     }

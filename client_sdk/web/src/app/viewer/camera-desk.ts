@@ -4,7 +4,7 @@ import { type Group, type PerspectiveCamera, Vector3 } from "three";
 import type { Bounds, Vec3 } from "../../core/types.ts";
 import { prefersLessMotion } from "../device.ts";
 import { farthest, framing, type OrbitPose, orbitEye, panned, turned, wrapped, zoomed } from "../orbit-pose.ts";
-import type { Place, ViewKind } from "../route.ts";
+import type { Look, ViewKind } from "../route.ts";
 import {
   clampNod,
   type GroundHeight,
@@ -21,9 +21,6 @@ export interface Ray {
   readonly origin: Vec3;
   readonly direction: Vec3;
 }
-
-/** How the place is looked at, for an address. */
-export type Look = Pick<Place, "view" | "yawDeg" | "pitchDeg" | "distanceM" | "focus">;
 
 /** A pose that somebody else set: an embedding page, or a test. */
 export interface FreePose {
@@ -42,14 +39,17 @@ export interface CameraDesk {
   /** Where the walker stands, or stood last. */
   readonly stood: Vec3;
   readonly look: Look;
-  setView(view: ViewKind, at: Vec3 | null): void;
+  /** Whether all of the scene is looked at, as at the start. */
+  readonly isHome: boolean;
+  /** From the ground up above it. Down is {@link moveTo}'s: whoever stands must stand somewhere. */
+  setView(view: "orbit"): void;
   /** Dragged by so many CSS pixels. */
   drag(dx: number, dy: number): void;
   pan(dx: number, dy: number): void;
   twist(degrees: number): void;
   zoom(factor: number, about: Vec3 | null): void;
   home(): void;
-  /** Stand there (walk), or turn about it (orbit). */
+  /** Stand there (walk), or turn about it (orbit); `glides`: on a way that can be seen. */
   moveTo(at: Vec3, look: Look | null, glides: boolean): void;
   setFree(pose: FreePose | null): void;
   resize(width: number, height: number): void;
@@ -62,6 +62,10 @@ export interface CameraDesk {
 }
 
 const GLIDE_MS = 450;
+/** From above down to the ground: long enough to see where one goes. */
+const FLIGHT_MS = 900;
+/** How far above the ground the last part of a flight comes straight down, of the way. */
+const FLIGHT_RISE = 0.35;
 const DEGREES_PER_PIXEL = 0.22;
 /** Keys turn an orbit by so much a second. */
 const ORBIT_KEYS_DEG_PER_S = 70;
@@ -87,20 +91,32 @@ export function createCameraDesk(
   let walk: WalkPose = placed(orbit.target, 0, 0, ground);
   let free: FreePose | null = null;
   let glide: { readonly from: OrbitPose; readonly to: OrbitPose; startMs: number | null } | null = null;
+  /** The way from above to where the walker stands; nothing but the picture knows of it. */
+  let flight: { readonly from: FreePose; startMs: number | null; share: number } | null = null;
   const maxDistanceM = farthest(bounds);
+  const homeDistanceM = orbit.distanceM;
   const vector = new Vector3();
 
-  function apply(): void {
+  function poseNow(): FreePose {
+    if (free !== null) return free;
     const pose = view === "orbit" ? orbit : walk;
-    const eye = free?.eye ?? (view === "orbit" ? orbitEye(orbit) : walkEye(walk));
-    const { yawDeg, pitchDeg } = free ?? pose;
+    const to = {
+      eye: view === "orbit" ? orbitEye(orbit) : walkEye(walk),
+      yawDeg: pose.yawDeg,
+      pitchDeg: pose.pitchDeg,
+    };
+    return flight === null ? to : onTheWay(flight.from, to, flight.share);
+  }
+
+  function apply(): void {
+    const { eye, yawDeg, pitchDeg } = poseNow();
     // The one place where the two poses are written.
     rig.position.set(...eye);
     rig.rotation.set(0, 0, 0);
     camera.position.set(0, 0, 0);
     camera.rotation.set(radians(pitchDeg), radians(-yawDeg), 0, "YXZ");
     // Depth is finest where the user looks: near enough not to cut the ground at the feet, no nearer.
-    const near = view === "walk" || free !== null ? 0.1 : Math.max(0.1, orbit.distanceM * 0.004);
+    const near = (view === "walk" && flight === null) || free !== null ? 0.1 : Math.max(0.1, orbit.distanceM * 0.004);
     const far = maxDistanceM * 1.6;
     if (camera.near !== near || camera.far !== far) {
       camera.near = near;
@@ -140,6 +156,7 @@ export function createCameraDesk(
   /** The user took over: nothing moves by itself any more, and the opening view is given up. */
   function moved(): void {
     glide = null;
+    flight = null;
     free = null;
     isHome = false;
   }
@@ -158,6 +175,9 @@ export function createCameraDesk(
     get yawDeg() {
       return view === "orbit" ? orbit.yawDeg : walk.yawDeg;
     },
+    get isHome() {
+      return isHome && view === "orbit";
+    },
     get stood() {
       return walk.feet;
     },
@@ -171,17 +191,13 @@ export function createCameraDesk(
         focus: view === "orbit" ? (glide?.to ?? orbit).target : walk.feet,
       };
     },
-    setView(next, at) {
+    setView(next) {
       free = null;
       glide = null;
+      flight = null;
       if (next === view) return;
-      if (next === "walk") {
-        walk = placed(at ?? orbit.target, orbit.yawDeg, -6, ground);
-      } else {
-        const distanceM = Math.min(maxDistanceM, 70);
-        orbit = { target: walk.feet, yawDeg: walk.yawDeg, pitchDeg: -35, distanceM };
-        isHome = false;
-      }
+      orbit = { target: walk.feet, yawDeg: walk.yawDeg, pitchDeg: -35, distanceM: Math.min(homeDistanceM, 70) };
+      isHome = false;
       view = next;
       apply();
     },
@@ -215,6 +231,7 @@ export function createCameraDesk(
     },
     home() {
       free = null;
+      flight = null;
       if (view === "walk") {
         view = "orbit";
         orbit = framing(bounds, camera.fov, camera.aspect);
@@ -224,10 +241,14 @@ export function createCameraDesk(
       isHome = true;
     },
     moveTo(at, look, glides) {
+      const from = poseNow();
       free = null;
+      flight = null;
       view = look?.view ?? view;
       if (view === "walk") {
+        glide = null;
         walk = placed(look?.focus ?? at, look?.yawDeg ?? walk.yawDeg, look?.pitchDeg ?? walk.pitchDeg, ground);
+        if (glides && !prefersLessMotion()) flight = { from, startMs: null, share: 0 };
       } else {
         const to: OrbitPose = {
           target: look?.focus ?? at,
@@ -247,6 +268,7 @@ export function createCameraDesk(
     setFree(pose) {
       free = pose;
       glide = null;
+      flight = null;
       apply();
     },
     resize(nextWidth, nextHeight) {
@@ -283,6 +305,12 @@ export function createCameraDesk(
           if (share === 1) glide = null;
         }
       } else {
+        if (flight !== null) {
+          flight.startMs ??= timeMs;
+          flight.share = Math.min(1, (timeMs - flight.startMs) / FLIGHT_MS);
+          moves = true;
+          if (flight.share === 1) flight = null;
+        }
         const wants = input.forward !== 0 || input.right !== 0 || input.turn !== 0 || input.nod !== 0;
         if (wants) moved();
         if (wants || isSettling(walk)) {
@@ -293,6 +321,21 @@ export function createCameraDesk(
       apply();
       return moves;
     },
+  };
+}
+
+/** From above in a curve that ends in coming straight down: a line would lead through whatever stands before the place. */
+function onTheWay(from: FreePose, to: FreePose, part: number): FreePose {
+  const share = part * part * (3 - 2 * part);
+  const turnDeg = ((to.yawDeg - from.yawDeg + 540) % 360) - 180;
+  const wayM = Math.hypot(from.eye[0] - to.eye[0], from.eye[1] - to.eye[1], from.eye[2] - to.eye[2]);
+  const over: Vec3 = [to.eye[0], Math.max(from.eye[1], to.eye[1] + FLIGHT_RISE * wayM), to.eye[2]];
+  const on = (axis: 0 | 1 | 2) =>
+    (1 - share) ** 2 * from.eye[axis] + 2 * share * (1 - share) * over[axis] + share ** 2 * to.eye[axis];
+  return {
+    eye: [on(0), on(1), on(2)],
+    yawDeg: wrapped(from.yawDeg + turnDeg * share),
+    pitchDeg: from.pitchDeg + (to.pitchDeg - from.pitchDeg) * share,
   };
 }
 

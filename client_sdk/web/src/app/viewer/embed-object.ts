@@ -33,6 +33,9 @@ export interface EmbedSources {
   nextFrame(): Promise<void>;
 }
 
+/** A link may be down for so long before whoever waits for a landing is told. */
+const LINK_PATIENCE_MS = 15_000;
+
 /** Build the object; it is the viewer that makes it global, and takes it away. */
 export function createEmbed(sources: EmbedSources): Embed {
   const { store, stage, world, camera, desk, going, notices, headset, listeners, loop } = sources;
@@ -76,16 +79,35 @@ export function createEmbed(sources: EmbedSources): Embed {
     },
     land(position, radiusM = store.get().radiusM, options) {
       return new Promise((resolve, reject) => {
-        const landing = going.land({ position, radiusM, look: null, isEntry: true }, options);
+        let timer: number | null = null;
+        const landing = going.land({ position, radiusM, look: null, isEntry: true, goes: false }, options);
         // Settled by state, not by events: also where the landing was replaced by one of the user's.
-        const stop = store.subscribe(() => {
+        const settle = () => {
           const { status } = stage;
-          if (status.landing === landing && status.phase !== "shown" && status.phase !== "refused") return;
+          const { link } = store.get();
+          const isOpen = status.landing === landing && status.phase !== "shown" && status.phase !== "refused";
+          if (isOpen && link?.state !== "closed") {
+            if (link?.state === "open" && timer !== null) {
+              window.clearTimeout(timer);
+              timer = null;
+            } else if (link?.state !== "open") timer ??= window.setTimeout(giveUp, LINK_PATIENCE_MS);
+            return;
+          }
           stop();
-          if (status.landing !== landing) reject(new Error(`landing ${landing} was superseded by ${status.landing}`));
+          if (timer !== null) window.clearTimeout(timer);
+          if (isOpen && link?.state === "closed")
+            reject(new Error(`the link is closed (${link.code}): ${link.message}`));
+          else if (status.landing !== landing)
+            reject(new Error(`landing ${landing} was superseded by ${status.landing}`));
           else if (status.phase === "refused") reject(new Error(status.refusal ?? "the landing was refused"));
           else resolve(status satisfies LandingStatus);
-        });
+        };
+        const stop = store.subscribe(settle);
+        const giveUp = () => {
+          stop();
+          reject(new Error(`no link for ${LINK_PATIENCE_MS / 1000} s; landing ${landing} waits for it`));
+        };
+        settle();
         loop.request();
       });
     },

@@ -34,7 +34,9 @@ export interface Embed {
   readonly frameTimes: readonly number[];
   /** Frames drawn since the scene was opened. */
   readonly frames: number;
-  /** Land; `radiusM` and the place's height may be left to the page. Resolves when it is shown whole, rejects when refused. */
+  /** Land; `radiusM` and the place's height may be left to the page. Resolves when it is shown whole; rejects when refused, or
+   * superseded, or where the link is closed for good, or down for longer than 15 s: the landing itself is shown all the same
+   * when there is a link again. */
   land(position: Vec3, radiusM?: number, options?: LandOptions): Promise<LandingStatus>;
   aim(position: Vec3, radiusM?: number): void;
   setMode(mode: ViewMode): void;

@@ -4,10 +4,10 @@ import type { LandOptions, Vec3 } from "../../core/types.ts";
 import type { Stage } from "../../three/stage.ts";
 import type { Announcer } from "../announcer.ts";
 import { prefersLessMotion } from "../device.ts";
-import { outsideNotice } from "../failures.ts";
+import { outsideNotice, steepNotice } from "../failures.ts";
 import { formatBytes, formatCount, formatMs, formatRadius } from "../format.ts";
 import { outsideBy } from "../reach.ts";
-import { isSameLanding, type Route } from "../route.ts";
+import { isSameLanding, type Look, type Place, type Route } from "../route.ts";
 import type { CameraDesk } from "./camera-desk.ts";
 import type { FrameLoop } from "./frame-loop.ts";
 import type { LandingOrder } from "./landing-desk.ts";
@@ -50,13 +50,18 @@ export interface GoingOptions {
   readonly announcer: Announcer;
   /** Give an order to the landing desk; returns the landing's number. */
   readonly order: (order: LandingOrder, options?: LandOptions) => number;
-  /** Where to stand at a place, or near it; the place itself where nobody could. */
-  readonly stand: (at: Vec3) => Vec3;
+  /** Where to stand at a place, or near it; null where nobody could. */
+  readonly stand: (at: Vec3) => Vec3 | null;
+  /** Whether who stood there would have his eye inside the rock. */
+  readonly isBuried: (feet: Vec3) => boolean;
 }
+
+/** Whoever comes down from above looks a little down. */
+const ARRIVAL_PITCH_DEG = -8;
 
 /** Bind them to stage, camera and address; the first landing is the caller's. */
 export function createGoing(options: GoingOptions): Going {
-  const { store, stage, camera, markers, notices, link, loop, announcer, stand } = options;
+  const { store, stage, camera, markers, notices, link, loop, announcer, stand, isBuried } = options;
   /** Since the newest landing the user has walked: to walk again is to go back to where he stood. */
   let hasWalked = false;
   let newest: LandingOrder | null = null;
@@ -65,7 +70,7 @@ export function createGoing(options: GoingOptions): Going {
     newest = order;
     notices.clear("landing");
     notices.clear("degraded");
-    notices.clear("steep");
+    notices.clear("ground");
     sayIfOutside(order.position, order.radiusM);
     const landing = options.order(order, landOptions);
     loop.request();
@@ -84,6 +89,7 @@ export function createGoing(options: GoingOptions): Going {
     return {
       scene: manifest.id,
       place: landed === null ? null : placeOf(landed, camera.look),
+      ...(landed === null && !camera.isHome && { look: camera.look }),
       mode: routeModeOf(mode, manifest),
     };
   }
@@ -92,6 +98,8 @@ export function createGoing(options: GoingOptions): Going {
   function settledRoute(): Route | null {
     const { phase, position, radiusM } = stage.status;
     const { landed } = store.get();
+    // Before the first landing the look alone is the place.
+    if (phase === "idle") return routeNow();
     const isAtLanding =
       landed !== null && landed.radiusM === radiusM && position.every((value, axis) => value === landed.place[axis]);
     return isAtLanding || phase === "refused" ? routeNow() : null;
@@ -106,8 +114,35 @@ export function createGoing(options: GoingOptions): Going {
   function moved(): void {
     hasWalked ||= camera.view === "walk";
     store.set({ view: camera.view, outside: camera.view === "walk" && isBeyondDetail() });
-    if (store.get().landed !== null) link.follow(settledRoute);
+    link.follow(settledRoute);
     loop.request();
+  }
+
+  /** Put the user on the ground at a place, or beside it; false where nobody could stand: he stays where he is. */
+  function standAt(position: Vec3, look: Look | null, glides: boolean): boolean {
+    // Feet that a link tells stood there already; but ground changes, and links are written by hand, too.
+    const told = look?.focus ?? null;
+    const at = told !== null && !isBuried(told) ? told : stand(position);
+    if (at === null) {
+      notices.show(steepNotice(camera.view === "walk"));
+      return false;
+    }
+    const isFromAbove = camera.view !== "walk";
+    const yawDeg = look?.yawDeg ?? camera.yawDeg;
+    const pitchDeg = look?.pitchDeg ?? (isFromAbove ? ARRIVAL_PITCH_DEG : null);
+    camera.moveTo(at, { view: "walk", yawDeg, pitchDeg, distanceM: null, focus: null }, glides && isFromAbove);
+    return true;
+  }
+
+  /** Look at a place as an address says. */
+  function lookAt(position: Vec3, look: Look, glides: boolean): void {
+    if ((look.view ?? camera.view) !== "walk") camera.moveTo(position, look, glides);
+    else if (!standAt(position, look, false)) camera.moveTo(position, { ...look, view: "orbit" }, false);
+  }
+
+  /** The ground under the walker has changed: on it, not in it. */
+  function stayOnGround(): void {
+    if (camera.view === "walk") camera.moveTo(camera.stood, null, false);
   }
 
   return {
@@ -120,38 +155,47 @@ export function createGoing(options: GoingOptions): Going {
     },
     landAim() {
       const { aim } = store.get();
-      if (aim !== null) land({ position: aim.place, radiusM: aim.radiusM, look: null, isEntry: true });
+      if (aim !== null) land({ position: aim.place, radiusM: aim.radiusM, look: null, isEntry: true, goes: true });
     },
     follow(route, isEntry) {
       // The mode is taken in any case; a place that is shown already is only looked at, any other is landed on.
       const { manifest, landed } = store.get();
       store.set({ mode: modeOf(route.mode, manifest) });
       const { place } = route;
-      if (place === null) return;
+      if (place === null) {
+        if (route.look?.focus != null && landed === null) {
+          lookAt(route.look.focus, route.look, false);
+          moved();
+        }
+        return;
+      }
       const radiusM = place.radiusM ?? store.get().radiusM;
       store.set({ radiusM });
       // Nobody is led out of the scene by a link: what is shown stays.
       if (sayIfOutside(place.at, radiusM)) return;
       if (landed !== null && isSameLanding(place, placeOf(landed, camera.look))) {
-        camera.moveTo(place.at, place, !prefersLessMotion());
+        lookAt(place.at, place, !prefersLessMotion());
         moved();
         return;
       }
-      land({ position: place.at, radiusM, look: place, isEntry });
+      // Who opens a link sees the place at once, and its detail when it is here.
+      if (landed === null && isLooked(place)) lookAt(place.at, place, false);
+      land({ position: place.at, radiusM, look: place, isEntry, goes: false });
     },
-    arrived({ position, look }) {
-      const { bringsCamera } = store.get();
-      // On what is shown now: an aim was at what was shown before. Feet that a link tells stood there already.
-      const walks = (look?.view ?? camera.view) === "walk" && (look?.focus ?? null) === null;
-      const at = walks ? stand(position) : position;
-      if (look !== null) camera.moveTo(at, look, false);
-      else if (camera.view === "walk") camera.moveTo(at, null, false);
-      else if (bringsCamera) camera.moveTo(position, null, true);
+    arrived({ position, look, goes }) {
+      // On what is shown now: an aim was at what was shown before.
+      if (look !== null) lookAt(position, look, false);
+      else if (camera.view === "walk" || (goes && store.get().bringsCamera)) {
+        if (!standAt(position, null, goes)) stayOnGround();
+      }
+      if (goes) stage.markFresh();
       hasWalked = camera.view === "walk";
       store.set({ view: camera.view, outside: false });
     },
     shown(landed, order, isCompletion) {
       markers.setEdge(landed.place, landed.effectiveRadiusM);
+      // After the frame of the swap: it walks the whole base.
+      window.setTimeout(() => store.set({ gain: stage.gain() }));
       if (landed.degraded) {
         notices.show({
           key: "degraded",
@@ -171,11 +215,19 @@ export function createGoing(options: GoingOptions): Going {
     },
     setView(view) {
       const { landed } = store.get();
-      if (view === "walk") camera.setView("walk", hasWalked ? camera.stood : stand(landed?.place ?? camera.focus));
-      else camera.setView("orbit", null);
+      if (view !== "walk") camera.setView("orbit");
+      else if (hasWalked && !isBuried(camera.stood)) camera.moveTo(camera.stood, { ...NO_LOOK, view }, true);
+      else standAt(landed?.place ?? camera.focus, null, true);
       moved();
     },
   };
+}
+
+const NO_LOOK: Look = { view: null, yawDeg: null, pitchDeg: null, distanceM: null, focus: null };
+
+/** Whether an address says more than where the landing is. */
+function isLooked(place: Place): boolean {
+  return place.yawDeg !== null || place.distanceM !== null || place.focus !== null;
 }
 
 /** A landing that was shown, in words. */

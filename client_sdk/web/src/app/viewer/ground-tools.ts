@@ -16,15 +16,18 @@ export interface GroundToolOptions {
   standNear(hit: GroundHit): Vec3 | null;
   pixelOf(position: Vec3): { readonly x: number; readonly y: number } | null;
   aim(position: Vec3): void;
+  /** Land there, and go there. */
   land(position: Vec3): void;
   announce(text: string): void;
-  /** A place to walk was asked for where nobody could stand; null takes that back. */
-  refuse(reason: "steep" | null): void;
+  /** A click met nothing, or asked a walker to a place where nobody could stand; null takes that back. */
+  refuse(reason: "nothing" | "steep" | null): void;
 }
 
 /** What gestures on the ground do under the chosen tool. Points are CSS pixels of the canvas. */
 export interface GroundTools {
   tap(x: number, y: number): void;
+  /** Aim, where the tool lands; else as a tap. */
+  aimAt(x: number, y: number): void;
   press(x: number, y: number): boolean;
   pressMove(x: number, y: number): void;
   pressEnd(cancelled: boolean): void;
@@ -34,8 +37,6 @@ export interface GroundTools {
 /** A click so near the target means the target. */
 const TARGET_PX = 28;
 
-/** Places so near each other are one. */
-const SAME_M = 0.25;
 /** A target so far from the click is explained. */
 const BESIDE_M = 1;
 
@@ -75,6 +76,7 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
   function hitAt(x: number, y: number): { readonly ray: Ray; readonly hit: GroundHit } | null {
     const ray = rayAt(x, y);
     const hit = cast(ray);
+    refuse(hit === null ? "nothing" : null);
     return hit === null ? null : { ray, hit };
   }
 
@@ -84,48 +86,47 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
    */
   function targetOf(hit: GroundHit): Vec3 | null {
     const foothold = standNear(hit) ?? (store.get().view === "walk" ? null : hit.position);
-    refuse(foothold === null ? "steep" : null);
+    if (foothold === null) refuse("steep");
     return foothold;
   }
 
-  function aimAt(hit: GroundHit): boolean {
+  function use(hit: GroundHit, go: (position: Vec3) => void): boolean {
     const foothold = targetOf(hit);
     if (foothold === null) return false;
-    aim(foothold);
+    go(foothold);
     const besideM = distance(foothold, hit.position);
     if (besideM > BESIDE_M) announce(`Nobody could stand there. The target is ${formatMetres(besideM)} beside`);
     return true;
   }
 
+  function tap(x: number, y: number): void {
+    // On the target's own mark, whatever the ray behind it meets: it is what the user sees under the finger.
+    const { tool, aim: target, measured } = store.get();
+    if (tool === "land" && target !== null && isOnTarget(x, y)) {
+      land(target.place);
+      return;
+    }
+    const rayHit = hitAt(x, y);
+    if (rayHit === null) return;
+    if (tool === "land") use(rayHit.hit, land);
+    else if (tool === "pick") void pick(rayHit.ray, rayHit.hit);
+    else store.set({ measured: [...measured, rayHit.hit.position], tab: "inspect" });
+  }
+
+  function aimAt(x: number, y: number): boolean {
+    const rayHit = hitAt(x, y);
+    return rayHit !== null && use(rayHit.hit, aim);
+  }
+
   return {
-    tap(x, y) {
-      // On the target's own mark, whatever the ray behind it meets: it is what the user sees under the finger.
-      const { tool, aim: target, measured } = store.get();
-      if (tool === "land" && target !== null && isOnTarget(x, y)) {
-        land(target.place);
-        return;
-      }
-      const rayHit = hitAt(x, y);
-      if (rayHit === null) {
-        announce("There is no ground");
-        return;
-      }
-      if (tool === "land") {
-        const foothold = target === null ? null : standNear(rayHit.hit);
-        // A second click on a wall means the target that the first one has put beside it.
-        if (target !== null && foothold !== null && distance(foothold, target.place) <= SAME_M) land(target.place);
-        else aimAt(rayHit.hit);
-      } else if (tool === "pick") void pick(rayHit.ray, rayHit.hit);
-      else store.set({ measured: [...measured, rayHit.hit.position], tab: "inspect" });
+    tap,
+    aimAt(x, y) {
+      if (store.get().tool === "land") aimAt(x, y);
+      else tap(x, y);
     },
-    press(x, y) {
-      if (store.get().tool !== "land") return false;
-      const rayHit = hitAt(x, y);
-      return rayHit !== null && aimAt(rayHit.hit);
-    },
+    press: (x, y) => store.get().tool === "land" && aimAt(x, y),
     pressMove(x, y) {
-      const rayHit = hitAt(x, y);
-      if (rayHit !== null) aimAt(rayHit.hit);
+      aimAt(x, y);
     },
     pressEnd(cancelled) {
       const { aim: target } = store.get();

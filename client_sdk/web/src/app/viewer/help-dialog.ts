@@ -13,10 +13,11 @@ const SECTIONS: readonly (readonly [title: string, rows: readonly (readonly [wha
   [
     "Land",
     [
-      ["Aim", "Click or tap the ground. Detail begins to load."],
-      ["Land there", "Click the target again, or press Enter. Or hold, move, and let go."],
+      ["Land there", "Click or tap the ground. You are taken there when its detail is here."],
+      ["Aim first", "Hold, move, and let go. Detail begins to load while you hold."],
       ["Cancel", "Escape"],
-      ["With keys alone", "Space or E aims at the middle of the picture, Enter lands."],
+      ["With keys alone", "Enter lands at the middle of the picture; Space or E aims there first."],
+      ["Before and after", "C"],
     ],
   ],
   [

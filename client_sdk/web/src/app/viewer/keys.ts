@@ -15,6 +15,7 @@ export type KeyAction =
   | "undo"
   | "panel"
   | "keep"
+  | "compare"
   | "help";
 
 const ACTIONS: Readonly<Record<string, KeyAction>> = {
@@ -32,6 +33,7 @@ const ACTIONS: Readonly<Record<string, KeyAction>> = {
   Backspace: "undo",
   KeyI: "panel",
   KeyB: "keep",
+  KeyC: "compare",
 };
 
 const HELD = new Set([

@@ -2,7 +2,7 @@
 
 import type { LandOptions, StreamEvent, Vec3 } from "../../core/types.ts";
 import type { LandingStatus, Landings } from "../../three/types.ts";
-import type { Look } from "./camera-desk.ts";
+import type { Look } from "../route.ts";
 import type { Landed, ViewerStore } from "./state.ts";
 
 /** The part of the drawn scene that is used. */
@@ -28,6 +28,8 @@ export interface LandingOrder {
   readonly look: Look | null;
   /** Whether it becomes an entry of the browser's history. */
   readonly isEntry: boolean;
+  /** The user pointed there: he is taken there, and shown what became sharp. */
+  readonly goes: boolean;
 }
 
 /** Follows the newest landing from the order to its swap; older orders are forgotten. */

@@ -61,6 +61,6 @@ export function createPlaceLink(): PlaceLink {
 /** Without what the place alone decides: a focus at the landing itself is not written. */
 export function shortPlace(place: Place): Place {
   const { focus, at } = place;
-  const isAtFocus = focus !== null && Math.hypot(focus[0] - at[0], focus[1] - at[1], focus[2] - at[2]) < 0.5;
+  const isAtFocus = focus !== null && Math.hypot(focus[0] - at[0], focus[1] - at[1], focus[2] - at[2]) < 0.01;
   return isAtFocus ? { ...place, focus: null } : place;
 }

@@ -14,7 +14,7 @@ import type { LandingDesk } from "./landing-desk.ts";
 import type { Markers } from "./markers.ts";
 import type { Notices } from "./notices.ts";
 import type { PlaceLink } from "./place-link.ts";
-import type { ViewerState, ViewerStore } from "./state.ts";
+import type { Aim, ViewerState, ViewerStore } from "./state.ts";
 
 /** What a change of state reaches. */
 export interface Reactors {
@@ -40,8 +40,10 @@ export function reactToState(reactors: Reactors): () => void {
     // Each module follows its own fields; one frame is asked for at the end, for all of them.
     if (state.mode !== before.mode) stage.setMode(state.mode, theme.theme);
     if (state.highlightedRegion !== before.highlightedRegion) stage.highlightRegion(state.highlightedRegion);
-    if (state.aim?.place !== before.aim?.place) markers.setAim(state.aim, arcStart(camera.eye, state), camera.eye);
-    if (state.aim?.fraction !== before.aim?.fraction) markers.setFraction(state.aim?.fraction ?? null);
+    const [target, targetBefore] = [targetOf(state), targetOf(before)];
+    if (!isSamePlace(target, targetBefore)) markers.setAim(target, arcStart(camera.eye, state), camera.eye);
+    if (target?.fraction !== targetBefore?.fraction) markers.setFraction(target?.fraction ?? null);
+    if (state.split !== before.split) stage.setSplit(state.split);
     // The service brings what the radius covers: an aim of another one would foresee the wrong segments.
     if (state.radiusM !== before.radiusM && state.aim !== null && state.aim.radiusM !== state.radiusM) {
       desk.aim(state.aim.place, state.radiusM);
@@ -51,7 +53,8 @@ export function reactToState(reactors: Reactors): () => void {
     if (state.tool !== before.tool && state.tool !== "land") desk.cancelAim();
     if (state.mode !== before.mode) link.follow(settledRoute);
     if (
-      state.aim !== before.aim ||
+      target?.fraction !== targetBefore?.fraction ||
+      !isSamePlace(target, targetBefore) ||
       state.picked?.place !== before.picked?.place ||
       state.measured !== before.measured
     ) {
@@ -67,17 +70,35 @@ export function reactToState(reactors: Reactors): () => void {
  * Where the arc to an aim begins: at the walker's eye. From above there is nobody to start from but where the last landing
  * was; without one it drops on the place from above.
  */
-function arcStart(eye: Vec3, { aim, landed, view }: ViewerState): Vec3 {
-  if (view === "walk" || aim === null) return eye;
-  const [x, y, z] = aim.place;
-  return landed?.place ?? [x, y + aim.radiusM * 0.6, z];
+function arcStart(eye: Vec3, state: ViewerState): Vec3 {
+  const target = targetOf(state);
+  if (state.view === "walk" || target === null) return eye;
+  const [x, y, z] = target.place;
+  return state.landed?.place ?? [x, y + target.radiusM * 0.6, z];
 }
 
-function labelsOf({ aim, picked, measured }: ViewerState): readonly Label[] {
+/** What the ring stands about: the aim, else the place of a landing that is under way. */
+function targetOf({ aim, landing }: ViewerState): Aim | null {
+  if (aim !== null || landing === null) return aim;
+  const { phase, position: place, radiusM, fraction, plan } = landing;
+  const isUnderWay = phase === "planning" || phase === "streaming" || phase === "presentable";
+  return isUnderWay ? { place, radiusM, fraction, bytes: plan?.loadBytes ?? 0 } : null;
+}
+
+function isSamePlace(a: Aim | null, b: Aim | null): boolean {
+  if (a === null || b === null) return a === b;
+  return a.radiusM === b.radiusM && a.place.every((value, axis) => value === b.place[axis]);
+}
+
+function labelsOf(state: ViewerState): readonly Label[] {
+  const { aim, picked, measured } = state;
+  const target = targetOf(state);
   const labels: Label[] = [];
-  if (aim !== null) {
-    const ready = aim.fraction === null ? "" : aim.fraction >= 1 ? " · ready" : ` · ${formatPercent(aim.fraction)}`;
-    labels.push({ position: aim.place, kind: "aim", text: `${formatRadius(aim.radiusM)}${ready}` });
+  if (target !== null) {
+    const { fraction } = target;
+    const isReady = aim !== null && fraction !== null && fraction >= 1;
+    const progress = fraction === null ? "" : isReady ? " · ready" : ` · ${formatPercent(fraction)}`;
+    labels.push({ position: target.place, kind: "aim", text: `${formatRadius(target.radiusM)}${progress}` });
   }
   if (picked !== null) labels.push({ position: picked.place, kind: "pick", text: "" });
   for (const position of measured) labels.push({ position, kind: "measure", text: "" });
@@ -100,7 +121,7 @@ function sayWhereDetailEnds(notices: Notices, { outside, view }: ViewerState): v
     key: "edge",
     tone: "info",
     title: "Detail ends here",
-    text: "Beyond this point only the base is shown. Click the ground ahead, and again to land there.",
+    text: "Beyond this point only the base is shown. Click the ground ahead to land there.",
     remedies: [],
   });
 }

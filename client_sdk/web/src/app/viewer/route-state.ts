@@ -3,8 +3,8 @@
 import type { SceneManifest } from "../../core/types.ts";
 import type { ViewMode } from "../../three/types.ts";
 import { attributeMode } from "../panel/look-tab.ts";
-import type { Place, RouteMode } from "../route.ts";
-import type { Look } from "./camera-desk.ts";
+import { defaultRadiusM } from "../reach.ts";
+import type { Look, Place, RouteMode } from "../route.ts";
 import { shortPlace } from "./place-link.ts";
 import type { Landed, ViewerState } from "./state.ts";
 import type { ViewerOptions } from "./viewer-options.ts";
@@ -19,14 +19,16 @@ export function firstState({ files, budgets, route }: ViewerOptions): ViewerStat
     tool: "land",
     mode: modeOf(route.mode, manifest),
     highlightedRegion: null,
-    radiusM: route.place?.radiusM ?? budgets.radiusM,
+    radiusM: route.place?.radiusM ?? defaultRadiusM(manifest, budgets),
     maxRadiusM: null,
     landing: null,
     landed: null,
     aim: null,
     picked: null,
     measured: [],
-    bringsCamera: false,
+    bringsCamera: true,
+    gain: null,
+    split: null,
     // Beside the picture there is room for it; on a phone it would cover what the user came to see.
     panelOpen: window.matchMedia("(min-width: 60rem) and (min-height: 30rem)").matches,
     tab: "landing",

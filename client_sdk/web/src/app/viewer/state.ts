@@ -1,6 +1,7 @@
 /** What the viewer shows, as one value. */
 
 import type { LinkState, PickHit, SceneManifest, Vec3 } from "../../core/types.ts";
+import type { Gain } from "../../three/gain.ts";
 import type { LandingStatus, ViewMode } from "../../three/types.ts";
 import type { ViewKind } from "../route.ts";
 import type { Store } from "../store.ts";
@@ -61,8 +62,12 @@ export interface ViewerState {
   readonly aim: Aim | null;
   readonly picked: Picked | null;
   readonly measured: readonly Vec3[];
-  /** Whether the camera goes along when the user lands while orbiting. */
+  /** Whether who lands from above is put on the ground there. */
   readonly bringsCamera: boolean;
+  /** What the newest landing made sharper; null without one, or where nothing of the base is hidden. */
+  readonly gain: Gain | null;
+  /** Where the picture is divided into base and full detail, as a share of its width; null where it is not. */
+  readonly split: number | null;
   readonly panelOpen: boolean;
   readonly tab: PanelTab;
   /** The walker stands beyond the landing's detail. */

@@ -1,6 +1,6 @@
 /** What a viewer is made for. */
 
-import type { DeviceBudgets } from "../../core/client/index.ts";
+import type { DeviceBudgets } from "../../core/index.ts";
 import type { SceneFiles, Stream } from "../../core/types.ts";
 import type { Route } from "../route.ts";
 import type { Shell } from "../shell.ts";

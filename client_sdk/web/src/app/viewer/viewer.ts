@@ -2,22 +2,23 @@
 
 import { listScenes } from "../../core/scene/load.ts";
 import type { Vec3 } from "../../core/types.ts";
-import { standNear } from "../../three/footing.ts";
-import { Stage } from "../../three/stage.ts";
+
+import { isBuried, Stage, standNear } from "../../three/index.ts";
 import { prefersLessMotion } from "../device.ts";
 import { h, setAttribute } from "../dom.ts";
-import { steepNotice } from "../failures.ts";
+import { nothingNotice, steepNotice } from "../failures.ts";
 import { createFrameTimes } from "../frame-times.ts";
 import { farthest } from "../orbit-pose.ts";
 import { parseRoute, type Route } from "../route.ts";
 import { createStore } from "../store.ts";
-import type { WalkInput } from "../walk-pose.ts";
+import { EYE_HEIGHT_M, type WalkInput } from "../walk-pose.ts";
 import { createActions } from "./actions.ts";
 import { createBars } from "./bars.ts";
 import { createBlink } from "./blink.ts";
 import { watchBuilding } from "./building-watch.ts";
 import { createCameraDesk, type Ray } from "./camera-desk.ts";
 import { watchComfort } from "./comfort.ts";
+import { createCompareView } from "./compare.ts";
 import { createEmbedListeners } from "./embed.ts";
 import { createEmbed } from "./embed-object.ts";
 import { createFrameLoop, type FrameResult } from "./frame-loop.ts";
@@ -55,6 +56,8 @@ export interface Viewer {
 
 /** How long frames go on after the last thing that may need one: a message from the stream, a move. */
 const LINGER_MS = 250;
+/** So long a click that met no ground is explained. */
+const REFUSAL_MS = 5000;
 /** The figures are read so often while they are shown. */
 const FIGURES_MS = 500;
 
@@ -97,8 +100,8 @@ export function createViewer(options: ViewerOptions): Viewer {
   /** The ground along a ray, as far as anything is shown. */
   const cast = ({ origin, direction }: Ray) => stage.cast(origin, direction, maxDistanceM);
   const groundHeight = (x: number, z: number, fromY: number) => stage.groundAt(x, z, fromY)?.position[1] ?? null;
-  /** Where to stand at a place, or near it; the place itself where nobody could. */
-  const stand = (at: Vec3) => standNear({ position: at, normal: [0, 1, 0] }, stage) ?? at;
+  /** Where to stand at a place, or near it; null where nobody could. */
+  const stand = (at: Vec3) => standNear({ position: at, normal: [0, 1, 0] }, stage);
   /** The highest ground at (x, z). */
   const highest = (x: number, z: number) => groundHeight(x, z, manifest.bounds[4] + 1);
   const camera = createCameraDesk(world.rig, world.camera, manifest.bounds, groundHeight);
@@ -126,6 +129,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     announcer: shell.announcer,
     order: (order, landOptions) => desk.land(order, landOptions),
     stand,
+    isBuried: ([x, y, z]) => isBuried([x, y + EYE_HEIGHT_M, z], stage),
   });
   // The desk swaps through `comfort.landings`: a swap that went past it would be counted as a stray change.
   const desk = createLandingDesk({
@@ -159,6 +163,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     lastEventMs = performance.now();
     watch(event);
   };
+  let refusalTimer: number | null = null;
   const tools = createGroundTools({
     store,
     stream,
@@ -167,11 +172,20 @@ export function createViewer(options: ViewerOptions): Viewer {
     standNear: (hit) => standNear(hit, stage),
     pixelOf: camera.pixelOf,
     aim: (position) => desk.aim(position, store.get().radiusM),
-    land: () => going.landAim(),
+    land(position) {
+      going.land({ position, radiusM: store.get().radiusM, look: null, isEntry: true, goes: true });
+    },
     announce: shell.announcer.announce,
     refuse(reason) {
-      if (reason === null) notices.clear("steep");
-      else notices.show(steepNotice());
+      if (refusalTimer !== null) window.clearTimeout(refusalTimer);
+      refusalTimer = null;
+      if (reason === null) {
+        notices.clear("ground");
+        return;
+      }
+      notices.show(reason === "steep" ? steepNotice(true) : nothingNotice());
+      // It may lie over the ground that is clicked next.
+      refusalTimer = window.setTimeout(() => notices.clear("ground"), REFUSAL_MS);
     },
   });
   const help = createHelpDialog();
@@ -201,6 +215,7 @@ export function createViewer(options: ViewerOptions): Viewer {
 
   // --- What is on the page ------------------------------------------------------------------------------------------
 
+  const compare = createCompareView(store, () => actions.act("compare"));
   const pad = createWalkPad(() => loop.request());
   const bars = createBars({
     store,
@@ -228,14 +243,16 @@ export function createViewer(options: ViewerOptions): Viewer {
     labels.element,
     h("div", { class: "crosshair", "aria-hidden": "true" }),
     blink.element,
+    compare.line,
     bars.top,
     notices.element,
     pad.element,
+    compare.card,
     bars.tools,
     h(
       "p",
       { id: "view-help", class: "visually-hidden" },
-      "Drag or use the arrow keys to look around. Space aims at the middle of the picture, Enter lands there. Question mark tells all keys.",
+      "Drag or use the arrow keys to look around. Enter lands at the middle of the picture, Space aims there first. Question mark tells all keys.",
     ),
   );
   const element = h("main", { id: "viewer", class: "viewer" }, view, panel.element, help.element);
@@ -405,6 +422,7 @@ export function createViewer(options: ViewerOptions): Viewer {
       keys.dispose();
       link.dispose();
       building.dispose();
+      compare.dispose();
       notices.dispose();
       loop.stop();
       stream.close();

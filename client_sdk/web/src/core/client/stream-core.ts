@@ -21,6 +21,7 @@ import type {
 } from "../types.ts";
 import type { PlanMessage } from "../wire/messages.generated.ts";
 import { sharedNowMs } from "./clock.ts";
+import type { DiskShelf } from "./disk-shelf.ts";
 import { Link } from "./link.ts";
 import { CLIENT } from "./version.ts";
 import { asStreamError } from "./worker-errors.ts";
@@ -35,6 +36,8 @@ export interface StreamCorePlatform {
   readonly WebSocket: typeof WebSocket;
   /** Decode a payload; it must not change the bytes. */
   readonly decode: (payload: Uint8Array<ArrayBuffer>, segment: number) => Promise<MeshData>;
+  /** Payloads of earlier visits, and where those of this one are kept. */
+  readonly disk?: DiskShelf | undefined;
   /** Takes the events, in order. */
   readonly emit: (events: readonly StreamEvent[]) => void;
 }
@@ -52,6 +55,7 @@ export class StreamCore {
   readonly #picks = new Map<number, Answer>();
   /** When each landing that is not over was asked for, by its number. */
   readonly #askedMs = new Map<number, number>();
+  readonly #cacheBytes: number;
   #closed = false;
   /** Why nothing is sent any more, until `reconnect`. */
   #ended: StreamError | null = null;
@@ -59,6 +63,7 @@ export class StreamCore {
   /** @throws RangeError or StreamError on options that cannot be. */
   constructor(options: StreamOptions, platform: StreamCorePlatform) {
     this.#platform = platform;
+    this.#cacheBytes = options.cacheBytes;
     this.#session = new ClientSession(
       {
         client: options.client ?? CLIENT,
@@ -82,7 +87,9 @@ export class StreamCore {
   /** Connect, once hashes can be computed. Rejects where they cannot. */
   async start(): Promise<void> {
     await prepareDecoders();
-    this.#link.start();
+    // Before the first hello, which offers them; what does not fit this version the server tells to drop.
+    for (const entry of (await this.#platform.disk?.restore(this.#cacheBytes)) ?? []) this.#session.holdings.put(entry);
+    if (!this.#closed) this.#link.start();
   }
 
   /** As {@link Stream.land}; `askedMs` is {@link sharedNowMs} when the page asked. */
@@ -190,6 +197,7 @@ export class StreamCore {
       case "planned":
         return { type: "planned", plan: planFacts(event.landing, event.plan) };
       case "arrived":
+        this.#platform.disk?.put(event.entry);
         return { type: "arrived", landing: event.landing, facts: event.entry.facts };
       case "ready": {
         const { landing, visible, missing, payloadBytes } = event;

@@ -1,9 +1,10 @@
 /** Holds one stream: socket, session, cache; decoding goes to workers of its own. */
 
-import { prepareDecoders } from "../payload/engines.ts";
+import { prepareDecoders, xxh3 } from "../payload/engines.ts";
 import { decodeGlb } from "../payload/glb.ts";
 import type { MeshData } from "../types.ts";
 import { DecodePool } from "./decode-pool.ts";
+import { DiskShelf } from "./disk-shelf.ts";
 import { imageDecoder } from "./image-decoder.ts";
 import { StreamCore } from "./stream-core.ts";
 import { transferablesOfMesh } from "./transferables.ts";
@@ -25,9 +26,11 @@ function crash(error: unknown): void {
 }
 
 function open(command: StreamCommand & { type: "open" }): void {
+  const { sceneUrl, diskBytes = 0 } = command.options;
   core = new StreamCore(command.options, {
     WebSocket,
     decode: decoder(command.decoders),
+    disk: diskBytes > 0 ? new DiskShelf(sceneUrl, diskBytes, xxh3) : undefined,
     emit: (events) => post({ type: "events", events }),
   });
   core.start().catch(crash);

@@ -1,0 +1,21 @@
+/**
+ * After `tsc -p tsconfig.build.json`: what the compiler leaves of our own in `dist`, made right for whoever installs it.
+ *
+ * It rewrites the endings of imports, not those of the workers' addresses; and the version is written in, since not every
+ * bundler takes names out of a JSON file.
+ */
+
+import { readdirSync, readFileSync, writeFileSync } from "node:fs";
+
+const dist = new URL("../dist/", import.meta.url);
+const { version } = JSON.parse(readFileSync(new URL("../package.json", import.meta.url), "utf8"));
+
+for (const name of readdirSync(dist, { recursive: true, encoding: "utf8" })) {
+  if (!name.endsWith(".js")) continue;
+  const file = new URL(name, dist);
+  const text = readFileSync(file, "utf8");
+  const right = text
+    .replaceAll(/(new URL\("\.\/[\w-]+\.worker)\.ts"/g, '$1.js"')
+    .replace(/^import \{ version \} from "[./]*package\.json";$/m, `const version = ${JSON.stringify(version)};`);
+  if (right !== text) writeFileSync(file, right);
+}

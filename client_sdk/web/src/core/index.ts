@@ -1,0 +1,17 @@
+/**
+ * `@terraport/client/core`: scenes, streams and decoded segments, for any renderer. No three.js, no DOM.
+ *
+ * A landing is asked of a {@link Stream}; {@link Residency} says which segments an engine is to upload, show and free, and
+ * {@link CoverCounters} which faces of the base to hide under them.
+ */
+
+export { budgetsFor, type DeviceBudgets, type DeviceClass } from "./budgets.ts";
+export { type DirectParts, openDirectStream } from "./client/direct-stream.ts";
+export { type LoadSceneOptions, loadSceneInWorker } from "./client/load-scene.ts";
+export { openStream } from "./client/open-stream.ts";
+export { CoverCounters } from "./cover.ts";
+export { Residency } from "./residency.ts";
+export { StreamError } from "./scene/errors.ts";
+export { type HttpOptions, listScenes, type SceneList } from "./scene/load.ts";
+export { parseSceneUrl, sceneUrlOf } from "./scene/urls.ts";
+export type * from "./types.ts";
