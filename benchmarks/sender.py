@@ -37,8 +37,19 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
-from landing import CHUNK, FULL, SMOKE, Size, measure_latency, measure_throughput, percentiles
-from landing import serve_raw, settings, wire_bytes, frame_bytes
+from landing import (
+    CHUNK,
+    FULL,
+    SMOKE,
+    Size,
+    frame_bytes,
+    measure_latency,
+    measure_throughput,
+    percentiles,
+    serve_raw,
+    settings,
+    wire_bytes,
+)
 from parts.drain_client import DrainClient
 from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port
@@ -180,7 +191,7 @@ def main() -> None:
     if arguments.smoke:
         arguments.sessions, arguments.seconds = 50, 2.0
     size = replace(size, rounds=1 if arguments.smoke else arguments.rounds)
-    changed: dict[str, Any] = {"payload_source": arguments.source}
+    changed: dict[str, Any] = {"payload_source": arguments.source, "handshake_timeout_s": 60.0}
     if arguments.burst is not None:
         changed["max_burst_bytes"] = arguments.burst
     if arguments.lowat is not None:

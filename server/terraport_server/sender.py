@@ -1,9 +1,9 @@
 """Carries out one session over one WebSocket: the only place where it meets the network.
 
-Three tasks per client, all owned by :meth:`Sender.run`: one reads messages into the session, one
-carries out what the session wants, one watches the clock. Memory per client is bounded: one frame
-in the transport, ``max_pending_actions`` messages, and what uvicorn holds of one incoming message.
-Payload goes from the page cache through one buffer for all to the socket.
+Two tasks per client, owned by :meth:`Sender.run`, and a clock: one reads messages into the session,
+one carries out what the session wants. Memory per client is bounded: one frame and 64 KiB of
+messages in the transport, ``max_pending_actions`` messages, and what uvicorn holds of one incoming
+message. Payload goes from the page cache through one buffer for all to the socket.
 
 A slow client costs itself only: its frames wait in its own task, nothing is planned for it until it
 has taken what it was sent, and a newer landing replaces what was not sent yet.
@@ -15,7 +15,6 @@ that of its last step, under uvloop in whole milliseconds.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from time import monotonic
@@ -31,6 +30,8 @@ from terraport_server.plan_turns import PlanAccount, PlanTurns
 from terraport_server.read_buffer import ReadBuffer
 from terraport_server.served_scene import ServedScene
 from terraport_server.session import Session
+from terraport_server.session_clock import SessionClock
+from terraport_server.signals import Signal
 from terraport_server.transport import MAX_FRAMES, connection_of
 from terraport_server.turns import Rank, Turns
 from terraport_store import CorruptPayloadError, PayloadRange, StoreError
@@ -53,8 +54,6 @@ _NEW_LANDING_BYTES: Final = 1 << 20
 
 LARGEST_BATCH_BYTES: Final = 512 << 10
 """Of payload in one call, and a chunk at most: still in the processor's cache when it is sent."""
-
-_SHORTEST_TICK_S: Final = 0.002
 
 _ALL_TOLD: Final = 1 << 62
 """Bytes ahead of a landing whose every segment the desk has heard of."""
@@ -123,10 +122,11 @@ class Sender:
         self._batch_bytes = MAX_CHUNK_BYTES
         """What the next batch may have: grows while the socket takes all."""
         self._connection = connection_of(websocket.scope)
-        self._wake = asyncio.Event()
-        self._room = asyncio.Event()
-        self._sooner = asyncio.Event()
-        self._next_tick_s = 0.0
+        self._wake = Signal()
+        self._room = Signal()
+        self._clock = SessionClock(
+            session, self._connection, limits.close_timeout_s, self._wake.set
+        )
         self._picks = PickTasks(
             session, metrics, lambda action: run_pick(served, action), self._wake.set
         )
@@ -149,8 +149,8 @@ class Sender:
 
         Cancelling it drops the connection. Nothing it started outlives it.
         """
-        watcher = asyncio.create_task(self._watch())
-        tasks = {asyncio.create_task(self._read()), asyncio.create_task(self._act()), watcher}
+        tasks = {asyncio.create_task(self._read()), asyncio.create_task(self._act())}
+        self._clock.look()
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
@@ -161,11 +161,12 @@ class Sender:
             for task in tasks | self._picks.tasks:
                 task.cancel()
             await asyncio.gather(*tasks, *self._picks.tasks, return_exceptions=True)
+            self._clock.stop()
 
     def wake(self) -> None:
         """Look at the session again: something was told to it from outside."""
         self._wake.set()
-        self._sooner.set()
+        self._clock.look()
 
     async def _read(self) -> None:
         while True:
@@ -193,41 +194,16 @@ class Sender:
         else:
             self.session.receive(message, now_s)
         self._wake.set()
-        self._tick_in_time()
-
-    def _tick_in_time(self) -> None:
-        """Let the watch look again where something is due before it would."""
-        if self.session.closing or self.session.wake_at_s() < self._next_tick_s:
-            self._sooner.set()
-
-    async def _watch(self) -> None:
-        """Tick when something is due; drop a client that takes too long to close."""
-        while not self.session.closing:
-            self._hear()
-            self._sooner.clear()
-            self._next_tick_s = self.session.wake_at_s()
-            wait_s = max(_SHORTEST_TICK_S, self._next_tick_s - monotonic())
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(wait_s):
-                    await self._sooner.wait()
-            self._hear()
-            self.session.tick(monotonic())
-            self._wake.set()
-        await asyncio.sleep(self._limits.close_timeout_s)
-        if self._connection is not None:
-            self._connection.abort()
-
-    def _hear(self) -> None:
-        if self._connection is not None:
-            self.session.heard(self._connection.heard_s)
+        self._clock.look()
 
     async def _act(self) -> None:
         while True:
             action = self.session.next_action()
             self._room.set()
+            if self._clock.fault is not None:
+                raise self._clock.fault
             if action is None:
-                self._wake.clear()
-                await self._wake.wait()
+                await self._until_woken()
             elif isinstance(action, SendChunk):
                 await self._send_chunks(action)
             elif isinstance(action, SendMessage):
@@ -240,17 +216,27 @@ class Sender:
                 await self._close(action)
                 return
 
+    async def _until_woken(self) -> None:
+        self._flush()
+        self._wake.clear()
+        await self._wake.wait()
+
+    def _flush(self) -> None:
+        """Send messages that wait for payload to go with; before anything that may take a wait."""
+        if self._connection is not None:
+            self._connection.flush()
+
     async def _take_plan_turn(self) -> None:
         """Plan in this client's turn: one that does not read has one plan, in its transport."""
+        self._flush()
         if self._connection is None or await self._connection.until_clear():
             await self._plan_turns.take(self._plan_account, self._make_plan)
         else:  # closing: what the client says last ends this sender
-            self._wake.clear()
-            await self._wake.wait()
+            await self._until_woken()
 
     def _make_plan(self) -> int:
         looked_at = self.session.make_plan(monotonic())
-        self._tick_in_time()
+        self._clock.look()
         return looked_at
 
     async def _send_chunks(self, chunk: SendChunk) -> None:
@@ -260,10 +246,12 @@ class Sender:
             await self._turns.take(self._rank(chunk), self._look)
             await self._send_plainly()
         elif await connection.until_clear():
+            if self._turns.is_busy:
+                connection.flush()
             await self._turns.take(self._rank(chunk), self._burst)
+            connection.flush()
         else:  # closing: what the client says last ends this sender
-            self._wake.clear()
-            await self._wake.wait()
+            await self._until_woken()
         if self._absent is not None:
             absent, self._absent = self._absent, None
             await self._fetch(absent)
@@ -278,13 +266,15 @@ class Sender:
         connection = self._connection
         assert connection is not None
         left_bytes = self._limits.max_burst_bytes
-        while connection.is_clear:
+        has_room = connection.is_clear
+        while has_room:
             chunks, frames = self._next_frames(min(self._batch_bytes, left_bytes))
             if not frames:
                 return None
             sent = connection.send_frames(frames)
             left_bytes -= self._note_sent(chunks[:sent])
-            if not connection.is_clear:
+            has_room = connection.is_clear
+            if not has_room:
                 break
             self._batch_bytes = min(2 * self._batch_bytes, LARGEST_BATCH_BYTES)
             if left_bytes <= 0 or connection.has_news:
@@ -390,11 +380,16 @@ class Sender:
         self._metrics.corrupt_segments.labels(self._metrics.scene_label(self._served.id)).inc()
 
     async def _send_message(self, message: Message) -> None:
-        await self._websocket.send_bytes(encode(message))
+        if self._connection is None:
+            await self._websocket.send_bytes(encode(message))
+        elif await self._connection.until_clear():
+            self._connection.send_message(encode(message))
         if isinstance(message, Plan):
             self.session.plan_sent(message.generation, monotonic())
 
     async def _close(self, action: Close) -> None:
+        self._flush()
+        self._clock.look()
         if self._connection is not None and self.session.deliveries is None:  # was never let in
             self._connection.leave_within(REFUSED_CLOSE_S)
         await self._websocket.close(int(action.code), str(action.reason))

@@ -40,6 +40,8 @@ TCP_CONGESTION: Final = getattr(socket, "TCP_CONGESTION", 13)
 MAX_FRAMES: Final = 512
 """Of one call: POSIX systems take 1024 buffers, and a frame has two."""
 
+_MOST_UNSENT_BYTES: Final = 64 << 10
+
 
 class Connection(BoundedPeer):
     """One WebSocket connection."""
@@ -57,6 +59,8 @@ class Connection(BoundedPeer):
     """Tells whether bytes of the client wait to be read."""
     _may_go_direct = False
     _buffer: LinkBuffer | None = None
+    _unsent = b""
+    """Messages that go out with the next payload, or at the next flush."""
 
     def connection_made(self, transport: BaseTransport) -> None:
         """Set the socket's buffers."""
@@ -133,8 +137,20 @@ class Connection(BoundedPeer):
         return self._is_open()
 
     def send_message(self, data: bytes) -> None:
-        """Send one binary message; never waits. Only while :attr:`is_clear`."""
-        self.transport.write(_frame_header(len(data)) + data)
+        """Send one binary message, with what follows or by :meth:`flush`: never waits.
+
+        Only while :attr:`is_clear`; the caller flushes before it waits for anything.
+        """
+        self._unsent += _frame_header(len(data)) + data
+        if len(self._unsent) > _MOST_UNSENT_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Send the messages that were not sent yet."""
+        if self._unsent:
+            data, self._unsent = self._unsent, b""
+            if self._is_open():
+                self.transport.write(data)
 
     def send_frames(self, frames: Sequence[tuple[bytes, memoryview]]) -> int:
         """Send binary messages, each of a header and payload that no one joins; never waits.
@@ -160,6 +176,7 @@ class Connection(BoundedPeer):
         """
         if self._may_go_direct and not self.transport.get_write_buffer_size():
             return self._send_direct(frames)
+        self.flush()
         for number, (header, payload) in enumerate(frames, start=1):
             head = _frame_header(len(header) + len(payload)) + header
             if self._may_go_direct:  # what the transport keeps must not change
@@ -171,13 +188,15 @@ class Connection(BoundedPeer):
         return len(frames)
 
     def _send_direct(self, frames: Sequence[tuple[bytes, memoryview]]) -> int:
+        before, self._unsent = self._unsent, b""
         buffers: list[bytes | memoryview] = []
-        total = 0
+        total = len(before)
         for header, payload in frames:
             length = len(header) + len(payload)
             head = _frame_header(length) + header
-            buffers += (head, payload)
+            buffers += (before + head, payload)
             total += len(head) + len(payload)
+            before = b""
         direct = self._direct or self._own_socket()
         if not self.send_buffer_bytes:
             self._fit_buffer(direct)
