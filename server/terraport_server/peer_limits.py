@@ -142,7 +142,9 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         self.is_let_in = True
         self._in_vain = False
         for name in ("request", "response"):  # 4 KB that nobody asks for any more
-            vars(self).pop(name, None)
+            handshake = vars(self).pop(name, None)
+            if handshake is not None:
+                handshake.headers.clear()  # the library's parser keeps the request
         if self._entrance is not None:
             self._entrance.strangers.leave(self)
 

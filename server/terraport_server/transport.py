@@ -189,18 +189,19 @@ class Connection(BoundedPeer):
 
     def _send_direct(self, frames: Sequence[tuple[bytes, memoryview]]) -> int:
         before, self._unsent = self._unsent, b""
+        heads: list[bytes] = []
         buffers: list[bytes | memoryview] = []
-        total = len(before)
+        total = 0
         for header, payload in frames:
-            length = len(header) + len(payload)
-            head = _frame_header(length) + header
-            buffers += (before + head, payload)
-            total += len(head) + len(payload)
+            head = before + _frame_header(len(header) + len(payload)) + header
             before = b""
-        direct = self._direct or self._own_socket()
-        if not self.send_buffer_bytes:
-            self._fit_buffer(direct)
+            heads.append(head)
+            buffers += (head, payload)
+            total += len(head) + len(payload)
         try:
+            direct = self._direct or self._own_socket()
+            if not self.send_buffer_bytes:
+                self._fit_buffer(direct)
             sent = direct.sendmsg(buffers)
         except BlockingIOError:
             sent = 0
@@ -210,15 +211,15 @@ class Connection(BoundedPeer):
         if sent == total:
             return len(frames)
         # The frame that did not fit goes on through the transport, which waits for room.
-        for number in range(0, len(buffers), 2):
-            head, payload = buffers[number], buffers[number + 1]
-            length = len(head) + len(payload)
-            if sent < length:
-                rest = bytes(payload[sent - len(head) :]) if sent > len(head) else head[sent:]
-                self.transport.write(rest if sent > len(head) else rest + payload)
-                return number // 2 + 1
-            sent -= length
-        return len(frames)
+        number = 0
+        while sent >= (length := len(heads[number]) + len(frames[number][1])):
+            sent, number = sent - length, number + 1
+        head, payload = heads[number], frames[number][1]
+        if sent < len(head):
+            self.transport.write(head[sent:] + payload)
+        else:
+            self.transport.write(bytes(payload[sent - len(head) :]))
+        return number + 1
 
     def _fit_buffer(self, direct: socket.socket) -> None:
         now_s = self.loop.time()
