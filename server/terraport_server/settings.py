@@ -61,7 +61,7 @@ class Settings(BaseSettings):
     scenes_url: str | None = None
     """Scenes in object storage (s3://BUCKET/PREFIX), or one scene; in place of scenes_dir."""
     payload_source: Literal["file", "mmap"] = "file"
-    """How payloads are read: "file" sends from the page cache by sendfile; "mmap" maps the packs,
+    """How payloads are read: "file" reads from the page cache; "mmap" maps the packs,
     and a pack cut short under it ends the process."""
 
     read_threads: Annotated[int, Field(ge=1, le=64)] = 4

@@ -240,3 +240,47 @@ def test_the_congestion_control_is_the_one_that_was_set(tmp_path: Path) -> None:
             names[name] = set_to.rstrip(b"\0").decode()
     assert names["reno"] == "reno"
     assert names["no_such_thing"] == names[None]
+
+
+class TakesSoMuch:
+    """A socket, and the transport behind it: one call of the socket takes so many bytes."""
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self.written: list[bytes] = []
+
+    def sendmsg(self, buffers: Sequence[bytes | memoryview]) -> int:
+        data = b"".join(buffers)
+        if not self.most:
+            raise BlockingIOError
+        self.written.append(data[: self.most])
+        return min(self.most, len(data))
+
+    def write(self, data: bytes) -> None:
+        self.written.append(bytes(data))
+
+    def get_write_buffer_size(self) -> int:
+        return 0
+
+    def close(self) -> None:
+        pass
+
+
+def test_whatever_a_socket_takes_the_stream_is_whole() -> None:
+    """Messages that wait, then frames; what is said to be sent is all there, and nothing else."""
+    payloads = [b"a" * 5, b"b" * 130, b"", b"c" * 40]
+    frames = [(b"head", memoryview(payload)) for payload in payloads]
+    pieces = [_frame_header(4 + len(payload)) + b"head" + payload for payload in payloads]
+    message = _frame_header(3) + b"say"
+    for most in range(len(message) + sum(map(len, pieces)) + 2):
+        both = TakesSoMuch(most)
+        connection = Connection.__new__(Connection)
+        connection.transport = both  # type: ignore[assignment]
+        connection._direct = both  # type: ignore[assignment]
+        connection._may_go_direct = True
+        connection.send_buffer_bytes = 1
+        connection.send_message(b"say")
+        sent = connection.send_frames(frames)
+        assert b"".join(both.written) == message + b"".join(pieces[:sent])
+        assert sent >= 1
+        assert (sent == len(frames)) == (most >= len(message) + sum(map(len, pieces[:3])))
