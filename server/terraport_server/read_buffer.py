@@ -58,14 +58,16 @@ class ReadBuffer:
                 continue
             descriptor, offset, length, keeper = first
             # What follows in the file, the next chunk or the neighbour, comes with it.
-            together = [length]
+            together, end = [length], offset + length
             for other in payloads[len(views) + 1 :]:
                 if not isinstance(other, PayloadRange):
                     break
-                if other.descriptor != descriptor or other.offset != offset + length:
+                its_descriptor, its_offset, its_length, _ = other
+                if its_offset != end or its_descriptor != descriptor:
                     break
-                together.append(other.length)
-                length += other.length
+                together.append(its_length)
+                end += its_length
+            length = end - offset
             if at + length > len(room):
                 length = max(0, len(room) - at)
             got = _read(PayloadRange(descriptor, offset, length, keeper), room[at : at + length])

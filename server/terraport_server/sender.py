@@ -52,8 +52,8 @@ __all__ = ["LARGEST_BATCH_BYTES", "Sender", "SenderLimits"]
 _NEW_LANDING_BYTES: Final = 1 << 20
 """So much of a landing goes before what is left of others'."""
 
-LARGEST_BATCH_BYTES: Final = 512 << 10
-"""Of payload in one call, and a chunk at most: still in the processor's cache when it is sent."""
+LARGEST_BATCH_BYTES: Final = 4 * MAX_CHUNK_BYTES
+"""Of payload in one call, and less than a chunk: still in the processor's cache when it is sent."""
 
 _ALL_TOLD: Final = 1 << 62
 """Bytes ahead of a landing whose every segment the desk has heard of."""
@@ -261,7 +261,7 @@ class Sender:
 
         Batch by batch, each in one call and twice as large as the one before while the socket takes
         all: nothing is made ready that has no room, and a client that keeps up is not sent to sleep
-        and woken for every frame. Ends when the client says something: it may want something else.
+        and woken for every frame. What a client says meanwhile is read after the turn.
         """
         connection = self._connection
         assert connection is not None
@@ -277,7 +277,7 @@ class Sender:
             if not has_room:
                 break
             self._batch_bytes = min(2 * self._batch_bytes, LARGEST_BATCH_BYTES)
-            if left_bytes <= 0 or connection.has_news:
+            if left_bytes < MAX_CHUNK_BYTES:
                 return self._rank(chunks[0])
         self._batch_bytes = MAX_CHUNK_BYTES
         return None

@@ -176,7 +176,7 @@ class Settings(BaseSettings):
     http_stall_timeout_s: _Seconds = 30.0
     """How long a client may take no byte of an answer."""
 
-    max_burst_bytes: Annotated[int, Field(ge=1)] = 512 << 10
+    max_burst_bytes: Annotated[int, Field(ge=1)] = 1 << 20
     """Payload that one client is sent before others have their turn and the network is looked at.
     """
     notsent_lowat_bytes: Annotated[int, Field(ge=0)] = 128 << 10

@@ -14,10 +14,9 @@ Measured: ``docs/decisions/0049-many-frames-a-call.md``.
 from __future__ import annotations
 
 import os
-import select
 import socket
 from asyncio.transports import BaseTransport
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, cast
 
 from starlette.websockets import WebSocketDisconnect
@@ -55,8 +54,6 @@ class Connection(BoundedPeer):
 
     _direct: socket.socket | None = None
     """Our own descriptor of the same socket: the loop's own cannot be written to."""
-    _poll_client: Callable[[int], list[Any]] | None = None
-    """Tells whether bytes of the client wait to be read."""
     _may_go_direct = False
     _buffer: LinkBuffer | None = None
     _unsent = b""
@@ -111,17 +108,6 @@ class Connection(BoundedPeer):
     def is_clear(self) -> bool:
         """Whether :meth:`send_frames` and :meth:`send_message` may be called now."""
         return self.writable.is_set() and self._is_open()
-
-    @property
-    def has_news(self) -> bool:
-        """Whether bytes of the client wait to be read, as far as that can be told."""
-        if self._poll_client is None:
-            if self._direct is None or not hasattr(select, "poll"):
-                return False
-            poll = select.poll()
-            poll.register(self._direct.fileno(), select.POLLIN)
-            self._poll_client = poll.poll
-        return bool(self._poll_client(0))
 
     async def until_clear(self) -> bool:
         """Wait until :attr:`is_clear`; False where it never will be, after a close.
