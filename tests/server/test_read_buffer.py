@@ -43,7 +43,7 @@ def test_neighbours_are_read_at_once_and_views_passed(
     descriptor: int, reads: list[tuple[int, int]]
 ) -> None:
     mapped = memoryview(b"mapped")
-    ranges = [
+    ranges: list[PayloadRange | memoryview] = [
         PayloadRange(descriptor, 10, 20),
         PayloadRange(descriptor, 30, 5),
         mapped,
