@@ -161,7 +161,9 @@ class Connection(BoundedPeer):
             When the client is gone.
         """
         if self._may_go_direct and not self.transport.get_write_buffer_size():
-            return self._send_direct(frames)
+            direct = self._direct or self._own_socket()
+            if direct is not None:
+                return self._send_direct(direct, frames)
         self.flush()
         for number, (header, payload) in enumerate(frames, start=1):
             head = _frame_header(len(header) + len(payload)) + header
@@ -173,7 +175,9 @@ class Connection(BoundedPeer):
                 return number
         return len(frames)
 
-    def _send_direct(self, frames: Sequence[tuple[bytes, memoryview]]) -> int:
+    def _send_direct(
+        self, direct: socket.socket, frames: Sequence[tuple[bytes, memoryview]]
+    ) -> int:
         before, self._unsent = self._unsent, b""
         heads: list[bytes] = []
         buffers: list[bytes | memoryview] = []
@@ -185,7 +189,6 @@ class Connection(BoundedPeer):
             buffers += (head, payload)
             total += len(head) + len(payload)
         try:
-            direct = self._direct or self._own_socket()
             if not self.send_buffer_bytes:
                 self._fit_buffer(direct)
             sent = direct.sendmsg(buffers)
@@ -221,9 +224,12 @@ class Connection(BoundedPeer):
         # What comes after a close is dropped, as uvicorn does.
         return not (self.disconnected or self.close_sent) and self.conn.state is State.OPEN
 
-    def _own_socket(self) -> socket.socket:
+    def _own_socket(self) -> socket.socket | None:
         raw = self.transport.get_extra_info("socket")
-        self._direct = socket.socket(fileno=os.dup(raw.fileno()))
+        try:
+            self._direct = socket.socket(fileno=os.dup(raw.fileno()))
+        except OSError:  # no descriptor is left: through the transport, with one copy more
+            return None
         self._direct.setblocking(False)
         return self._direct
 

@@ -155,8 +155,10 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
     sent: list[list[int]] = []
     send_direct = Connection._send_direct
 
-    def counted(self: Connection, frames: Sequence[tuple[bytes, memoryview]]) -> int:
-        count = send_direct(self, frames)
+    def counted(
+        self: Connection, direct: socket.socket, frames: Sequence[tuple[bytes, memoryview]]
+    ) -> int:
+        count = send_direct(self, direct, frames)
         sent.append([len(payload) for _, payload in frames[:count]])
         return count
 
@@ -284,3 +286,20 @@ def test_whatever_a_socket_takes_the_stream_is_whole() -> None:
         assert b"".join(both.written) == message + b"".join(pieces[:sent])
         assert sent >= 1
         assert (sent == len(frames)) == (most >= len(message) + sum(map(len, pieces[:3])))
+
+
+def test_without_a_descriptor_left_frames_go_through_the_transport(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The buffer that all clients share is copied then: what waits there must not change."""
+    pit = write_grid_scene(tmp_path / "pit", cells=60, compress=False)
+    monkeypatch.setattr(Connection, "_own_socket", lambda _: None)
+    with BackgroundServer(tmp_path, max_radius_m=1e4) as server:
+        client = SlowClient(server.port)
+        client.send(make_hello())
+        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=500.0))
+        client.read_until_ready()
+        client.socket.close()
+    frames = [decode_frame(frame.data) for frame in client.frames if is_payload(frame.data)]
+    got = assemble([frame for frame in frames if isinstance(frame, PayloadFrame)])
+    assert got == dict(enumerate(pit.payloads))
