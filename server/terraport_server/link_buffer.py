@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import socket
 import struct
-from collections import deque
 from typing import Final
 
 __all__ = ["LinkBuffer", "buffer_bytes"]
@@ -67,7 +66,7 @@ class LinkBuffer:
         self._raw = raw
         self._began_s = now_s
         self._next_s = now_s + _FIRST_LOOK_S
-        self._rates: deque[int] = deque(maxlen=_REMEMBERED)
+        self._rates: list[int] = []
         self._size = 0
 
     def look(self, now_s: float) -> None:
@@ -90,7 +89,7 @@ class LinkBuffer:
         self._next_s = max(found_s, now_s + max(_LOOK_S, min_rtt_us / 1e6))
         if now_s < found_s:
             return
-        self._rates.append(_RATE.unpack_from(info, _RATE_AT)[0])
+        self._rates = [*self._rates[1 - _REMEMBERED :], _RATE.unpack_from(info, _RATE_AT)[0]]
         size = buffer_bytes(min_rtt_us, max(self._rates))
         if size and abs(size - self._size) > size // 8:
             self._size = size

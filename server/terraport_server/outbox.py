@@ -5,8 +5,6 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from collections import deque
-
 from terraport_server.actions import Action, Close, Observer, SendMessage
 from terraport_wire import CLOSE_CODES, CloseCode, Error, ErrorCode, Message
 
@@ -31,7 +29,7 @@ class Outbox:
 
     def __init__(self, observer: Observer) -> None:
         self._observer = observer
-        self._actions: deque[Action] = deque()
+        self._actions: list[Action] = []  # short: an empty deque takes 0.8 KB of every session
         self._news: dict[str, Message] = {}
         self.closing = False
         """Whether a close is the last action; nothing can be added behind it."""
@@ -48,7 +46,7 @@ class Outbox:
     def pop(self) -> Action | None:
         """Return the next action, once."""
         if self._actions:
-            return self._actions.popleft()
+            return self._actions.pop(0)
         if self._news and not self.closing:
             return SendMessage(self._news.pop(next(iter(self._news))))
         return None

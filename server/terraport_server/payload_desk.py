@@ -18,6 +18,7 @@ from concurrent.futures import Executor
 from typing import Final
 
 from terraport_server.actions import SendChunk
+from terraport_server.read_buffer import read_cached
 from terraport_store import PayloadRange, RangeError, Scene
 
 __all__ = ["WINDOW_BYTES", "PayloadDesk"]
@@ -70,7 +71,7 @@ class PayloadDesk:
         self._fetching: dict[tuple[str, int, int], asyncio.Future[None]] = {}
 
     def chunk_data(
-        self, chunk: SendChunk, encoding: str, *, as_file: bool, probe: bool = True
+        self, chunk: SendChunk, encoding: str, *, as_file: bool
     ) -> PayloadRange | memoryview | None:
         """Return the chunk's bytes, or where they lie; ``None`` where that would take a wait.
 
@@ -81,10 +82,8 @@ class PayloadDesk:
         chunk
         encoding
         as_file
-            Whether the caller can send from a file; bytes are returned otherwise.
-        probe
-            Whether to ask the system if the first page is in memory; not needed right after it said
-            so for the bytes before.
+            Whether the caller reads by itself, and finds out whether that takes a wait; bytes are
+            returned otherwise.
         """
         scene, segment = self._scene, chunk.segment
         if not scene.is_verified(segment, encoding):
@@ -93,15 +92,7 @@ class PayloadDesk:
         if file_range is None:
             data = scene.held(segment, encoding, chunk.offset, chunk.length)
             return None if data is None else memoryview(data)
-        if probe and not _is_cached(file_range):
-            return None
-        if as_file:
-            return file_range
-        data = os.pread(file_range.descriptor, file_range.length, file_range.offset)
-        if len(data) < file_range.length:  # cut short since it was checked: let the check say so
-            scene.distrust(segment, encoding)
-            return None
-        return memoryview(data)
+        return file_range if as_file else read_cached(file_range)
 
     async def fetch(self, chunk: SendChunk, encoding: str) -> None:
         """Bring the chunk's bytes into memory, and compare the segment's hash unless that was done.

@@ -13,8 +13,9 @@ is his turn among all who are not (:mod:`entrance`).
 
 from __future__ import annotations
 
+import asyncio
 import logging
-from typing import Any, Final
+from typing import Any, Final, cast
 
 from uvicorn._types import ASGIReceiveEvent, ASGISendEvent
 from uvicorn.protocols.utils import ClientDisconnected
@@ -26,6 +27,7 @@ from terraport_server.client_addresses import too_many_of_address
 from terraport_server.entrance import Entrance
 from terraport_server.frame_cutter import FrameCutter
 from terraport_server.rate import RateLimit
+from terraport_server.signals import Inbox, Signal
 from terraport_wire import MAX_CLIENT_MESSAGE_BYTES, CloseCode, ErrorCode
 
 __all__ = ["FRAMES_PER_MESSAGE", "MAX_UNREAD_BYTES", "REFUSED_CLOSE_S", "BoundedPeer"]
@@ -97,6 +99,8 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
         self._cutter = FrameCutter()
+        self.queue = cast("asyncio.Queue[ASGIReceiveEvent]", Inbox[ASGIReceiveEvent]())
+        self.writable = cast("asyncio.Event", Signal(is_set=True))
         self.logger = self.conn.logger = _FAULTS
 
     def count_by(self, entrance: Entrance, key: str | None, most: int) -> None:
@@ -137,6 +141,10 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         """Note that the session is open: from here on the bounds of a client hold."""
         self.is_let_in = True
         self._in_vain = False
+        for name in ("request", "response"):  # 4 KB that nobody asks for any more
+            handshake = vars(self).pop(name, None)
+            if handshake is not None:
+                handshake.headers.clear()  # the library's parser keeps the request
         if self._entrance is not None:
             self._entrance.strangers.leave(self)
 

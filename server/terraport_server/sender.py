@@ -1,9 +1,9 @@
 """Carries out one session over one WebSocket: the only place where it meets the network.
 
-Three tasks per client, all owned by :meth:`Sender.run`: one reads messages into the session, one
-carries out what the session wants, one watches the clock. Memory per client is bounded: one frame
-in the transport where frames go through it, ``max_pending_actions`` messages, and what uvicorn
-holds of one incoming message. Payload goes from the page cache to the socket.
+Two tasks per client, owned by :meth:`Sender.run`, and a clock: one reads messages into the session,
+one carries out what the session wants. Memory per client is bounded: one frame and 64 KiB of
+messages in the transport, ``max_pending_actions`` messages, and what uvicorn holds of one incoming
+message. Payload goes from the page cache through one buffer for all to the socket.
 
 A slow client costs itself only: its frames wait in its own task, nothing is planned for it until it
 has taken what it was sent, and a newer landing replaces what was not sent yet.
@@ -15,7 +15,6 @@ that of its last step, under uvloop in whole milliseconds.
 from __future__ import annotations
 
 import asyncio
-import contextlib
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from time import monotonic
@@ -28,12 +27,16 @@ from terraport_server.metrics import Metrics
 from terraport_server.peer_limits import REFUSED_CLOSE_S
 from terraport_server.pick_tasks import PickTasks
 from terraport_server.plan_turns import PlanAccount, PlanTurns
+from terraport_server.read_buffer import ReadBuffer
 from terraport_server.served_scene import ServedScene
 from terraport_server.session import Session
-from terraport_server.transport import connection_of
+from terraport_server.session_clock import SessionClock
+from terraport_server.signals import Signal
+from terraport_server.transport import MAX_FRAMES, connection_of
 from terraport_server.turns import Rank, Turns
 from terraport_store import CorruptPayloadError, PayloadRange, StoreError
 from terraport_wire import (
+    MAX_CHUNK_BYTES,
     DecodeError,
     Direction,
     Hit,
@@ -44,12 +47,13 @@ from terraport_wire import (
     frame_header,
 )
 
-__all__ = ["Sender", "SenderLimits"]
+__all__ = ["LARGEST_BATCH_BYTES", "Sender", "SenderLimits"]
 
 _NEW_LANDING_BYTES: Final = 1 << 20
 """So much of a landing goes before what is left of others'."""
 
-_SHORTEST_TICK_S: Final = 0.002
+LARGEST_BATCH_BYTES: Final = 4 * MAX_CHUNK_BYTES
+"""Of payload in one call, and less than a chunk: still in the processor's cache when it is sent."""
 
 _ALL_TOLD: Final = 1 << 62
 """Bytes ahead of a landing whose every segment the desk has heard of."""
@@ -87,6 +91,8 @@ class Sender:
         Counters.
     turns, plan_turns
         Shared with the other senders of the process.
+    read_buffer
+        Shared with the other senders of the event loop.
     run_pick
         Answers picks.
     """
@@ -101,6 +107,7 @@ class Sender:
         metrics: Metrics,
         turns: Turns,
         plan_turns: PlanTurns,
+        read_buffer: ReadBuffer,
         run_pick: PickRunner,
     ) -> None:
         self.session = session
@@ -111,14 +118,20 @@ class Sender:
         self._turns = turns
         self._plan_turns = plan_turns
         self._plan_account = PlanAccount()
+        self._read_buffer = read_buffer
+        self._batch_bytes = MAX_CHUNK_BYTES
+        """What the next batch may have: grows while the socket takes all."""
         self._connection = connection_of(websocket.scope)
-        self._wake = asyncio.Event()
-        self._room = asyncio.Event()
-        self._sooner = asyncio.Event()
-        self._next_tick_s = 0.0
+        self._wake = Signal()
+        self._room = Signal()
+        self._clock = SessionClock(
+            session, self._connection, limits.close_timeout_s, self._wake.set
+        )
         self._picks = PickTasks(
             session, metrics, lambda action: run_pick(served, action), self._wake.set
         )
+        self._fetched: SendChunk | None = None
+        """What was fetched last."""
         self._failed: int | None = None
         """Segment that could not be fetched; told to the session when it asks for it again."""
         self._ahead_generation = -1
@@ -136,8 +149,8 @@ class Sender:
 
         Cancelling it drops the connection. Nothing it started outlives it.
         """
-        watcher = asyncio.create_task(self._watch())
-        tasks = {asyncio.create_task(self._read()), asyncio.create_task(self._act()), watcher}
+        tasks = {asyncio.create_task(self._read()), asyncio.create_task(self._act())}
+        self._clock.look()
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
@@ -148,13 +161,12 @@ class Sender:
             for task in tasks | self._picks.tasks:
                 task.cancel()
             await asyncio.gather(*tasks, *self._picks.tasks, return_exceptions=True)
-            if self._connection is not None:
-                self._connection.hand_over()  # whoever was to send the rest is gone
+            self._clock.stop()
 
     def wake(self) -> None:
         """Look at the session again: something was told to it from outside."""
         self._wake.set()
-        self._sooner.set()
+        self._clock.look()
 
     async def _read(self) -> None:
         while True:
@@ -182,41 +194,16 @@ class Sender:
         else:
             self.session.receive(message, now_s)
         self._wake.set()
-        self._tick_in_time()
-
-    def _tick_in_time(self) -> None:
-        """Let the watch look again where something is due before it would."""
-        if self.session.closing or self.session.wake_at_s() < self._next_tick_s:
-            self._sooner.set()
-
-    async def _watch(self) -> None:
-        """Tick when something is due; drop a client that takes too long to close."""
-        while not self.session.closing:
-            self._hear()
-            self._sooner.clear()
-            self._next_tick_s = self.session.wake_at_s()
-            wait_s = max(_SHORTEST_TICK_S, self._next_tick_s - monotonic())
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(wait_s):
-                    await self._sooner.wait()
-            self._hear()
-            self.session.tick(monotonic())
-            self._wake.set()
-        await asyncio.sleep(self._limits.close_timeout_s)
-        if self._connection is not None:
-            self._connection.abort()
-
-    def _hear(self) -> None:
-        if self._connection is not None:
-            self.session.heard(self._connection.heard_s)
+        self._clock.look()
 
     async def _act(self) -> None:
         while True:
             action = self.session.next_action()
             self._room.set()
+            if self._clock.fault is not None:
+                raise self._clock.fault
             if action is None:
-                self._wake.clear()
-                await self._wake.wait()
+                await self._until_woken()
             elif isinstance(action, SendChunk):
                 await self._send_chunks(action)
             elif isinstance(action, SendMessage):
@@ -229,38 +216,42 @@ class Sender:
                 await self._close(action)
                 return
 
+    async def _until_woken(self) -> None:
+        self._flush()
+        self._wake.clear()
+        await self._wake.wait()
+
+    def _flush(self) -> None:
+        """Send messages that wait for payload to go with; before anything that may take a wait."""
+        if self._connection is not None:
+            self._connection.flush()
+
     async def _take_plan_turn(self) -> None:
         """Plan in this client's turn: one that does not read has one plan, in its transport."""
+        self._flush()
         if self._connection is None or await self._connection.until_clear():
             await self._plan_turns.take(self._plan_account, self._make_plan)
         else:  # closing: what the client says last ends this sender
-            self._wake.clear()
-            await self._wake.wait()
+            await self._until_woken()
 
     def _make_plan(self) -> int:
         looked_at = self.session.make_plan(monotonic())
-        self._tick_in_time()
+        self._clock.look()
         return looked_at
 
     async def _send_chunks(self, chunk: SendChunk) -> None:
         """Send payload until the session wants something else, or the client takes no more."""
         connection = self._connection
-        try:
-            if connection is None:
-                await self._turns.take(self._rank(chunk), self._look)
-                await self._send_plainly()
-            elif await connection.until_clear():
-                await self._turns.take(self._rank(chunk), self._burst)
-                await connection.until_clear()
-            else:  # closing: what the client says last ends this sender
-                self._wake.clear()
-                await self._wake.wait()
-                return
-        except OSError as error:
-            # The frame was begun: the connection is gone. Who comes back is told more.
-            self._served.desk.distrust(self._under_way.segment)
-            self._tell_failure(self._under_way, error)
-            raise WebSocketDisconnect(1006) from error
+        if connection is None:
+            await self._turns.take(self._rank(chunk), self._look)
+            await self._send_plainly()
+        elif await connection.until_clear():
+            if self._turns.is_busy:
+                connection.flush()
+            await self._turns.take(self._rank(chunk), self._burst)
+            connection.flush()
+        else:  # closing: what the client says last ends this sender
+            await self._until_woken()
         if self._absent is not None:
             absent, self._absent = self._absent, None
             await self._fetch(absent)
@@ -268,59 +259,67 @@ class Sender:
     def _burst(self) -> Rank | None:
         """Hand chunks to the socket; the rank of what is left where there is room for more.
 
-        Everything is made ready first, so that the socket gets one after the other: a client that
-        catches up in between goes to sleep, and to wake it costs more than to send. Ends at once
-        when the client says something: it may want something else.
+        Batch by batch, each in one call and twice as large as the one before while the socket takes
+        all: nothing is made ready that has no room, and a client that keeps up is not sent to sleep
+        and woken for every frame. What a client says meanwhile is read after the turn.
         """
         connection = self._connection
         assert connection is not None
-        if not connection.is_clear:
-            return None
-        chunks, frames = self._next_frames(self._limits.max_burst_bytes)
-        if not chunks:
-            return None
-        try:
+        left_bytes = self._limits.max_burst_bytes
+        has_room = connection.is_clear
+        while has_room:
+            chunks, frames = self._next_frames(min(self._batch_bytes, left_bytes))
+            if not frames:
+                return None
             sent = connection.send_frames(frames)
-        except OSError:
-            self._under_way = chunks[connection.frames_begun - 1]
-            raise
-        self._note_sent(chunks[:sent])
-        return self._rank(chunks[0]) if connection.is_clear else None
+            left_bytes -= self._note_sent(chunks[:sent])
+            has_room = connection.is_clear
+            if not has_room:
+                break
+            self._batch_bytes = min(2 * self._batch_bytes, LARGEST_BATCH_BYTES)
+            if left_bytes < MAX_CHUNK_BYTES:
+                return self._rank(chunks[0])
+        self._batch_bytes = MAX_CHUNK_BYTES
+        return None
 
     def _next_frames(
         self, most_bytes: int
-    ) -> tuple[list[SendChunk], list[tuple[bytes, PayloadRange | memoryview]]]:
+    ) -> tuple[list[SendChunk], list[tuple[bytes, memoryview]]]:
         """Make frames of the next chunks; none where something else comes first."""
         session, desk, connection = self.session, self._served.desk, self._connection
-        chunks = session.next_chunks(most_bytes)
-        if chunks and chunks[0].segment == self._failed:
+        chunks = session.next_chunks(most_bytes)[:MAX_FRAMES]
+        if not chunks:
+            return [], []
+        if chunks[0].segment == self._failed:
             self._failed = None
             self._ahead_bytes -= chunks[0].total - chunks[0].offset
             session.payload_failed(chunks[0], monotonic())
             return [], []
-        if chunks and desk.ahead_bytes:
+        if desk.ahead_bytes:
             self._look_ahead(chunks[0])
-        as_file = connection is not None and connection.takes_files
-        frames: list[tuple[bytes, PayloadRange | memoryview]] = []
+        is_direct = connection is not None and connection.is_direct
+        payloads: list[PayloadRange | memoryview] = []
         for chunk in chunks:
-            probe = not frames or not chunk.offset
-            payload = desk.chunk_data(chunk, session.encoding, as_file=as_file, probe=probe)
+            payload = desk.chunk_data(chunk, session.encoding, as_file=is_direct)
             if payload is None:
-                if not frames:
-                    self._absent = chunk
                 break
+            payloads.append(payload)
+        # In here bytes stay only until the next call: for a socket that takes them at once.
+        views = self._read_buffer.fill(payloads, fetched=chunks[0] == self._fetched)
+        if not views:
+            self._absent = chunks[0]
+        frames = []
+        for (generation, segment, offset, length, total, _), view in zip(
+            chunks, views, strict=False
+        ):
             header = frame_header(
-                generation=chunk.generation,
-                segment=chunk.segment,
-                offset=chunk.offset,
-                total=chunk.total,
-                length=chunk.length,
+                generation=generation, segment=segment, offset=offset, total=total, length=length
             )
-            frames.append((header, payload))
-        return chunks[: len(frames)], frames
+            frames.append((header, view))
+        return chunks, frames
 
-    def _note_sent(self, chunks: list[SendChunk]) -> None:
-        """Book chunks as sent, the last one perhaps in part."""
+    def _note_sent(self, chunks: list[SendChunk]) -> int:
+        """Book chunks as sent, the last one perhaps in part; return their bytes."""
         self.session.chunks_sent(chunks, monotonic())
         last = chunks[-1]
         sent_bytes = sum(chunk.length for chunk in chunks)
@@ -330,6 +329,7 @@ class Sender:
         self._generation_bytes += sent_bytes
         self._ahead_bytes -= sent_bytes
         self._under_way = last
+        return sent_bytes
 
     def _rank(self, chunk: SendChunk) -> Rank:
         if not chunk.landing:
@@ -346,8 +346,7 @@ class Sender:
         chunks, frames = self._next_frames(1)
         if frames:
             header, payload = frames[0]
-            assert isinstance(payload, memoryview)
-            self._note_sent(chunks)
+            self._note_sent(chunks[:1])
             await self._websocket.send_bytes(header + payload)
 
     def _look_ahead(self, chunk: SendChunk) -> None:
@@ -369,6 +368,7 @@ class Sender:
         self._metrics.payload_reads.inc()
         try:
             await self._served.desk.fetch(chunk, self.session.encoding)
+            self._fetched = chunk
         except (StoreError, OSError) as error:
             self._tell_failure(chunk, error)
             self._failed = chunk.segment
@@ -380,11 +380,16 @@ class Sender:
         self._metrics.corrupt_segments.labels(self._metrics.scene_label(self._served.id)).inc()
 
     async def _send_message(self, message: Message) -> None:
-        await self._websocket.send_bytes(encode(message))
+        if self._connection is None:
+            await self._websocket.send_bytes(encode(message))
+        elif await self._connection.until_clear():
+            self._connection.send_message(encode(message))
         if isinstance(message, Plan):
             self.session.plan_sent(message.generation, monotonic())
 
     async def _close(self, action: Close) -> None:
+        self._flush()
+        self._clock.look()
         if self._connection is not None and self.session.deliveries is None:  # was never let in
             self._connection.leave_within(REFUSED_CLOSE_S)
         await self._websocket.close(int(action.code), str(action.reason))

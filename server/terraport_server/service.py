@@ -19,15 +19,16 @@ from terraport_server.logs import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.pick import MeshCache, pick
 from terraport_server.plan_turns import PlanTurns
+from terraport_server.read_buffer import ReadBuffer
 from terraport_server.scene_roots import root_of
 from terraport_server.scenes import SceneRegistry
-from terraport_server.sender import Sender, SenderLimits
+from terraport_server.sender import LARGEST_BATCH_BYTES, Sender, SenderLimits
 from terraport_server.served_scene import ServedScene
 from terraport_server.settings import Settings
 from terraport_server.turns import Turns
 from terraport_server.viewer_page import BUILT_PAGE, ViewerPage
 from terraport_store import OriginError
-from terraport_wire import Hit
+from terraport_wire import MAX_CHUNK_BYTES, Hit
 
 __all__ = ["Service", "server_name"]
 
@@ -95,6 +96,7 @@ class Service:
             self.viewer = ViewerPage.read(settings.viewer_dir or BUILT_PAGE)
         self.turns = Turns()
         self.plan_turns = PlanTurns()
+        self.read_buffer = ReadBuffer(LARGEST_BATCH_BYTES + MAX_CHUNK_BYTES)
         self._cache = MeshCache(settings.pick_cache_bytes)
         self._pool = ThreadPoolExecutor(settings.pick_threads, thread_name_prefix="pick")
         self.once = OncePerMinute()

@@ -64,7 +64,7 @@ class Settings(BaseSettings):
     scenes_url: str | None = None
     """Scenes in object storage (s3://BUCKET/PREFIX), or one scene; in place of scenes_dir."""
     payload_source: Literal["file", "mmap"] = "file"
-    """How payloads are read: "file" sends from the page cache by sendfile; "mmap" maps the packs,
+    """How payloads are read: "file" reads from the page cache; "mmap" maps the packs,
     and a pack cut short under it ends the process."""
 
     read_threads: Annotated[int, Field(ge=1, le=64)] = 4
@@ -182,7 +182,7 @@ class Settings(BaseSettings):
     http_stall_timeout_s: _Seconds = 30.0
     """How long a client may take no byte of an answer."""
 
-    max_burst_bytes: Annotated[int, Field(ge=1)] = 512 << 10
+    max_burst_bytes: Annotated[int, Field(ge=1)] = 1 << 20
     """Payload that one client is sent before others have their turn and the network is looked at.
     """
     notsent_lowat_bytes: Annotated[int, Field(ge=0)] = 128 << 10

@@ -180,6 +180,7 @@ async def _serve(
         metrics=service.metrics,
         turns=service.turns,
         plan_turns=service.plan_turns,
+        read_buffer=service.read_buffer,
         run_pick=service.run_pick,
     )
 

@@ -1,35 +1,32 @@
-"""uvicorn's WebSocket protocol with small socket buffers, a look at the clock, and no copies.
+"""uvicorn's WebSocket protocol with small socket buffers, a look at the clock, and few calls.
 
 A subclass of uvicorn's sans-I/O implementation, whose minor version pyproject.toml pins. It adds to
 the ASGI scope an extension, ``terraport.connection``, by which the sender reaches the connection.
 Under another server, or if uvicorn changes, the extension is missing and the sender does without:
 everything works, with larger buffers and more copies per chunk.
 
-A chunk goes from the page cache to the socket by ``sendfile`` where it can (a plain socket, a pack
-that is a file); otherwise header and payload go to the transport as they are, without being joined.
-Measured: ``docs/decisions/0017-payload-by-sendfile.md``.
+Many frames go to a plain socket in one call, headers beside payload, past the transport while that
+has nothing to send. What the socket does not take of a frame goes through the transport, which
+keeps the order: a pong or a close comes behind it. Under TLS all frames go through the transport.
+Measured: ``docs/decisions/0049-many-frames-a-call.md``.
 """
 
 from __future__ import annotations
 
-import asyncio
 import os
-import select
 import socket
 from asyncio.transports import BaseTransport
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, Final, cast
 
 from starlette.websockets import WebSocketDisconnect
 from websockets.http11 import Request
 from websockets.protocol import State
 
-from terraport_server.frame_guard import FrameGuard
 from terraport_server.link_buffer import LinkBuffer
 from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
-from terraport_store import PayloadRange
 
-__all__ = ["EXTENSION", "Connection", "ShortFileError", "connection_of", "protocol_class"]
+__all__ = ["EXTENSION", "MAX_FRAMES", "Connection", "connection_of", "protocol_class"]
 
 EXTENSION: Final = "terraport.connection"
 
@@ -39,12 +36,10 @@ TCP_NOTSENT_LOWAT: Final = getattr(socket, "TCP_NOTSENT_LOWAT", 25)
 TCP_CONGESTION: Final = getattr(socket, "TCP_CONGESTION", 13)
 """Linux alone has it."""
 
-_MSG_MORE: Final = getattr(socket, "MSG_MORE", 0)
-"""The header waits for its payload, so that both leave in one segment."""
+MAX_FRAMES: Final = 512
+"""Of one call: POSIX systems take 1024 buffers, and a frame has two."""
 
-
-class ShortFileError(OSError):
-    """A pack ended before a frame that it had promised was whole; the connection is dropped."""
+_MOST_UNSENT_BYTES: Final = 64 << 10
 
 
 class Connection(BoundedPeer):
@@ -57,40 +52,27 @@ class Connection(BoundedPeer):
     heard_s: float = 0.0
     """When bytes last came from the client, pongs included; the event loop's clock."""
 
-    frames_begun = 0
-    """Of the last call of :meth:`send_frames`."""
-
-    _guard: FrameGuard
     _direct: socket.socket | None = None
-    """Our own descriptor of the same socket: the loop refuses to watch the transport's."""
-    _number = -1
-    _poll_client: Callable[[int], list[Any]] = staticmethod(lambda _ms: [])
-    """Whether bytes of the client wait to be read, as far as that can be told."""
+    """Our own descriptor of the same socket: the loop's own cannot be written to."""
     _may_go_direct = False
-    _frame: tuple[bytes, PayloadRange] | None = None
-    """What is left of the frame that is under way past the transport."""
-    _room: asyncio.Future[None] | None = None
     _buffer: LinkBuffer | None = None
+    _unsent = b""
+    """Messages that go out with the next payload, or at the next flush."""
 
     def connection_made(self, transport: BaseTransport) -> None:
         """Set the socket's buffers."""
-        self._guard = FrameGuard(cast("asyncio.Transport", transport))
-        super().connection_made(cast("BaseTransport", self._guard))
+        super().connection_made(transport)
         self.heard_s = self.loop.time()
         secret = transport.get_extra_info("ssl_object") is not None
         if not secret:
             # Empty between two frames: then the next may go past it, straight into the socket.
             # Under TLS nothing may go past, and uvloop's transport, asked for this, tells that its
             # buffer is empty only when the client sends something.
-            self._guard.set_write_buffer_limits(0)
+            self.transport.set_write_buffer_limits(0)
         raw = transport.get_extra_info("socket")
         if raw is None or raw.family not in {socket.AF_INET, socket.AF_INET6}:
             return
-        self._may_go_direct = hasattr(os, "sendfile") and not secret
-        if hasattr(select, "poll"):
-            poll = select.poll()
-            poll.register(raw.fileno(), select.POLLIN)
-            self._poll_client = poll.poll
+        self._may_go_direct = hasattr(socket.socket, "sendmsg") and not secret
         if self.notsent_lowat_bytes:
             _set_option(raw, socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes)
         if self.send_buffer_bytes:
@@ -100,11 +82,11 @@ class Connection(BoundedPeer):
             _set_option(raw, socket.IPPROTO_TCP, TCP_CONGESTION, name)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Let a frame that waits for room know."""
+        """Close our own descriptor, too."""
         super().connection_lost(exc)
-        self._wake()
-        if self._direct is not None and not self._guard.in_frame:
-            self._close_direct()
+        if self._direct is not None:
+            self._direct.close()
+            self._direct = None
 
     def data_received(self, data: bytes) -> None:
         """Note when the client was last heard, and read on."""
@@ -118,55 +100,55 @@ class Connection(BoundedPeer):
             cast("dict[str, Any]", self.scope["extensions"])[EXTENSION] = self
 
     @property
-    def takes_files(self) -> bool:
-        """Whether :meth:`send_frames` takes ranges of files: not under TLS, not on every system."""
+    def is_direct(self) -> bool:
+        """Whether :meth:`send_frames` is done with its buffers when it returns: not under TLS."""
         return self._may_go_direct
 
     @property
     def is_clear(self) -> bool:
-        """Whether :meth:`send_frames` may be called now."""
-        return self.writable.is_set() and self._frame is None and self._is_open()
+        """Whether :meth:`send_frames` and :meth:`send_message` may be called now."""
+        return self.writable.is_set() and self._is_open()
 
     async def until_clear(self) -> bool:
-        """Wait until :meth:`send_frames` may be called; False where it never may, after a close.
-
-        Sends the rest of a frame that was begun. Safe to cancel: the rest of a frame is handed to
-        the transport, and what others wrote meanwhile (pongs) follows it.
+        """Wait until :attr:`is_clear`; False where it never will be, after a close.
 
         Raises
         ------
         WebSocketDisconnect
             When the client is gone.
-        OSError
-            When the disk fails, or the file ends too soon (ShortFileError). The connection is
-            dropped, because the client was promised more.
         """
-        try:
-            while self._frame is not None:
-                await self._until_room()
-                self._push()
-            await self.writable.wait()
-        except asyncio.CancelledError:
-            self.hand_over()
-            raise
-        except WebSocketDisconnect:
-            self._drop_frame()
-            raise
+        await self.writable.wait()
         if self.disconnected:
             raise WebSocketDisconnect(1006)
         return self._is_open()
 
-    def send_frames(self, frames: Sequence[tuple[bytes, PayloadRange | memoryview]]) -> int:
+    def send_message(self, data: bytes) -> None:
+        """Send one binary message, with what follows or by :meth:`flush`: never waits.
+
+        Only while :attr:`is_clear`; the caller flushes before it waits for anything.
+        """
+        self._unsent += _frame_header(len(data)) + data
+        if len(self._unsent) > _MOST_UNSENT_BYTES:
+            self.flush()
+
+    def flush(self) -> None:
+        """Send the messages that were not sent yet."""
+        if self._unsent:
+            data, self._unsent = self._unsent, b""
+            if self._is_open():
+                self.transport.write(data)
+
+    def send_frames(self, frames: Sequence[tuple[bytes, memoryview]]) -> int:
         """Send binary messages, each of a header and payload that no one joins; never waits.
 
-        Only while :attr:`is_clear`. Ends before the next frame when the client says something, or
-        when the socket is full: at most one frame is then under way, as bytes in the transport, or
-        as a range of the file (:meth:`until_clear` sends it).
+        Only while :attr:`is_clear`; where it is not any more afterwards, the socket is full: one
+        frame at most is then under way, in the transport.
 
         Parameters
         ----------
         frames
-            Header and payload; a range of a file only where :attr:`takes_files`.
+            Header and payload; at most :data:`MAX_FRAMES`. The payload may change after the call
+            where :attr:`is_direct`.
 
         Returns
         -------
@@ -177,125 +159,79 @@ class Connection(BoundedPeer):
         ------
         WebSocketDisconnect
             When the client is gone.
-        OSError
-            As :meth:`until_clear`.
         """
-        now_s = self.loop.time()
-        if self._may_go_direct and not self.send_buffer_bytes:
-            if self._buffer is None:
-                self._buffer = LinkBuffer(self._own_socket(), now_s)
-            self._buffer.look(now_s)
-        poll = self._poll_client
+        if self._may_go_direct and not self.transport.get_write_buffer_size():
+            direct = self._direct or self._own_socket()
+            if direct is not None:
+                return self._send_direct(direct, frames)
+        self.flush()
         for number, (header, payload) in enumerate(frames, start=1):
-            self.frames_begun = number
-            if isinstance(payload, PayloadRange):
-                self._frame = (_frame_header(len(header) + payload.length) + header, payload)
-                if not self._push():
-                    return number
+            head = _frame_header(len(header) + len(payload)) + header
+            if self._may_go_direct:  # what the transport keeps must not change
+                self.transport.write(head + payload)
             else:
-                head = _frame_header(len(header) + len(payload))
-                self._guard.writelines([head, header, payload])
-                if self._guard.get_write_buffer_size():
-                    return number
-            if poll(0):
+                self.transport.writelines((head, payload))
+            if self.transport.get_write_buffer_size():
                 return number
         return len(frames)
 
+    def _send_direct(
+        self, direct: socket.socket, frames: Sequence[tuple[bytes, memoryview]]
+    ) -> int:
+        before, self._unsent = self._unsent, b""
+        heads: list[bytes] = []
+        buffers: list[bytes | memoryview] = []
+        total = 0
+        for header, payload in frames:
+            head = before + _frame_header(len(header) + len(payload)) + header
+            before = b""
+            heads.append(head)
+            buffers += (head, payload)
+            total += len(head) + len(payload)
+        try:
+            if not self.send_buffer_bytes:
+                self._fit_buffer(direct)
+            sent = direct.sendmsg(buffers)
+        except BlockingIOError:
+            sent = 0
+        except OSError:
+            self.transport.abort()
+            raise WebSocketDisconnect(1006) from None
+        if sent == total:
+            return len(frames)
+        # The frame that did not fit goes on through the transport, which waits for room.
+        number = 0
+        while sent >= (length := len(heads[number]) + len(frames[number][1])):
+            sent, number = sent - length, number + 1
+        head, payload = heads[number], frames[number][1]
+        if sent < len(head):
+            self.transport.write(head[sent:] + payload)
+        else:
+            self.transport.write(bytes(payload[sent - len(head) :]))
+        return number + 1
+
+    def _fit_buffer(self, direct: socket.socket) -> None:
+        now_s = self.loop.time()
+        if self._buffer is None:
+            self._buffer = LinkBuffer(direct, now_s)
+        self._buffer.look(now_s)
+
     def abort(self) -> None:
         """Drop the connection and everything buffered."""
-        self._guard.abort()
+        self.transport.abort()
 
     def _is_open(self) -> bool:
         # What comes after a close is dropped, as uvicorn does.
         return not (self.disconnected or self.close_sent) and self.conn.state is State.OPEN
 
-    def _push(self) -> bool:
-        """Hand the socket what it takes of the frame; tell whether that was all."""
-        assert self._frame is not None
-        direct, (head, file_range) = self._direct or self._own_socket(), self._frame
+    def _own_socket(self) -> socket.socket | None:
+        raw = self.transport.get_extra_info("socket")
         try:
-            while head:
-                head = head[direct.send(head, _MSG_MORE) :]
-            while file_range.length:
-                sent = os.sendfile(
-                    self._number, file_range.descriptor, file_range.offset, file_range.length
-                )
-                if sent == file_range.length:
-                    break
-                file_range = _after(file_range, sent)
-        except BlockingIOError:
-            self._frame = (head, file_range)
-            self._guard.begin()
-            return False
-        except ConnectionError:
-            self._drop_frame()
-            raise WebSocketDisconnect(1006) from None
-        except OSError:  # the disk's, or a pack cut short: the client was promised more
-            self._drop_frame()
-            raise
-        self._frame = None
-        if self._guard.in_frame:
-            self._guard.end()
-            self.answer_ping()
-        return True
-
-    def _own_socket(self) -> socket.socket:
-        if self._direct is None:
-            raw = self._guard.get_extra_info("socket")
             self._direct = socket.socket(fileno=os.dup(raw.fileno()))
-            self._direct.setblocking(False)
-            self._number = self._direct.fileno()
+        except OSError:  # no descriptor is left: through the transport, with one copy more
+            return None
+        self._direct.setblocking(False)
         return self._direct
-
-    async def _until_room(self) -> None:
-        """Wait until the socket takes more."""
-        assert self._direct is not None
-        if self.disconnected:
-            raise WebSocketDisconnect(1006)
-        self._room = self.loop.create_future()
-        descriptor = self._direct.fileno()
-        self.loop.add_writer(descriptor, self._wake)
-        try:
-            await self._room
-        finally:
-            self._room = None
-            self.loop.remove_writer(descriptor)
-        if self.disconnected:
-            raise WebSocketDisconnect(1006)
-
-    def hand_over(self) -> None:
-        """Leave the rest of a frame, if one is under way, to the transport.
-
-        Where it cannot be read, the connection is dropped.
-        """
-        if self._frame is None:
-            return
-        (head, file_range), self._frame = self._frame, None
-        try:
-            self._guard.finish(head, _read(file_range))
-        except OSError:
-            self._guard.abort()
-        self._end_frame()
-
-    def _drop_frame(self) -> None:
-        if self._frame is not None:
-            self._frame = None
-            self._guard.abort()
-            self._end_frame()
-
-    def _end_frame(self) -> None:
-        self._guard.end()
-        if self.disconnected:
-            self._close_direct()
-
-    def _wake(self) -> None:
-        if self._room is not None and not self._room.done():
-            self._room.set_result(None)
-
-    def _close_direct(self) -> None:
-        if self._direct is not None:
-            self._direct.close()
-            self._direct = None
 
 
 def protocol_class(
@@ -347,25 +283,6 @@ def _frame_header(length: int) -> bytes:
     if length < 1 << 16:
         return b"\x82\x7e" + length.to_bytes(2, "big")
     return b"\x82\x7f" + length.to_bytes(8, "big")
-
-
-def _after(file_range: PayloadRange, sent: int) -> PayloadRange:
-    """Return what is left of a range; raises ShortFileError where nothing was sent of it."""
-    if not sent:
-        raise ShortFileError(f"the pack ends {file_range.length} bytes before its segment")
-    return PayloadRange(
-        file_range.descriptor, file_range.offset + sent, file_range.length - sent, file_range.keeper
-    )
-
-
-def _read(file_range: PayloadRange) -> bytes:
-    """Read a range; raises ShortFileError where the file is shorter."""
-    data = os.pread(file_range.descriptor, file_range.length, file_range.offset)
-    if len(data) < file_range.length:
-        raise ShortFileError(
-            f"the pack ends {file_range.length - len(data)} bytes before its segment"
-        )
-    return data
 
 
 def _set_option(raw: socket.socket, level: int, option: int, value: int | bytes) -> None:

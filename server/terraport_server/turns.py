@@ -51,6 +51,11 @@ class Turns:
         """Return how many senders wait."""
         return sum(len(queue) for queue in self._waiting)
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether :meth:`take` waits before it sends."""
+        return self._running
+
     async def take(self, rank: Rank, burst: Burst) -> None:
         """Send by *burst*, turn by turn, until it returns ``None``.
 

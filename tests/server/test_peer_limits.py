@@ -226,7 +226,7 @@ def test_messages_that_come_in_one_piece_are_taken_one_by_one(
     receive = BoundedPeer.receive
 
     async def watched(self: BoundedPeer) -> Any:
-        waiting.append(self.queue.qsize())
+        waiting.append(len(self.queue._items))
         return await receive(self)
 
     monkeypatch.setattr(BoundedPeer, "receive", watched)

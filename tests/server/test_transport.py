@@ -25,7 +25,6 @@ from terraport_server.transport import (
     connection_of,
     protocol_class,
 )
-from terraport_store import PayloadRange
 from terraport_wire import (
     SUBPROTOCOL,
     Direction,
@@ -153,17 +152,17 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
     tmp_path: Path, source: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A client that does not read stalls a frame; its pings come then; the stream stays whole."""
-    sent_files: list[int] = []
-    send_frames = Connection.send_frames
+    sent: list[list[int]] = []
+    send_direct = Connection._send_direct
 
-    def counted(self: Connection, frames: Sequence[tuple[bytes, PayloadRange | memoryview]]) -> int:
-        count = send_frames(self, frames)
-        sent_files.extend(
-            payload.length for _, payload in frames[:count] if isinstance(payload, PayloadRange)
-        )
+    def counted(
+        self: Connection, direct: socket.socket, frames: Sequence[tuple[bytes, memoryview]]
+    ) -> int:
+        count = send_direct(self, direct, frames)
+        sent.append([len(payload) for _, payload in frames[:count]])
         return count
 
-    monkeypatch.setattr(Connection, "send_frames", counted)
+    monkeypatch.setattr(Connection, "_send_direct", counted)
     pit = write_grid_scene(tmp_path / "pit", cells=60, compress=False)
     with BackgroundServer(tmp_path, payload_source=source, max_radius_m=1e4) as server:
         client = SlowClient(server.port)
@@ -180,7 +179,8 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
     frames = [decode_frame(frame.data) for frame in client.frames if is_payload(frame.data)]
     got = assemble([frame for frame in frames if isinstance(frame, PayloadFrame)])
     assert got == dict(enumerate(pit.payloads))
-    assert sum(sent_files) == (sum(map(len, pit.payloads)) if source == "file" else 0)
+    assert sum(map(sum, sent)) == sum(map(len, pit.payloads))
+    assert max(map(len, sent)) > 1  # several frames in one call
 
 
 def test_a_client_that_pings_and_does_not_read_gets_the_newest_pong(tmp_path: Path) -> None:
@@ -242,3 +242,64 @@ def test_the_congestion_control_is_the_one_that_was_set(tmp_path: Path) -> None:
             names[name] = set_to.rstrip(b"\0").decode()
     assert names["reno"] == "reno"
     assert names["no_such_thing"] == names[None]
+
+
+class TakesSoMuch:
+    """A socket, and the transport behind it: one call of the socket takes so many bytes."""
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self.written: list[bytes] = []
+
+    def sendmsg(self, buffers: Sequence[bytes | memoryview]) -> int:
+        data = b"".join(buffers)
+        if not self.most:
+            raise BlockingIOError
+        self.written.append(data[: self.most])
+        return min(self.most, len(data))
+
+    def write(self, data: bytes) -> None:
+        self.written.append(bytes(data))
+
+    def get_write_buffer_size(self) -> int:
+        return 0
+
+    def close(self) -> None:
+        pass
+
+
+def test_whatever_a_socket_takes_the_stream_is_whole() -> None:
+    """Messages that wait, then frames; what is said to be sent is all there, and nothing else."""
+    payloads = [b"a" * 5, b"b" * 130, b"", b"c" * 40]
+    frames = [(b"head", memoryview(payload)) for payload in payloads]
+    pieces = [_frame_header(4 + len(payload)) + b"head" + payload for payload in payloads]
+    message = _frame_header(3) + b"say"
+    for most in range(len(message) + sum(map(len, pieces)) + 2):
+        both = TakesSoMuch(most)
+        connection = Connection.__new__(Connection)
+        connection.transport = both  # type: ignore[assignment]
+        connection._direct = both  # type: ignore[assignment]
+        connection._may_go_direct = True
+        connection.send_buffer_bytes = 1
+        connection.send_message(b"say")
+        sent = connection.send_frames(frames)
+        assert b"".join(both.written) == message + b"".join(pieces[:sent])
+        assert sent >= 1
+        assert (sent == len(frames)) == (most >= len(message) + sum(map(len, pieces[:3])))
+
+
+def test_without_a_descriptor_left_frames_go_through_the_transport(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The buffer that all clients share is copied then: what waits there must not change."""
+    pit = write_grid_scene(tmp_path / "pit", cells=60, compress=False)
+    monkeypatch.setattr(Connection, "_own_socket", lambda _: None)
+    with BackgroundServer(tmp_path, max_radius_m=1e4) as server:
+        client = SlowClient(server.port)
+        client.send(make_hello())
+        client.send(Land(generation=1, position=(30.0, 0.0, 30.0), radius_m=500.0))
+        client.read_until_ready()
+        client.socket.close()
+    frames = [decode_frame(frame.data) for frame in client.frames if is_payload(frame.data)]
+    got = assemble([frame for frame in frames if isinstance(frame, PayloadFrame)])
+    assert got == dict(enumerate(pit.payloads))
