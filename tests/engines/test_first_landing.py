@@ -8,19 +8,19 @@ from pathlib import Path
 import pytest
 from engines import cores
 
-from terraport_pipeline.demo_scenes import QUARRY_ID as QUARRY_ID
+from terraport_pipeline.demo_scenes import QUARRY_ID, SHIPPED_ID
 
 PLACES = (
     cores.ROOT / "docs" / "how-to" / "unity.md",
     cores.ROOT / "docs" / "how-to" / "unreal.md",
-    cores.UNITY / "Samples~" / "FirstLanding" / "FirstLanding.cs",
+    cores.UNITY / "Samples~" / "FirstLanding" / "Walker.prefab",
 )
 
 
 @pytest.mark.parametrize("path", PLACES, ids=lambda path: path.name)
 def test_the_address_is_that_of_the_demo(path: Path) -> None:
-    scene_ids = re.findall(r'"http://127\.0\.0\.1:8080/scenes/(\w+)"', path.read_text())
-    assert scene_ids == [QUARRY_ID]
+    scene_ids = re.findall(r"http://127\.0\.0\.1:8080/scenes/(\w+)", path.read_text())
+    assert scene_ids in ([QUARRY_ID], [SHIPPED_ID])
 
 
 def test_the_demo_is_told_that_port() -> None:

@@ -37,6 +37,7 @@ from terraport_pipeline.stages.region_engine import (
     Engine,
     EngineOptions,
     RegionOptions,
+    given,
     make_segmenter,
 )
 
@@ -298,8 +299,8 @@ def _segmenter(
         if by == SHAPE and closed:
             graph = replace(
                 SHAPE_GRAPH,
-                threshold=options.graph_cut_drop or SHAPE_GRAPH.threshold,
-                small_share=options.small_region_share or SHAPE_GRAPH.small_share,
+                threshold=given(options.graph_cut_drop, SHAPE_GRAPH.threshold),
+                small_share=given(options.small_region_share, SHAPE_GRAPH.small_share),
             )
         weighed = {key: stated.pop(key) for key in ("concavity", "colour_scale", "lightness")
                    if key in stated}  # fmt: skip

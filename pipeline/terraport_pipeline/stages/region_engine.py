@@ -36,6 +36,7 @@ __all__ = [
     "EngineOptions",
     "RegionOptions",
     "check_segment_by",
+    "given",
     "make_segmenter",
     "means_segmenter",
     "segmenter_mesh",
@@ -160,16 +161,16 @@ def make_segmenter(options: RegionOptions, *, threads: int) -> Segmenter:
         return GraphSegmenter(
             replace(
                 graph,
-                threshold=_given(options.graph_cut_drop, graph.threshold),
-                small_share=_given(small_share, graph.small_share),
+                threshold=given(options.graph_cut_drop, graph.threshold),
+                small_share=given(small_share, graph.small_share),
             )
         )
     if options.engine == "felzenszwalb":
         edges = FelzenszwalbSegmenter()
         return replace(
             edges,
-            region_scale=_given(options.felzenszwalb_scale, edges.region_scale),
-            region_share=_given(small_share, edges.region_share),
+            region_scale=given(options.felzenszwalb_scale, edges.region_scale),
+            region_share=given(small_share, edges.region_share),
         )
     if options.engine == "grid":
         return GridSegmenter(region_cell_m=options.grid_cell_m)
@@ -178,11 +179,11 @@ def make_segmenter(options: RegionOptions, *, threads: int) -> Segmenter:
     return TriangleSegmenter(
         regions=replace(
             REGION_POOLS,
-            threshold=_given(options.tpa_region_threshold, REGION_POOLS.threshold),
-            small_threshold=_given(small_share, REGION_POOLS.small_threshold),
+            threshold=given(options.tpa_region_threshold, REGION_POOLS.threshold),
+            small_threshold=given(small_share, REGION_POOLS.small_threshold),
         ),
         fine=replace(
-            FINE_POOLS, threshold=_given(options.tpa_segment_threshold, FINE_POOLS.threshold)
+            FINE_POOLS, threshold=given(options.tpa_segment_threshold, FINE_POOLS.threshold)
         ),
         threads=threads,
     )
@@ -193,8 +194,8 @@ def means_segmenter(options: RegionOptions, *, threads: int = 1) -> MeanColourSe
     means = MeanColourSegmenter()
     return replace(
         means,
-        spread=_given(options.means_spread, means.spread),
-        small_share=_given(options.small_region_share, means.small_share),
+        spread=given(options.means_spread, means.spread),
+        small_share=given(options.small_region_share, means.small_share),
         threads=threads,
     )
 
@@ -268,5 +269,6 @@ def _attribute_of_faces(detail: Mesh, name: str) -> Float64:
     return np.asarray(total / 3.0, dtype=np.float64)
 
 
-def _given(value: float | None, default: float) -> float:
+def given(value: float | None, default: float) -> float:
+    """Return what was stated, else the default; 0 is stated."""
     return default if value is None else value

@@ -10,6 +10,7 @@ import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.engines.shape_diameter import shape_diameter
+from terraport_pipeline.geometry.graph.face_graph import FaceGraph
 from terraport_pipeline.geometry.graph.graph_segmenter import (
     SHAPE_GRAPH,
     graph_of_mesh,
@@ -86,10 +87,15 @@ class Body:
         return np.asarray(self.vertices - middle, np.float32)
 
     @cached_property
-    def merge_tree(self) -> MergeTree:
-        """The graph engine's tree, by shape alone."""
+    def graph(self) -> FaceGraph:
+        """What the graph engine sees of it, by shape alone."""
         mesh = SegmenterMesh(self.vertices32, self.faces, pairs=self.neighbours)
-        return merge_graph(graph_of_mesh(mesh, SHAPE_GRAPH), SHAPE_GRAPH).tree
+        return graph_of_mesh(mesh, SHAPE_GRAPH)
+
+    @cached_property
+    def merge_tree(self) -> MergeTree:
+        """The graph engine's tree."""
+        return merge_graph(self.graph, SHAPE_GRAPH).tree
 
 
 Cut = Callable[[int], Int32]

@@ -5,23 +5,27 @@ from __future__ import annotations
 from typing import Final
 
 from terraport_payload.types import Int32
-from terraport_pipeline.geometry.graph.graph_segmenter import SHAPE_GRAPH
+from terraport_pipeline.geometry.graph.graph_segmenter import (
+    SHAPE_GRAPH,
+    cut_by_count,
+    cut_by_threshold,
+)
 from terraport_research.cutters.contract import Body, Cut, Cutter
 
 __all__ = ["AUTOMATIC", "GRAPH"]
 
 
 def _prepare(body: Body) -> Cut:
-    tree = body.merge_tree
+    graph, tree = body.graph, body.merge_tree
 
     def cut(k: int) -> Int32:
-        return tree.cut_by_count(k)[0]
+        return cut_by_count(graph, SHAPE_GRAPH, tree, k)[0]
 
     return cut
 
 
 def _prepare_automatic(body: Body) -> Cut:
-    labels, _ = body.merge_tree.cut_by_cost(-SHAPE_GRAPH.threshold)
+    labels, _ = cut_by_threshold(body.graph, SHAPE_GRAPH, body.merge_tree)
 
     def cut(k: int) -> Int32:  # noqa: ARG001  finds the number itself
         return labels

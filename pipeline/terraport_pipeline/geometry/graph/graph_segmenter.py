@@ -26,6 +26,7 @@ from terraport_pipeline.geometry.graph.face_graph import (
     sum_areas,
 )
 from terraport_pipeline.geometry.graph.graph_merge import MergedGraph, join_small, merge_faces
+from terraport_pipeline.geometry.graph.merge_tree import MergeTree
 from terraport_pipeline.geometry.regions.pool_refine import join_nearest, number_by_first
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
 from terraport_pipeline.geometry.regions.triangle_pool import face_similarity
@@ -37,6 +38,8 @@ __all__ = [
     "GraphOptions",
     "GraphSegmenter",
     "automatic_seeds",
+    "cut_by_count",
+    "cut_by_threshold",
     "graph_of_mesh",
     "merge_graph",
     "seed_levels",
@@ -102,7 +105,7 @@ class GraphOptions:
 COLOUR_GRAPH: Final = GraphOptions()
 """For coloured ground, or a scalar that stands for the colour."""
 SHAPE_GRAPH: Final = GraphOptions(
-    threshold=5.0, small_share=0.0, weights=EdgeWeights(colour_scale=0.0, concavity=20.0)
+    threshold=5.0, small_share=0.01, weights=EdgeWeights(colour_scale=0.0, concavity=20.0)
 )
 """For shape alone (CAD parts, scans without colour): concavity decides. Chosen on Princeton's
 models (docs/topics/segmentation.md)."""
@@ -119,7 +122,7 @@ class GraphSegmenter:
     """None: ``COLOUR_GRAPH`` where the mesh has colours or a scalar, else ``SHAPE_GRAPH``."""
     count: int | None = None
     """Regions to make, as many as the surface has pieces at least; None: as many as the threshold
-    leaves. Small ones are then kept."""
+    leaves."""
 
     @property
     def name(self) -> str:
@@ -135,16 +138,14 @@ class GraphSegmenter:
         graph = graph_of_mesh(mesh, options)
         merged = merge_graph(graph, options)
         tree = merged.tree
-        cut, cut_count = (
-            tree.cut_by_cost(-options.threshold)
-            if self.count is None
-            else tree.cut_by_count(self.count)
-        )
-        regions, count, islands = cut, cut_count, 0
+        islands = 0
         if self.count is None:
-            share = options.small_share
-            regions, count = join_small(graph, options.weights, cut, cut_count, share)
-            regions, count, islands = _join_islands(mesh, graph, regions, count, share)
+            regions, count = cut_by_threshold(graph, options, tree)
+            regions, count, islands = _join_islands(
+                mesh, graph, regions, count, options.small_share
+            )
+        else:
+            regions, count = cut_by_count(graph, options, tree, self.count)
         fine, _ = tree.cut_by_size(options.fine_faces, -options.threshold)
         return Segmentation(
             regions=regions,
@@ -152,7 +153,6 @@ class GraphSegmenter:
             fine=fine,
             similarity=_similarity(mesh),
             facts={
-                "region_pools": cut_count,
                 "region_islands": islands,
                 "seeds": merged.seed_count,
                 "colour_scale": merged.colour_scale,
@@ -179,6 +179,34 @@ def merge_graph(graph: FaceGraph, options: GraphOptions) -> MergedGraph:
         by_colour = graph.facts.lab is not None and options.weights.colour_scale > 0.0
         seed_faces = automatic_seeds(len(graph.area), by_colour=by_colour)
     return merge_faces(graph, options.weights, seed_levels(seed_faces))
+
+
+def cut_by_threshold(graph: FaceGraph, options: GraphOptions, tree: MergeTree) -> tuple[Int32, int]:
+    """Cut at the options' threshold; regions below their least share join a neighbour."""
+    labels, count = tree.cut_by_cost(-options.threshold)
+    return join_small(graph, options.weights, labels, count, options.small_share)
+
+
+def cut_by_count(
+    graph: FaceGraph, options: GraphOptions, tree: MergeTree, count: int
+) -> tuple[Int32, int]:
+    """Cut into a number of regions, none of them below the options' least share if that goes.
+
+    The tree is cut into more and more until, small ones joined, enough are left; crumbs that the
+    greedy order keeps for long would else be most of a small number. Where even four times as many
+    and 64 do not leave enough, the tree's own cut stands: so small are the parts that were asked
+    for.
+    """
+    made = count
+    while made <= 4 * count + 64:
+        labels, before = tree.cut_by_count(made)
+        labels, left = join_small(graph, options.weights, labels, before, options.small_share)
+        if left >= count:
+            return labels, left
+        if before < made:
+            break  # every face is a region of its own
+        made += count - left
+    return tree.cut_by_count(count)
 
 
 def seed_levels(most_faces: int) -> tuple[int, ...]:

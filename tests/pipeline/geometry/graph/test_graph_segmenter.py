@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 
 from terraport_pipeline.geometry.graph.border_weights import EdgeWeights
 from terraport_pipeline.geometry.graph.graph_segmenter import (
@@ -18,6 +19,7 @@ from terraport_pipeline.geometry.graph.graph_segmenter import (
     seed_levels,
 )
 from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
+from terraport_pipeline.geometry.mesh.face_measures import face_areas
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
 
 CELLS = 40
@@ -156,3 +158,27 @@ def test_options_out_of_range_are_refused(wrong, text):
 def test_shape_preset_leaves_colour_out():
     assert SHAPE_GRAPH.weights.colour_scale == 0.0
     assert isinstance(SHAPE_GRAPH.weights, EdgeWeights)
+
+
+def test_a_told_number_of_regions_is_not_spent_on_crumbs() -> None:
+    """Two bodies that meet in a waist, with deep dents: two regions are the bodies."""
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    vertices = np.array(ball.vertices)
+    vertices[:, 0] *= 2.0
+    vertices[:, 1:] *= 0.25 + 0.75 * np.minimum(1.0, np.abs(vertices[:, :1])) ** 2
+    dented = np.random.default_rng(4).choice(len(vertices), 12, replace=False)
+    vertices[dented] *= 0.6
+    mesh = SegmenterMesh(vertices.astype(np.float32), np.array(ball.faces, np.int32))
+    area = face_areas(mesh.vertices, mesh.faces)
+    for options, least in ((SHAPE_GRAPH, 0.01), (replace(SHAPE_GRAPH, small_share=0.0), 0.0)):
+        for count in (2, 3, 5):
+            made = GraphSegmenter(options, count).segment(mesh)
+            share = np.bincount(made.regions, weights=area) / area.sum()
+            assert made.region_count == len(share) == count
+            assert share.min() >= least
+    crumbs = GraphSegmenter(replace(SHAPE_GRAPH, small_share=0.0), 2).segment(mesh)
+    assert np.bincount(crumbs.regions, weights=area).min() < 0.01 * area.sum()
+    parts = GraphSegmenter(SHAPE_GRAPH, 2).segment(mesh)
+    middle = mesh.vertices[mesh.faces].mean(axis=1)[:, 0]
+    assert len(np.unique(parts.regions[middle > 0.3])) == 1
+    assert len(np.unique(parts.regions[middle < -0.3])) == 1
