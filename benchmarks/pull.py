@@ -31,7 +31,6 @@ import asyncio
 import os
 import shutil
 import socket
-import subprocess
 import sys
 import tempfile
 import time
@@ -43,7 +42,7 @@ from typing import Final
 import httpx
 import numpy as np
 from parts.random_scene import TILE_M, write_random_scene
-from parts.service_process import ServiceProcess, free_port
+from parts.service_process import ServiceProcess, free_port, listening
 
 import terraport
 from terraport_server.actions import MakePlan, PullView, SceneView, SendMessage, SessionLimits
@@ -334,19 +333,8 @@ def serving(nginx: str, folder: Path, config: str, port: int) -> Iterator[int]:
     """Run nginx as the user that this runs as, root or not: it reads a folder of root's."""
     (folder / "nginx.conf").write_text(("user root;\n" if os.geteuid() == 0 else "") + config)
     command = [nginx, "-c", str(folder / "nginx.conf"), "-e", str(folder / "error.log")]
-    process = subprocess.Popen(command)
-    try:
-        until_s = time.monotonic() + 20
-        while time.monotonic() < until_s:
-            try:
-                socket.create_connection(("127.0.0.1", port), 1).close()
-                break
-            except OSError:
-                time.sleep(0.05)
-        yield process.pid
-    finally:
-        process.terminate()
-        process.wait()
+    with listening(command, port) as process:
+        yield process
 
 
 def origin_requests(log: Path) -> list[int]:

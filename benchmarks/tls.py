@@ -20,13 +20,12 @@ import socket
 import ssl
 import subprocess
 import tempfile
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from parts.service_process import ServiceProcess, free_port
+from parts.service_process import ServiceProcess, free_port, listening
 from pull import cpu_of, write_scene
 
 _HTTP: Final = """
@@ -172,19 +171,8 @@ def proxy_of(program: str, config: str, words: dict[str, object]) -> Iterator[tu
     if config is _CADDY:
         command = [program, "run", "--config", str(path), "--adapter", "caddyfile"]
     environment = os.environ | {"HOME": str(folder), "XDG_DATA_HOME": str(folder)}
-    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment)
-    try:
-        until_s = time.monotonic() + 20
-        while time.monotonic() < until_s:
-            try:
-                socket.create_connection(("127.0.0.1", port), 1).close()
-                break
-            except OSError:
-                time.sleep(0.05)
-        yield process.pid, port
-    finally:
-        process.terminate()
-        process.wait()
+    with listening(command, port, environment) as process:
+        yield process, port
 
 
 def drain(port: int, asked: list[str], total: int, *, secret: bool) -> None:

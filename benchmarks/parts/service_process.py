@@ -13,13 +13,14 @@ import socket
 import subprocess
 import sys
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-__all__ = ["Memory", "ServiceProcess", "free_port"]
+__all__ = ["Memory", "ServiceProcess", "free_port", "listening"]
 
 _COMMAND = "import sys; from terraport.cli import main; sys.exit(main())"
 _START_S = 60.0
@@ -213,6 +214,34 @@ def free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as probe:
         port: int = probe.getsockname()[1]
         return port
+
+
+@contextmanager
+def listening(
+    command: list[str], port: int, environment: dict[str, str] | None = None
+) -> Iterator[int]:
+    """Run a program that serves on a port of this machine, from when it listens; its process.
+
+    Raises
+    ------
+    RuntimeError
+        It ended before, or did not listen in 20 s.
+    """
+    process = subprocess.Popen(command, stderr=subprocess.DEVNULL, env=environment)
+    try:
+        until_s = time.monotonic() + 20.0
+        while True:
+            try:
+                socket.create_connection(("127.0.0.1", port), 1).close()
+                break
+            except OSError:
+                if process.poll() is not None or time.monotonic() > until_s:
+                    raise RuntimeError(f"{command[0]} does not listen on port {port}") from None
+                time.sleep(0.05)
+        yield process.pid
+    finally:
+        process.terminate()
+        process.wait()
 
 
 def _fields(path: Path) -> dict[str, int]:

@@ -21,6 +21,7 @@ from terraport_pipeline.errors import OptionError, PipelineError
 from terraport_pipeline.option import COUNT, Notation, Option, check_options
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_research.depth_sweep import DepthScene, sweep
+from terraport_research.name_list import NAMES, parse_names
 from terraport_research.pictures import picture_of_mesh, picture_of_samples
 from terraport_research.reconstructors import RECONSTRUCTORS
 from terraport_research.reconstructors.greedy_projection import PROGRAM
@@ -47,19 +48,13 @@ _MOST_POINTS: Final = 2_000_000
 _PACKAGES: Final = ("terraport", "numpy", "scipy", "numba", "pycolmap", "embreex")
 
 
-def _parse_names(text: str, what: str) -> tuple[str, ...]:  # noqa: ARG001  any words are names
-    names = tuple(word.strip() for word in text.split(",") if word.strip())
-    return () if names == ("none",) else names
-
-
 def _parse_depths(text: str, what: str) -> tuple[int, ...]:
     try:
-        return tuple(sorted({int(word) for word in _parse_names(text, what)}))
+        return tuple(sorted({int(word) for word in parse_names(text, what)}))
     except ValueError as error:
         raise OptionError(f"{what} {text!r}; expected whole numbers, for example 8,9,10") from error
 
 
-_NAMES: Final = Notation("NAME,NAME", _parse_names, lambda names: ", ".join(names) or "none")
 _DEPTHS: Final = Notation(
     "DEPTH,DEPTH", _parse_depths, lambda depths: ", ".join(map(str, depths)) or "none"
 )
@@ -69,9 +64,9 @@ _DEPTHS: Final = Notation(
 class Options:
     """Algorithms, models, sizes and limits of a comparison."""
 
-    algorithms: Annotated[tuple[str, ...], Option(notation=_NAMES)] = tuple(RECONSTRUCTORS)
+    algorithms: Annotated[tuple[str, ...], Option(notation=NAMES)] = tuple(RECONSTRUCTORS)
     """Algorithms to compare, by commas; none: only the depths."""
-    models: Annotated[tuple[str, ...], Option(notation=_NAMES)] = MODELS
+    models: Annotated[tuple[str, ...], Option(notation=NAMES)] = MODELS
     """Models with truth, by commas: bunny, armadillo, block, gear, stairs, torus, sphere."""
     points: Annotated[int, Option(least=_LEAST_POINTS, most=_MOST_POINTS, notation=COUNT)] = 20_000
     """Samples of each model and of the quarry: 20k."""
@@ -81,7 +76,7 @@ class Options:
         60_000
     )
     """Points of each scene that the depths are tried on."""
-    scenes: Annotated[tuple[str, ...], Option(notation=_NAMES)] = (
+    scenes: Annotated[tuple[str, ...], Option(notation=NAMES)] = (
         "quarry",
         "red_rocks",
         "apaxco_quarry",

@@ -18,9 +18,10 @@ import numpy as np
 
 from terraport_payload.types import Float64
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.option import Notation, Option, check_options
+from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_research.cutters import CUTTERS, Body, Cutter
+from terraport_research.name_list import NAMES
 from terraport_research.princeton import Mode, Model, read_benchmark
 from terraport_research.procedural_bodies import WAISTS, procedural_models
 from terraport_research.segmentation_scores import METRICS, MeshFacts, Pieces, compare
@@ -42,14 +43,6 @@ _AHEAD: Final = 2
 """Models read while each worker is busy with one."""
 
 
-def _parse_names(text: str, what: str) -> tuple[str, ...]:  # noqa: ARG001  any words are names
-    names = tuple(word.strip() for word in text.split(",") if word.strip())
-    return () if names == ("none",) else names
-
-
-_NAMES: Final = Notation("NAME,NAME", _parse_names, lambda names: ", ".join(names) or "none")
-
-
 @dataclass(frozen=True, slots=True)
 class SegmentationOptions:
     """Models, algorithms, and what these are told."""
@@ -57,7 +50,7 @@ class SegmentationOptions:
     models: Annotated[Path | None, Option(unset="four bodies made here")] = None
     """Folder or tar archive of Princeton's MeshsegBenchmark-1.0, or a part of it: data/off,
     data/seg/Benchmark, util/parameters."""
-    algorithms: Annotated[tuple[str, ...], Option(notation=_NAMES)] = tuple(CUTTERS)
+    algorithms: Annotated[tuple[str, ...], Option(notation=NAMES)] = tuple(CUTTERS)
     """Algorithms to compare, by commas; none: people against people alone."""
     mode: Annotated[Mode, Option()] = "by-model"
     """How many segments algorithms are told to make: by-segmentation, as the person that they are

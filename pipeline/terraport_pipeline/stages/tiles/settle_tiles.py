@@ -120,7 +120,7 @@ class Settled:
     seam_edges: int
     """Edges along walls that two tiles share."""
     cracks: int
-    """Edges along walls that are open on both sides within a cell: must be 0."""
+    """Edges along walls that are open on both sides within a cell; the build warns of any."""
     rims: int
     """Other open edges along walls: the surface ends there."""
     looks: tuple[str, ...] = ()
