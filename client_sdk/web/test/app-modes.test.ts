@@ -1,8 +1,8 @@
 /** What the panel calls the ways to see the ground: true of the scene at hand. */
 
 import { describe, expect, it } from "vitest";
-import { modesOf } from "../src/app/panel/look-tab.ts";
 import type { SceneManifest } from "../src/core/types.ts";
+import { modesOf } from "../src/three/view-modes.ts";
 
 function manifest(texturesOf: SceneManifest["texturesOf"], hasColour: boolean): SceneManifest {
   return {

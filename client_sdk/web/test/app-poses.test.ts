@@ -1,9 +1,9 @@
 /** Orbiting and walking: where the eye is. */
 
 import { describe, expect, test } from "vitest";
-import { farthest, framing, type OrbitPose, orbitEye, panned, turned, zoomed } from "../src/app/orbit-pose.ts";
 import { EYE_HEIGHT_M, isSettling, placed, type WalkInput, walkEye, walked } from "../src/app/walk-pose.ts";
 import type { Bounds } from "../src/core/types.ts";
+import { farthest, framing, type OrbitPose, orbitEye, panned, turned, zoomed } from "../src/three/orbit-pose.ts";
 
 const POSE: OrbitPose = { target: [10, 2, -5], yawDeg: 0, pitchDeg: -30, distanceM: 100 };
 const BOUNDS: Bounds = [-200, 0, -180, 200, 60, 180];

@@ -83,6 +83,11 @@ test("the example of the README is built, and typed", async () => {
   execFileSync(process.execPath, [tsc, "-p", project], { stdio: "inherit" });
 }, 240_000);
 
+test("the example of the element is built", async () => {
+  const chunks = await built(readFileSync(join(HERE, "examples/element/main.ts"), "utf8"));
+  expect([...chunks.values()].some((text) => text.includes('"terraport-scene"'))).toBe(true);
+}, 240_000);
+
 test("what is not used is not in the bundle", async () => {
   const chunks = await built(
     'import { parseSceneUrl } from "@terraport/client/core"; console.log(parseSceneUrl("x"));',

@@ -1,7 +1,7 @@
 /** Standing and walking on what is shown. PURE. Angles as in orbit-pose.ts. */
 
 import type { Vec3 } from "../core/types.ts";
-import { wrapped } from "./orbit-pose.ts";
+import { wrapped } from "../three/orbit-pose.ts";
 
 /** Where the feet are, and how the head looks. */
 export interface WalkPose {

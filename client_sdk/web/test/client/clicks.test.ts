@@ -5,7 +5,6 @@
  */
 
 import { afterAll, describe, expect, test, vi } from "vitest";
-import { defaultRadiusM } from "../../src/app/reach.ts";
 import { createStore } from "../../src/app/store.ts";
 import { createCameraDesk, type Ray } from "../../src/app/viewer/camera-desk.ts";
 import { createGoing, type GoingOptions } from "../../src/app/viewer/going.ts";
@@ -15,6 +14,7 @@ import type { ViewerState } from "../../src/app/viewer/state.ts";
 import { EYE_HEIGHT_M } from "../../src/app/walk-pose.ts";
 import { budgetsFor } from "../../src/core/budgets.ts";
 import { CoverCounters } from "../../src/core/cover.ts";
+import { defaultRadiusM } from "../../src/core/landing-defaults.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
 import { sceneUrlOf } from "../../src/core/scene/urls.ts";
 import type { SceneFiles, Vec3 } from "../../src/core/types.ts";

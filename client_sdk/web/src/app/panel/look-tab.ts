@@ -1,8 +1,9 @@
 /** How the ground is coloured, and what the colours mean. */
 
-import type { RegionFacts, SceneManifest } from "../../core/types.ts";
+import type { RegionFacts } from "../../core/types.ts";
 import { attributeLegend, type LegendStop, slopeLegend } from "../../three/palette.ts";
 import type { ViewMode } from "../../three/types.ts";
+import { attributeMode, keyOfMode, modesOf } from "../../three/view-modes.ts";
 import { fill, h, setAttribute } from "../dom.ts";
 import { formatArea, formatValue } from "../format.ts";
 import type { ViewerState, ViewerStore } from "../viewer/state.ts";
@@ -11,13 +12,6 @@ import type { ViewerState, ViewerStore } from "../viewer/state.ts";
 export interface LookSources {
   readonly regions: readonly RegionFacts[];
   regionColour(id: number): string;
-}
-
-/** A way to colour the ground. */
-export interface Choice {
-  readonly mode: ViewMode;
-  readonly name: string;
-  readonly hint: string;
 }
 
 /** Regions that the legend lists at once; the rest behind a button. */
@@ -31,7 +25,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
     const input = h("input", {
       type: "radio",
       name: "mode",
-      value: keyOf(choice.mode),
+      value: keyOfMode(choice.mode),
       on: { change: () => store.set({ mode: choice.mode, highlightedRegion: null }) },
     });
     return { choice, input };
@@ -47,7 +41,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
       ...inputs.map(({ choice, input }) =>
         h(
           "label",
-          { class: "choice", "data-mode": keyOf(choice.mode) },
+          { class: "choice", "data-mode": keyOfMode(choice.mode) },
           input,
           h("span", {}, choice.name),
           h("span", { class: "faint" }, choice.hint),
@@ -61,8 +55,8 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
 
   function show(state: ViewerState): void {
     // The legend is made anew for another mode alone: under a moving range or highlight its inputs keep the focus.
-    const key = keyOf(state.mode);
-    for (const { choice, input } of inputs) input.checked = keyOf(choice.mode) === key;
+    const key = keyOfMode(state.mode);
+    for (const { choice, input } of inputs) input.checked = keyOfMode(choice.mode) === key;
     if (key !== shownKey) {
       shownKey = key;
       listsAll = false;
@@ -221,44 +215,10 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
   return element;
 }
 
-/** The modes that a scene has. */
-export function modesOf(manifest: SceneManifest): readonly Choice[] {
-  const isPhotographed = manifest.texturesOf === "photos";
-  const isGrey = manifest.texturesOf === null && !manifest.hasColour;
-  const choices: Choice[] = [
-    {
-      mode: { kind: "colour" },
-      name: isPhotographed ? "Photographs" : "Colour",
-      hint: isGrey ? "none here: grey" : "as surveyed",
-    },
-  ];
-  if (isPhotographed && manifest.hasColour) {
-    choices.push({ mode: { kind: "vertex-colour" }, name: "Point colours", hint: "without photographs" });
-  }
-  choices.push({ mode: { kind: "regions" }, name: "Regions", hint: "what the ground is" });
-  for (const { name, min, max } of manifest.attributes) {
-    choices.push({ mode: attributeMode(name, min, max), name, hint: "measured" });
-  }
-  choices.push({ mode: { kind: "slope" }, name: "Slope", hint: "level to vertical" });
-  choices.push({ mode: { kind: "segments" }, name: "Segments", hint: "how it is streamed" });
-  return choices;
-}
-
-/** An attribute over all its values; where there are none, over something that has a length. */
-export function attributeMode(name: string, min: number | null, max: number | null): ViewMode {
-  const low = min ?? 0;
-  const high = max ?? 1;
-  return { kind: "attribute", name, min: low, max: high > low ? high : low + 1 };
-}
-
 /** What a region is called. */
 export function regionName(region: RegionFacts | undefined): string {
   if (region === undefined) return "no region";
   return region.label ?? `Region ${region.stableId ?? region.id}`;
-}
-
-function keyOf(mode: ViewMode): string {
-  return mode.kind === "attribute" ? `attribute:${mode.name}` : mode.kind;
 }
 
 function ramp(stops: readonly LegendStop[], text: (value: number) => string): HTMLElement {

@@ -2,8 +2,17 @@
 
 import { type Group, type PerspectiveCamera, Vector3 } from "three";
 import type { Bounds, Vec3 } from "../../core/types.ts";
+import {
+  farthest,
+  framing,
+  type OrbitPose,
+  orbitEye,
+  panned,
+  turned,
+  wrapped,
+  zoomed,
+} from "../../three/orbit-pose.ts";
 import { prefersLessMotion } from "../device.ts";
-import { farthest, framing, type OrbitPose, orbitEye, panned, turned, wrapped, zoomed } from "../orbit-pose.ts";
 import type { Look, ViewKind } from "../route.ts";
 import {
   clampNod,

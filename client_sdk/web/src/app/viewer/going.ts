@@ -1,12 +1,12 @@
 /** Going to places: landings that the user or the address asks for, and the address that follows. */
 
+import { outsideBy } from "../../core/landing-defaults.ts";
 import type { LandOptions, Vec3 } from "../../core/types.ts";
 import type { Stage } from "../../three/stage.ts";
 import type { Announcer } from "../announcer.ts";
 import { prefersLessMotion } from "../device.ts";
 import { outsideNotice, steepNotice } from "../failures.ts";
 import { formatBytes, formatCount, formatMs, formatRadius } from "../format.ts";
-import { outsideBy } from "../reach.ts";
 import { isSameLanding, type Look, type Place, type Route } from "../route.ts";
 import type { CameraDesk } from "./camera-desk.ts";
 import type { FrameLoop } from "./frame-loop.ts";

@@ -1,14 +1,14 @@
 /** What the headset is given of the page. */
 
+import { waitingOf } from "../../core/landing-defaults.ts";
 import type { Stage } from "../../three/stage.ts";
 import type { Landings } from "../../three/types.ts";
+import { modesOf } from "../../three/view-modes.ts";
 import type { HeadsetOptions, Standpoint } from "../../xr/types.ts";
 import type { Bookmark } from "../bookmarks.ts";
-import { modesOf } from "../panel/look-tab.ts";
 import { parseRoute, type Route } from "../route.ts";
 import type { CameraDesk } from "./camera-desk.ts";
 import type { FrameLoop } from "./frame-loop.ts";
-import { waitingOf } from "./landing-desk.ts";
 import type { Markers } from "./markers.ts";
 import type { PlaceLink } from "./place-link.ts";
 import type { ViewerStore } from "./state.ts";

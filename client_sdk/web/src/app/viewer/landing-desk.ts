@@ -1,5 +1,6 @@
 /** Aims and landings of the page: from a click to the swap, and what is said about it. */
 
+import { waitingOf } from "../../core/landing-defaults.ts";
 import type { LandOptions, StreamEvent, Vec3 } from "../../core/types.ts";
 import type { LandingStatus, Landings } from "../../three/types.ts";
 import type { Look } from "../route.ts";
@@ -41,25 +42,6 @@ export interface LandingDesk {
   handle(event: StreamEvent): void;
   /** Once per frame: swaps when there is something to show. True while a landing is under way. */
   update(): boolean;
-}
-
-/**
- * After so long without any progress, or so long in all, the inner part of a landing is shown alone. A user who waits longer
- * than this thinks that the page is broken; one who sees where he stands does not mind the rim.
- */
-const STALL_MS = 3000;
-const DEADLINE_MS = 12_000;
-/** In a headset the user stands in a place that he wanted to leave: he waits less. */
-const HEADSET_DEADLINE_MS = 6000;
-const INNER_PART = 0.35;
-
-/** How long a landing waits before its inner part is shown alone. */
-export function waitingOf(radiusM: number, inHeadset: boolean): Required<LandOptions> {
-  return {
-    innerRadiusM: radiusM * INNER_PART,
-    deadlineMs: inHeadset ? HEADSET_DEADLINE_MS : DEADLINE_MS,
-    stallMs: STALL_MS,
-  };
 }
 
 /** A desk without an order. `update` is to be called in every frame, before the scene is drawn. */

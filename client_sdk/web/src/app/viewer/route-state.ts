@@ -1,9 +1,9 @@
 /** Between the address and the viewer's state. PURE. */
 
+import { defaultRadiusM } from "../../core/landing-defaults.ts";
 import type { SceneManifest } from "../../core/types.ts";
 import type { ViewMode } from "../../three/types.ts";
-import { attributeMode } from "../panel/look-tab.ts";
-import { defaultRadiusM } from "../reach.ts";
+import { attributeMode } from "../../three/view-modes.ts";
 import type { Look, Place, RouteMode } from "../route.ts";
 import { shortPlace } from "./place-link.ts";
 import type { Landed, ViewerState } from "./state.ts";

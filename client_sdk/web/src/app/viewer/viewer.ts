@@ -4,11 +4,11 @@ import { listScenes } from "../../core/scene/load.ts";
 import type { Vec3 } from "../../core/types.ts";
 
 import { isBuried, Stage, standNear } from "../../three/index.ts";
+import { farthest } from "../../three/orbit-pose.ts";
 import { prefersLessMotion } from "../device.ts";
 import { h, setAttribute } from "../dom.ts";
 import { nothingNotice, steepNotice } from "../failures.ts";
 import { createFrameTimes } from "../frame-times.ts";
-import { farthest } from "../orbit-pose.ts";
 import { parseRoute, type Route } from "../route.ts";
 import { createStore } from "../store.ts";
 import { EYE_HEIGHT_M, type WalkInput } from "../walk-pose.ts";

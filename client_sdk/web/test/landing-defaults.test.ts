@@ -2,7 +2,7 @@
 
 import { describe, expect, it } from "vitest";
 import { outsideNotice } from "../src/app/failures.ts";
-import { defaultRadiusM, outsideBy } from "../src/app/reach.ts";
+import { defaultRadiusM, outsideBy } from "../src/core/landing-defaults.ts";
 import type { Bounds } from "../src/core/types.ts";
 
 const BOUNDS: Bounds = [-10, 0, -20, 10, 5, 20];

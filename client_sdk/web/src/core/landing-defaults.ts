@@ -1,7 +1,7 @@
-/** How far landings reach: that of a first one, and whether one can meet the scene at all. PURE. */
+/** What is asked for with a landing where nobody says otherwise, and whether one can meet the scene at all. PURE. */
 
-import type { DeviceBudgets } from "../core/budgets.ts";
-import type { Bounds, SceneManifest, Vec3 } from "../core/types.ts";
+import type { DeviceBudgets } from "./budgets.ts";
+import type { Bounds, LandOptions, SceneManifest, Vec3 } from "./types.ts";
 
 /** Of the way across the scene: a landing shows its edge, and one sees what it brought. */
 const SHARE_OF_SCENE = 0.25;
@@ -34,4 +34,23 @@ export function outsideBy(position: Vec3, radiusM: number, bounds: Bounds): numb
   );
   const distanceM = Math.hypot(...beyond);
   return distanceM > radiusM ? distanceM : null;
+}
+
+/**
+ * After so long without any progress, or so long in all, the inner part of a landing is shown alone. A user who waits longer
+ * than this thinks that the page is broken; one who sees where he stands does not mind the rim.
+ */
+const STALL_MS = 3000;
+const DEADLINE_MS = 12_000;
+/** In a headset the user stands in a place that he wanted to leave: he waits less. */
+const HEADSET_DEADLINE_MS = 6000;
+const INNER_PART = 0.35;
+
+/** How long a landing waits before its inner part is shown alone. */
+export function waitingOf(radiusM: number, inHeadset: boolean): Required<LandOptions> {
+  return {
+    innerRadiusM: radiusM * INNER_PART,
+    deadlineMs: inHeadset ? HEADSET_DEADLINE_MS : DEADLINE_MS,
+    stallMs: STALL_MS,
+  };
 }

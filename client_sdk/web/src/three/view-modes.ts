@@ -1,0 +1,52 @@
+/** The ways to colour a scene's ground, and their names in text. PURE. */
+
+import type { SceneManifest } from "../core/types.ts";
+import type { ViewMode } from "./types.ts";
+
+/** A way to colour the ground. */
+export interface ViewModeChoice {
+  readonly mode: ViewMode;
+  /** For people. */
+  readonly name: string;
+  readonly hint: string;
+}
+
+/** The modes that a scene has. */
+export function modesOf(manifest: SceneManifest): readonly ViewModeChoice[] {
+  const isPhotographed = manifest.texturesOf === "photos";
+  const isGrey = manifest.texturesOf === null && !manifest.hasColour;
+  const choices: ViewModeChoice[] = [
+    {
+      mode: { kind: "colour" },
+      name: isPhotographed ? "Photographs" : "Colour",
+      hint: isGrey ? "none here: grey" : "as surveyed",
+    },
+  ];
+  if (isPhotographed && manifest.hasColour) {
+    choices.push({ mode: { kind: "vertex-colour" }, name: "Point colours", hint: "without photographs" });
+  }
+  choices.push({ mode: { kind: "regions" }, name: "Regions", hint: "what the ground is" });
+  for (const { name, min, max } of manifest.attributes) {
+    choices.push({ mode: attributeMode(name, min, max), name, hint: "measured" });
+  }
+  choices.push({ mode: { kind: "slope" }, name: "Slope", hint: "level to vertical" });
+  choices.push({ mode: { kind: "segments" }, name: "Segments", hint: "how it is streamed" });
+  return choices;
+}
+
+/** An attribute over all its values; where there are none, over something that has a length. */
+export function attributeMode(name: string, min: number | null, max: number | null): ViewMode {
+  const low = min ?? 0;
+  const high = max ?? 1;
+  return { kind: "attribute", name, min: low, max: high > low ? high : low + 1 };
+}
+
+/** A mode as text: its kind, or `attribute:NAME`. */
+export function keyOfMode(mode: ViewMode): string {
+  return mode.kind === "attribute" ? `attribute:${mode.name}` : mode.kind;
+}
+
+/** The scene's mode of that text; null where it has none such. */
+export function modeOfKey(key: string, manifest: SceneManifest): ViewMode | null {
+  return modesOf(manifest).find(({ mode }) => keyOfMode(mode) === key)?.mode ?? null;
+}

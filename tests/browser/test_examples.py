@@ -1,0 +1,185 @@
+"""The examples for web developers, as Vite builds them, on another origin than the service's."""
+
+from __future__ import annotations
+
+import functools
+import http.server
+import json
+import shutil
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browser.small_scenes import SMALL
+from browser.watched_page import Watch
+from faults.service import Service
+from playwright.sync_api import Page, expect
+
+WEB = Path(__file__).resolve().parents[2] / "client_sdk" / "web"
+
+_TEXT = "document.querySelector('terraport-scene').shadowRoot.querySelector('p').textContent"
+
+
+class _Quiet(http.server.SimpleHTTPRequestHandler):
+    def log_message(self, *_: Any) -> None:
+        pass
+
+
+@pytest.fixture(scope="module")
+def example(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Origin of the built examples."""
+    node, vite = shutil.which("node"), WEB / "node_modules" / "vite" / "bin" / "vite.js"
+    if node is None or not vite.is_file():
+        pytest.skip("no Node on the PATH, or no node_modules (npm ci in client_sdk/web)")
+    folder = tmp_path_factory.mktemp("examples")
+    for name in ("element", "fiber"):
+        out = str(folder / name)
+        subprocess.run(
+            [node, str(vite), "build", "--config", "../vite.config.ts", "--outDir", out],
+            cwd=WEB / "examples" / name,
+            check=True,
+            capture_output=True,
+        )
+    handler = functools.partial(_Quiet, directory=str(folder))
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
+        thread = threading.Thread(target=server.serve_forever, daemon=True)
+        thread.start()
+        yield f"http://127.0.0.1:{server.server_address[1]}"
+        server.shutdown()
+
+
+def _serve(scenes: Path, origin: str, **settings: str) -> Service:
+    """Make a service that knows the examples' origin."""
+    return Service(scenes, allowed_origins=json.dumps([origin]), **settings)
+
+
+@pytest.fixture(scope="module")
+def service(scenes: Path, example: str) -> Iterator[Service]:
+    """One that asks for a token."""
+    with _serve(scenes, example, token="sixteen-characters") as running:
+        yield running
+
+
+def _opened(page: Page, example: str, scene: str, **attributes: str) -> None:
+    """Open the example on another scene, with a token from the start."""
+    attributes = {"token": "sixteen-characters"} | attributes
+    page.add_init_script(
+        f"""
+        window.told = [];
+        document.addEventListener('DOMContentLoaded', () => {{
+          const host = document.querySelector('terraport-scene');
+          for (const name of ['opened', 'landed', 'failed'])
+            host.addEventListener(name, ({{ detail }}) => {{
+              // Errors have no members of their own that would come out of the page.
+              const isError = detail instanceof Error;
+              window.told.push([
+                name,
+                isError ? {{ code: detail.code, message: detail.message }} : detail,
+              ]);
+            }});
+          for (const [name, value] of Object.entries({attributes!r}))
+            host.setAttribute(name, value);
+        }});
+        """
+    )
+    page.goto(f"{example}/element/?scene={scene}")
+
+
+def _told(page: Page, name: str) -> Any:
+    page.wait_for_function(f"told.some(([name]) => name === '{name}')")
+    return page.evaluate(f"told.findLast(([name]) => name === '{name}')[1]")
+
+
+def test_it_lands_where_it_is_told_and_where_one_clicks(
+    page: Page, example: str, service: Service
+) -> None:
+    """The attribute's landing, a click's, another by ``land``; each is told, and seen."""
+    _opened(page, example, f"{service.url}/scenes/{SMALL}", at="0 0 0", radius="40")
+    first = _told(page, "landed")
+    assert first["position"] == [0, 0, 0]
+    assert first["radiusM"] == 40
+    host = page.locator("terraport-scene")
+    expect(page.locator("#told")).to_contain_text("triangles within 40 m")
+    page.wait_for_timeout(1500)  # the way there, and the wash of what is new
+    before = host.screenshot()
+    page.evaluate("told.length = 0")
+    box = host.bounding_box()
+    assert box is not None
+    page.mouse.click(box["x"] + box["width"] * 0.3, box["y"] + box["height"] * 0.7)
+    clicked = _told(page, "landed")
+    assert clicked["position"] != [0, 0, 0]
+    page.wait_for_timeout(1500)
+    assert host.screenshot() != before
+    status = page.evaluate("document.querySelector('terraport-scene').land([5, 0, 5], 20)")
+    assert (status["phase"], status["radiusM"]) == ("shown", 20)
+    visible = page.evaluate("document.querySelector('terraport-scene').stage.visible.length")
+    assert visible > 0
+    # A drag turns the view and lands nowhere; nothing is there to be met at the upper edge.
+    page.evaluate("told.length = 0")
+    page.mouse.move(box["x"] + 200, box["y"] + 200)
+    page.mouse.down()
+    page.mouse.move(box["x"] + 300, box["y"] + 180, steps=4)
+    page.mouse.up()
+    page.wait_for_timeout(500)
+    assert page.evaluate("told.length") == 0
+
+
+def test_it_says_what_it_cannot_do(
+    open_page: Callable[..., tuple[Page, Watch]], example: str, service: Service
+) -> None:
+    """No such scene, a wrong token, words for numbers, a mode that the scene does not have."""
+    page, watch = open_page()
+    watch.allow(r"Failed to load resource: .* (401|403|404) ")
+    _opened(page, example, f"{service.url}/scenes/nosuch")
+    assert _told(page, "failed")["code"] == "unknown_scene"
+    assert "nosuch" in page.evaluate(_TEXT)
+    host = "document.querySelector('terraport-scene')"
+    page.evaluate("told.length = 0")
+    page.evaluate(f"{host}.setAttribute('token', 'another-token-of-16')")
+    page.evaluate(f"{host}.setAttribute('src', '{service.url}/scenes/{SMALL}')")
+    assert _told(page, "failed")["code"] in ("unauthorised", "forbidden")
+    page.evaluate("told.length = 0")
+    page.evaluate(f"{host}.setAttribute('token', 'sixteen-characters')")
+    assert _told(page, "opened")["segmentCount"] > 100
+    page.evaluate(f"{host}.setAttribute('mode', 'gold')")
+    assert "gold" in page.evaluate(_TEXT)
+    assert "attribute:grade" in page.evaluate(_TEXT)
+    page.evaluate(f"{host}.setAttribute('mode', 'attribute:grade')")
+    assert page.evaluate(f"{host}.stage.mode.name") == "grade"
+    page.evaluate(f"{host}.setAttribute('at', 'here')")
+    assert 'at="here"' in page.evaluate(_TEXT)
+    rejected = page.evaluate(f"{host}.land([0, 0, 0], 1e5).catch((error) => error.code)")
+    assert rejected == "radius_too_large"
+
+
+def test_it_is_gone_when_it_is_taken_out(page: Page, example: str, service: Service) -> None:
+    """Twenty times in and out of the page: contexts and sessions are given back each time."""
+    _opened(page, example, f"{service.url}/scenes/{SMALL}", at="0 0 0", radius="20")
+    _told(page, "landed")
+    for _ in range(20):
+        page.evaluate("window.told.length = 0")
+        page.evaluate(
+            """() => {
+              const host = document.querySelector('terraport-scene');
+              const parent = host.parentNode;
+              host.remove();
+              parent.append(host);
+            }"""
+        )
+        _told(page, "landed")
+    assert page.evaluate("document.querySelector('terraport-scene').stage.visible.length") > 0
+
+
+def test_the_example_of_react_three_fiber_lands(
+    open_page: Callable[..., tuple[Page, Watch]], example: str, scenes: Path
+) -> None:
+    """It shows what the Python SDK would: segments, under a camera of fiber's own."""
+    page, watch = open_page()
+    watch.allow("THREE.Clock: This module has been deprecated")  # fiber's own
+    with _serve(scenes, example) as service:
+        page.goto(f"{example}/fiber/?scene={service.url}/scenes/{SMALL}")
+        page.wait_for_function("window.stage?.status.phase === 'shown'")
+        assert page.evaluate("stage.visible.length") > 0
