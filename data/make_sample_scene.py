@@ -15,6 +15,7 @@ import tempfile
 from pathlib import Path
 
 from terraport_pipeline.progress import RichProgress
+from terraport_pipeline.report.report import ReportOptions, write_report
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.flight import FlightOptions, seen_by
 from terraport_pipeline.synth.options import QuarryOptions
@@ -59,7 +60,10 @@ def main() -> None:
             ),
             progress,
         )
-        (scene / "build.json").unlink()  # times of this machine
+        # The pages about it tell times of this machine; its small picture comes along.
+        report = write_report(scene, options=ReportOptions(rays=0), progress=progress)
+        for file in (report.path, report.pdf_path, scene / "build.json"):
+            file.unlink()
         size = sum(file.stat().st_size for file in scene.rglob("*") if file.is_file())
         if size > MAX_BYTES:
             raise SystemExit(f"the scene has {size:,} bytes, expected at most {MAX_BYTES:,}")

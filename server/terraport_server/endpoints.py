@@ -29,7 +29,7 @@ from terraport_server.metrics import CONTENT_TYPE
 from terraport_server.payload_endpoints import payload_routes
 from terraport_server.scene_links import (
     building_line,
-    has_local_report,
+    has_local_file,
     links_of,
     service_links,
     summary_of,
@@ -39,7 +39,7 @@ from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT
 from terraport_store import OriginError
 from terraport_store.labels import encode_labels
-from terraport_store.layout import REPORT, REPORT_PDF
+from terraport_store.layout import PREVIEW, REPORT, REPORT_PDF
 from terraport_wire import ErrorCode
 
 __all__ = ["add_routes"]
@@ -152,18 +152,24 @@ def get_labels(request: Request, served: _Scene) -> Response:
 @_router.get("/scenes/{scene_id}/report", summary="The build's report, where there is one")
 async def get_report(served: _Scene) -> Response:
     """Return the build's report of the scene; 404 where the build left none."""
-    return await _report(served, REPORT, "text/html")
+    return await _said_by_build(served, REPORT, "text/html")
 
 
 @_router.get("/scenes/{scene_id}/report.pdf", summary="The report to print, where there is one")
 async def get_report_pdf(served: _Scene) -> Response:
     """Return the report's page to print; 404 where there is none."""
-    return await _report(served, REPORT_PDF, "application/pdf")
+    return await _said_by_build(served, REPORT_PDF, "application/pdf")
 
 
-async def _report(served: ServedScene, name: str, media_type: str) -> Response:
+@_router.get("/scenes/{scene_id}/preview.jpg", summary="A small picture, where there is one")
+async def get_preview(served: _Scene) -> Response:
+    """Return the picture that the build's report drew of the scene; 404 where there is none."""
+    return await _said_by_build(served, PREVIEW, "image/jpeg")
+
+
+async def _said_by_build(served: ServedScene, name: str, media_type: str) -> Response:
     headers = {"Cache-Control": CHECK}
-    if has_local_report(served, name):
+    if has_local_file(served, name):
         with contextlib.suppress(OSError):
             return OpenFileResponse(served.scene.path, name, media_type, headers)
     try:

@@ -2,21 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 from terraport_server.served_scene import ServedScene
 from terraport_server.settings import Settings
 from terraport_store import SceneBuilding, path_inside
-from terraport_store.layout import REPORT, REPORT_PDF
+from terraport_store.layout import PREVIEW, REPORT, REPORT_PDF
 
-__all__ = ["building_line", "has_local_report", "links_of", "service_links", "summary_of"]
+__all__ = ["building_line", "has_local_file", "links_of", "service_links", "summary_of"]
+
+
+_SAID_BY_BUILDS: Final = (
+    ("report", "report", REPORT),
+    ("report_pdf", REPORT_PDF, REPORT_PDF),
+    ("preview", PREVIEW, PREVIEW),
+)
+"""Link, last part of its address, and file."""
 
 
 def links_of(served: ServedScene) -> dict[str, str]:
     """Return the addresses of a scene's parts.
 
-    ``report`` and ``report_pdf`` are among them where there is one, and for a scene in object
-    storage always: whether there is one is not known without asking there.
+    Those of what a build says of the scene are among them where there is a file of it, and for a
+    scene in object storage always: whether there is one is not known without asking there.
     """
     root, query = f"scenes/{served.id}", f"?v={served.version}"
     links = {
@@ -28,14 +36,14 @@ def links_of(served: ServedScene) -> dict[str, str]:
         "labels": f"{root}/labels.json",
         "segment": f"{root}/segments/{{segment}}.glb{query}",
     }
-    for link, path, name in (("report", "report", REPORT), ("report_pdf", REPORT_PDF, REPORT_PDF)):
-        if served.fetchers is not None or has_local_report(served, name):
+    for link, path, name in _SAID_BY_BUILDS:
+        if served.fetchers is not None or has_local_file(served, name):
             links[link] = f"{root}/{path}"
     return links
 
 
-def has_local_report(served: ServedScene, name: str) -> bool:
-    """Tell whether there is a report of this name that is a file of the scene, and local."""
+def has_local_file(served: ServedScene, name: str) -> bool:
+    """Tell whether a build left a file of this name that is of the scene, and local."""
     try:
         return path_inside(served.scene.path, name).is_file()
     except OSError:

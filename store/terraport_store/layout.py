@@ -26,6 +26,7 @@ __all__ = [
     "MEDIA_TYPE",
     "PACK",
     "PACK_HEADER_BYTES",
+    "PREVIEW",
     "REGIONS",
     "REPORT",
     "REPORT_PDF",
@@ -44,6 +45,9 @@ LABELS: Final = "labels.json"
 REPORT: Final = "report.html"
 REPORT_PDF: Final = "report.pdf"
 """What the build's report writes there too: the page, and the page to print."""
+
+PREVIEW: Final = "preview.jpg"
+"""A small picture of the scene, for lists; the report draws it, too."""
 
 FORMAT_VERSION: Final = "1.0"
 """What is written; every 1.x is read."""

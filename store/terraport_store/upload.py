@@ -23,6 +23,7 @@ from terraport_store.layout import (
     LABELS,
     MANIFEST_NAME,
     MAX_MANIFEST_BYTES,
+    PREVIEW,
     REPORT,
     REPORT_PDF,
     VERSION_FOLDER,
@@ -120,7 +121,7 @@ def upload_scene(
     upload = _Upload(origin, local, progress or _nobody)
     for file in sorted(manifest.files.values(), key=lambda file: file.bytes):
         upload.file(file)
-    for name in (LABELS, REPORT, REPORT_PDF):
+    for name in (LABELS, PREVIEW, REPORT, REPORT_PDF):
         if os.path.lexists(local.directory / name):
             upload.loose(name)
     origin.put(MANIFEST_NAME, text)

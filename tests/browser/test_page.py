@@ -47,6 +47,20 @@ def test_the_list_shows_the_scenes(page: Page, server: Service) -> None:
     save_shot(page, "list")
 
 
+def test_cards_show_what_builds_drew(page: Page, scenes: Path, tmp_path: Path) -> None:
+    """One scene with a picture, one with a broken one: with a token, which no link can carry."""
+    shutil.copytree(scenes, tmp_path / "scenes")
+    Image.new("RGB", (64, 36), (200, 120, 40)).save(tmp_path / "scenes" / SMALL / "preview.jpg")
+    (tmp_path / "scenes" / PHOTOGRAPHED / "preview.jpg").write_bytes(b"no picture")
+    with Service(tmp_path / "scenes", token="sixteen-characters") as service:
+        page.add_init_script("sessionStorage.setItem('terraport.token', 'sixteen-characters')")
+        page.goto(f"{service.url}/#list")
+        image = page.locator(f"[data-scene={SMALL}] .preview img")
+        expect(image).to_be_visible()
+        assert image.evaluate("(image) => image.naturalWidth") == 64
+        expect(page.locator(f"[data-scene={PHOTOGRAPHED}] .preview svg")).to_be_visible()
+
+
 @pytest.mark.parametrize("scene", [SMALL, PHOTOGRAPHED])
 def test_a_scene_opens(page: Page, server: Service, scene: str) -> None:
     page.goto(f"{server.url}/#scene={scene}")

@@ -171,6 +171,21 @@ def test_the_report_to_print(http: httpx.Client, grid: GridScene) -> None:
     assert "report" not in links
 
 
+def test_the_small_picture(http: httpx.Client, grid: GridScene) -> None:
+    assert http.get("/scenes/grid/preview.jpg").status_code == 404
+    assert "preview" not in http.get("/scenes/grid").json()["links"]
+    preview = grid.path / "preview.jpg"
+    preview.write_bytes(b"\xff\xd8 a picture")
+    try:
+        answer = http.get("/scenes/grid/preview.jpg")
+        lines = http.get("/scenes").json()["scenes"]
+    finally:
+        preview.unlink()
+    assert answer.content == b"\xff\xd8 a picture"
+    assert answer.headers["content-type"] == "image/jpeg"
+    assert lines[0]["links"]["preview"] == "scenes/grid/preview.jpg"
+
+
 @pytest.mark.parametrize("way", ["the file", "its folder", "in a circle"])
 def test_a_report_that_is_a_link_out_of_the_scene_is_not_served(
     http: httpx.Client, grid: GridScene, tmp_path: Path, way: str

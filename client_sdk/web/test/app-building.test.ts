@@ -33,6 +33,7 @@ function listed(sceneIds: readonly string[], buildingIds: readonly string[], sha
       detailFaces: 1,
       reportUrl: "",
       reportPdfUrl: "",
+      previewUrl: "",
     })),
     building: buildingIds.map((id) => ({ id, name: `The ${id}`, step: "clean: normals", share })),
     links: {},

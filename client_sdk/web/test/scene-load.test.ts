@@ -267,6 +267,7 @@ it("lists scenes with their pages", async () => {
         detailFaces: 288,
         reportUrl: `${url}/prefix/scenes/a%20b/report`,
         reportPdfUrl: "",
+        previewUrl: "",
       },
     ],
     building: [

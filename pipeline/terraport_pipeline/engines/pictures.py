@@ -26,7 +26,15 @@ from terraport_pipeline.engines.cameras import Camera, PhotoCamera
 from terraport_pipeline.engines.rays import Hits, RayScene
 from terraport_pipeline.engines.texturing import Texturing, textured_colours
 
-__all__ = ["Tint", "encode_jpeg", "encode_png", "render_mesh", "render_points", "save_png"]
+__all__ = [
+    "Tint",
+    "encode_jpeg",
+    "encode_png",
+    "reduced_jpeg",
+    "render_mesh",
+    "render_points",
+    "save_png",
+]
 
 SUN: Final = np.array([-0.5507, 0.7208, -0.4205], dtype=np.float32)
 """Unit vector towards the sun: north-west, 46 degrees high (the cartographers' light)."""
@@ -279,6 +287,15 @@ def encode_jpeg(image: UInt8, quality: int = 85) -> bytes:
     """
     buffer = io.BytesIO()
     Image.fromarray(image).save(buffer, "JPEG", quality=quality, optimize=True, progressive=True)
+    return buffer.getvalue()
+
+
+def reduced_jpeg(jpeg: bytes, width: int, quality: int) -> bytes:
+    """Make a JPEG at most `width` pixels wide of another, its sides in proportion."""
+    buffer = io.BytesIO()
+    with Image.open(io.BytesIO(jpeg)) as image:
+        image.thumbnail((width, width), Image.Resampling.LANCZOS)
+        image.save(buffer, "JPEG", quality=quality, optimize=True, progressive=True)
     return buffer.getvalue()
 
 

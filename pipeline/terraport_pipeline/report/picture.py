@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Final
 
 from terraport_payload.types import UInt8
 from terraport_pipeline.engines.palettes import RAMP_STOPS
-from terraport_pipeline.engines.pictures import encode_jpeg
+from terraport_pipeline.engines.pictures import encode_jpeg, reduced_jpeg
 
-__all__ = ["Legend", "Picture", "PictureOptions", "picture_of"]
+__all__ = ["Legend", "Picture", "PictureOptions", "picture_of", "preview_of"]
+
+PREVIEW_WIDTH: Final = 640
+"""Pixels: of a card in a list, sharp on dense screens."""
+
+PREVIEW_QUALITY: Final = 78
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,3 +66,8 @@ def picture_of(
     data = encode_jpeg(image, quality)
     height, width = image.shape[:2]
     return Picture(key, title, alt, caption, data, width, height, legend)
+
+
+def preview_of(picture: Picture) -> bytes:
+    """Reduce a picture to what a list shows, as JPEG: some 40 KB."""
+    return reduced_jpeg(picture.jpeg, PREVIEW_WIDTH, PREVIEW_QUALITY)

@@ -26,7 +26,7 @@ from terraport_pipeline.report.handoff_pictures import hand_off_pictures, worst_
 from terraport_pipeline.report.html_page import page_templates, replace_bytes, replace_page
 from terraport_pipeline.report.input_cloud import InputCloud
 from terraport_pipeline.report.pdf_page import pdf_page
-from terraport_pipeline.report.picture import Picture, PictureOptions
+from terraport_pipeline.report.picture import Picture, PictureOptions, preview_of
 from terraport_pipeline.report.pictures import PictureTaker
 from terraport_pipeline.report.surveyor import (
     Overlap,
@@ -45,7 +45,7 @@ from terraport_pipeline.validate.handoff import check_hand_off
 from terraport_pipeline.validate.handoff_report import HandOffOptions, HandOffReport
 from terraport_pipeline.validate.scene_windows import prove_in_windows, segments_around
 from terraport_store import Scene, read_manifest
-from terraport_store.layout import REPORT, REPORT_PDF
+from terraport_store.layout import PREVIEW, REPORT, REPORT_PDF
 
 __all__ = ["ReportOptions", "ReportResult", "write_report"]
 
@@ -89,7 +89,7 @@ def write_report(
     work: Path | None = None,
     progress: Progress | None = None,
 ) -> ReportResult:
-    """Write the report of a scene, as a page of HTML and as one of PDF.
+    """Write the report of a scene, as a page of HTML and as one of PDF, and its small picture.
 
     Parameters
     ----------
@@ -151,7 +151,8 @@ def write_report(
             if photos is not None and textures:
                 beside = _Beside(photos, find_vertex_colours(scene, work))
             looked = _look_at(asked, beside)
-    # (3) Two pages with everything inside, each put in its place in one step.
+    # (3) Two pages with everything inside, and the scene's small picture, each put in its place in
+    # one step.
     pictures = {picture.key: picture for picture in (*looked.first, *looked.overview)}
     page = (
         page_templates("terraport_pipeline.report")
@@ -175,6 +176,7 @@ def write_report(
     )
     size = replace_page(target, page)
     pdf_size = replace_bytes(pdf_target, pdf_page(looked.survey, pictures))
+    replace_bytes(scene_path / PREVIEW, preview_of(pictures["detail"]))
     shown = (*looked.first, *looked.overview, *looked.compared, *looked.landing)
     return ReportResult(
         target, size, pdf_target, pdf_size, tuple(picture.key for picture in shown),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from PIL import Image
 from store.tiny_scene import write_tiny_scene
 from typer.testing import CliRunner
 
@@ -45,3 +46,5 @@ def test_both_pages_are_made_and_said(tmp_path: Path, monkeypatch: pytest.Monkey
     assert second.startswith("pit/report.pdf  ")
     assert second.endswith(", one page")
     assert (tmp_path / "pit" / "report.pdf").read_bytes().startswith(b"%PDF-1.")
+    with Image.open(tmp_path / "pit" / "preview.jpg") as preview:
+        assert (preview.format, preview.width) == ("JPEG", 160)  # never enlarged

@@ -161,7 +161,7 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
     return h(
       "li",
       { class: "card", "data-scene": scene.id },
-      relief(scene.id),
+      picture(scene),
       h(
         "div",
         { class: "card-text" },
@@ -180,6 +180,35 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
         scene.reportPdfUrl !== "" && reportLink(scene, scene.reportPdfUrl, "report.pdf"),
       ),
     );
+  }
+
+  /** What the build saw of it; contour lines until that is there, and where it never comes. */
+  function picture({ id, previewUrl }: SceneSummary): HTMLElement {
+    const frame = h("div", { class: "preview" }, relief(id));
+    if (previewUrl !== "") void showPreview(frame, previewUrl);
+    return frame;
+  }
+
+  async function showPreview(frame: HTMLElement, previewUrl: string): Promise<void> {
+    try {
+      const blob = await fetchFile(previewUrl);
+      const image = h("img", { alt: "" });
+      image.src = URL.createObjectURL(blob);
+      await image.decode();
+      URL.revokeObjectURL(image.src);
+      fill(frame, image);
+    } catch {
+      // An ornament: the card says all without it.
+    }
+  }
+
+  /** A file of a scene, asked for with the token, where there is one. */
+  async function fetchFile(url: string): Promise<Blob> {
+    const { token } = shell.token;
+    const headers: HeadersInit = token === undefined ? {} : { Authorization: `Bearer ${token}` };
+    const answer = await fetch(url, { headers, signal: abort.signal });
+    if (!answer.ok) throw new Error(`status ${answer.status}`);
+    return answer.blob();
   }
 
   /** A link cannot carry a token: with one the report is fetched, and saved as a file. */
@@ -213,10 +242,7 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
 
   async function saveReport(reportUrl: string, fileName: string): Promise<void> {
     try {
-      const headers = { Authorization: `Bearer ${shell.token.token}` };
-      const answer = await fetch(reportUrl, { headers, signal: abort.signal });
-      if (!answer.ok) throw new Error(`status ${answer.status}`);
-      const url = URL.createObjectURL(await answer.blob());
+      const url = URL.createObjectURL(await fetchFile(reportUrl));
       h("a", { href: url, download: fileName }).click();
       window.setTimeout(() => URL.revokeObjectURL(url), 10_000);
       shell.announcer.announce("Report saved");

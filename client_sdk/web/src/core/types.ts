@@ -145,6 +145,8 @@ export interface SceneSummary {
   readonly reportUrl: string;
   /** Of the report to print; "" where the service has none. */
   readonly reportPdfUrl: string;
+  /** Of a small picture; "" where the service has none. */
+  readonly previewUrl: string;
 }
 
 /** A scene that is being built: one line of `building` in GET /scenes. */

@@ -50,6 +50,7 @@ function readLine(line: unknown, server: string, url: string): SceneSummary {
     detailFaces: typeof detailFaces === "number" ? detailFaces : 0,
     reportUrl: linked.has("report") ? `${sceneUrlOf(server, id)}/report` : "",
     reportPdfUrl: linked.has("report_pdf") ? `${sceneUrlOf(server, id)}/report.pdf` : "",
+    previewUrl: linked.has("preview") ? `${sceneUrlOf(server, id)}/preview.jpg` : "",
   };
 }
 
