@@ -139,7 +139,7 @@ class BaseImage:
 
 
 def _charts(uvs: Float32, faces: UInt32) -> Int64:
-    """Number each vertex by its chart: those that faces join, equal places in the image as one."""
+    """Return the chart of each vertex: faces join them, equal places in the image are one."""
     _, place = np.unique(uvs, axis=0, return_inverse=True)
     corners = place.reshape(-1)[faces]
     label = np.arange(int(corners.max()) + 1)

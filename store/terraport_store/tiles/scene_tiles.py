@@ -64,11 +64,13 @@ class SceneTiles:
         cells = []
         for cell, segments in enumerate(groups):
             own = np.concatenate([faces.replaced[cell], faces.kept[cell]])
-            places = np.concatenate([
-                boxes[segments, :3], boxes[segments, 3:], corners[own].reshape(-1, 3)
-            ])
+            places = np.concatenate(
+                [boxes[segments, :3], boxes[segments, 3:], corners[own].reshape(-1, 3)]
+            )
             # How coarse it looks: how far it lies beside the detail, or how long its edges are.
-            edge_m = float(edges_m[faces.replaced[cell]].mean()) if replaced[cell] is not None else 0
+            edge_m = (
+                float(edges_m[faces.replaced[cell]].mean()) if replaced[cell] is not None else 0
+            )
             cells.append(
                 Cell(
                     segments,
