@@ -2,14 +2,14 @@
 
 import { readdirSync, readFileSync } from "node:fs";
 import { beforeAll, describe, expect, test } from "vitest";
-import { prepareDecoders, xxh3 } from "../src/core/payload/engines.ts";
-import type { SessionEvent } from "../src/core/session/events.ts";
-import { ClientSession } from "../src/core/session/session.ts";
-import { ProtocolViolation } from "../src/core/session/violation.ts";
-import type { Vec3 } from "../src/core/types.ts";
-import { decodeMessage, encodeMessage } from "../src/core/wire/codec.ts";
+import { prepareDecoders, xxh3 } from "../../src/core/payload/engines.ts";
+import type { SessionEvent } from "../../src/core/session/events.ts";
+import { ClientSession } from "../../src/core/session/session.ts";
+import { ProtocolViolation } from "../../src/core/session/violation.ts";
+import type { Budgets, Vec3 } from "../../src/core/types.ts";
+import { decodeMessage, encodeMessage } from "../../src/core/wire/codec.ts";
 
-const CORPUS = new URL("../../../tests/conformance/session/", import.meta.url);
+const CORPUS = new URL("../../../../tests/conformance/session/", import.meta.url);
 /** Segments of the corpus' scenes. */
 const SEGMENTS = Array.from({ length: 36 }, (_, segment) => segment);
 
@@ -28,7 +28,10 @@ interface Told {
 
 interface History {
   readonly history: string;
-  readonly options: Readonly<Record<string, number | null>> & { readonly cache_bytes: number; readonly credit_bytes: number };
+  readonly options: Readonly<Record<string, number | null>> & {
+    readonly cache_bytes: number;
+    readonly credit_bytes: number;
+  };
 }
 
 type Step = { readonly do: Do; readonly told: Told };
@@ -37,7 +40,10 @@ beforeAll(prepareDecoders);
 
 describe.each(readdirSync(CORPUS).filter((name) => name.endsWith(".jsonl")))("%s", (name) => {
   const lines = readFileSync(new URL(name, CORPUS), "utf-8").trimEnd().split("\n");
-  const [{ messages }, ...rest] = lines.map((line) => JSON.parse(line)) as [{ messages: string[] }, ...(History | Step)[]];
+  const [{ messages }, ...rest] = lines.map((line) => JSON.parse(line)) as [
+    { messages: string[] },
+    ...(History | Step)[],
+  ];
   const starts = rest.flatMap((line, at) => ("history" in line ? [at] : []));
 
   test(`${starts.length} histories`, () => {
@@ -49,11 +55,9 @@ describe.each(readdirSync(CORPUS).filter((name) => name.endsWith(".jsonl")))("%s
 });
 
 function run({ history, options }: History, steps: readonly Step[], messages: readonly string[]): void {
-  const budgets = {
-    maxTriangles: options.max_triangles ?? undefined,
-    maxBytes: options.max_bytes ?? undefined,
-    maxSegments: options.max_segments ?? undefined,
-  };
+  const { max_triangles: maxTriangles, max_bytes: maxBytes, max_segments: maxSegments } = options;
+  const isGiven = ([, bound]: [string, unknown]) => bound !== null;
+  const budgets: Budgets = Object.fromEntries(Object.entries({ maxTriangles, maxBytes, maxSegments }).filter(isGiven));
   const { credit_bytes: creditBytes, release_factor } = options;
   const own = { client: "corpus", budgets, creditBytes, releaseFactor: release_factor ?? undefined };
   const session = new ClientSession(own, options.cache_bytes, xxh3);
