@@ -46,13 +46,21 @@ MIDDLE = (GRID, 0.0, GRID)
 class ToyScene:
     """GRID x GRID segments in the plane y = 0; i is at (2 * (i % GRID), 0, 2 * (i // GRID))."""
 
-    def __init__(self, *, cells: int = 2, seed: int = 0, version: str = "v1") -> None:
+    def __init__(
+        self,
+        *,
+        cells: int = 2,
+        seed: int = 0,
+        version: str = "v1",
+        payloads: list[bytes] | None = None,
+    ) -> None:
+        """Make one; `payloads` are any bytes, where they need not be decoded."""
         random = np.random.default_rng(seed)
         count = GRID * GRID
         ids = np.arange(count)
         low = np.stack([2.0 * (ids % GRID), np.zeros(count), 2.0 * (ids // GRID)], axis=1)
         self.bounds = np.concatenate([low, low + np.array([1, 0, 1])], axis=1).astype(np.float32)
-        self.payloads = [
+        self.payloads = payloads or [
             _glb(int(size), number)
             for number, size in enumerate(random.integers(1, 2 * cells, count))
         ]
@@ -155,17 +163,27 @@ class Pair:
         if self.server is None:
             return False
         data = self.deliver()
-        action = self.server.next_action()
+        has_acted = self.serve()
+        if len(self.down) <= (self.lag if has_acted or data else 0):
+            return has_acted or data
+        self.hear()
+        return True
+
+    def serve(self) -> bool:
+        """Let the server do one thing; return whether it had any."""
+        action = None if self.server is None else self.server.next_action()
         if isinstance(action, MakePlan):
+            assert self.server is not None
             self.server.make_plan(self.now_s)
         elif action is not None:
             self._carry_out(action)
-        if len(self.down) > (self.lag if action is not None or data else 0):
+        return action is not None
+
+    def hear(self) -> None:
+        """Let the client hear the next thing that the server said, if there is one."""
+        if self.down:
             self.client.receive(self.down.popleft())
-        elif action is None:
-            return bool(data)
         self._collect()
-        return True
 
     def deliver(self) -> bool:
         """Let the server hear what the client says; return whether it said anything."""

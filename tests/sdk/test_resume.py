@@ -136,7 +136,12 @@ def test_a_server_that_takes_no_table_gets_no_held() -> None:
     action = server.next_action()
     assert isinstance(action, SendMessage)
     client.receive(encode(action.message))
-    assert [type(event) for event in client.events()] == [Opened]
+    opened, dropped = client.events()
+    assert isinstance(opened, Opened)
+    # What the server does not know of is not held.
+    assert isinstance(dropped, Dropped)
+    assert (len(dropped.segments), dropped.on_disk) == (40_000 - 32_768, ())
+    assert 39_999 not in client.holdings
     assert client.data_to_send() == []
 
 

@@ -55,11 +55,12 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """These ids do not belong to the served version; a disk cache deletes them."""
+    """These ids are held no more: they do not belong to the served version, or the server takes no
+    offer of them."""
 
     segments: tuple[int, ...]
     on_disk: tuple[tuple[int, int], ...]
-    """Id and xxh3 of those that the disk has."""
+    """Id and xxh3 of those that a disk cache deletes."""
 
 
 @dataclass(frozen=True, slots=True)

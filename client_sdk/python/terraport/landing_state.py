@@ -45,6 +45,8 @@ class LandingState:
     """Those of ``waiting`` that the disk is being asked for."""
     missing: set[int] = field(default_factory=set)
     """Ids of the latest ``ready.missing``."""
+    inner: tuple[int, ...] | None = None
+    """The declared inner set, until it has been reported."""
     ready_seen: bool = False
     timings: Timings | None = None
     """Of the newest ``ready``."""
@@ -75,6 +77,7 @@ class LandingState:
         self.waiting = set(self.facts)
         self.restoring = set()
         self.missing = set()
+        self.inner = None
         self.ready_seen = False
 
     def expect_again(self, segment: int, facts: SegmentFacts | None, xxh3: int) -> None:

@@ -46,12 +46,15 @@ class HeldOffer:
         self._rest = rows[count:]
         return rows[:count]
 
-    def rest(self, welcome: Welcome) -> list[Held]:
-        """Return, once, the messages that go after the welcome; none where it takes no table."""
+    def rest(self, welcome: Welcome) -> tuple[list[Held], list[int]]:
+        """Return, once, the messages that go after the welcome.
+
+        And the ids that a server which takes no table cannot be told of.
+        """
         rows, self._rest = self._rest, self._rest[:0]
         limits = welcome.limits
         most = (limits.max_message_bytes - _AROUND) // HELD_DTYPE.itemsize
         most = min(most, limits.max_held_segments)
         if most < 1:
-            return []
-        return [Held(segments=rows[at : at + most]) for at in range(0, len(rows), most)]
+            return [], rows["id"].tolist()
+        return [Held(segments=rows[at : at + most]) for at in range(0, len(rows), most)], []

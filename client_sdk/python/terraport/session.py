@@ -45,7 +45,6 @@ from terraport.options import SessionOptions, checked, point
 from terraport.pick_state import PickState
 from terraport.pull_ranges import PackAddress
 from terraport.transfers import Transfers
-from terraport_payload.types import AnyArray
 from terraport_wire import (
     PROTOCOL,
     Bye,
@@ -55,6 +54,7 @@ from terraport_wire import (
     Direction,
     Error,
     HeldChecked,
+    Land,
     Message,
     Notice,
     PayloadFrame,
@@ -110,8 +110,8 @@ class ClientSession:
         """What is held here, in memory and on disk."""
         self._events: deque[Event] = deque()
         self._outbox: deque[Message] = deque()
-        self._unsent: list[int] = []
-        """Numbers of the landings whose ``land`` is in the outbox."""
+        self._unsent: LandingState | None = None
+        """The landing whose ``land`` is in the outbox."""
         self._leaving: list[int] = []
         """Those whose ``land`` was given out to be sent."""
         self._transfers = Transfers(
@@ -176,8 +176,9 @@ class ClientSession:
         """Return, once, the WebSocket messages to send, in order."""
         data = [encode(message) for message in self._outbox]
         self._outbox.clear()
-        self._leaving.extend(self._unsent)
-        self._unsent.clear()
+        if self._unsent is not None:
+            self._leaving.append(self._unsent.number)
+            self._unsent = None
         return data
 
     def sent(self) -> bool:
@@ -212,7 +213,7 @@ class ClientSession:
         """
         self._open = self._greeting = False
         self._outbox.clear()
-        self._unsent.clear()
+        self._unsent = None
         self._leaving.clear()
         self._taken_bytes = 0  # credit belongs to the connection (8)
         self._aim.connection_lost(self._transfers.aim_done)
@@ -266,11 +267,11 @@ class ClientSession:
         UsageError
             A number that the protocol does not allow; nothing has changed.
         """
-        self._landings += 1
         landing = LandingState(
-            self._landings, point(position), radius_m, inner_radius_m, deadline_ms, stall_ms
+            self._landings + 1, point(position), radius_m, inner_radius_m, deadline_ms, stall_ms
         )
         checked(lambda: landing.message(0))
+        self._landings += 1
         self._aim.clear()
         if self._open:
             self._send_landing(landing)
@@ -302,13 +303,12 @@ class ClientSession:
         Raises
         ------
         UsageError
-            A number that the protocol does not allow.
+            A number that the protocol does not allow; nothing has changed.
         """
-        request = self._take_request()
-        pick = self._picks.ask(request, origin, direction)
+        pick = self._picks.ask(self._requests + 1, origin, direction)
         if self._open:
             self._outbox.append(pick)
-        return request
+        return self._take_request()
 
     def drop_pick(self, request: int) -> None:
         """Forget a pick: its answer is skipped, a reconnect does not ask again."""
@@ -379,7 +379,7 @@ class ClientSession:
             noticed = Noticed(message.kind, message.version, message.reconnect_after_ms)
             self._events.append(noticed)
         elif isinstance(message, HeldChecked):
-            self._on_dropped(message.dropped)
+            self._on_dropped(message.dropped.tolist())
         else:
             self.group.receive(message)
 
@@ -405,17 +405,23 @@ class ClientSession:
         )
         # In this order (5.3): what is held is offered whole before the landing, whose plan counts
         # on it; what a connection left unanswered is asked again.
-        self._on_dropped(welcome.dropped)
-        self._outbox.extend(self._offer.rest(welcome))
+        self._on_dropped(welcome.dropped.tolist())
+        messages, untold = self._offer.rest(welcome)
+        self._outbox.extend(messages)
+        # A server that takes no table cannot be told: what it does not know of is not held (10.2).
+        # Its files stay for other runs.
+        self.holdings.forget(untold)
+        if untold:
+            self._events.append(Dropped(tuple(untold), ()))
         self._outbox.extend(self._picks.waiting())
         self.group.connected()
         if self._queued is not None:
             landing, self._queued = self._queued, None
             self._send_landing(landing)
 
-    def _on_dropped(self, segments: AnyArray) -> None:
-        """Free what this scene version does not have."""
-        dropped = tuple(segments.tolist())
+    def _on_dropped(self, segments: Sequence[int]) -> None:
+        """Free what the server does not count as held."""
+        dropped = tuple(segments)
         if dropped:
             on_disk = self.holdings.disk_hashes(dropped)
             self.holdings.forget(dropped)
@@ -460,6 +466,7 @@ class ClientSession:
         self._queued = landing
 
     def _send_landing(self, landing: LandingState) -> None:
+        self._withdraw_unsent(landing)
         self._transfers.tell_fetched()
         # Evictions go first: the plan must not keep what is gone here (6.7).
         self._send_evictions()
@@ -467,7 +474,16 @@ class ClientSession:
         landing.generation = self._generation
         self._transfers.ask(landing)
         self._outbox.append(landing.message(self._generation))
-        self._unsent.append(landing.number)
+        self._unsent = landing
+
+    def _withdraw_unsent(self, newer: LandingState) -> None:
+        """Replace one that never left: however often the user lands, one ``land`` waits."""
+        if self._unsent is None:
+            return
+        for message in [waiting for waiting in self._outbox if isinstance(waiting, Land)]:
+            self._outbox.remove(message)
+        if self._transfers.withdraw(self._unsent):
+            self._events.append(Superseded(self._unsent.number, newer.number))
 
     def _send_evictions(self) -> None:
         # What may not be told now (6.7, rule 2) is told before the next land or aim.
@@ -476,6 +492,12 @@ class ClientSession:
 
     def _grant(self, taken_bytes: int) -> None:
         self._taken_bytes += taken_bytes
-        if self._taken_bytes >= self._credit_step:
-            self._outbox.append(Credit(bytes=self._taken_bytes))
-            self._taken_bytes = 0
+        if self._taken_bytes < self._credit_step:
+            return
+        granted, self._taken_bytes = self._taken_bytes, 0
+        # One that was not sent yet grows: what waits must not grow with what comes.
+        for at, message in enumerate(self._outbox):
+            if isinstance(message, Credit):
+                self._outbox[at] = Credit(bytes=message.bytes + granted)
+                return
+        self._outbox.append(Credit(bytes=granted))

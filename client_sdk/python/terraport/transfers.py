@@ -88,6 +88,8 @@ class Transfers:
         self._report = report
         self._asked: deque[LandingState] = deque()
         self._current: LandingState | None = None
+        self._inner: tuple[int, ...] = ()
+        """Shown perhaps, since a deadline passed: the newest declared inner set."""
         self._nearby: tuple[int, ...] = ()
         self._prefetch: PrefetchState | None = None
         self._parts = Assembler()
@@ -119,6 +121,13 @@ class Transfers:
         """Note that a landing was sent."""
         self._asked.append(landing)
 
+    def withdraw(self, landing: LandingState) -> bool:
+        """Forget a landing that was never sent; whether it had not ended before."""
+        was_asked = landing in self._asked
+        if was_asked:
+            self._asked.remove(landing)
+        return was_asked
+
     def refused(self, generation: int | None) -> LandingState | None:
         """Forget a landing that the server refused; an older one goes on (6.5, rule 5)."""
         for landing in self._asked:
@@ -149,7 +158,7 @@ class Transfers:
 
     def hide_all(self) -> None:
         """Show nothing: the served version is another one, so the ids mean other segments (5.4)."""
-        self.visible = self._nearby = ()
+        self.visible = self._inner = self._nearby = ()
         self._pin_and_trim()
 
     # ---- messages
@@ -207,11 +216,12 @@ class Transfers:
         self._finish_if_complete()
 
     def on_degraded(self, degraded: DegradedMessage) -> None:
-        """Pass on the declared inner set."""
+        """Pass on the declared inner set, as soon as all of it is here."""
         landing = self._current
-        if landing is not None and landing.generation == degraded.generation:
-            segments = tuple(sorted(int(segment) for segment in degraded.segments))
-            self._report(Degraded(landing.number, segments))
+        if landing is None or landing.done or landing.generation != degraded.generation:
+            return
+        landing.inner = tuple(sorted(degraded.segments.tolist()))
+        self._degrade_if_whole(landing)
 
     def on_superseded(self, message: SupersededMessage) -> None:
         """End a landing or a prefetch: no more frames of it come, or never a plan (6.3, 6.5)."""
@@ -324,6 +334,7 @@ class Transfers:
         self._report(SegmentArrived(None if landing is None else landing.number, entry))
         if landing is not None:
             landing.waiting.discard(segment)
+            self._degrade_if_whole(landing)
             self._finish_if_complete()
         elif prefetch is not None:
             self.aims.arrived(segment, len(payload))
@@ -341,6 +352,7 @@ class Transfers:
             landing.restoring.discard(segment)
             landing.waiting.discard(segment)
             self._report(SegmentArrived(landing.number, entry, restored=True))
+            self._degrade_if_whole(landing)
             self._finish_if_complete()
 
     def lost(self, segment: int) -> None:
@@ -401,12 +413,19 @@ class Transfers:
             self._end_prefetch_if_done(prefetch)
         self._retried.add(segment)
 
+    def _degrade_if_whole(self, landing: LandingState) -> None:
+        inner = landing.inner
+        if inner is None or not landing.wanted - landing.waiting >= set(inner):
+            return
+        landing.inner, self._inner = None, inner
+        self._report(Degraded(landing.number, inner))
+
     def _finish_if_complete(self) -> None:
         landing = self._current
         if landing is None or landing.done or not landing.complete:
             return
         landing.done = True
-        self.visible = landing.shown
+        self.visible, self._inner = landing.shown, ()
         missing = tuple(sorted(landing.waiting))
         self._report(Ready(landing.number, self.visible, missing, landing.timings))
         self._pin_and_trim()
@@ -419,7 +438,7 @@ class Transfers:
             )
 
     def _pin(self) -> None:
-        self.held.pin((*self.visible, *self.open_plan, *self._nearby))
+        self.held.pin((*self.visible, *self._inner, *self.open_plan, *self._nearby))
 
     def _pin_and_trim(self) -> None:
         self._pin()

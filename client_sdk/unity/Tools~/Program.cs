@@ -11,7 +11,7 @@ namespace Terraport.Tools
     /// </summary>
     internal static class Program
     {
-        private const string Usage = "usage: terraport-tools corpus wire|payload FOLDER\n"
+        private const string Usage = "usage: terraport-tools corpus wire|payload|session FOLDER\n"
             + "       terraport-tools land --scene URL [--NAME VALUE ...] STEP ...\n" + "       terraport-tools decode FILE [--seconds S]\n"
             + "       terraport-tools axes PAYLOAD ...\n";
 
@@ -37,6 +37,7 @@ namespace Terraport.Tools
                 case "corpus":
                     if (rest.Length == 2 && rest[0] == "wire") return new WireCorpus(rest[1]).Run();
                     if (rest.Length == 2 && rest[0] == "payload") return new PayloadCorpus(rest[1]).Run();
+                    if (rest.Length == 2 && rest[0] == "session") return new SessionCorpus(rest[1]).Run();
                     break;
                 case "land": return Land.Run(rest);
                 case "decode":

@@ -12,4 +12,7 @@ int runWireCorpus(const std::string& folder);
 /// refused. Returns the exit code.
 int runPayloadCorpus(const std::string& folder);
 
+/// Run tests/conformance/session: each step of a history must do what the Python client did. Returns the exit code.
+int runSessionCorpus(const std::string& folder);
+
 }  // namespace terraport::tools

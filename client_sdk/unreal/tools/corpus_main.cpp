@@ -1,4 +1,4 @@
-// terraport-corpus wire|payload FOLDER
+// terraport-corpus wire|payload|session FOLDER
 
 #include <cstdio>
 #include <string>
@@ -13,6 +13,9 @@ int main(int count, char** arguments) {
   if (kind == "payload") {
     return terraport::tools::runPayloadCorpus(arguments[2]);
   }
-  std::fprintf(stderr, "usage: terraport-corpus wire|payload FOLDER\n");
+  if (kind == "session") {
+    return terraport::tools::runSessionCorpus(arguments[2]);
+  }
+  std::fprintf(stderr, "usage: terraport-corpus wire|payload|session FOLDER\n");
   return 2;
 }

@@ -325,7 +325,9 @@ namespace Terraport.Json
                 }
             }
             // Escapes stay as they are in the bytes; they are resolved only where the text is asked for.
-            nodes[Add(JsonNodeKind.Text, start, cursor - start)].Count = escapes;
+            // In two steps: adding may give the nodes another array, and `nodes[Add(...)]` would write into the old one.
+            int node = Add(JsonNodeKind.Text, start, cursor - start);
+            nodes[node].Count = escapes;
             cursor++;
         }
 

@@ -27,7 +27,7 @@ namespace Terraport.Sessions
         private readonly PickState picks;
         // hello is on its way, and no welcome has come.
         private bool isGreeting;
-        // Generation of the newest land or aim on the present connection; each connection counts from 1.
+        // Generation of the newest land or aim, counted over all connections.
         private uint generation;
         private int landings;
         private int requests;
@@ -129,13 +129,12 @@ namespace Terraport.Sessions
         /// </summary>
         public void ConnectionLost()
         {
-            // Generations, credit and chunks belong to the connection. Landings, picks and held payloads outlive it.
+            // Credit and chunks belong to the connection. Landings, picks and held payloads outlive it.
             IsOpen = false;
             isGreeting = false;
             outbox.Clear();
             unsent = null;
             consumedBytes = 0;
-            generation = 0;
             aim.ConnectionLost(transfers.CompletedAimGeneration);
             LandingState landing = transfers.ConnectionLost();
             if (landing != null) AwaitWelcome(landing);
@@ -350,8 +349,7 @@ namespace Terraport.Sessions
             {
                 // At most one is there: what was handed out before has left the outbox.
                 outbox.RemoveAll(message => message is LandMessage);
-                transfers.Withdraw(unsent);
-                ReportSuperseded(unsent, landing);
+                if (transfers.Withdraw(unsent)) ReportSuperseded(unsent, landing);
             }
             SendEvictions();
             landing.Generation = NextGeneration();
@@ -383,7 +381,12 @@ namespace Terraport.Sessions
         {
             consumedBytes += bytes;
             if (consumedBytes < creditStep) return;
-            outbox.Add(new CreditMessage { Bytes = consumedBytes });
+            // One that was not sent yet grows: what waits must not grow with what comes.
+            var waiting = (CreditMessage)outbox.Find(message => message is CreditMessage);
+            if (waiting == null)
+                outbox.Add(new CreditMessage { Bytes = consumedBytes });
+            else
+                waiting.Bytes += consumedBytes;
             consumedBytes = 0;
         }
     }

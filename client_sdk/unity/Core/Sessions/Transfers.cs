@@ -83,8 +83,8 @@ namespace Terraport.Sessions
         /// <summary>Note that a landing was sent.</summary>
         internal void Ask(LandingState landing) { awaitingPlan.Add(landing); }
 
-        /// <summary>Forget a landing that was never sent.</summary>
-        internal void Withdraw(LandingState landing) { awaitingPlan.Remove(landing); }
+        /// <summary>Forget a landing that was never sent; whether it had not ended before.</summary>
+        internal bool Withdraw(LandingState landing) { return awaitingPlan.Remove(landing); }
 
         /// <summary>Forget a landing that the server refused; an older one goes on (6.5, rule 5). Null where it was none.</summary>
         internal LandingState Refused(uint? generation)

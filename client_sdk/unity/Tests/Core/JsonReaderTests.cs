@@ -37,6 +37,16 @@ namespace Terraport.Tests
             }
         }
 
+        [Test]
+        public void TextsAreReadWhereverTheyMakeRoomForMore()
+        {
+            for (int count = 0; count < 600; count++)
+            {
+                string items = string.Join(",", Enumerable.Repeat("\"x\"", count));
+                Assert.AreEqual(count, Read("[" + items + "]").Count);
+            }
+        }
+
         [TestCase("{\"a\":[1,-2,3.5,true,false,null,\"x\"],\"b\":{}}", "{a:[1,-2,3.5,true,false,null,'x'],b:{}}")]
         [TestCase("[9223372036854775807,-9223372036854775808,0]", "[9223372036854775807,-9223372036854775808,0]")]
         [TestCase(

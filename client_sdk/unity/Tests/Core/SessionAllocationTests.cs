@@ -66,7 +66,7 @@ namespace Terraport.Tests
 
         private static void Open(ClientSession session)
         {
-            var server = new SessionModelServer(new SessionToyScene(), new SessionModelOptions());
+            var server = new StreamAnsweringServer(new StreamToyScene());
             session.Connected();
             var sent = new Queue<byte[]>();
             session.TakeMessages(sent);

@@ -5,14 +5,13 @@ using Terraport.Wire;
 namespace Terraport.Tests
 {
     /// <summary>
-    /// A network in memory: every connection has a model server of its own at its end. Time stands still unless a test moves
+    /// A network in memory: every connection has a server of its own at its end. Time stands still unless a test moves
     /// it.
     /// </summary>
     internal sealed class StreamFakeNetwork : ITransportFactory
     {
-        internal readonly SessionModelOptions Options = new SessionModelOptions { CreditBytes = 1 << 20 };
         internal readonly List<StreamFakeTransport> Connections = new List<StreamFakeTransport>();
-        internal SessionToyScene Scene = new SessionToyScene();
+        internal StreamToyScene Scene = new StreamToyScene();
         internal double NowMs = 1000;
         // Where set, connections are closed with it at once.
         internal int RefuseWith;
@@ -42,7 +41,7 @@ namespace Terraport.Tests
         {
             var options = new StreamOptions {
                 SceneUrl = "http://toy.example/scenes/toy",
-                CreditBytes = Options.CreditBytes,
+                CreditBytes = 1 << 20,
                 ReleaseFactor = 1,
             };
             if (change != null) change(options);

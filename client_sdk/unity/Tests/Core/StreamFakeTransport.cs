@@ -7,7 +7,7 @@ namespace Terraport.Tests
     /// <summary>One connection of a <see cref="StreamFakeNetwork"/>. Safe from any thread.</summary>
     internal sealed class StreamFakeTransport : ITransport, ITransportBuffers
     {
-        internal readonly SessionModelServer Server;
+        internal readonly StreamAnsweringServer Server;
         internal readonly List<double> SentAtMs = new List<double>();
         internal Uri Url;
         internal string Token;
@@ -19,8 +19,8 @@ namespace Terraport.Tests
         internal bool IsSilent;
         /// <summary>Where set, the line takes no message: its queue is full.</summary>
         internal bool TakesNothing;
-        // Changes the bytes of a frame on its way.
-        internal Func<byte[], byte[]> Spoil;
+        // Called before a frame is handed over.
+        internal Action FrameComes;
 
         private readonly StreamFakeNetwork network;
         private readonly object gate = new object();
@@ -30,7 +30,7 @@ namespace Terraport.Tests
         internal StreamFakeTransport(StreamFakeNetwork network)
         {
             this.network = network;
-            Server = new SessionModelServer(network.Scene, network.Options);
+            Server = new StreamAnsweringServer(network.Scene);
         }
 
         public TransportState State
@@ -67,8 +67,7 @@ namespace Terraport.Tests
                 if (data == null && state == TransportState.Open && !IsSilent) data = Server.Next();
                 message = default(TransportMessage);
                 if (data == null) return false;
-                bool isFrame = SessionPair.IsFrame(data);
-                if (isFrame && Spoil != null) data = Spoil(data);
+                if (data.Length > 0 && data[0] < 0x80 && FrameComes != null) FrameComes();
                 Lent++;
                 message = new TransportMessage(new ArraySegment<byte>(data), false, this);
                 return true;

@@ -63,11 +63,10 @@ namespace Terraport.Tests
             SceneStream stream = Network.Stream();
             int landing = stream.Land(Middle, 4);
             int frames = 0;
-            Network.Last.Spoil = data =>
+            Network.Last.FrameComes = () =>
             {
                 frames++;
                 if (frames == 3) Network.Last.Break(1006);
-                return data;
             };
             // Lost in the middle of the landing, and then no connection comes about: 0.5 s doubled up to 30 s, each half random.
             Network.RefuseWith = 1006;
@@ -196,20 +195,6 @@ namespace Terraport.Tests
             Assert.AreEqual("malformed", link.Code);
             StringAssert.Contains("0xc1", link.Message);
             Assert.AreEqual(0, Network.Last.Lent);
-        }
-
-        [Test]
-        public void AFlippedByteIsAskedForAgain()
-        {
-            SceneStream stream = Network.Stream();
-            Pump(stream);
-            int frames = 0;
-            Network.Last.Spoil = data => frames++ == 2 ? SessionPair.Flipped(data) : data;
-            stream.Land(Middle, 4);
-            Pump(stream);
-            Assert.AreEqual(1, Network.Last.Server.HeardOf<RejectMessage>().Count());
-            Assert.AreEqual(Network.Scene.Within(Middle, 4), Of(StreamEventKind.Ready).Single().Segments);
-            Assert.AreEqual(0, Of(StreamEventKind.Ready).Single().Missing.Count);
         }
 
         [Test]

@@ -6,7 +6,7 @@ namespace Terraport.Tests
     /// <summary>What tests of a stream share: a network in memory, and what the stream has told.</summary>
     public abstract class StreamTestBase
     {
-        internal static readonly Vec3 Middle = SessionToyScene.Middle;
+        internal static readonly Vec3 Middle = StreamToyScene.Middle;
         internal StreamFakeNetwork Network;
         internal List<StreamEvent> Events;
 

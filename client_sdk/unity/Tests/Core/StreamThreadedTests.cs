@@ -12,7 +12,7 @@ namespace Terraport.Tests
     [TestFixture]
     public class StreamThreadedTests
     {
-        private static readonly Vec3 Middle = SessionToyScene.Middle;
+        private static readonly Vec3 Middle = StreamToyScene.Middle;
 
         [Test]
         public void LandsAsTheInlineStreamDoesAndPinsFromAnyThread()

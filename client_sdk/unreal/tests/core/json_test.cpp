@@ -1,6 +1,6 @@
 // The JSON reader by itself: strictness, bounds, numbers.
 #include "Terraport/Json.h"
-#include "session_toy.h"
+#include "stream_toy.h"
 
 #include <doctest/doctest.h>
 

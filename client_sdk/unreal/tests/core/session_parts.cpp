@@ -4,7 +4,7 @@
 #include "LinkPacer.h"
 #include "SessionAssembly.h"
 #include "WireErrors.h"
-#include "session_toy.h"
+#include "stream_toy.h"
 
 #include <doctest/doctest.h>
 

@@ -1,12 +1,11 @@
-// Transports whose other end is the model server, in memory: a network that can be cut, held and spoilt.
+// Transports whose other end is a server that answers, in memory: a network that can be cut, held and spoilt.
 #pragma once
 
 #include "Terraport/Transport.h"
 #include "Terraport/Xxh3.h"
-#include "session_model.h"
+#include "stream_server.h"
 
 #include <deque>
-#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -15,15 +14,14 @@
 namespace terraport::testing {
 
 /// The toy scene as a stream checks it.
-inline const ToyScene kStreamToy(900, "v1", &xxh3Hash64);
+inline const ToyScene kStreamToy;
 
 /// What all connections of one stream share.
 struct FakeNetwork {
-  explicit FakeNetwork(const ToyScene& toy, ModelOptions modelOptions = {}) : scene(&toy), options(std::move(modelOptions)) {}
+  explicit FakeNetwork(const ToyScene& toy) : scene(&toy) {}
 
   const ToyScene* scene;
-  ModelOptions options;
-  std::unique_ptr<ModelServer> server;
+  std::unique_ptr<AnsweringServer> server;
   /// Connections so far, and what each was opened with.
   int opened = 0;
   std::string url;
@@ -39,8 +37,6 @@ struct FakeNetwork {
   int closesWith = 0;
   std::optional<ServerMessage> says;
   std::string chosen;
-  /// Changes the bytes of a frame on its way.
-  std::function<void(EncodedMessage&)> spoil;
   /// Close code that the client gave.
   int clientCode = 0;
   /// The present connection breaks with this code.
@@ -58,7 +54,7 @@ class FakeTransport final : public Transport {
     network_->subprotocols = subprotocols;
     network_->token = token;
     if (network_->isDown) return end(1006, "");
-    network_->server = std::make_unique<ModelServer>(*network_->scene, network_->options);
+    network_->server = std::make_unique<AnsweringServer>(*network_->scene);
     state_ = TransportState::Open;
     if (network_->closesWith != 0) {
       if (network_->says) {
@@ -93,8 +89,6 @@ class FakeTransport final : public Transport {
       data = network_->server->next();
     }
     if (!data) return false;
-    const bool isFrame = static_cast<unsigned char>(data->bytes[0]) < 0x80;
-    if (isFrame && network_->spoil) network_->spoil(*data);
     message.isText = false;
     message.bytes.assign(data->bytes.begin(), data->bytes.end());
     return true;

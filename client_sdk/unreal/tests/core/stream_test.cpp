@@ -20,8 +20,8 @@ struct Setting {
   double nowMs = 1000;
   std::vector<StreamEvent> events;
 
-  explicit Setting(StreamOptions options = {}, ModelOptions model = {}) {
-    network = std::make_shared<FakeNetwork>(kStreamToy, model);
+  explicit Setting(StreamOptions options = {}) {
+    network = std::make_shared<FakeNetwork>(kStreamToy);
     options.sceneUrl = "http://example.org/scenes/toy";
     auto opened = SceneStream::make(options, std::make_shared<FakeTransports>(network), [] { return 0.0; });
     REQUIRE(opened.isOk());
@@ -286,9 +286,7 @@ TEST_CASE("stream: silence ends a connection where the server owes an answer, an
 }
 
 TEST_CASE("stream: an offer that is too large for hello is made after the welcome, at once") {
-  ModelOptions model;
-  model.maxHeldSegments = 5;
-  Setting setting({}, model);
+  Setting setting;
   setting.stream->land(kMiddle, 4, {});
   setting.run(50);
   setting.network->closesWith = 4413;
@@ -320,21 +318,6 @@ TEST_CASE("stream: a notice replaces the first wait") {
   setting.run(20);
   CHECK(setting.link().retryInMs == 7777);
   CHECK(setting.link().code == "draining");
-}
-
-TEST_CASE("stream: a flipped byte on the way is asked for again; the landing is whole") {
-  Setting setting;
-  int frames = 0;
-  setting.network->spoil = [&frames](EncodedMessage& data) {
-    if (frames++ == 2) data.bytes.back() = static_cast<char>(data.bytes.back() ^ 1);
-  };
-  setting.stream->land(kMiddle, 4, {});
-  setting.run(100);
-  CHECK(setting.of(EventKind::Ready).back().segments == kStreamToy.within(kMiddle, 4));
-  CHECK(setting.of(EventKind::Ready).back().missing.empty());
-  for (const std::uint32_t segment : kStreamToy.within(kMiddle, 4)) {
-    CHECK(*setting.stream->payload(segment) == kStreamToy.payloads[segment]);
-  }
 }
 
 TEST_CASE("stream: takes nothing more where nobody takes its events, and at most so many bytes in a pump") {

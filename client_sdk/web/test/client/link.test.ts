@@ -1,4 +1,4 @@
-/** The connection's own rules, against the model server and a clock that is wound by hand. */
+/** The connection's own rules, against a server that answers and a clock that is wound by hand. */
 
 import { afterEach, beforeEach, describe, expect, test, vi } from "vitest";
 import { Link } from "../../src/core/client/link.ts";
@@ -6,8 +6,8 @@ import { Outgoing } from "../../src/core/client/outgoing.ts";
 import type { SessionEvent } from "../../src/core/session/events.ts";
 import { ClientSession } from "../../src/core/session/session.ts";
 import type { LinkState } from "../../src/core/types.ts";
-import { ModelServer } from "../session/model-server.ts";
-import { MIDDLE, ToyScene, toyHash } from "../session/toy-scene.ts";
+import { AnsweringServer } from "./answering-server.ts";
+import { MIDDLE, ToyScene, toyHash } from "./toy-scene.ts";
 
 const toy = new ToyScene();
 
@@ -23,7 +23,7 @@ class StandInSocket {
   readonly closed: (number | undefined)[] = [];
   readonly url: string;
   readonly protocols: string[];
-  server = new ModelServer(toy);
+  server = new AnsweringServer(toy);
 
   constructor(url: string, protocols: string[]) {
     this.url = url;
@@ -180,7 +180,7 @@ describe("a connection", () => {
   test("refused for a too large offer is made again at once without one", () => {
     const socket = newest();
     socket.onopen?.();
-    socket.server = new ModelServer(toy);
+    socket.server = new AnsweringServer(toy);
     socket.server.say({ type: "error", code: "too_large", message: "rows", fatal: true });
     socket.talk();
     socket.lose(4413);

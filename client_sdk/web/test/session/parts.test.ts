@@ -2,12 +2,14 @@
 
 import { describe, expect, test } from "vitest";
 import { budgetsFor } from "../../src/core/budgets.ts";
+import { xxh3 } from "../../src/core/payload/engines.ts";
 import { Assembler } from "../../src/core/session/assembly.ts";
 import { waitMs } from "../../src/core/session/backoff.ts";
 import { type CachedSegment, SegmentCache } from "../../src/core/session/cache.ts";
 import { Pacer } from "../../src/core/session/pacing.ts";
+import { ClientSession } from "../../src/core/session/session.ts";
 import { afterClose } from "../../src/core/wire/errors.ts";
-import { seeded } from "./toy-scene.ts";
+import { random as seeded } from "../random.ts";
 
 function entry(segment: number, size: number): CachedSegment {
   const facts = { segment, length: size, xxh3: 0n, faces: 1, vertices: 3, bounds: [0, 0, 0, 1, 1, 1] } as const;
@@ -158,4 +160,11 @@ test("every bound of every device is a positive number, and a landing fits into 
     expect(budgets.cacheBytes).toBeGreaterThanOrEqual(budgets.maxBytes);
     expect(budgets.maxSegments).toBeLessThanOrEqual(16_384);
   }
+});
+
+test("options that the protocol does not allow are refused at once", () => {
+  const options = { client: "t", budgets: {}, creditBytes: 1 } as const;
+  expect(() => new ClientSession({ ...options, creditBytes: 0 }, 1, xxh3)).toThrow(RangeError);
+  expect(() => new ClientSession({ ...options, budgets: { maxBytes: -1 } }, 1, xxh3)).toThrow(RangeError);
+  expect(() => new ClientSession(options, -1, xxh3)).toThrow(RangeError);
 });

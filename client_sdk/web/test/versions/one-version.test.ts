@@ -11,7 +11,7 @@ import { prepareDecoders } from "../../src/core/payload/engines.ts";
 import { loadScene } from "../../src/core/scene/load.ts";
 import type { MeshData, SceneFiles, Stream, StreamEvent, Vec3 } from "../../src/core/types.ts";
 import { Stage } from "../../src/three/stage.ts";
-import { seeded } from "../session/toy-scene.ts";
+import { random as seeded } from "../random.ts";
 import { drawnMeshes, FakeContext, fakeRenderer } from "./fake-gpu.ts";
 import { type Answering, fetchOf, filesOfVersion, SCENE_URL, VERSIONED_FILES, versionText } from "./published-scene.ts";
 

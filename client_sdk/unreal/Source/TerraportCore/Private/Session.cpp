@@ -97,7 +97,6 @@ void ClientSession::connectionLost() {
   outbox_.clear();
   unsent_.reset();
   ungrantedBytes_ = 0;
-  generation_ = 0;
   aim_.connectionLost(transfers_.aimDone());
   queue(transfers_.connectionLost());
 }
@@ -270,8 +269,7 @@ void ClientSession::withdrawUnsent(std::int64_t by) {
   outbox_.erase(std::remove_if(outbox_.begin(), outbox_.end(),
                     [](const ClientMessage& message) { return std::holds_alternative<LandMessage>(message); }),
       outbox_.end());
-  transfers_.withdraw(unsent_);
-  supersede(unsent_->number, by);
+  if (transfers_.withdraw(unsent_)) supersede(unsent_->number, by);
   unsent_.reset();
 }
 

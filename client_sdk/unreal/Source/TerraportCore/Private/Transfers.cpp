@@ -49,8 +49,11 @@ std::set<std::uint32_t> Transfers::openPlan() const {
   return current_ != nullptr && !current_->isDone ? current_->planned : std::set<std::uint32_t>();
 }
 
-void Transfers::withdraw(const Landing& landing) {
-  unplanned_.erase(std::remove(unplanned_.begin(), unplanned_.end(), landing), unplanned_.end());
+bool Transfers::withdraw(const Landing& landing) {
+  const auto at = std::find(unplanned_.begin(), unplanned_.end(), landing);
+  if (at == unplanned_.end()) return false;
+  unplanned_.erase(at);
+  return true;
 }
 
 Transfers::Landing Transfers::refused(const std::optional<std::uint32_t>& generation) {

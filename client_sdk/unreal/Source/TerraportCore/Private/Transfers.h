@@ -61,8 +61,8 @@ class Transfers {
   /// Note that an aim was sent: it may be answered once.
   void aimSent(std::uint32_t generation) { newestAim_ = generation; }
 
-  /// Forget a landing that was never sent.
-  void withdraw(const Landing& landing);
+  /// Forget a landing that was never sent; whether it had not ended before.
+  bool withdraw(const Landing& landing);
 
   /// Forget a landing that the server refused; an older one goes on (6.5, rule 5). Null where it was none.
   Landing refused(const std::optional<std::uint32_t>& generation);

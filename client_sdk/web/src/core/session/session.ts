@@ -349,7 +349,7 @@ export class ClientSession {
     const unsent = this.#unsent;
     if (unsent === null) return;
     this.#outbox = this.#outbox.filter((message) => message.type !== "land");
-    this.#transfers.withdraw(unsent);
+    if (!this.#transfers.withdraw(unsent)) return;
     this.#events.push({ type: "superseded", landing: unsent.number, by: newer.number });
   }
 
@@ -361,7 +361,12 @@ export class ClientSession {
   #grant(takenBytes: number): void {
     this.#takenBytes += takenBytes;
     if (this.#takenBytes < this.#creditStep) return;
-    this.#outbox.push({ type: "credit", bytes: this.#takenBytes });
+    const granted = this.#takenBytes;
     this.#takenBytes = 0;
+    // One that was not sent yet grows: what waits must not grow with what comes.
+    const at = this.#outbox.findIndex((message) => message.type === "credit");
+    const waiting = this.#outbox[at];
+    if (waiting?.type !== "credit") this.#outbox.push({ type: "credit", bytes: granted });
+    else this.#outbox[at] = { type: "credit", bytes: waiting.bytes + granted };
   }
 }

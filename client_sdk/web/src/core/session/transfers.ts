@@ -93,9 +93,11 @@ export class Transfers {
     this.#unplanned.push(landing);
   }
 
-  /** Forget a landing that was never sent. */
-  withdraw(landing: LandingState): void {
+  /** Forget a landing that was never sent; whether it had not ended before. */
+  withdraw(landing: LandingState): boolean {
+    const count = this.#unplanned.length;
     this.#unplanned = this.#unplanned.filter((queued) => queued !== landing);
+    return this.#unplanned.length < count;
   }
 
   /** Forget a landing that the server refused; an older one goes on (6.5, rule 5). */

@@ -1,24 +1,13 @@
-/** A scene small enough to check by brute force, and chance that can be repeated. */
+/** A scene small enough to check by brute force. */
 
 import type { Bounds, SegmentFacts, Vec3 } from "../../src/core/types.ts";
+import { random } from "../random.ts";
 
 /** Segments along one side; boxes of 1 m with gaps of 1 m. */
 export const GRID = 6;
 
 /** Of the toy scene, metres. */
 export const MIDDLE: Vec3 = [GRID, 0, GRID];
-
-/** Numbers in [0, 1), the same for the same seed (mulberry32). */
-export function seeded(seed: number): () => number {
-  let state = seed >>> 0;
-  return () => {
-    state = (state + 0x6d2b79f5) >>> 0;
-    let t = state;
-    t = Math.imul(t ^ (t >>> 15), t | 1);
-    t ^= t + Math.imul(t ^ (t >>> 7), t | 61);
-    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
-  };
-}
 
 /** Two FNV-1a of 32 bit: stands in for XXH3, which the session is given from outside. */
 export function toyHash(bytes: Uint8Array): bigint {
@@ -50,9 +39,9 @@ export class ToyScene {
   constructor(options: { seed?: number; version?: string; mostBytes?: number } = {}) {
     const { seed = 0, version = "v1", mostBytes = 900 } = options;
     this.version = version;
-    const random = seeded(seed);
+    const chance = random(seed);
     for (let segment = 0; segment < GRID * GRID; segment++) {
-      const payload = Uint8Array.from({ length: 1 + Math.floor(random() * mostBytes) }, () => random() * 256);
+      const payload = Uint8Array.from({ length: 1 + Math.floor(chance() * mostBytes) }, () => chance() * 256);
       this.replace(segment, payload);
     }
   }

@@ -8,19 +8,17 @@ namespace Terraport.Tests
     /// A scene small enough to check by brute force: Grid x Grid segments in the plane y = 0, boxes of 1 m with gaps of 1 m;
     /// segment i is at (2 * (i % Grid), 0, 2 * (i / Grid)).
     /// </summary>
-    internal sealed class SessionToyScene
+    internal sealed class StreamToyScene
     {
         internal const int Grid = 6;
         internal const int FacesEach = 10;
         internal static readonly Vec3 Middle = new Vec3(Grid, 0, Grid);
-        internal static readonly Vec3 Corner = new Vec3(0, 0, 0);
-        internal static readonly Vec3 FarCorner = new Vec3(10, 0, 10);
 
         internal readonly string Version;
         internal readonly byte[][] Payloads = new byte[Grid * Grid][];
         internal readonly SegmentFacts[] Facts = new SegmentFacts[Grid * Grid];
 
-        internal SessionToyScene(int seed = 0, string version = "v1", int maxBytes = 900)
+        internal StreamToyScene(int seed = 0, string version = "v1", int maxBytes = 900)
         {
             Version = version;
             var random = new Random(seed);

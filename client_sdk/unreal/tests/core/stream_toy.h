@@ -2,6 +2,7 @@
 #pragma once
 
 #include "Terraport/Types.h"
+#include "Terraport/Xxh3.h"
 
 #include <algorithm>
 #include <cmath>
@@ -36,17 +37,6 @@ class Seeded {
   std::uint32_t state_;
 };
 
-/// Two FNV-1a of 32 bit: stands in for XXH3, which the session is given from outside.
-inline std::uint64_t toyHash(ByteSpan bytes) {
-  std::uint32_t high = 0x811c9dc5u;
-  std::uint32_t low = 0x01234567u;
-  for (std::size_t at = 0; at < bytes.size; ++at) {
-    high = (high ^ bytes.data[at]) * 0x01000193u;
-    low = (low ^ bytes.data[at]) * 0x01000193u;
-  }
-  return (std::uint64_t{high} << 32) | low;
-}
-
 /// Distance from a point to a box (6.1).
 inline double distance(const Vec3& centre, const Box& box) {
   const auto gap = [](double low, double at, double high) { return std::max({low - at, 0.0, at - high}); };
@@ -60,16 +50,14 @@ inline double distance(const Vec3& centre, const Box& box) {
 struct ToyScene {
   static constexpr std::uint32_t kGrid = 6;
 
-  std::string version;
-  std::uint64_t (*hash)(ByteSpan);
+  std::string version = "v1";
   std::vector<std::vector<std::uint8_t>> payloads;
   std::vector<SegmentFacts> facts;
 
-  explicit ToyScene(int mostBytes = 900, std::string name = "v1", std::uint64_t (*with)(ByteSpan) = &toyHash)
-      : version(std::move(name)), hash(with) {
+  ToyScene() {
     Seeded random(0);
     for (std::uint32_t segment = 0; segment < kGrid * kGrid; ++segment) {
-      std::vector<std::uint8_t> payload(static_cast<std::size_t>(1 + random.below(mostBytes)));
+      std::vector<std::uint8_t> payload(static_cast<std::size_t>(1 + random.below(900)));
       for (std::uint8_t& byte : payload) byte = static_cast<std::uint8_t>(random.below(256));
       payloads.emplace_back();
       facts.emplace_back();
@@ -84,7 +72,7 @@ struct ToyScene {
     SegmentFacts& row = facts[segment];
     row.segment = segment;
     row.length = static_cast<std::uint32_t>(payload.size());
-    row.xxh3 = hash({payload.data(), payload.size()});
+    row.xxh3 = xxh3Hash64({payload.data(), payload.size()});
     row.faces = 10;
     row.vertices = 12;
     row.bounds = {x, 0, z, x + 1, 0, z + 1};
@@ -106,9 +94,6 @@ struct ToyScene {
     return sum;
   }
 };
-
-/// The one that most tests land in.
-inline const ToyScene kToy;
 
 /// Of the toy scene, metres.
 constexpr Vec3 kMiddle{ToyScene::kGrid, 0, ToyScene::kGrid};

@@ -1,0 +1,140 @@
+/** The session corpus (tests/conformance/session): every history, step by step. */
+
+import { readdirSync, readFileSync } from "node:fs";
+import { beforeAll, describe, expect, test } from "vitest";
+import { prepareDecoders, xxh3 } from "../../src/core/payload/engines.ts";
+import type { SessionEvent } from "../../src/core/session/events.ts";
+import { ClientSession } from "../../src/core/session/session.ts";
+import { ProtocolViolation } from "../../src/core/session/violation.ts";
+import type { Budgets, Vec3 } from "../../src/core/types.ts";
+import { decodeMessage, encodeMessage } from "../../src/core/wire/codec.ts";
+
+const CORPUS = new URL("../../../../tests/conformance/session/", import.meta.url);
+/** Segments of the corpus' scenes. */
+const SEGMENTS = Array.from({ length: 36 }, (_, segment) => segment);
+
+type Do = readonly [string, ...unknown[]];
+
+/** What is told of a step; `out` are numbers of messages. */
+interface Told {
+  out?: number[];
+  events?: unknown[];
+  refused?: true;
+  violation?: true;
+  visible?: readonly number[];
+  held?: readonly number[];
+  unfinished?: number | null;
+}
+
+interface History {
+  readonly history: string;
+  readonly options: Readonly<Record<string, number | null>> & {
+    readonly cache_bytes: number;
+    readonly credit_bytes: number;
+  };
+}
+
+type Step = { readonly do: Do; readonly told: Told };
+
+beforeAll(prepareDecoders);
+
+describe.each(readdirSync(CORPUS).filter((name) => name.endsWith(".jsonl")))("%s", (name) => {
+  const lines = readFileSync(new URL(name, CORPUS), "utf-8").trimEnd().split("\n");
+  const [{ messages }, ...rest] = lines.map((line) => JSON.parse(line)) as [
+    { messages: string[] },
+    ...(History | Step)[],
+  ];
+  const starts = rest.flatMap((line, at) => ("history" in line ? [at] : []));
+
+  test(`${starts.length} histories`, () => {
+    expect(starts.length).toBeGreaterThan(0);
+    for (const [at, start] of starts.entries()) {
+      run(rest[start] as History, rest.slice(start + 1, starts[at + 1]) as Step[], messages);
+    }
+  });
+});
+
+function run({ history, options }: History, steps: readonly Step[], messages: readonly string[]): void {
+  const { max_triangles: maxTriangles, max_bytes: maxBytes, max_segments: maxSegments } = options;
+  const isGiven = ([, bound]: [string, unknown]) => bound !== null;
+  const budgets: Budgets = Object.fromEntries(Object.entries({ maxTriangles, maxBytes, maxSegments }).filter(isGiven));
+  const { credit_bytes: creditBytes, release_factor } = options;
+  const own = { client: "corpus", budgets, creditBytes, releaseFactor: release_factor ?? undefined };
+  const session = new ClientSession(own, options.cache_bytes, xxh3);
+  let before: Told = { visible: [], held: [], unfinished: null };
+  for (const [at, { do: command, told: expected }] of steps.entries()) {
+    const told: Told = {};
+    try {
+      const out = perform(session, command, messages);
+      if (out.length > 0) told.out = out.map((text) => messages.indexOf(text));
+    } catch (error) {
+      if (error instanceof ProtocolViolation) told.violation = true;
+      else if (error instanceof RangeError) told.refused = true;
+      else throw error;
+    }
+    const events = session.events().flatMap((event) => rowOf(event) ?? []);
+    if (events.length > 0) told.events = events;
+    const held = SEGMENTS.filter((segment) => session.holdings.has(segment));
+    const after = { visible: session.visible, held, unfinished: session.unfinished };
+    for (const key of ["visible", "held", "unfinished"] as const) {
+      if (JSON.stringify(after[key]) !== JSON.stringify(before[key])) Object.assign(told, { [key]: after[key] });
+    }
+    before = after;
+    expect(told, `${history}, step ${at}: ${command[0]}`).toEqual(expected);
+  }
+}
+
+/** Do one step; what is taken to be sent, in base64. */
+function perform(session: ClientSession, [name, ...given]: Do, messages: readonly string[]): string[] {
+  if (name === "take") return session.dataToSend().map(withoutTimings);
+  if (name === "receive") {
+    session.receive(new Uint8Array(Buffer.from(messages[given[0] as number]!, "base64")));
+  } else if (name === "text") session.receive(given[0] as string);
+  else if (name === "connected") session.connected(given[0] as boolean);
+  else if (name === "lost") session.connectionLost();
+  else if (name === "land") {
+    const [position, radiusM, inner, deadline] = given;
+    const options = { innerRadiusM: (inner as number) ?? undefined, deadlineMs: (deadline as number) ?? undefined };
+    session.land(numbers(position), number(radiusM), options);
+  } else if (name === "aim") session.aim(numbers(given[0]), number(given[1]));
+  else if (name === "flush") session.flushAim();
+  else if (name === "pick") session.pick(numbers(given[0]), given[1] === null ? undefined : numbers(given[1]));
+  else if (name === "bye") session.bye();
+  else throw new Error(`step ${name}`);
+  return [];
+}
+
+/** JSON has no word for NaN and infinity, a text has. */
+function number(value: unknown): number {
+  return typeof value === "string" ? Number(value.replace("inf", "Infinity")) : (value as number);
+}
+
+function numbers(values: unknown): Vec3 {
+  return (values as unknown[]).map(number) as unknown as Vec3;
+}
+
+/** A client may ask for the server's times; histories are of one that does not. */
+function withoutTimings(data: Uint8Array<ArrayBuffer>): string {
+  const message = decodeMessage(data, "client_to_server");
+  const told = message.type === "hello" ? encodeMessage({ ...message, timings: undefined }) : data;
+  return Buffer.from(told).toString("base64");
+}
+
+/** An event as the corpus tells it, in a list; null for those that clients name in their own ways. */
+function rowOf(event: SessionEvent): unknown[][] | null {
+  if (event.type === "opened") return [["opened", event.changed, event.heldCount]];
+  if (event.type === "planned") {
+    const { load, keep, nearby } = event.plan;
+    return [["planned", event.landing, load.map((facts) => facts.segment), keep, nearby]];
+  }
+  if (event.type === "arrived") return [["arrived", event.landing, event.entry.facts.segment]];
+  if (event.type === "degraded") return [["degraded", event.landing, event.segments]];
+  if (event.type === "ready") return [["ready", event.landing, event.visible, event.missing]];
+  if (event.type === "superseded") return [["superseded", event.landing, event.by]];
+  if (event.type === "prefetched") return [["prefetched", event.segments, event.bytes]];
+  if (event.type === "pick-answered") return [["picked", event.request, event.hit?.segment ?? null]];
+  if (event.type === "pick-refused") return [["pick refused", event.request, event.code]];
+  if (event.type === "refused") return [["refused", event.landing, event.code, event.fatal]];
+  if (event.type === "notice") return [["notice", event.kind]];
+  return null;
+}
