@@ -22,7 +22,7 @@ from terraport_store import is_url
 __all__ = ["export", "register"]
 
 
-_PACKAGES: Final = ("contourpy", "ezdxf", "rasterio")
+_PACKAGES: Final = ("contourpy", "ezdxf", "pyogrio", "rasterio", "shapely")
 """What the extra brings; some are imported only by the formats that need them."""
 
 
@@ -60,7 +60,7 @@ def export(
         Product | None,
         typer.Option(
             "--as",
-            help="What the file shall hold, where its ending leaves a choice (.tif, .dxf).",
+            help="What the file shall hold, where its ending leaves a choice (.tif, .dxf); regions, where it would hold contours (.gpkg, .geojson).",
             show_default=False,
         ),
     ] = None,
@@ -114,7 +114,7 @@ def export(
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")] = False,
 ) -> None:
-    """Hand a scene on: orthophoto, height model, mesh, points, contours, cross-sections.
+    """Hand a scene on: orthophoto, heights, mesh, points, contours, sections, regions.
 
     All coordinates are the survey's, in its own CRS and unit. Whole, in a rectangle, or some
     regions.
@@ -130,6 +130,8 @@ def export(
         terraport export scenes/pit -o stockpile.laz --region "stockpile 3"
 
         terraport export scenes/pit -o contours.gpkg --interval 0.5
+
+        terraport export scenes/pit -o regions.gpkg --as regions
 
         terraport export scenes/pit -o cut.dxf --as section --line "641150,8594650 641250,8594750"
     """
