@@ -60,7 +60,8 @@ def export(
         Product | None,
         typer.Option(
             "--as",
-            help="What the file shall hold, where its ending leaves a choice (.tif, .dxf); regions, where it would hold contours (.gpkg, .geojson).",
+            help="What the file shall hold, where its ending leaves a choice (.tif, .dxf), or is "
+            "not what it usually holds (regions in .gpkg, .geojson).",
             show_default=False,
         ),
     ] = None,

@@ -1,4 +1,4 @@
-"""Shapes with properties as a GIS file, written by GDAL (pyogrio): GeoPackage, GeoJSON, Shapefile."""
+"""Shapes with properties as GeoPackage, GeoJSON or Shapefile, written by GDAL (pyogrio)."""
 
 from __future__ import annotations
 

@@ -68,6 +68,7 @@ def read_drawings(
     crs: str | None = None,
     layer: str | None = None,
     name_field: str | None = None,
+    points: bool = False,
 ) -> Drawings:
     """Read a file and bring it into the scene's frame.
 
@@ -83,6 +84,8 @@ def read_drawings(
         Of a file with several.
     name_field : str, optional
         The property that names a feature; None: the first of name, label, layer that is there.
+    points : bool
+        Keep points too.
 
     Returns
     -------
@@ -120,25 +123,26 @@ def read_drawings(
     # (3) Into the scene's frame.
     stated = _crs(path, meta.get("crs"), crs, frame, shapes)
     convert = _conversion(path, stated, frame)
-    drawings, empty, points = [], 0, 0
+    drawings, empty, left = [], 0, 0
     for number, shape in enumerate(shapes, 1):
         if shape is None or shape.is_empty:
             empty += 1
             continue
-        moved = _outlined(shapely.transform(shape, convert))
+        in_scene = shapely.transform(shape, convert)
+        moved = in_scene if points and _is_points(shape) else _outlined(in_scene)
         if moved is None:
-            points += 1
+            left += 1
             continue
         text = None if values is None else _name(path, number, values[number - 1])
         drawings.append(Drawing(number, text, moved))
     skipped = []
     if empty:
         skipped.append(f"{empty} features without geometry")
-    if points:
-        skipped.append(f"{points} points and texts")
+    if left:
+        skipped.append(f"{left} points and texts")
     if not drawings:
         raise PlanError(
-            path, f"{points} points and no outline, expected polygons", "choose another layer"
+            path, f"{left} points and no outline, expected polygons", "choose another layer"
         )
     return Drawings(path, tuple(drawings), field, tuple(skipped))
 
@@ -239,6 +243,10 @@ def _conversion(path: Path, stated: CRS | None, frame: SurveyFrame) -> Any:
         return np.stack(frame.ground(east, north), axis=1)
 
     return convert
+
+
+def _is_points(shape: Any) -> bool:
+    return shape.geom_type in ("Point", "MultiPoint")
 
 
 def _outlined(shape: Any) -> Any | None:

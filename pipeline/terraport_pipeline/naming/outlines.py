@@ -11,10 +11,10 @@ import shapely
 
 from terraport_payload.types import Float64, Int32, Int64
 from terraport_pipeline.errors import PlanError
-from terraport_pipeline.geometry.mesh.adjacency import components
+from terraport_pipeline.geometry.regions.small_pieces import absorb_small
 from terraport_pipeline.naming.drawings import Drawing, Drawings
-from terraport_pipeline.published.ground import Ground
 from terraport_pipeline.naming.recut import Cut
+from terraport_pipeline.published.ground import Ground
 
 __all__ = ["Outlined", "PlaceFinder", "cut_along", "with_width"]
 
@@ -32,7 +32,7 @@ class Outlined:
 
     cut: Cut
     empty: tuple[str, ...]
-    """Outlines with no face of their own, as a person knows them: outside, or under smaller ones."""
+    """Outlines with no face of their own: outside, or under smaller ones."""
     shared_m2: float
     """Ground within more than one outline."""
 
@@ -73,7 +73,7 @@ def cut_along(ground: Ground, path: str, drawings: Sequence[Drawing]) -> Outline
     A face belongs to the area that its centre lies in; of several to the smallest (a stockpile
     lies in a pit), of equally large ones to the last. Each area becomes one region, whatever
     regions it lies across; what no area has stays with the region that it was in, but for crumbs
-    of fewer than 20 faces along an outline, which go to the area that they touch most.
+    of fewer than 20 faces along an outline, which go to what they touch most.
 
     Parameters
     ----------
@@ -121,30 +121,30 @@ def cut_along(ground: Ground, path: str, drawings: Sequence[Drawing]) -> Outline
 
 
 def _without_crumbs(ground: Ground, pieces: Int32, first: int) -> Int32:
-    """Give crumbs of regions that were cut to the areas beside them, which begin at `first`."""
-    neighbours, edges = ground.pairs
-    bit, count = components(len(pieces), neighbours, labels=pieces)
-    size = np.bincount(bit, minlength=count)
+    """Give crumbs of regions that were cut to what lies beside them; areas begin at `first`."""
+    neighbours, _ = ground.pairs
     cut = np.zeros(first, np.bool_)
     cut[ground.region_of_face[pieces >= first]] = True
-    is_crumb = (pieces < first) & (size[bit] < _CRUMB_FACES) & cut[ground.region_of_face]
-    both = np.concatenate([neighbours, neighbours[:, ::-1]])
-    touching = is_crumb[both[:, 0]] & (pieces[both[:, 1]] >= first)
-    if not touching.any():
-        return pieces
-    ends = ground.mesh.vertices[np.concatenate([edges, edges])[touching]].astype(np.float64)
-    length = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)
-    span = int(pieces.max()) + 1
-    keys, at = np.unique(
-        bit[both[touching, 0]].astype(np.int64) * span + pieces[both[touching, 1]],
-        return_inverse=True,
+    left = (pieces < first) & cut[ground.region_of_face]
+    # (1) The grid put corners of the smallest faces at one place: such a one has no neighbour, and
+    # goes with a face at its corner.
+    faces = ground.mesh.faces
+    alone = np.ones(len(pieces), np.bool_)
+    alone[neighbours] = False
+    at_corner = np.full(len(ground.mesh.vertices), -1, np.int32)
+    at_corner[faces[~alone].reshape(-1)] = np.repeat(pieces[~alone], 3)
+    beside = at_corner[faces[:, 0]]
+    pieces = np.where(left & alone & (beside >= 0), beside, pieces).astype(np.int32)
+    # (2) Bits of few faces go to what they touch most.
+    ones = np.ones(len(pieces), np.int64)
+    return absorb_small(
+        pieces,
+        ground.pairs,
+        ground.mesh.vertices,
+        ones,
+        _CRUMB_FACES,
+        movable=left & (pieces < first),
     )
-    crumb, area = np.divmod(keys, span)
-    order = np.lexsort((-area, np.bincount(at, length)))  # the last of a crumb is its longest
-    joins = np.full(count, -1, np.int64)
-    joins[crumb[order]] = area[order]
-    joined = is_crumb & (joins[bit] >= 0)
-    return np.where(joined, joins[bit], pieces).astype(np.int32)
 
 
 class PlaceFinder:

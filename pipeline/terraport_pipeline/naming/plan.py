@@ -9,11 +9,11 @@ import numpy as np
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.export.frame import survey_frame
 from terraport_pipeline.naming.drawings import read_drawings
-from terraport_pipeline.published.ground import read_ground
 from terraport_pipeline.naming.outlines import cut_along, with_width
 from terraport_pipeline.naming.recut import recut
 from terraport_pipeline.naming.republish import Republished, republish
 from terraport_pipeline.progress import Progress
+from terraport_pipeline.published.ground import read_ground
 from terraport_store import Scene
 
 __all__ = ["label_by_plan", "published_text"]

@@ -66,7 +66,7 @@ class Recut:
 
 
 def recut(ground: Ground, cut: Cut) -> Recut:
-    """Number the pieces of a cut, and measure them.
+    """Give the pieces of a cut their numbers, and measure them.
 
     Parameters
     ----------

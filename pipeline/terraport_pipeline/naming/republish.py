@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
@@ -17,9 +16,9 @@ from terraport_payload import AttributeScale, SegmentMesh, decode_glb, encode_gl
 from terraport_payload.types import Float32, Int32, Int64, UInt8
 from terraport_pipeline.geometry.mesh.face_measures import main_labels
 from terraport_pipeline.geometry.regions.base_regions import base_regions
-from terraport_pipeline.published.ground import Ground
 from terraport_pipeline.naming.recut import Recut
 from terraport_pipeline.progress import Progress
+from terraport_pipeline.published.ground import Ground
 from terraport_store import Manifest, Scene, SceneBusyError, change_labels, read_manifest
 from terraport_store.writer import SceneInfo, SceneWriter
 

@@ -97,7 +97,7 @@ def same_places(positions: Float64) -> tuple[Int64, Int64]:
 
 
 def welded_places(vertices: Float32) -> tuple[Bool, Int64]:
-    """Number the places that vertices stand at.
+    """Give the places that vertices stand at numbers.
 
     Parameters
     ----------

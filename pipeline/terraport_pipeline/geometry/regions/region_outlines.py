@@ -79,7 +79,8 @@ def times_around(points: Float64, starts: Float64, ends: Float64) -> Int64:
     Examples
     --------
     >>> square = np.array([[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]])
-    >>> times_around(np.array([[1.0, 1.0], [3.0, 1.0]]), square, np.roll(square, -1, axis=0)).tolist()
+    >>> ends = np.roll(square, -1, axis=0)
+    >>> times_around(np.array([[1.0, 1.0], [3.0, 1.0]]), square, ends).tolist()
     [1, 0]
     """
     count = np.zeros(len(points), np.int64)
