@@ -1,4 +1,4 @@
-"""What another cut of the same faces into regions does to numbers, names and facts. PURE.
+"""What another cut of the same faces into regions does to numbers, names and facts.
 
 Pieces are matched to the regions before by the area that they share, as a build matches them
 (:mod:`~terraport_pipeline.geometry.regions.region_match`), but exactly: the faces are the same.
@@ -21,6 +21,7 @@ from terraport_pipeline.geometry.regions.region_totals import (
     tile_totals,
     totals_document,
 )
+from terraport_pipeline.naming.views import best_views
 from terraport_pipeline.published.ground import Ground
 
 __all__ = ["MAX_REGIONS", "Cut", "Recut", "recut"]
@@ -30,6 +31,9 @@ MAX_REGIONS: Final = 65_536
 
 _LEAST_M2: Final = 1e-9
 """What a face without area counts."""
+
+_OF_NAMES: Final = ("label", "class", "confidence")
+"""What regions.json says of a region's name."""
 
 _OF_SHARES: Final = ("cut_m3", "fill_m3", "area_m2", "uncertainty_m3")
 
@@ -107,20 +111,28 @@ def recut(ground: Ground, cut: Cut) -> Recut:
     rows = _rows(ground, regions, count)
     piece_of_region = np.argsort(region_of_piece)
     called = {int(n): ground.names.label(r) for r, n in enumerate(ground.names.stable_ids)}
+    old_of_piece = _lies_in(pieces, before, count)
+    labels: dict[int, str] = {}
     for row, piece in zip(rows, piece_of_region.tolist(), strict=True):
-        given = int(numbers[piece])
+        given, number, was = int(numbers[piece]), int(ids[piece]), int(old_of_piece[piece])
+        row["stable_id"] = number
         name = cut.names.get(given)
-        row["stable_id"] = int(ids[piece])
-        # Published with the version: whoever reads it before labels.json is written sees the name.
-        if name is not None and name != called.get(int(ids[piece])):
-            row["label"] = name
+        if name is None and was >= 0:
+            # What is left of a region is still what it was.
+            rest = ground.document["regions"][was]
+            row.update({key: rest[key] for key in _OF_NAMES if key in rest})
+            name = ground.names.label(was)
+        if name is not None:
+            labels[number] = name
+            # Published with the version: who reads it before labels.json is written sees the name.
+            if name != called.get(number):
+                row["label"] = name
         row.update(cut.facts.get(given, {}))
+    # (4) Where to see them from; a region that is as it was keeps its place.
+    open_ = [n for n, row in enumerate(rows) if row["stable_id"] in labels and "place" not in row]
+    for region, place in best_views(ground, regions, open_).items():
+        rows[region]["place"] = place
     document = {**ground.document, "next_stable_id": first_free, "regions": rows}
-    # (4) Names: those that are brought, and of what is left of a region that has one.
-    labels = _kept_labels(ground, pieces, ids)
-    for piece, given in enumerate(numbers.tolist()):
-        if given in cut.names:
-            labels[int(ids[piece])] = cut.names[given]
     return Recut(regions, document, labels, len(new))
 
 
@@ -145,21 +157,13 @@ def _numbered(count: int, new: Int32, old: Int32) -> Int32:
     return number
 
 
-def _kept_labels(ground: Ground, pieces: Int32, ids: Int64) -> dict[int, str]:
-    """Labels of users for what is left of their regions under another stable id."""
-    names = ground.names
-    labels: dict[int, str] = {}
-    # A piece lies in one region before unless it was drawn across several.
-    most = np.full(len(ids), -1, np.int64)
-    least = np.full(len(ids), np.iinfo(np.int64).max)
-    np.maximum.at(most, pieces, ground.region_of_face)
-    np.minimum.at(least, pieces, ground.region_of_face)
-    for piece in np.flatnonzero(most == least).tolist():
-        number = names.stable_id(int(most[piece]))
-        label = None if number is None else names.label(int(most[piece]))
-        if label is not None and int(ids[piece]) != number:
-            labels[int(ids[piece])] = label
-    return labels
+def _lies_in(pieces: Int32, before: Int32, count: int) -> Int64:
+    """Say which region before every piece lies in; -1 of one that lies across several."""
+    most = np.full(count, -1, np.int64)
+    least = np.full(count, np.iinfo(np.int64).max)
+    np.maximum.at(most, pieces, before)
+    np.minimum.at(least, pieces, before)
+    return np.where(most == least, most, -1)
 
 
 def _rows(ground: Ground, regions: Int32, count: int) -> list[dict[str, Any]]:
