@@ -8,6 +8,7 @@
     │       └── NoPointsError    the file is whole and says itself that it has no points
     ├── PhotoError           photos or cameras fit neither each other nor the survey
     ├── LabelFileError       a table of labels cannot be used; carries path and line
+    ├── PlanError            a drawing of regions, strokes or a model of them cannot be used
     ├── OptionError          an option is out of range or contradicts another
     ├── ResourceError        not enough memory or disk
     ├── EngineError          a child process (Poisson) failed
@@ -31,6 +32,7 @@ __all__ = [
     "OptionError",
     "PhotoError",
     "PipelineError",
+    "PlanError",
     "ReadError",
     "ResourceError",
     "StageFailedError",
@@ -106,6 +108,29 @@ class LabelFileError(PipelineError, ValueError):
 
     def __str__(self) -> str:
         return f"{self.path} line {self.line}: {self.reason}; {self.advice}"
+
+
+class PlanError(PipelineError, ValueError):
+    """Outlines, strokes or a model of regions cannot be used; the scene is as it was.
+
+    Attributes
+    ----------
+    path : pathlib.Path or str
+        The file.
+    reason : str
+        What was received and what was expected; lower-case, no full stop.
+    advice : str
+        What to do about it.
+    """
+
+    def __init__(self, path: Path | str, reason: str, advice: str) -> None:
+        super().__init__(path, reason, advice)
+        self.path = path
+        self.reason = reason
+        self.advice = advice
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.reason}; {self.advice}"
 
 
 class OptionError(PipelineError, ValueError):

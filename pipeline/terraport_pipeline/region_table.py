@@ -50,10 +50,14 @@ def region_rows(
         ``east_m``, ``north_m``, ``height_m`` (of the centre, in the survey's coordinates),
         ``lowest_m``, ``highest_m``, ``mean_colour`` (``#rrggbb``), ``slope_deg``, ``roughness_m``.
         Of a scene that was built over another also ``cut_m3``, ``fill_m3`` and
-        ``volume_uncertainty_m3``. Equal areas: by region.
+        ``volume_uncertainty_m3``; of one that was taught ``class`` and ``confidence``. Equal
+        areas: by region.
     """
     rows = []
     was_renewed = isinstance(document.get("change"), Mapping)
+    was_taught = any(
+        isinstance(facts, Mapping) and "class" in facts for facts in document.get("regions", [])
+    )
     for region, facts in enumerate(document.get("regions", [])):
         values: Mapping[str, Any] = facts if isinstance(facts, Mapping) else {}
         x, y, z = _numbers(values.get("centroid"))
@@ -76,6 +80,14 @@ def region_rows(
                 "slope_deg": _number(steep.get("mean")),
                 "roughness_m": _number(values.get("roughness_m")),
                 **(_volumes(values.get("change")) if was_renewed else {}),
+                **(
+                    {
+                        "class": _text(values.get("class")),
+                        "confidence": _number(values.get("confidence")),
+                    }
+                    if was_taught
+                    else {}
+                ),
             }
         )
     rows.sort(key=lambda row: (-(_number(row["area_m2"]) or 0.0), row["region"]))
@@ -228,6 +240,10 @@ def _volumes(change: object) -> dict[str, float | None]:
         "fill_m3": _number(values.get("fill_m3", 0.0)),
         "volume_uncertainty_m3": _number(values.get("uncertainty_m3", 0.0)),
     }
+
+
+def _text(value: object) -> str | None:
+    return value if isinstance(value, str) else None
 
 
 def _css(colour: object) -> str | None:

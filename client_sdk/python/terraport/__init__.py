@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from terraport.live import Session
     from terraport.mesh import mixed_model, to_trimesh, write_glb
     from terraport.obj import write_obj
+    from terraport.places import Place
     from terraport.segment import Segment
     from terraport.session_stats import SessionStats
     from terraport.textures import decode_texture, vertex_colours
@@ -47,6 +48,7 @@ __all__ = [
     "LandingSuperseded",
     "LandingTrace",
     "OutsideSceneWarning",
+    "Place",
     "Segment",
     "Session",
     "SessionStats",
@@ -75,6 +77,7 @@ _HOMES: Final = {
     "LandingSuperseded": "errors",
     "LandingTrace": "trace",
     "OutsideSceneWarning": "errors",
+    "Place": "places",
     "Segment": "segment",
     "Session": "live",
     "SessionStats": "session_stats",

@@ -17,6 +17,7 @@ from terraport.access import Access
 from terraport.base import BaseMesh
 from terraport.disk_cache import DiskCache
 from terraport.errors import HttpError, ProtocolViolationError, UsageError
+from terraport.places import Place, places_of
 from terraport.unreached import why_unreached
 from terraport.urls import SceneUrl
 
@@ -25,6 +26,8 @@ __all__ = ["MAX_BASE_BYTES", "SceneHttp"]
 MAX_BASE_BYTES: Final = 1 << 30
 """Largest base mesh or cover that is read; a base of 5 M faces takes about 60 MB."""
 _MAX_MANIFEST_BYTES: Final = 16 << 20
+_MAX_REGIONS_BYTES: Final = 256 << 20
+"""Largest regions.json that a scene may have."""
 
 
 class SceneHttp:
@@ -113,6 +116,20 @@ class SceneHttp:
         cover = await self._file("base.cover", version, files, disk)
         return await asyncio.to_thread(BaseMesh.of, version, glb, cover)
 
+    async def places(self, version: str) -> tuple[Place, ...]:
+        """Return the named regions of a version, under the names that they have now.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer, or does not have that version any more.
+        """
+        regions = await self._json(
+            f"{self._url.http}/regions.json", version, max_bytes=_MAX_REGIONS_BYTES
+        )
+        labels = await self._json(f"{self._url.http}/labels.json", max_bytes=_MAX_REGIONS_BYTES)
+        return places_of(regions, labels)
+
     async def aclose(self) -> None:
         """Close all connections."""
         await self._client.aclose()
@@ -135,8 +152,10 @@ class SceneHttp:
             await asyncio.to_thread(disk.put_blob, name, data)
         return data
 
-    async def _json(self, url: str, version: str | None = None) -> dict[str, Any]:
-        data = await self._get(url, version, _MAX_MANIFEST_BYTES)
+    async def _json(
+        self, url: str, version: str | None = None, *, max_bytes: int = _MAX_MANIFEST_BYTES
+    ) -> dict[str, Any]:
+        data = await self._get(url, version, max_bytes)
         try:
             document = json.loads(data)
         except ValueError as error:

@@ -32,6 +32,7 @@ from terraport.http import SceneHttp
 from terraport.intake import EventIntake
 from terraport.landing import Landing
 from terraport.link import Link
+from terraport.places import Place
 from terraport.puller import Puller
 from terraport.scene_box import SceneBox
 from terraport.session import ClientSession
@@ -178,6 +179,20 @@ class Session:
             while self._base is None or self._base.version != self.scene.version:
                 self._base = await self._http.base(self.scene.version, self._disk)
             return self._base
+
+    async def places(self) -> tuple[Place, ...]:
+        """Return the named regions as places to land at, by name, the largest of each first.
+
+        ``await session.land(place.position, place.radius_m)`` shows it: at its best view where one
+        was chosen (:attr:`Place.is_view`), else land on the ground under its middle, which
+        :meth:`pick` finds.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer.
+        """
+        return await self._http.places(self.scene.version)
 
     # ---- commands
 

@@ -28,6 +28,7 @@ from terraport.access import Token
 from terraport.base import BaseMesh
 from terraport.disk_cache import DEFAULT_DISK_BYTES
 from terraport.errors import SessionClosedError
+from terraport.places import Place
 from terraport.sync_group import Group, GroupLanding
 from terraport.sync_landing import Landing
 from terraport.timeouts import Timeouts
@@ -171,6 +172,10 @@ class Session:
     def manifest(self) -> dict[str, Any]:
         """Return the manifest; see :meth:`terraport.Session.manifest`."""
         return self._wait(self._open.manifest())
+
+    def places(self) -> tuple[Place, ...]:
+        """Return the named regions; see :meth:`terraport.Session.places`."""
+        return self._wait(self._open.places())
 
     def visible_set_hash(self) -> str:
         """Return what identifies the picture; see :meth:`terraport.Session.visible_set_hash`."""

@@ -22,7 +22,7 @@ from terraport_store import is_url
 __all__ = ["export", "register"]
 
 
-_PACKAGES: Final = ("contourpy", "ezdxf", "rasterio")
+_PACKAGES: Final = ("contourpy", "ezdxf", "pyogrio", "rasterio", "shapely")
 """What the extra brings; some are imported only by the formats that need them."""
 
 
@@ -61,7 +61,8 @@ def export(
         Product | None,
         typer.Option(
             "--as",
-            help="What the file shall hold, where its ending leaves a choice (.tif, .dxf).",
+            help="What the file shall hold, where its ending leaves a choice (.tif, .dxf), or is "
+            "not what it usually holds (regions in .gpkg, .geojson).",
             show_default=False,
         ),
     ] = None,
@@ -131,7 +132,7 @@ def export(
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")] = False,
 ) -> None:
-    """Hand a scene on: orthophoto, height model, mesh, points, contours, cross-sections, tiles.
+    """Hand a scene on: orthophoto, heights, mesh, points, contours, sections, regions, tiles.
 
     All coordinates are the survey's, in its own CRS and unit; those of 3D Tiles (for Cesium and
     others) are Earth-centred. Whole, in a rectangle, or some regions.
@@ -147,6 +148,8 @@ def export(
         terraport export scenes/pit -o stockpile.laz --region "stockpile 3"
 
         terraport export scenes/pit -o contours.gpkg --interval 0.5
+
+        terraport export scenes/pit -o regions.gpkg --as regions
 
         terraport export scenes/pit -o cut.dxf --as section --line "641150,8594650 641250,8594750"
 

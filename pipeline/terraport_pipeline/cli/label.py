@@ -11,7 +11,9 @@ from rich.table import Table
 from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors
+from terraport_pipeline.cli.extras import require_drawings
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.region_table import read_label_changes, region_rows, region_table_text
 from terraport_store import RegionNames, change_labels, is_url, read_manifest, read_names
 
@@ -19,6 +21,9 @@ __all__ = ["label", "regions_table", "register"]
 
 _SHOWN: Final = 30
 """Regions that a terminal lists; the exported table has all."""
+
+_TABLES: Final = (".csv", ".tsv", ".txt", "")
+"""Endings of tables; what ends otherwise is a plan."""
 
 _LABEL_WIDTH: Final = 16
 """Columns that labels get at least; longer ones go on in the next line."""
@@ -40,7 +45,9 @@ def label(
     table: Annotated[
         Path | None,
         typer.Argument(
-            help="CSV with the columns stable_id and label. Without it: show the regions.",
+            metavar="[TABLE|PLAN]",
+            help="CSV with the columns stable_id and label; or a plan to cut the regions along: "
+            "GeoJSON, Shapefile, GeoPackage, DXF. Without either: show the regions.",
             show_default=False,
         ),
     ] = None,
@@ -48,6 +55,35 @@ def label(
         Path | None,
         typer.Option(
             help="Write such a table with every region's facts; - writes to standard output.",
+            show_default=False,
+        ),
+    ] = None,
+    name_field: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PROPERTY",
+            help="What names a plan's outlines. [default: name, label or layer]",
+            show_default=False,
+        ),
+    ] = None,
+    buffer_m: Annotated[
+        float | None,
+        typer.Option(
+            metavar="METRES",
+            help="How far the region of a plan's open line (the centre line of a road) reaches to "
+            "either side.",
+            show_default=False,
+        ),
+    ] = None,
+    layer: Annotated[
+        str | None, typer.Option(help="Of a plan that has several.", show_default=False)
+    ] = None,
+    crs: Annotated[
+        str | None,
+        typer.Option(
+            metavar="EPSG:CODE",
+            help="What a plan's coordinates are in, where its file does not say (DXF) or says it "
+            "wrong.",
             show_default=False,
         ),
     ] = None,
@@ -64,6 +100,14 @@ def label(
 
     Which region is which: its area, centre, heights, colour, slope and roughness stand beside it,
     and the report (terraport report) shows every region in a colour of its own.
+
+    What the mine has drawn already need not be typed:
+
+        terraport label scenes/pit roads-and-stockpiles.gpkg
+
+    cuts the regions along its outlines, which become regions of their own with their names. A
+    triangle belongs to the outline that its centre lies in, of several to the smallest. The scene
+    is published anew; clients load again what was cut, and nothing else.
 
     Labels belong to stable ids, so they are still there after the survey was built again: a region
     keeps its stable id as long as it is the same piece of ground. Rows that the table does not have
@@ -86,6 +130,34 @@ def label(
                 f"{scene} is an address; set labels in the scene's folder, then: terraport upload "
                 f"SCENE {scene}"
             )
+        of_plans = {
+            "--name-field": name_field,
+            "--buffer-m": buffer_m,
+            "--layer": layer,
+            "--crs": crs,
+        }
+        is_plan = table is not None and table.suffix.lower() not in _TABLES
+        for option, value in of_plans.items():
+            if value is not None and not is_plan:
+                raise OptionError(f"{option} is of plans (.geojson, .gpkg, .shp, .dxf)")
+        if table is not None and is_plan:
+            require_drawings("a plan")
+            # What reads drawings is loaded for them alone.
+            from terraport_pipeline.naming.plan import label_by_plan
+
+            with RichProgress(console) as progress:
+                said = label_by_plan(
+                    Path(scene),
+                    table,
+                    progress,
+                    name_field=name_field,
+                    buffer_m=buffer_m,
+                    layer=layer,
+                    crs=crs,
+                )
+            for line in said:
+                console.print(line, markup=False, highlight=False)
+            return
         names, document = read_names(scene)
         if table is not None:
             changes = read_label_changes(table, names)

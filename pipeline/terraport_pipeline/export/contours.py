@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,15 +9,16 @@ from typing import Any, Final
 
 import contourpy
 import numpy as np
+import shapely
 
 from terraport_payload.types import Float32, Float64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.export.dxf import new_drawing, save_drawing
 from terraport_pipeline.export.frame import SurveyFrame
-from terraport_pipeline.export.geopackage import write_height_lines
 from terraport_pipeline.export.raster_grid import PixelGrid
 from terraport_pipeline.export.sampling import height_windows
 from terraport_pipeline.export.selection import SelectedScene
+from terraport_pipeline.export.vector_file import write_shapes
 from terraport_pipeline.progress import Progress
 
 __all__ = ["write_contours"]
@@ -93,8 +93,8 @@ def write_contours(
             f"no contour at a multiple of {interval:g} {frame.height_unit_name}; expected a "
             "smaller --interval, or more ground"
         )
-    writers = {".dxf": _write_dxf, ".geojson": _write_geojson, ".gpkg": _write_gpkg}
-    writers[path.suffix.lower()](path, lines, frame)
+    write = _write_dxf if path.suffix.lower() == ".dxf" else _write_shapes
+    write(path, lines, frame)
     return {
         "step": f"{grid.step:.6g} {frame.unit_name}",
         "interval": f"{interval:g} {frame.height_unit_name}",
@@ -150,43 +150,10 @@ def _write_dxf(path: Path, lines: list[_Contour], frame: SurveyFrame) -> None:
     save_drawing(drawing, path)
 
 
-def _write_geojson(path: Path, lines: list[_Contour], frame: SurveyFrame) -> None:
-    """Write GeoJSON in the survey's own CRS, which ``crs`` names.
-
-    RFC 7946 knows degrees alone and dropped that member; GDAL and QGIS read it, and a survey's
-    lines in degrees would be good to a centimetre only.
-    """
-    document: dict[str, Any] = {"type": "FeatureCollection", "name": path.stem}
-    code = None if frame.crs is None else frame.crs.to_epsg()
-    if code is not None:
-        name = f"urn:ogc:def:crs:EPSG::{code}"
-        document["crs"] = {"type": "name", "properties": {"name": name}}
-    elif frame.crs is not None:
-        raise OptionError(
-            f"contours in {frame.crs.name}, which has no EPSG code, as GeoJSON, which names a CRS "
-            "by it; expected .gpkg or .dxf"
-        )
-    with path.open("w", encoding="utf-8") as file:
-        head = json.dumps(document)
-        file.write(head[:-1] + ', "features": [\n')
-        for number, line in enumerate(lines):
-            feature = {
-                "type": "Feature",
-                "properties": {"height": line.height, "is_index": line.is_index},
-                "geometry": {
-                    "type": "LineString",
-                    "coordinates": np.round(line.points, 3).tolist(),
-                },
-            }
-            file.write((",\n" if number else "") + json.dumps(feature))
-        file.write("\n]}\n")
-
-
-def _write_gpkg(path: Path, lines: list[_Contour], frame: SurveyFrame) -> None:
-    write_height_lines(
-        path,
-        [line.points for line in lines],
-        [line.height for line in lines],
-        [line.is_index for line in lines],
-        frame.crs,
-    )
+def _write_shapes(path: Path, lines: list[_Contour], frame: SurveyFrame) -> None:
+    properties = {
+        "height": [float(line.height) for line in lines],
+        "is_index": [bool(line.is_index) for line in lines],
+    }
+    shapes = [shapely.LineString(line.points) for line in lines]
+    write_shapes(path, "contours", "LineString", shapes, properties, frame)

@@ -21,6 +21,7 @@ from terraport_pipeline.export.selection import (
     find_regions,
     ground_extent,
 )
+from terraport_pipeline.export.vector_file import SHAPEFILE_COMPANIONS
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_store import Scene
@@ -277,8 +278,20 @@ def _tiles(job: _Job) -> dict[str, Any]:
     )
 
 
+def _regions(job: _Job) -> dict[str, Any]:
+    from terraport_pipeline.export.region_shapes import write_region_shapes
+
+    return write_region_shapes(job.path, job.selected, job.progress)
+
+
 def _alone(_path: Path) -> tuple[str, ...]:
     return ()
+
+
+def _of_shapefile(path: Path) -> tuple[str, ...]:
+    if path.suffix.lower() != ".shp":
+        return ()
+    return tuple(f"{path.stem}{ending}" for ending in SHAPEFILE_COMPANIONS)
 
 
 _Writer = Callable[[_Job], dict[str, Any]]
@@ -288,8 +301,9 @@ _WRITERS: Final[dict[Product, tuple[_Writer, Callable[[Path], tuple[str, ...]]]]
     "heights": (_heights, _alone),
     "mesh": (_mesh, mesh_companions),
     "points": (_points, _alone),
-    "contours": (_contours, _alone),
+    "contours": (_contours, _of_shapefile),
     "section": (_section, _alone),
+    "regions": (_regions, _of_shapefile),
     "tiles": (_tiles, _alone),
 }
 """What writes each product, and the names of what it may write beside the file."""

@@ -9,7 +9,9 @@ from terraport_pipeline.errors import OptionError
 
 __all__ = ["ENDINGS", "PRODUCTS", "Product", "product_of"]
 
-Product = Literal["orthophoto", "heights", "mesh", "points", "contours", "section", "tiles"]
+Product = Literal[
+    "orthophoto", "heights", "mesh", "points", "contours", "section", "regions", "tiles"
+]
 
 PRODUCTS: Final[tuple[Product, ...]] = get_args(Product)
 
@@ -21,13 +23,21 @@ ENDINGS: Final[dict[str, tuple[Product, ...]]] = {
     ".ply": ("mesh",),
     ".las": ("points",),
     ".laz": ("points",),
-    ".gpkg": ("contours",),
-    ".geojson": ("contours",),
-    ".dxf": ("contours", "section"),
+    ".gpkg": ("contours", "regions"),
+    ".geojson": ("contours", "regions"),
+    ".shp": ("contours", "regions"),
+    ".dxf": ("contours", "section", "regions"),
     ".csv": ("section",),
     ".3tz": ("tiles",),
 }
 """What a file of each ending may hold."""
+
+_USUAL: Final[dict[str, Product]] = {
+    ".gpkg": "contours",
+    ".geojson": "contours",
+    ".shp": "regions",
+}
+"""What it holds where nobody says."""
 
 
 def product_of(path: Path, stated: Product | None) -> Product:
@@ -38,7 +48,7 @@ def product_of(path: Path, stated: Product | None) -> Product:
     path : Path
         Its ending is the format; tiles may be a folder, of any other name.
     stated : Product, optional
-        What the user says; needed where the ending leaves a choice.
+        What the user says; needed where the ending leaves a choice (.tif, .dxf).
 
     Raises
     ------
@@ -61,6 +71,9 @@ def product_of(path: Path, stated: Product | None) -> Product:
             f"{' '.join(ENDINGS)}"
         )
     if stated is None:
+        usual = _USUAL.get(path.suffix.lower())
+        if usual is not None:
+            return usual
         if len(possible) > 1:
             choice = " or ".join(f"--as {product}" for product in possible)
             raise OptionError(f"{path.name} may be {' or '.join(possible)}; add {choice}")

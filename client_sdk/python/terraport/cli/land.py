@@ -34,6 +34,7 @@ from terraport.landing import Landing
 from terraport.live import Session
 from terraport.mesh import mixed_model, write_glb
 from terraport.obj import write_obj
+from terraport.places import find_place
 from terraport.scene_box import SceneBox
 from terraport.textures import vertex_colours
 from terraport.timeouts import Timeouts
@@ -42,6 +43,8 @@ from terraport_payload import AttributeScale, SegmentMesh
 
 __all__ = ["land", "register"]
 
+_RADIUS_M: Final = 60.0
+"""Of a landing where nobody says."""
 _PICTURE: Final = (1280, 720)
 """Width and height of ``--png`` in pixels."""
 _PHOTO_RELIEF: Final = 0.4
@@ -68,7 +71,21 @@ def land(
     z: Annotated[
         float | None, typer.Argument(help="Metres south of the origin.", show_default=False)
     ] = None,
-    radius: Annotated[float, typer.Option(help="Metres around the place.")] = 60.0,
+    radius: Annotated[
+        float | None,
+        typer.Option(
+            help="Metres around the place. [default: 60, or what shows the region]",
+            show_default=False,
+        ),
+    ] = None,
+    region: Annotated[
+        str | None,
+        typer.Option(
+            metavar="NAME|ID",
+            help="Instead of X Y Z: land where this region is seen best.",
+            show_default=False,
+        ),
+    ] = None,
     crs: Annotated[
         bool,
         typer.Option("--crs", help="X Y Z are E, N, H as the survey has them."),
@@ -126,6 +143,10 @@ def land(
 
     The second landing at the same place costs no bytes: its segments are held.
 
+        terraport land http://127.0.0.1:8080/scenes/pit --region "stockpile 3" --png here.png
+
+    lands where that region is seen best.
+
         terraport land http://127.0.0.1:8080/scenes/pit --group tour --as Ben
 
         terraport land http://127.0.0.1:8080/scenes/pit 12 0 -40 --group tour --guide --members 2
@@ -133,7 +154,12 @@ def land(
     The first waits until the second, the guide, lands them both.
     """
     group_options = None if group is None else GroupOptions(group, guide, member_name, members)
-    coordinates = place_of((x, y, z), group_options, repeat)
+    if region is not None and (x is not None or crs or ground):
+        raise UsageError("got --region with X Y Z, --crs or --ground, expected one of them")
+    is_led = group_options is not None and not group_options.guide
+    if region is not None and is_led:
+        raise UsageError("got --region as a member of a group, expected none: the guide says")
+    coordinates = None if region is not None else place_of((x, y, z), group_options, repeat)
     # What cannot be written is said before the landing, which may take minutes.
     if png is not None:
         _require_pictures()
@@ -154,6 +180,7 @@ def land(
             url,
             coordinates,
             radius,
+            region=region,
             group_options=group_options,
             crs=crs,
             ground=ground,
@@ -183,8 +210,9 @@ async def _with_advice(landing: Awaitable[None], url: str, token: str | None) ->
 async def _land(
     url: str,
     coordinates: tuple[float, float, float] | None,
-    radius_m: float,
+    asked_radius_m: float | None,
     *,
+    region: str | None,
     group_options: GroupOptions | None,
     crs: bool,
     ground: bool,
@@ -207,9 +235,17 @@ async def _land(
         manifest = await session.manifest()
 
         # (1) Where to. A member of a group never asks: its guide says.
+        place = None if region is None else find_place(await session.places(), region)
+        radius_m = asked_radius_m or (_RADIUS_M if place is None else place.radius_m)
+
         async def target() -> tuple[float, float, float]:
-            assert coordinates is not None
             box = SceneBox.of(manifest)
+            if place is not None:
+                under = (
+                    None if place.is_view else await session.pick(box.at_its_height(place.position))
+                )
+                return place.position if under is None else under.position
+            assert coordinates is not None
             position = coordinates
             if crs:
                 position = to_scene(coordinates, manifest["origin"], manifest.get("survey_units"))
@@ -243,6 +279,8 @@ async def _land(
 
         # (3) Write what was asked for, then say it: the report names the files.
         facts = await _report_facts(session, position, manifest, landing_facts)
+        if place is not None:
+            facts["region"] = asdict(place)
         if group_facts is not None:
             facts["group"] = group_facts
         if glb is not None or png is not None:

@@ -77,6 +77,12 @@ VERBS: Final = (
         "Call the regions of a scene something; picks in VR answer with it.",
     ),
     Verb(
+        "teach",
+        "terraport_pipeline.cli.teach",
+        "teach",
+        "Teach a scene what its ground is called, by a few strokes per name.",
+    ),
+    Verb(
         "validate",
         "terraport_pipeline.cli.validate",
         "pipeline",
@@ -122,7 +128,7 @@ VERBS: Final = (
         "export",
         "terraport_pipeline.cli.export",
         "export",
-        "Hand a scene on: orthophoto, heights, mesh, points, contours, sections.",
+        "Hand a scene on: orthophoto, heights, mesh, points, contours, regions.",
     ),
     Verb(
         "segment",

@@ -11,11 +11,11 @@ from typing import Final
 import numba
 import numpy as np
 
-from terraport_payload.types import Float32, Float64, Int32, Int64
+from terraport_payload.types import Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 from terraport_pipeline.geometry.mesh.trim import compact
 
-__all__ = ["block_meshes", "face_blocks", "same_places", "weld"]
+__all__ = ["block_meshes", "face_blocks", "same_places", "weld", "welded_places"]
 
 _SIDE_BITS: Final = 9
 """The ground is divided into 512 x 512 squares: a block's border is as coarse as a square, and the
@@ -96,6 +96,32 @@ def same_places(positions: Float64) -> tuple[Int64, Int64]:
     return first[order].astype(np.int64), rank[number.reshape(-1)]
 
 
+def welded_places(vertices: Float32) -> tuple[Bool, Int64]:
+    """Give the places that vertices stand at numbers.
+
+    Parameters
+    ----------
+    vertices : ndarray of shape (V, 3), float32
+
+    Returns
+    -------
+    stays : ndarray of shape (V,), bool
+        Whether a vertex is the first of its place.
+    number : ndarray of shape (V,), int64
+        The place of every vertex, in the order in which places come first.
+    """
+    bits = np.ascontiguousarray(vertices + np.float32(0.0)).view(np.int32)
+    order = np.lexsort((bits[:, 2], bits[:, 1], bits[:, 0]))
+    new = np.ones(len(order), dtype=bool)
+    new[1:] = (bits[order[1:]] != bits[order[:-1]]).any(axis=1)
+    # lexsort is stable: the first of each run is the lowest row.
+    first = np.empty(len(order), dtype=np.int64)
+    first[order] = order[new][np.cumsum(new) - 1]
+    stays = first == np.arange(len(order))
+    number = (np.cumsum(stays) - 1)[first]
+    return stays, number
+
+
 def weld(vertices: Float32, faces: Int32) -> tuple[Float32, Int32]:
     """Make vertices at one place one vertex.
 
@@ -111,15 +137,7 @@ def weld(vertices: Float32, faces: Int32) -> tuple[Float32, Int32]:
     faces : ndarray of shape (F', 3), int32
         Those that still have three corners.
     """
-    bits = np.ascontiguousarray(vertices + np.float32(0.0)).view(np.int32)
-    order = np.lexsort((bits[:, 2], bits[:, 1], bits[:, 0]))
-    new = np.ones(len(order), dtype=bool)
-    new[1:] = (bits[order[1:]] != bits[order[:-1]]).any(axis=1)
-    # lexsort is stable: the first of each run is the lowest row.
-    first = np.empty(len(order), dtype=np.int64)
-    first[order] = order[new][np.cumsum(new) - 1]
-    stays = first == np.arange(len(order))
-    number = (np.cumsum(stays) - 1)[first]
+    stays, number = welded_places(vertices)
     welded = number[faces].astype(np.int32)
     a, b, c = welded.T
     return vertices[stays], np.ascontiguousarray(welded[(a != b) & (b != c) & (c != a)])

@@ -1,0 +1,1 @@
+"""What ground looks like, and what a forest makes of it."""

@@ -1,0 +1,1 @@
+"""Regions that people bring or teach: read, put on the ground, and published."""

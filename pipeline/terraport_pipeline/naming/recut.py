@@ -1,0 +1,244 @@
+"""What another cut of the same faces into regions does to numbers, names and facts.
+
+Pieces are matched to the regions before by the area that they share, as a build matches them
+(:mod:`~terraport_pipeline.geometry.regions.region_match`), but exactly: the faces are the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+
+from terraport_payload.types import Float64, Int32, Int64
+from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE
+from terraport_pipeline.geometry.regions.region_match import Overlaps, carry_ids, match_regions
+from terraport_pipeline.geometry.regions.region_totals import (
+    slope_bins,
+    tile_totals,
+    totals_document,
+)
+from terraport_pipeline.naming.views import best_views
+from terraport_pipeline.published.ground import Ground
+
+__all__ = ["MAX_REGIONS", "Cut", "Recut", "recut"]
+
+MAX_REGIONS: Final = 65_536
+"""Numbers of regions are 16 bits in a payload."""
+
+_LEAST_M2: Final = 1e-9
+"""What a face without area counts."""
+
+_OF_NAMES: Final = ("label", "class", "confidence")
+"""What regions.json says of a region's name."""
+
+_OF_SHARES: Final = ("cut_m3", "fill_m3", "area_m2", "uncertainty_m3")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Cut:
+    """How faces shall be cut into pieces."""
+
+    pieces: Int32
+    """(F,) number of the piece of every face; any numbers, gaps allowed."""
+    names: Mapping[int, str] = field(default_factory=dict)
+    """What pieces are called, by number."""
+    facts: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
+    """What regions.json says of pieces beyond their measures, by number."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Recut:
+    """The regions of the next version."""
+
+    regions: Int32
+    """(F,) region of every face."""
+    document: dict[str, Any]
+    """Contents of regions.json."""
+    labels: dict[int, str]
+    """What to call regions, by stable id."""
+    kept: int
+    """Regions that have their stable id from the version before."""
+
+    @property
+    def count(self) -> int:
+        """Number of regions."""
+        return len(self.document["regions"])
+
+
+def recut(ground: Ground, cut: Cut) -> Recut:
+    """Give the pieces of a cut their numbers, and measure them.
+
+    Parameters
+    ----------
+    ground : Ground
+    cut : Cut
+
+    Returns
+    -------
+    Recut
+        A piece that is the same ground as a region (intersection over union of 0.3 or more, most
+        similar first) has its number and stable id; of a region that is not cut everything but its
+        neighbours stays. Of a region with a label that is cut, the rest keeps the label.
+
+    Raises
+    ------
+    OptionError
+        More than :data:`MAX_REGIONS` pieces, or all stable ids are used.
+    """
+    # (1) Pieces without gaps, in order of their numbers.
+    numbers, pieces = np.unique(cut.pieces, return_inverse=True)
+    pieces = pieces.astype(np.int32)
+    count = len(numbers)
+    if count > MAX_REGIONS:
+        raise OptionError(
+            f"{count:,} regions, expected at most {MAX_REGIONS:,}: leave out what is smallest"
+        )
+    # (2) The same ground as before.
+    before = ground.region_of_face
+    weight = np.maximum(ground.area, _LEAST_M2)
+    new, old = match_regions(_overlaps(pieces, before, weight))
+    assert ground.names.stable_ids is not None
+    ids, first_free = carry_ids(
+        count, (new, old), ground.names.stable_ids, ground.names.next_stable_id
+    )
+    region_of_piece = _numbered(count, new, old)
+    regions = region_of_piece[pieces]
+    # (3) Facts.
+    rows = _rows(ground, regions, count)
+    piece_of_region = np.argsort(region_of_piece)
+    called = {int(n): ground.names.label(r) for r, n in enumerate(ground.names.stable_ids)}
+    old_of_piece = _lies_in(pieces, before, count)
+    labels: dict[int, str] = {}
+    for row, piece in zip(rows, piece_of_region.tolist(), strict=True):
+        given, number, was = int(numbers[piece]), int(ids[piece]), int(old_of_piece[piece])
+        row["stable_id"] = number
+        name = cut.names.get(given)
+        if name is None and was >= 0:
+            # What is left of a region is still what it was.
+            rest = ground.document["regions"][was]
+            row.update({key: rest[key] for key in _OF_NAMES if key in rest})
+            name = ground.names.label(was)
+        if name is not None:
+            labels[number] = name
+            # Published with the version: who reads it before labels.json is written sees the name.
+            if name != called.get(number):
+                row["label"] = name
+        row.update(cut.facts.get(given, {}))
+    # (4) Where to see them from; a region that is as it was keeps its place.
+    open_ = [n for n, row in enumerate(rows) if row["stable_id"] in labels and "place" not in row]
+    for region, place in best_views(ground, regions, open_).items():
+        rows[region]["place"] = place
+    document = {**ground.document, "next_stable_id": first_free, "regions": rows}
+    return Recut(regions, document, labels, len(new))
+
+
+def _overlaps(pieces: Int32, before: Int32, area: Float64) -> Overlaps:
+    span = int(before.max()) + 1
+    keys = pieces.astype(np.int64) * span + before
+    pairs, row = np.unique(keys, return_inverse=True)
+    shared = np.bincount(row, area)
+    new, old = np.divmod(pairs, span)
+    both = np.bincount(pieces, area)[new] + np.bincount(before, area)[old]
+    similarity = np.minimum(shared / np.maximum(both - shared, 0.5 * both), 1.0)
+    return Overlaps(new.astype(np.int32), old.astype(np.int32), shared, similarity)
+
+
+def _numbered(count: int, new: Int32, old: Int32) -> Int32:
+    """Give pieces the numbers of the regions that they are, others what is free below the count."""
+    number = np.full(count, -1, np.int32)
+    fits = old < count  # a region beyond has to move down
+    number[new[fits]] = old[fits]
+    free = np.setdiff1d(np.arange(count, dtype=np.int32), number)
+    number[number < 0] = free
+    return number
+
+
+def _lies_in(pieces: Int32, before: Int32, count: int) -> Int64:
+    """Say which region before every piece lies in; -1 of one that lies across several."""
+    most = np.full(count, -1, np.int64)
+    least = np.full(count, np.iinfo(np.int64).max)
+    np.maximum.at(most, pieces, before)
+    np.minimum.at(least, pieces, before)
+    return np.where(most == least, most, -1)
+
+
+def _rows(ground: Ground, regions: Int32, count: int) -> list[dict[str, Any]]:
+    """Measure all regions; of those that are as before take what was said of them."""
+    mesh, document = ground.mesh, ground.document
+    attributes = {n: v for n, v in mesh.attributes.items() if n != HEIGHT_CHANGE}
+    scale_m = float(document.get("roughness_scale_m") or 1.0)
+    totals = tile_totals(
+        mesh.vertices,
+        mesh.faces,
+        mesh.colours,
+        regions,
+        count,
+        attributes=attributes,
+        pairs=ground.pairs,
+        roughness_scale_m=scale_m,
+        bins=slope_bins(count),
+    )
+    rows: list[dict[str, Any]] = totals_document(totals, list(attributes), scale_m)["regions"]
+    old_rows = document["regions"]
+    was, is_now = np.bincount(ground.region_of_face), np.bincount(regions)
+    same = np.zeros(count, np.bool_)
+    stays = min(count, len(was))
+    in_place = np.bincount(regions[regions == ground.region_of_face], minlength=count)
+    same[:stays] = (was[:stays] == is_now[:stays]) & (in_place[:stays] == is_now[:stays])
+    for number in np.flatnonzero(same).tolist():
+        rows[number] = {
+            **old_rows[number],
+            "id": number,
+            "neighbours": rows[number]["neighbours"],
+        }
+    _share_changes(ground, regions, rows, same)
+    return rows
+
+
+def _share_changes(ground: Ground, regions: Int32, rows: list[dict[str, Any]], same: Any) -> None:
+    """Share the volumes of cut and fill of regions out over what became of them.
+
+    By the height difference that faces have and their area seen from above; where no face has any,
+    by that area. A region's volumes add up to what they were.
+    """
+    old_rows = ground.document["regions"]
+    changed = [n for n, row in enumerate(old_rows) if isinstance(row.get("change"), dict)]
+    open_ = ~same[regions]
+    if not changed or not open_.any():
+        return
+    mesh = ground.mesh
+    faces = mesh.faces[open_]
+    a, b, c = (mesh.vertices[faces[:, corner]][:, [0, 2]].astype(np.float64) for corner in range(3))
+    ab, ac = b - a, c - a
+    plan = np.abs(ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]) / 2
+    dz = np.zeros(len(faces))
+    if HEIGHT_CHANGE in mesh.attributes:
+        dz = np.nan_to_num(mesh.attributes[HEIGHT_CHANGE][faces].mean(axis=1))
+    was, now = ground.region_of_face[open_], regions[open_]
+    weights = {
+        "cut_m3": plan * np.maximum(-dz, 0.0),
+        "fill_m3": plan * np.maximum(dz, 0.0),
+        "area_m2": plan * (dz != 0.0),
+        "uncertainty_m3": plan * (dz != 0.0),
+    }
+    for number in changed:
+        here = was == number
+        if not here.any():
+            continue
+        heirs, at = np.unique(now[here], return_inverse=True)
+        by_plan = np.bincount(at, np.maximum(plan[here], _LEAST_M2))
+        for key in _OF_SHARES:
+            share = np.bincount(at, weights[key][here])
+            share = by_plan if share.sum() <= 0.0 else share
+            part = float(old_rows[number]["change"].get(key, 0.0)) * share / share.sum()
+            for heir, value in zip(heirs.tolist(), part.tolist(), strict=True):
+                if value > 0.0:
+                    volumes = rows[heir].setdefault("change", dict.fromkeys(_OF_SHARES, 0.0))
+                    volumes[key] += value
+    for row in rows:
+        if isinstance(row.get("change"), dict):
+            row["change"] = {key: round(value, 3) for key, value in row["change"].items()}

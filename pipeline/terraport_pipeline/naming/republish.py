@@ -1,0 +1,196 @@
+"""Publish a scene with other regions: the same ground, and every payload that did not change.
+
+Payloads of segments whose faces keep their regions are written as they are, byte by byte; clients
+that hold them load nothing. The others are decoded, their vertices split along the new borders and
+encoded again; positions, colours and attributes come back exactly, normals within a code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from terraport_payload import AttributeScale, SegmentMesh, decode_glb, encode_glb
+from terraport_payload.types import Float32, Int32, Int64, UInt8
+from terraport_pipeline.geometry.mesh.face_measures import main_labels
+from terraport_pipeline.geometry.regions.base_regions import base_regions
+from terraport_pipeline.naming.recut import Recut
+from terraport_pipeline.progress import Progress
+from terraport_pipeline.published.ground import Ground
+from terraport_store import Manifest, Scene, SceneBusyError, change_labels, read_manifest
+from terraport_store.writer import SceneInfo, SceneWriter
+
+__all__ = ["Republished", "republish"]
+
+
+@dataclass(frozen=True, slots=True)
+class Republished:
+    """What became of a scene."""
+
+    version: str
+    regions: int
+    kept: int
+    """Regions that have the stable id that they had."""
+    segments: int
+    segments_changed: int
+    """Payloads that clients load again."""
+
+
+def republish(scene: Scene, ground: Ground, new: Recut, progress: Progress) -> Republished:
+    """Publish the version with other regions, then set their labels.
+
+    Parameters
+    ----------
+    scene : Scene
+        Open on a folder; the version that `ground` was read from.
+    ground : Ground
+    new : Recut
+    progress : Progress
+        A step of segments.
+
+    Returns
+    -------
+    Republished
+        Of the version before, where nothing differs from it.
+
+    Raises
+    ------
+    SceneBusyError
+        Another process publishes, or has published since.
+    OutOfSpaceError
+        The disk is full; the version before stands.
+    """
+    manifest = scene.manifest
+    changed = np.zeros(len(scene.index), np.bool_)
+    changed[ground.segment_of_face[new.regions != ground.region_of_face]] = True
+    if changed.any() or new.document != ground.document:
+        manifest = _publish(scene, ground, new, changed, progress)
+    if any(ground.names.labels.get(number) != label for number, label in new.labels.items()):
+        change_labels(scene.path, new.labels)
+    return Republished(
+        manifest.version, new.count, new.kept, len(changed), int(np.count_nonzero(changed))
+    )
+
+
+def _publish(
+    scene: Scene, ground: Ground, new: Recut, changed: np.ndarray, progress: Progress
+) -> Manifest:
+    before, index = scene.manifest, scene.index
+    scales = {a.name: AttributeScale(a.offset, a.step) for a in before.attributes}
+    starts = np.searchsorted(ground.segment_of_face, np.arange(len(index) + 1))
+    main, region_counts = main_labels(ground.segment_of_face, len(index), new.regions)
+    with SceneWriter(scene.path, expected_bytes=sum(f.bytes for f in before.files.values())) as out:
+        # The lock is held: what is published now stays so until the end.
+        if read_manifest(scene.path).version != before.version:
+            raise SceneBusyError(str(scene.path))
+        progress.start("regions: segments", float(len(index)), "segments")
+        for segment in range(len(index)):
+            glb = scene.payload(segment)
+            box: list[float] | None = index.bounds[segment].tolist()
+            vertices: int | None = int(index.vertex_count[segment])
+            if changed[segment]:
+                regions = new.regions[starts[segment] : starts[segment + 1]]
+                mesh = with_regions(decode_glb(glb), regions)
+                glb = encode_glb(mesh, step_m=before.step_m, attribute_scales=scales)
+                vertices = len(mesh.positions)
+            out.add_segment(
+                bytes(glb),
+                region=int(main[segment]),
+                region_count=int(region_counts[segment]),
+                bounds=box,
+                vertices=vertices,
+                faces=int(index.face_count[segment]),
+            )
+            progress.advance(1)
+        progress.done({"changed": int(np.count_nonzero(changed))})
+        out.set_base(_base(scene, ground, new, scales, starts), scene.cover)
+        out.set_regions(new.document)
+        return out.publish(
+            SceneInfo(
+                name=before.name,
+                origin=before.origin,
+                step_m=before.step_m,
+                points=before.counts.points,
+                regions=new.count,
+                hand_off=before.hand_off,
+                build=before.build,
+                crs=before.crs,
+                survey_units=before.survey_units,
+                attributes=before.attributes,
+                has_colour=before.has_colour,
+                textures=before.textures,
+            )
+        )
+
+
+def with_regions(mesh: SegmentMesh, regions: Int32) -> SegmentMesh:
+    """Give the faces of a payload other regions.
+
+    Parameters
+    ----------
+    mesh : SegmentMesh
+    regions : ndarray of shape (F,), int32
+
+    Returns
+    -------
+    SegmentMesh
+        A vertex that several regions share is there once for each; vertices that were split for
+        regions alone are one again.
+    """
+    # (1) Vertices that differ in nothing but their region are one.
+    columns = [mesh.positions, mesh.normals, mesh.colours, mesh.uvs, *mesh.attributes.values()]
+    rows = np.concatenate([_bytes(values) for values in columns if values is not None], axis=1)
+    _, first, place = np.unique(
+        np.ascontiguousarray(rows).view(f"V{rows.shape[1]}").reshape(-1),
+        return_index=True,
+        return_inverse=True,
+    )
+    # (2) Split along the new borders.
+    span = int(regions.max()) + 1
+    keys = place.reshape(-1)[mesh.faces].astype(np.int64) * span + regions[:, None]
+    unique, corner = np.unique(keys, return_inverse=True)
+    at, region = np.divmod(unique, span)
+    vertex: Int64 = first[at]
+    return SegmentMesh(
+        positions=mesh.positions[vertex],
+        faces=corner.reshape(-1, 3).astype(np.uint32),
+        normals=mesh.normals[vertex],
+        colours=None if mesh.colours is None else mesh.colours[vertex],
+        region_ids=region.astype(np.uint16),
+        attributes={name: values[vertex] for name, values in mesh.attributes.items()},
+        uvs=None if mesh.uvs is None else mesh.uvs[vertex],
+        texture=mesh.texture,
+    )
+
+
+def _bytes(values: np.ndarray) -> UInt8:
+    table: UInt8 = np.ascontiguousarray(values).reshape(len(values), -1).view(np.uint8)
+    return table
+
+
+def _base(
+    scene: Scene,
+    ground: Ground,
+    new: Recut,
+    scales: dict[str, AttributeScale],
+    starts: Int64,
+) -> bytes:
+    """Give the base the regions of the detail over it; the same bytes where none changes."""
+    glb = scene.base_path.read_bytes()
+    mesh = decode_glb(glb)
+
+    def pieces() -> Iterator[tuple[Float32, Int32, Int32]]:
+        for begin, end in zip(starts[:-1].tolist(), starts[1:].tolist(), strict=True):
+            yield ground.mesh.vertices, ground.mesh.faces[begin:end], new.regions[begin:end]
+
+    regions = base_regions(mesh.positions, pieces())
+    if regions is None or (mesh.region_ids is not None and (regions == mesh.region_ids).all()):
+        return glb
+    return encode_glb(
+        replace(mesh, region_ids=regions),
+        step_m=scene.manifest.step_m,
+        attribute_scales=scales,
+        keep_face_order=True,
+    )

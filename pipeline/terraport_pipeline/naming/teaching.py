@@ -1,0 +1,207 @@
+"""From strokes, or a model of a survey before, to a scene whose regions have those names."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from terraport_pipeline.errors import OptionError, PlanError
+from terraport_pipeline.export.frame import survey_frame
+from terraport_pipeline.naming.doubt import write_doubt
+from terraport_pipeline.naming.drawings import read_drawings
+from terraport_pipeline.naming.model_file import GroundModel, read_model, write_model
+from terraport_pipeline.naming.plan import published_text
+from terraport_pipeline.naming.recut import recut
+from terraport_pipeline.naming.republish import republish
+from terraport_pipeline.naming.teacher import Answer, Teacher, stroke_areas
+from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.published.ground import read_ground
+from terraport_store import Scene, read_manifest
+
+__all__ = ["Lesson", "teach", "teach_again"]
+
+_POLL_S = 0.25
+
+
+@dataclass(frozen=True, slots=True)
+class Lesson:
+    """What a scene shall be taught."""
+
+    scene: Path
+    strokes: Path | None
+    model: Path | None
+    """Instead of strokes: what an earlier survey was taught."""
+    save_model: Path | None = None
+    uncertainty: Path | None = None
+    name_field: str | None = None
+    layer: str | None = None
+    crs: str | None = None
+    stroke_width_m: float | None = None
+    """Of lines and points; None: two squares."""
+    cell_m: float | None = None
+    least_m2: float | None = None
+    force: bool = False
+    dry_run: bool = False
+    """Say and write everything, and leave the scene as it is."""
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        if (self.strokes is None) == (self.model is None):
+            raise OptionError("expected strokes to learn from, or --model, one of the two")
+        for option in ("stroke_width_m", "cell_m", "least_m2"):
+            value = getattr(self, option)
+            if value is not None and not (np.isfinite(value) and value > 0):
+                shown = option.replace("_", "-")
+                raise OptionError(f"--{shown} {value}; expected a number above 0")
+        if self.model is not None and self.cell_m is not None:
+            raise OptionError("--cell-m is of strokes: a model has the one that it was taught with")
+
+
+def teach(
+    lesson: Lesson, progress: Progress, before: Teacher | None = None
+) -> tuple[list[str], Teacher]:
+    """Teach a scene its names and publish it.
+
+    Parameters
+    ----------
+    lesson : Lesson
+    progress : Progress
+    before : Teacher, optional
+        Of the same scene: its features are kept.
+
+    Returns
+    -------
+    list of str
+        What was learned and done.
+    Teacher
+        To teach again with.
+
+    Raises
+    ------
+    PlanError, OptionError
+        Strokes or model cannot be used; nothing was changed.
+    SceneStoreError
+        The scene cannot be read, or not be published.
+    """
+    said: list[str] = []
+    threads = os.cpu_count() or 1
+    with Scene.open(lesson.scene) as scene:
+        frame = survey_frame(scene.manifest)
+        # (1) What is wrong with the files, before minutes of measuring.
+        model = None if lesson.model is None else read_model(lesson.model)
+        drawn = None
+        if lesson.strokes is not None:
+            drawn = read_drawings(
+                lesson.strokes, frame, crs=lesson.crs, layer=lesson.layer,
+                name_field=lesson.name_field, points=True,
+            )  # fmt: skip
+            nameless = [d.number for d in drawn.drawings if d.name is None]
+            if nameless:
+                raise PlanError(
+                    lesson.strokes,
+                    f"{len(nameless)} strokes without a name (the first is feature {nameless[0]})",
+                    "name each in a property name, label or layer, or say which (--name-field)",
+                )
+        # (2) The ground and its features.
+        ground = read_ground(scene, progress)
+        if not scene.manifest.has_colour and scene.manifest.textures is None:
+            said.append("warning: the scene has no colour: names are told by form alone")
+        cell_m = lesson.cell_m if model is None else model.cell_m
+        teacher = Teacher(
+            ground,
+            cell_m=cell_m,
+            attributes=None if model is None else model.attributes,
+            threads=threads,
+            before=before,
+        )
+        progress.start("features", None, "squares")
+        features = teacher.features
+        progress.done({"squares": teacher.units.count, "features": features.shape[1]})
+        # (3) Learn, and say what everything is.
+        progress.start("names", None, "squares")
+        if model is None:
+            assert drawn is not None
+            width_m = lesson.stroke_width_m or 2 * teacher.cell_m
+            model, counts = teacher.learn(stroke_areas(drawn.drawings, width_m))
+            listed = ", ".join(f"{name} {count:,}" for name, count in counts.items())
+            said.append(
+                f"learned from {len(drawn.drawings)} strokes, in squares of {teacher.cell_m:g} m: "
+                f"{listed}"
+            )
+        answer = teacher.answer(model)
+        progress.done({"names": len(model.names)})
+        said += _summary(teacher, answer)
+        # (4) Files first: they do no harm where the scene cannot be published.
+        said += _files(lesson, teacher, model, answer)
+        if lesson.dry_run:
+            return [*said, "the scene is as it was (--dry-run)"], teacher
+        new = recut(ground, teacher.cut(answer, lesson.least_m2))
+        said.append(published_text(republish(scene, ground, new, progress)))
+    return said, teacher
+
+
+def teach_again(lesson: Lesson, say: Callable[[list[str]], None], progress: Progress) -> None:
+    """Teach a scene, and anew whenever its file of strokes is saved; until it is stopped.
+
+    Parameters
+    ----------
+    lesson : Lesson
+        With strokes.
+    say : callable
+        Gets what was done, and what was wrong with the strokes, each time.
+    progress : Progress
+        Of the first time.
+    """
+    assert lesson.strokes is not None
+    teacher: Teacher | None = None
+    seen = None
+    while True:
+        stamp = lesson.strokes.stat().st_mtime_ns if lesson.strokes.exists() else None
+        if stamp is not None and stamp != seen:
+            seen = stamp
+            start = time.perf_counter()
+            try:
+                said, teacher = teach(
+                    lesson, progress if teacher is None else NullProgress(), teacher
+                )
+                say([*said, f"{time.perf_counter() - start:.1f} s; waiting for the next stroke"])
+            except (PlanError, OptionError) as error:
+                if teacher is None:
+                    raise
+                say([f"error: {error}; waiting for the strokes to be saved again"])
+        time.sleep(_POLL_S)
+
+
+def _summary(teacher: Teacher, answer: Answer) -> list[str]:
+    """Area of every name, and how sure it is."""
+    area = teacher.ground.area
+    said = []
+    for kind in np.argsort(-np.bincount(answer.best, area, len(answer.names))).tolist():
+        here = answer.best == kind
+        m2 = float(area[here].sum())
+        if m2 == 0.0:
+            said.append(f"  {answer.names[kind]}: nowhere")
+            continue
+        sure = float((area[here] * answer.sure[here]).sum() / m2)
+        said.append(f"  {answer.names[kind]}: {m2:,.0f} m², confidence {sure:.2f}")
+    return said
+
+
+def _files(lesson: Lesson, teacher: Teacher, model: GroundModel, answer: Answer) -> list[str]:
+    said = []
+    if lesson.save_model is not None:
+        write_model(lesson.save_model, model, force=lesson.force)
+        said.append(
+            f"{lesson.save_model}: for the next survey, terraport teach SCENE --model "
+            f"{lesson.save_model}"
+        )
+    if lesson.uncertainty is not None:
+        frame = survey_frame(read_manifest(lesson.scene))
+        count = write_doubt(lesson.uncertainty, teacher, answer, frame, force=lesson.force)
+        said.append(f"{lesson.uncertainty}: where the next stroke pays ({count:,})")
+    return said
