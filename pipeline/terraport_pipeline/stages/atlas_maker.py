@@ -11,6 +11,7 @@ import numpy as np
 
 from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, UInt8, UInt16
 from terraport_pipeline.engines.images import ImageFormat, encode_image
+from terraport_pipeline.engines.mesh_texels import Picture
 from terraport_pipeline.geometry.photos.lens import PACKED, View
 from terraport_pipeline.geometry.photos.photo_samples import SRGB_OFFSET, neutral_gains
 from terraport_pipeline.geometry.photos.view_choice import ViewChoice
@@ -80,7 +81,7 @@ class AtlasMaker:
     """Makes atlases of pieces of one mesh. Thread-safe as far as the photos are."""
 
     mesh: Mesh
-    views: Sequence[View]
+    views: Sequence[View | Picture]
     photos: Photos | None
     """None: everything from vertex colours."""
     choice: ViewChoice | None
@@ -94,6 +95,8 @@ class AtlasMaker:
     texel, not from the vertices' colours."""
     max_bytes: int | None = None
     """Bytes of an image file, at most: its quality is lowered as far as it takes."""
+    pixels: Float32 | None = None
+    """(F, 3, 2) corners of all faces in their photos, where these are a mesh's own images."""
 
     def make(self, faces: AnyInt, *, max_side: int) -> BakedAtlas:
         """Make the atlas of some faces.
@@ -119,8 +122,9 @@ class AtlasMaker:
         # (2) Charts for faces with a photo, fine as the photos are, coarser where the image would
         # be too large; a shared cell for every colour of faces without one.
         roomy = charts_with_room(
-            points, corners, colours.view, packed, texel_m=self.texel_m, max_side=max_side
-        )
+            points, corners, colours.view, packed, texel_m=self.texel_m, max_side=max_side,
+            pixels=None if self.pixels is None else self.pixels[faces],
+        )  # fmt: skip
         charts, rows = roomy.charts, roomy.rows
         flat = np.ones(len(faces), np.bool_)
         flat[rows] = False

@@ -17,6 +17,7 @@ import numpy as np
 
 from terraport_payload.types import AnyInt, Bool, Float32, Int32, UInt8
 from terraport_pipeline.engines.images import ImageFormat
+from terraport_pipeline.engines.mesh_texels import Picture
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
@@ -66,8 +67,9 @@ class Options:
     """What textures are made of and how fine they are."""
 
     source: Annotated[Source, Option(flags=("--texture-from",))] = "photos"
-    """What textures are drawn from. vertex draws the colours of the cloud into images, to compare
-    and for loaders that know no vertex colours."""
+    """What textures are drawn from. mesh: the images of a mesh that was textured elsewhere, which
+    is the default of such a mesh. vertex draws the colours of the cloud into images, to compare and
+    for loaders that know no vertex colours."""
     texel_m: Annotated[
         float | None,
         Option(
@@ -194,7 +196,7 @@ def worth_saying(counts: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str,
 def texture_mesh(
     mesh: Mesh,
     pieces: Int32,
-    views: Sequence[View],
+    views: Sequence[View | Picture],
     photos: Photos | None,
     choice: ViewChoice | None,
     options: Options,
@@ -206,6 +208,7 @@ def texture_mesh(
     label: str,
     colour_at: Callable[[Float32], UInt8] | None = None,
     max_bytes: int | None = None,
+    pixels: Float32 | None = None,
 ) -> BakedTextures:
     """Make the atlases of a mesh's pieces: of a whole detail, of one tile, or of a base.
 
@@ -227,7 +230,7 @@ def texture_mesh(
     progress : Progress
     label : str
         For the progress.
-    colour_at, max_bytes
+    colour_at, max_bytes, pixels
         As :class:`~terraport_pipeline.stages.atlas_maker.AtlasMaker` takes them.
 
     Returns
@@ -237,7 +240,7 @@ def texture_mesh(
     # (1) Faces of every piece.
     maker = AtlasMaker(
         mesh, views, photos, choice, options.texel_m, options.kind, options.quality,
-        colour_at, max_bytes,
+        colour_at, max_bytes, pixels,
     )  # fmt: skip
     order = np.argsort(pieces, kind="stable")
     count = int(pieces.max()) + 1

@@ -13,7 +13,7 @@ from terraport_payload.types import AnyInt, Float32, Int32, Int64, UInt8, UInt16
 __all__ = ["Source", "TextureSet"]
 
 
-Source = Literal["photos", "vertex"]
+Source = Literal["photos", "vertex", "mesh"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

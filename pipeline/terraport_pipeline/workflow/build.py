@@ -17,10 +17,10 @@ import psutil
 
 from terraport_pipeline.announced import announced
 from terraport_pipeline.engines.ktx2 import require_encoder
-from terraport_pipeline.engines.readers.survey_stream import FileHead, survey_size
-from terraport_pipeline.errors import OptionError, PipelineError, ResourceError
+from terraport_pipeline.errors import OptionError, PipelineError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.kernel_threads import limit_threads
+from terraport_pipeline.mesh_statement import MeshStatement
 from terraport_pipeline.option import (
     BYTES,
     COMMON,
@@ -32,38 +32,29 @@ from terraport_pipeline.option import (
 )
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.published.work_directory import default_work_directory
-from terraport_pipeline.stages import clean, pack, reconstruct, segment
-from terraport_pipeline.stages.region_engine import check_segment_by
+from terraport_pipeline.stages import clean, pack, reconstruct, segment, texture
 from terraport_pipeline.stages.tiles import base_atlas
+from terraport_pipeline.survey.find_mesh import MeshInput, find_mesh
 from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.unforeseen import build_failed
-from terraport_pipeline.workflow.before import find_before
+from terraport_pipeline.workflow.mesh_step import bring_mesh
 from terraport_pipeline.workflow.pack_step import build_info, publish_tiles
 from terraport_pipeline.workflow.photo_input import Texturing
-from terraport_pipeline.workflow.read_step import (
-    crs_of,
-    input_info,
-    inputs_of,
-    look_at_survey,
-    read_once,
-    units_of,
-)
-from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
-from terraport_pipeline.workflow.renew_step import renew_survey, survey_change
+from terraport_pipeline.workflow.read_step import input_info
 from terraport_pipeline.workflow.report import BuildReport, write_build_report
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.scene_lock import scene_locked
 from terraport_pipeline.workflow.scene_path import check_scene_path, default_scene_path
 from terraport_pipeline.workflow.segment_step import segment_tiles
+from terraport_pipeline.workflow.survey_step import bring_survey
 from terraport_pipeline.workflow.texture_step import (
     texture_base_alone,
     texture_input,
     texture_tiles,
 )
-from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare
-from terraport_pipeline.workflow.tile_memory import WholeForecast, forecast_whole
+from terraport_pipeline.workflow.tile_ground import TileOptions
 from terraport_pipeline.workflow.workdir import WorkDirectory
 from terraport_store.errors import StoreError
 from terraport_store.manifest import CrsInfo
@@ -91,8 +82,8 @@ class BuildOptions:
     """Inputs and options of a build, one group a stage."""
 
     survey: Annotated[Path | tuple[Path, ...], Option(is_argument=True, many=True)]
-    """Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57. A file, several, a folder of them, or
-    a pattern in quotes."""
+    """Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57; a file, several, a folder of them, or
+    a pattern in quotes. Or a mesh that was reconstructed elsewhere: OBJ, GLB, PLY, STL or OFF."""
     output: Annotated[
         Path | None,
         Option(
@@ -109,6 +100,8 @@ class BuildOptions:
     """Thin the survey to this many points while reading: 500k, 5M."""
     statement: Annotated[SurveyStatement, Section(_SURVEY)] = field(default_factory=SurveyStatement)
     """What the files do not say of the survey."""
+    mesh: Annotated[MeshStatement, Section(_SURVEY)] = field(default_factory=MeshStatement)
+    """What a mesh does not say of itself."""
     extent: Annotated[
         Extent | None, Option(heading=_SURVEY, notation=EXTENT, unset="all of it")
     ] = None
@@ -155,10 +148,6 @@ class BuildOptions:
     def __post_init__(self) -> None:
         check_options(self)
         self.pack_options()  # refused before any work, not after an hour
-        if self.base_texture == 0 and self.texture is not None:
-            raise OptionError(
-                "base texture 0 pixels, in a scene with textures; expected 256 or more"
-            )
         _ = self.base_image, self.texturing
 
     @property
@@ -177,11 +166,26 @@ class BuildOptions:
         return base_atlas.Options(self.base_texture) if self.base_texture else None
 
     @property
+    def base_side(self) -> int:
+        """Longest side of the base's image in a scene with textures.
+
+        Raises
+        ------
+        OptionError
+            None is wanted.
+        """
+        if self.base_texture == 0:
+            raise OptionError(
+                "base texture 0 pixels, in a scene with textures; expected 256 or more"
+            )
+        return self.base_texture
+
+    @property
     def texturing(self) -> Texturing | None:
         """What textures are made of, the base's among them."""
         if self.texture is None:
             return None
-        options = replace(self.texture.options, base_side=self.base_texture)
+        options = replace(self.texture.options, base_side=self.base_side)
         return replace(self.texture, options=options)
 
     def pack_options(self) -> pack.Options:
@@ -254,7 +258,7 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
         Publishing failed; the scene that was published before stands.
     """
     started = time.monotonic()
-    survey = _check(options)
+    given = _check(options)
     scene = options.scene.absolute()
     with (
         scene_locked(scene),
@@ -270,7 +274,7 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
             max_memory_bytes=options.max_memory_bytes or default_memory_bytes(),
         )
         try:
-            version_of, published, files = _run_stages(runner, survey, scene, options)
+            version_of, published, files = _run_stages(runner, given, scene, options)
             report = BuildReport(
                 scene,
                 version_of,
@@ -294,97 +298,94 @@ def usable_cores() -> int:
 
 
 def _run_stages(
-    runner: Runner, survey: SurveyFiles, scene: Path, options: BuildOptions
+    runner: Runner, given: SurveyFiles | MeshInput, scene: Path, options: BuildOptions
 ) -> tuple[str, bool, dict[str, Any]]:
     """Run all stages; return the scene's version, whether it was published now, and its files."""
     # (1) Photos that are not there are told of now, not after the reconstruction.
     photos = None if options.texture is None else options.texture.find(runner.progress)
-    # (2) What the survey is; its points on disk. Refused now what could never fit.
-    survey, heads = look_at_survey(runner, survey)
-    whole = _forecast_whole(heads, options)
-    _check_in_one_piece(options.segment.in_one_piece, whole, runner.max_memory_bytes)
-    bounded = whole.memory_bytes > runner.max_memory_bytes
-    read = read_once(runner, survey, max_points=options.max_points, bounded=bounded)
-    # (3) Over a scene that is there: the ground that changed. A thinned copy tells whether
-    # attributes and photos are what they should be.
-    runner.before = find_before(runner.work, scene, read.digest)
-    renewed, anew = renew_survey(runner, read)
-    cleaned = clean_thinned(runner, renewed, options.clean)
-    check_segment_by(options.segment.segment_by, cleaned.record.values["attributes"])
-    if photos is not None and not runner.reports[-1].taken_up:
-        photos.try_on(cleaned.value().cloud, crs_of(read), runner.progress)
-    # (4) The surface, in tiles.
-    with runner.reported_as(reconstruct.NAME) as group:
-        ground = prepare(
-            runner, renewed, cleaned, options.clean, options.reconstruct, options.tiles,
-            options.segment.in_one_piece,
+    # (2) The surface: reconstructed, or brought.
+    texturing = options.texturing
+    if isinstance(given, MeshInput):
+        own_textures = texturing is None or texturing.options.source == "mesh"
+        brought = bring_mesh(
+            runner, given, photos, textured=own_textures, options=options.reconstruct,
+            segment_by=options.segment.segment_by,
         )  # fmt: skip
-        reconstructed = reconstruct_tiles(runner, ground, options.tiles.cluster)
-        facts = reconstructed.facts
-        group.facts = replace(facts, warnings=(*anew, *facts.warnings))
-    # (5) Regions and segments, textures, payloads.
-    surface = reconstructed.surface
+        if texturing is None and brought.texels is not None:
+            texturing = Texturing(texture.Options(source="mesh", base_side=options.base_side))
+    else:
+        brought = bring_survey(
+            runner, given, scene, photos, max_points=options.max_points,
+            clean_options=options.clean, reconstruct_options=options.reconstruct,
+            segment_options=options.segment, tiles=options.tiles,
+        )  # fmt: skip
+    # (3) Regions and segments, textures, payloads.
+    surface = brought.surface
     segmented = segment_tiles(runner, surface, options.segment)
     textures = base_texture = None
-    recorded = {**options.recorded(), "tile_depth": reconstructed.tile_depth}
-    if options.texturing is not None:
-        recorded["texture"] = options.texturing.recorded(photos)
-        asked = texture_input(
-            options.texturing, photos, ground, reconstructed, runner.max_memory_bytes
-        )
+    recorded = {**options.recorded(), **brought.recorded}
+    if texturing is not None:
+        recorded["texture"] = texturing.recorded(photos)
+        asked = texture_input(texturing, photos, brought, runner.max_memory_bytes)
         textures = texture_tiles(runner, surface, segmented, asked)
         base_texture = textures.base
-    elif options.base_image is not None and reconstructed.sample_colours is not None:
+    elif options.base_image is not None and brought.sample_colours is not None:
         base_texture = texture_base_alone(runner, surface, segmented, options.base_image)
+    source = brought.source
     about = pack.About(
-        origin=ground.origin,
-        crs=None if ground.crs is None else CrsInfo(**asdict(ground.crs)),
-        survey_units=units_of(read),
-        points=reconstructed.points,
-        has_colour=reconstructed.sample_colours is not None,
-        build=build_info(recorded, input_info(read), runner.reports),
+        origin=brought.origin,
+        crs=None if brought.crs is None else CrsInfo(**asdict(brought.crs)),
+        survey_units=brought.units,
+        points=brought.points,
+        has_colour=brought.sample_colours is not None,
+        build=build_info(recorded, input_info(source), runner.reports),
     )
-    change = survey_change(runner, renewed, ground.lattice)
     version, published = publish_tiles(
         runner, scene, surface, segmented, textures, base_texture, about, options.pack_options(),
-        change, prepare=partial(runner.prepare, about.build, read.digest, survey=renewed.name),
+        brought.change,
+        prepare=partial(runner.prepare, about.build, source.digest, survey=brought.worked_on),
     )  # fmt: skip
-    runner.remember(version, read.digest, survey=renewed.name)
-    return version, published, inputs_of(survey, read)
+    runner.remember(version, source.digest, survey=brought.worked_on)
+    return version, published, dict(brought.inputs)
 
 
-def _forecast_whole(heads: tuple[FileHead, ...], options: BuildOptions) -> WholeForecast:
-    """Forecast by the files' headers what the survey takes in one piece."""
-    size = survey_size(heads, options.extent)
-    return forecast_whole(
-        min(size.points, options.max_points or size.points),
-        detail_depth=options.reconstruct.detail_depth,
-        extent_m=size.extent,
-        area_m2=size.area,
-    )
-
-
-def _check_in_one_piece(
-    in_one_piece: str | None, whole: WholeForecast, max_memory_bytes: int
-) -> None:
-    """Refuse before any work what needs the surface in one piece and cannot have it."""
-    if in_one_piece and whole.memory_bytes > max_memory_bytes:
-        raise ResourceError(
-            f"{in_one_piece} needs the surface in one piece, {whole}; allowed are "
-            f"{max_memory_bytes / 2**30:.1f} GiB: raise --max-memory, thin the survey with "
-            "--max-points, or use --engine means and colour, which go by tiles"
+def _check(options: BuildOptions) -> SurveyFiles | MeshInput:
+    """Refuse at once what would end the build after an hour; return the files of what was given."""
+    given: SurveyFiles | MeshInput | None
+    given = find_mesh(options.inputs, options.statement, options.mesh)
+    if given is not None:
+        _check_mesh(options)
+    else:
+        given = find_survey(
+            options.inputs,
+            skip_damaged=options.skip_damaged,
+            extent=options.extent,
+            statement=options.statement,
         )
-
-
-def _check(options: BuildOptions) -> SurveyFiles:
-    """Refuse at once what would end the build after an hour; return the survey's files."""
-    survey = find_survey(
-        options.inputs,
-        skip_damaged=options.skip_damaged,
-        extent=options.extent,
-        statement=options.statement,
-    )
+        if options.texture is not None and options.texture.options.source == "mesh":
+            raise OptionError(
+                "textures from the mesh, of a point cloud; expected --photos, or a textured mesh"
+            )
     check_scene_path(options.scene, options.inputs, is_default=options.output is None)
     if options.texture is not None and options.texture.options.kind == "ktx2":
         require_encoder()
-    return survey
+    return given
+
+
+def _check_mesh(options: BuildOptions) -> None:
+    """Refuse what changes nothing of a mesh: it is taken as it is."""
+    plain = replace(reconstruct.Options(), base_faces=options.reconstruct.base_faces)
+    unused = {
+        "--extent": options.extent is not None,
+        "--max-points": options.max_points is not None,
+        "--skip-damaged": options.skip_damaged,
+        "options of cleaning": options.clean != clean.Options(),
+        "options of the surface": options.reconstruct != plain,
+        "options of tiles": options.tiles != TileOptions(),
+    }
+    stated = [name for name, is_stated in unused.items() if is_stated]
+    if stated:
+        raise OptionError(
+            f"{stated[0]} with a mesh, which is neither cleaned nor reconstructed; expected "
+            "--base-faces alone: leave it out, or take the mesh for points with --as-points"
+        )

@@ -23,7 +23,7 @@ from terraport_pipeline.engines.photos import (
     sizes_below,
 )
 from terraport_pipeline.errors import OptionError, PhotoError
-from terraport_pipeline.model import Cloud, Crs
+from terraport_pipeline.model import Crs
 from terraport_pipeline.option import COMMON, OFFSET, Option
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import texture
@@ -31,6 +31,9 @@ from terraport_pipeline.workflow.photo_check import checked_photos
 from terraport_pipeline.workflow.workdir import file_digest
 
 __all__ = ["LocatedPhotos", "Texturing", "camera_samples", "cameras_beside", "project_texturing"]
+
+_NOT_PHOTOS: Final = {"vertex": "vertex colours", "mesh": "the mesh"}
+"""What textures are made of without photos, by ``--texture-from``."""
 
 _MAX_SAMPLES: Final = 20_000
 """Points of the cloud that the cameras are tried on."""
@@ -56,15 +59,16 @@ class Texturing:
     """Metres east, north and up to add to the cameras' coordinates."""
 
     def __post_init__(self) -> None:
-        if self.options.source == "vertex" and (self.photos or self.cameras):
+        if self.options.source != "photos" and (self.photos or self.cameras):
             raise OptionError(
-                "photos for textures from vertex colours; expected one or the other: leave out "
-                "--photos, or --texture-from vertex"
+                f"photos for textures from {_NOT_PHOTOS[self.options.source]}; expected one or the "
+                f"other: leave out --photos, or --texture-from {self.options.source}"
             )
         if self.options.source == "photos" and self.photos is None:
             raise OptionError(
                 "options of cameras or textures without photos; expected the folder of the photos "
-                "with --photos, or --texture-from vertex"
+                "with --photos, or --texture-from vertex; of a mesh with textures of its own "
+                "--texture-from mesh"
             )
 
     @property
@@ -75,7 +79,7 @@ class Texturing:
         return originals_in(self.photos)
 
     def find(self, progress: Progress) -> LocatedPhotos | None:
-        """Find cameras and photos and hash them; None with textures from vertex colours.
+        """Find cameras and photos and hash them; None with textures that need none.
 
         Raises
         ------
@@ -186,8 +190,17 @@ class LocatedPhotos:
         )
         return replace(checked, warnings=(*placed.warnings, *checked.warnings))
 
-    def try_on(self, cloud: Cloud, crs: Crs | None, progress: Progress) -> None:
+    def try_on(
+        self,
+        points: Float32,
+        colours: UInt8 | None,
+        origin: Float64,
+        crs: Crs | None,
+        progress: Progress,
+    ) -> None:
         """Say at once, before hours of work, whether cameras and photos show the survey.
+
+        Parameters are those of :meth:`open`.
 
         Raises
         ------
@@ -195,8 +208,7 @@ class LocatedPhotos:
             As :meth:`open`: the cameras look elsewhere.
         """
         progress.start("texture: do the photos show the survey", None, "photos")
-        colours = camera_samples(cloud.colours) if cloud.has_colour else None
-        opened = self.open(camera_samples(cloud.points), colours, cloud.origin, crs, max_bytes=0)
+        opened = self.open(points, colours, origin, crs, max_bytes=0)
         progress.done({"photos": len(opened.views), "left out": opened.left_out})
 
 

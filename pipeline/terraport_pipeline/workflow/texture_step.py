@@ -18,7 +18,9 @@ import xxhash
 
 from terraport_payload.types import AnyArray, Float32
 from terraport_pipeline.code_digest import code_digest
+from terraport_pipeline.engines.mesh_texels import MeshTexels
 from terraport_pipeline.engines.photos import OpenPhotos
+from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages import texture
 from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
@@ -28,8 +30,9 @@ from terraport_pipeline.stages.tiles import base_atlas, tiled_texture, tiled_vie
 from terraport_pipeline.stages.tiles.tiled_texture import Levels
 from terraport_pipeline.stages.tiles.tiled_views import TextureScale
 from terraport_pipeline.workflow import photo_input
+from terraport_pipeline.workflow.brought import Brought
 from terraport_pipeline.workflow.photo_input import LocatedPhotos, Texturing
-from terraport_pipeline.workflow.reconstruct_step import Reconstructed, Surface
+from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.runner import (
     Result,
     Runner,
@@ -40,7 +43,6 @@ from terraport_pipeline.workflow.runner import (
 )
 from terraport_pipeline.workflow.segment_step import Segmented
 from terraport_pipeline.workflow.texture_counts import choice_counts, step_counts
-from terraport_pipeline.workflow.tile_ground import Ground
 from terraport_store.manifest import TextureInfo
 
 __all__ = [
@@ -61,7 +63,9 @@ class TextureInput:
     recorded: Mapping[str, Any]
     """What identifies photos and cameras, for the keys."""
     open_photos: Callable[[], OpenPhotos] | None = None
-    """None for textures from vertex colours."""
+    """None for textures without photos."""
+    texels: Callable[[], MeshTexels] | None = None
+    """Opens the images of a mesh that was textured elsewhere; None elsewhere."""
     _opened: OpenPhotos | None = field(default=None, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
 
@@ -75,11 +79,7 @@ class TextureInput:
 
 
 def texture_input(
-    asked: Texturing,
-    photos: LocatedPhotos | None,
-    ground: Ground,
-    reconstructed: Reconstructed,
-    max_memory_bytes: int,
+    asked: Texturing, photos: LocatedPhotos | None, brought: Brought, max_memory_bytes: int
 ) -> TextureInput:
     """Say what the textures of a build are made of.
 
@@ -88,30 +88,40 @@ def texture_input(
     asked : Texturing
     photos : LocatedPhotos or None
         From ``asked.find``.
-    ground : Ground
-        The scene's frame.
-    reconstructed : Reconstructed
-        Samples that the cameras must look at.
+    brought : Brought
+        The scene's frame, samples that the cameras must look at, a mesh's own images.
     max_memory_bytes : int
     """
+    keep_bytes = texture.photo_bytes(max_memory_bytes)
+    if asked.options.source == "mesh":
+        open_texels = brought.texels
+        if open_texels is None:
+            raise OptionError(
+                "textures from the mesh, which has none; leave out --texture-from mesh"
+            )
+        return TextureInput(
+            asked.options,
+            {"images": brought.source.digest},
+            texels=lambda: open_texels(keep_bytes),
+        )
     if photos is None:
         return TextureInput(asked.options, {})
     return TextureInput(
         asked.options,
         {
             "camera_offset": asked.camera_offset,
-            "crs": None if ground.crs is None else asdict(ground.crs),
+            "crs": None if brought.crs is None else asdict(brought.crs),
             "photos": photos.photos_xxh3,
             "cameras": photos.cameras_xxh3,
             # What decides on the photos before the stages see them.
             "code": code_digest(photo_input.__name__),
         },
         lambda: photos.open(
-            reconstructed.samples,
-            reconstructed.sample_colours,
-            ground.origin,
-            ground.crs,
-            max_bytes=texture.photo_bytes(max_memory_bytes),
+            brought.samples,
+            brought.sample_colours,
+            brought.origin,
+            brought.crs,
+            max_bytes=keep_bytes,
         ),
     )
 
@@ -184,6 +194,8 @@ class _Passes:
         asked = self.asked
 
         def compute(context: Context) -> _Base:
+            if asked.texels is not None:
+                return self._base_of_texels(base, asked.texels(), context)
             opened = None if asked.open_photos is None else asked.opened()
             base_textures = texture.texture_base(base, opened, asked.options, context)
             warnings = () if opened is None else opened.warnings
@@ -205,8 +217,20 @@ class _Passes:
                 _BASE_FORM,
                 {**asdict(asked.options), **asked.recorded},
                 {"surface": self.surface.digest, "kept": self.segmented.joined.digest},
+                also=(base_atlas,),
             )
         )
+
+    def _base_of_texels(self, base: Mesh, texels: MeshTexels, context: Context) -> _Base:
+        """Draw the base's atlas from the mesh's own images."""
+        options, tiles = self.asked.options, self.surface.tiles
+        atlas = base_atlas.run(
+            base, tiles, texels.texel_m(tiles.load(0)),
+            base_atlas.Options(options.base_side, options.quality, options.kind), context,
+            texels.samples,
+        )  # fmt: skip
+        counts = {f"base_{name}": value for name, value in atlas.facts.counts.items()}
+        return _Base(atlas.textures, np.zeros((0, 0), np.float32), Facts(counts))
 
     def views(self, gains: Float32) -> TileResults:
         """Choose the photo of every face, tile by tile, each with a band of its neighbours."""
@@ -260,8 +284,15 @@ class _Passes:
         asked, tiles, labels = self.asked, self.surface.tiles, self.segmented.labels
         views = [] if chosen is None else [stored.arrays for stored in chosen.every()]
 
-        # (1) One tile: from vertex colours, or from photos with the neighbouring tiles' views.
+        # (1) One tile: from a mesh's images, from vertex colours, or from photos with the
+        # neighbouring tiles' views.
+        texels = None if asked.texels is None else asked.texels()
+
         def draw_tile(tile: int, context: Context) -> Stored:
+            if texels is not None:
+                return tiled_texture.draw_texels(
+                    tiles.load(tile), tile, labels.segment(tile), texels, asked.options, context
+                )
             if levels is None:
                 return tiled_texture.draw_plain(
                     tiles.load(tile), tile, labels.segment(tile), asked.options, context
@@ -301,7 +332,7 @@ class _Passes:
     ) -> TileResults:
         numbers = range(self.surface.tiles.count)
         photos = 0
-        if self.asked.open_photos is not None:
+        if self.asked.open_photos is not None or self.asked.texels is not None:
             photos = texture.photo_bytes(self.runner.max_memory_bytes)
         return self.runner.run_tiles(
             TileStage(
@@ -424,7 +455,8 @@ def _summary(
         **base_result.facts.counts,
     }
     info = TextureInfo(
-        source=options.source,
+        # A mesh's images are photographs of the ground, put together elsewhere.
+        source="vertex" if options.source == "vertex" else "photos",
         media_types=(base_result.textures.texture(0).media_type,),
         segments=len(sides),
         base_side=int(base_result.textures.sides.max()),

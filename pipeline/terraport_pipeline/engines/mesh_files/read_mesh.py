@@ -6,21 +6,30 @@ read here (:mod:`.read_obj`), the rest by trimesh.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import io
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import PIL.Image
 import trimesh
 
 from terraport_payload.colour import linear16_to_srgb
-from terraport_payload.types import AnyArray, Float64, Int32, UInt8
-from terraport_pipeline.engines.images import decode_image
-from terraport_pipeline.engines.mesh_files.read_obj import read_obj
+from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
+from terraport_pipeline.engines.mesh_files.read_obj import ObjMesh, read_obj
+from terraport_pipeline.engines.texturing import decode_halved
 from terraport_pipeline.errors import EngineError, ReadError
 from terraport_pipeline.geometry.mesh.face_blocks import same_places
 
-__all__ = ["MAX_MESH_BYTES", "MESH_ENDINGS", "FileMesh", "read_mesh"]
+__all__ = [
+    "MAX_MESH_BYTES",
+    "MESH_ENDINGS",
+    "FileImage",
+    "FileMesh",
+    "FileTexture",
+    "read_mesh",
+]
 
 MESH_ENDINGS: Final = (".off", ".ply", ".obj", ".stl", ".glb")
 
@@ -28,8 +37,38 @@ MAX_MESH_BYTES: Final = 4 << 30
 """Largest file: about 100 M triangles as binary PLY. It is read whole."""
 
 _TABLE: Final = 2
+_GREY: Final = (128, 128, 128)
+_INWARDS: Final = 0.2
+"""How far from a corner towards its face's middle its colour is read."""
+_WIDEST_MEAN: Final = 8
+"""Texels along a side of the mean that a vertex takes, at most."""
 _POSITIONS: Final = frozenset(("x", "y", "z", "nx", "ny", "nz"))
 _COLOURS: Final = frozenset(("red", "green", "blue", "alpha"))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FileImage:
+    """An image that a mesh is textured with."""
+
+    name: str
+    source: Path | bytes
+    """The file, or its bytes where it stands within the mesh's."""
+
+    def data(self) -> bytes:
+        """Read the encoded image."""
+        return self.source if isinstance(self.source, bytes) else self.source.read_bytes()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FileTexture:
+    """Where the corners of F triangles lie in images."""
+
+    wedges: Float32
+    """(F, 3, 2) of every corner, from the image's upper left, 0..1 (beyond, the image repeats); NaN
+    where a triangle has none."""
+    image: Int32
+    """(F,) row of `images`; -1 where a triangle has none."""
+    images: tuple[FileImage, ...]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -45,7 +84,15 @@ class FileMesh:
     attributes: dict[str, Float64] = field(default_factory=dict)
     """By name: (V,) of vertices or (F,) of faces."""
     origin_of_colours: str = "none"
-    """``vertices``, ``faces``, ``texture`` or ``none``."""
+    """``vertices``, ``faces``, ``texture``, ``material`` or ``none``."""
+    texture: FileTexture | None = None
+    line: Int64 | None = None
+    """(F,) line of the file that each triangle stands on, from 1; of text alone."""
+    missing: ReadError | None = None
+    """Why triangles with texture coordinates have no image: a library or an image is not there."""
+    facts: dict[str, int] = field(default_factory=dict)
+    """What else the file holds, by name: ``parts``, ``materials``, ``polygons`` that were cut into
+    triangles."""
 
 
 def read_mesh(path: Path) -> FileMesh:
@@ -78,7 +125,7 @@ def read_mesh(path: Path) -> FileMesh:
     size = path.stat().st_size
     if size > MAX_MESH_BYTES:
         raise ReadError(path, f"{size} bytes, more than {MAX_MESH_BYTES}", "cut it into tiles")
-    parts = _parts_of_obj(path) if kind == ".obj" else _parts_by_trimesh(path)
+    parts = [_part_of_obj(path)] if kind == ".obj" else _parts_by_trimesh(path)
     mesh = _joined(path, parts)
     if len(mesh.faces) == 0:
         raise ReadError(
@@ -102,33 +149,94 @@ def read_mesh(path: Path) -> FileMesh:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Part:
-    """One material or node of a file."""
+    """A node of a file, or all of one."""
 
     vertices: Float64
     faces: Int32
     colours: UInt8 | None
     origin_of_colours: str
     attributes: dict[str, Float64]
-    place: Int32 | None = None
-    """Of its triangles in the file; None: behind those of the part before."""
+    texture: FileTexture | None = None
+    line: Int64 | None = None
+    missing: ReadError | None = None
+    facts: dict[str, int] = field(default_factory=dict)
 
 
-def _parts_of_obj(path: Path) -> list[_Part]:
-    images: dict[Path, UInt8] = {}
-    parts = []
-    for piece in read_obj(path):
-        colours, origin = piece.colours, "none" if piece.colours is None else "vertices"
-        if piece.uvs is not None and piece.image is not None:
-            if piece.image not in images:
-                images[piece.image] = _image(path, piece.image)
-            colours, origin = _looked_up(images[piece.image], piece.uvs), "texture"
-        parts.append(_Part(piece.vertices, piece.faces, colours, origin, {}, piece.place))
-    return parts
+def _part_of_obj(path: Path) -> _Part:
+    mesh = read_obj(path)
+    # (1) The images that faces with wedges mean.
+    has_wedge = np.zeros(len(mesh.faces), np.bool_)
+    if mesh.wedges is not None:
+        has_wedge = ~np.isnan(mesh.wedges[:, 0, 0])
+    paths = [material.image for material in mesh.materials]
+    unique = tuple(dict.fromkeys(image for image in paths if image is not None))
+    row = np.array([-1 if image is None else unique.index(image) for image in paths], np.int32)
+    image = np.where(has_wedge, row[mesh.material], -1).astype(np.int32)
+    texture = None
+    if (image >= 0).any() and mesh.wedges is not None:
+        files = tuple(FileImage(file.name, file) for file in unique)
+        texture = FileTexture(mesh.wedges, image, files)
+    meant = np.unique(mesh.material[has_wedge])
+    missing = next((m for i in meant if (m := mesh.materials[i].missing) is not None), None)
+    # (2) Colours, also where there is no image.
+    plain = np.full((len(mesh.materials), 3), -1, np.int16)
+    for number, material in enumerate(mesh.materials):
+        if material.image is None and material.colour is not None:
+            plain[number] = material.colour
+    colours, origin = mesh.colours, "none" if mesh.colours is None else "vertices"
+    # One colour for all says nothing: programs write a grey for want of any.
+    tells = len(np.unique(plain[np.unique(mesh.material)], axis=0)) > 1
+    if texture is not None or (colours is None and tells):
+        colours = _colours_of_texture(path, mesh, texture, plain[mesh.material])
+        origin = "material" if texture is None else "texture"
+    facts = {
+        "parts": mesh.objects, "materials": len(mesh.materials), "polygons": mesh.polygons,
+    }  # fmt: skip
+    return _Part(mesh.vertices, mesh.faces, colours, origin, {}, texture, mesh.line, missing, facts)
 
 
-def _image(path: Path, image: Path) -> UInt8:
+def _colours_of_texture(
+    path: Path, mesh: ObjMesh | _Part, texture: FileTexture | None, plain: AnyArray
+) -> UInt8:
+    """Mean at every vertex of what its faces show there: texels, or the colour of their material.
+
+    `plain` (F, 3) is that colour, -1 where there is none. Texels are means over half an edge, so
+    that a blade of grass is not taken for a meadow.
+    """
+    n_vertices = len(mesh.vertices)
+    total, count = np.zeros((n_vertices, 3)), np.zeros(n_vertices)
+
+    def add(rows: AnyArray, colours: AnyArray) -> None:
+        vertex = mesh.faces[rows].ravel()
+        count[:] += np.bincount(vertex, minlength=n_vertices)
+        for channel in range(3):
+            total[:, channel] += np.bincount(vertex, colours[:, channel], n_vertices)
+
+    shown = np.full(len(mesh.faces), -1, np.int32) if texture is None else texture.image
+    for number, file in enumerate(() if texture is None else texture.images):
+        rows = np.flatnonzero(shown == number)
+        if not len(rows) or texture is None:
+            continue
+        image = _decoded(path, file)
+        wedges = texture.wedges[rows].astype(np.float64)
+        edges = (wedges[:, 1] - wedges[:, 0]) * image.shape[1::-1]
+        step = int(np.clip(np.median(np.linalg.norm(edges, axis=1)) / 2.0, 1, _WIDEST_MEAN))
+        if step > 1:
+            image = np.asarray(PIL.Image.fromarray(image).reduce(step))
+        # Within its face: beside a corner another chart begins.
+        inside = _INWARDS * wedges.mean(axis=1, keepdims=True) + (1.0 - _INWARDS) * wedges
+        add(rows, _looked_up(image, inside.reshape(-1, 2)).astype(np.float64))
+    rows = np.flatnonzero((shown < 0) & (plain[:, 0] >= 0))
+    add(rows, np.repeat(plain[rows].astype(np.float64), 3, axis=0))
+    colours = np.rint(total / np.maximum(count, 1.0)[:, None]).astype(np.uint8)
+    own = np.full((n_vertices, 3), _GREY, np.uint8) if mesh.colours is None else mesh.colours
+    colours[count == 0] = own[count == 0]
+    return colours
+
+
+def _decoded(path: Path, image: FileImage) -> UInt8:
     try:
-        return decode_image(image.read_bytes())
+        return decode_halved(image.data(), 0)
     except (EngineError, OSError) as error:
         raise ReadError(
             path, f"its texture {image.name} cannot be read: {error}", "export both again"
@@ -150,12 +258,17 @@ def _looked_up(image: UInt8, uvs: AnyArray) -> UInt8:
 def _parts_by_trimesh(path: Path) -> list[_Part]:
     try:
         scene = trimesh.load_scene(path, process=False)
-        parts = []
+        parts: list[_Part] = []
+        images: dict[int, FileImage] = {}
         # Nodes in the order of the file: a mesh may stand in several places.
         for name in scene.graph.nodes_geometry:
             transform, key = scene.graph[name]
             if isinstance(scene.geometry[key], trimesh.Trimesh):
-                parts.append(_part_of_trimesh(scene.geometry[key], np.asarray(transform)))
+                parts.append(
+                    _part_of_trimesh(path, scene.geometry[key], np.asarray(transform), images)
+                )
+    except ReadError:
+        raise
     except Exception as error:  # whatever a damaged file makes its many readers raise
         raise ReadError(
             path, f"it cannot be read ({type(error).__name__}: {error})", "export it again"
@@ -163,13 +276,42 @@ def _parts_by_trimesh(path: Path) -> list[_Part]:
     return parts
 
 
-def _part_of_trimesh(mesh: Any, transform: Float64) -> _Part:
+def _part_of_trimesh(
+    path: Path, mesh: Any, transform: Float64, images: dict[int, FileImage]
+) -> _Part:
     vertices = np.asarray(mesh.vertices, np.float64)
     if not np.array_equal(transform, np.eye(4)):
         vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3).astype(np.int32)
-    colours, origin = _colours_of_trimesh(mesh, faces)
-    return _Part(vertices, faces, colours, origin, _attributes(mesh, len(vertices), len(faces)))
+    attributes = _attributes(mesh, len(vertices), len(faces))
+    texture = _texture_of_trimesh(mesh, faces, images)
+    if texture is None:
+        colours, origin = _colours_of_trimesh(mesh, faces)
+        return _Part(vertices, faces, colours, origin, attributes)
+    part = _Part(vertices, faces, None, "texture", attributes, texture)
+    none = np.full((len(faces), 3), -1, np.int16)
+    return replace(part, colours=_colours_of_texture(path, part, texture, none))
+
+
+def _texture_of_trimesh(
+    mesh: Any, faces: Int32, images: dict[int, FileImage]
+) -> FileTexture | None:
+    """Texture of a node; `images` are those of the file so far, by the object that holds them."""
+    visual = mesh.visual
+    material = getattr(visual, "material", None)
+    image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
+    uvs = getattr(visual, "uv", None)
+    if visual.kind != "texture" or image is None or uvs is None:
+        return None
+    if id(image) not in images:
+        data = io.BytesIO()
+        # Without loss, and quickly: it is drawn into atlases, and dropped.
+        image.convert("RGB").save(data, "PNG", compress_level=1)
+        images[id(image)] = FileImage(f"image {len(images)}", data.getvalue())
+    # trimesh counts v from below.
+    wedges = (np.asarray(uvs, np.float64) * [1, -1] + [0, 1])[faces].astype(np.float32)
+    row = list(images).index(id(image))
+    return FileTexture(wedges, np.full(len(faces), row, np.int32), tuple(images.values()))
 
 
 def _colours_of_trimesh(mesh: Any, faces: Int32) -> tuple[UInt8 | None, str]:
@@ -180,24 +322,16 @@ def _colours_of_trimesh(mesh: Any, faces: Int32) -> tuple[UInt8 | None, str]:
         return _of_vertices(np.asarray(visual.face_colors)[:, :3], faces, len(mesh.vertices)), (
             "faces"
         )
-    material = getattr(visual, "material", None)
-    image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-    uvs = getattr(visual, "uv", None)
-    if visual.kind != "texture" or image is None or uvs is None:
-        # A GLB has its colours beside the material. glTF asks for linear light; writers of 8 bits
-        # put sRGB there all the same, as 8 bits of linear light band.
-        codes = np.asarray(getattr(visual, "vertex_attributes", {}).get("color", ()))
-        if codes.shape[:1] != (len(mesh.vertices),) or codes.ndim != _TABLE:
-            return None, "none"
-        if codes.dtype.kind == "f":
-            codes = np.rint(np.clip(codes, 0.0, 1.0) * 65535.0).astype(np.uint16)
-        codes = np.ascontiguousarray(codes[:, :3])
-        return linear16_to_srgb(codes) if codes.dtype == np.uint16 else codes.astype(np.uint8), (
-            "vertices"
-        )
-    # trimesh counts v from below.
-    return _looked_up(np.asarray(image.convert("RGB")), np.asarray(uvs) * [1, -1] + [0, 1]), (
-        "texture"
+    # A GLB has its colours beside the material. glTF asks for linear light; writers of 8 bits put
+    # sRGB there all the same, as 8 bits of linear light band.
+    codes = np.asarray(getattr(visual, "vertex_attributes", {}).get("color", ()))
+    if codes.shape[:1] != (len(mesh.vertices),) or codes.ndim != _TABLE:
+        return None, "none"
+    if codes.dtype.kind == "f":
+        codes = np.rint(np.clip(codes, 0.0, 1.0) * 65535.0).astype(np.uint16)
+    codes = np.ascontiguousarray(codes[:, :3])
+    return linear16_to_srgb(codes) if codes.dtype == np.uint16 else codes.astype(np.uint8), (
+        "vertices"
     )
 
 
@@ -242,7 +376,7 @@ def _joined(path: Path, parts: list[_Part]) -> FileMesh:
     origins = {part.origin_of_colours for part in parts} - {"none"}
     colours = None
     if origins:
-        grey = np.array([128, 128, 128], np.uint8)
+        grey = np.array(_GREY, np.uint8)
         colours = np.concatenate(
             [
                 np.tile(grey, (len(part.vertices), 1)) if part.colours is None else part.colours
@@ -255,16 +389,47 @@ def _joined(path: Path, parts: list[_Part]) -> FileMesh:
             values = np.concatenate([part.attributes[name] for part in parts])
             if len(values) in (starts[-1], len(faces)):
                 attributes[name] = values
-    # Parts of an OBJ are its materials, whose triangles may stand in turns.
-    if all(part.place is not None for part in parts):
-        place = np.concatenate([part.place for part in parts if part.place is not None])
-        faces = faces[np.argsort(place, kind="stable")]
+    [first, *more] = parts
+    facts = {"parts": len(parts)} if more else {"parts": 1, **first.facts}
     return FileMesh(
         np.concatenate([part.vertices for part in parts]),
         faces,
         colours,
         attributes,
         " and ".join(sorted(origins)) or "none",
+        _joined_textures(parts),
+        None if more else first.line,
+        None if more else first.missing,
+        facts,
+    )
+
+
+def _joined_textures(parts: list[_Part]) -> FileTexture | None:
+    """Put the textures of all parts into one; images that several use are there once."""
+    textures = [part.texture for part in parts if part.texture is not None]
+    if not textures:
+        return None
+    # Every part has the images of the file so far: the last one has all.
+    images = max((texture.images for texture in textures), key=len)
+    none = np.float32(np.nan)
+    return FileTexture(
+        np.concatenate(
+            [
+                np.full((len(part.faces), 3, 2), none)
+                if part.texture is None
+                else part.texture.wedges
+                for part in parts
+            ]
+        ),
+        np.concatenate(
+            [
+                np.full(len(part.faces), -1, np.int32)
+                if part.texture is None
+                else part.texture.image
+                for part in parts
+            ]
+        ),
+        images,
     )
 
 
@@ -287,10 +452,10 @@ def _welded(mesh: FileMesh) -> FileMesh:
         name: mean(values) if len(values) == n_vertices else values
         for name, values in mesh.attributes.items()
     }
-    return FileMesh(
-        mesh.vertices[first],
-        number[mesh.faces].astype(np.int32),
-        colours,
-        attributes,
-        mesh.origin_of_colours,
+    return replace(
+        mesh,
+        vertices=mesh.vertices[first],
+        faces=number[mesh.faces].astype(np.int32),
+        colours=colours,
+        attributes=attributes,
     )

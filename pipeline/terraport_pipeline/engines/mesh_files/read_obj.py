@@ -1,122 +1,200 @@
 """Textured meshes of other programs: OBJ with MTL, as Pix4D, OpenDroneMap and Metashape write them.
 
-An OBJ gives every corner its own texture coordinate; engines and glTF want one a vertex, so
-vertices are split at the seams (:func:`terraport_pipeline.geometry.mesh.uv.split_wedges`).
+An OBJ gives every corner a texture coordinate of its own (a wedge), so a vertex on a seam stands in
+the file once, and neighbours over a seam share it. So they do here.
 """
 
 from __future__ import annotations
 
-import itertools
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import Float32, Float64, Int32, UInt8
+from terraport_payload.types import Float32, Float64, Int32, Int64, UInt8
+from terraport_pipeline.engines.mesh_files.obj_materials import ObjMaterial, read_materials
 from terraport_pipeline.errors import ReadError
-from terraport_pipeline.geometry.mesh.uv import split_wedges
 
-__all__ = ["MAX_OBJ_BYTES", "ObjPiece", "read_obj"]
+__all__ = ["MAX_OBJ_BYTES", "ObjMesh", "read_obj"]
 
 MAX_OBJ_BYTES: Final = 4 << 30
 """Largest OBJ: about 40 M faces. It is read whole, at about six times its size."""
 
 _ADVICE: Final = "export it again as an OBJ of triangles"
 _CHANNELS: Final = 3
+_MIXED_SHOWN: Final = 40
+"""Characters of a bad line that are shown."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ObjPiece:
-    """The faces of one material, in the OBJ's own coordinates."""
+class ObjMesh:
+    """An OBJ as it stands in its file; F triangles."""
 
-    material: str
-    """Empty where the file names none."""
-    image: Path | None
-    """``map_Kd`` of the material, where that file is there."""
     vertices: Float64
-    """(V, 3) metres; large coordinates stay exact."""
+    """(V, 3) in the file's coordinates; large ones stay exact."""
     faces: Int32
-    """(F, 3)"""
-    uvs: Float32 | None
-    """(V, 2) from the image's upper left (OBJ counts v from below); None without."""
-    place: Int32
-    """(F,) place of every triangle among all of the file, from 0."""
+    """(F, 3) in the file's order; polygons are cut into fans."""
+    wedges: Float32 | None
+    """(F, 3, 2) from the image's upper left (OBJ counts v from below), NaN where a face has none;
+    None where no face has."""
+    material: Int32
+    """(F,) row of `materials`."""
+    materials: tuple[ObjMaterial, ...]
+    """Those that faces name, in the order of their first face."""
     colours: UInt8 | None
     """(V, 3) sRGB, of ``v`` lines with six numbers (0..1, as MeshLab writes them); None without."""
+    line: Int64
+    """(F,) line of the file, from 1."""
+    polygons: int
+    """Faces with more than three corners."""
+    objects: int
+    """``o`` lines; one body at least."""
 
 
-def read_obj(path: Path) -> tuple[ObjPiece, ...]:
+@dataclass(slots=True)
+class _Lines:
+    """The lines of a file by what they say, with their numbers from 1."""
+
+    points: list[bytes] = field(default_factory=list)
+    point_lines: list[int] = field(default_factory=list)
+    wedges: list[bytes] = field(default_factory=list)
+    wedge_lines: list[int] = field(default_factory=list)
+    faces: list[bytes] = field(default_factory=list)
+    face_lines: list[int] = field(default_factory=list)
+    face_materials: list[int] = field(default_factory=list)
+    materials: dict[str, int] = field(default_factory=dict)
+    libraries: list[tuple[int, str]] = field(default_factory=list)
+    relative: dict[int, tuple[int, int]] = field(default_factory=dict)
+    """Vertices and wedges so far, of face lines with negative numbers, which count back from
+    there."""
+    objects: int = 0
+
+
+def read_obj(path: Path) -> ObjMesh:
     """Read a textured mesh.
 
     Parameters
     ----------
     path : Path
-        Triangles; other polygons are cut into fans.
 
     Returns
     -------
-    tuple of ObjPiece
-        One for each material that has faces, in the order of their first face.
+    ObjMesh
 
     Raises
     ------
     ReadError
-        The file is too large, has no face, or a face names what is not there.
+        The file is too large, has no face, a number that is none, or a face names what is not
+        there. Libraries and images that are missing stand in the materials.
     """
     size = path.stat().st_size if path.is_file() else -1
     if size < 0:
         raise ReadError(path, "there is no such file", _ADVICE)
     if size > MAX_OBJ_BYTES:
         raise ReadError(path, f"{size} bytes, more than {MAX_OBJ_BYTES}", "cut it into tiles")
-    # (1) Tables of the whole file; lines that end in a backslash go on.
-    lines = path.read_bytes().replace(b"\\\n", b" ").splitlines()
-    points = _table(path, [line[2:] for line in lines if line.startswith(b"v ")], 3, "v")
-    positions = points[:, :3]
-    colours = _colours(points[:, 3:])
-    texture = [line[3:] for line in lines if line.startswith(b"vt ")]
-    wedge_table = _table(path, texture, 2, "vt")[:, :2] if texture else np.zeros((0, 2))
-    images = _images(path, lines)
-    pieces = []
-    # (2) One piece per material. OBJ counts v from the bottom, images from the top.
-    for material, rows in _by_material(lines).items():
-        corners, place = _corners(path, rows, len(positions), len(wedge_table))
-        vertex, wedge = corners[:, :, 0], corners[:, :, 1]
-        textured = bool((wedge >= 0).all())
-        uvs = wedge_table[wedge] if textured else np.zeros((len(corners), 3, 2))
-        uvs[:, :, 1] = 1.0 - uvs[:, :, 1]
-        used, local = np.unique(vertex, return_inverse=True)
-        split = split_wedges(local.reshape(-1, 3), uvs, len(used))
-        pieces.append(
-            ObjPiece(
-                material,
-                images.get(material),
-                positions[used[split.vertex]],
-                split.faces,
-                split.uvs if textured else None,
-                place,
-                None if colours is None else colours[used[split.vertex]],
-            )
-        )
-    if not pieces:
+    # (1) Lines by kind, then their numbers.
+    lines = _sorted_lines(path.read_bytes())
+    if not lines.points:
+        raise ReadError(path, "no v line", _ADVICE)
+    points = _table(path, lines.points, lines.point_lines, 3, "v")
+    wedge_table = np.zeros((0, 2))
+    if lines.wedges:
+        wedge_table = _table(path, lines.wedges, lines.wedge_lines, 2, "vt")[:, :2]
+    if not lines.faces:
         raise ReadError(path, "no face", _ADVICE)
-    return tuple(pieces)
+    # (2) Corners of triangles. OBJ counts v from the bottom, images from the top.
+    corners, row = _corners(path, lines, len(points), len(wedge_table))
+    wedges = None
+    if (corners[:, :, 1] >= 0).any():
+        beyond = np.concatenate([wedge_table, np.full((1, 2), np.nan)])  # row -1: none
+        wedges = beyond[corners[:, :, 1]].astype(np.float32)
+        wedges[:, :, 1] = np.float32(1.0) - wedges[:, :, 1]
+        wedges[np.isnan(wedges).any(axis=(1, 2))] = np.nan
+    # (3) Materials by the faces that name them.
+    named = read_materials(path, lines.libraries)
+    unknown = named.get("")
+    materials = tuple(
+        named.get(name, ObjMaterial(name, missing=None if unknown is None else unknown.missing))
+        for name in lines.materials
+    )
+    return ObjMesh(
+        points[:, :3],
+        np.ascontiguousarray(corners[:, :, 0]),
+        wedges,
+        np.array(lines.face_materials, np.int32)[row],
+        materials,
+        _colours(points[:, 3:]),
+        np.array(lines.face_lines, np.int64)[row],
+        sum(len(text.split()) > _CHANNELS for text in lines.faces),
+        max(lines.objects, 1),
+    )
 
 
-def _table(path: Path, rows: list[bytes], columns: int, label: str) -> Float64:
+def _sorted_lines(data: bytes) -> _Lines:
+    lines = _Lines()
+    material = -1
+    rows = data.splitlines()
+    del data
+    for number, text in enumerate(rows, 1):
+        if text.endswith(b"\\") and number < len(rows):  # it goes on in the next
+            rows[number] = text[:-1] + b" " + rows[number]
+            continue
+        word, _, rest = text.replace(b"\t", b" ").lstrip().partition(b" ")
+        if word == b"v":
+            lines.points.append(rest)
+            lines.point_lines.append(number)
+        elif word == b"vt":
+            lines.wedges.append(rest)
+            lines.wedge_lines.append(number)
+        elif word == b"f":
+            if material < 0:
+                material = lines.materials.setdefault("", len(lines.materials))
+            if b"-" in rest:
+                lines.relative[len(lines.faces)] = len(lines.points), len(lines.wedges)
+            lines.faces.append(rest)
+            lines.face_lines.append(number)
+            lines.face_materials.append(material)
+        elif word == b"usemtl":
+            name = rest.strip().decode("utf-8", "replace")
+            material = lines.materials.setdefault(name, len(lines.materials))
+        elif word == b"mtllib":
+            lines.libraries.append((number, rest.strip().decode("utf-8", "replace")))
+        elif word == b"o":
+            lines.objects += 1
+    return lines
+
+
+def _table(
+    path: Path, rows: list[bytes], numbers: Sequence[int], columns: int, label: str
+) -> Float64:
     """Numbers of all lines of a kind, at least *columns* and as many on each."""
-    if not rows:
-        raise ReadError(path, f"no {label} line", _ADVICE)
+    width = len(rows[0].split())
     try:
         values = np.array(b" ".join(rows).split(), dtype=np.float64)
-    except ValueError as error:
-        raise ReadError(path, f"a {label} line holds no number: {error}", _ADVICE) from None
-    width = len(values) // len(rows)
-    if width < columns or width * len(rows) != len(values) or not np.isfinite(values).all():
-        raise ReadError(
-            path, f"{len(values)} finite numbers on {len(rows)} {label} lines expected", _ADVICE
-        )
-    return values.reshape(len(rows), width)
+    except ValueError:
+        values = np.zeros(0)
+    if width >= columns and len(values) == width * len(rows) and np.isfinite(values).all():
+        return values.reshape(len(rows), width)
+    # Which line it is, now that one is bad.
+    at = 0
+    for at, row in enumerate(rows):
+        words = row.split()
+        try:
+            finite = bool(np.isfinite([float(word) for word in words]).all())
+        except ValueError:
+            finite = False
+        if not finite or len(words) < columns or len(words) != width:
+            break
+    shown = rows[at][:_MIXED_SHOWN].decode("utf-8", "replace").strip()
+    wanted = max(width, columns)
+    raise ReadError(
+        path,
+        f"{label} {shown!r}, expected {wanted} finite numbers",
+        _ADVICE,
+        f"line {numbers[at]:,}",
+    )
 
 
 def _colours(further: Float64) -> UInt8 | None:
@@ -126,61 +204,71 @@ def _colours(further: Float64) -> UInt8 | None:
     return np.rint(np.clip(further[:, -_CHANNELS:], 0.0, 1.0) * 255.0).astype(np.uint8)
 
 
-def _by_material(lines: list[bytes]) -> dict[str, list[tuple[int, bytes]]]:
-    """Face lines by the material that is in force, each with its first triangle's place."""
-    lines_of_material: dict[str, list[tuple[int, bytes]]] = {}
-    rows = lines_of_material.setdefault("", [])
-    place = 0
-    for line in lines:
-        if line.startswith(b"f "):
-            rows.append((place, line))
-            place += max(len(line.split()) - 3, 0)
-        elif line.startswith(b"usemtl "):
-            rows = lines_of_material.setdefault(line[7:].strip().decode("utf-8", "replace"), [])
-    return {material: rows for material, rows in lines_of_material.items() if rows}
-
-
-def _corners(
-    path: Path, rows: list[tuple[int, bytes]], vertices: int, wedges: int
-) -> tuple[Int32, Int32]:
-    """Vertex and wedge (-1: none) of every triangle's corners, (F, 3, 2), from 0; their places."""
-    triangles: list[list[bytes]] = []
-    place: list[int] = []
-    for first, row in rows:
-        words = row.split()[1:]
-        triangles += [[words[0], b, c] for b, c in itertools.pairwise(words[1:])]
-        place += range(first, first + len(triangles) - len(place))
-    pairs = [(corner + b"//").split(b"/")[:2] for triangle in triangles for corner in triangle]
-    try:
-        numbers = np.array([(int(v), int(t or b"0")) for v, t in pairs], dtype=np.int64)
-    except ValueError as error:
-        raise ReadError(path, f"a face names no number: {error}", _ADVICE) from None
-    numbers = numbers.reshape(-1, 3, 2)
-    # Negative numbers count from the end. Relative to the whole file: writers put faces last.
+def _corners(path: Path, lines: _Lines, vertices: int, wedges: int) -> tuple[Int32, Int64]:
+    """Vertex and wedge (-1: none) of every triangle's corners, (F, 3, 2), from 0; their lines."""
+    numbers = _even_corners(lines.faces)
+    row = np.arange(len(lines.faces), dtype=np.int64)
+    if numbers is None:
+        numbers, row = _uneven_corners(path, lines)
+    # Negative numbers count back from where they stand; 0 is none.
+    for at, so_far in lines.relative.items():
+        first, last = np.searchsorted(row, (at, at + 1))
+        some = numbers[first:last]
+        numbers[first:last] = np.where(some < 0, some + np.array(so_far) + 1, some)
+    numbers -= 1
     counts = np.array([vertices, wedges])
-    numbers = np.where(numbers < 0, numbers + counts, numbers - 1)
-    if len(numbers) and not ((numbers >= [0, -1]) & (numbers < counts)).all():
-        raise ReadError(path, f"a face beyond {vertices} vertices or {wedges} vt lines", _ADVICE)
-    return numbers.astype(np.int32), np.array(place, np.int32)
+    good = ((numbers >= [0, -1]) & (numbers < counts)).all(axis=(1, 2))
+    if not good.all():
+        bad = int(np.flatnonzero(~good)[0])
+        raise ReadError(
+            path, f"a face beyond {vertices} vertices or {wedges} vt lines", _ADVICE,
+            f"line {lines.face_lines[int(row[bad])]:,}",
+        )  # fmt: skip
+    # A face with wedges at some corners alone has none.
+    numbers[(numbers[:, :, 1] < 0).any(axis=1), :, 1] = -1
+    return numbers.astype(np.int32), row
 
 
-def _images(path: Path, lines: list[bytes]) -> dict[str, Path]:
-    """Image of every material, from the libraries beside the OBJ."""
-    image_of_material: dict[str, Path] = {}
-    for line in lines:
-        if not line.startswith(b"mtllib "):
-            continue
-        library = path.parent / Path(line[7:].strip().decode("utf-8", "replace")).name
-        if not library.is_file():
-            continue
-        material = ""
-        for text in library.read_text(encoding="utf-8", errors="replace").splitlines():
-            word, _, rest = text.strip().partition(" ")
-            if word == "newmtl":
-                material = rest.strip()
-            elif word == "map_Kd" and rest.strip():
-                # Only a name: a library never leads outside its folder. Options stand before it.
-                image = path.parent / Path(rest.split()[-1].replace("\\", "/")).name
-                if image.is_file():
-                    image_of_material[material] = image
-    return image_of_material
+def _even_corners(rows: list[bytes]) -> Int64 | None:
+    """Corners where every line is a triangle in one form; None elsewhere: ten times as fast."""
+    text = b" ".join(rows).replace(b"//", b"/0/")
+    slashes = text.count(b"/")
+    each = slashes // (3 * len(rows))
+    if slashes != 3 * each * len(rows) or any(len(row.split()) != 3 for row in rows):
+        return None
+    if any(word.count(b"/") != each for row in rows for word in row.replace(b"//", b"/0/").split()):
+        return None
+    try:
+        values = np.array(text.replace(b"/", b" ").split(), dtype=np.int64)
+    except ValueError:
+        return None
+    if len(values) != 3 * (each + 1) * len(rows):
+        return None
+    numbers = np.zeros((len(rows), 3, 2), np.int64)
+    numbers[:, :, : min(each + 1, 2)] = values.reshape(len(rows), 3, each + 1)[:, :, :2]
+    return numbers
+
+
+def _uneven_corners(path: Path, lines: _Lines) -> tuple[Int64, Int64]:
+    """Corners of polygons and of lines in several forms, cut into fans."""
+    triangles: list[tuple[int, int]] = []
+    row: list[int] = []
+    for at, text in enumerate(lines.faces):
+        try:
+            corners = []
+            for word in text.split():
+                vertex, wedge = (word + b"//").split(b"/")[:2]
+                corners.append((int(vertex), int(wedge or b"0")))
+        except ValueError as error:
+            raise ReadError(
+                path, f"a face names no number: {error}", _ADVICE, f"line {lines.face_lines[at]:,}"
+            ) from None
+        if len(corners) < 3:
+            raise ReadError(
+                path, f"a face with {len(corners)} corners, expected 3 or more", _ADVICE,
+                f"line {lines.face_lines[at]:,}",
+            )  # fmt: skip
+        for k in range(1, len(corners) - 1):
+            triangles += [corners[0], corners[k], corners[k + 1]]
+            row.append(at)
+    return np.array(triangles, np.int64).reshape(-1, 3, 2), np.array(row, np.int64)

@@ -9,7 +9,7 @@ import numpy as np
 
 from terraport_payload.types import AnyFloat, Float64, Int32
 
-__all__ = ["sample_mesh"]
+__all__ = ["sample_mesh", "sample_weights"]
 
 
 def sample_mesh(
@@ -38,6 +38,21 @@ def sample_mesh(
     ValueError
         The mesh has no area.
     """
+    weights, face = sample_weights(vertices, faces, count, rng)
+    corners = np.asarray(vertices, np.float64)[faces[face]]
+    return np.einsum("pc,pck->pk", weights, corners), face
+
+
+def sample_weights(
+    vertices: AnyFloat, faces: Int32, count: int, rng: np.random.Generator
+) -> tuple[Float64, Int32]:
+    """Draw points as :func:`sample_mesh`, as shares of the corners of their faces.
+
+    Returns
+    -------
+    weights : ndarray of shape (count, 3), float64
+    face : ndarray of shape (count,), int32
+    """
     corners = np.asarray(vertices, np.float64)[faces]
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     passed = np.cumsum(np.linalg.norm(normal, axis=1))
@@ -49,4 +64,4 @@ def sample_mesh(
     # triangles", Graphics Gems, 1990).
     across, along = np.sqrt(rng.uniform(size=count)), rng.uniform(size=count)
     weights = np.stack([1 - across, across * (1 - along), across * along], axis=1)
-    return np.einsum("pc,pck->pk", weights, corners[face]), face.astype(np.int32)
+    return weights, face.astype(np.int32)

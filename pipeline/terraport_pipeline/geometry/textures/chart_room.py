@@ -19,7 +19,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from terraport_payload.types import Bool, Float64, Int32, UInt8
+from terraport_payload.types import Bool, Float32, Float64, Int32, UInt8
 from terraport_pipeline.geometry.textures.atlas_pack import SMALLEST_CELL
 from terraport_pipeline.geometry.textures.charts import Charts, make_charts
 
@@ -74,6 +74,7 @@ def charts_with_room(
     *,
     texel_m: float | None,
     max_side: int,
+    pixels: Float32 | None = None,
 ) -> RoomyCharts:
     """Cut a mesh into no more charts than an image has room for.
 
@@ -83,7 +84,7 @@ def charts_with_room(
     corners : ndarray of shape (F, 3), int32
     view : ndarray of shape (F,), int32
     packed : ndarray of shape (views, PACKED), float64
-    texel_m : float or None
+    texel_m, pixels
         As for :func:`~terraport_pipeline.geometry.textures.charts.make_charts`.
     max_side : int
         Longest side of the image, texels.
@@ -99,7 +100,10 @@ def charts_with_room(
     room = int((max_side // SMALLEST_CELL) ** 2 * _CHART_SHARE)
     specks = len(packed) > 0
     while len(rows):
-        charts = make_charts(points, corners[rows], view[rows], packed, texel_m=texel_m)
+        charts = make_charts(
+            points, corners[rows], view[rows], packed, texel_m=texel_m,
+            pixels=None if pixels is None else pixels[rows],
+        )  # fmt: skip
         area = np.bincount(charts.chart, _worth(charts), charts.count)
         kept = np.ones(charts.count, np.bool_)
         if specks:

@@ -34,6 +34,9 @@ __all__ = ["Charts", "make_charts"]
 _BEYOND: Final = 0.5
 """Pixels by which a corner may lie outside the picture: rounding, no more."""
 
+_TOUCHING: Final = 0.05
+"""Pixels between corners of two faces that lie at one place in a given image."""
+
 _SAME_SIDE: Final = 0.3
 """Least cosine between a face and its chart's mean normal; below it the axis is taken instead,
 which every face of the group faces by 0.577 or more, or by 0.2 where it joined a neighbour."""
@@ -100,6 +103,7 @@ def make_charts(
     packed: Float64,
     *,
     texel_m: float | None = None,
+    pixels: Float32 | None = None,
 ) -> Charts:
     """Cut a mesh into charts.
 
@@ -116,6 +120,9 @@ def make_charts(
     texel_m : float, optional
         Length of a texel on the surface. Never finer than a photo's pixel. None: as fine as the
         photos, and without a photo two texels an edge.
+    pixels : ndarray of shape (F, 3, 2), float32, optional
+        Corners in the photos, where they are known: nothing is projected, and a chart also ends
+        where two faces do not touch in their photo. NaN: without one.
 
     Returns
     -------
@@ -126,13 +133,19 @@ def make_charts(
     points = np.ascontiguousarray(vertices, dtype=np.float64)
     corners = np.ascontiguousarray(faces, dtype=np.int32)
     seen = np.ascontiguousarray(view, dtype=np.int32).copy()
-    pixels = np.zeros((len(corners), 3, 2), dtype=np.float32)
-    _project_corners(points, corners, np.ascontiguousarray(packed), seen, pixels)
+    if pixels is None:
+        pixels = np.zeros((len(corners), 3, 2), dtype=np.float32)
+        _project_corners(points, corners, np.ascontiguousarray(packed), seen, pixels)
+        pairs, _ = face_pairs(corners, len(points))
+    else:
+        seen[np.isnan(pixels).any(axis=(1, 2))] = -1
+        pixels = np.where((seen >= 0)[:, None, None], pixels, np.float32(0.0))
+        pairs, edges = face_pairs(corners, len(points))
+        pairs = pairs[_touch(corners, seen, pixels, pairs, edges)]
     edge_a = points[corners[:, 1]] - points[corners[:, 0]]
     edge_b = points[corners[:, 2]] - points[corners[:, 0]]
     normal = np.cross(edge_a, edge_b)
     surface = 0.5 * np.linalg.norm(normal, axis=1)
-    pairs, _ = face_pairs(corners, len(points))
     labels = _labels(seen, normal, pairs)
     chart, count = components(len(corners), pairs, labels=labels)
     uvs = pixels.astype(np.float64)
@@ -157,6 +170,21 @@ def make_charts(
     within = pairs[chart[pairs[:, 0]] == chart[pairs[:, 1]]]
     rim = np.bincount(within.ravel(), minlength=len(corners)) < 3
     return Charts(seen, chart, pixels, uvs, high - low, surface, area, gsd, rim)
+
+
+def _touch(corners: Int32, view: Int32, pixels: Float32, pairs: Int32, edges: Int32) -> Bool:
+    """Mark the pairs whose common edge lies at one place in the photo."""
+    touching = np.ones(len(pairs), np.bool_)
+    row = np.arange(len(pairs))
+    for end in range(2):
+        ends = [
+            pixels[pairs[:, side]][
+                row, np.argmax(corners[pairs[:, side]] == edges[:, end, None], axis=1)
+            ]
+            for side in range(2)
+        ]
+        touching &= (np.abs(ends[0] - ends[1]) <= _TOUCHING).all(axis=1)
+    return touching | (view[pairs] < 0).any(axis=1)
 
 
 def _cut_sparse(

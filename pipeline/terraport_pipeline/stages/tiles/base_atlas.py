@@ -12,12 +12,15 @@ Memory: one tile, about 250 bytes per texel of the surface, and the image.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float32, UInt8
+from terraport_pipeline.engines.images import ImageFormat
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.textures.cell_colours import CellColours, ColourField
 from terraport_pipeline.model import Mesh
@@ -67,7 +70,9 @@ class Options:
     side: int = 2048
     """Longest side, pixels."""
     quality: int = 85
-    """Of JPEG; lowered where mesh and image would have too many bytes."""
+    """Of JPEG and WebP; lowered where mesh and image would have too many bytes."""
+    kind: ImageFormat = "jpeg"
+    """Format of the image."""
 
     def __post_init__(self) -> None:
         if self.side not in texture.SIDES:
@@ -95,8 +100,22 @@ def image_bytes(faces: int, attributes: int) -> int:
     return max(int(MAX_BASE_BYTES - mesh), _LEAST_IMAGE_BYTES)
 
 
+Samples = Callable[[Mesh, float], Iterator[tuple[Float32, UInt8]]]
+"""Places on a tile (N, 3) in metres, so many that texels of that length find some, and their
+colours (N, 3), in blocks."""
+
+
+def _at_vertices(mesh: Mesh, _texel_m: float) -> Iterator[tuple[Float32, UInt8]]:
+    yield mesh.vertices, mesh.colours
+
+
 def run(
-    base: Mesh, tiles: DetailTiles, spacing_m: float, options: Options, context: Context
+    base: Mesh,
+    tiles: DetailTiles,
+    spacing_m: float,
+    options: Options,
+    context: Context,
+    samples: Samples = _at_vertices,
 ) -> BaseAtlas:
     """Draw the base's image.
 
@@ -107,9 +126,11 @@ def run(
     tiles : DetailTiles
         With the survey's colours at their vertices.
     spacing_m : float
-        Typical distance between the survey's points; no texel is smaller.
+        Typical distance between the survey's points; no texel is smaller. 0: as fine as fits.
     options : Options
     context : Context
+    samples : callable, optional
+        Where the detail's colours are known; at its vertices by default.
 
     Returns
     -------
@@ -123,8 +144,10 @@ def run(
     context.progress.start("base: colours of tiles", float(tiles.count), "tiles")
     cells: list[CellColours] = []
     for tile in range(tiles.count):
-        mesh = tiles.load(tile)
-        cells.append(CellColours.of(mesh.vertices, mesh.colours, texel_m))
+        found: list[CellColours] = []
+        for places, colours in samples(tiles.load(tile), texel_m):
+            found = [CellColours.joined([*found, CellColours.of(places, colours, texel_m)])]
+        cells += found
         context.progress.advance(1.0)
     field = ColourField(CellColours.joined(cells), threads=context.threads)
     context.progress.done({})
@@ -133,7 +156,8 @@ def run(
     atlases = texture.texture_mesh(
         base, np.zeros(len(base.faces), np.int32), (), None, None,
         texture.Options(
-            source="vertex", texel_m=texel_m, quality=options.quality, base_side=options.side
+            source="vertex", texel_m=texel_m, kind=options.kind, quality=options.quality,
+            base_side=options.side,
         ),
         max_side=options.side, path=context.scratch / "base.images",
         threads=context.threads, progress=context.progress, label="base: image",

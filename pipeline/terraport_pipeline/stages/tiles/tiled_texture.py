@@ -20,6 +20,7 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
+from terraport_pipeline.engines.mesh_texels import MeshTexels
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.photos.view_candidates import Candidates
@@ -52,6 +53,7 @@ __all__ = [
     "Levels",
     "draw",
     "draw_plain",
+    "draw_texels",
     "level",
     "solve",
     "tile_textures",
@@ -228,6 +230,13 @@ def draw_plain(
     return _drawn(mesh, tile, segments, None, None, options, context, {})
 
 
+def draw_texels(
+    mesh: Mesh, tile: int, segments: Int32, texels: MeshTexels, options: Options, context: Context
+) -> Stored:
+    """Carry a textured mesh's own texels over into atlases; as :func:`draw`."""
+    return _drawn(mesh, tile, segments, texels, texels.choice(), options, context, {})
+
+
 def tile_textures(arrays: Mapping[str, AnyArray]) -> TextureSet:
     """Read a tile's textures back; arrays may be mapped."""
     return TextureSet(
@@ -242,17 +251,18 @@ def _drawn(
     mesh: Mesh,
     tile: int,
     segments: Int32,
-    opened: OpenPhotos | None,
+    shown: OpenPhotos | MeshTexels | None,
     choice: ViewChoice | None,
     options: Options,
     context: Context,
     steps: dict[str, AnyArray],
 ) -> Stored:
     atlases = texture_mesh(
-        mesh, segments, () if opened is None else opened.views,
-        None if opened is None else opened.photos, choice, options,
+        mesh, segments, () if shown is None else shown.views,
+        shown if isinstance(shown, MeshTexels) or shown is None else shown.photos, choice, options,
         max_side=options.max_side, path=context.scratch / f"{tile:04d}.images",
         threads=context.threads, progress=context.progress, label="texture: atlases",
+        pixels=shown.pixels if isinstance(shown, MeshTexels) else None,
     )  # fmt: skip
     textures = atlases.textures
     tally = atlases.sums.tally()

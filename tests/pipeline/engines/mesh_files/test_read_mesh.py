@@ -103,7 +103,7 @@ def test_a_textured_obj_by_its_wedges(tmp_path: Path) -> None:
     # v counts from below: (0, 0) is the lower row, green.
     assert at[0, 0, 0] == [0, 255, 0]
     assert at[1, 0, 0] == [0, 128, 128]  # green in left, blue in right
-    assert at[0, 1, 0] == [128, 0, 128]  # red in left, blue in right
+    assert at[0, 1, 0] == [170, 0, 85]  # red in two faces of left, blue in right
 
 
 def test_a_textured_glb(tmp_path: Path) -> None:
