@@ -2,7 +2,7 @@
 
 Scripts are made by chance (fixed seeds) for each of the themes below and played
 (``session_play.py``). What one shows is a set of triples: what three steps in a row did, told in
-words. A script that shows a triple which no script before it showed is shrunk, by leaving
+words, and in what situation the client was after the first. A script that shows a triple which no script before it showed is shrunk, by leaving
 operations out for as long as it still shows it, and kept: a history is short, and each is there
 for something. What :func:`check` says must be true of every one, kept or not.
 
@@ -41,16 +41,17 @@ from terraport_wire import (
 )
 
 CORPUS: Final = Path(__file__).resolve().parent / "session"
-KEPT: Final = 60
+KEPT: Final = 80
 """Histories of a theme."""
-MOST_STEPS: Final = 60
+MOST_STEPS: Final = 50
 """Of a history that is kept."""
 
 Make = Callable[[Random], Operation]
 
 
 def _place(chance: Random) -> list[int]:
-    return [chance.randrange(-1, 13), 0, chance.randrange(-1, 13)]
+    """Few places: what happens at one meets what happened there before."""
+    return [chance.choice((0, 2, 10)), 0, chance.choice((0, 1))]
 
 
 def _land(chance: Random) -> Operation:
@@ -206,10 +207,11 @@ def _name_of(text: str, direction: Direction) -> str:
     return "unknown" if isinstance(message, Unknown) else message.TYPE
 
 
-def triples(steps: list[Step]) -> set[tuple[str, ...]]:
+def triples(world: World) -> set[tuple[str, ...]]:
     """What a history shows."""
-    words = [words_of(step) for step in steps]
-    return set(zip(words, words[1:], words[2:], strict=False))
+    words = [words_of(step) for step in world.told.steps]
+    situations = world.client.situations
+    return set(zip(words, words[1:], words[2:], situations, strict=False))
 
 
 def check(script: Script, steps: list[Step], world: World) -> None:
@@ -240,7 +242,7 @@ def shrink(script: Script, target: tuple[str, ...]) -> Script:
         while at >= 0:
             rest = script.operations[:at] + script.operations[at + size :]
             shorter = Script(script.options, script.limits, rest)
-            if target in triples(play(shorter)[0]):
+            if target in triples(play(shorter)[1]):
                 script = shorter
             at -= size
         size //= 2
@@ -255,7 +257,7 @@ def histories(theme: str, seen: set[tuple[str, ...]]) -> Iterator[dict[str, Any]
         seed += 1
         steps, world = play(script)
         check(script, steps, world)
-        new = triples(steps) - seen
+        new = triples(world) - seen
         if not new:
             continue
         script = shrink(script, Random(seed).choice(sorted(new)))
@@ -263,7 +265,7 @@ def histories(theme: str, seen: set[tuple[str, ...]]) -> Iterator[dict[str, Any]
         check(script, steps, world)
         if len(steps) > MOST_STEPS:
             continue
-        seen |= triples(steps)
+        seen |= triples(world)
         kept += 1
         yield {"history": f"{theme} {seed - 1}", "options": script.options, "steps": steps}
 

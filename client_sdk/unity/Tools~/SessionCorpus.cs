@@ -17,6 +17,7 @@ namespace Terraport.Tools
         private string visible;
         private string held;
         private string unfinished;
+        private string aims;
 
         public SessionCorpus(string folder) { this.folder = folder; }
 
@@ -53,6 +54,7 @@ namespace Terraport.Tools
         {
             visible = held = "[]";
             unfinished = "null";
+            aims = "[0,0,0,0]";
             long? triangles = Integer(options["max_triangles"]), bytes = Integer(options["max_bytes"]);
             session = new ClientSession(new SessionOptions {
                 Client = "corpus",
@@ -83,6 +85,8 @@ namespace Terraport.Tools
             // The corpus' scenes have 36 segments.
             Note("held", ref held, Ids(Enumerable.Range(0, 36).Select(id => (uint)id).Where(session.Cache.Contains)), told);
             Note("unfinished", ref unfinished, session.Unfinished.HasValue ? session.Unfinished.ToString() : "null", told);
+            StreamStats stats = session.Stats;
+            Note("aims", ref aims, List(new[] { stats.AimedLandings, stats.AimHits, stats.PrefetchedBytes, stats.UsedPrefetchedBytes }, count => count.ToString()), told);
             return "{" + string.Join(",", told) + "}";
         }
 

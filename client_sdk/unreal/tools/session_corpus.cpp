@@ -126,6 +126,7 @@ struct Run {
   ClientSession session;
   std::vector<std::uint32_t> visible, held;
   std::int64_t unfinished = kNoLanding;
+  std::vector<std::uint32_t> aims{0, 0, 0, 0};
 
   /// Do one step; what came of it, as the corpus writes it.
   std::string told(const JsonValue& command, const std::vector<std::string>& messages) {
@@ -159,6 +160,12 @@ struct Run {
     if (newest != std::exchange(unfinished, newest)) {
       newest == kNoLanding ? told.key("unfinished").null() : told.key("unfinished").integer(newest);
     }
+    const AimCounts& counts = session.transfers().aims();
+    std::vector<std::uint32_t> aimsNow;
+    for (const std::uint64_t value : {counts.landings, counts.hits, counts.prefetchedBytes, counts.usedBytes}) {
+      aimsNow.push_back(static_cast<std::uint32_t>(value));
+    }
+    if (aimsNow != std::exchange(aims, aimsNow)) told.key("aims").integers(aimsNow);
     return told.close('}').str();
   }
 };
