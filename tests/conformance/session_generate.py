@@ -5,6 +5,7 @@ Scripts are made by chance (fixed seeds) for each of the themes below and played
 words, and in what situation the client was after the first. A script that shows a triple which no script before it showed is shrunk, by leaving
 operations out for as long as it still shows it, and kept: a history is short, and each is there
 for something. What :func:`check` says must be true of every one, kept or not.
+What chance seldom makes stands in ``named.jsonl``.
 
 The files are the same on every run. ``--check`` compares them and writes nothing. ``--seeds N``
 plays N scripts of each theme and checks them alone: to look for faults.
@@ -41,7 +42,7 @@ from terraport_wire import (
 )
 
 CORPUS: Final = Path(__file__).resolve().parent / "session"
-KEPT: Final = 80
+KEPT: Final = 100
 """Histories of a theme."""
 MOST_STEPS: Final = 50
 """Of a history that is kept."""
@@ -146,8 +147,8 @@ MOVES: Final = "land land pump pump pump serve hear take lag"
 
 THEMES: Final[dict[str, str]] = {
     "landings": f"{MOVES} far impossible bye",
-    "aims": f"{MOVES} aim aim flush flush flush far impossible",
-    "cuts": f"{MOVES} cut connect connect aim flush pick",
+    "aims": f"{MOVES} aim aim flush flush flush far connect",
+    "cuts": f"{MOVES} cut connect connect aim flush aim flush pick",
     "flips": f"{MOVES} flip flip flip aim flush connect",
     "deadlines": f"{MOVES} urgent urgent urgent wait wait flip fail",
     "versions": f"{MOVES} newer connect aim flush publish drain",
@@ -157,6 +158,61 @@ THEMES: Final[dict[str, str]] = {
     "strays": f"{MOVES} stray stray again again connect aim flush text",
 }
 """What may happen in each, as often as it is named."""
+
+
+_HERE: Final = ("call", "land", [0, 0, 0], 2.5, None, None)
+_THERE: Final = ("call", "land", [10, 0, 0], 2.5, None, None)
+_INNER: Final = ("call", "land", [2, 0, 0], 2.5, 1.5, 100)
+_AIM: Final = (("call", "aim", [0, 0, 0], 2.5), ("call", "flush"))
+_AGAIN: Final = (("cut",), ("connect", True, 0))
+_AWAY: Final = (("take",), ("serve", 40))
+
+NAMED: Final[dict[str, tuple[Operation, ...]]] = {
+    "an aim of which all came is not sent again": (*_AIM, ("pump", 40), *_AGAIN),
+    "an aim that a cut ended is sent again": (*_AIM, ("pump", 5), *_AGAIN),
+    "nothing is let go while a landing has no plan":
+        (_HERE, ("pump", 40), _THERE, *_AWAY, _HERE, ("take",), ("hear", 40)),
+    "an aim's segments wait for the plan that may keep them":
+        (_THERE, ("pump", 40), *_AIM, *_AWAY, _HERE, ("take",), ("hear", 40)),
+    "a reject crosses the next landing": (_HERE, ("flip", 1), *_AWAY, _HERE, ("take",), ("hear", 40)),
+    "a reject crosses a landing elsewhere":
+        (_HERE, ("flip", 1), *_AWAY, _THERE, ("take",), ("hear", 40)),
+    "an inner set that came wrong":
+        (("pump", 3), _INNER, ("take",), ("flip", 1), ("serve", 9), ("wait", 0.2), ("serve", 9)),
+    "a hop back finds what was kept nearby":
+        (("call", "land", [0, 0, 0], 3.5, None, None), ("pump", 40), _HERE, ("pump", 40),
+         ("call", "land", [0, 0, 0], 3.5, None, None)),
+    "half a segment goes on in the next plan":
+        (_HERE, ("pump", 6), ("call", "land", [2, 0, 0], 2.5, None, None)),
+    "a newer version": (_HERE, ("pump", 40), ("cut",), ("connect", True, 1), ("pump", 5), _HERE),
+    "only the newest landing waits": (("pump", 5), _HERE, _THERE, _INNER),
+    "a pick outlives a cut": (("call", "pick", [1, 2, 3], None), ("take",), *_AGAIN),
+}  # fmt: skip
+"""What chance seldom makes, by name; each with a cache of nothing and with one of everything."""
+
+
+def named_scripts() -> Iterator[tuple[str, Script]]:
+    """Return what somebody thought of."""
+    for name, operations in NAMED.items():
+        for cache_bytes, credit_bytes in ((0, 50), (0, 10_000), (10_000, 50)):
+            options = {
+                "cache_bytes": cache_bytes,
+                "credit_bytes": credit_bytes,
+                "release_factor": 1.5,
+                "max_bytes": None,
+                "max_triangles": None,
+                "max_segments": None,
+            }
+            script = Script(options, {"max_held_segments": 1000}, (("connect", True, 0), *operations))
+            yield f"{name}, {cache_bytes} {credit_bytes}", script
+
+
+def named_histories() -> Iterator[dict[str, Any]]:
+    """Play the named scripts."""
+    for name, script in named_scripts():
+        steps, world = play(script)
+        check(script, steps, world)
+        yield {"history": name, "options": script.options, "steps": steps}
 
 
 def make_script(theme: str, seed: int) -> Script:
@@ -297,7 +353,8 @@ def text_of(rows: Iterator[dict[str, Any]]) -> str:
 def corpus_files(themes: Iterable[str] = THEMES) -> dict[str, str]:
     """Return name -> text of every file; of the first themes alone where these are given."""
     seen: set[tuple[str, ...]] = set()
-    return {f"{theme}.jsonl": text_of(histories(theme, seen)) for theme in themes}
+    files = {f"{theme}.jsonl": text_of(histories(theme, seen)) for theme in themes}
+    return files | {"named.jsonl": text_of(named_histories())}
 
 
 def main() -> int:

@@ -246,8 +246,8 @@ def play(script: Script) -> tuple[list[Step], World]:
         getattr(world, f"do_{name}")(*arguments)
         assert not world.is_long, script
     world.lag = world.spoilt = 0
-    while world.step():
-        assert not world.is_long, script
-        if world.told.session.has_aim:  # as every link does
-            world.do_call("flush")
+    world.settle()
+    world.do_call("flush")  # as links do, whether an aim waits or not
+    world.settle()
+    assert not world.is_long, script
     return world.told.steps, world
