@@ -5,7 +5,8 @@ from __future__ import annotations
 import copy
 
 import pytest
-from conformance.session_generate import CORPUS, THEMES, corpus_files
+from conformance.session_generate import CORPUS, corpus_files
+from conformance.session_scripts import THEMES
 from conformance.session_steps import difference, read_histories
 
 FILES = sorted(CORPUS.glob("*.jsonl"))

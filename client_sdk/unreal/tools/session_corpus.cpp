@@ -78,7 +78,8 @@ void writeRow(const StreamEvent& event, JsonText& into) {
   if (kind == EventKind::Degraded) ofLanding("degraded").integers(event.segments).close(']');
   if (kind == EventKind::Ready) ofLanding("ready").integers(event.segments).integers(event.missing).close(']');
   if (kind == EventKind::Superseded) ofLanding("superseded").integer(event.by).close(']');
-  if (kind == EventKind::Prefetched) row("prefetched").integer(count(event.segmentCount)).integer(count(event.payloadBytes)).close(']');
+  if (kind == EventKind::Prefetched)
+    row("prefetched").integer(count(event.segmentCount)).integer(count(event.payloadBytes)).close(']');
   if (kind == EventKind::Picked) {
     JsonText& picked = row("picked").integer(count(event.request));
     (event.hit ? picked.integer(event.hit->segment) : picked.null()).close(']');

@@ -39,21 +39,24 @@ type Step = { readonly do: Do; readonly told: Told };
 
 beforeAll(prepareDecoders);
 
-describe.each(readdirSync(CORPUS).filter((name) => name.endsWith(".jsonl")))("%s", (name) => {
-  const lines = readFileSync(new URL(name, CORPUS), "utf-8").trimEnd().split("\n");
-  const [{ messages }, ...rest] = lines.map((line) => JSON.parse(line)) as [
-    { messages: string[] },
-    ...(History | Step)[],
-  ];
-  const starts = rest.flatMap((line, at) => ("history" in line ? [at] : []));
+describe.each(readdirSync(CORPUS).filter((name) => name.endsWith(".jsonl")))(
+  "the session corpus, step by step: %s",
+  (name) => {
+    const lines = readFileSync(new URL(name, CORPUS), "utf-8").trimEnd().split("\n");
+    const [{ messages }, ...rest] = lines.map((line) => JSON.parse(line)) as [
+      { messages: string[] },
+      ...(History | Step)[],
+    ];
+    const starts = rest.flatMap((line, at) => ("history" in line ? [at] : []));
 
-  test(`${starts.length} histories`, () => {
-    expect(starts.length).toBeGreaterThan(0);
-    for (const [at, start] of starts.entries()) {
-      run(rest[start] as History, rest.slice(start + 1, starts[at + 1]) as Step[], messages);
-    }
-  });
-});
+    test(`${starts.length} histories`, () => {
+      expect(starts.length).toBeGreaterThan(0);
+      for (const [at, start] of starts.entries()) {
+        run(rest[start] as History, rest.slice(start + 1, starts[at + 1]) as Step[], messages);
+      }
+    });
+  },
+);
 
 function run({ history, options }: History, steps: readonly Step[], messages: readonly string[]): void {
   const { max_triangles: maxTriangles, max_bytes: maxBytes, max_segments: maxSegments } = options;
