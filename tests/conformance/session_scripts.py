@@ -129,7 +129,7 @@ THEMES: Final[dict[str, str]] = {
 _HERE: Final = ("call", "land", [0, 0, 0], 2.5, None, None)
 _THERE: Final = ("call", "land", [10, 0, 0], 2.5, None, None)
 _INNER: Final = ("call", "land", [2, 0, 0], 2.5, 1.5, 100)
-_AIM: Final = (("call", "aim", [0, 0, 0], 2.5), ("call", "flush"))
+_AIM: Final = (("pump", 4), ("call", "aim", [0, 0, 0], 2.5), ("call", "flush"))
 _AGAIN: Final = (("cut",), ("connect", True, 0))
 _AWAY: Final = (("take",), ("serve", 40))
 
