@@ -2,9 +2,10 @@
 
 Scripts are made by chance (fixed seeds) for each of the themes below and played
 (``session_play.py``). What one shows is a set of triples: what three steps in a row did, told in
-words. A script that shows a triple which no script before it showed is shrunk, by leaving
-operations out for as long as it still shows it, and kept: a history is short, and each is there
-for something. What :func:`check` says must be true of every one, kept or not.
+words, and in what situation the client was after the first. A script that shows a triple which no
+script before it showed is shrunk, by leaving operations out for as long as it still shows it, and
+kept: a history is short, and each is there for something. What :func:`check` says must be true of
+every one, kept or not. What chance seldom makes stands in ``named.jsonl``.
 
 The files are the same on every run. ``--check`` compares them and writes nothing. ``--seeds N``
 plays N scripts of each theme and checks them alone: to look for faults.
@@ -16,7 +17,7 @@ import argparse
 import base64
 import json
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from random import Random
 from typing import Any, Final
@@ -24,159 +25,33 @@ from typing import Any, Final
 if __name__ == "__main__":  # run as a script: the package "conformance" lies in tests/
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from conformance.session_play import Operation, Script, World, play
+from conformance.session_play import Script, World, play
+from conformance.session_scripts import THEMES, make_script, named_scripts
 from conformance.session_steps import Step
 
 from terraport_wire import (
     DecodeError,
     Direction,
     PayloadFrame,
-    Superseded,
     Unknown,
     decode,
     decode_frame,
-    encode,
-    encode_frame,
     is_payload,
 )
 
 CORPUS: Final = Path(__file__).resolve().parent / "session"
-KEPT: Final = 60
+KEPT: Final = 100
 """Histories of a theme."""
-MOST_STEPS: Final = 60
+MOST_STEPS: Final = 50
 """Of a history that is kept."""
 
-Make = Callable[[Random], Operation]
 
-
-def _place(chance: Random) -> list[int]:
-    return [chance.randrange(-1, 13), 0, chance.randrange(-1, 13)]
-
-
-def _land(chance: Random) -> Operation:
-    return ("call", "land", _place(chance), chance.choice((0.5, 1.5, 2.5, 3.5)), None, None)
-
-
-def _urgent_land(chance: Random) -> Operation:
-    return ("call", "land", _place(chance), chance.choice((2.5, 3.5)), 1.5, 100)
-
-
-def _far_land(chance: Random) -> Operation:
-    return ("call", "land", _place(chance), 9.5, None, None)
-
-
-def _aim(chance: Random) -> Operation:
-    return ("call", "aim", _place(chance), chance.choice((0.5, 1.5, 2.5)))
-
-
-def _far_aim(chance: Random) -> Operation:
-    return ("call", "aim", _place(chance), 9.5)
-
-
-def _pick(chance: Random) -> Operation:
-    return ("call", "pick", [1, 2, 3], chance.choice((None, [0, -1, 0])))
-
-
-def _impossible(chance: Random) -> Operation:
-    bad = chance.choice((0, -1, "nan", "inf"))
-    nowhere = [0, chance.choice(("nan", "inf", "-inf")), 0]
-    given: tuple[tuple[Any, ...], ...] = (
-        ("land", [0, 0, 0], bad, None, None),
-        ("land", nowhere, 1, None, None),
-        ("land", [0, 0, 0], 1, 2, None),
-        ("land", [0, 0, 0], 1, None, 5),
-        ("aim", [0, 0, 0], bad),
-        ("aim", nowhere, 1),
-        ("pick", nowhere, None),
-        ("pick", [0, 0, 0], [0, 0, 0]),
-    )
-    return ("call", *chance.choice(given))
-
-
-def _stray(chance: Random) -> Operation:
-    generation = chance.randrange(1, 5)
-    chunk = memoryview(bytes(3))
-    frame = PayloadFrame(generation, chance.randrange(36), chance.choice((0, 1)), 9, chunk)
-    superseded = Superseded(generation=generation, by=generation + 1, unsent_bytes=0)
-    strays = (
-        b"\x81\xa4type\xa3new",
-        b"\x05\x01\x02\x03",  # a frame of a later kind
-        b"",
-        b"\xc1",
-        encode_frame(frame),
-        encode(superseded),
-    )
-    return ("stray", base64.b64encode(chance.choice(strays)).decode())
-
-
-def _made(name: str, *choices: Sequence[Any]) -> Make:
-    return lambda chance: (name, *(chance.choice(values) for values in choices))
-
-
-OPERATIONS: Final[dict[str, Make]] = {
-    "land": _land,
-    "urgent": _urgent_land,
-    "far": _far_land,
-    "aim": _aim,
-    "far aim": _far_aim,
-    "flush": lambda _: ("call", "flush"),
-    "pick": _pick,
-    "impossible": _impossible,
-    "bye": lambda _: ("call", "bye"),
-    "pump": _made("pump", (1, 2, 3, 5, 8, 13, 40)),
-    "serve": _made("serve", (1, 2, 5)),
-    "hear": _made("hear", (1, 2, 5)),
-    "take": lambda _: ("take",),
-    "lag": _made("lag", (0, 1, 4, 20)),
-    "cut": lambda _: ("cut",),
-    "connect": _made("connect", (True, True, False), (0,)),
-    "newer": _made("connect", (True, False), (1,)),
-    "flip": _made("flip", (1, 2, 3)),
-    "fail": _made("fail", range(36)),
-    "wait": _made("wait", (0.2,)),
-    "publish": lambda _: ("publish",),
-    "drain": lambda _: ("drain",),
-    "stray": _stray,
-    "text": lambda _: ("text", "{}"),
-    "again": _made("again", range(1, 9)),
-}
-
-MOVES: Final = "land land pump pump pump serve hear take lag"
-
-THEMES: Final[dict[str, str]] = {
-    "landings": f"{MOVES} far impossible bye",
-    "aims": f"{MOVES} aim aim flush flush flush far impossible",
-    "cuts": f"{MOVES} cut connect connect aim flush pick",
-    "flips": f"{MOVES} flip flip flip aim flush connect",
-    "deadlines": f"{MOVES} urgent urgent urgent wait wait flip fail",
-    "versions": f"{MOVES} newer connect aim flush publish drain",
-    "missing": f"{MOVES} fail fail fail flip aim flush",
-    "picks": f"{MOVES} pick pick pick connect impossible cut",
-    "refusals": f"{MOVES} far far aim flush connect impossible far",
-    "strays": f"{MOVES} stray stray again again connect aim flush text",
-}
-"""What may happen in each, as often as it is named."""
-
-
-def make_script(theme: str, seed: int) -> Script:
-    """Return one script of a theme."""
-    chance = Random(f"{theme} {seed}")
-    options: dict[str, Any] = {
-        "cache_bytes": chance.choice((0, 0, 100, 300, 10_000)),
-        "credit_bytes": chance.choice((1, 20, 50, 50, 200, 10_000)),
-        "release_factor": chance.choice((None, 1.0, 1.5)),
-        "max_bytes": chance.choice((None, None, None, 150)),
-        "max_triangles": chance.choice((None, None, None, 40)),
-        "max_segments": chance.choice((None, None, None, 5)),
-    }
-    limits = {
-        "max_held_segments": chance.choice((0, 1, 5, 1000, 1000)),
-        "max_credit_bytes": chance.choice((30, 1 << 20)),
-    }
-    words = THEMES[theme].split()
-    count = chance.randrange(4, 24)
-    moves = (OPERATIONS[chance.choice(words)](chance) for _ in range(count))
-    return Script(options, limits, (("connect", True, 0), *moves))
+def named_histories() -> Iterator[dict[str, Any]]:
+    """Play the named scripts."""
+    for name, script in named_scripts():
+        steps, world = play(script)
+        check(script, steps, world)
+        yield {"history": name, "options": script.options, "steps": steps}
 
 
 def words_of(step: Step) -> str:
@@ -206,10 +81,11 @@ def _name_of(text: str, direction: Direction) -> str:
     return "unknown" if isinstance(message, Unknown) else message.TYPE
 
 
-def triples(steps: list[Step]) -> set[tuple[str, ...]]:
+def triples(world: World) -> set[tuple[str, ...]]:
     """What a history shows."""
-    words = [words_of(step) for step in steps]
-    return set(zip(words, words[1:], words[2:], strict=False))
+    words = [words_of(step) for step in world.told.steps]
+    situations = world.client.situations
+    return set(zip(words, words[1:], words[2:], situations, strict=False))
 
 
 def check(script: Script, steps: list[Step], world: World) -> None:
@@ -226,7 +102,7 @@ def check(script: Script, steps: list[Step], world: World) -> None:
         assert "violation" not in str(steps), f"a violation between the two: {script}"
     if world.server is not None and world.closed is None:
         assert session.unfinished is None, f"a landing without end: {script}"
-    # Where a server takes no offer, what is shown is held no more, and shown until the next landing.
+    # Where a server takes no offer, what is shown is not held, and is shown until the next landing.
     if script.limits["max_held_segments"] > 0:
         absent = [segment for segment in session.visible if segment not in session.holdings]
         assert not absent, f"shown, and not held: {script}"
@@ -240,7 +116,7 @@ def shrink(script: Script, target: tuple[str, ...]) -> Script:
         while at >= 0:
             rest = script.operations[:at] + script.operations[at + size :]
             shorter = Script(script.options, script.limits, rest)
-            if target in triples(play(shorter)[0]):
+            if target in triples(play(shorter)[1]):
                 script = shorter
             at -= size
         size //= 2
@@ -255,7 +131,7 @@ def histories(theme: str, seen: set[tuple[str, ...]]) -> Iterator[dict[str, Any]
         seed += 1
         steps, world = play(script)
         check(script, steps, world)
-        new = triples(steps) - seen
+        new = triples(world) - seen
         if not new:
             continue
         script = shrink(script, Random(seed).choice(sorted(new)))
@@ -263,13 +139,13 @@ def histories(theme: str, seen: set[tuple[str, ...]]) -> Iterator[dict[str, Any]
         check(script, steps, world)
         if len(steps) > MOST_STEPS:
             continue
-        seen |= triples(steps)
+        seen |= triples(world)
         kept += 1
         yield {"history": f"{theme} {seed - 1}", "options": script.options, "steps": steps}
 
 
 def text_of(rows: Iterator[dict[str, Any]]) -> str:
-    """Return a file: its messages, each once; then a line for each history, and one for each step."""
+    """Return a file: its messages, each once; then lines of each history, and of each step."""
     numbers: dict[str, int] = {}
 
     def number(text: str) -> int:
@@ -295,7 +171,8 @@ def text_of(rows: Iterator[dict[str, Any]]) -> str:
 def corpus_files(themes: Iterable[str] = THEMES) -> dict[str, str]:
     """Return name -> text of every file; of the first themes alone where these are given."""
     seen: set[tuple[str, ...]] = set()
-    return {f"{theme}.jsonl": text_of(histories(theme, seen)) for theme in themes}
+    files = {f"{theme}.jsonl": text_of(histories(theme, seen)) for theme in themes}
+    return files | {"named.jsonl": text_of(named_histories())}
 
 
 def main() -> int:

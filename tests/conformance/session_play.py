@@ -17,6 +17,7 @@ from conformance.session_steps import Step, ToldSession
 from sdk.pairing import Pair, ToyScene
 
 from terraport import events as told
+from terraport.session import ClientSession
 from terraport_server.actions import SendChunk, SessionLimits
 from terraport_wire import Hit, PayloadFrame, encode_frame
 
@@ -52,12 +53,31 @@ def _scene(version: str, seed: int, changed: int) -> ToyScene:
 SCENES: Final = (_scene("v1", 7, 0), _scene("v2", 7, 4))
 
 
+def _situation(session: ClientSession) -> str:
+    """In what situation a client is: a letter for each thing that holds."""
+    transfers = session._transfers
+    facts = {
+        "u": session._unsent is not None,
+        "w": transfers.awaits_plan,
+        "o": len(transfers.open_plan) > 0,
+        "a": transfers._prefetch is not None,
+        "g": len(session.holdings._gone) > 0,
+        "r": len(transfers._retried) > 0,
+        "n": len(transfers._nearby) > 0,
+        "i": len(transfers._inner) > 0,
+        "q": session._queued is not None,
+    }
+    return "".join(letter for letter, holds in facts.items() if holds)
+
+
 class _Told:
     """The session as `Pair` uses it, with every call told."""
 
     def __init__(self, client: ToldSession) -> None:
         self._client = client
         self._events: list[told.Event] = []
+        self.situations: list[str] = []
+        """After each step."""
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._client.session, name)
@@ -65,6 +85,7 @@ class _Told:
     def perform(self, *do: Any) -> Step:
         step = self._client.perform(list(do))
         self._events += self._client.events
+        self.situations.append(_situation(self._client.session))
         return step
 
     def events(self) -> list[told.Event]:
@@ -84,6 +105,7 @@ class _Told:
         step = self.perform("take")
         if "out" not in step:  # a history has no empty steps
             self._client.steps.pop()
+            self.situations.pop()
         return [base64.b64decode(text) for text in step.get("out", [])]
 
 
@@ -224,6 +246,8 @@ def play(script: Script) -> tuple[list[Step], World]:
         getattr(world, f"do_{name}")(*arguments)
         assert not world.is_long, script
     world.lag = world.spoilt = 0
-    while world.step():
-        assert not world.is_long, script
+    world.settle()
+    world.do_call("flush")  # as links do, whether an aim waits or not
+    world.settle()
+    assert not world.is_long, script
     return world.told.steps, world

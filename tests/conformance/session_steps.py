@@ -45,7 +45,12 @@ class ToldSession:
         self.steps: list[Step] = []
         self.events: list[told.Event] = []
         """Of the newest step."""
-        self._before: dict[str, Any] = {"visible": [], "held": [], "unfinished": None}
+        self._before: dict[str, Any] = {
+            "visible": [],
+            "held": [],
+            "unfinished": None,
+            "aims": [0, 0, 0, 0],
+        }
 
     def perform(self, do: list[Any]) -> Step:
         """Do one step; return it with what came of it."""
@@ -101,12 +106,13 @@ class ToldSession:
         return []
 
     def _state(self) -> dict[str, Any]:
-        session = self.session
+        session, aims = self.session, self.session.aims
         held = [segment for segment in range(SEGMENTS) if segment in session.holdings]
         return {
             "visible": list(session.visible),
             "held": held,
             "unfinished": session.unfinished,
+            "aims": [aims.landings, aims.hits, aims.prefetched_bytes, aims.used_bytes],
         }
 
 

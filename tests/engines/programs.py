@@ -75,7 +75,7 @@ class Client:
         )
 
     def corpus(self, kind: str, folder: Path) -> Totals:
-        """Run a corpus: ``wire`` or ``payload``."""
+        """Run a corpus: ``wire``, ``payload`` or ``session``."""
         return totals(self.run("corpus", kind, folder).stdout)
 
     def land(self, scene_url: str, *steps: str, **options: object) -> Landed:

@@ -68,6 +68,11 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         Yes(f"{WEB}/payload-corpus.test.ts", "runs every file of the corpus"),
         *both(CORPUS, "test_the_whole_corpus_passes"),
     ),
+    "session corpus, step by step": (
+        Yes("tests/conformance/test_session_corpus.py", "test_every_history"),
+        Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
+        *both(CORPUS, "test_the_whole_session_corpus_passes"),
+    ),
     "segments array for array as the Python SDK": (
         Yes(SDK_LAND, "test_a_landing_brings_every_segment_within_the_radius"),
         SERVER,
@@ -90,7 +95,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "budgets": (
         Yes(SDK_LAND, "test_budgets_are_never_exceeded"),
-        Yes(f"{WEB}/session/landings.test.ts", "keeps to the budgets, and says what they left out"),
+        Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
         *both(LAND, "test_budgets_are_never_exceeded"),
     ),
     "deadline: the inner part first": (
@@ -107,10 +112,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "picks": (
         Yes(SDK_LAND, "test_picks_find_the_ground_whether_loaded_or_not"),
-        Yes(
-            f"{WEB}/session/holding.test.ts",
-            "are answered, and asked again after a lost connection",
-        ),
+        Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
         *both(LAND, "test_picks_are_answered"),
     ),
     "cache bounded by bytes": (
@@ -139,7 +141,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "tests/socket/test_sdk_reconnect.py",
             "test_a_bit_flipped_on_the_way_is_found_and_sent_again",
         ),
-        Yes(f"{WEB}/session/holding.test.ts", "is rejected, and the segment sent again"),
+        Yes(f"{WEB}/session/corpus.test.ts", "the session corpus, step by step"),
         *both(FAULT, "test_a_flipped_byte_is_noticed_and_the_segment_asked_for_again"),
     ),
     "tokens; a refused one is not repeated": (

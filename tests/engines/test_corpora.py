@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
 from conformance.generate import CORPUS
+from conformance.session_generate import CORPUS as SESSIONS
+from conformance.session_steps import read_histories
 from engines.programs import Client
 
 PAYLOADS = Path(__file__).resolve().parents[1] / "conformance" / "scene" / "payload"
@@ -22,6 +25,28 @@ def test_the_whole_corpus_passes(client: Client, kind: str) -> None:
     assert done.failed == 0, done.output[-4000:]
     assert done.declined == DECLINED[client.language]
     assert done.passed + len(done.declined) == len(files)
+
+
+def test_the_whole_session_corpus_passes(client: Client) -> None:
+    """Every history, step by step, as the Python client did it."""
+    done = client.corpus("session", SESSIONS)
+    assert done.failed == 0, done.output[-4000:]
+    assert done.declined == []
+    assert done.passed == sum(len(read_histories(path)) for path in SESSIONS.glob("*.jsonl"))
+
+
+@pytest.mark.parametrize("key", ["out", "events", "visible", "held", "unfinished", "violation"])
+def test_another_session_is_noticed(client: Client, key: str, tmp_path: Path) -> None:
+    """Each thing that a step tells is compared."""
+    lines = (SESSIONS / "strays.jsonl").read_text().splitlines()
+    number = next(number for number, line in enumerate(lines) if f'"{key}":' in line)
+    row = json.loads(lines[number])
+    row["told"][key] = None if row["told"][key] is True else [[99]]
+    lines[number] = json.dumps(row, separators=(",", ":"))
+    (tmp_path / "strays.jsonl").write_text("\n".join(lines) + "\n")
+    done = client.corpus("session", tmp_path)
+    assert done.failed == 1, done.output[-2000:]
+    assert done.passed == len(read_histories(SESSIONS / "strays.jsonl")) - 1
 
 
 @pytest.mark.parametrize("kind", ["wire", "payload"])

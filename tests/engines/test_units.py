@@ -109,7 +109,11 @@ def unit_tests(core: cores.CsCore | cores.CppCore) -> tuple[int, str]:
 def main() -> int:
     """Print the output of both cores' tests and corpora; returns the exit code."""
     root = cores.ROOT / "tests" / "conformance"
-    corpora = {"wire": root / "wire", "payload": root / "scene" / "payload"}
+    corpora = {
+        "wire": root / "wire",
+        "payload": root / "scene" / "payload",
+        "session": root / "session",
+    }
     bad = 0
     for language in ("csharp", "cpp"):
         missing = cores.missing_for(language)

@@ -55,8 +55,7 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class Dropped:
-    """These ids are held no more: they do not belong to the served version, or the server takes no
-    offer of them."""
+    """These ids are held no more: not of the served version, or of a server that takes no offer."""
 
     segments: tuple[int, ...]
     on_disk: tuple[tuple[int, int], ...]

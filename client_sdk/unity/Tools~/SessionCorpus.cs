@@ -17,6 +17,7 @@ namespace Terraport.Tools
         private string visible;
         private string held;
         private string unfinished;
+        private string aims;
 
         public SessionCorpus(string folder) { this.folder = folder; }
 
@@ -53,6 +54,7 @@ namespace Terraport.Tools
         {
             visible = held = "[]";
             unfinished = "null";
+            aims = "[0,0,0,0]";
             long? triangles = Integer(options["max_triangles"]), bytes = Integer(options["max_bytes"]);
             session = new ClientSession(new SessionOptions {
                 Client = "corpus",
@@ -72,8 +74,14 @@ namespace Terraport.Tools
                 string sent = Perform(given);
                 if (sent != "[]") told.Add("\"out\":" + sent);
             }
-            catch (ProtocolViolationException) { told.Add("\"violation\":true"); }
-            catch (ArgumentException) { told.Add("\"refused\":true"); }
+            catch (ProtocolViolationException)
+            {
+                told.Add("\"violation\":true");
+            }
+            catch (ArgumentException)
+            {
+                told.Add("\"refused\":true");
+            }
             var rows = new List<string>();
             StreamEvent news;
             while (session.TryNextEvent(out news)) rows.Add(RowOf(news));
@@ -83,6 +91,11 @@ namespace Terraport.Tools
             // The corpus' scenes have 36 segments.
             Note("held", ref held, Ids(Enumerable.Range(0, 36).Select(id => (uint)id).Where(session.Cache.Contains)), told);
             Note("unfinished", ref unfinished, session.Unfinished.HasValue ? session.Unfinished.ToString() : "null", told);
+            StreamStats stats = session.Stats;
+            Note("aims", ref aims,
+                List(new[] { stats.AimedLandings, stats.AimHits, stats.PrefetchedBytes, stats.UsedPrefetchedBytes },
+                    count => count.ToString()),
+                told);
             return "{" + string.Join(",", told) + "}";
         }
 
@@ -95,20 +108,22 @@ namespace Terraport.Tools
         /// <summary>Do one step; the numbers of the messages that are taken to be sent.</summary>
         private string Perform(JsonValue[] given)
         {
-            string name = given[0].Text;
             bool flag = false;
             var sent = new Queue<byte[]>();
-            if (name == "take") session.TakeMessages(sent);
-            else if (name == "receive") Receive(Convert.FromBase64String(messages[Integer(given[1]).Value]), false);
-            else if (name == "text") Receive(Encoding.UTF8.GetBytes(given[1].Text), true);
-            else if (name == "connected") session.Connected(given[1].TryFlag(out flag) && flag);
-            else if (name == "lost") session.ConnectionLost();
-            else if (name == "land") session.Land(Point(given[1]), Number(given[2]), OptionsOf(given[3], given[4]));
-            else if (name == "aim") session.Aim(Point(given[1]), Number(given[2]));
-            else if (name == "flush") session.FlushAim();
-            else if (name == "pick") session.Pick(Point(given[1]), given[2].IsNull ? (Vec3?)null : Point(given[2]));
-            else if (name == "bye") session.Bye();
-            else throw new InvalidDataException("step " + name);
+            switch (given[0].Text)
+            {
+                case "take": session.TakeMessages(sent); break;
+                case "receive": Receive(Convert.FromBase64String(messages[Integer(given[1]).Value]), false); break;
+                case "text": Receive(Encoding.UTF8.GetBytes(given[1].Text), true); break;
+                case "connected": session.Connected(given[1].TryFlag(out flag) && flag); break;
+                case "lost": session.ConnectionLost(); break;
+                case "land": session.Land(Point(given[1]), Number(given[2]), OptionsOf(given[3], given[4])); break;
+                case "aim": session.Aim(Point(given[1]), Number(given[2])); break;
+                case "flush": session.FlushAim(); break;
+                case "pick": session.Pick(Point(given[1]), given[2].IsNull ? (Vec3?)null : Point(given[2])); break;
+                case "bye": session.Bye(); break;
+                default: throw new InvalidDataException("step " + given[0].Text);
+            }
             return List(sent, data => Array.IndexOf(messages, Convert.ToBase64String(data)).ToString());
         }
 
@@ -127,7 +142,8 @@ namespace Terraport.Tools
             {
                 case StreamEventKind.Opened: return Row("opened", Flag(told.IsChanged), told.HeldCount);
                 case StreamEventKind.Planned:
-                    return Row("planned", landing, Ids(told.Plan.Load.Select(facts => facts.Segment)), Ids(told.Plan.Keep), Ids(told.Plan.Nearby));
+                    return Row(
+                        "planned", landing, Ids(told.Plan.Load.Select(facts => facts.Segment)), Ids(told.Plan.Keep), Ids(told.Plan.Nearby));
                 case StreamEventKind.Arrived: return Row("arrived", landing, told.Facts.Segment);
                 case StreamEventKind.Degraded: return Row("degraded", landing, Ids(told.Segments));
                 case StreamEventKind.Ready: return Row("ready", landing, Ids(told.Segments), Ids(told.Missing));
@@ -147,7 +163,10 @@ namespace Terraport.Tools
 
         private static string Ids(IEnumerable<uint> ids) { return List(ids, id => id.ToString()); }
 
-        private static string List<T>(IEnumerable<T> items, Func<T, string> text) { return "[" + string.Join(",", items.Select(text)) + "]"; }
+        private static string List<T>(IEnumerable<T> items, Func<T, string> text)
+        {
+            return "[" + string.Join(",", items.Select(text)) + "]";
+        }
 
         private static JsonValue[] Items(JsonValue list) { return Enumerable.Range(0, list.Count).Select(at => list[at]).ToArray(); }
 

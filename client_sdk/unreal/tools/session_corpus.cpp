@@ -78,7 +78,8 @@ void writeRow(const StreamEvent& event, JsonText& into) {
   if (kind == EventKind::Degraded) ofLanding("degraded").integers(event.segments).close(']');
   if (kind == EventKind::Ready) ofLanding("ready").integers(event.segments).integers(event.missing).close(']');
   if (kind == EventKind::Superseded) ofLanding("superseded").integer(event.by).close(']');
-  if (kind == EventKind::Prefetched) row("prefetched").integer(count(event.segmentCount)).integer(count(event.payloadBytes)).close(']');
+  if (kind == EventKind::Prefetched)
+    row("prefetched").integer(count(event.segmentCount)).integer(count(event.payloadBytes)).close(']');
   if (kind == EventKind::Picked) {
     JsonText& picked = row("picked").integer(count(event.request));
     (event.hit ? picked.integer(event.hit->segment) : picked.null()).close(']');
@@ -126,6 +127,7 @@ struct Run {
   ClientSession session;
   std::vector<std::uint32_t> visible, held;
   std::int64_t unfinished = kNoLanding;
+  std::vector<std::uint32_t> aims{0, 0, 0, 0};
 
   /// Do one step; what came of it, as the corpus writes it.
   std::string told(const JsonValue& command, const std::vector<std::string>& messages) {
@@ -159,6 +161,12 @@ struct Run {
     if (newest != std::exchange(unfinished, newest)) {
       newest == kNoLanding ? told.key("unfinished").null() : told.key("unfinished").integer(newest);
     }
+    const AimCounts& counts = session.transfers().aims();
+    std::vector<std::uint32_t> aimsNow;
+    for (const std::uint64_t value : {counts.landings, counts.hits, counts.prefetchedBytes, counts.usedBytes}) {
+      aimsNow.push_back(static_cast<std::uint32_t>(value));
+    }
+    if (aimsNow != std::exchange(aims, aimsNow)) told.key("aims").integers(aimsNow);
     return told.close('}').str();
   }
 };

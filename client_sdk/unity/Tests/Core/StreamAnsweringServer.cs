@@ -103,9 +103,9 @@ namespace Terraport.Tests
                 Keep = wanted.Where(segment => Held.Contains(segment)).ToArray(),
                 Nearby = new uint[0],
                 LoadBytes = scene.BytesOf(load),
-                LoadTriangles = StreamToyScene.FacesEach * load.Count,
+                LoadTriangles = StreamToyScene.FacesEach *load.Count,
                 TotalBytes = scene.BytesOf(wanted),
-                TotalTriangles = StreamToyScene.FacesEach * wanted.Length,
+                TotalTriangles = StreamToyScene.FacesEach *wanted.Length,
             });
         }
     }

@@ -24,6 +24,7 @@ interface Told {
   visible?: readonly number[];
   held?: readonly number[];
   unfinished?: number | null;
+  aims?: number[];
 }
 
 interface History {
@@ -38,21 +39,24 @@ type Step = { readonly do: Do; readonly told: Told };
 
 beforeAll(prepareDecoders);
 
-describe.each(readdirSync(CORPUS).filter((name) => name.endsWith(".jsonl")))("%s", (name) => {
-  const lines = readFileSync(new URL(name, CORPUS), "utf-8").trimEnd().split("\n");
-  const [{ messages }, ...rest] = lines.map((line) => JSON.parse(line)) as [
-    { messages: string[] },
-    ...(History | Step)[],
-  ];
-  const starts = rest.flatMap((line, at) => ("history" in line ? [at] : []));
+describe.each(readdirSync(CORPUS).filter((name) => name.endsWith(".jsonl")))(
+  "the session corpus, step by step: %s",
+  (name) => {
+    const lines = readFileSync(new URL(name, CORPUS), "utf-8").trimEnd().split("\n");
+    const [{ messages }, ...rest] = lines.map((line) => JSON.parse(line)) as [
+      { messages: string[] },
+      ...(History | Step)[],
+    ];
+    const starts = rest.flatMap((line, at) => ("history" in line ? [at] : []));
 
-  test(`${starts.length} histories`, () => {
-    expect(starts.length).toBeGreaterThan(0);
-    for (const [at, start] of starts.entries()) {
-      run(rest[start] as History, rest.slice(start + 1, starts[at + 1]) as Step[], messages);
-    }
-  });
-});
+    test(`${starts.length} histories`, () => {
+      expect(starts.length).toBeGreaterThan(0);
+      for (const [at, start] of starts.entries()) {
+        run(rest[start] as History, rest.slice(start + 1, starts[at + 1]) as Step[], messages);
+      }
+    });
+  },
+);
 
 function run({ history, options }: History, steps: readonly Step[], messages: readonly string[]): void {
   const { max_triangles: maxTriangles, max_bytes: maxBytes, max_segments: maxSegments } = options;
@@ -61,7 +65,7 @@ function run({ history, options }: History, steps: readonly Step[], messages: re
   const { credit_bytes: creditBytes, release_factor } = options;
   const own = { client: "corpus", budgets, creditBytes, releaseFactor: release_factor ?? undefined };
   const session = new ClientSession(own, options.cache_bytes, xxh3);
-  let before: Told = { visible: [], held: [], unfinished: null };
+  let before: Told = { visible: [], held: [], unfinished: null, aims: [0, 0, 0, 0] };
   for (const [at, { do: command, told: expected }] of steps.entries()) {
     const told: Told = {};
     try {
@@ -75,8 +79,10 @@ function run({ history, options }: History, steps: readonly Step[], messages: re
     const events = session.events().flatMap((event) => rowOf(event) ?? []);
     if (events.length > 0) told.events = events;
     const held = SEGMENTS.filter((segment) => session.holdings.has(segment));
-    const after = { visible: session.visible, held, unfinished: session.unfinished };
-    for (const key of ["visible", "held", "unfinished"] as const) {
+    const { landings, hits, prefetchedBytes, usedBytes } = session.aims;
+    const aims = [landings, hits, prefetchedBytes, usedBytes];
+    const after = { visible: session.visible, held, unfinished: session.unfinished, aims };
+    for (const key of ["visible", "held", "unfinished", "aims"] as const) {
       if (JSON.stringify(after[key]) !== JSON.stringify(before[key])) Object.assign(told, { [key]: after[key] });
     }
     before = after;
