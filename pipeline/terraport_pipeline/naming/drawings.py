@@ -262,7 +262,9 @@ def _outlined(shape: Any) -> Any | None:
             areas.append(part)
         elif kind in ("LineString", "LinearRing"):
             is_outline = part.is_closed and shapely.get_num_coordinates(part) > 3
-            (areas if is_outline else lines).append(shapely.polygons(part) if is_outline else part)
+            (areas if is_outline else lines).append(
+                shapely.Polygon(part.coords) if is_outline else part
+            )
     if areas:
         valid = [shapely.make_valid(area) for area in areas]
         return shapely.union_all(
