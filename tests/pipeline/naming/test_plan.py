@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+from itertools import pairwise
 from pathlib import Path
 
 import ezdxf
@@ -103,9 +104,7 @@ def test_a_plan_in_degrees_cuts_the_same_as_one_in_the_surveys_crs(scene, tmp_pa
     to_degrees = Transformer.from_crs(32633, 4326, always_xy=True)
     # Many corners: a straight line in one CRS is none in the other.
     ring = np.array(PIT["coordinates"][0])
-    fine = np.concatenate(
-        [np.linspace(a, b, 50, endpoint=False) for a, b in zip(ring, ring[1:], strict=False)]
-    )
+    fine = np.concatenate([np.linspace(a, b, 50, endpoint=False) for a, b in pairwise(ring)])
     degrees = np.stack(to_degrees.transform(*fine.T), axis=1).tolist()
     pit = {"type": "Polygon", "coordinates": [[*degrees, degrees[0]]]}
     label(other, write_geojson(tmp_path / "d.geojson", [("pit", pit)], epsg=None))
