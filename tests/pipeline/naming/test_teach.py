@@ -6,6 +6,7 @@ import json
 import zipfile
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pyogrio.raw
 import pytest
@@ -21,6 +22,7 @@ from pipeline.naming.named_ground import (
 )
 
 from terraport_pipeline.errors import OptionError, PlanError
+from terraport_pipeline.export.hand_on import ExportRequest, export_scene
 from terraport_pipeline.naming import model_file
 from terraport_pipeline.naming.drawings import Drawing
 from terraport_pipeline.naming.model_file import read_model
@@ -71,6 +73,15 @@ def test_strokes_name_all_ground_and_the_next_survey_needs_none(scene, strokes, 
         assert row["class"] == names.label(row["id"])
         assert 0.7 < row["confidence"] <= 1.0
         assert row["place"]["radius_m"] >= 20.0
+    # A copy of the survey has the names as classes, the user's own from 64 on.
+    done = export_scene(scene, ExportRequest(tmp_path / "pit.las"))
+    assert done.facts["class"] == "as taught (64 limestone, 65 tailings)"
+    points = laspy.read(tmp_path / "pit.las")
+    east, north = np.array(points.x), np.array(points.y)
+    dark = is_dark(east - 500_000.0, 6_000_000.0 - north)
+    assert ((np.asarray(points.classification) == 65) == dark).mean() > 0.98
+    (lookup,) = points.header.vlrs.get("ClassificationLookupVlr")
+    assert lookup.lookups == {64: "limestone", 65: "tailings"}
     # The next survey: other noise, and 3 % brighter.
     after = write_named_ground(tmp_path / "june", seed=1, gain=1.03)
     said = taught(after, None, model=tmp_path / "pit.model")
