@@ -251,7 +251,8 @@ def _is_points(shape: Any) -> bool:
 
 def _outlined(shape: Any) -> Any | None:
     """Take outlines as polygons and open lines as lines; None of points alone."""
-    areas, lines = [], []
+    areas: list[Any] = []
+    lines: list[Any] = []
     for part in shapely.get_parts(shape):
         kind = part.geom_type
         if kind == "GeometryCollection":

@@ -90,8 +90,8 @@ def recut(ground: Ground, cut: Cut) -> Recut:
         More than :data:`MAX_REGIONS` pieces, or all stable ids are used.
     """
     # (1) Pieces without gaps, in order of their numbers.
-    numbers, pieces = np.unique(cut.pieces, return_inverse=True)
-    pieces = pieces.astype(np.int32)
+    numbers, piece_of_face = np.unique(cut.pieces, return_inverse=True)
+    pieces: Int32 = piece_of_face.astype(np.int32)
     count = len(numbers)
     if count > MAX_REGIONS:
         raise OptionError(
@@ -146,7 +146,7 @@ def _overlaps(pieces: Int32, before: Int32, area: Float64) -> Overlaps:
     span = int(before.max()) + 1
     keys = pieces.astype(np.int64) * span + before
     pairs, row = np.unique(keys, return_inverse=True)
-    shared = np.bincount(row, area)
+    shared: Float64 = np.bincount(row, area).astype(np.float64)
     new, old = np.divmod(pairs, span)
     both = np.bincount(pieces, area)[new] + np.bincount(before, area)[old]
     similarity = np.minimum(shared / np.maximum(both - shared, 0.5 * both), 1.0)

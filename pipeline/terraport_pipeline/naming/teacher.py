@@ -239,8 +239,8 @@ class Teacher:
         small = np.bincount(pieces, area, minlength=count) < least
         if small.any() and not small.all():
             pieces = join_nearest(ground.mesh.vertices, ground.mesh.faces, pieces, small)
-            used, pieces = np.unique(pieces, return_inverse=True)
-            pieces, kind = pieces.astype(np.int32), kind[used]
+            used, dense = np.unique(pieces, return_inverse=True)
+            pieces, kind = dense.astype(np.int32), kind[used]
         of_name = answer.votes[self.units.of_face, kind[pieces]]
         sure = np.bincount(pieces, area * of_name) / np.bincount(pieces, area)
         names = {piece: answer.names[k] for piece, k in enumerate(kind.tolist())}

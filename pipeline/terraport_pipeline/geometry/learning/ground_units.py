@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from terraport_payload.types import Float32, Float64, Int32, Int64, UInt8
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.regions.colour import face_lab
 
 __all__ = [
@@ -182,11 +182,12 @@ def ground_features(
     """
     of_face, count = units.of_face, units.count
     weight = np.maximum(area, 1e-9)
-    total = np.bincount(of_face, weight, minlength=count)
+    total: Float64 = np.bincount(of_face, weight, minlength=count).astype(np.float64)
 
     def mean(values: Any) -> Float64:
-        sums: Float64 = np.bincount(of_face, weight * values, minlength=count)
-        return sums / total
+        sums = np.bincount(of_face, weight * values, minlength=count).astype(np.float64)
+        averages: Float64 = sums / total
+        return averages
 
     # (1) Of the units themselves.
     lab = face_lab(colours, faces, _LAB_STEPS).astype(np.float64) / _LAB_STEPS
@@ -245,7 +246,7 @@ class _Surroundings:
         smooth: Float32 = gaussian_filter(image, scale, mode="constant", truncate=3.0)
         return smooth
 
-    def at_units(self, image: Float32) -> Float64:
+    def at_units(self, image: AnyFloat) -> Float64:
         """Read an image at the units."""
         values: Float64 = image.reshape(-1)[self._units.square].astype(np.float64)
         return values
