@@ -82,7 +82,7 @@ def region_rows(
                 **(_volumes(values.get("change")) if was_renewed else {}),
                 **(
                     {
-                        "class": _text(values.get("class")),
+                        "class": _word(values.get("class")),
                         "confidence": _number(values.get("confidence")),
                     }
                     if was_taught
@@ -242,7 +242,7 @@ def _volumes(change: object) -> dict[str, float | None]:
     }
 
 
-def _text(value: object) -> str | None:
+def _word(value: object) -> str | None:
     return value if isinstance(value, str) else None
 
 

@@ -73,7 +73,7 @@ def teach(
         float | None,
         typer.Option(
             metavar="METRES",
-            help="Of lines and points. [default: two squares]",
+            help="Of lines and points. [default: four squares]",
             show_default=False,
         ),
     ] = None,
@@ -89,8 +89,8 @@ def teach(
         float | None,
         typer.Option(
             metavar="METRES",
-            help="Side of the squares that the ground is looked at in; surroundings are 2, 6 and "
-            "18 of them. [default: about eight triangles]",
+            help="Side of the squares that the ground is looked at in; surroundings are up to 8 "
+            "of them. [default: about three triangles]",
             show_default=False,
         ),
     ] = None,

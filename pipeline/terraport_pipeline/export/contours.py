@@ -151,7 +151,7 @@ def _write_dxf(path: Path, lines: list[_Contour], frame: SurveyFrame) -> None:
 
 
 def _write_shapes(path: Path, lines: list[_Contour], frame: SurveyFrame) -> None:
-    properties = {
+    properties: dict[str, list[Any]] = {
         "height": [float(line.height) for line in lines],
         "is_index": [bool(line.is_index) for line in lines],
     }

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 import laspy
 import numpy as np
+from laspy.vlrs.known import ClassificationLookupVlr
 
 from terraport_payload.types import AnyFloat, Float64, UInt8
 from terraport_pipeline.engines.texturing import bilinear, decode_halved
@@ -35,6 +36,18 @@ _OWN: Final = frozenset({"region", *laspy.PointFormat(_POINT_FORMAT).dimension_n
 
 _TAKEN: Final = "survey_"
 """Stands before such a name."""
+
+_STANDARD: Final = {
+    "ground": 2, "low vegetation": 3, "medium vegetation": 4, "high vegetation": 5, "vegetation": 5,
+    "building": 6, "buildings": 6, "water": 9, "rail": 10, "road": 11, "roads": 11,
+}  # fmt: skip
+"""Names that ground may be taught which LAS 1.4 has a class for; all others are the user's own."""
+
+_FIRST_OWN: Final = 64
+"""LAS 1.4 leaves classes from here to 255 to its users."""
+
+_LOOKUP_NAME: Final = 15
+"""ASCII bytes of a name in the table of classes."""
 
 _MAX_NAME: Final = 32
 """Bytes of the name of an extra dimension."""
@@ -70,17 +83,27 @@ def write_points(path: Path, selected: SelectedScene, progress: Progress) -> dic
     header.add_extra_dims(dimensions)
     if frame.crs is not None:
         header.add_crs(frame.crs, keep_compatibility=False)
+    taught, class_names = _taught_classes(selected)
+    if class_names:
+        lookup = ClassificationLookupVlr()
+        for code, name in class_names.items():
+            lookup[code] = name.encode("ascii", "replace").decode("ascii")[:_LOOKUP_NAME]
+        header.vlrs.append(lookup)
     segments = choose_segments(selected)
     progress.start("points", len(segments), "segments")
     total = done = 0
     with laspy.open(path, mode="w", header=header) as file:
         for piece in read_pieces(selected, segments):
-            file.write_points(_points(piece, selected, header, extra))
+            file.write_points(_points(piece, selected, header, extra, taught))
             total += len(piece.faces)
             reached = int(np.searchsorted(segments, piece.segment)) + 1
             progress.advance(reached - done)
             done = reached
-    facts = {"points": f"{total:,}", "class": "from the survey" if _CLASS in names else "none"}
+    kinds = ["from the survey"] if _CLASS in names else []
+    if class_names:
+        listed = ", ".join(f"{code} {name}" for code, name in sorted(class_names.items()))
+        kinds.insert(0, f"as taught ({listed})")
+    facts = {"points": f"{total:,}", "class": ", else ".join(kinds) or "none"}
     progress.done(facts)
     return facts
 
@@ -90,6 +113,7 @@ def _points(
     selected: SelectedScene,
     header: laspy.LasHeader,
     extra: dict[str, str],
+    taught: UInt8,
 ) -> laspy.ScaleAwarePointRecord:
     record = laspy.ScaleAwarePointRecord.zeros(len(piece.faces), header=header)
     centres = selected.frame.to_survey(piece.positions[piece.faces].mean(axis=1))
@@ -103,6 +127,9 @@ def _points(
             record[name] = colours[:, channel].astype(np.uint16) * 257
     if _CLASS in piece.attributes:
         record.classification = _classes(piece.attributes[_CLASS][piece.faces])
+    if len(taught):
+        code = np.append(taught, 0).astype(np.uint8)[piece.regions]  # -1: none
+        record.classification = np.where(code > 0, code, np.asarray(record.classification))
     for attribute, dimension in extra.items():
         values = piece.attributes.get(attribute)
         record[dimension] = (
@@ -111,6 +138,30 @@ def _points(
             else values[piece.faces].mean(axis=1)
         )
     return record
+
+
+def _taught_classes(selected: SelectedScene) -> tuple[UInt8, dict[int, str]]:
+    """Give the names that regions were taught codes.
+
+    Returns
+    -------
+    codes : ndarray of shape (R,), uint8
+        By region; 0 of one that was taught none. Empty where none was.
+    names : dict of int to str
+        By code.
+    """
+    rows = selected.scene.regions.get("regions", [])
+    kinds = [row.get("class") if isinstance(row, dict) else None for row in rows]
+    wanted = sorted({kind for kind in kinds if isinstance(kind, str)})
+    own = [name for name in wanted if name.casefold() not in _STANDARD]
+    code_of = {
+        name: min(_FIRST_OWN + own.index(name), 255) if name in own else _STANDARD[name.casefold()]
+        for name in wanted
+    }
+    if not code_of:
+        return np.zeros(0, np.uint8), {}
+    codes = [code_of.get(kind, 0) if isinstance(kind, str) else 0 for kind in kinds]
+    return np.array(codes, np.uint8), {code: name for name, code in code_of.items()}
 
 
 def _classes(corners: AnyFloat) -> UInt8:

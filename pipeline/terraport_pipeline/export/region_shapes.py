@@ -143,11 +143,8 @@ def _write_drawing(
     for row, shape in zip(rows, shapes, strict=True):
         name = row["label"] or f"region {row['stable_id']}"
         layer = _NO_LAYER_NAME.sub("_", name)[:_MAX_LAYER_NAME]
-        rgb = (
-            tuple(int(row["mean_colour"][at : at + 2], 16) for at in (1, 3, 5))
-            if row["mean_colour"]
-            else (150, 150, 150)
-        )
+        colour = row["mean_colour"] or "#969696"
+        rgb = (int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16))
         if layer not in drawing.layers:
             drawing.layers.add(layer, true_color=rgb[0] << 16 | rgb[1] << 8 | rgb[2])
         hatch = space.add_hatch(dxfattribs={"layer": layer})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -65,18 +66,21 @@ def write_shapes(
     # GDAL and QGIS read it, and coordinates in degrees would be good to a centimetre only.
     options = {"COORDINATE_PRECISION": "4"} if ending == ".geojson" else {}
     columns = [_column(values) for values in properties.values()]
-    pyogrio.raw.write(
-        path,
-        geometry=shapely.to_wkb(np.array(shapes, object)),
-        field_data=[values for values, _ in columns],
-        field_mask=[missing for _, missing in columns],
-        fields=list(properties),
-        layer=layer,
-        driver=_DRIVERS[ending],
-        geometry_type=geometry_type,
-        crs=crs,
-        **options,
-    )
+    with warnings.catch_warnings():
+        # A survey may state no CRS; what is exported says so then.
+        warnings.filterwarnings("ignore", "'crs' was not provided")
+        pyogrio.raw.write(
+            path,
+            geometry=shapely.to_wkb(np.array(shapes, object)),
+            field_data=[values for values, _ in columns],
+            field_mask=[missing for _, missing in columns],
+            fields=list(properties),
+            layer=layer,
+            driver=_DRIVERS[ending],
+            geometry_type=geometry_type,
+            crs=crs,
+            **options,
+        )
 
 
 def _column(values: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:

@@ -22,7 +22,7 @@ DOUBT_ENDINGS: Final = (".tif", ".tiff", ".geojson", ".gpkg")
 _PLACES: Final = 20
 """Places for a next stroke that are named."""
 
-_APART_CELLS: Final = 12.0
+_APART_CELLS: Final = 24.0
 """Squares between two of them: a stroke mends what is around it."""
 
 _NONE: Final = -1.0

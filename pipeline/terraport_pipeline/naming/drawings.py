@@ -251,7 +251,8 @@ def _is_points(shape: Any) -> bool:
 
 def _outlined(shape: Any) -> Any | None:
     """Take outlines as polygons and open lines as lines; None of points alone."""
-    areas, lines = [], []
+    areas: list[Any] = []
+    lines: list[Any] = []
     for part in shapely.get_parts(shape):
         kind = part.geom_type
         if kind == "GeometryCollection":
@@ -262,7 +263,9 @@ def _outlined(shape: Any) -> Any | None:
             areas.append(part)
         elif kind in ("LineString", "LinearRing"):
             is_outline = part.is_closed and shapely.get_num_coordinates(part) > 3
-            (areas if is_outline else lines).append(shapely.polygons(part) if is_outline else part)
+            (areas if is_outline else lines).append(
+                shapely.Polygon(part.coords) if is_outline else part
+            )
     if areas:
         valid = [shapely.make_valid(area) for area in areas]
         return shapely.union_all(

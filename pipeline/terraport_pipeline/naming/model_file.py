@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float32
 from terraport_pipeline.errors import PlanError
 from terraport_pipeline.export.output import writing_beside
 from terraport_pipeline.geometry.learning.forest import Forest, forest_fault
@@ -32,8 +33,10 @@ MAX_CLASSES: Final = 64
 
 _TYPES: Final = {
     "roots": np.int64, "left": np.int32, "right": np.int32, "feature": np.int32,
-    "threshold": np.float64, "share": np.float32,
+    "threshold": np.float64, "share": np.float32, "middle": np.float32, "spread": np.float32,
 }  # fmt: skip
+
+_OF_FEATURES: Final = ("middle", "spread")
 
 _MAX_DOCUMENT: Final = 1 << 20
 
@@ -51,6 +54,23 @@ class GroundModel:
     attributes: tuple[str, ...]
     """Of the survey, that it looks at beside colour and form."""
     forest: Forest
+    middle: Float32
+    """(K,) median of every feature over the ground that it was taught on."""
+    spread: Float32
+    """(K,) and the range of its middle half."""
+
+    def aligned(self, features: Float32) -> Float32:
+        """Shift features of another survey so that their medians are those of the first.
+
+        Another light, another camera and another noise move all ground alike. By half the spread at
+        most, which ground that is other ground would exceed; attributes of the survey not at all.
+        """
+        shift = np.clip(
+            self.middle - np.median(features, axis=0), -self.spread / 2, self.spread / 2
+        )
+        shift[len(shift) - 2 * len(self.attributes) :] = 0.0
+        moved: Float32 = (features + shift).astype(np.float32)
+        return moved
 
     @property
     def features(self) -> tuple[str, ...]:
@@ -82,7 +102,8 @@ def write_model(path: Path, model: GroundModel, *, force: bool) -> None:
         archive.writestr(_entry("model.json"), json.dumps(document, indent=1))
         for name, kind in _TYPES.items():
             out = io.BytesIO()
-            array = np.ascontiguousarray(getattr(model.forest, name), kind)
+            owner = model if name in _OF_FEATURES else model.forest
+            array = np.ascontiguousarray(getattr(owner, name), kind)
             np.lib.format.write_array(out, array, version=(1, 0), allow_pickle=False)
             archive.writestr(_entry(f"{name}.npy"), out.getvalue())
 
@@ -128,12 +149,16 @@ def read_model(path: Path) -> GroundModel:
         raise PlanError(path, fault, advice)
     if not isinstance(cell_m, int | float) or not _CELL_M[0] <= cell_m <= _CELL_M[1]:
         raise PlanError(path, f"cell_m {cell_m!r}, expected {_CELL_M[0]} to {_CELL_M[1]}", advice)
-    model = GroundModel(names, float(cell_m), attributes, Forest(**arrays))
+    of_features = {name: arrays.pop(name) for name in _OF_FEATURES}
+    model = GroundModel(names, float(cell_m), attributes, Forest(**arrays), **of_features)
     if document.get("features") != list(model.features):
         raise PlanError(
             path, "other features than this release measures", "teach it again with strokes"
         )
-    fault = forest_fault(model.forest, len(model.features), len(names))
+    count = len(model.features)
+    if any(a.shape != (count,) or not np.isfinite(a).all() for a in of_features.values()):
+        raise PlanError(path, f"middle or spread that are not {count} numbers", advice)
+    fault = forest_fault(model.forest, count, len(names))
     if fault is not None:
         raise PlanError(path, fault, advice)
     return model

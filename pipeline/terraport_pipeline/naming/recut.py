@@ -90,8 +90,8 @@ def recut(ground: Ground, cut: Cut) -> Recut:
         More than :data:`MAX_REGIONS` pieces, or all stable ids are used.
     """
     # (1) Pieces without gaps, in order of their numbers.
-    numbers, pieces = np.unique(cut.pieces, return_inverse=True)
-    pieces = pieces.astype(np.int32)
+    numbers, piece_of_face = np.unique(cut.pieces, return_inverse=True)
+    pieces: Int32 = piece_of_face.astype(np.int32)
     count = len(numbers)
     if count > MAX_REGIONS:
         raise OptionError(
@@ -110,18 +110,24 @@ def recut(ground: Ground, cut: Cut) -> Recut:
     # (3) Facts.
     rows = _rows(ground, regions, count)
     piece_of_region = np.argsort(region_of_piece)
-    called = {int(n): ground.names.label(r) for r, n in enumerate(ground.names.stable_ids)}
+    region_of_id = {int(n): region for region, n in enumerate(ground.names.stable_ids)}
+    called = {n: ground.names.label(region) for n, region in region_of_id.items()}
     old_of_piece = _lies_in(pieces, before, count)
     labels: dict[int, str] = {}
     for row, piece in zip(rows, piece_of_region.tolist(), strict=True):
         given, number, was = int(numbers[piece]), int(ids[piece]), int(old_of_piece[piece])
         row["stable_id"] = number
         name = cut.names.get(given)
-        if name is None and was >= 0:
+        if name is None:
+            name = None if was < 0 else ground.names.label(was)
+        elif name == called.get(number):
+            was = region_of_id[number]  # the same under the same name, a few faces apart
+        else:
+            was = -1
+        if was >= 0:
             # What is left of a region is still what it was.
             rest = ground.document["regions"][was]
             row.update({key: rest[key] for key in _OF_NAMES if key in rest})
-            name = ground.names.label(was)
         if name is not None:
             labels[number] = name
             # Published with the version: who reads it before labels.json is written sees the name.
@@ -140,7 +146,7 @@ def _overlaps(pieces: Int32, before: Int32, area: Float64) -> Overlaps:
     span = int(before.max()) + 1
     keys = pieces.astype(np.int64) * span + before
     pairs, row = np.unique(keys, return_inverse=True)
-    shared = np.bincount(row, area)
+    shared: Float64 = np.bincount(row, area).astype(np.float64)
     new, old = np.divmod(pairs, span)
     both = np.bincount(pieces, area)[new] + np.bincount(before, area)[old]
     similarity = np.minimum(shared / np.maximum(both - shared, 0.5 * both), 1.0)

@@ -31,7 +31,10 @@ from terraport_pipeline.naming.outlines import PlaceFinder
 from terraport_pipeline.naming.recut import Cut
 from terraport_pipeline.published.ground import Ground
 
-__all__ = ["Answer", "Teacher", "stroke_areas"]
+__all__ = ["STROKE_CELLS", "Answer", "Teacher", "stroke_areas"]
+
+STROKE_CELLS: Final = 4.0
+"""Width of a line or point, squares, where nobody says another."""
 
 _TREES: Final = 100
 
@@ -198,13 +201,14 @@ class Teacher:
             kinds.append(np.full(len(rows[-1]), kind))
             counts[name] = len(units)
         forest = _grown(self.features[np.concatenate(rows)], np.concatenate(kinds), self.threads)
-        return GroundModel(names, self.cell_m, self.attributes, forest), counts
+        low, middle, high = np.percentile(self.features, [25, 50, 75], axis=0).astype(np.float32)
+        model = GroundModel(names, self.cell_m, self.attributes, forest, middle, high - low)
+        return model, counts
 
     def answer(self, model: GroundModel) -> Answer:
         """Say of all ground what a model calls it."""
-        votes = averaged(
-            model.forest.predict(self.features, threads=self.threads), self.features, self.pairs
-        )
+        likely = model.forest.predict(model.aligned(self.features), threads=self.threads)
+        votes = averaged(likely, self.features, self.pairs)
         best = votes.argmax(axis=1).astype(np.int32)
         of_face = self.units.of_face
         return Answer(model.names, votes, best[of_face], votes.max(axis=1)[of_face])
@@ -235,8 +239,8 @@ class Teacher:
         small = np.bincount(pieces, area, minlength=count) < least
         if small.any() and not small.all():
             pieces = join_nearest(ground.mesh.vertices, ground.mesh.faces, pieces, small)
-            used, pieces = np.unique(pieces, return_inverse=True)
-            pieces, kind = pieces.astype(np.int32), kind[used]
+            used, dense = np.unique(pieces, return_inverse=True)
+            pieces, kind = dense.astype(np.int32), kind[used]
         of_name = answer.votes[self.units.of_face, kind[pieces]]
         sure = np.bincount(pieces, area * of_name) / np.bincount(pieces, area)
         names = {piece: answer.names[k] for piece, k in enumerate(kind.tolist())}

@@ -18,7 +18,7 @@ from terraport_pipeline.naming.model_file import GroundModel, read_model, write_
 from terraport_pipeline.naming.plan import published_text
 from terraport_pipeline.naming.recut import recut
 from terraport_pipeline.naming.republish import republish
-from terraport_pipeline.naming.teacher import Answer, Teacher, stroke_areas
+from terraport_pipeline.naming.teacher import STROKE_CELLS, Answer, Teacher, stroke_areas
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.published.ground import read_ground
 from terraport_store import Scene, read_manifest
@@ -42,7 +42,7 @@ class Lesson:
     layer: str | None = None
     crs: str | None = None
     stroke_width_m: float | None = None
-    """Of lines and points; None: two squares."""
+    """Of lines and points; None: four squares."""
     cell_m: float | None = None
     least_m2: float | None = None
     force: bool = False
@@ -126,7 +126,7 @@ def teach(
         progress.start("names", None, "squares")
         if model is None:
             assert drawn is not None
-            width_m = lesson.stroke_width_m or 2 * teacher.cell_m
+            width_m = lesson.stroke_width_m or STROKE_CELLS * teacher.cell_m
             model, counts = teacher.learn(stroke_areas(drawn.drawings, width_m))
             listed = ", ".join(f"{name} {count:,}" for name, count in counts.items())
             said.append(

@@ -14,6 +14,7 @@ import numpy as np
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.change_map import ChangeFacts, change_facts
+from terraport_pipeline.report.class_facts import name_table
 from terraport_pipeline.report.histogram import Histogram, histogram
 from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_pipeline.report.survey_crs import crs_line
@@ -52,6 +53,9 @@ class ReportFacts:
     regions: tuple[dict[str, Any], ...]
     region_columns: tuple[str, ...]
     regions_note: str
+    name_columns: tuple[str, ...]
+    names: tuple[tuple[str, ...], ...]
+    """Areas and volumes of all regions of a name, together; empty where none has one."""
     change: ChangeFacts | None
     """None where the scene was not built over another."""
     files: tuple[dict[str, Any], ...]
@@ -88,6 +92,7 @@ def collect_facts(scene: Scene, *, has_input: bool, has_change_map: bool = False
     assert faces is not None  # a scene has at least one segment
     assert lengths is not None
     columns, regions, note = _regions(scene)
+    name_columns, names = _names(scene)
     record = read_build_record(scene.path)
     stages, stages_note = _stages(record)
     # (2) Size and frame: what the manifest says. Values stay plain, words and units are theirs.
@@ -101,6 +106,8 @@ def collect_facts(scene: Scene, *, has_input: bool, has_change_map: bool = False
         regions=regions,
         region_columns=columns,
         regions_note=note,
+        name_columns=name_columns,
+        names=names,
         change=_change(scene, has_map=has_change_map),
         files=tuple(
             {"name": key, "bytes": info.bytes, "share": info.bytes / max(1, total)}
@@ -311,15 +318,24 @@ def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...],
     return columns, tuple(table), note
 
 
-def _change(scene: Scene, *, has_map: bool) -> ChangeFacts | None:
-    """Volumes of the regions, with their colours in the picture of regions."""
+def _named_rows(scene: Scene) -> list[dict[str, Any]]:
+    """Rows of all regions with the labels that can be read; none where regions cannot."""
     try:
         names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
     except DamagedSceneError:
-        return None  # said where the regions are
+        return []  # said where the regions are
     with contextlib.suppress(DamagedSceneError):
         names = names.with_labels(read_labels(scene.path))
-    rows = region_rows(names, scene.regions, scene.manifest.origin)
+    return region_rows(names, scene.regions, scene.manifest.origin)
+
+
+def _names(scene: Scene) -> tuple[tuple[str, ...], tuple[tuple[str, ...], ...]]:
+    return name_table(_named_rows(scene), SurveyUnit.of(scene.manifest))
+
+
+def _change(scene: Scene, *, has_map: bool) -> ChangeFacts | None:
+    """Volumes of the regions, with their colours in the picture of regions."""
+    rows = _named_rows(scene)
     facts = change_facts(scene.regions, rows, has_map=has_map, unit=SurveyUnit.of(scene.manifest))
     colours = distinct_colours(len(rows))
     for row in () if facts is None else facts.rows:

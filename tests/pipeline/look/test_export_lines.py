@@ -9,12 +9,14 @@ import ezdxf
 import numpy as np
 import pyogrio.raw
 import pytest
+import shapely
 from pyproj import CRS
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.export.geopackage import write_height_lines
+from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.hand_on import ExportRequest, export_scene
 from terraport_pipeline.export.section import parse_line
+from terraport_pipeline.export.vector_file import write_shapes
 from terraport_pipeline.extent import Extent
 
 EAST, NORTH, HEIGHT = 500_000.0, 6_000_000.0, 120.0
@@ -142,7 +144,14 @@ def test_a_geopackage_says_its_crs_whatever_it_is(tmp_path, crs) -> None:
     elif crs is not None:
         stated = CRS.from_user_input(crs)
     line = np.array([[0.0, 1.0], [2.0, 3.0], [5.0, -1.0]])
-    write_height_lines(path, [line, line + 7], [10.5, 15.0], [False, True], stated)
+    write_shapes(
+        path,
+        "contours",
+        "LineString",
+        [shapely.LineString(line), shapely.LineString(line + 7)],
+        {"height": [10.5, 15.0], "is_index": [False, True]},
+        SurveyFrame((0.0, 0.0, 0.0), stated),
+    )
     meta, _, geometry, (heights, is_index) = pyogrio.raw.read(path, layer="contours")
     assert heights.tolist() == [10.5, 15.0]
     assert is_index.astype(bool).tolist() == [False, True]

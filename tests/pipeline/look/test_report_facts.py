@@ -7,7 +7,9 @@ from pathlib import Path
 
 from store.tiny_scene import write_tiny_scene
 
+from terraport_pipeline.report.class_facts import name_table
 from terraport_pipeline.report.facts import collect_facts, extent_line
+from terraport_pipeline.report.survey_units import SurveyUnit
 from terraport_store import Scene, SceneWriter, change_labels
 
 
@@ -123,3 +125,23 @@ def test_an_extent_is_said_in_a_line_and_rubbish_is_not() -> None:
     )
     for rubbish in (None, [], {"values": 7}, "1 2 3 4"):
         assert extent_line({"extent": rubbish}) == ""
+
+
+def test_regions_of_a_name_are_added_up() -> None:
+    def row(label: str, area_m2: float, confidence: float | None = None, **more: float) -> dict:
+        return {"label": label, "area_m2": area_m2, "confidence": confidence, **more}
+
+    rows = [
+        row("ore", 30.0, 0.9, cut_m3=1.0, fill_m3=20.0),
+        row("road", 50.0, cut_m3=0.0, fill_m3=0.0),
+        row("ore", 10.0, 0.5, cut_m3=2.0, fill_m3=0.0),
+        row("", 110.0, cut_m3=0.0, fill_m3=0.0),
+    ]
+    columns, table = name_table(rows, SurveyUnit())
+    assert columns == ("regions", "area m²", "share", "cut m³", "fill m³", "confidence")
+    assert table == (
+        ("road", "1", "50", "25.0 %", "0.0", "0.0", ""),
+        ("ore", "2", "40", "20.0 %", "3.0", "20", "0.80"),
+        ("without a name", "1", "110", "55.0 %", "0.0", "0.0", ""),
+    )
+    assert name_table([row("", 1.0)], SurveyUnit()) == ((), ())

@@ -124,6 +124,17 @@ export interface RegionFacts {
   readonly meanColour: readonly [number, number, number] | null;
   readonly slopeDeg: number | null;
   readonly centroid: Vec3 | null;
+  /** From where it is seen best; null where nobody chose. */
+  readonly place: RegionPlace | null;
+}
+
+/** Where to stand to see a region. */
+export interface RegionPlace {
+  /** On the ground. */
+  readonly position: Vec3;
+  /** Clockwise from north. */
+  readonly headingDeg: number;
+  readonly radiusM: number;
 }
 
 /** Everything that is loaded once for a version of a scene. */

@@ -39,7 +39,7 @@ class Forest:
     @property
     def classes(self) -> int:
         """Number of classes."""
-        return self.share.shape[1]
+        return int(self.share.shape[1])
 
     def predict(self, rows: Float32, *, threads: int = 1) -> Float32:
         """Say how likely every class is, (R, C): the mean of the trees' leaves."""

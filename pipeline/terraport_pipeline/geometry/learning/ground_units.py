@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 from scipy.ndimage import gaussian_filter
 
-from terraport_payload.types import Float32, Float64, Int32, Int64, UInt8
+from terraport_payload.types import AnyFloat, Float32, Float64, Int32, Int64, UInt8
 from terraport_pipeline.geometry.regions.colour import face_lab
 
 __all__ = [
@@ -34,11 +34,19 @@ __all__ = [
 MAX_CELLS: Final = 25_000_000
 """Squares over the box of a scene: 12 bytes each for every sum that is smoothed at a time."""
 
+_FACES_PER_SQUARE: Final = 3.0
+
 _STEEP_DEG: Final = 50.0
 """Faces above it are units of their own: a wall is not the floor at its foot."""
 
-_SCALES: Final = (2.0, 6.0, 18.0)
-"""Widths of the surroundings that are looked at, in squares: deviations of the Gaussians."""
+_SCALES: Final = (1.0, 2.0)
+"""Widths of the surroundings that are looked at, in squares: deviations of the Gaussians. Wider
+ones tell the forest where on the site it is, and not what is there: with 2, 6 and 18 squares of
+twice the side three strokes named .64 of the ground of two quarries, with these .79
+(seeds 3 and 4; ``benchmarks/results/2026-11-24-teaching.md``)."""
+
+_HEIGHT_SCALE: Final = 8.0
+"""And of those over which a place stands or lies: piles and pits are wide."""
 
 _LEAST_WEIGHT: Final = 1e-12
 """Square metres; squares without any surface near are read by nobody."""
@@ -79,14 +87,14 @@ class GroundUnits:
 
 
 def cell_size_m(area_m2: float, faces: int) -> float:
-    """Choose the side of the squares: about eight faces in each, 1, 2 or 5 of a power of ten.
+    """Choose the side of the squares: three faces or more in each, 1, 2 or 5 of a power of ten.
 
     Examples
     --------
-    >>> cell_size_m(10_000.0, 80_000)
+    >>> cell_size_m(10_000.0, 30_000)
     1.0
     """
-    wanted = max(np.sqrt(8.0 * area_m2 / max(faces, 1)), 1e-3)
+    wanted = max(np.sqrt(_FACES_PER_SQUARE * area_m2 / max(faces, 1)), 1e-3)
     power = 10.0 ** np.floor(np.log10(wanted))
     return float(next(k * power for k in (1.0, 2.0, 5.0, 10.0) if k * power >= wanted * 0.99))
 
@@ -96,6 +104,7 @@ def feature_names(cell_m: float, attributes: Sequence[str]) -> tuple[str, ...]:
     names = list(_OWN)
     for scale in _SCALES:
         names += [f"{name}@{scale * cell_m:g}m" for name in _AROUND]
+    names.append(f"height_above_m@{_HEIGHT_SCALE * cell_m:g}m")
     for attribute in attributes:
         names += [f"{attribute}", f"{attribute}@{_SCALES[1] * cell_m:g}m"]
     return tuple(names)
@@ -173,11 +182,12 @@ def ground_features(
     """
     of_face, count = units.of_face, units.count
     weight = np.maximum(area, 1e-9)
-    total = np.bincount(of_face, weight, minlength=count)
+    total: Float64 = np.bincount(of_face, weight, minlength=count).astype(np.float64)
 
     def mean(values: Any) -> Float64:
-        sums: Float64 = np.bincount(of_face, weight * values, minlength=count)
-        return sums / total
+        sums = np.bincount(of_face, weight * values, minlength=count).astype(np.float64)
+        averages: Float64 = sums / total
+        return averages
 
     # (1) Of the units themselves.
     lab = face_lab(colours, faces, _LAB_STEPS).astype(np.float64) / _LAB_STEPS
@@ -203,6 +213,9 @@ def ground_features(
         above = height - level - near(height - level)
         columns.append(above)
         columns.append(np.sqrt(np.maximum(near(above**2), 0.0)))
+    weights = np.maximum(around.smoothed(total, _HEIGHT_SCALE), _LEAST_WEIGHT)
+    wide = around.smoothed((height - level) * total, _HEIGHT_SCALE) / weights
+    columns.append(height - level - around.at_units(wide))
     # (3) The survey's attributes.
     for values in attributes.values():
         of_corners = values[faces]
@@ -233,7 +246,7 @@ class _Surroundings:
         smooth: Float32 = gaussian_filter(image, scale, mode="constant", truncate=3.0)
         return smooth
 
-    def at_units(self, image: Float32) -> Float64:
+    def at_units(self, image: AnyFloat) -> Float64:
         """Read an image at the units."""
         values: Float64 = image.reshape(-1)[self._units.square].astype(np.float64)
         return values

@@ -11,7 +11,7 @@ from terraport_pipeline.geometry.learning.ground_units import GroundUnits
 
 __all__ = ["averaged", "unit_pairs"]
 
-_ROUNDS: Final = 6
+_ROUNDS: Final = 16
 """A vote reaches so many units; where a border is, one."""
 
 _COLOUR: Final = 6.0

@@ -13,12 +13,16 @@ import {
   writeBookmarks,
 } from "../bookmarks.ts";
 import { fill, h, setShown } from "../dom.ts";
+import { formatArea } from "../format.ts";
 import { icon } from "../icons.ts";
+import type { RegionToVisit } from "../region-places.ts";
 
 /** Where bookmarks are kept, and how to go to one. */
 export interface PlacesOptions {
   readonly storage: KeyValueStorage;
   readonly scene: string;
+  /** What has a name on the ground. */
+  readonly regions: readonly RegionToVisit[];
   /** The address of what is shown now; null before the first landing. */
   currentHash(): string | null;
   go(hash: string): void;
@@ -34,7 +38,7 @@ export interface PlacesTab {
 }
 
 /** Build the tab over what the storage holds for the scene. */
-export function createPlacesTab({ storage, scene, currentHash, go, announce }: PlacesOptions): PlacesTab {
+export function createPlacesTab({ storage, scene, regions, currentHash, go, announce }: PlacesOptions): PlacesTab {
   let bookmarks = readBookmarks(storage, scene);
   let renaming: string | null = null;
 
@@ -211,8 +215,32 @@ export function createPlacesTab({ storage, scene, currentHash, go, announce }: P
       empty,
       list,
       h("div", { class: "row" }, exportButton, importButton, file),
+      ...(regions.length === 0 ? [] : [namedRegions(regions, go)]),
     ),
     keep,
     list: () => bookmarks,
   };
+}
+
+/** "Take me to": a click lands where the region is seen best. */
+function namedRegions(regions: readonly RegionToVisit[], go: (hash: string) => void): HTMLElement {
+  const rows = regions.map(({ name, areaM2, hash }) =>
+    h(
+      "li",
+      {},
+      h(
+        "button",
+        { type: "button", class: "place-go", "data-action": "go-to-region", on: { click: () => go(hash) } },
+        icon("go"),
+        h("span", { class: "region-name" }, name),
+        h("span", { class: "faint number" }, formatArea(areaM2)),
+      ),
+    ),
+  );
+  return h(
+    "section",
+    { "aria-label": "Named regions" },
+    h("h2", {}, "Take me to"),
+    h("ul", { id: "named-regions", class: "places" }, ...rows),
+  );
 }

@@ -10,6 +10,7 @@ import { createLandingTab } from "../panel/landing-tab.ts";
 import { createLookTab } from "../panel/look-tab.ts";
 import { createPanel } from "../panel/panel.ts";
 import { createPlacesTab } from "../panel/places-tab.ts";
+import { regionsToVisit } from "../region-places.ts";
 import { formatRoute, type Route } from "../route.ts";
 import type { Shell } from "../shell.ts";
 import type { ViewerStore } from "./state.ts";
@@ -47,6 +48,8 @@ export interface ViewerPanel {
 }
 
 const FLASH_MS = 2500;
+/** Named regions that are listed. */
+const MAX_NAMED = 500;
 
 /** Build the tabs over the viewer's store; they follow it, but for the figures, which wait for `refresh`. */
 export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
@@ -63,6 +66,7 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
   const placesTab = createPlacesTab({
     storage: shell.storage,
     scene: manifest.id,
+    regions: regionsToVisit(manifest.id, regions, MAX_NAMED),
     currentHash: () => (store.get().landed === null ? null : formatRoute(options.routeNow())),
     go: options.go,
     announce(text) {

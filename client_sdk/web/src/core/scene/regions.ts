@@ -3,7 +3,7 @@
 import { PayloadError } from "../payload/errors.ts";
 import type { JsonObject } from "../payload/json-values.ts";
 import { expectList, expectObject } from "../payload/json-values.ts";
-import type { RegionFacts, Vec3 } from "../types.ts";
+import type { RegionFacts, RegionPlace, Vec3 } from "../types.ts";
 
 /** A label by stable id. */
 export type Labels = ReadonlyMap<number, string>;
@@ -60,7 +60,17 @@ function readRegion(region: JsonObject, id: number, labels: Labels): RegionFacts
     meanColour: tripleOrNull(region.mean_colour),
     slopeDeg: typeof slope === "object" && slope !== null ? numberOrNull((slope as JsonObject).mean) : null,
     centroid: tripleOrNull(region.centroid),
+    place: placeOrNull(region.place),
   };
+}
+
+function placeOrNull(value: unknown): RegionPlace | null {
+  if (typeof value !== "object" || value === null) return null;
+  const { position, heading_deg: heading, radius_m: radius } = value as JsonObject;
+  const [at, headingDeg, radiusM] = [tripleOrNull(position), numberOrNull(heading), numberOrNull(radius)];
+  return at === null || headingDeg === null || radiusM === null || radiusM <= 0
+    ? null
+    : { position: at, headingDeg, radiusM };
 }
 
 function isWhole(value: unknown): value is number {
