@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32
+from terraport_pipeline.geometry.cover.hem import add_hem
 from terraport_pipeline.geometry.mesh.border_edges import open_edges
 from terraport_pipeline.geometry.mesh.curve import morton_order
-from terraport_pipeline.geometry.mesh.hem import add_hem
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
 from terraport_pipeline.model import to_scene
 from terraport_pipeline.stages.contract import Stored

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from terraport_pipeline.geometry.cover.hem import add_hem
 from terraport_pipeline.geometry.mesh.border_edges import open_edges
-from terraport_pipeline.geometry.mesh.hem import add_hem
 
 
 def plate(n: int) -> tuple[np.ndarray, np.ndarray]:
