@@ -13,7 +13,7 @@ from typing import Any, Final
 import numpy as np
 import PIL.Image
 
-from terraport_payload.types import Float64, Int32
+from terraport_payload.types import Bool, Float64, Int32
 from terraport_pipeline.engines.mesh_files.read_mesh import FileImage, FileMesh, read_mesh
 from terraport_pipeline.engines.photo_store import MAX_PIXELS
 from terraport_pipeline.engines.readers.survey_crs import conversion_line, metre_factors
@@ -224,7 +224,7 @@ def _unrepeated(given: MeshInput, mesh: FileMesh, wedges: Float64, image: Int32)
     moved = wedges - np.floor(wedges.mean(axis=1, keepdims=True))
     inside = ((wedges >= -_OUTSIDE) & (wedges <= 1.0 + _OUTSIDE)).all(axis=(1, 2))
     placed: Float64 = np.where(inside[:, None, None], wedges, moved)
-    beyond = np.any((placed < -_OUTSIDE) | (placed > 1.0 + _OUTSIDE), axis=(1, 2))
+    beyond: Bool = ((placed < -_OUTSIDE) | (placed > 1.0 + _OUTSIDE)).any(axis=(1, 2))
     bad = np.flatnonzero(beyond & (image >= 0))
     if len(bad):
         where = f"face {bad[0]:,}" if mesh.line is None else f"line {mesh.line[bad[0]]:,}"
