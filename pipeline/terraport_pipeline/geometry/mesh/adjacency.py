@@ -20,7 +20,14 @@ from terraport_payload.types import AnyInt, Int32, Int64
 from terraport_pipeline.geometry.mesh.chunks import CHUNK, in_chunks
 from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 
-__all__ = ["MAX_FACES_PER_EDGE", "as_kernel_input", "components", "face_pairs", "vertex_pairs"]
+__all__ = [
+    "MAX_FACES_PER_EDGE",
+    "as_kernel_input",
+    "components",
+    "face_pairs",
+    "order_of_scattered",
+    "vertex_pairs",
+]
 
 MAX_FACES_PER_EDGE: Final = 64
 """All faces of an edge (or vertex) are mutual neighbours up to this many; beyond it each is paired
@@ -79,8 +86,8 @@ def face_pairs(faces: AnyInt, n_vertices: int, *, threads: int = 1) -> tuple[Int
     ([[0, 1]], [[1, 2]])
     """
     checked = _validate_faces(faces, n_vertices)
-    if _is_scattered(checked, n_vertices):
-        order = _order_by_vertex(checked, n_vertices)
+    order = order_of_scattered(checked, n_vertices)
+    if order is not None:
         starts, rows = _bucket_half_edges(checked[order], order, n_vertices)
     else:
         starts, rows = _bucket_half_edges(checked, np.zeros(0, np.int32), n_vertices)
@@ -186,6 +193,18 @@ def _is_repeated(faces: Int32, f: int, c: int) -> bool:
     if c == 1:
         return bool(faces[f, 2] == faces[f, 0])
     return c == 2 and (faces[f, 2] == faces[f, 1] or faces[f, 0] == faces[f, 1])
+
+
+def order_of_scattered(faces: Int32, n_vertices: int) -> Int32 | None:
+    """Give an order in which neighbours stand near each other, where they do not by themselves.
+
+    Returns
+    -------
+    ndarray of shape (F,), int32, or None
+        Faces by their lowest vertex, then by number. None where the order of the file is good, or
+        the mesh is small: then no order is any faster.
+    """
+    return _order_by_vertex(faces, n_vertices) if _is_scattered(faces, n_vertices) else None
 
 
 def _is_scattered(faces: Int32, n_vertices: int) -> bool:
