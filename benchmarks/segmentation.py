@@ -13,7 +13,9 @@ reset before each stage; a kernel that does not reset it shows the largest so fa
 loaded from numba's cache by a tiny mesh first.
 
 *TPA, arrays to labels* is the bar of ``segmentation.md``: vertices, faces, colours in, region
-labels out, nothing computed before. The *floor* is what no method can save: reading the three
+labels out, nothing computed before. Beside it, on one thread: the same with the faces shuffled (as
+no program writes them, and as one that knows no order may), and a plain NumPy and SciPy version
+(``parts/plain_pools.py``) on both. The *floor* is what no method can save: reading the three
 arrays and sorting s once. *means* and *graph* are the other engines. The *whole chain* is
 adjacency, regions and fine pools, merging and splitting, cover, and packing all payloads into a
 published scene.
@@ -37,6 +39,7 @@ from typing import Any, Final, TypeVar
 import numba
 import numpy as np
 from parts.mesh_facts import region_facts
+from parts.plain_pools import plain_pools
 from parts.work_arrays import read_base, read_tiles, welded
 
 from terraport_payload.types import AnyArray, Float32, Float64, Int32
@@ -48,6 +51,7 @@ from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh, segment
 from terraport_pipeline.geometry.regions.triangle_pool import (
     FINE_POOLS,
     REGION_POOLS,
+    TrianglePools,
     chain_count,
     face_similarity,
     triangle_pools,
@@ -80,6 +84,10 @@ BARS: Final = (
     ("graph, 5 M faces, arrays to labels", 4_900_000, "graph, arrays to labels", "s", 60.0),
     ("whole chain, 5 M faces", 4_900_000, "whole chain", "s", 120.0),
 )
+ONE, SHUFFLED = "TPA, one thread", "TPA, one thread, shuffled"
+PLAIN, PLAIN_SHUFFLED = "plain NumPy and SciPy", "plain NumPy and SciPy, shuffled"
+MOST_PLAIN_FACES: Final = 5_200_000
+"""Beyond it the plain version alone takes more memory than all stages together."""
 THESIS: Final = "thesis, table 5.4: 12 M faces took 22 h on ten cores"
 
 T = TypeVar("T")
@@ -182,9 +190,10 @@ def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) 
         lambda: triangle_pools(*mesh, colours=detail.colours, threads=threads),
     )
     clock(
-        "TPA, one thread",
+        ONE,
         lambda: triangle_pools(*mesh, colours=detail.colours, threads=1),
     )
+    _beside_plain(clock, detail, tpa)
     # (2) its steps, one after the other
     pairs = _steps(clock, detail, threads)
     # (3) the other engines, from arrays to regions and fine pools
@@ -275,6 +284,37 @@ def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) 
             )
         ).hexdigest()[:16],
     }
+
+
+def _beside_plain(clock: Clock, detail: Mesh, tpa: TrianglePools) -> None:
+    """Run TPA on shuffled faces, and beside it a plain version, in both orders; one thread."""
+    order = np.random.default_rng(SEED).permutation(len(detail.faces))
+    shuffled = np.ascontiguousarray(detail.faces[order])
+    of_shuffled = clock(
+        SHUFFLED,
+        lambda: triangle_pools(detail.vertices, shuffled, colours=detail.colours, threads=1),
+    )
+    assert _agreement(of_shuffled.labels, tpa.labels[order]) == 1.0
+    if len(detail.faces) > MOST_PLAIN_FACES:
+        return
+    for name, faces, labels in (
+        (PLAIN, detail.faces, tpa.labels),
+        (PLAIN_SHUFFLED, shuffled, of_shuffled.labels),
+    ):
+        plain = clock(
+            name, partial(plain_pools, detail.vertices, faces, detail.colours, REGION_POOLS)
+        )
+        clock.stages[name]["agreement"] = round(_agreement(plain, labels), 6)
+
+
+def _agreement(first: Int32, second: Int32) -> float:
+    """Share of the faces in the same pool, pools of the first matched to their largest part."""
+    both, faces = np.unique(
+        first.astype(np.int64) * (int(second.max()) + 1) + second, return_counts=True
+    )
+    largest = np.zeros(int(first.max()) + 1, np.int64)
+    np.maximum.at(largest, both // (int(second.max()) + 1), faces)
+    return float(largest.sum() / len(first))
 
 
 def _steps(clock: Clock, detail: Mesh, threads: int) -> tuple[Int32, Int32]:
@@ -405,7 +445,17 @@ def verdict(results: list[dict[str, Any]]) -> None:
         say("time per face, largest over smallest", per_face[-1] / per_face[0], 1.3, "x")
         cpu = [r["stages"]["TPA, arrays to labels"]["cpu_s"] / r["faces"] for r in by_size]
         say("the same in CPU seconds", cpu[-1] / cpu[0], 1.3, "x")
-    print(f"({THESIS})")
+    # Shuffled against in order; and what compiled kernels have over a page of NumPy.
+    for result in by_size:
+        cpu_s = {name: cost["cpu_s"] for name, cost in result["stages"].items()}
+        size = f"{result['faces']:,} faces"
+        ratio = cpu_s[SHUFFLED] / max(cpu_s[ONE], 1e-3)
+        say(f"{size}: shuffled over in order, CPU", ratio, 2.0, "x")
+        if PLAIN in cpu_s:
+            for plain, ours in ((PLAIN, ONE), (PLAIN_SHUFFLED, SHUFFLED)):
+                times = cpu_s[plain] / max(cpu_s[ours], 1e-3)
+                print(f"  {size}, {plain}: {cpu_s[plain]:.2f} CPU s, {times:.1f} x TPA")
+    print(f"({THESIS}; a plain version on one core is the fairer comparison)")
 
 
 def _faces(result: dict[str, Any]) -> int:

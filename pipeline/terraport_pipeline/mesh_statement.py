@@ -13,7 +13,10 @@ import numpy as np
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.option import Notation, Option
 
-__all__ = ["MeshStatement"]
+__all__ = ["MESH", "MeshStatement"]
+
+MESH: Final = "mesh"
+"""Format of a mesh among the files that a scene was built from."""
 
 SHIFT: Final = Notation(
     "E N H",

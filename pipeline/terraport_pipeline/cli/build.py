@@ -46,7 +46,7 @@ def build(
     ] = True,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")] = False,
 ) -> None:
-    """Turn a survey into a scene: clean, reconstruct, segment, pack, publish.
+    """Turn a survey, or a mesh, into a scene: clean, reconstruct, segment, pack, publish.
 
     Over a scene that is there, a newer survey of the same ground renews what changed:
     clients that hold the rest keep it.
@@ -71,6 +71,8 @@ def build(
         terraport build odm-project/ -o scenes/pit       all of an OpenDroneMap project
 
         terraport build pit.laz --extent 641200 8594700 641300 8594800
+
+        terraport build model.obj                        a textured mesh, as it is
 
         terraport serve scenes                           shows what was built
     """

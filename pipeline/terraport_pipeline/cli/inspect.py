@@ -23,6 +23,7 @@ from terraport_pipeline.camera_inspection import (
 from terraport_pipeline.cli.camera_tables import camera_tables
 from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.cli.label import regions_table
+from terraport_pipeline.cli.mesh_table import mesh_table
 from terraport_pipeline.cli.survey_tables import point_tables, survey_tables
 from terraport_pipeline.engines.camera_files import has_cameras
 from terraport_pipeline.engines.odm_project import find_odm_project, originals_in
@@ -32,11 +33,14 @@ from terraport_pipeline.engines.readers.survey_format import is_binary_survey
 from terraport_pipeline.errors import OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.inspection import inspect_scene
+from terraport_pipeline.mesh_inspection import inspect_mesh
+from terraport_pipeline.mesh_statement import MeshStatement
 from terraport_pipeline.option import EXTENT, parse_offset
 from terraport_pipeline.progress import NullProgress, RichProgress
 from terraport_pipeline.report.density_picture import draw_density
 from terraport_pipeline.report.facts import extent_line, input_line
 from terraport_pipeline.report.scene_colour import SceneColour
+from terraport_pipeline.survey.find_mesh import find_mesh, is_mesh
 from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.survey_inspection import inspect_headers, inspect_points
@@ -48,6 +52,7 @@ from terraport_store import SceneNotFoundError, is_url
 __all__ = ["inspect", "register"]
 
 _NOTHING_STATED: Final = SurveyStatement()
+_PLAIN_MESH: Final = MeshStatement()
 
 _SURVEY_TEXT: Final = frozenset({".xyz", ".csv", ".asc", ".pts", ".xyzrgb"})
 """Endings of text that is a survey, if it is no file of cameras; of any other its lines tell."""
@@ -66,7 +71,7 @@ def inspect(
         list[str],
         typer.Argument(
             help="Scene directory, or a scene's address (s3://...); a survey (a file, several, a "
-            "folder, a pattern), alone or with --cameras; or cameras alone.",
+            "folder, a pattern), alone or with --cameras; a mesh; or cameras alone.",
             show_default=False,
         ),
     ],
@@ -98,6 +103,7 @@ def inspect(
         ),
     ] = None,
     statement: SurveyStatement = _NOTHING_STATED,
+    mesh: MeshStatement = _PLAIN_MESH,
     headers: Annotated[
         bool,
         typer.Option("--headers", help="Of a survey only what the files' headers say, at once."),
@@ -121,6 +127,8 @@ def inspect(
     once; then, by at most five million points spread over it, density, spacing, noise, copies,
     colours and attributes, and what a build of it will make and take.
 
+    Of a mesh: triangles, pieces, textures, and what states where it is.
+
     Of a survey with --cameras: also format, lenses, pixel size on the ground, how much of the cloud
     the photos show and how many each point is in, and with --photos whether their colours agree
     with the cloud's.
@@ -132,6 +140,8 @@ def inspect(
         terraport inspect s3://bucket/scenes/quarry
 
         terraport inspect scenes/quarry --json | jq .segments.faces
+
+        terraport inspect model.obj
 
         terraport inspect delivery/
 
@@ -168,7 +178,15 @@ def inspect(
         survey = find_survey(paths, extent=within, statement=statement)
         _show_with_cameras(survey, cameras, photos, offset, asked)
         return
-    # (3) A folder or file of another kind: a scene, a project of cameras.
+    # (3) A mesh.
+    if is_mesh(paths[0]) and not mesh.as_points:
+        given = find_mesh(paths, statement, mesh)
+        assert given is not None
+        with console.status("mesh"):
+            facts = inspect_mesh(given)
+        asked.show(facts, mesh_table(facts))
+        return
+    # (4) A folder or file of another kind: a scene, a project of cameras.
     no_scene: SceneNotFoundError | None = None
     if len(paths) == 1 and within is None and not statement.recorded:
         try:
@@ -179,7 +197,7 @@ def inspect(
             if other is not None:
                 asked.show(*other)
                 return
-    # (4) A survey. Damage is listed, not refused: this is what is asked. With photos and no
+    # (5) A survey. Damage is listed, not refused: this is what is asked. With photos and no
     # cameras the cameras lie beside them.
     try:
         survey = find_survey(paths, skip_damaged=True, extent=within, statement=statement)

@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_pipeline.engines.palettes import distinct_colours
+from terraport_pipeline.mesh_statement import MESH
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.change_map import ChangeFacts, change_facts
 from terraport_pipeline.report.class_facts import name_table
@@ -28,6 +29,7 @@ __all__ = [
     "extent_line",
     "format_bytes",
     "input_line",
+    "points_note",
     "read_build_record",
 ]
 
@@ -168,6 +170,8 @@ def input_line(record: Mapping[str, Any]) -> str:
     size = format_bytes(sum(_number(file.get("bytes"), 0.0) for file in files))
     if len(files) == 1:
         return f"{files[0].get('name')}, {size}"
+    if files[0].get("format") == MESH:
+        return f"{files[0].get('name')} with {len(files) - 1:,} files beside it, {size}"
     points = sum(_number(file.get("points"), 0.0) for file in files)
     repeats = sum(_number(file.get("repeats"), 0.0) for file in files)
     names = [str(file.get("name")) for file in files[:MAX_INPUTS]]
@@ -176,6 +180,12 @@ def input_line(record: Mapping[str, Any]) -> str:
         f"{len(files):,} files, {size}, {points:,.0f} points ({repeats:,.0f} of them in several, "
         f"taken once): {', '.join(names)}{more}"
     )
+
+
+def points_note(manifest: Manifest) -> str:
+    """Say what a scene's points are: of a survey, or of a mesh that was brought."""
+    is_mesh = MESH in manifest.build.options
+    return "vertices of the mesh" if is_mesh else "used of the survey"
 
 
 def extent_line(record: Mapping[str, Any]) -> str:
@@ -239,7 +249,7 @@ def _cards(scene: Scene, total_bytes: int) -> tuple[dict[str, str], ...]:
     counts = manifest.counts
     payload = manifest.encodings["glb"].payload_bytes
     return (
-        {"label": "points", "value": f"{counts.points:,}", "note": "used of the survey"},
+        {"label": "points", "value": f"{counts.points:,}", "note": points_note(manifest)},
         {
             "label": "detail",
             "value": f"{counts.detail_faces:,}",

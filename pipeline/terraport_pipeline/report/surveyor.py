@@ -21,6 +21,7 @@ from terraport_pipeline.geometry.regions.toe_volumes import ToeVolume, toe_volum
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.accuracy import PERCENTILES, REACH_SPACINGS, Accuracy
+from terraport_pipeline.report.facts import points_note
 from terraport_pipeline.report.plan_sheet import PlanSheet, plan_sheet
 from terraport_pipeline.report.plan_view import Plan
 from terraport_pipeline.report.scene_colour import SceneColour
@@ -265,7 +266,7 @@ def _survey_figures(
 ) -> tuple[Figure, ...]:
     points = manifest.counts.points
     area = plan.area_m2
-    figures = [Figure("points", f"{points:,}", "used of the survey")]
+    figures = [Figure("points", f"{points:,}", points_note(manifest))]
     if area > 0 and points:
         density = points / area
         figures += [

@@ -7,20 +7,22 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import PIL.Image
 
-from terraport_payload.types import Float64, Int32
+from terraport_payload.types import Bool, Float64, Int32
 from terraport_pipeline.engines.mesh_files.read_mesh import FileImage, FileMesh, read_mesh
 from terraport_pipeline.engines.photo_store import MAX_PIXELS
 from terraport_pipeline.engines.readers.survey_crs import conversion_line, metre_factors
 from terraport_pipeline.errors import ReadError, SurveyError
+from terraport_pipeline.model import Crs
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.survey.find_mesh import MeshInput
 
-__all__ = ["NAME", "run"]
+__all__ = ["NAME", "PlacedMesh", "place_mesh", "run"]
 
 NAME: Final = "read-mesh"
 
@@ -67,18 +69,19 @@ def run(given: MeshInput, context: Context, *, textured: bool) -> tuple[Mapping[
             f"{mesh.missing.advice}, or build without textures: --texture-from vertex",
             mesh.missing.location,
         )  # fmt: skip
-    positions, values, warnings, choices = _placed(given, mesh)
+    placed = place_mesh(given, mesh)
+    warnings = list(placed.warnings)
     counts: dict[str, Json] = {
         "faces": len(mesh.faces), "vertices": len(mesh.vertices), **mesh.facts,
         "colours": mesh.origin_of_colours,
     }  # fmt: skip
     folder = context.folder
-    np.save(folder / "vertices.npy", positions)
+    np.save(folder / "vertices.npy", placed.positions)
     np.save(folder / "faces.npy", mesh.faces)
     if mesh.colours is not None:
         np.save(folder / "colours.npy", mesh.colours)
     else:
-        warnings.append("The mesh has no colours: the scene will be grey, its regions by shape.")
+        warnings.append("The mesh has no colours: the scene will be grey.")
     names = _attributes(mesh)
     for number, name in enumerate(names):
         np.save(folder / f"attribute-{number}.npy", mesh.attributes[name].astype(np.float32))
@@ -87,17 +90,39 @@ def run(given: MeshInput, context: Context, *, textured: bool) -> tuple[Mapping[
         context.progress.start("read: textures", None, "images")
         counts |= _write_texture(given, mesh, context, warnings)
         context.progress.done({"images": counts["images"]})
-    values |= {
+    crs, factors = placed.crs, placed.factors
+    values: dict[str, Json] = {
+        "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,
+        **({} if factors is None else {"units_m": factors[[0, 2]].tolist()}),
         "attributes": names, "textured": is_textured, "has_colour": mesh.colours is not None,
         "faces": len(mesh.faces), "vertices": len(mesh.vertices),
     }  # fmt: skip
-    return values, Facts(counts, tuple(warnings), choices=tuple(choices))
+    return values, Facts(counts, tuple(warnings), choices=placed.choices)
 
 
-def _placed(
-    given: MeshInput, mesh: FileMesh
-) -> tuple[Float64, dict[str, Json], list[str], list[str]]:
-    """Coordinates as easting, northing, height in metres, and what is to be said of them."""
+@dataclass(frozen=True, slots=True, eq=False)
+class PlacedMesh:
+    """Coordinates of a mesh in metres, and what is to be said of them."""
+
+    positions: Float64
+    """(V, 3) easting, northing, height."""
+    crs: Crs | None
+    factors: Float64 | None
+    """(3,) metres in a unit of each axis; None where they are metres."""
+    warnings: tuple[str, ...]
+    choices: tuple[str, ...]
+
+
+def place_mesh(given: MeshInput, mesh: FileMesh) -> PlacedMesh:
+    """Turn a mesh's coordinates upright, add its shift, and bring them to metres.
+
+    Raises
+    ------
+    SurveyError
+        It has no extent.
+    ReadError
+        Its coordinates contradict their CRS or unit.
+    """
     positions = mesh.vertices
     if given.up == "y":  # x east, y up, z south
         positions = np.stack([positions[:, 0], -positions[:, 2], positions[:, 1]], axis=1)
@@ -113,19 +138,15 @@ def _placed(
     low, high = used.min(axis=0), used.max(axis=0)
     if not (high - low).max() > 0:
         raise SurveyError(f"{given.path}: all {len(used):,} vertices lie at one place")
-    stated = given.survey
-    # Without anything that says where it is, a mesh about zero is a body, in metres.
-    factors, crs, warnings = metre_factors(given.path, low, high, place.crs, stated)
-    if place.crs is not None and stated.system is None:
+    factors, crs, warnings = metre_factors(given.path, low, high, place.crs, given.survey)
+    if place.crs is not None and given.survey.system is None:
         choices.append(f"The mesh is taken to be in {place.crs.name}, as {place.crs_from} says.")
     if factors is not None:
         positions = positions * factors
-        choices.append(conversion_line(factors, place.crs, stated))
-    values = {
-        "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,
-        **({} if factors is None else {"units_m": factors[[0, 2]].tolist()}),
-    }
-    return np.ascontiguousarray(positions), values, list(warnings), choices
+        choices.append(conversion_line(factors, place.crs, given.survey))
+    return PlacedMesh(
+        np.ascontiguousarray(positions), crs, factors, tuple(warnings), tuple(choices)
+    )
 
 
 def _attributes(mesh: FileMesh) -> list[str]:
@@ -203,7 +224,7 @@ def _unrepeated(given: MeshInput, mesh: FileMesh, wedges: Float64, image: Int32)
     moved = wedges - np.floor(wedges.mean(axis=1, keepdims=True))
     inside = ((wedges >= -_OUTSIDE) & (wedges <= 1.0 + _OUTSIDE)).all(axis=(1, 2))
     placed: Float64 = np.where(inside[:, None, None], wedges, moved)
-    beyond = np.any((placed < -_OUTSIDE) | (placed > 1.0 + _OUTSIDE), axis=(1, 2))
+    beyond: Bool = ((placed < -_OUTSIDE) | (placed > 1.0 + _OUTSIDE)).any(axis=(1, 2))
     bad = np.flatnonzero(beyond & (image >= 0))
     if len(bad):
         where = f"face {bad[0]:,}" if mesh.line is None else f"line {mesh.line[bad[0]]:,}"

@@ -49,6 +49,7 @@ _COMMENT: Final = re.compile(
     rb"(-?[0-9.]+(?:[eE][+-]?[0-9]+)?)",
     re.IGNORECASE,
 )
+_SYSTEM: Final = re.compile(rb"coordinate reference system: (.+), unit ")
 _UTM: Final = re.compile(r"WGS84 UTM ([0-9]{1,2})([NS])", re.IGNORECASE)
 _INFO_ENDINGS: Final = (".rcinfo", ".rsinfo")
 _GLB_MAGIC: Final = b"glTF"
@@ -108,9 +109,11 @@ def _statements(path: Path) -> Iterator[tuple[Shift | None, Any | None, Path]]:
             line for line in file.read(_HEAD_BYTES).splitlines() if line.startswith((b"#", b"comm"))
         ]
     for line in comments:
-        match = _COMMENT.search(line)
+        match, system = _COMMENT.search(line), _SYSTEM.search(line)
         if match is not None:
             yield _numbers(path, " ".join(word.decode() for word in match.groups())), None, path
+        if system is not None:
+            yield None, _crs(system[1].decode("utf-8", "replace")), path
     own = [f"{path.name}.offset.xyz", f"{path.stem}_offset.xyz", f"{path.stem}.offset.xyz"]
     for name in own:
         if (path.parent / name).is_file():

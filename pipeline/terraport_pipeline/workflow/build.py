@@ -39,6 +39,7 @@ from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.unforeseen import build_failed
+from terraport_pipeline.workflow.bring_survey import bring_survey
 from terraport_pipeline.workflow.mesh_step import bring_mesh
 from terraport_pipeline.workflow.pack_step import build_info, publish_tiles
 from terraport_pipeline.workflow.photo_input import Texturing
@@ -48,7 +49,6 @@ from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.scene_lock import scene_locked
 from terraport_pipeline.workflow.scene_path import check_scene_path, default_scene_path
 from terraport_pipeline.workflow.segment_step import segment_tiles
-from terraport_pipeline.workflow.survey_step import bring_survey
 from terraport_pipeline.workflow.texture_step import (
     texture_base_alone,
     texture_input,

@@ -16,6 +16,7 @@ import numpy as np
 from terraport_payload.types import AnyArray, Float32
 from terraport_pipeline.engines.mesh_texels import MeshTexels
 from terraport_pipeline.errors import OptionError, ResourceError
+from terraport_pipeline.mesh_statement import MESH
 from terraport_pipeline.model import Cloud
 from terraport_pipeline.stages import read_mesh, reconstruct
 from terraport_pipeline.stages.clean import Cleaned
@@ -39,7 +40,9 @@ _BYTES_PER_FACE: Final = 600
 _TEXT_FACTOR: Final = 6
 """Memory that reading an OBJ takes, over its size."""
 
-_MOST_FACING_DOWN: Final = 0.5
+_MOST_FACING_DOWN: Final = 0.7
+"""Share of the plan whose faces show their backs, from which a warning says so. A closed body has a
+half."""
 
 
 def bring_mesh(
@@ -107,7 +110,7 @@ def bring_mesh(
         points=len(mesh.vertices),
         samples=samples,
         sample_colours=colours,
-        recorded={"mesh": {"up": given.up, **given.mesh.recorded}},
+        recorded={MESH: {"up": given.up, **given.mesh.recorded}},
         inputs=_inputs(given, read),
         texels=_opener(runner, read, tile) if read.values["textured"] else None,
     )
@@ -271,7 +274,7 @@ def _inputs(given: MeshInput, read: StageRecord) -> dict[str, Any]:
         "inputs": [
             {
                 "name": file.name,
-                "format": "mesh" if file == given.path else "beside the mesh",
+                "format": MESH if file == given.path else "beside the mesh",
                 "bytes": file.stat().st_size,
                 "xxh3": digest,
                 "points": int(read.values["vertices"]) if file == given.path else 0,

@@ -11,6 +11,7 @@ from typing import Any, Final
 
 from rich.table import Table
 
+from terraport_pipeline.mesh_statement import MESH
 from terraport_pipeline.report.facts import extent_line
 from terraport_pipeline.stages.contract import Facts
 from terraport_pipeline.stages.texture_sums import PHOTO_SHARES
@@ -24,6 +25,7 @@ BUILD_REPORT_NAME: Final = "build.json"
 
 _SHOWN: Final = {
     "read": ("points", "attributes"),
+    "read-mesh": ("faces", "vertices", "parts", "images"),
     "renew": ("changed_share", "cut_m3", "fill_m3", "volume_uncertainty_m3"),
     "clean": ("points", "duplicates", "outliers", "spacing_m"),
     "reconstruct": ("base_from", "cell_m", "base_faces", "detail_faces", "deviation_p99_m"),
@@ -97,7 +99,9 @@ class BuildReport:
         """What to know of the survey's files: none for a single one with nothing beside it."""
         notes = []
         repeats = sum(file["repeats"] for file in self.inputs)
-        if len(self.inputs) > 1:
+        if len(self.inputs) > 1 and self.inputs[0]["format"] == MESH:
+            notes.append(f"{self.inputs[0]['name']}, with {len(self.inputs) - 1} files beside it")
+        elif len(self.inputs) > 1:
             points = sum(file["points"] for file in self.inputs)
             notes.append(
                 f"{len(self.inputs)} files with {points:,} points; {repeats:,} lie in several and "

@@ -263,7 +263,7 @@ def test_options_are_checked() -> None:
         ({"texel_m": 0.0}, "texel size"),
         ({"quality": 0}, "texture quality"),
         ({"kind": "gif"}, "texture format"),
-        ({"source": "dreams"}, "expected photos or vertex"),
+        ({"source": "dreams"}, "expected photos, vertex or mesh"),
         ({"max_side": 4096}, "texture sides"),
         ({"base_side": 1000}, "texture sides"),
     ):

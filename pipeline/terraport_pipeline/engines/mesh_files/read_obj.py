@@ -178,23 +178,21 @@ def _table(
     if width >= columns and len(values) == width * len(rows) and np.isfinite(values).all():
         return values.reshape(len(rows), width)
     # Which line it is, now that one is bad.
-    at = 0
-    for at, row in enumerate(rows):
-        words = row.split()
-        try:
-            finite = bool(np.isfinite([float(word) for word in words]).all())
-        except ValueError:
-            finite = False
-        if not finite or len(words) < columns or len(words) != width:
-            break
+    at = next((i for i, row in enumerate(rows) if not _is_row(row, width, columns)), 0)
     shown = rows[at][:_MIXED_SHOWN].decode("utf-8", "replace").strip()
-    wanted = max(width, columns)
     raise ReadError(
-        path,
-        f"{label} {shown!r}, expected {wanted} finite numbers",
-        _ADVICE,
+        path, f"{label} {shown!r}, expected {max(width, columns)} finite numbers", _ADVICE,
         f"line {numbers[at]:,}",
-    )
+    )  # fmt: skip
+
+
+def _is_row(row: bytes, width: int, columns: int) -> bool:
+    words = row.split()
+    try:
+        finite = bool(np.isfinite([float(word) for word in words]).all())
+    except ValueError:
+        return False
+    return finite and len(words) == width >= columns
 
 
 def _colours(further: Float64) -> UInt8 | None:

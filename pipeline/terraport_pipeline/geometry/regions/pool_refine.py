@@ -29,7 +29,12 @@ _SAMPLE: Final = 2**16
 
 
 def refine_pools(
-    labels: Int32, count: int, pairs: Int32, similarity: Float32, smallest: float
+    labels: Int32,
+    count: int,
+    pairs: Int32,
+    similarity: Float32,
+    smallest: float,
+    pair_labels: Int32 | None = None,
 ) -> tuple[Int32, Bool]:
     """Merge small level 3 pools.
 
@@ -45,6 +50,8 @@ def refine_pools(
         Similarity index s.
     smallest : float
         Pools with fewer faces are small.
+    pair_labels : ndarray of shape (F,), int32, optional
+        Pool of every face as `pairs` numbers them, where that is another order.
 
     Returns
     -------
@@ -55,7 +62,9 @@ def refine_pools(
     """
     size, total = label_sums(labels, count, similarity)
     mean = total / size
-    offsets, neighbours = _pool_graph(labels, as_kernel_input(pairs, np.int32), count)
+    offsets, neighbours = _pool_graph(
+        labels if pair_labels is None else pair_labels, as_kernel_input(pairs, np.int32), count
+    )
     group = np.arange(count, dtype=np.int32)  # pool -> node of the current graph
     while True:
         large = size >= smallest

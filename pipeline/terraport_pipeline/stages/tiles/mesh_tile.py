@@ -13,9 +13,9 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32
-from terraport_pipeline.geometry.mesh.border_edges import border_edges
+from terraport_pipeline.geometry.cover.hem import add_hem
+from terraport_pipeline.geometry.mesh.border_edges import open_edges
 from terraport_pipeline.geometry.mesh.curve import morton_order
-from terraport_pipeline.geometry.mesh.hem import add_hem
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
 from terraport_pipeline.model import to_scene
 from terraport_pipeline.stages.contract import Stored
@@ -96,7 +96,7 @@ def run(arrays: Mapping[str, AnyArray], attributes: int) -> Stored:
         "base_faces": len(wide_faces),
         "faces_without_area": int((~solid).sum()),
         "faces_repeated": int((solid & ~first).sum()),
-        "open_edges": len(border_edges(triangles, len(points))),
+        "open_edges": len(open_edges(triangles, len(points))),
         "facing_down_share": round(_facing_down(points, triangles), 4),
     }
     return Stored(result, values)

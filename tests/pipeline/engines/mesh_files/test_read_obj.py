@@ -10,6 +10,7 @@ from payload.images import pillow
 from store.tiny_scene import lattice_mesh, textured
 
 from terraport.obj import write_obj
+from terraport_pipeline.engines.mesh_files.obj_materials import obj_companions
 from terraport_pipeline.engines.mesh_files.read_obj import read_obj
 from terraport_pipeline.errors import ReadError
 
@@ -36,38 +37,71 @@ def write(folder: Path, text: str) -> Path:
     return path
 
 
-def test_vertices_are_split_at_seams_and_materials_apart(tmp_path: Path) -> None:
-    (tmp_path / "a.mtl").write_text("newmtl left\nmap_Kd -o 0 0 0 dir/l.jpg\nnewmtl right\n")
+def test_neighbours_over_a_seam_share_their_vertices(tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text(
+        "newmtl left\nmap_Kd -o 0 0 0 dir/l.jpg\nnewmtl right\nKd 1 0.5 0\n"
+    )
     (tmp_path / "l.jpg").write_bytes(pillow("JPEG"))
-    left, right = read_obj(write(tmp_path, SEAM))
-    assert (left.material, left.image) == ("left", tmp_path / "l.jpg")
-    assert (right.material, right.image) == ("right", None)
-    assert left.vertices[0].tolist() == [500000.25, 5200000.5, 1.0]
-    assert left.uvs is not None
-    assert left.uvs.tolist() == [[0, 1], [1, 1], [0, 0]]  # v counts downwards here
-    assert right.faces.tolist() == [[0, 1, 2], [3, 0, 1]]
-    assert right.vertices[2].tolist() == right.vertices[3].tolist()
+    mesh = read_obj(write(tmp_path, SEAM))
+    left, right = mesh.materials
+    assert (left.name, left.image) == ("left", tmp_path / "l.jpg")
+    assert (right.name, right.image, right.colour) == ("right", None, (255, 128, 0))
+    assert mesh.vertices[0].tolist() == [500000.25, 5200000.5, 1.0]
+    assert mesh.faces.tolist() == [[0, 1, 2], [1, 3, 2], [2, 1, 3]]
+    assert mesh.material.tolist() == [0, 1, 1]
+    assert mesh.line.tolist() == [11, 13, 14]
+    assert mesh.wedges is not None
+    assert mesh.wedges[0].tolist() == [[0, 1], [1, 1], [0, 0]]  # v counts downwards here
+    assert mesh.wedges[2].tolist() == [[0, 1], [1, 1], [0.5, 0.5]]
 
 
 def test_what_our_own_writer_writes(tmp_path: Path) -> None:
     mesh = textured(lattice_mesh(0, 0, 3), pillow("JPEG"))
     write_obj(mesh, tmp_path / "a.obj")
-    (piece,) = read_obj(tmp_path / "a.obj")
-    assert piece.image == tmp_path / "a.jpg"
-    np.testing.assert_allclose(piece.vertices[piece.faces], mesh.positions[mesh.faces], rtol=1e-6)
-    assert piece.uvs is not None
+    read = read_obj(tmp_path / "a.obj")
+    assert [material.image for material in read.materials] == [tmp_path / "a.jpg"]
+    np.testing.assert_allclose(read.vertices[read.faces], mesh.positions[mesh.faces], rtol=1e-6)
+    assert read.wedges is not None
     assert mesh.uvs is not None
-    np.testing.assert_allclose(piece.uvs[piece.faces], mesh.uvs[mesh.faces], atol=1e-6)
+    np.testing.assert_allclose(read.wedges, mesh.uvs[mesh.faces], atol=1e-6)
 
 
 def test_polygons_negative_numbers_and_no_texture(tmp_path: Path) -> None:
     text = "v 0 0 0 1 1 1\nv 1 0 0 1 1 1\nv 1 1 0 1 1 1\nv 0 1 0 1 1 1\nf -4//1 -3//1 -2//1 -1//1\n"
-    (piece,) = read_obj(write(tmp_path, text))
-    assert piece.uvs is None
-    assert piece.vertices[piece.faces].tolist() == [
+    mesh = read_obj(write(tmp_path, text))
+    assert mesh.wedges is None
+    assert mesh.polygons == 1
+    assert mesh.vertices[mesh.faces].tolist() == [
         [[0, 0, 0], [1, 0, 0], [1, 1, 0]],
         [[0, 0, 0], [1, 1, 0], [0, 1, 0]],
     ]
+
+
+def test_negative_numbers_count_from_where_they_stand(tmp_path: Path) -> None:
+    body = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\n"
+    mesh = read_obj(write(tmp_path, f"o one\n{body}o two\n{body.replace('v 0', 'v 5')}"))
+    assert mesh.objects == 2
+    assert mesh.faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
+def test_lines_that_go_on_and_tabs(tmp_path: Path) -> None:
+    mesh = read_obj(write(tmp_path, "v 0 0 0\nv\t1 0 0\n  v 0 1 0\nf 1 2 \\\n3\n"))
+    assert mesh.faces.tolist() == [[0, 1, 2]]
+    assert mesh.line.tolist() == [5]
+
+
+@pytest.mark.parametrize("form", ["{v}", "{v}/{t}", "{v}//{t}", "{v}/{t}/{t}", "mixed"])
+def test_even_and_uneven_lines_say_the_same(tmp_path: Path, form: str) -> None:
+    head = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\nvn 0 0 1\nvn 0 0 1\n"
+    forms = ["{v}/{t}", "{v}//{t}"] if form == "mixed" else [form, form]
+    lines = ["f " + " ".join(f.format(v=k, t=k) for k in (1, 2, 3)) for f in forms]
+    mesh = read_obj(write(tmp_path, head + "\n".join(lines)))
+    assert mesh.faces.tolist() == [[0, 1, 2]] * 2
+    has_wedge = "/{t}" in forms[0] and "//" not in forms[0]
+    assert (mesh.wedges is not None) == has_wedge
+    if form == "mixed":
+        assert mesh.wedges is not None
+        assert np.isnan(mesh.wedges[1]).all()
 
 
 @pytest.mark.parametrize(
@@ -75,17 +109,32 @@ def test_polygons_negative_numbers_and_no_texture(tmp_path: Path) -> None:
     [
         ("", "no v line"),
         ("v 0 0 0\n", "no face"),
-        ("v 0 0\nf 1 1 1\n", "finite numbers"),
-        ("v 0 0 nan\nf 1 1 1\n", "finite numbers"),
-        ("v 0 0 x\nf 1 1 1\n", "holds no number"),
-        ("v 0 0 0\nf 1 2 1\n", "beyond 1 vertices"),
+        ("v 0 0\nf 1 1 1\n", "line 1: .*finite numbers"),
+        ("v 0 0 0\nv 0 0 nan\nf 1 1 1\n", "line 2: .*'0 0 nan', expected 3 finite numbers"),
+        ("v 0 0 x\nf 1 1 1\n", "line 1: .*finite numbers"),
+        ("v 0 0 0\nvt 0 inf\nf 1/1 1/1 1/1\n", "line 2: vt"),
+        ("v 0 0 0\nf 1 2 1\n", "line 2: .*beyond 1 vertices"),
+        ("v 0 0 0\nf 0 1 1\n", "line 2: .*beyond"),
+        ("v 0 0 0\nf 1 1 1\nf 1 1 -2\n", "line 3: .*beyond"),
         ("v 0 0 0\nf 1/1 1/1 1/1\n", "0 vt lines"),
-        ("v 0 0 0\nf 1 a 1\n", "names no number"),
+        ("v 0 0 0\n\nf 1 a 1\n", "line 3: .*names no number"),
+        ("v 0 0 0\nf 1 1\n", "line 2: a face with 2 corners"),
     ],
 )
 def test_what_is_no_obj(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ReadError, match=message):
         read_obj(write(tmp_path, text))
+
+
+def test_what_is_missing_is_named_by_line(tmp_path: Path) -> None:
+    path = write(tmp_path, SEAM)
+    left, _ = read_obj(path).materials
+    assert "a.obj at line 1: its material library a.mtl is not beside it" in str(left.missing)
+    (tmp_path / "a.mtl").write_text("newmtl left\nmap_Kd ../../etc/l.jpg\n")
+    left, right = read_obj(path).materials
+    assert "a.mtl at line 2: the texture ../../etc/l.jpg" in str(left.missing)
+    assert right.missing is None
+    assert [file.name for file in obj_companions(path)] == ["a.mtl"]
 
 
 def test_no_file(tmp_path: Path) -> None:
@@ -111,8 +160,8 @@ def test_every_corner_keeps_its_place_and_its_uv(
         ]
     )
     path = write(tmp_path_factory.mktemp("obj"), text)
-    (piece,) = read_obj(path)
-    assert piece.uvs is not None
-    np.testing.assert_allclose(piece.vertices[piece.faces], vertices[faces - 1])
-    upwards = piece.uvs[piece.faces] * [1, -1] + [0, 1]
+    mesh = read_obj(path)
+    assert mesh.wedges is not None
+    np.testing.assert_allclose(mesh.vertices[mesh.faces], vertices[faces - 1])
+    upwards = mesh.wedges * [1, -1] + [0, 1]
     np.testing.assert_allclose(upwards, uvs[wedges - 1], atol=1e-6)

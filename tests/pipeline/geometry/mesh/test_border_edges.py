@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.geometry.mesh.border_edges import border_edges
+from terraport_pipeline.geometry.mesh.border_edges import border_edges, open_edges
 
 
 def strip(length: int) -> tuple[np.ndarray, np.ndarray]:
@@ -24,6 +24,18 @@ def test_border_edges_are_those_of_one_face_in_its_direction() -> None:
     expected = sorted((a, b) for a, b in directed if (b, a) not in directed)
     assert border.tolist() == [list(edge) for edge in expected]
     assert len(border) == 8
+
+
+def test_open_edges_of_a_plate_are_its_outline() -> None:
+    at = np.arange(25).reshape(5, 5)
+    a, b, c, d = (part.ravel() for part in (at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]))
+    faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
+    edges = open_edges(faces.astype(np.int32), 25)
+    assert len(edges) == 16
+    assert not np.isin(edges, at[1:-1, 1:-1]).any()
+    assert {tuple(e) for e in edges.tolist()} <= {
+        tuple(e) for e in border_edges(faces.astype(np.int32), 25).tolist()
+    }
 
 
 def test_a_closed_surface_has_no_border() -> None:

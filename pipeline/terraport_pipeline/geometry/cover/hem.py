@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32, Int64
-from terraport_pipeline.geometry.mesh.border_edges import border_edges
+from terraport_pipeline.geometry.mesh.border_edges import open_edges
 
 __all__ = ["add_hem"]
 
@@ -40,7 +40,7 @@ def add_hem(vertices: Float32, faces: Int32, *, width_m: float) -> tuple[Float32
     >>> wide[4].round(3).tolist()
     [-0.707, -0.707, 0.0]
     """
-    edges = border_edges(faces, len(vertices)).astype(np.int64)
+    edges = open_edges(faces, len(vertices)).astype(np.int64)
     if not len(edges):
         return vertices, faces
     start, end = edges.T
