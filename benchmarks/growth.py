@@ -3,10 +3,12 @@
 The quarry grows with its points, so that their spacing stays: 1 M on 360 m, 100 M on 3.6 km. Each
 is written by `synth`, cut into a grid of files as a delivery is, and built by the command with a
 limit of memory. The exponent says how CPU seconds grow from one survey to the next (1: linear);
-CPU seconds, because other work on the machine lengthens the wall's.
+CPU seconds, because other work on the machine lengthens the wall's. "Alone" is what the wall time
+and the share of busy cores would be without that work (`parts/core_demand.py`).
 
     python benchmarks/growth.py                              1 M and 5 M, about 8 minutes
     python benchmarks/growth.py --points 1M 5M 25M 100M --max-memory 6G
+    python benchmarks/growth.py --points 5M --max-memory 8G --rays 10000
     python benchmarks/growth.py --smoke                      20 k and 40 k
 """
 
@@ -29,13 +31,17 @@ from terraport_pipeline.option import parse_count
 
 def print_table(rows: list[Measured]) -> None:
     """Print one line a build, and the exponents between them."""
-    print("| points | files | wall s | CPU s | busy | peak MiB | disk GiB |")
-    print("| -- | -- | -- | -- | -- | -- | -- |")
+    print(
+        "| points | files | wall s | of it stages s | CPU s | busy | alone, wall s | alone, busy "
+        "| peak MiB | disk GiB |"
+    )
+    print("| -- | -- | -- | -- | -- | -- | -- | -- | -- | -- |")
     cores = os.cpu_count() or 1
     for row in rows:
         print(
-            f"| {row.points:,} | {row.files} | {row.wall_s:.0f} | {row.cpu_s:.0f} "
-            f"| {row.cpu_s / row.wall_s / cores:.0%} | {row.peak_bytes / 2**20:,.0f} "
+            f"| {row.points:,} | {row.files} | {row.wall_s:.0f} | {row.stages_s:.0f} "
+            f"| {row.cpu_s:.0f} | {row.cpu_s / row.wall_s / cores:.0%} | {row.quiet_s:.0f} "
+            f"| {row.busy:.0%} | {row.peak_bytes / 2**20:,.0f} "
             f"| {row.disk_bytes / 2**30:.2f} |"
         )
     for less, more in itertools.pairwise(rows):

@@ -9,10 +9,12 @@ import threading
 import time
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import laspy
 import numpy as np
 import psutil
+from parts.core_demand import CoreDemand
 
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.options import QuarryOptions
@@ -24,6 +26,9 @@ _SIDE_M = 360.0
 
 _ROWS_AT_ONCE = 2_000_000
 
+_LOOK_S = 0.1
+"""Between two looks at a build's processes."""
+
 
 @dataclass(frozen=True)
 class Measured:
@@ -34,11 +39,20 @@ class Measured:
     wall_s: float
     cpu_s: float
     peak_bytes: int
-    """Resident memory of the command and its children, at most, looked at twice a second."""
+    """Resident memory of the command and its children, at most, looked at often."""
     disk_bytes: int
     """Of scene and work directory at the end."""
-    report: dict[str, object]
+    report: dict[str, Any]
     """``build.json``."""
+    quiet_s: float
+    """What it would have taken with the machine to itself; see :mod:`.core_demand`."""
+    busy: float
+    """Share of all cores' time that it would have used then."""
+
+    @property
+    def stages_s(self) -> float:
+        """Wall time up to the scene's publication: without the report."""
+        return float(self.report["seconds"])
 
 
 def quarry_of(points: int, sample_seed: int = 0) -> QuarryOptions:
@@ -81,14 +95,15 @@ def measure(command: list[str], scene: Path, points: int = 0, files: int = 0) ->
     """Run a build and watch its memory."""
     began, before = time.monotonic(), os.times()
     child = psutil.Popen(command)
-    peak = 0
+    peak, demand = 0, CoreDemand(os.cpu_count() or 1)
     ended = threading.Event()
 
     def watch() -> None:
         nonlocal peak
-        while not ended.wait(0.5):
-            total = 0
-            for process in [child, *_children(child)]:
+        while not ended.wait(_LOOK_S):
+            total, processes = 0, [child, *_children(child)]
+            demand.look(process.pid for process in processes)
+            for process in processes:
                 try:
                     total += process.memory_info().rss
                 except psutil.Error:
@@ -109,6 +124,7 @@ def measure(command: list[str], scene: Path, points: int = 0, files: int = 0) ->
     return Measured(
         points, files, time.monotonic() - began, cpu_s, peak,
         _bytes_in(scene) + _bytes_in(work), json.loads((scene / "build.json").read_bytes()),
+        demand.quiet_s, demand.busy,
     )  # fmt: skip
 
 

@@ -8,8 +8,9 @@ forgot ``done``.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from concurrent.futures import Future, wait
 from types import TracebackType
-from typing import Protocol, Self
+from typing import Any, Protocol, Self
 
 from rich.console import Console
 from rich.progress import (
@@ -26,11 +27,14 @@ from rich.progress import (
 )
 from rich.text import Text
 
-__all__ = ["ESTIMATE_UNIT", "NullProgress", "Progress", "RichProgress"]
+__all__ = ["ESTIMATE_UNIT", "NullProgress", "Progress", "ProgressBehind", "RichProgress"]
 
 ESTIMATE_UNIT = "s (estimate)"
 """Unit of a step whose engine reports nothing: it advances by the clock against a forecast, and
 says so."""
+
+_LOOK_S = 0.2
+"""Between two looks at work on another thread."""
 
 _LARGEST_ESTIMATE = 0.99
 """An estimated step stops here until the engine really ends, so that the bar never claims to be
@@ -75,6 +79,46 @@ class NullProgress:
 
     def done(self, facts: Mapping[str, object]) -> None:
         """Ignore the end of a step."""
+
+
+class ProgressBehind:
+    """Takes down how far work on another thread is, and tells it when that is waited for.
+
+    Parameters
+    ----------
+    stage : str
+        What is said while the work has not begun yet.
+    """
+
+    def __init__(self, stage: str) -> None:
+        self._stage = stage
+        self._total: float | None = None
+        self._unit = ""
+        self._amount = 0.0
+        self._facts: Mapping[str, object] = {}
+
+    def start(self, stage: str, total: float | None, unit: str) -> None:
+        """Take down the start of a step."""
+        self._stage, self._total, self._unit, self._amount = stage, total, unit, 0.0
+
+    def advance(self, n: float) -> None:
+        """Take down the progress of a step."""
+        self._amount += n
+
+    def done(self, facts: Mapping[str, object]) -> None:
+        """Take down the end of a step."""
+        self._facts = facts
+
+    def show(self, watcher: Progress, work: Future[Any]) -> None:
+        """Wait for the work, and show what is left of it; an error is its result's to raise."""
+        watcher.start(self._stage, self._total, self._unit)
+        shown, ended = 0.0, False
+        while not ended:
+            ended = bool(wait([work], timeout=_LOOK_S).done)
+            now = self._amount
+            watcher.advance(now - shown)
+            shown = now
+        watcher.done(self._facts)
 
 
 class RichProgress:

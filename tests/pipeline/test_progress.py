@@ -1,10 +1,19 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from threading import Event
 
+import pytest
 from rich.console import Console
 
-from terraport_pipeline.progress import ESTIMATE_UNIT, NullProgress, RichProgress
+from terraport_pipeline.progress import (
+    ESTIMATE_UNIT,
+    NullProgress,
+    ProgressBehind,
+    RichProgress,
+)
 
 
 def run(*, terminal: bool) -> str:
@@ -53,3 +62,53 @@ def test_advance_and_done_without_a_step_are_harmless() -> None:
     NullProgress().start("x", None, "y")
     NullProgress().advance(1)
     NullProgress().done({})
+
+
+class Told(NullProgress):
+    """Takes down what it is told; a start lets the work behind it go on."""
+
+    def __init__(self) -> None:
+        self.steps: list[list[object]] = []
+        self.started = Event()
+
+    def start(self, stage: str, total: float | None, unit: str) -> None:
+        self.steps.append([stage, total, unit, 0.0])
+        self.started.set()
+
+    def advance(self, n: float) -> None:
+        self.steps[-1][3] += n  # type: ignore[operator]
+
+    def done(self, facts: Mapping[str, object]) -> None:
+        self.steps[-1].append(facts)
+
+
+def test_work_on_another_thread_is_told_when_it_is_waited_for() -> None:
+    behind, watcher, begun = ProgressBehind("proof"), Told(), Event()
+
+    def work() -> int:
+        behind.start("proof: rays", 10.0, "rays")
+        behind.advance(4.0)
+        begun.set()
+        watcher.started.wait(60)
+        behind.advance(6.0)
+        behind.done({"holes": 0})
+        return 7
+
+    with ThreadPoolExecutor(1) as pool:
+        doing = pool.submit(work)
+        begun.wait(60)
+        # Nothing is told before somebody waits: another step may run.
+        assert watcher.steps == []
+        behind.show(watcher, doing)
+    assert doing.result() == 7
+    assert watcher.steps == [["proof: rays", 10.0, "rays", 10.0, {"holes": 0}]]
+
+
+def test_work_that_fails_behind_ends_its_step_and_keeps_its_error() -> None:
+    behind, watcher = ProgressBehind("proof"), Told()
+    with ThreadPoolExecutor(1) as pool:
+        doing = pool.submit(lambda: 1 // 0)
+        behind.show(watcher, doing)
+    assert watcher.steps == [["proof", None, "", 0.0, {}]]
+    with pytest.raises(ZeroDivisionError):
+        doing.result()

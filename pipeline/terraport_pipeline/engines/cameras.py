@@ -47,30 +47,32 @@ class Camera:
     half_height: float
     """Perspective: tangent of half the vertical opening. Orthographic: metres."""
 
-    def rays(self, width: int, height: int) -> tuple[Float32, Float32]:
+    def rays(self, width: int, height: int, rows: slice = slice(None)) -> tuple[Float32, Float32]:
         """Make one ray through the middle of each pixel, row by row.
 
         Parameters
         ----------
         width, height : int
             Pixels.
+        rows : slice
+            Of the picture; all of them by default.
 
         Returns
         -------
-        origins, directions : ndarray of shape (height * width, 3), float32
-            Metres; directions have unit length.
+        origins, directions : ndarray of shape (R * width, 3), float32
+            Of R rows. Metres; directions have unit length.
         """
         half_width = self.half_height * width / height
         across = (2 * (np.arange(width) + 0.5) / width - 1) * half_width
-        down = (1 - 2 * (np.arange(height) + 0.5) / height) * self.half_height
+        down = (1 - 2 * (np.arange(height)[rows] + 0.5) / height) * self.half_height
         right, up, forward = (np.array(axis) for axis in (self.right, self.up, self.forward))
         offsets = across[None, :, None] * right + down[:, None, None] * up
         eye = np.array(self.eye)
         if self.kind == "orthographic":
-            origins = np.broadcast_to(eye + offsets, (height, width, 3))
-            headings = np.broadcast_to(forward, (height, width, 3))
+            origins = eye + offsets
+            headings = np.broadcast_to(forward, offsets.shape)
         else:
-            origins = np.broadcast_to(eye, (height, width, 3))
+            origins = np.broadcast_to(eye, offsets.shape)
             headings = offsets + forward
             headings = headings / np.linalg.norm(headings, axis=-1, keepdims=True)
         return (
@@ -163,7 +165,7 @@ class PhotoCamera:
         x, y, z = self.view.position.tolist()
         return (x, y, z)
 
-    def rays(self, width: int, height: int) -> tuple[Float32, Float32]:
+    def rays(self, width: int, height: int, rows: slice = slice(None)) -> tuple[Float32, Float32]:
         """Make one ray through the middle of each pixel; see :meth:`Camera.rays`.
 
         A pixel beyond the lens's valid radius looks straight up.
@@ -171,7 +173,7 @@ class PhotoCamera:
         left, top, wide, high = self._window
         column, row = np.meshgrid(
             left + (np.arange(width) + 0.5) * (wide / width),
-            top + (np.arange(height) + 0.5) * (high / height),
+            top + (np.arange(height)[rows] + 0.5) * (high / height),
         )
         pixels = np.stack([column.ravel(), row.ravel()], axis=1)
         headings = self.view.lens.unproject(pixels) @ self.view.rotation

@@ -136,19 +136,18 @@ def render_mesh(
     ValueError
         For a size that is not positive or too large.
     """
-    # (1) Rays of all pixels.
+    # (1) What is met by rays, and what becomes of it.
     width, height = _validate_size(size, supersample)
     rays = scene or RayScene(vertices, faces)
     lift = float(np.ptp(vertices, axis=0).max(initial=0.0)) * SHADOW_LIFT
     small = np.empty((size[1], size[0], 3), dtype=np.uint8)
-    starts, headings = camera.rays(width, height)
 
     # (2) Bands of rows. Invariant: a band writes its own rows only, so bands may be drawn at
     # once.
     def draw(first_row: int) -> None:
         last_row = min(first_row + BAND_ROWS, size[1])
-        pixels = slice(first_row * supersample * width, last_row * supersample * width)
-        origins, directions = starts[pixels], headings[pixels]
+        band_rows = slice(first_row * supersample, last_row * supersample)
+        origins, directions = camera.rays(width, height, band_rows)
         hits = rays.intersect(origins, directions)
         picture = np.empty((len(origins), 3), dtype=np.float32)
         missed = hits.face < 0
@@ -172,7 +171,7 @@ def render_mesh(
                 bare[marked] += tint.share * (paint - bare[marked])
             # (c^2.2 * light)^(1 / 2.2) = c * light^(1 / 2.2): the light is linear, colours sRGB.
             picture[met] = np.minimum(bare * np.power(light, 1 / 2.2)[:, None], 255)
-        band = picture.reshape((last_row - first_row) * supersample, width, 3)
+        band = picture.reshape(-1, width, 3)
         small[first_row:last_row] = _shrink(band, supersample)
 
     # Bands keep the arrays in the cache, and NumPy and Embree let go of the lock.

@@ -116,13 +116,12 @@ def draw_plan(model: SceneModel, rays: RayScene, pixels: int, supersample: int) 
     )
     # (3) The raster: the same rays, asked for in the same bands, are not traced again.
     rows, columns = height * supersample, width * supersample
-    starts, headings = camera.rays(columns, rows)
     heights = np.full(rows * columns, np.nan, np.float32)
     region = np.full(rows * columns, -1, np.int32)
-    step = BAND_ROWS * supersample * columns
-    for first in range(0, rows * columns, step):
-        band = slice(first, first + step)
-        hits = traced.intersect(starts[band], headings[band])
+    step = BAND_ROWS * supersample
+    for first in range(0, rows, step):
+        hits = traced.intersect(*camera.rays(columns, rows, slice(first, first + step)))
+        band = slice(first * columns, (first + step) * columns)
         met = hits.face >= 0
         heights[band][met] = eye_y - hits.t[met]
         region[band][met] = model.region_of_face[hits.face[met]]

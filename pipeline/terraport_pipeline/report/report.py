@@ -7,6 +7,7 @@ reader's choice of light or dark. Its first screen and the PDF say the same to a
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
@@ -17,7 +18,7 @@ from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.regions.region_changes import ChangeMap
-from terraport_pipeline.progress import NullProgress, Progress
+from terraport_pipeline.progress import NullProgress, Progress, ProgressBehind
 from terraport_pipeline.published.scene_model import WHOLE_FACES, SceneModel, load_scene_model
 from terraport_pipeline.report.accuracy import Accuracy, AccuracyMeter
 from terraport_pipeline.report.change_map import find_change_map
@@ -227,46 +228,47 @@ def _look_at(asked: _Asked, beside: _Beside | None) -> _Looked:
     chosen, watcher = asked.chosen, asked.watcher
     model = load_scene_model(asked.scene, progress=watcher)
     taker = PictureTaker(model, chosen.pictures)
-    # (1) The first screen. Photos are opened once, for their overlap and for their pictures.
-    opened = None if beside is None else beside.photos(model)
-    overlap = None if opened is None else photo_overlap(opened.views, model.detail)
-    looked = _first_look(asked, taker, model, _meter(asked), overlap)
-    # (2) The scene as a whole, its landing, and photos beside it.
-    watcher.start("pictures", None, "pictures")
-    looked.overview = _overview(taker, asked)
-    for picture in hand_off_pictures(model, taker.landing, taker.detail_rays, chosen.pictures):
-        looked.landing.append(picture)
-        watcher.advance(1)
-    watcher.done({"pictures": len(looked.overview) + len(looked.landing)})
-    if beside is not None and opened is not None:
-        watcher.start("pictures: photos", None, "pictures")
-        for picture in photo_pictures(
-            model, taker.detail_rays, opened, beside.plain, chosen.pictures
-        ):
-            looked.compared.append(picture)
+    # (1) The proof of the hand-off, on a thread of its own: neither it nor the pictures have work
+    # for all cores at all times.
+    with ThreadPoolExecutor(1) as pool:
+        behind = ProgressBehind("hand-off: rays")
+        proving = pool.submit(_prove, model, taker, chosen, behind) if chosen.rays else None
+        # (2) The first screen. Photos are opened once, for their overlap and for their pictures.
+        opened = None if beside is None else beside.photos(model)
+        overlap = None if opened is None else photo_overlap(opened.views, model.detail)
+        looked = _first_look(asked, taker, model, _meter(asked), overlap)
+        # (3) The scene as a whole, its landing, and photos beside it.
+        watcher.start("pictures", None, "pictures")
+        looked.overview = _overview(taker, asked)
+        for picture in hand_off_pictures(model, taker.landing, taker.detail_rays, chosen.pictures):
+            looked.landing.append(picture)
             watcher.advance(1)
-        watcher.done({"pictures": len(looked.compared)})
-    # (3) The proof of the hand-off.
-    if not chosen.rays:
-        return looked
-    looked.proof = check_hand_off(
-        model.hand_off_model(),
-        _proof_options(chosen),
-        progress=watcher,
-        detail_rays=taker.detail_rays,
-        base_rays=taker.base_rays,
-    )
-    if looked.proof.worst is not None:
-        looked.landing.append(
-            worst_place_picture(
-                model,
-                looked.proof.worst,
-                chosen.pictures,
-                detail_rays=taker.detail_rays,
-                base_rays=taker.base_rays,
-            )
-        )
+        watcher.done({"pictures": len(looked.overview) + len(looked.landing)})
+        if beside is not None and opened is not None:
+            watcher.start("pictures: photos", None, "pictures")
+            for picture in photo_pictures(
+                model, taker.detail_rays, opened, beside.plain, chosen.pictures
+            ):
+                looked.compared.append(picture)
+                watcher.advance(1)
+            watcher.done({"pictures": len(looked.compared)})
+        # (4) What the proof found.
+        if proving is not None:
+            behind.show(watcher, proving)
+            looked.proof, worst = proving.result()
+            looked.landing += worst
     return looked
+
+
+def _prove(
+    model: SceneModel, taker: PictureTaker, chosen: ReportOptions, watcher: Progress
+) -> tuple[HandOffReport, list[Picture]]:
+    """Prove the hand-off of a scene in memory; with the picture of its worst place, if any."""
+    rays = {"detail_rays": taker.detail_rays, "base_rays": taker.base_rays}
+    proof = check_hand_off(model.hand_off_model(), _proof_options(chosen), progress=watcher, **rays)
+    if proof.worst is None:
+        return proof, []
+    return proof, [worst_place_picture(model, proof.worst, chosen.pictures, **rays)]
 
 
 def _look_at_large(asked: _Asked) -> _Looked:

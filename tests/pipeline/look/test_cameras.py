@@ -32,6 +32,17 @@ def test_a_point_on_a_pixels_ray_projects_into_that_pixel(which) -> None:
     assert (depth > 0).all()
 
 
+@pytest.mark.parametrize("which", range(4))
+def test_some_rows_are_those_of_the_whole_picture(which) -> None:
+    lens = Lens(width=WIDTH, height=HEIGHT, fx=50.0, fy=50.0, cx=32.0, cy=18.0)
+    photo = PhotoCamera(View("a.jpg", lens, np.eye(3), np.array([3.0, 40.0, 5.0])))
+    camera = [*cameras(BOX), photo][which]
+    whole = camera.rays(WIDTH, HEIGHT)
+    bands = [camera.rays(WIDTH, HEIGHT, slice(first, first + 16)) for first in (0, 16, 32)]
+    for part in (0, 1):
+        np.testing.assert_array_equal(np.concatenate([band[part] for band in bands]), whole[part])
+
+
 @pytest.mark.parametrize("which", range(3))
 def test_framing_keeps_every_point_in_and_fills_the_picture(which) -> None:
     points = np.random.default_rng(5).uniform(BOX[0], BOX[1], (500, 3))

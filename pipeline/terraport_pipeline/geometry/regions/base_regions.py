@@ -42,13 +42,21 @@ def base_regions(
     """
     nearest_m = np.full(len(vertices), np.inf)
     found = np.zeros(len(vertices), np.uint16)
+    # Along the longest axis, so that a piece looks at a strip of the base and not at all of it.
+    axis = int(np.ptp(vertices, axis=0).argmax()) if len(vertices) else 0
+    order = np.argsort(vertices[:, axis])
+    along = vertices[order, axis]
     for corners, faces, regions in pieces:
         if len(faces) == 0:
             continue
-        middles = corners[faces].mean(axis=1)
+        a, b, c = (corners[faces[:, k]] for k in range(3))
+        middles = (a + b + c) / np.float32(3)
         low, high = middles.min(axis=0), middles.max(axis=0)
         pad = _PAD_SHARE * float((high - low).max())
-        near = np.flatnonzero(((vertices >= low - pad) & (vertices <= high + pad)).all(axis=1))
+        low, high = low - pad, high + pad
+        first = np.searchsorted(along, low[axis], side="left")
+        strip = order[first : np.searchsorted(along, high[axis], side="right")]
+        near = strip[((vertices[strip] >= low) & (vertices[strip] <= high)).all(axis=1)]
         if len(near) == 0:
             continue
         distance_m, face = cKDTree(middles).query(vertices[near])

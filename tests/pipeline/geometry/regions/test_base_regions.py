@@ -40,3 +40,14 @@ def test_a_vertex_beyond_all_detail_has_the_nearest_vertexs() -> None:
 def test_without_detail_there_are_none() -> None:
     empty = (np.empty((0, 3), np.float32), np.empty((0, 3), np.int32), np.empty(0, np.int32))
     assert base_regions(np.zeros((2, 3), np.float32), [empty]) is None
+
+
+def test_a_piece_across_the_longest_side_is_found_as_one_along_it() -> None:
+    turned = [
+        (corners[:, [2, 1, 0]], faces, regions)
+        for corners, faces, regions in (
+            _strip(0, 10, {range(10): 4}), _strip(10, 20, {range(10, 20): 6}),
+        )
+    ]  # fmt: skip
+    base = np.array([[0.5, 0.1, z] for z in (19.0, 0.5, 10.4, 9.4)], np.float32)
+    assert_array_equal(base_regions(base, turned), [6, 4, 6, 4])
