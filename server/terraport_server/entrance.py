@@ -10,13 +10,17 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import Protocol
+from typing import Final, Protocol
 
 from terraport_server.client_addresses import ClientAddresses
 from terraport_server.fair_queue import FairQueue
-from terraport_server.strangers import MAX_STRANGER_BYTES, Strangers
+from terraport_server.strangers import Strangers
 
-__all__ = ["Entrance", "Stranger"]
+__all__ = ["ADDRESS_SHARE", "Entrance", "Stranger"]
+
+ADDRESS_SHARE: Final = 8
+"""One address may have a so-manieth part of what all strangers may have sent: ten clients that
+offer as much as they may, two hundred that offer what is usual."""
 
 Step = Callable[[], None]
 
@@ -35,9 +39,12 @@ class Entrance:
     ----------
     trusted
         Proxies, as of :class:`ClientAddresses`.
+    max_bytes
+        What all strangers together may have sent.
     """
 
-    def __init__(self, trusted: str) -> None:
+    def __init__(self, trusted: str, max_bytes: int) -> None:
+        self._max_bytes = max_bytes
         self.addresses = ClientAddresses(trusted)
         self.strangers = Strangers[Stranger]()
         self._waiting = FairQueue[Step]()
@@ -62,14 +69,23 @@ class Entrance:
         return True
 
     def weigh(self, peer: Stranger, count: int) -> None:
-        """Note that a stranger sent so many bytes; the heaviest leaves where all are too many."""
-        self.strangers.weigh(peer, count)
-        while self.strangers.total_bytes > MAX_STRANGER_BYTES:
-            heaviest = self.strangers.heaviest()
-            assert heaviest is not None  # whose bytes are they?
-            self.strangers.leave(heaviest)
-            most = MAX_STRANGER_BYTES
-            heaviest.give_way(f"got more than {most} bytes from clients that are not let in")
+        """Note that a stranger sent so many bytes, or fewer count; who has too many leaves.
+
+        Of its own address the heaviest, of all the heaviest of the heaviest address.
+        """
+        of_address = self.strangers.weigh(peer, count)
+        if count > 0 and of_address > self._max_bytes // ADDRESS_SHARE:
+            # One is enough: whoever has most has no less than what came now.
+            self._show_out(self.strangers.heaviest_beside(peer), ADDRESS_SHARE)
+        while self.strangers.total_bytes > self._max_bytes:
+            self._show_out(self.strangers.heaviest(), 1)
+
+    def _show_out(self, peer: Stranger | None, share: int) -> None:
+        """Let a stranger leave that has too many bytes."""
+        assert peer is not None  # whose bytes are they?
+        self.strangers.leave(peer)
+        whose = "clients that are not let in" if share == 1 else "such clients of one address"
+        peer.give_way(f"got more than {self._max_bytes // share} bytes from {whose}")
 
     def _go_on(self) -> None:
         if not self._goes_on and self._waiting:

@@ -35,7 +35,14 @@ ANSWERED: Final = "terraport.answered"
 """Extension of a request's scope: called with the status of its answer."""
 
 MAX_PIPELINED: Final = 16
-"""Requests sent ahead of their answers. Browsers send none."""
+"""Requests in one piece of what came. What comes behind a request waits for its answer, unparsed."""
+
+MAX_HEADERS: Final = 128
+"""Of one request, trailers among them: each takes ten times the memory of its bytes. Browsers send
+some twenty."""
+
+MAX_TARGET_BYTES: Final = 8 << 10
+"""Path and query: they are decoded, split and looked up."""
 
 _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
@@ -88,6 +95,10 @@ class HttpConnection(HttpToolsProtocol):
     """Whether it got nothing but refusals so far."""
     _in_request = False
     """Whether the parser is within a request."""
+    _tail = b""
+    """The last bytes of the present request that were parsed."""
+    _weight = 0
+    """Bytes that came and were not answered yet."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -154,11 +165,20 @@ class HttpConnection(HttpToolsProtocol):
         """Read on, within the bounds."""
         if self._over:
             return
+        self._weight += len(data)
+        self.entrance.weigh(self, len(data))
+        if self._over:  # it was too much
+            return
         self._unread += data
-        if self._waits:
+        if self._waits or not self._may_parse:
             self.transport.pause_reading()  # what one read brought is enough
         else:
             self._begin_next()
+
+    @property
+    def _may_parse(self) -> bool:
+        """Whether no request waits for its answer: one at a time is taken apart."""
+        return self._in_request or self.cycle is None or self.cycle.response_complete
 
     def _begin_next(self) -> None:
         """Begin with what came."""
@@ -166,10 +186,18 @@ class HttpConnection(HttpToolsProtocol):
 
     def _take_piece(self) -> None:
         """Parse some of what came; the rest in another turn."""
-        data, self._unread = self._unread[:_PIECE_BYTES], self._unread[_PIECE_BYTES:]
+        size = min(len(self._unread), _PIECE_BYTES)
         if self._in_headers:
-            self._header_bytes += len(data)
+            size = self._head_size(size)
+            self._header_bytes += size
+        else:
+            self._body_bytes += size
+        data, self._unread = self._unread[:size], self._unread[size:]
+        self._tail = (self._tail + data)[-3:]
         super().data_received(data)
+        if self._body_bytes > self.limits.body_bytes and not (self._in_headers or self._over):
+            text = f"got a body of more than {self.limits.body_bytes} bytes, expected none"
+            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "http_body", text)
         if not (self._waits or self._over) and (self._unread or self._counted is not None):
             self._wait(self._read_on)
         # After the parser: what came with these bytes may have been the end of the headers.
@@ -181,6 +209,29 @@ class HttpConnection(HttpToolsProtocol):
         elif not self._header_deadline.is_running:
             self._header_deadline.start()
 
+    def _head_size(self, most: int) -> int:
+        """Return up to where what came belongs to the present request's headers."""
+        end = (self._tail + self._unread[:most]).find(b"\r\n\r\n")
+        return most if end < 0 else end + 4 - len(self._tail)
+
+    def on_url(self, url: bytes) -> None:
+        """Take no longer target than anybody could need."""
+        if self._over:
+            return
+        super().on_url(url)
+        if len(self.url) > MAX_TARGET_BYTES:
+            text = f"got a target of more than {MAX_TARGET_BYTES} bytes, expected fewer"
+            self._refuse(HTTPStatus.REQUEST_URI_TOO_LONG, "http_headers", text)
+
+    def on_header(self, name: bytes, value: bytes) -> None:
+        """Take no more headers than anybody could need."""
+        if self._over:
+            return
+        super().on_header(name, value)
+        if len(self.headers) > MAX_HEADERS:
+            text = f"got more than {MAX_HEADERS} headers, expected fewer"
+            self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "http_headers", text)
+
     def on_message_begin(self) -> None:
         """Say in the scope of a request that its answer may be a file."""
         super().on_message_begin()
@@ -189,8 +240,7 @@ class HttpConnection(HttpToolsProtocol):
             self.scope["extensions"] = {FILES: {}}
 
     def on_headers_complete(self) -> None:
-        """Stop waiting; look at what the headers announce."""
-        self._header_deadline.stop()
+        """Look at what the headers announce."""
         if self._over:
             return
         size = len(self.url) + sum(len(name) + len(value) for name, value in self.headers)
@@ -209,30 +259,34 @@ class HttpConnection(HttpToolsProtocol):
             super().on_headers_complete()
 
     def on_body(self, body: bytes) -> None:
-        """Take no more of a body than anybody could need."""
-        if self._over:
-            return
-        self._body_bytes += len(body)
-        if self._body_bytes > self.limits.body_bytes:
-            text = f"got a body of more than {self.limits.body_bytes} bytes, expected none"
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "http_body", text)
-            return
-        super().on_body(body)
+        """Take some of a body; its bytes, chunked or not, are counted as they come."""
+        if not self._over:
+            super().on_body(body)
 
     def on_message_complete(self) -> None:
         """Begin to count the next request's headers."""
         if self._over:
             return
+        self._header_deadline.stop()
         super().on_message_complete()
         self._in_headers = True
         self._in_request = False
         self._header_bytes = 0
+        self._tail = b""
 
     def on_response_complete(self) -> None:
-        """Make sure that a connection that is closed now does close."""
+        """Go on with what came meanwhile; make sure that a connection closed now does close."""
         super().on_response_complete()
+        self._let_go()
         if self.transport.is_closing():
             self._abort_soon()
+        elif self._unread and not (self._waits or self._over):
+            self._wait(self._read_on)
+
+    def _let_go(self) -> None:
+        """Count what came no more where it was answered."""
+        self.entrance.weigh(self, len(self._unread) - self._weight)
+        self._weight = len(self._unread)
 
     def timeout_keep_alive_handler(self) -> None:
         """Close a silent connection, and make sure of it."""
@@ -294,7 +348,8 @@ class HttpConnection(HttpToolsProtocol):
         if self._over or self.transport.is_closing():
             return
         if self._unread:
-            self._take_piece()
+            if self._may_parse:
+                self._begin_next()
         elif not self.flow.read_paused:
             self.transport.resume_reading()
 
@@ -382,7 +437,7 @@ def http_protocol_class(
         (HttpConnection,),
         {
             "limits": HttpLimits.of(settings),
-            "entrance": Entrance(settings.forwarded_allow_ips),
+            "entrance": Entrance(settings.forwarded_allow_ips, settings.max_stranger_bytes),
             "refused": staticmethod(refused),
         },
     )
