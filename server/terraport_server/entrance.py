@@ -9,10 +9,12 @@ many they are; and a client that comes waits for one step of each other address.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+import contextlib
+from collections import Counter
+from collections.abc import Callable, Iterator
 from typing import Final, Protocol
 
-from terraport_server.client_addresses import ClientAddresses
+from terraport_server.client_addresses import ARRIVALS_S, ClientAddresses, too_many_of_address
 from terraport_server.fair_queue import FairQueue
 from terraport_server.strangers import Strangers
 
@@ -21,6 +23,17 @@ __all__ = ["ADDRESS_SHARE", "Entrance", "Stranger"]
 ADDRESS_SHARE: Final = 8
 """One address may have a so-manieth part of what all strangers may have sent: ten clients that
 offer as much as they may, two hundred that offer what is usual."""
+
+_FLOOD: Final = 2
+"""Connections one too many are answered as long as there are fewer than so many times the bound;
+more are turned away unheard."""
+
+_ARRIVALS: Final = 10
+"""An address may connect anew so many times the bound in `ARRIVALS_S`: each second all of them."""
+
+_IN_VAIN: Final = 2
+"""And so many times the bound without being let in or getting a good answer: a handshake that leads
+nowhere costs 0.6 ms, a connection turned away unheard 0.02."""
 
 Step = Callable[[], None]
 
@@ -41,10 +54,14 @@ class Entrance:
         Proxies, as of :class:`ClientAddresses`.
     max_bytes
         What all strangers together may have sent.
+    max_of_address
+        Connections of one address.
     """
 
-    def __init__(self, trusted: str, max_bytes: int) -> None:
+    def __init__(self, trusted: str, max_bytes: int, max_of_address: int = 64) -> None:
         self._max_bytes = max_bytes
+        self._max_of_address = max_of_address
+        self._coming: Counter[str] = Counter()
         self.addresses = ClientAddresses(trusted)
         self.strangers = Strangers[Stranger]()
         self._waiting = FairQueue[Step]()
@@ -58,6 +75,43 @@ class Entrance:
         """
         self._waiting.add(key, step)
         self._go_on()
+
+    def turns_away(self, key: str, now_s: float) -> str | None:
+        """Count who arrives; return why it is not even heard, or None.
+
+        Whoever is in the middle of a TLS handshake has no connection yet, and counts all the same.
+        """
+        addresses, most = self.addresses, self._max_of_address
+        of_address = addresses.open_of(key) + self._coming[key]
+        arrived = addresses.arrive(key, now_s)
+        if of_address >= _FLOOD * most:
+            return too_many_of_address(of_address + 1, most)
+        if arrived > _ARRIVALS * most:
+            text = f"got connection {arrived} of one address in {ARRIVALS_S:g} s"
+            return f"{text}, expected at most {_ARRIVALS * most}"
+        return self.is_in_vain(key, now_s)
+
+    def is_in_vain(self, key: str, now_s: float) -> str | None:
+        """Return why an address is not heard that came again and again for nothing, or None."""
+        in_vain, most = self.addresses.in_vain(key, now_s), _IN_VAIN * self._max_of_address
+        if in_vain <= most:
+            return None
+        text = f"got {in_vain} connections of one address in {ARRIVALS_S:g} s for nothing"
+        return f"{text}, expected at most {most}"
+
+    @contextlib.contextmanager
+    def coming(self, key: str | None) -> Iterator[None]:
+        """Count a connection that is not made yet."""
+        if key is None:
+            yield
+            return
+        self._coming[key] += 1
+        try:
+            yield
+        finally:
+            self._coming[key] -= 1
+            if not self._coming[key]:
+                del self._coming[key]
 
     def make_room(self) -> bool:
         """Let the stranger leave that stands most in the way; False where there is none."""

@@ -21,7 +21,7 @@ from typing import Any, Final, cast
 
 from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
 
-from terraport_server.client_addresses import ARRIVALS_S, too_many_of_address
+from terraport_server.client_addresses import too_many_of_address
 from terraport_server.deadline import Deadline
 from terraport_server.entrance import Entrance
 from terraport_server.file_sender import FILES, FileSender, with_files
@@ -47,14 +47,6 @@ MAX_TARGET_BYTES: Final = 8 << 10
 _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
 more are dropped unheard."""
-
-
-_ARRIVALS: Final = 10
-"""An address may connect anew so many times the bound in `ARRIVALS_S`: each second all of them."""
-
-_IN_VAIN: Final = 2
-"""And so many times the bound without being let in or getting a good answer: a handshake that leads
-nowhere costs 0.6 ms, a connection dropped unheard 0.09."""
 
 _PIECE_BYTES: Final = 4 << 10
 """What is parsed of one connection in a turn: one read may hold 4,000 requests, which took the
@@ -120,26 +112,12 @@ class HttpConnection(HttpToolsProtocol):
         if key is not None:
             self._counted = key
             entrance.strangers.enter(self, key)
-            self._count(key, limits.max_connections_per_ip)
+            of_address, most = entrance.addresses.enter(key), limits.max_connections_per_ip
+            if of_address > most:
+                self._full = too_many_of_address(of_address, most)
         if open_now > _FLOOD * limits.max_connections:
             self._drop("connections", self._full or "")
         self._header_deadline.start()
-
-    def _count(self, key: str, most: int) -> None:
-        """Count a connection of an address; note that it is one too many, or drop it unheard."""
-        addresses, now_s = self.entrance.addresses, self.loop.time()
-        of_address, arrived = addresses.enter(key), addresses.arrive(key, now_s)
-        in_vain = addresses.in_vain(key, now_s)
-        if of_address > most:
-            self._full = too_many_of_address(of_address, most)
-        if of_address > _FLOOD * most:
-            self._drop("connections", self._full or "")
-        elif arrived > _ARRIVALS * most:
-            text = f"got connection {arrived} of one address in {ARRIVALS_S:g} s"
-            self._drop("connections", f"{text}, expected at most {_ARRIVALS * most}")
-        elif in_vain > _IN_VAIN * most:
-            text = f"got {in_vain} connections of one address in {ARRIVALS_S:g} s for nothing"
-            self._drop("connections", f"{text}, expected at most {_IN_VAIN * most}")
 
     def give_way(self, text: str) -> None:
         """Leave, to make room for somebody else."""
@@ -163,11 +141,9 @@ class HttpConnection(HttpToolsProtocol):
 
     def data_received(self, data: bytes) -> None:
         """Read on, within the bounds."""
-        if self._over:
-            return
         self._weight += len(data)
         self.entrance.weigh(self, len(data))
-        if self._over:  # it was too much
+        if self._over:  # also because that was too much
             return
         self._unread += data
         if self._waits or not self._may_parse:
@@ -437,7 +413,11 @@ def http_protocol_class(
         (HttpConnection,),
         {
             "limits": HttpLimits.of(settings),
-            "entrance": Entrance(settings.forwarded_allow_ips, settings.max_stranger_bytes),
+            "entrance": Entrance(
+                settings.forwarded_allow_ips,
+                settings.max_stranger_bytes,
+                settings.max_connections_per_ip,
+            ),
             "refused": staticmethod(refused),
         },
     )

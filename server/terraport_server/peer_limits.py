@@ -66,9 +66,6 @@ some pings."""
 
 _BAD_TEXT: Final = 1007
 
-_MOST_IN_VAIN: Final = 2
-"""As of HTTP connections: so many times the bound per address in `ARRIVALS_S`."""
-
 _FAULTS: Final = logging.getLogger("uvicorn.error.websocket")
 """Where the lines of uvicorn and of the library go: only what is a fault. The others are several
 for each handshake, whoever comes; metrics count those."""
@@ -133,14 +130,11 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         if key is None:
             return None
         self._entrance.strangers.enter(self, key)
-        of_address, in_vain = addresses.enter(key), addresses.in_vain(key, self.loop.time())
+        of_address = addresses.enter(key)
         if of_address > most:
             self._in_vain = False
             return too_many_of_address(of_address, most)
-        if in_vain > _MOST_IN_VAIN * most:
-            text = f"got {in_vain} connections of one address for nothing"
-            return f"{text}, expected at most {_MOST_IN_VAIN * most}"
-        return None
+        return self._entrance.is_in_vain(key, self.loop.time())
 
     def let_in(self) -> None:
         """Note that the session is open: from here on the bounds of a client hold."""

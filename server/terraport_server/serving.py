@@ -20,6 +20,7 @@ import uvicorn
 
 from terraport_server.app import create_app
 from terraport_server.descriptors import make_room
+from terraport_server.doorway import Doorway
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.group_connection import GroupConnection, passing_class
 from terraport_server.large_buffers import keep_large_buffers
@@ -52,6 +53,7 @@ class TerraportServer(uvicorn.Server):
         """Awaited at the very end, when every connection is closed."""
         self.owns_process = False
         """Whether nothing else lives here: then what was loaded is never searched for garbage."""
+        self.doorways: list[Doorway] = []
         self._retiring = False
         self._loop: asyncio.AbstractEventLoop | None = None
 
@@ -62,19 +64,24 @@ class TerraportServer(uvicorn.Server):
         assert issubclass(kind, GroupConnection)
         return kind
 
-    async def accept_from(self, listener: socket.socket) -> asyncio.Server:
+    def accept_from(self, listener: socket.socket) -> Doorway:
         """Accept clients of one more socket, which is closed at the end."""
-        loop, config = asyncio.get_running_loop(), self.config
-        server = await loop.create_server(
-            self._new_connection, sock=listener, ssl=config.ssl, backlog=config.backlog
+        kind = self.http_class
+        doorway = Doorway(
+            listener,
+            self._new_connection,
+            kind.entrance,
+            kind.refused,
+            tls=self.config.ssl,
+            handshake_timeout_s=kind.limits.header_timeout_s,
         )
-        self.servers.append(server)
-        return server
+        self.doorways.append(doorway)
+        return doorway
 
-    def stop_accepting(self, server: asyncio.Server) -> None:
+    def stop_accepting(self, doorway: Doorway) -> None:
         """Accept no more from there; who was accepted stays."""
-        server.close()
-        self.servers.remove(server)
+        doorway.close()
+        self.doorways.remove(doorway)
 
     async def take_over(self, parcel: Parcel) -> None:
         """Serve a connection that another process accepted."""
@@ -105,7 +112,9 @@ class TerraportServer(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start to accept clients."""
         self._loop = asyncio.get_running_loop()
-        await super().startup(sockets)
+        await super().startup([])
+        for listener in sockets or ():
+            self.accept_from(listener)
         if self.config.ssl is not None:
             self.service.access.watch_certificate(self.config.ssl)
         if self.owns_process:
@@ -130,6 +139,9 @@ class TerraportServer(uvicorn.Server):
         await asyncio.gather(draining, return_exceptions=True)
         if self._retiring:
             await self._let_http_go()
+        for doorway in self.doorways:
+            doorway.close()
+            await doorway.wait_closed()
         await super().shutdown(sockets)
         if self.on_ended is not None:
             await self.on_ended()
@@ -140,8 +152,8 @@ class TerraportServer(uvicorn.Server):
         To close theirs would cut off a request that is on its way, which a proxy's pool always may
         have; said with an answer, the next request goes to the successor.
         """
-        for server in self.servers:
-            server.close()
+        for doorway in self.doorways:
+            doorway.close()
         headers = self.server_state.default_headers
         self.server_state.default_headers = [*headers, (b"connection", b"close")]
 
