@@ -70,6 +70,8 @@ PAUSE_S: Final = 0.02
 GRANT_BYTES: Final = 16 << 20
 SLOWEST_S: Final = 20.0
 MANY: Final = 10
+HONEST: Final = "127.0.1.1"
+"""Where the honest client comes from: it is counted like everybody else."""
 PROCESSES: Final = 2
 """Of the attackers: the machine has as many cores."""
 
@@ -155,7 +157,7 @@ class Honest:
     def _land(self) -> None:
         if self._client is None:
             self._taken_bytes = 0
-            self._client = DrainClient("127.0.0.1", self._port, SCENE)
+            self._client = DrainClient("127.0.0.1", self._port, SCENE, address=HONEST)
             self._client.socket.settimeout(SLOWEST_S)
             self._client.hello(token=TOKEN)
             if self._joins:
@@ -336,7 +338,7 @@ def main() -> int:
             # A service of its own for each: what one attack leaves behind is not the next one's.
             log = Path(folder) / "log"
             log.unlink(missing_ok=True)
-            with ServiceProcess(scenes, token=TOKEN, log=log) as service:
+            with ServiceProcess(scenes, token=TOKEN, log=log, forwarded_allow_ips="") as service:
                 row = measure(service, side, name, count, seconds)
             row["log_bytes"] = log.stat().st_size
             print(json.dumps(row), flush=True)

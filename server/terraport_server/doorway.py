@@ -48,7 +48,7 @@ class Doorway:
     def __init__(
         self,
         listener: socket.socket,
-        make_connection: Callable[[], asyncio.Protocol],
+        make_connection: Callable[[], asyncio.BaseProtocol],
         entrance: Entrance,
         refused: Callable[[str, str, str], None],
         *,

@@ -16,6 +16,7 @@ from typing import Final, Protocol
 
 from terraport_server.client_addresses import ARRIVALS_S, ClientAddresses, too_many_of_address
 from terraport_server.fair_queue import FairQueue
+from terraport_server.small_reads import READ_BYTES
 from terraport_server.strangers import Strangers
 
 __all__ = ["ADDRESS_SHARE", "Entrance", "Stranger"]
@@ -62,6 +63,8 @@ class Entrance:
         self._max_bytes = max_bytes
         self._max_of_address = max_of_address
         self._coming: Counter[str] = Counter()
+        self.room = memoryview(bytearray(READ_BYTES))
+        """What is read of strangers goes through it, a piece at a time."""
         self.addresses = ClientAddresses(trusted)
         self.strangers = Strangers[Stranger]()
         self._waiting = FairQueue[Step]()

@@ -28,6 +28,7 @@ from terraport_server.file_sender import FILES, FileSender, with_files
 from terraport_server.http_limits import HttpLimits
 from terraport_server.peer_limits import BoundedPeer
 from terraport_server.settings import Settings
+from terraport_server.small_reads import SmallReads
 
 __all__ = ["ANSWERED", "HttpConnection", "http_protocol_class"]
 
@@ -340,6 +341,7 @@ class HttpConnection(HttpToolsProtocol):
             self.entrance.strangers.leave(self)
             heir.count_by(self.entrance, self._counted, self.limits.max_connections_per_ip)
             self._counted = None
+            self.transport.set_protocol(SmallReads(heir, self.entrance.room))
         self.transport.resume_reading()
 
     def _refuse(self, status: HTTPStatus, reason: str, text: str) -> None:

@@ -146,6 +146,12 @@ class BoundedPeer(WebSocketsSansIOProtocol):
                 handshake.headers.clear()  # the library's parser keeps the request
         if self._entrance is not None:
             self._entrance.strangers.leave(self)
+            # Which way it reads, a transport decides as it begins to.
+            if not self.read_paused:
+                self.transport.pause_reading()
+            self.transport.set_protocol(self)
+            if not self.read_paused:
+                self.transport.resume_reading()
 
     def excuse(self) -> None:
         """Note that it is no fault of the peer's that it is not let in."""

@@ -30,6 +30,7 @@ from terraport_server.mailbox import Parcel
 from terraport_server.payload_connection import answering_class
 from terraport_server.service import Service
 from terraport_server.settings import Settings
+from terraport_server.small_reads import SmallReads
 from terraport_server.supervisor import Supervisor
 from terraport_server.transport import protocol_class
 from terraport_store import is_url
@@ -69,7 +70,7 @@ class TerraportServer(uvicorn.Server):
         kind = self.http_class
         doorway = Doorway(
             listener,
-            self._new_connection,
+            lambda: self._small_reads(self._new_connection()),
             kind.entrance,
             kind.refused,
             tls=self.config.ssl,
@@ -89,10 +90,13 @@ class TerraportServer(uvicorn.Server):
         connection.parcel = parcel
         parcel.connection.setblocking(False)
         try:
-            loop = asyncio.get_running_loop()
-            await loop.connect_accepted_socket(lambda: connection, parcel.connection)
+            loop, reads = asyncio.get_running_loop(), self._small_reads(connection)
+            await loop.connect_accepted_socket(lambda: reads, parcel.connection)
         except OSError:  # the client is gone
             parcel.connection.close()
+
+    def _small_reads(self, connection: GroupConnection) -> SmallReads:
+        return SmallReads(connection, self.http_class.entrance.room)
 
     def _new_connection(self) -> GroupConnection:
         return self.http_class(
