@@ -131,14 +131,26 @@ class HttpConnection(HttpToolsProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the timers and count the connection out."""
-        self._header_deadline.end()
-        self._stall_deadline.end()
         if self._end_timer is not None:
             self._end_timer.cancel()
         self._uncount()
         super().connection_lost(exc)
+        self._unset_keepalive_if_required()
+        self._unbind()
+
+    def _unbind(self) -> None:
+        """Hold nothing that holds this connection.
+
+        A ring is freed by the search for garbage alone: what a flood of connections left behind had
+        it stop the loop for 40 ms at a time.
+        """
+        self._header_deadline.end()
+        self._stall_deadline.end()
         if self._files is not None:
             self._files.close()
+            self._files = None
+        self.pipeline.clear()
+        self.parser = self.cycle = self.scope = None  # type: ignore[assignment]
 
     def data_received(self, data: bytes) -> None:
         """Read on, within the bounds."""
@@ -175,7 +187,8 @@ class HttpConnection(HttpToolsProtocol):
         if self._body_bytes > self.limits.body_bytes and not (self._in_headers or self._over):
             text = f"got a body of more than {self.limits.body_bytes} bytes, expected none"
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "http_body", text)
-        if not (self._waits or self._over) and (self._unread or self._counted is not None):
+        is_done = not self._unread and self._counted is None and self.transport.is_reading()
+        if not (self._waits or self._over or is_done):
             self._wait(self._read_on)
         # After the parser: what came with these bytes may have been the end of the headers.
         if self._over or not self._in_headers or not self._header_bytes:
@@ -342,6 +355,7 @@ class HttpConnection(HttpToolsProtocol):
             heir.count_by(self.entrance, self._counted, self.limits.max_connections_per_ip)
             self._counted = None
             self.transport.set_protocol(SmallReads(heir, self.entrance.room))
+        self._unbind()
         self.transport.resume_reading()
 
     def _refuse(self, status: HTTPStatus, reason: str, text: str) -> None:

@@ -176,6 +176,19 @@ class BoundedPeer(WebSocketsSansIOProtocol):
             self._counted = None
             self._entrance.strangers.leave(self)
         super().connection_lost(exc)
+        # Holds nothing that holds this one, or the search for garbage has to find it (and stops the
+        # loop meanwhile): the library's parser is a generator of its own connection.
+        self.conn.parser.close()
+        for fault in (self.conn.parser_exc, self.conn.handshake_exc):
+            if fault is not None:
+                fault.with_traceback(None)  # its frames, and so whatever they held
+
+    async def run_asgi(self) -> None:
+        """Serve; the handshake's scope names this connection and is not needed afterwards."""
+        try:
+            await super().run_asgi()
+        finally:
+            del self.scope
 
     def data_received(self, data: bytes) -> None:
         """Take what came frame by frame, and no message before the last one was taken."""

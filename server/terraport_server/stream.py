@@ -209,6 +209,7 @@ async def _serve(
         if is_counted:
             service.dismiss(client)
         chronicle.closed()
+        del session, sender  # what is told to both holds them, and they hold it: see BoundedPeer
 
 
 def _let_in(
