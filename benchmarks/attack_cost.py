@@ -52,6 +52,7 @@ from attacks.load import ATTACKS
 from attacks.requests import REQUEST_ATTACKS
 from attacks.seats import SEAT_ATTACKS
 from attacks.strangers import STRANGER_ATTACKS
+from attacks.table import TABLE_ATTACKS, TABLE_STRANGER_ATTACKS
 from parts.drain_client import DrainClient
 from parts.loop_steps import LoopSteps
 from parts.random_scene import TILE_M
@@ -79,7 +80,9 @@ STEPS: Final = "steps"
 NOBODY: Final = "nobody"
 ANEW: Final = "nobody, connecting anew"
 JOINING: Final = "nobody, connecting anew and joining a group"
-COMES_ANEW: Final = {ANEW, "upgrades", *STRANGER_ATTACKS, *REQUEST_ATTACKS}
+COMES_ANEW: Final = {
+    ANEW, "upgrades", *STRANGER_ATTACKS, *REQUEST_ATTACKS, *TABLE_STRANGER_ATTACKS
+}  # fmt: skip
 """Beside these the honest client connects for each landing: what is attacked is the way in."""
 JOINS: Final = {JOINING, *SEAT_ATTACKS}
 
@@ -103,6 +106,7 @@ TRIALS: Final[list[tuple[str | None, int]]] = [
     *((name, MANY) for name in STRANGER_ATTACKS),
     ("requests", 1),
     *((name, MANY) for name in REQUEST_ATTACKS),
+    *((name, MANY) for name in TABLE_ATTACKS),
     ("left seats", 1),
     (NOBODY, 0),
 ]
@@ -187,8 +191,9 @@ class Honest:
                 yield (step * (1 + number % count), 0.5, step * (1 + number // count))
 
 
-def attack(name: str, addresses: list[str], port: int, stop: Any, ended: Any) -> None:
+def attack(name: str, addresses: list[str], port: int, begun: Any, stop: Any, ended: Any) -> None:
     """Child process: attackers. On a machine of their own they would take the service no core."""
+    begun.release()
     os.nice(19)
     with ThreadPoolExecutor(len(addresses)) as pool:
         counts = pool.map(
@@ -202,16 +207,18 @@ def attack(name: str, addresses: list[str], port: int, stop: Any, ended: Any) ->
 def start_attackers(name: str, attackers: int, port: int) -> tuple[list[Any], Any, Any]:
     """Start so many attackers of one kind; return processes, event that ends them, count."""
     context = multiprocessing.get_context("spawn")
-    stop, ended = context.Event(), context.Value("q", 0)
+    begun, stop, ended = context.Semaphore(0), context.Event(), context.Value("q", 0)
     addresses = addresses_of(attackers)
     shares = [addresses[number::PROCESSES] for number in range(PROCESSES)]
     others = [
-        context.Process(target=attack, args=(name, share, port, stop, ended), daemon=True)
+        context.Process(target=attack, args=(name, share, port, begun, stop, ended), daemon=True)
         for share in shares
         if share
     ]
     for other in others:
         other.start()
+    for _ in others:
+        begun.acquire(timeout=60)
     return others, stop, ended
 
 
@@ -265,7 +272,7 @@ def measure(
     before_bytes = service.memory().anon
     others, stop, ended = start_attackers(name, attackers, service.port)
     if others:
-        time.sleep(3.0)  # they start, and the service is in the middle of it
+        time.sleep(min(3.0, seconds))  # until the service is in the middle of it
     honest = Honest(service.port, side, anew=name in COMES_ANEW, joins=name in JOINS)
     began_s, cpu_s = time.perf_counter(), service.cpu_s()
     honest.land_until(began_s + seconds)

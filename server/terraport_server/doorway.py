@@ -1,4 +1,4 @@
-"""Where connections are accepted: a few in a step of the event loop, and who is turned away cheaply.
+"""Where connections are accepted: a few in a step of the loop, and who is turned away cheaply.
 
 The event loop's own servers accept whatever waits in one step, and make transport and protocol for
 each: a flood of connections kept everybody else waiting for as long as 2,048 of them take, 0.1 to
@@ -43,6 +43,8 @@ class Doorway:
         Spoken with everybody, if given.
     handshake_timeout_s
         Of TLS.
+    max_coming
+        TLS handshakes under way; more are turned away.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class Doorway:
         *,
         tls: ssl.SSLContext | None,
         handshake_timeout_s: float,
+        max_coming: int,
     ) -> None:
         self._loop = asyncio.get_running_loop()
         self._listener = listener
@@ -62,6 +65,7 @@ class Doorway:
         self._refused = refused
         self._tls = tls
         self._timeout_s = None if tls is None else handshake_timeout_s
+        self._max_coming = max_coming
         self._coming: set[asyncio.Task[None]] = set()
         self._accepting = self._loop.create_task(self._accept())
 
@@ -101,6 +105,8 @@ class Doorway:
         host = str(address[0])
         key = self._entrance.addresses.counted(host)
         refused = None if key is None else self._entrance.turns_away(key, self._loop.time())
+        if refused is None and len(self._coming) >= self._max_coming:
+            refused = f"got more than {self._max_coming} connections that are not made yet"
         if refused is not None:
             connection.close()
             self._refused("connections", refused, host)

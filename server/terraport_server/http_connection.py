@@ -19,8 +19,9 @@ from collections.abc import Callable, Sequence
 from http import HTTPStatus
 from typing import Any, Final, cast
 
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
+from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
 
+from terraport_server.bounded_requests import BoundedRequests
 from terraport_server.client_addresses import too_many_of_address
 from terraport_server.deadline import Deadline
 from terraport_server.entrance import Entrance
@@ -36,22 +37,11 @@ ANSWERED: Final = "terraport.answered"
 """Extension of a request's scope: called with the status of its answer."""
 
 MAX_PIPELINED: Final = 16
-"""Requests in one piece of what came. What comes behind a request waits for its answer, unparsed."""
-
-MAX_HEADERS: Final = 128
-"""Of one request, trailers among them: each takes ten times the memory of its bytes. Browsers send
-some twenty."""
-
-MAX_TARGET_BYTES: Final = 8 << 10
-"""Path and query: they are decoded, split and looked up."""
+"""Requests in one piece of what came. What is behind a request waits for its answer, unparsed."""
 
 _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
 more are dropped unheard."""
-
-_PIECE_BYTES: Final = 4 << 10
-"""What is parsed of one connection in a turn: one read may hold 4,000 requests, which took the
-parser 100 ms to the end even where the seventeenth was one too many."""
 
 _PROXIES: Final = "proxies"
 """Whose turn it is where a proxy does not say for whom it asks."""
@@ -60,10 +50,9 @@ _PROXIES: Final = "proxies"
 Headers = Sequence[tuple[bytes, bytes]]
 
 
-class HttpConnection(HttpToolsProtocol):
+class HttpConnection(BoundedRequests):
     """One HTTP connection, until it ends or becomes a WebSocket."""
 
-    limits: HttpLimits
     entrance: Entrance
     refused: Callable[[str, str, str], None]
     """Told reason, text and client of each refusal, for metric and log."""
@@ -72,24 +61,12 @@ class HttpConnection(HttpToolsProtocol):
     _counted: str | None = None
     _full: str | None = None
     """Why this connection is one too many; said when it asks for something."""
-    _in_headers = True
-    """Whether a request's headers are waited for, or are not whole yet."""
-    _header_bytes = 0
-    _body_bytes = 0
     _files: FileSender | None = None
     """Sends ranges of files past the transport, where the connection takes them."""
-    _over = False
-    """Whether this connection is being closed for a bound: nothing more is read from it."""
     _waits = False
     """Whether it waits for its turn, and is not read meanwhile."""
-    _unread = b""
-    """What came and was not parsed yet."""
     _in_vain = True
     """Whether it got nothing but refusals so far."""
-    _in_request = False
-    """Whether the parser is within a request."""
-    _tail = b""
-    """The last bytes of the present request that were parsed."""
     _weight = 0
     """Bytes that came and were not answered yet."""
 
@@ -164,29 +141,13 @@ class HttpConnection(HttpToolsProtocol):
         else:
             self._begin_next()
 
-    @property
-    def _may_parse(self) -> bool:
-        """Whether no request waits for its answer: one at a time is taken apart."""
-        return self._in_request or self.cycle is None or self.cycle.response_complete
-
     def _begin_next(self) -> None:
         """Begin with what came."""
         self._take_piece()
 
     def _take_piece(self) -> None:
         """Parse some of what came; the rest in another turn."""
-        size = min(len(self._unread), _PIECE_BYTES)
-        if self._in_headers:
-            size = self._head_size(size)
-            self._header_bytes += size
-        else:
-            self._body_bytes += size
-        data, self._unread = self._unread[:size], self._unread[size:]
-        self._tail = (self._tail + data)[-3:]
-        super().data_received(data)
-        if self._body_bytes > self.limits.body_bytes and not (self._in_headers or self._over):
-            text = f"got a body of more than {self.limits.body_bytes} bytes, expected none"
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "http_body", text)
+        self._parse_piece()
         is_done = not self._unread and self._counted is None and self.transport.is_reading()
         if not (self._waits or self._over or is_done):
             self._wait(self._read_on)
@@ -198,29 +159,6 @@ class HttpConnection(HttpToolsProtocol):
             self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "http_headers", text)
         elif not self._header_deadline.is_running:
             self._header_deadline.start()
-
-    def _head_size(self, most: int) -> int:
-        """Return up to where what came belongs to the present request's headers."""
-        end = (self._tail + self._unread[:most]).find(b"\r\n\r\n")
-        return most if end < 0 else end + 4 - len(self._tail)
-
-    def on_url(self, url: bytes) -> None:
-        """Take no longer target than anybody could need."""
-        if self._over:
-            return
-        super().on_url(url)
-        if len(self.url) > MAX_TARGET_BYTES:
-            text = f"got a target of more than {MAX_TARGET_BYTES} bytes, expected fewer"
-            self._refuse(HTTPStatus.REQUEST_URI_TOO_LONG, "http_headers", text)
-
-    def on_header(self, name: bytes, value: bytes) -> None:
-        """Take no more headers than anybody could need."""
-        if self._over:
-            return
-        super().on_header(name, value)
-        if len(self.headers) > MAX_HEADERS:
-            text = f"got more than {MAX_HEADERS} headers, expected fewer"
-            self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "http_headers", text)
 
     def on_message_begin(self) -> None:
         """Say in the scope of a request that its answer may be a file."""
@@ -247,11 +185,6 @@ class HttpConnection(HttpToolsProtocol):
             scope = cast("dict[str, Any]", self.scope)
             scope.setdefault("extensions", {})[ANSWERED] = self.answered
             super().on_headers_complete()
-
-    def on_body(self, body: bytes) -> None:
-        """Take some of a body; its bytes, chunked or not, are counted as they come."""
-        if not self._over:
-            super().on_body(body)
 
     def on_message_complete(self) -> None:
         """Begin to count the next request's headers."""

@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from terraport_server.entrance import ADDRESS_SHARE, Entrance
+from terraport_server.entrance import Entrance
 
 MAX_BYTES = 32 << 20
 

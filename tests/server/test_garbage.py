@@ -9,7 +9,6 @@ import contextlib
 import gc
 import socket
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import pytest
 from eventually import eventually

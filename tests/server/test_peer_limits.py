@@ -14,6 +14,7 @@ from typing import Any
 
 import httpx
 import msgpack
+import numpy as np
 import pytest
 from eventually import eventually
 from server.grid_scene import write_grid_scene
@@ -22,8 +23,13 @@ from uvicorn.protocols.utils import ClientDisconnected
 
 from terraport_server import BackgroundServer, client_addresses, sender
 from terraport_server.entrance import ADDRESS_SHARE
-from terraport_server.peer_limits import FRAMES_PER_MESSAGE, MAX_FIRST_FRAMES, BoundedPeer
-from terraport_wire import SUBPROTOCOL, decode, encode
+from terraport_server.peer_limits import (
+    FRAMES_PER_MESSAGE,
+    MAX_FIRST_BYTES,
+    MAX_FIRST_FRAMES,
+    BoundedPeer,
+)
+from terraport_wire import HELD_DTYPE, MAX_HELD_SEGMENTS, SUBPROTOCOL, decode, encode
 
 PING, CLOSE, BINARY, TEXT, CONT = 9, 8, 2, 1, 0
 TOKEN = "a-token-of-enough-characters"
@@ -332,6 +338,25 @@ def test_before_hello_a_few_frames_are_taken(scenes: Path, blob: bytes) -> None:
         with raw_connect(server.port) as at:
             at.sendall(begin + blob * (MAX_FIRST_FRAMES + 1))
             assert close_code(drained(at)) == 4429
+
+
+def test_a_first_message_that_says_it_is_too_large_is_not_waited_for(scenes: Path) -> None:
+    """A megabyte was taken in before it was refused, of each of hundreds."""
+    with BackgroundServer(scenes, token=TOKEN) as server, raw_connect(server.port) as at:
+        at.sendall(frame(BINARY, bytes(MAX_FIRST_BYTES + 1))[:100])
+        assert close_code(drained(at)) == 4413
+
+
+def test_the_longest_hello_is_taken(scenes: Path) -> None:
+    """In reads of 8 KB, each in its turn."""
+    with (
+        BackgroundServer(scenes, token=TOKEN, forwarded_allow_ips="") as server,
+        PlainClient(server.scene_url("grid")) as client,
+    ):
+        table = np.zeros(MAX_HELD_SEGMENTS, dtype=HELD_DTYPE)
+        table["id"] = np.arange(MAX_HELD_SEGMENTS)
+        welcome = client.hello(token=TOKEN, held=table)
+        assert welcome.held_count == 0
 
 
 def test_who_says_no_hello_takes_no_session(scenes: Path) -> None:
