@@ -17,7 +17,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer
-from terraport_server.http_connection import MAX_HEADERS
+from terraport_server.bounded_requests import MAX_HEADERS
 from terraport_server.small_reads import READ_BYTES
 
 HOST = b"Host: localhost\r\n"
