@@ -4,6 +4,7 @@
 
     python benchmarks/soak.py                       # one hour, under a quarter of a core
     python benchmarks/soak.py --minutes 10
+    python benchmarks/soak.py --attacks             # with attackers beside them
     python benchmarks/soak.py --smoke               # 20 s
 
 ``terraport serve`` runs as a process of its own; 45 light clients (parts/light_client.py) and five
@@ -11,6 +12,10 @@ sessions of the real SDK land every five seconds each at a place of their own. O
 given up in the middle by the next one, one in fifty loses its link in the middle and comes back
 with what it holds, and one client in twenty reads at 400 KB/s. Light clients check every byte and
 every plan; the SDK checks itself (hashes, repeats), and its landings are compared with brute force.
+
+``--attacks``: beside them every attack of ``fuzz/attacks`` in turn, a second of one and nine
+seconds' pause, each time from another two of 200 addresses; a token is asked for, and all clients
+are counted by their address.
 
 After each landing a light client forgets half of what it does not show, and sometimes much more,
 so that there is always something to send and something to keep.
@@ -25,10 +30,13 @@ from __future__ import annotations
 import argparse
 import asyncio
 import json
+import multiprocessing
+import os
 import platform
 import random
 import sys
 import tempfile
+import threading
 import time
 from contextlib import suppress
 from dataclasses import dataclass
@@ -36,6 +44,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+
+sys.path.append(str(Path(__file__).resolve().parents[1] / "fuzz"))
+
+from attacks.load import ATTACKS
 from parts.expected_plan import expect
 from parts.light_client import Findings, LightClient, LostError
 from parts.random_scene import TILE_M, write_random_scene
@@ -53,6 +65,10 @@ RADIUS_M: Final = 28.0
 SLOW_BYTES_PER_S: Final = 400e3
 LONGEST_LANDING_S: Final = 30.0
 SLOPE_BAR_MB_PER_H: Final = 1.0
+ATTACK_S: Final = 1.0
+ATTACK_PAUSE_S: Final = 9.0
+ATTACKERS: Final = 2
+TOKEN: Final = "a-token-of-enough-characters"
 
 
 @dataclass(frozen=True)
@@ -97,6 +113,7 @@ class Trial:
             name=f"client {number}",
             credit_bytes=256 << 10 if slow else 16 << 20,
             bytes_per_s=SLOW_BYTES_PER_S if slow else None,
+            token=TOKEN,
         )
         await self._connect(client, draw)
         next_s = time.monotonic() + draw.uniform(0, self.mix.period_s)
@@ -150,7 +167,9 @@ class Trial:
     async def full(self, number: int, until_s: float) -> None:
         """One session of the SDK, with a cache of 2 MB."""
         draw = random.Random(1000 * self.seed + number)
-        async with terraport.connect(self.url, cache_bytes=2 << 20, max_bytes=1 << 40) as session:
+        async with terraport.connect(
+            self.url, token=TOKEN, cache_bytes=2 << 20, max_bytes=1 << 40
+        ) as session:
             next_s = time.monotonic() + draw.uniform(0, self.mix.period_s)
             while next_s < until_s:
                 await asyncio.sleep(max(0.0, next_s - time.monotonic()))
@@ -203,6 +222,35 @@ class Trial:
             for number in range(self.mix.clients):
                 life = self.light if number < lights else self.full
                 group.create_task(life(number, until_s))
+
+
+def attack(port: int, stop: Any, done: Any) -> None:
+    """Child process: one attack after the other, from two addresses each time, with pauses."""
+    os.nice(10)
+    turn = 0
+    while not stop.is_set():
+        name = list(ATTACKS)[turn % len(ATTACKS)]
+        until_s = time.monotonic() + ATTACK_S
+        attackers = [
+            threading.Thread(
+                target=ATTACKS[name],
+                args=(
+                    port,
+                    "pit",
+                    TOKEN,
+                    lambda: time.monotonic() < until_s,  # noqa: B023 - joined below
+                    f"127.0.1.{1 + (ATTACKERS * turn + number) % 200}",
+                ),
+            )
+            for number in range(ATTACKERS)
+        ]
+        for attacker in attackers:
+            attacker.start()
+        for attacker in attackers:
+            attacker.join()
+        turn += 1
+        done.value = turn
+        stop.wait(ATTACK_PAUSE_S)
 
 
 async def watch(
@@ -270,7 +318,9 @@ def percentiles_ms(seconds: list[float]) -> dict[str, float]:
 async def trial(arguments: argparse.Namespace, mix: Mix, folder: Path) -> dict[str, Any]:
     seconds = 60.0 * arguments.minutes
     log = folder / "service.log"
-    settings: dict[str, Any] = {"max_sessions_per_ip": 2 * mix.clients}
+    settings: dict[str, Any] = {"max_sessions_per_ip": 2 * mix.clients, "token": TOKEN}
+    # Nobody is a proxy: who comes from where counts.
+    settings |= {"max_connections_per_ip": 4 * mix.clients, "forwarded_allow_ips": ""}
     settings |= dict(entry.split("=", 1) for entry in arguments.set)
     # All clients for so long, while the service's memory is written down.
     with (
@@ -282,14 +332,23 @@ async def trial(arguments: argparse.Namespace, mix: Mix, folder: Path) -> dict[s
         watching = asyncio.create_task(
             watch(service, max(0.5, seconds / 360.0), samples, arguments.out, run.findings)
         )
+        context = multiprocessing.get_context("spawn")
+        stop, attacks = context.Event(), context.Value("q", 0)
+        attacker = context.Process(target=attack, args=(service.port, stop, attacks), daemon=True)
+        if arguments.attacks:
+            attacker.start()
         own_s, began_s = time.process_time(), time.monotonic()
         await run.run(seconds)
         took_s = time.monotonic() - began_s
         watching.cancel()
+        stop.set()
+        if arguments.attacks:
+            attacker.join(60)
         # Growth is fitted after the warm-up; the service must stop by itself in the end.
         result = {
             "machine": f"{platform.machine()}, Python {platform.python_version()}",
             "took_s": round(took_s, 1),
+            "attacks": attacks.value,
             "landings_ready": run.findings.landings + run.sdk["landings"],
             "superseded": run.findings.superseded + run.sdk["aborted"],
             "cuts": run.findings.cuts,
@@ -324,6 +383,7 @@ def main() -> int:
     parser.add_argument("--clients", type=int, default=50)
     parser.add_argument("--sdk-clients", type=int, default=5, help="of them: the real SDK")
     parser.add_argument("--period", type=float, default=5.0, help="seconds between landings")
+    parser.add_argument("--attacks", action="store_true", help="with attackers beside the clients")
     parser.add_argument("--warm-up", type=float, default=0.2, help="share of the time")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--set", action="append", default=[], help="NAME=VALUE of a setting")

@@ -104,6 +104,8 @@ class LightClient:
         Read no faster than that.
     check_plan : callable, optional
         Tells whether to compare the next plan with brute force; every plan without it.
+    token : str, optional
+        Shown in hello.
     """
 
     def __init__(
@@ -116,6 +118,7 @@ class LightClient:
         credit_bytes: int = 16 << 20,
         bytes_per_s: float | None = None,
         check_plan: Callable[[], bool] = lambda: True,
+        token: str | None = None,
     ) -> None:
         self._uri = parse_uri(url.replace("http", "ws", 1) + "/stream")
         self._index = index
@@ -124,6 +127,7 @@ class LightClient:
         self._credit_bytes = credit_bytes
         self._bytes_per_s = bytes_per_s
         self._check_plan = check_plan
+        self._token = token
         self.held = np.zeros(len(index), dtype=np.bool_)
         self.shown = np.zeros(len(index), dtype=np.bool_)
         self._socket: socket.socket | None = None
@@ -171,6 +175,7 @@ class LightClient:
                 budgets=Budgets(),
                 credit_bytes=self._credit_bytes,
                 held=table,
+                token=self._token,
             )
         )
         welcome = await self.receive()

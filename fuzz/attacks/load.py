@@ -5,8 +5,8 @@ did what it does. Numbers of connections and bytes are bounded; ``benchmarks/att
 them beside an honest client, from one address or from ten.
 
 Here: messages, frames and upgrades. Beside it plans (:mod:`attacks.plans`), those who are never let
-in (:mod:`attacks.strangers`), HTTP requests (:mod:`attacks.requests`) and seats of groups
-(:mod:`attacks.seats`).
+in (:mod:`attacks.strangers`), HTTP requests (:mod:`attacks.requests`), seats of groups
+(:mod:`attacks.seats`), and what is said in a line (:mod:`attacks.table`).
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from attacks.plans import PLAN_ATTACKS
 from attacks.requests import REQUEST_ATTACKS
 from attacks.seats import SEAT_ATTACKS
 from attacks.strangers import STRANGER_ATTACKS, Attack, Going, upgrade_request
+from attacks.table import TABLE_ATTACKS
 
 __all__ = ["ATTACKS"]
 
@@ -90,6 +91,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     **STRANGER_ATTACKS,
     **REQUEST_ATTACKS,
     **SEAT_ATTACKS,
+    **TABLE_ATTACKS,
 }
 
 

@@ -12,7 +12,7 @@ from typing import Final
 
 from attacks.strangers import Attack, Going
 
-__all__ = ["REQUEST_ATTACKS"]
+__all__ = ["REQUEST_ATTACKS", "flood"]
 
 SOCKETS: Final = 32
 
@@ -21,7 +21,7 @@ _HOST: Final = b"Host: 127.0.0.1\r\n\r\n"
 
 def plain_requests(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Ask for a scene without a token, 16 times at once on each of many connections."""
-    return _flood(port, [f"GET /scenes/{scene} HTTP/1.1\r\n".encode() + _HOST], going, address)
+    return flood(port, [f"GET /scenes/{scene} HTTP/1.1\r\n".encode() + _HOST], going, address)
 
 
 def odd_requests(port: int, scene: str, _token: str, going: Going, address: str) -> int:
@@ -40,17 +40,17 @@ def odd_requests(port: int, scene: str, _token: str, going: Going, address: str)
         "GET /readyz HTTP/1.1\r\n",
         "GET /scenes HTTP/1.1\r\nAuthorization: Bearer " + "x" * 16_000 + "\r\n",
     ]
-    return _flood(port, [text.encode() + _HOST for text in requests], going, address)
+    return flood(port, [text.encode() + _HOST for text in requests], going, address)
 
 
 def page_requests(port: int, _scene: str, _token: str, going: Going, address: str) -> int:
     """Ask for the page again and again, and read what comes."""
-    return _flood(port, [b"GET / HTTP/1.1\r\n" + _HOST], going, address)
+    return flood(port, [b"GET / HTTP/1.1\r\n" + _HOST], going, address)
 
 
 def unread_pages(port: int, _scene: str, _token: str, going: Going, address: str) -> int:
     """Ask for the page again and again, and read nothing."""
-    return _flood(port, [b"GET / HTTP/1.1\r\n" + _HOST], going, address, reads=False)
+    return flood(port, [b"GET / HTTP/1.1\r\n" + _HOST], going, address, reads=False)
 
 
 def short_requests(port: int, _scene: str, _token: str, going: Going, address: str) -> int:
@@ -75,7 +75,7 @@ REQUEST_ATTACKS: Final[dict[str, Attack]] = {
 }
 
 
-def _flood(
+def flood(
     port: int, requests: list[bytes], going: Going, address: str, *, reads: bool = True
 ) -> int:
     """Write requests without end on each of many connections; count those that were answered."""

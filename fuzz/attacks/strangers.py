@@ -15,7 +15,7 @@ from typing import Final
 import msgpack
 from attacks.peers import BINARY, PING, frame
 
-__all__ = ["STRANGER_ATTACKS", "Attack", "Going", "upgrade_request"]
+__all__ = ["STRANGER_ATTACKS", "Attack", "Going", "hold", "upgrade_request"]
 
 Going = Callable[[], bool]
 """Whether to go on."""
@@ -50,32 +50,32 @@ def upgrade_request(scene: str) -> bytes:
 
 def silent_connections(port: int, _scene: str, _token: str, going: Going, address: str) -> int:
     """Connect and say nothing; again for each one that is closed."""
-    return _hold(port, b"", going, address)
+    return hold(port, b"", going, address)
 
 
 def slow_headers(port: int, _scene: str, _token: str, going: Going, address: str) -> int:
     """Say the headers of a request a few bytes at a time."""
-    return _hold(port, b"GET / HTTP/1.1\r\nHost: 127", going, address, drip=b"x")
+    return hold(port, b"GET / HTTP/1.1\r\nHost: 127", going, address, drip=b"x")
 
 
 def silent_upgrades(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Become a WebSocket and say nothing; again for each one that is closed."""
-    return _hold(port, upgrade_request(scene), going, address)
+    return hold(port, upgrade_request(scene), going, address)
 
 
 def pings_first(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Become a WebSocket, and send pings in place of a hello."""
-    return _hold(port, upgrade_request(scene), going, address, then=_PINGS, again=True)
+    return hold(port, upgrade_request(scene), going, address, then=_PINGS, again=True)
 
 
 def pieces_first(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Become a WebSocket, and send a message in empty fragments that never ends."""
-    return _hold(port, upgrade_request(scene), going, address, then=_MANY_PIECES, again=True)
+    return hold(port, upgrade_request(scene), going, address, then=_MANY_PIECES, again=True)
 
 
 def half_messages(port: int, scene: str, _token: str, going: Going, address: str) -> int:
     """Become a WebSocket, and send nearly all of a message of a megabyte."""
-    return _hold(port, upgrade_request(scene), going, address, then=_HALF)
+    return hold(port, upgrade_request(scene), going, address, then=_HALF)
 
 
 def wrong_hellos(port: int, scene: str, _token: str, going: Going, address: str) -> int:
@@ -104,7 +104,7 @@ STRANGER_ATTACKS: Final[dict[str, Attack]] = {
 }
 
 
-def _hold(
+def hold(
     port: int,
     first: bytes,
     going: Going,

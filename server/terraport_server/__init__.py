@@ -8,7 +8,8 @@ are made of are PURE; everything that touches the network is in :mod:`~terraport
 from __future__ import annotations
 
 from terraport_server.app import create_app
-from terraport_server.serving import BackgroundServer, run
+from terraport_server.background_server import BackgroundServer
+from terraport_server.serving import run
 from terraport_server.settings import Settings
 
 __all__ = ["BackgroundServer", "Settings", "create_app", "run"]

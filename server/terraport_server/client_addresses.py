@@ -52,6 +52,10 @@ class ClientAddresses:
         self._open[key] += 1
         return self._open[key]
 
+    def open_of(self, key: str) -> int:
+        """Return how many connections an address has open."""
+        return self._open[key]
+
     def arrive(self, key: str, now_s: float) -> int:
         """Count an arrival; return how many there were in this window of `ARRIVALS_S`.
 

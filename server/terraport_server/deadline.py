@@ -30,7 +30,7 @@ class Deadline:
     ) -> None:
         self._loop = loop
         self._after_s = after_s
-        self._passed = passed
+        self._passed: Callable[[], None] | None = passed
         self._due_s: float | None = None
         self._timer: asyncio.TimerHandle | None = None
 
@@ -40,7 +40,9 @@ class Deadline:
         return self._due_s is not None
 
     def start(self) -> None:
-        """Count from now, whether or not it was running."""
+        """Count from now, whether or not it was running; nothing after the end."""
+        if self._passed is None:
+            return
         self._due_s = self._loop.time() + self._after_s
         if self._timer is None:
             self._timer = self._loop.call_later(self._after_s, self._look)
@@ -51,14 +53,14 @@ class Deadline:
 
     def end(self) -> None:
         """Count never again: lets go of whoever would have been called."""
-        self._due_s = None
+        self._due_s = self._passed = None
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
     def _look(self) -> None:
         self._timer = None
-        if self._due_s is None:
+        if self._due_s is None or self._passed is None:
             return
         left_s = self._due_s - self._loop.time()
         if left_s > 0:

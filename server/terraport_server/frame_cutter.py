@@ -46,6 +46,11 @@ class FrameCutter:
         self._data, self._at = b"", 0
 
     @property
+    def frame_bytes(self) -> int:
+        """How long the next frame says that it is, or the rest of one; 0 while that is unknown."""
+        return self._left or _frame_bytes(self._data, self._at)
+
+    @property
     def between(self) -> bool:
         """Whether what was handed out ended with a frame."""
         return not self._left

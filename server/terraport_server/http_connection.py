@@ -19,15 +19,17 @@ from collections.abc import Callable, Sequence
 from http import HTTPStatus
 from typing import Any, Final, cast
 
-from uvicorn.protocols.http.httptools_impl import HttpToolsProtocol, RequestResponseCycle
+from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
 
-from terraport_server.client_addresses import ARRIVALS_S, too_many_of_address
+from terraport_server.bounded_requests import BoundedRequests
+from terraport_server.client_addresses import too_many_of_address
 from terraport_server.deadline import Deadline
 from terraport_server.entrance import Entrance
 from terraport_server.file_sender import FILES, FileSender, with_files
 from terraport_server.http_limits import HttpLimits
 from terraport_server.peer_limits import BoundedPeer
 from terraport_server.settings import Settings
+from terraport_server.small_reads import SmallReads
 
 __all__ = ["ANSWERED", "HttpConnection", "http_protocol_class"]
 
@@ -35,23 +37,11 @@ ANSWERED: Final = "terraport.answered"
 """Extension of a request's scope: called with the status of its answer."""
 
 MAX_PIPELINED: Final = 16
-"""Requests sent ahead of their answers. Browsers send none."""
+"""Requests in one piece of what came. What is behind a request waits for its answer, unparsed."""
 
 _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
 more are dropped unheard."""
-
-
-_ARRIVALS: Final = 10
-"""An address may connect anew so many times the bound in `ARRIVALS_S`: each second all of them."""
-
-_IN_VAIN: Final = 2
-"""And so many times the bound without being let in or getting a good answer: a handshake that leads
-nowhere costs 0.6 ms, a connection dropped unheard 0.09."""
-
-_PIECE_BYTES: Final = 4 << 10
-"""What is parsed of one connection in a turn: one read may hold 4,000 requests, which took the
-parser 100 ms to the end even where the seventeenth was one too many."""
 
 _PROXIES: Final = "proxies"
 """Whose turn it is where a proxy does not say for whom it asks."""
@@ -60,10 +50,9 @@ _PROXIES: Final = "proxies"
 Headers = Sequence[tuple[bytes, bytes]]
 
 
-class HttpConnection(HttpToolsProtocol):
+class HttpConnection(BoundedRequests):
     """One HTTP connection, until it ends or becomes a WebSocket."""
 
-    limits: HttpLimits
     entrance: Entrance
     refused: Callable[[str, str, str], None]
     """Told reason, text and client of each refusal, for metric and log."""
@@ -72,22 +61,14 @@ class HttpConnection(HttpToolsProtocol):
     _counted: str | None = None
     _full: str | None = None
     """Why this connection is one too many; said when it asks for something."""
-    _in_headers = True
-    """Whether a request's headers are waited for, or are not whole yet."""
-    _header_bytes = 0
-    _body_bytes = 0
     _files: FileSender | None = None
     """Sends ranges of files past the transport, where the connection takes them."""
-    _over = False
-    """Whether this connection is being closed for a bound: nothing more is read from it."""
     _waits = False
     """Whether it waits for its turn, and is not read meanwhile."""
-    _unread = b""
-    """What came and was not parsed yet."""
     _in_vain = True
     """Whether it got nothing but refusals so far."""
-    _in_request = False
-    """Whether the parser is within a request."""
+    _weight = 0
+    """Bytes that came and were not answered yet."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -109,26 +90,12 @@ class HttpConnection(HttpToolsProtocol):
         if key is not None:
             self._counted = key
             entrance.strangers.enter(self, key)
-            self._count(key, limits.max_connections_per_ip)
+            of_address, most = entrance.addresses.enter(key), limits.max_connections_per_ip
+            if of_address > most:
+                self._full = too_many_of_address(of_address, most)
         if open_now > _FLOOD * limits.max_connections:
             self._drop("connections", self._full or "")
         self._header_deadline.start()
-
-    def _count(self, key: str, most: int) -> None:
-        """Count a connection of an address; note that it is one too many, or drop it unheard."""
-        addresses, now_s = self.entrance.addresses, self.loop.time()
-        of_address, arrived = addresses.enter(key), addresses.arrive(key, now_s)
-        in_vain = addresses.in_vain(key, now_s)
-        if of_address > most:
-            self._full = too_many_of_address(of_address, most)
-        if of_address > _FLOOD * most:
-            self._drop("connections", self._full or "")
-        elif arrived > _ARRIVALS * most:
-            text = f"got connection {arrived} of one address in {ARRIVALS_S:g} s"
-            self._drop("connections", f"{text}, expected at most {_ARRIVALS * most}")
-        elif in_vain > _IN_VAIN * most:
-            text = f"got {in_vain} connections of one address in {ARRIVALS_S:g} s for nothing"
-            self._drop("connections", f"{text}, expected at most {_IN_VAIN * most}")
 
     def give_way(self, text: str) -> None:
         """Leave, to make room for somebody else."""
@@ -141,21 +108,35 @@ class HttpConnection(HttpToolsProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the timers and count the connection out."""
-        self._header_deadline.end()
-        self._stall_deadline.end()
         if self._end_timer is not None:
             self._end_timer.cancel()
         self._uncount()
         super().connection_lost(exc)
+        self._unset_keepalive_if_required()
+        self._unbind()
+
+    def _unbind(self) -> None:
+        """Hold nothing that holds this connection.
+
+        A ring is freed by the search for garbage alone: what a flood of connections left behind had
+        it stop the loop for 40 ms at a time.
+        """
+        self._header_deadline.end()
+        self._stall_deadline.end()
         if self._files is not None:
             self._files.close()
+            self._files = None
+        self.pipeline.clear()
+        self.parser = self.cycle = self.scope = None  # type: ignore[assignment]
 
     def data_received(self, data: bytes) -> None:
         """Read on, within the bounds."""
-        if self._over:
+        self._weight += len(data)
+        self.entrance.weigh(self, len(data))
+        if self._over:  # also because that was too much
             return
         self._unread += data
-        if self._waits:
+        if self._waits or not self._may_parse:
             self.transport.pause_reading()  # what one read brought is enough
         else:
             self._begin_next()
@@ -166,11 +147,9 @@ class HttpConnection(HttpToolsProtocol):
 
     def _take_piece(self) -> None:
         """Parse some of what came; the rest in another turn."""
-        data, self._unread = self._unread[:_PIECE_BYTES], self._unread[_PIECE_BYTES:]
-        if self._in_headers:
-            self._header_bytes += len(data)
-        super().data_received(data)
-        if not (self._waits or self._over) and (self._unread or self._counted is not None):
+        self._parse_piece()
+        is_done = not self._unread and self._counted is None and self.transport.is_reading()
+        if not (self._waits or self._over or is_done):
             self._wait(self._read_on)
         # After the parser: what came with these bytes may have been the end of the headers.
         if self._over or not self._in_headers or not self._header_bytes:
@@ -189,8 +168,7 @@ class HttpConnection(HttpToolsProtocol):
             self.scope["extensions"] = {FILES: {}}
 
     def on_headers_complete(self) -> None:
-        """Stop waiting; look at what the headers announce."""
-        self._header_deadline.stop()
+        """Look at what the headers announce."""
         if self._over:
             return
         size = len(self.url) + sum(len(name) + len(value) for name, value in self.headers)
@@ -208,31 +186,30 @@ class HttpConnection(HttpToolsProtocol):
             scope.setdefault("extensions", {})[ANSWERED] = self.answered
             super().on_headers_complete()
 
-    def on_body(self, body: bytes) -> None:
-        """Take no more of a body than anybody could need."""
-        if self._over:
-            return
-        self._body_bytes += len(body)
-        if self._body_bytes > self.limits.body_bytes:
-            text = f"got a body of more than {self.limits.body_bytes} bytes, expected none"
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "http_body", text)
-            return
-        super().on_body(body)
-
     def on_message_complete(self) -> None:
         """Begin to count the next request's headers."""
         if self._over:
             return
+        self._header_deadline.stop()
         super().on_message_complete()
         self._in_headers = True
         self._in_request = False
         self._header_bytes = 0
+        self._tail = b""
 
     def on_response_complete(self) -> None:
-        """Make sure that a connection that is closed now does close."""
+        """Go on with what came meanwhile; make sure that a connection closed now does close."""
         super().on_response_complete()
+        self._let_go()
         if self.transport.is_closing():
             self._abort_soon()
+        elif self._unread and not (self._waits or self._over):
+            self._wait(self._read_on)
+
+    def _let_go(self) -> None:
+        """Count what came no more where it was answered."""
+        self.entrance.weigh(self, len(self._unread) - self._weight)
+        self._weight = len(self._unread)
 
     def timeout_keep_alive_handler(self) -> None:
         """Close a silent connection, and make sure of it."""
@@ -294,7 +271,8 @@ class HttpConnection(HttpToolsProtocol):
         if self._over or self.transport.is_closing():
             return
         if self._unread:
-            self._take_piece()
+            if self._may_parse:
+                self._begin_next()
         elif not self.flow.read_paused:
             self.transport.resume_reading()
 
@@ -309,6 +287,8 @@ class HttpConnection(HttpToolsProtocol):
             self.entrance.strangers.leave(self)
             heir.count_by(self.entrance, self._counted, self.limits.max_connections_per_ip)
             self._counted = None
+            self.transport.set_protocol(SmallReads(heir, self.entrance.room))
+        self._unbind()
         self.transport.resume_reading()
 
     def _refuse(self, status: HTTPStatus, reason: str, text: str) -> None:
@@ -382,7 +362,11 @@ def http_protocol_class(
         (HttpConnection,),
         {
             "limits": HttpLimits.of(settings),
-            "entrance": Entrance(settings.forwarded_allow_ips),
+            "entrance": Entrance(
+                settings.forwarded_allow_ips,
+                settings.max_stranger_bytes,
+                settings.max_connections_per_ip,
+            ),
             "refused": staticmethod(refused),
         },
     )

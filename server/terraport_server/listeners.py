@@ -23,6 +23,10 @@ __all__ = ["Listeners", "host_in_url"]
 
 _BACKLOG: Final = 2048
 
+_RECEIVE_BUFFER_BYTES: Final = 64 << 10
+"""SO_RCVBUF of what is accepted: what the kernel keeps for a connection that is not read, and so
+what one read brings. By itself it lets a client send megabytes ahead; ours send little."""
+
 _NEAR_PORTS: Final = 20
 """Ports above a taken one that are tried before a free one is named: near numbers are kept in
 mind more easily."""
@@ -89,6 +93,7 @@ class Listeners:
         listener = socket.create_server(
             (address, self.port), family=family, backlog=_BACKLOG, **options
         )
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, _RECEIVE_BUFFER_BYTES)
         listener.setblocking(False)
         return listener
 

@@ -136,6 +136,7 @@ class PayloadConnection(HttpConnection):
             self.transport.abort()
             return
         self.server_state.total_requests += 1
+        self._let_go()
         if self._ends:
             self.transport.close()
             self._abort_soon()

@@ -51,18 +51,20 @@ FRAMES_AT_ONCE: Final = 32
 millisecond."""
 
 MAX_LATE_BYTES: Final = MAX_CLIENT_MESSAGE_BYTES + MAX_UNREAD_BYTES
-"""What is read behind our close, in search of the peer's own: a message that was under way."""
+"""What is read behind our close, in search of the peer's own: a message that was under way. Of a
+peer that was never let in `MAX_UNREAD_BYTES`."""
 
 MAX_LATE_FRAMES: Final = 256
+
+MAX_FIRST_BYTES: Final = 512 << 10
+"""Of the one message before the session is open: a hello that offers as many segments as it may
+takes 400 KB."""
 
 MAX_FIRST_FRAMES: Final = 64
 """Control frames and fragments before the session is open: a hello of 400 KB in pieces of 8 KB, and
 some pings."""
 
 _BAD_TEXT: Final = 1007
-
-_MOST_IN_VAIN: Final = 2
-"""As of HTTP connections: so many times the bound per address in `ARRIVALS_S`."""
 
 _FAULTS: Final = logging.getLogger("uvicorn.error.websocket")
 """Where the lines of uvicorn and of the library go: only what is a fault. The others are several
@@ -87,11 +89,11 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     _is_over = False
     """Whether the peer broke the rules of WebSocket, or a bound, and was closed for it."""
     _goes_on = False
-    """Whether the rest of what came is looked at in a later step of the event loop."""
-    _waits = False
-    """Whether it waits for its turn, and is not read meanwhile."""
+    """Whether the rest of what came is looked at in a later step of the event loop: of who is not
+    let in, when it is his turn."""
     _in_vain = True
     """Whether its end counts as that of a connection which led nowhere."""
+    _first_bytes = 0
     _first_frames = 0
     _late_bytes = 0
     _late_frames = 0
@@ -128,14 +130,11 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         if key is None:
             return None
         self._entrance.strangers.enter(self, key)
-        of_address, in_vain = addresses.enter(key), addresses.in_vain(key, self.loop.time())
+        of_address = addresses.enter(key)
         if of_address > most:
             self._in_vain = False
             return too_many_of_address(of_address, most)
-        if in_vain > _MOST_IN_VAIN * most:
-            text = f"got {in_vain} connections of one address for nothing"
-            return f"{text}, expected at most {_MOST_IN_VAIN * most}"
-        return None
+        return self._entrance.is_in_vain(key, self.loop.time())
 
     def let_in(self) -> None:
         """Note that the session is open: from here on the bounds of a client hold."""
@@ -147,6 +146,12 @@ class BoundedPeer(WebSocketsSansIOProtocol):
                 handshake.headers.clear()  # the library's parser keeps the request
         if self._entrance is not None:
             self._entrance.strangers.leave(self)
+            # Which way it reads, a transport decides as it begins to.
+            if not self.read_paused:
+                self.transport.pause_reading()
+            self.transport.set_protocol(self)
+            if not self.read_paused:
+                self.transport.resume_reading()
 
     def excuse(self) -> None:
         """Note that it is no fault of the peer's that it is not let in."""
@@ -171,6 +176,19 @@ class BoundedPeer(WebSocketsSansIOProtocol):
             self._counted = None
             self._entrance.strangers.leave(self)
         super().connection_lost(exc)
+        # Holds nothing that holds this one, or the search for garbage has to find it (and stops the
+        # loop meanwhile): the library's parser is a generator of its own connection.
+        self.conn.parser.close()
+        for fault in (self.conn.parser_exc, self.conn.handshake_exc):
+            if fault is not None:
+                fault.with_traceback(None)  # its frames, and so whatever they held
+
+    async def run_asgi(self) -> None:
+        """Serve; the handshake's scope names this connection and is not needed afterwards."""
+        try:
+            await super().run_asgi()
+        finally:
+            del self.scope
 
     def data_received(self, data: bytes) -> None:
         """Take what came frame by frame, and no message before the last one was taken."""
@@ -178,13 +196,13 @@ class BoundedPeer(WebSocketsSansIOProtocol):
             super().data_received(data)
             return
         self._cutter.add(data)
-        self._take_frames()
-        if not self.is_let_in and self._entrance is not None and self._counted is not None:
-            self._entrance.weigh(self, len(data))
-            if not self._waits:
-                self._waits = True
-                self._stop_reading()
-                self._entrance.wait(self._counted, self._have_turn)
+        if self.is_let_in or self._entrance is None or self._counted is None:
+            self._take_frames()
+            return
+        self._first_bytes += len(data)
+        self._stop_reading()
+        self._go_on()
+        self._entrance.weigh(self, len(data))
 
     async def receive(self) -> ASGIReceiveEvent:
         """Hand over what came next; read on only then."""
@@ -264,6 +282,11 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     def _take_frames(self) -> None:
         """Parse what came up to the next message; a few frames at most."""
         self._goes_on = False
+        if not (self.is_let_in or self.close_sent) and (
+            self._cutter.frame_bytes > MAX_FIRST_BYTES
+            or self._first_bytes > MAX_FIRST_BYTES + MAX_UNREAD_BYTES
+        ):
+            self._end(int(CloseCode.TOO_LARGE), ErrorCode.TOO_LARGE)
         for _ in range(FRAMES_AT_ONCE):
             if self.transport.is_closing():
                 self._cutter.clear()
@@ -285,28 +308,29 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         """Count what comes behind our close; read no more where it is too much."""
         self._late_bytes += len(piece)
         self._late_frames += 1
-        if self._late_bytes <= MAX_LATE_BYTES and self._late_frames <= MAX_LATE_FRAMES:
+        most_bytes = MAX_LATE_BYTES if self.is_let_in else MAX_UNREAD_BYTES
+        if self._late_bytes <= most_bytes and self._late_frames <= MAX_LATE_FRAMES:
             return True
         self._cutter.clear()
         self._stop_reading()
         return False
 
     def _go_on(self) -> None:
-        if not self._goes_on:
-            self._goes_on = True
+        if self._goes_on:
+            return
+        self._goes_on = True
+        if self.is_let_in or self._entrance is None or self._counted is None:
             self.loop.call_soon(self._take_frames)
+        else:
+            self._entrance.wait(self._counted, self._take_frames)
 
     def _stop_reading(self) -> None:
         if not self.read_paused:
             self.read_paused = True
             self.transport.pause_reading()
 
-    def _have_turn(self) -> None:
-        self._waits = False
-        self._read_on()
-
     def _read_on(self) -> None:
-        if self.read_paused and not self._waits and (self.close_sent or self.queue.empty()):
+        if self.read_paused and not self._goes_on and (self.close_sent or self.queue.empty()):
             self.read_paused = False
             self.transport.resume_reading()
 

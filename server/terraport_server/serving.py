@@ -1,4 +1,4 @@
-"""Running the service: in the foreground until a signal, or in a thread beside other work."""
+"""Running the service in the foreground, until a signal."""
 
 from __future__ import annotations
 
@@ -8,34 +8,29 @@ import os
 import signal
 import socket
 import sys
-import threading
 import time
 from collections.abc import Awaitable, Callable
-from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
-from urllib.parse import quote
 
 import uvicorn
 
 from terraport_server.app import create_app
 from terraport_server.descriptors import make_room
+from terraport_server.doorway import Doorway
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.group_connection import GroupConnection, passing_class
 from terraport_server.large_buffers import keep_large_buffers
-from terraport_server.listeners import Listeners, host_in_url
+from terraport_server.listeners import Listeners
 from terraport_server.logs import configure_logging
 from terraport_server.mailbox import Parcel
 from terraport_server.payload_connection import answering_class
 from terraport_server.service import Service
 from terraport_server.settings import Settings
+from terraport_server.small_reads import SmallReads
 from terraport_server.supervisor import Supervisor
 from terraport_server.transport import protocol_class
-from terraport_store import is_url
 
-__all__ = ["BackgroundServer", "TerraportServer", "make_server", "run"]
+__all__ = ["TerraportServer", "make_server", "run"]
 
-_START_TIMEOUT_S = 60.0
 _HTTP_GRACE_S = 2.5
 """A health check every two seconds comes by once."""
 
@@ -52,6 +47,7 @@ class TerraportServer(uvicorn.Server):
         """Awaited at the very end, when every connection is closed."""
         self.owns_process = False
         """Whether nothing else lives here: then what was loaded is never searched for garbage."""
+        self.doorways: list[Doorway] = []
         self._retiring = False
         self._loop: asyncio.AbstractEventLoop | None = None
 
@@ -62,19 +58,25 @@ class TerraportServer(uvicorn.Server):
         assert issubclass(kind, GroupConnection)
         return kind
 
-    async def accept_from(self, listener: socket.socket) -> asyncio.Server:
+    def accept_from(self, listener: socket.socket) -> Doorway:
         """Accept clients of one more socket, which is closed at the end."""
-        loop, config = asyncio.get_running_loop(), self.config
-        server = await loop.create_server(
-            self._new_connection, sock=listener, ssl=config.ssl, backlog=config.backlog
+        kind = self.http_class
+        doorway = Doorway(
+            listener,
+            lambda: self._small_reads(self._new_connection()),
+            kind.entrance,
+            kind.refused,
+            tls=self.config.ssl,
+            handshake_timeout_s=kind.limits.header_timeout_s,
+            max_coming=kind.limits.max_connections,
         )
-        self.servers.append(server)
-        return server
+        self.doorways.append(doorway)
+        return doorway
 
-    def stop_accepting(self, server: asyncio.Server) -> None:
+    def stop_accepting(self, doorway: Doorway) -> None:
         """Accept no more from there; who was accepted stays."""
-        server.close()
-        self.servers.remove(server)
+        doorway.close()
+        self.doorways.remove(doorway)
 
     async def take_over(self, parcel: Parcel) -> None:
         """Serve a connection that another process accepted."""
@@ -82,10 +84,13 @@ class TerraportServer(uvicorn.Server):
         connection.parcel = parcel
         parcel.connection.setblocking(False)
         try:
-            loop = asyncio.get_running_loop()
-            await loop.connect_accepted_socket(lambda: connection, parcel.connection)
+            loop, reads = asyncio.get_running_loop(), self._small_reads(connection)
+            await loop.connect_accepted_socket(lambda: reads, parcel.connection)
         except OSError:  # the client is gone
             parcel.connection.close()
+
+    def _small_reads(self, connection: GroupConnection) -> SmallReads:
+        return SmallReads(connection, self.http_class.entrance.room)
 
     def _new_connection(self) -> GroupConnection:
         return self.http_class(
@@ -105,7 +110,9 @@ class TerraportServer(uvicorn.Server):
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         """Start to accept clients."""
         self._loop = asyncio.get_running_loop()
-        await super().startup(sockets)
+        await super().startup([])
+        for listener in sockets or ():
+            self.accept_from(listener)
         if self.config.ssl is not None:
             self.service.access.watch_certificate(self.config.ssl)
         if self.owns_process:
@@ -113,9 +120,9 @@ class TerraportServer(uvicorn.Server):
             # A search through all modules stops the loop for tens of milliseconds.
             gc.collect()
             gc.freeze()
-            # A closed connection is a ring of 150 objects, its buffers and 10 KB; by default 450
-            # of them would wait for the next full search, which is cheap now.
-            gc.set_threshold(700, 5, 2)
+            # Connections leave no rings: the full search is for what fails, and would stop the loop
+            # for 20 ms where a thousand are open.
+            gc.set_threshold(2000, 10, 10)
         if self.started and self.on_started is not None:
             await self.on_started()
 
@@ -130,6 +137,9 @@ class TerraportServer(uvicorn.Server):
         await asyncio.gather(draining, return_exceptions=True)
         if self._retiring:
             await self._let_http_go()
+        for doorway in self.doorways:
+            doorway.close()
+            await doorway.wait_closed()
         await super().shutdown(sockets)
         if self.on_ended is not None:
             await self.on_ended()
@@ -140,8 +150,8 @@ class TerraportServer(uvicorn.Server):
         To close theirs would cut off a request that is on its way, which a proxy's pool always may
         have; said with an answer, the next request goes to the successor.
         """
-        for server in self.servers:
-            server.close()
+        for doorway in self.doorways:
+            doorway.close()
         headers = self.server_state.default_headers
         self.server_state.default_headers = [*headers, (b"connection", b"close")]
 
@@ -285,115 +295,3 @@ def _core_count() -> int:
     """Cores that this process may use; a container's quota of CPU time is not looked at."""
     affinity = getattr(os, "sched_getaffinity", None)  # Linux alone has it
     return os.cpu_count() or 1 if affinity is None else len(affinity(0))
-
-
-class BackgroundServer:
-    """The service in a thread, on a free port of this machine; a context manager.
-
-    ::
-
-        with BackgroundServer(scenes_dir) as server:
-            print(server.url)
-
-    Parameters
-    ----------
-    scenes_dir
-        A folder of scenes, or one scene; or the address of such in object storage, as a str.
-    listeners
-        Where it listens, of one slot, opened before; closed at the end. By default on `host` and
-        `port`.
-    **overrides
-        Any other fields of :class:`Settings`.
-
-    Raises
-    ------
-    SettingsError
-        When the settings cannot be served with.
-    ServerError
-        When the address cannot be had.
-    """
-
-    def __init__(
-        self, scenes_dir: Path | str, *, listeners: Listeners | None = None, **overrides: Any
-    ) -> None:
-        overrides.setdefault("host", "127.0.0.1")
-        overrides.setdefault("port", 0)
-        overrides["workers"] = 1  # a thread of this process is all there is
-        if is_url(scenes_dir):
-            overrides["scenes_url"] = scenes_dir
-        else:
-            overrides["scenes_dir"] = Path(scenes_dir)
-        settings = Settings(**overrides)
-        self._server = make_server(settings)
-        self._listeners = listeners or Listeners(settings.host, settings.port, 1)
-        self._thread = threading.Thread(target=self._run, name="terraport-server", daemon=True)
-        self._failure: BaseException | None = None
-
-    @property
-    def service(self) -> Service:
-        """The running service. It lives on its own thread's event loop: look, do not call."""
-        return self._server.service
-
-    @property
-    def port(self) -> int:
-        """The port that it listens on."""
-        return self._listeners.port
-
-    @property
-    def url(self) -> str:
-        """Address of the service, ``http://HOST:PORT``."""
-        return f"http://{host_in_url(self._server.config.host)}:{self.port}"
-
-    def scene_url(self, scene_id: str) -> str:
-        """Address of one scene."""
-        return f"{self.url}/scenes/{quote(scene_id, safe='')}"
-
-    def viewer_url(self, scene_id: str) -> str | None:
-        """Address of the viewer with one scene open; None where no viewer is served."""
-        if self.service.viewer is None:
-            return None
-        return f"{self.url}/#scene={quote(scene_id, safe='')}"
-
-    def start(self) -> None:
-        """Start and wait until clients are served.
-
-        Raises
-        ------
-        ServerError
-            When it does not come up.
-        """
-        self._thread.start()
-        waited = threading.Event()
-        for _ in range(int(_START_TIMEOUT_S / 0.01)):
-            if self._server.started:
-                return
-            if not self._thread.is_alive():
-                break
-            waited.wait(0.01)
-        self.stop()
-        raise ServerError(f"the service did not start: {self._failure!r}")
-
-    def stop(self) -> None:
-        """Drain, stop and wait; may be called again."""
-        self._server.should_exit = True
-        if self._thread.is_alive():
-            self._thread.join()
-        self._listeners.close()
-
-    def __enter__(self) -> Self:
-        self.start()
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.stop()
-
-    def _run(self) -> None:
-        try:
-            self._server.run(sockets=self._listeners.of(0))
-        except BaseException as error:  # noqa: BLE001 - handed to the thread that asked
-            self._failure = error

@@ -73,6 +73,7 @@ class SessionClock:
     def stop(self) -> None:
         """Tick no more, whatever is told to the session."""
         self._leaves = True
+        self._wake = _nobody
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
@@ -91,3 +92,7 @@ class SessionClock:
             self.fault = error
         self._wake()
         self.look()
+
+
+def _nobody() -> None:
+    """Wake none: the session is over."""

@@ -145,6 +145,9 @@ class Settings(BaseSettings):
     """Open connections of any kind; more are answered 503."""
     max_connections_per_ip: Annotated[int, Field(ge=1)] = 64
     """Open connections of one address, WebSockets among them as long as they live."""
+    max_stranger_bytes: Annotated[int, Field(ge=1 << 20, le=MAX_INTEGER)] = 32 << 20
+    """What all who are not let in have sent and was not answered, together; an eighth of it from
+    one address."""
     max_sessions: Annotated[int, Field(ge=1)] = 256
     max_sessions_per_ip: Annotated[int, Field(ge=1)] = 32
     max_message_bytes: Annotated[int, Field(ge=1024, le=MAX_CLIENT_MESSAGE_BYTES)] = 1 << 20

@@ -10,19 +10,17 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from collections import Counter
-from typing import Final, Generic, TypeVar
+from typing import Generic, TypeVar
 
-__all__ = ["MAX_STRANGER_BYTES", "Strangers"]
-
-MAX_STRANGER_BYTES: Final = 64 << 20
-"""What all of them together may have sent: their messages are in memory until they are whole. A
-hello that offers as many segments as it may takes 400 KB of it."""
+__all__ = ["Strangers"]
 
 P = TypeVar("P")
 
 
 class Strangers(Generic[P]):
     """Connections by address, in the order of their coming, and the bytes that each has sent.
+
+    What they sent is in memory until it is whole, understood and answered.
 
     Examples
     --------
@@ -48,13 +46,18 @@ class Strangers(Generic[P]):
         self._address[peer] = address
         self._of.setdefault(address, {})[peer] = 0
 
-    def weigh(self, peer: P, count: int) -> None:
-        """Note that it sent so many bytes; nothing where it was counted out."""
+    def weigh(self, peer: P, count: int) -> int:
+        """Note that it sent so many bytes, or that fewer count; return those of its address.
+
+        Nothing where it was counted out.
+        """
         address = self._address.get(peer)
-        if address is not None:
-            self._of[address][peer] += count
-            self._bytes_of[address] += count
-            self.total_bytes += count
+        if address is None:
+            return 0
+        self._of[address][peer] += count
+        self._bytes_of[address] += count
+        self.total_bytes += count
+        return self._bytes_of[address]
 
     def leave(self, peer: P) -> None:
         """Count it out: it is let in, or gone; may be called again."""
@@ -79,5 +82,13 @@ class Strangers(Generic[P]):
         """Return the connection that sent most, of the address that sent most."""
         if not self._of:
             return None
-        peers = self._of[max(self._of, key=lambda address: self._bytes_of[address])]
+        return self._heaviest_of(max(self._of, key=lambda address: self._bytes_of[address]))
+
+    def heaviest_beside(self, peer: P) -> P | None:
+        """Return the connection that sent most, of the same address; None where it left."""
+        address = self._address.get(peer)
+        return None if address is None else self._heaviest_of(address)
+
+    def _heaviest_of(self, address: str) -> P:
+        peers = self._of[address]
         return max(peers, key=lambda peer: peers[peer])

@@ -209,6 +209,8 @@ async def _serve(
         if is_counted:
             service.dismiss(client)
         chronicle.closed()
+        # What is told to both holds them, and they hold it: no rings, see HttpConnection.
+        session = sender = None  # type: ignore[assignment]
 
 
 def _let_in(

@@ -17,6 +17,7 @@ from types import FrameType
 from typing import Any
 
 from terraport_server.control import Channel
+from terraport_server.doorway import Doorway
 from terraport_server.errors import ServerError
 from terraport_server.logs import configure_logging, log
 from terraport_server.mailbox import Mailbox, Parcel
@@ -61,7 +62,7 @@ class _Worker:
         self._slot = slot
         self._mail_end = mail_end
         self._mailbox: Mailbox | None = None
-        self._adopted: dict[int, list[asyncio.Server]] = {}
+        self._adopted: dict[int, list[Doorway]] = {}
         self._channel: Channel | None = None
         self._scrapes: dict[int, asyncio.Future[bytes]] = {}
         self._asked = 0
@@ -122,19 +123,19 @@ class _Worker:
                 if answer is not None and not answer.done():
                     answer.set_result(message["page"].encode())
             elif kind == "listen":
-                await self._listen(set(message["slots"]))
+                self._listen(set(message["slots"]))
             elif kind == "retire":
                 self._server.retire()
         self._server.should_exit = True  # the supervisor is gone
 
-    async def _listen(self, slots: set[int]) -> None:
+    def _listen(self, slots: set[int]) -> None:
         """Accept the new clients of these workers, beside our own, and of no others."""
         for slot in set(self._adopted) - slots:
-            for server in self._adopted.pop(slot):
-                self._server.stop_accepting(server)
+            for doorway in self._adopted.pop(slot):
+                self._server.stop_accepting(doorway)
         for slot in slots - {self._slot} - set(self._adopted):
             self._adopted[slot] = [
-                await self._server.accept_from(listener.dup()) for listener in self._listeners[slot]
+                self._server.accept_from(listener.dup()) for listener in self._listeners[slot]
             ]
 
     def _take(self, parcel: Parcel) -> None:

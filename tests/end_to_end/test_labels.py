@@ -23,7 +23,7 @@ from command_line import Built, run_terraport
 import terraport.sync
 from terraport_payload import decode_glb
 from terraport_pipeline.model import to_scene
-from terraport_server.serving import BackgroundServer
+from terraport_server.background_server import BackgroundServer
 from terraport_store import Scene, read_names, validate_scene
 
 BUILD = (

@@ -20,7 +20,7 @@ from terraport_pipeline.model import Mesh, Survey, to_crs, to_scene
 from terraport_pipeline.stages import pack, segment
 from terraport_pipeline.workflow.pack_step import publish_tiles
 from terraport_pipeline.workflow.segment_step import segment_tiles
-from terraport_server.serving import BackgroundServer
+from terraport_server.background_server import BackgroundServer
 from terraport_store import Scene
 from terraport_store.manifest import BuildInfo, InputInfo
 

@@ -7,7 +7,8 @@ import asyncio
 import pytest
 
 from terraport_server.entrance import Entrance
-from terraport_server.strangers import MAX_STRANGER_BYTES
+
+MAX_BYTES = 32 << 20
 
 
 class Peer:
@@ -23,7 +24,7 @@ def test_one_step_of_all_strangers_in_a_step_of_the_loop() -> None:
     done: list[str] = []
 
     async def work() -> list[int]:
-        entrance = Entrance("")
+        entrance = Entrance("", MAX_BYTES)
         for number in range(1000):
             entrance.wait("192.0.2.1", lambda n=number: done.append(f"a{n}"))
         for number in range(2):
@@ -43,7 +44,7 @@ def test_a_step_that_fails_stops_nobody() -> None:
 
     async def work() -> None:
         asyncio.get_running_loop().set_exception_handler(lambda *_: done.append(0))
-        entrance = Entrance("")
+        entrance = Entrance("", MAX_BYTES)
         entrance.wait("192.0.2.1", lambda: 1 // 0)  # type: ignore[arg-type, return-value]
         entrance.wait("192.0.2.1", lambda: done.append(1))
         for _ in range(3):
@@ -54,7 +55,7 @@ def test_a_step_that_fails_stops_nobody() -> None:
 
 
 def test_room_is_made_by_whom_most_came_with() -> None:
-    entrance, peers = Entrance(""), [Peer() for _ in range(3)]
+    entrance, peers = Entrance("", MAX_BYTES), [Peer() for _ in range(3)]
     assert not entrance.make_room()
     for peer, address in zip(peers, "abb", strict=True):
         entrance.strangers.enter(peer, address)
@@ -65,7 +66,7 @@ def test_room_is_made_by_whom_most_came_with() -> None:
 
 @pytest.mark.parametrize("many", [True, False])
 def test_unfinished_messages_are_bounded_together(many: bool) -> None:
-    entrance, honest = Entrance(""), Peer()
+    entrance, honest = Entrance("", MAX_BYTES), Peer()
     entrance.strangers.enter(honest, "b")
     entrance.weigh(honest, 400_000)
     peers = [Peer() for _ in range(200 if many else 1)]
@@ -73,7 +74,7 @@ def test_unfinished_messages_are_bounded_together(many: bool) -> None:
         entrance.strangers.enter(peer, "a")
     for _ in range(2):
         for peer in peers:
-            entrance.weigh(peer, MAX_STRANGER_BYTES // len(peers))
-    assert entrance.strangers.total_bytes <= MAX_STRANGER_BYTES
+            entrance.weigh(peer, MAX_BYTES // len(peers))
+    assert entrance.strangers.total_bytes <= MAX_BYTES
     assert honest.gave_way is None
     assert sum(peer.gave_way is not None for peer in peers) >= len(peers) // 2

@@ -14,6 +14,7 @@ from typing import Any
 
 import httpx
 import msgpack
+import numpy as np
 import pytest
 from eventually import eventually
 from server.grid_scene import write_grid_scene
@@ -21,9 +22,14 @@ from server.plain_client import PlainClient, make_hello
 from uvicorn.protocols.utils import ClientDisconnected
 
 from terraport_server import BackgroundServer, client_addresses, sender
-from terraport_server.peer_limits import FRAMES_PER_MESSAGE, MAX_FIRST_FRAMES, BoundedPeer
-from terraport_server.strangers import MAX_STRANGER_BYTES
-from terraport_wire import SUBPROTOCOL, decode, encode
+from terraport_server.entrance import ADDRESS_SHARE
+from terraport_server.peer_limits import (
+    FRAMES_PER_MESSAGE,
+    MAX_FIRST_BYTES,
+    MAX_FIRST_FRAMES,
+    BoundedPeer,
+)
+from terraport_wire import HELD_DTYPE, MAX_HELD_SEGMENTS, SUBPROTOCOL, decode, encode
 
 PING, CLOSE, BINARY, TEXT, CONT = 9, 8, 2, 1, 0
 TOKEN = "a-token-of-enough-characters"
@@ -185,8 +191,8 @@ def decoded(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     "message",
     [
         msgpack.packb({"type": "wave", "later": [None] * 200}),
-        msgpack.packb({"type": "wave", "later": [[0] * 16_000] * 60}),
-        msgpack.packb({"later": [[0] * 16_000] * 60, "type": "wave"}),
+        msgpack.packb({"type": "wave", "later": [[0] * 16_000] * 30}),
+        msgpack.packb({"later": [[0] * 16_000] * 30, "type": "wave"}),
         msgpack.packb({"type": "bye"}),
         b"",
     ],
@@ -207,14 +213,14 @@ def test_of_a_stranger_one_message_is_decoded(
 
 def test_a_stranger_that_keeps_on_sending_is_not_read(scenes: Path, decoded: list[int]) -> None:
     """Nor does what it sent behind the close keep it from being closed."""
-    sent, blob = 0, frame(BINARY, bytes(1 << 20))
+    sent, blob = 0, frame(BINARY, bytes(400_000))
     with BackgroundServer(scenes, token=TOKEN) as server, raw_connect(server.port) as at:
         with contextlib.suppress(OSError):
             while sent < 64 * len(blob):
                 at.sendall(blob)
                 sent += len(blob)
         eventually(lambda: not server._server.server_state.connections)
-    assert decoded == [1 << 20]
+    assert decoded == [400_000]
     assert sent < 64 * len(blob)
 
 
@@ -334,6 +340,25 @@ def test_before_hello_a_few_frames_are_taken(scenes: Path, blob: bytes) -> None:
             assert close_code(drained(at)) == 4429
 
 
+def test_a_first_message_that_says_it_is_too_large_is_not_waited_for(scenes: Path) -> None:
+    """A megabyte was taken in before it was refused, of each of hundreds."""
+    with BackgroundServer(scenes, token=TOKEN) as server, raw_connect(server.port) as at:
+        at.sendall(frame(BINARY, bytes(MAX_FIRST_BYTES + 1))[:100])
+        assert close_code(drained(at)) == 4413
+
+
+def test_the_longest_hello_is_taken(scenes: Path) -> None:
+    """In reads of 8 KB, each in its turn."""
+    with (
+        BackgroundServer(scenes, token=TOKEN, forwarded_allow_ips="") as server,
+        PlainClient(server.scene_url("grid")) as client,
+    ):
+        table = np.zeros(MAX_HELD_SEGMENTS, dtype=HELD_DTYPE)
+        table["id"] = np.arange(MAX_HELD_SEGMENTS)
+        welcome = client.hello(token=TOKEN, held=table)
+        assert welcome.held_count == 0
+
+
 def test_who_says_no_hello_takes_no_session(scenes: Path) -> None:
     """Eight addresses with 32 each, without any token, kept everybody else out."""
     limits = {"max_sessions": 2, "max_sessions_per_ip": 2, "token": TOKEN}
@@ -417,11 +442,12 @@ def test_unfinished_messages_of_strangers_are_bounded(scenes: Path) -> None:
     limits = {"token": TOKEN, "max_connections_per_ip": 200, "forwarded_allow_ips": ""}
     with BackgroundServer(scenes, **limits) as server, ExitStack() as stack:
         connections = server._server.server_state.connections
-        half = frame(BINARY, bytes(4_000_000))[:-1]
+        half = frame(BINARY, bytes(400_000))[:-1]
         for _ in range(20):
             at = stack.enter_context(raw_connect(server.port))
             with contextlib.suppress(OSError):
                 at.sendall(half)
         eventually(lambda: len(connections) < 20)
         (entrance,) = {one._entrance for one in connections}
-        assert entrance.strangers.total_bytes <= MAX_STRANGER_BYTES
+        most = server.service.settings.max_stranger_bytes // ADDRESS_SHARE
+        assert most // 2 < entrance.strangers.total_bytes <= most

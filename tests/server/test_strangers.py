@@ -21,7 +21,11 @@ def test_the_oldest_of_the_address_with_most() -> None:
     strangers.weigh("b2", 10)
     strangers.weigh("c1", 8)
     strangers.weigh("b3", 1)
-    strangers.weigh("b1", 1000)  # gone
+    assert strangers.weigh("b1", 1000) == 0  # gone
+    assert strangers.weigh("b3", 2) == 13
+    assert strangers.weigh("b3", -1) == 12
+    assert strangers.heaviest_beside("b3") == "b2"
+    assert strangers.heaviest_beside("b1") is None
     assert strangers.heaviest() == "b2"
     strangers.leave("b2")
     assert strangers.heaviest() == "c1"

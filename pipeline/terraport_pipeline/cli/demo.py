@@ -33,7 +33,7 @@ from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import RichProgress
 from terraport_server.errors import ServerError
 from terraport_server.listeners import Listeners
-from terraport_server.serving import BackgroundServer
+from terraport_server.background_server import BackgroundServer
 from terraport_store import end_building, say_building
 
 if TYPE_CHECKING:

@@ -1,0 +1,132 @@
+"""The service in a thread, beside other work of the same process."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Final, Self
+from urllib.parse import quote
+
+from terraport_server.errors import ServerError
+from terraport_server.listeners import Listeners, host_in_url
+from terraport_server.service import Service
+from terraport_server.serving import make_server
+from terraport_server.settings import Settings
+from terraport_store import is_url
+
+__all__ = ["BackgroundServer"]
+
+_START_TIMEOUT_S: Final = 60.0
+
+
+class BackgroundServer:
+    """The service in a thread, on a free port of this machine; a context manager.
+
+    ::
+
+        with BackgroundServer(scenes_dir) as server:
+            print(server.url)
+
+    Parameters
+    ----------
+    scenes_dir
+        A folder of scenes, or one scene; or the address of such in object storage, as a str.
+    listeners
+        Where it listens, of one slot, opened before; closed at the end. By default on `host` and
+        `port`.
+    **overrides
+        Any other fields of :class:`Settings`.
+
+    Raises
+    ------
+    SettingsError
+        When the settings cannot be served with.
+    ServerError
+        When the address cannot be had.
+    """
+
+    def __init__(
+        self, scenes_dir: Path | str, *, listeners: Listeners | None = None, **overrides: Any
+    ) -> None:
+        overrides.setdefault("host", "127.0.0.1")
+        overrides.setdefault("port", 0)
+        overrides["workers"] = 1  # a thread of this process is all there is
+        if is_url(scenes_dir):
+            overrides["scenes_url"] = scenes_dir
+        else:
+            overrides["scenes_dir"] = Path(scenes_dir)
+        settings = Settings(**overrides)
+        self._server = make_server(settings)
+        self._listeners = listeners or Listeners(settings.host, settings.port, 1)
+        self._thread = threading.Thread(target=self._run, name="terraport-server", daemon=True)
+        self._failure: BaseException | None = None
+
+    @property
+    def service(self) -> Service:
+        """The running service. It lives on its own thread's event loop: look, do not call."""
+        return self._server.service
+
+    @property
+    def port(self) -> int:
+        """The port that it listens on."""
+        return self._listeners.port
+
+    @property
+    def url(self) -> str:
+        """Address of the service, ``http://HOST:PORT``."""
+        return f"http://{host_in_url(self._server.config.host)}:{self.port}"
+
+    def scene_url(self, scene_id: str) -> str:
+        """Address of one scene."""
+        return f"{self.url}/scenes/{quote(scene_id, safe='')}"
+
+    def viewer_url(self, scene_id: str) -> str | None:
+        """Address of the viewer with one scene open; None where no viewer is served."""
+        if self.service.viewer is None:
+            return None
+        return f"{self.url}/#scene={quote(scene_id, safe='')}"
+
+    def start(self) -> None:
+        """Start and wait until clients are served.
+
+        Raises
+        ------
+        ServerError
+            When it does not come up.
+        """
+        self._thread.start()
+        waited = threading.Event()
+        for _ in range(int(_START_TIMEOUT_S / 0.01)):
+            if self._server.started:
+                return
+            if not self._thread.is_alive():
+                break
+            waited.wait(0.01)
+        self.stop()
+        raise ServerError(f"the service did not start: {self._failure!r}")
+
+    def stop(self) -> None:
+        """Drain, stop and wait; may be called again."""
+        self._server.should_exit = True
+        if self._thread.is_alive():
+            self._thread.join()
+        self._listeners.close()
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.stop()
+
+    def _run(self) -> None:
+        try:
+            self._server.run(sockets=self._listeners.of(0))
+        except BaseException as error:  # noqa: BLE001 - handed to the thread that asked
+            self._failure = error

@@ -1,0 +1,129 @@
+"""Where connections are accepted: a few in a step of the loop, and who is turned away cheaply.
+
+The event loop's own servers accept whatever waits in one step, and make transport and protocol for
+each: a flood of connections kept everybody else waiting for as long as 2,048 of them take, 0.1 to
+0.2 ms each. Here whoever is turned away unheard costs an accept and a close, and everybody else has
+a turn in between. A TLS handshake counts for its address from the beginning.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import ssl
+from collections.abc import Callable
+from typing import Any, Final
+
+from terraport_server.entrance import Entrance
+
+__all__ = ["Doorway"]
+
+_ACCEPTED_AT_ONCE: Final = 64
+_LET_IN_AT_ONCE: Final = 8
+"""Of them: a transport and a protocol each, a tenth of a millisecond."""
+
+_PAUSE_S: Final = 0.1
+"""Until it is tried again where no descriptor was left."""
+
+
+class Doorway:
+    """Accepts from one listening socket, which is closed with it; in the form of a server.
+
+    Parameters
+    ----------
+    listener
+        Not blocking.
+    make_connection
+        Makes the protocol of a connection.
+    entrance
+        Says who is turned away.
+    refused
+        Told reason, text and client of each who is.
+    tls
+        Spoken with everybody, if given.
+    handshake_timeout_s
+        Of TLS.
+    max_coming
+        TLS handshakes under way; more are turned away.
+    """
+
+    def __init__(
+        self,
+        listener: socket.socket,
+        make_connection: Callable[[], asyncio.BaseProtocol],
+        entrance: Entrance,
+        refused: Callable[[str, str, str], None],
+        *,
+        tls: ssl.SSLContext | None,
+        handshake_timeout_s: float,
+        max_coming: int,
+    ) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._listener = listener
+        self._make_connection = make_connection
+        self._entrance = entrance
+        self._refused = refused
+        self._tls = tls
+        self._timeout_s = None if tls is None else handshake_timeout_s
+        self._max_coming = max_coming
+        self._coming: set[asyncio.Task[None]] = set()
+        self._accepting = self._loop.create_task(self._accept())
+
+    def close(self) -> None:
+        """Accept no more; may be called again."""
+        self._accepting.cancel()
+        self._listener.close()
+
+    async def wait_closed(self) -> None:
+        """Wait for those who are on their way in."""
+        if self._coming:
+            await asyncio.wait(self._coming)
+
+    async def _accept(self) -> None:
+        """Accept until cancelled."""
+        while True:
+            try:
+                self._greet(*await self._loop.sock_accept(self._listener))
+                self._greet_waiting()
+            except BlockingIOError:
+                continue  # nobody else waits
+            except ConnectionError:
+                continue  # who waited is gone
+            except OSError:
+                await asyncio.sleep(_PAUSE_S)  # no descriptor is left
+            await asyncio.sleep(0)
+
+    def _greet_waiting(self) -> None:
+        most_coming = len(self._coming) + _LET_IN_AT_ONCE
+        for _ in range(_ACCEPTED_AT_ONCE):
+            self._greet(*self._listener.accept())
+            if len(self._coming) >= most_coming:
+                return
+
+    def _greet(self, connection: socket.socket, address: Any) -> None:
+        """Turn somebody away, or begin to let him in."""
+        host = str(address[0])
+        key = self._entrance.addresses.counted(host)
+        refused = None if key is None else self._entrance.turns_away(key, self._loop.time())
+        if refused is None and len(self._coming) >= self._max_coming:
+            refused = f"got more than {self._max_coming} connections that are not made yet"
+        if refused is not None:
+            connection.close()
+            self._refused("connections", refused, host)
+            return
+        task = self._loop.create_task(self._let_in(connection, key))
+        self._coming.add(task)
+        task.add_done_callback(self._coming.discard)
+
+    async def _let_in(self, connection: socket.socket, key: str | None) -> None:
+        connection.setblocking(False)
+        try:
+            with self._entrance.coming(key):
+                await self._loop.connect_accepted_socket(
+                    self._make_connection,
+                    connection,
+                    ssl=self._tls,
+                    ssl_handshake_timeout=self._timeout_s,
+                )
+        except OSError:  # gone, or no TLS
+            connection.close()

@@ -1,0 +1,149 @@
+"""Who is turned away at the door, how many are let in at once, and TLS that goes nowhere."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+import time
+from collections.abc import Awaitable, Callable
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+from eventually import eventually
+from server.grid_scene import write_grid_scene
+from server.test_access_watch import write_certificate
+
+from terraport_server import BackgroundServer
+from terraport_server.doorway import _LET_IN_AT_ONCE, Doorway
+from terraport_server.entrance import Entrance
+
+KEY = "127.0.0.1"
+
+
+class Guest(asyncio.Protocol):
+    def __init__(self, entrance: Entrance) -> None:
+        self.entrance = entrance
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        self.entrance.addresses.enter(KEY)
+
+
+def at_door(
+    count: int, entrance: Entrance, watch: Callable[[list[Guest]], Awaitable[None]]
+) -> list[str]:
+    """Have so many connections wait, then open the door; return what those turned away are told."""
+    told: list[str] = []
+
+    async def work() -> None:
+        with (
+            socket.create_server(("127.0.0.1", 0), backlog=count) as listener,
+            ExitStack() as stack,
+        ):
+            listener.setblocking(False)
+            for _ in range(count):
+                stack.enter_context(socket.create_connection(listener.getsockname()))
+            guests: list[Guest] = []
+
+            def come() -> Guest:
+                guests.append(Guest(entrance))
+                return guests[-1]
+
+            doorway = Doorway(
+                listener,
+                come,
+                entrance,
+                lambda reason, text, host: told.append(f"{reason} {host}: {text}"),
+                tls=None,
+                handshake_timeout_s=1.0,
+                max_coming=1000,
+            )
+            await watch(guests)
+            doorway.close()
+            await doorway.wait_closed()
+
+    asyncio.run(work())
+    return told
+
+
+def test_a_few_are_let_in_in_a_step_of_the_loop() -> None:
+    """All that waited were, 2,048 of them 0.1 to 0.2 ms each, before anybody else had a turn."""
+    most = 0
+
+    async def watch(guests: list[Guest]) -> None:
+        nonlocal most
+        before = 0
+        while len(guests) < 100:
+            await asyncio.sleep(0)
+            most, before = max(most, len(guests) - before), len(guests)
+
+    assert at_door(100, Entrance("", 1 << 20, 1000), watch) == []
+    assert 0 < most <= _LET_IN_AT_ONCE + 1
+
+
+def test_who_is_one_too_many_gets_no_protocol() -> None:
+    entrance = Entrance("", 1 << 20, 2)
+
+    async def watch(guests: list[Guest]) -> None:
+        await asyncio.sleep(0.2)
+        assert len(guests) <= 2 * 2 + _LET_IN_AT_ONCE  # those on their way when it is full
+
+    told = at_door(40, entrance, watch)
+    assert len(told) >= 40 - 4 - _LET_IN_AT_ONCE
+    assert told[0].startswith("connections 127.0.0.1: got connection")
+
+
+def test_who_came_in_vain_again_and_again_is_turned_away() -> None:
+    entrance = Entrance("", 1 << 20, 2)
+    now_s = 0.0
+    for _ in range(4):
+        entrance.addresses.came_in_vain("a", now_s)
+    assert entrance.turns_away("a", now_s) is None
+    entrance.addresses.came_in_vain("a", now_s)
+    assert "for nothing" in (entrance.turns_away("a", now_s) or "")
+    assert entrance.turns_away("b", now_s) is None
+
+
+@pytest.mark.parametrize("first", [b"", b"\x16\x03\x01\x02\x00\x01"], ids=["silent", "half"])
+def test_half_a_tls_handshake_counts_and_ends(tmp_path: Path, first: bytes) -> None:
+    """It had a minute, and counted for nobody."""
+    write_grid_scene(tmp_path / "scenes" / "grid", cells=2)
+    write_certificate(tmp_path, "localhost")
+    with (
+        BackgroundServer(
+            tmp_path / "scenes",
+            tls_certificate=tmp_path / "cert.pem",
+            tls_key=tmp_path / "key.pem",
+            http_header_timeout_s=1.0,
+            max_connections_per_ip=2,
+            forwarded_allow_ips="",
+        ) as server,
+        ExitStack() as stack,
+    ):
+        began_s = time.monotonic()
+        raws = []
+        for _ in range(12):
+            raw = stack.enter_context(socket.create_connection(("127.0.0.1", server.port)))
+            raw.setblocking(False)
+            with contextlib.suppress(OSError):
+                raw.sendall(first)
+            raws.append(raw)
+
+        def ended() -> int:
+            return sum(has_ended(raw) for raw in raws)
+
+        eventually(lambda: ended() >= 12 - 2 * 2 - _LET_IN_AT_ONCE)
+        eventually(lambda: ended() == 12, 20)
+        assert time.monotonic() - began_s < 30
+
+
+def has_ended(raw: socket.socket) -> bool:
+    try:
+        while raw.recv(4096, socket.MSG_PEEK):
+            raw.recv(4096)
+    except BlockingIOError:
+        return False
+    except OSError:
+        return True
+    return True
