@@ -11,13 +11,13 @@ labels are carried back to the nearest faces that look the same way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from terraport_payload.types import Float64, Int32, Int64
+from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.engines.body_sight import body_sight
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.shape_diameter import shape_diameter
@@ -41,13 +41,13 @@ from terraport_pipeline.geometry.mesh.face_measures import face_areas, face_cent
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
 from terraport_pipeline.geometry.regions.triangle_pool import face_similarity
 
-__all__ = ["BodySegmenter", "base_pieces", "body_facts", "part_merges"]
+__all__ = ["BODY_GRAPH", "BodySegmenter", "base_pieces", "body_facts", "part_merges"]
 
 PIECES: Final = 80
 """Pieces to begin with: what the best choice of unions leaves wrong of people's segmentations is a
 1 - RI of .029 (40 pieces: .038, 300: .018)."""
-LEAST_SHARE: Final = 0.002
-"""Pieces below this share of the surface join a neighbour first."""
+BODY_GRAPH: Final = replace(SHAPE_GRAPH, small_share=0.002)
+"""How pieces are made; the threshold is not used."""
 _MOST_FACES: Final = 60_000
 """Bodies of more faces are cut on a copy."""
 _COPY_FACES: Final = 30_000
@@ -56,12 +56,11 @@ _TURN_SHARE: Final = 0.02
 pass through a wall."""
 
 
-def base_pieces(mesh: SegmenterMesh, options: GraphOptions = SHAPE_GRAPH) -> tuple[Int32, int]:
+def base_pieces(mesh: SegmenterMesh, options: GraphOptions = BODY_GRAPH) -> tuple[Int32, int]:
     """Cut into the pieces that parts are made of; labels (F,) and their number."""
     graph = graph_of_mesh(mesh, options)
-    tree = merge_graph(graph, options).tree
-    labels, count = tree.cut_by_count(PIECES)
-    return join_small(graph, options.weights, labels, count, min(options.small_share, LEAST_SHARE))
+    labels, count = merge_graph(graph, options).tree.cut_by_count(PIECES)
+    return join_small(graph, options.weights, labels, count, options.small_share)
 
 
 def body_facts(mesh: SegmenterMesh, thickness: Float64, *, threads: int = 1) -> BodyFacts:
@@ -89,7 +88,7 @@ def body_facts(mesh: SegmenterMesh, thickness: Float64, *, threads: int = 1) -> 
 
 def part_merges(
     mesh: SegmenterMesh,
-    options: GraphOptions = SHAPE_GRAPH,
+    options: GraphOptions = BODY_GRAPH,
     *,
     thickness: Float64 | None = None,
     weights: PartWeights | None = None,
@@ -102,8 +101,7 @@ def part_merges(
     mesh : SegmenterMesh
         Closed; colours are not looked at.
     options : GraphOptions
-        How pieces are made; those below ``small_share``, or ``LEAST_SHARE`` where that is less,
-        join a neighbour.
+        How pieces are made; those below ``small_share`` join a neighbour.
     thickness : ndarray of shape (F,), float64, optional
         Shape diameter, where the caller has it.
     weights : PartWeights, optional
@@ -126,8 +124,7 @@ def part_merges(
 class BodySegmenter:
     """Parts of a closed body: pieces of the graph engine, united as people would."""
 
-    options: GraphOptions = SHAPE_GRAPH
-    """How pieces are made; the threshold is not used."""
+    options: GraphOptions = BODY_GRAPH
     count: int | None = None
     """Regions to make, as many as the surface has pieces at least; None: as many as people would.
     Above what pieces there are, the graph engine's own cut."""
@@ -147,6 +144,8 @@ class BodySegmenter:
             carried = _carry(mesh, SegmenterMesh(vertices, faces))
         else:
             vertices, faces, carried = mesh.vertices, mesh.faces, None
+        if _volume(vertices, faces) < 0.0:
+            faces = np.ascontiguousarray(faces[:, ::-1])  # wound inwards: pairs stay as they are
         bare = SegmenterMesh(vertices, faces, pairs=mesh.pairs if carried is None else None)
         merges = part_merges(bare, self.options, threads=self.threads)
         fine = merges.base
@@ -181,8 +180,15 @@ def _carry(mesh: SegmenterMesh, copy: SegmenterMesh) -> Int64:
 def _whole(mesh: SegmenterMesh, labels: Int32, options: GraphOptions) -> tuple[Int32, int]:
     """Let splinters that carrying made join a neighbour; labels hang together."""
     pieces, count = components(len(labels), mesh.edge_pairs()[0], labels=labels)
-    least = min(options.small_share, LEAST_SHARE)
-    return join_small(graph_of_mesh(mesh, options), options.weights, pieces, count, least)
+    return join_small(
+        graph_of_mesh(mesh, options), options.weights, pieces, count, options.small_share
+    )
+
+
+def _volume(vertices: Float32, faces: Int32) -> float:
+    """Enclosed volume, negative where faces are wound inwards."""
+    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
+    return float((a * np.cross(b, c)).sum()) / 6.0
 
 
 def _normals(vertices: Float64, faces: Int32) -> Float64:

@@ -13,17 +13,23 @@ from typing import Final
 
 from terraport_payload.types import Int32
 from terraport_pipeline.geometry.graph.graph_segmenter import SHAPE_GRAPH, merge_graph
+from terraport_pipeline.geometry.graph.merge_tree import MergeTree
 from terraport_research.cutters.contract import Body, Cut, Cutter
 
-__all__ = ["NORMALISED_CUTS", "PAPER_CONCAVITY"]
+__all__ = ["NORMALISED_CUTS", "PAPER_CONCAVITY", "paper_tree"]
 
 PAPER_CONCAVITY: Final = 10.0
 """Exponent of a concave fold's weight, as printed."""
 _WEIGHTS: Final = replace(SHAPE_GRAPH.weights, concavity=PAPER_CONCAVITY)
 
 
+def paper_tree(body: Body) -> MergeTree:
+    """All unions, the one that lowers the normalised cut most first."""
+    return merge_graph(body.graph, replace(SHAPE_GRAPH, weights=_WEIGHTS)).tree
+
+
 def _prepare(body: Body) -> Cut:
-    tree = merge_graph(body.graph, replace(SHAPE_GRAPH, weights=_WEIGHTS)).tree
+    tree = paper_tree(body)
 
     def cut(k: int) -> Int32:
         return tree.cut_by_count(k)[0]

@@ -26,8 +26,8 @@ __all__ = ["SHAPE_DIAMETER", "fit_gaussians"]
 _LEVELS: Final = 5
 _ROUNDS: Final = 40
 _LEAST_DEVIATION: Final = 0.01
-_SMOOTHNESS: Final = 0.6
-"""Of borders against likelihoods; the paper leaves it open. Chosen on every fourth model."""
+_SMOOTHNESS: Final = 8.0
+"""Of borders against likelihoods; the paper leaves it open. Chosen on every eighth model."""
 _CONVEX: Final = 0.08
 """Share of a convex fold that counts (the paper says only that concave folds count more)."""
 _FLATTEST: Final = 1e-3
@@ -91,5 +91,5 @@ SHAPE_DIAMETER: Final = Cutter(
     prepare=_prepare,
     thesis="SD",
     departs="Five Gaussians for every model; the weight of borders, which the paper leaves open, "
-    "was chosen on every fourth model.",
+    "was chosen on every eighth model.",
 )
