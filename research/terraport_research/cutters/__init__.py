@@ -19,7 +19,7 @@ from terraport_research.cutters.tpa import TPA
 __all__ = ["CUTTERS", "Body", "Cut", "Cutter"]
 
 CUTTERS: Final[dict[str, Cutter]] = {
-    one.key: one for one in (AUTOMATIC, GRAPH, TPA, RANDOMISED_CUTS, NORMALISED_CUTS,
-                                    SHAPE_DIAMETER, K_MEANS)
+    one.key: one
+    for one in (AUTOMATIC, GRAPH, TPA, RANDOMISED_CUTS, NORMALISED_CUTS, SHAPE_DIAMETER, K_MEANS)
 }
 """Every algorithm by its key, in the order of the page."""

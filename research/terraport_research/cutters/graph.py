@@ -32,14 +32,14 @@ def _prepare_automatic(body: Body) -> Cut:
 GRAPH: Final = Cutter(
     "graph",
     "Graph, told k",
-    "terraport: greedy merging by the normalised cut, folds weighed",
+    "terraport: pieces of the normalised cut, united by likelihood",
     takes_k=True,
     prepare=_prepare,
 )
 AUTOMATIC: Final = Cutter(
     "automatic",
     "Graph, automatic",
-    "terraport: the same, cut at a threshold that knows no scale",
+    "terraport: the same, while most people would unite",
     takes_k=False,
     prepare=_prepare_automatic,
 )

@@ -96,10 +96,13 @@ def _prepare(body: Body) -> Cut:
 def _pieces_of(body: Body) -> _Pieces:
     of_face, count = paper_tree(body).cut_by_count(_PIECES)
     area = np.bincount(of_face, body.area, count)
-    centres = np.stack(
-        [np.bincount(of_face, body.area * body.centres[:, axis], count) for axis in range(3)],
-        axis=1,
-    ) / np.maximum(area, 1e-300)[:, None]
+    centres = (
+        np.stack(
+            [np.bincount(of_face, body.area * body.centres[:, axis], count) for axis in range(3)],
+            axis=1,
+        )
+        / np.maximum(area, 1e-300)[:, None]
+    )
     a, b = of_face[body.neighbours[0]].T
     across = a != b
     low, high = np.minimum(a, b)[across], np.maximum(a, b)[across]

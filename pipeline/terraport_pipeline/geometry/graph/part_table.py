@@ -103,9 +103,7 @@ class PartTable:
         # (1) Of parts: area, log thickness and its square, place, spread, normals.
         second = (place[:, :, None] * place[:, None, :]).reshape(-1, 9)
         rows = [np.ones(len(labels)), thick, thick**2, *place.T, *second.T, *body.normals.T]
-        self._parts = np.stack(
-            [np.bincount(labels, share * row, count) for row in rows], axis=1
-        )
+        self._parts = np.stack([np.bincount(labels, share * row, count) for row in rows], axis=1)
         # (2) Of borders: length, folds at three scales, thickness.
         a, b = labels[body.pairs[:, 0]], labels[body.pairs[:, 1]]
         across = a != b
