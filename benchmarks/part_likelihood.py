@@ -61,6 +61,7 @@ class Subject:
 
     @classmethod
     def of(cls, model: Model) -> Subject:
+        """Measure a model as a build does."""
         body = Body(model.vertices, model.faces)
         mesh = SegmenterMesh(body.vertices32, body.faces, pairs=body.neighbours)
         labels, count = base_pieces(mesh)
@@ -79,6 +80,7 @@ class Subject:
         return total / len(self.people)
 
     def score(self, labels: Int32) -> Float64:
+        """Measures, means over people, and the number of segments."""
         pieces = self.mesh.split(labels)
         table = np.array([compare(self.mesh, pieces, person) for person in self.people])
         with warnings.catch_warnings():

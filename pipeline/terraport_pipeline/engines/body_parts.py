@@ -1,4 +1,4 @@
-"""Closed bodies without colour cut into the parts that people see, behind the segmenter's interface.
+"""Closed bodies without colour cut into the parts that people see: a segmenter.
 
 1. The graph engine's merge tree by shape is cut into some eighty pieces: their borders lie where
    the surface folds inwards, and hardly a border of people's is missed.
@@ -36,7 +36,7 @@ from terraport_pipeline.geometry.graph.part_merge import (
     merge_parts,
 )
 from terraport_pipeline.geometry.graph.part_table import BodyFacts
-from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
+from terraport_pipeline.geometry.mesh.adjacency import components
 from terraport_pipeline.geometry.mesh.face_measures import face_areas, face_centres
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
 from terraport_pipeline.geometry.regions.triangle_pool import face_similarity

@@ -1,4 +1,4 @@
-"""The graph engine on bodies: pieces united as people would, told the number of segments and not."""
+"""The graph engine on bodies, told the number of segments and not."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 1. The body is cut into some hundred small pieces (the paper: simplified to 4,000 faces).
 2. A part is cut in two many times: from two pieces drawn by lot, along the least cut between them.
-   Concave folds are cheap; borders near either piece are dear, so that a cut does not just go around
-   one of them.
+   Concave folds are cheap; borders near either piece are dear, so that a cut does not just go
+   around one of them.
 3. How often a border lies on a cut is its share of the *partition function*. Of the cuts made, the
    one whose borders lie on most others is the part's.
 4. The part whose cut is worth most, agreement times the share of the body on its smaller side, is
@@ -37,8 +37,8 @@ _CUTS: Final = 40
 _LEAST_SHARE: Final = 0.02
 """Cuts with less than this share of the part's area on a side are not taken."""
 _NEAR: Final = 2.0
-"""A border beside one of the two pieces costs this many times more than one half way. Chosen on every
-sixteenth model, and so is what a cut is worth."""
+"""A border beside one of the two pieces costs this many times more than one half way. Chosen on
+every sixteenth model, and so is what a cut is worth."""
 _LEAST_WEIGHT: Final = 1e-3
 
 
@@ -95,7 +95,7 @@ def _prepare(body: Body) -> Cut:
 
 def _pieces_of(body: Body) -> _Pieces:
     of_face, count = paper_tree(body).cut_by_count(_PIECES)
-    area = np.bincount(of_face, body.area, count)
+    area = np.bincount(of_face, body.area, count).astype(np.float64)
     centres = (
         np.stack(
             [np.bincount(of_face, body.area * body.centres[:, axis], count) for axis in range(3)],
@@ -111,10 +111,10 @@ def _pieces_of(body: Body) -> _Pieces:
     inwards = np.maximum(-body.folds[across], 0.0)
     weight = length * np.maximum((1.0 - inwards / np.pi) ** PAPER_CONCAVITY, _LEAST_WEIGHT)
     pairs = np.stack(np.divmod(cells, count), axis=1).astype(np.int32)
-    n = len(cells)
-    return _Pieces(
-        of_face, area, centres, pairs, np.bincount(cell, length, n), np.bincount(cell, weight, n)
+    lengths, weights = (
+        np.bincount(cell, values, len(cells)).astype(np.float64) for values in (length, weight)
     )
+    return _Pieces(of_face, area, centres, pairs, lengths, weights)
 
 
 def _best_split(pieces: _Pieces, items: Int32, rng: np.random.Generator) -> _Split:
@@ -173,7 +173,7 @@ RANDOMISED_CUTS: Final = Cutter(
     takes_k=True,
     prepare=_prepare,
     thesis="RC",
-    departs="600 pieces of the mesh in place of 4,000 faces of a simplified one; 40 cuts of a part; "
-    "a cut's agreement counts by the share of the body that it cuts off; borders are not refined on "
-    "the whole mesh.",
+    departs="600 pieces of the mesh in place of 4,000 faces of a simplified one; 40 cuts of a "
+    "part; a cut's agreement counts by the share of the body that it cuts off; borders are not "
+    "refined on the whole mesh.",
 )

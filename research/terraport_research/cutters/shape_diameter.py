@@ -1,7 +1,7 @@
 """Segmentation by shape diameter: a mixture of Gaussians, and a graph cut.
 
-How thick the body is under every face, on a log scale and smoothed (``shape_index``), is taken for a
-mixture of five Gaussians. Every face gets one of these, so that the likelihoods and the borders
+How thick the body is under every face, on a log scale and smoothed (``shape_index``), is taken for
+a mixture of five Gaussians. Every face gets one of these, so that the likelihoods and the borders
 together cost least; a border costs more the flatter it is, and much more where it is convex.
 
 References

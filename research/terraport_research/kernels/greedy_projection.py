@@ -165,7 +165,7 @@ def _grow(
     grid: PointGrid,
     surface: _Surface,
 ) -> None:  # pragma: no cover - compiled
-    """Give every sample its turn: those at the front first, in the order in which they got there."""
+    """Give every sample its turn: those at the front first, as they got there."""
     n = len(points)
     queue = np.empty(n, np.int64)
     queued = np.zeros(n, np.bool_)
@@ -227,9 +227,9 @@ def _join(
         q = near[slot]
         if q == p or away[slot] == 0.0 or held == _MOST_NEIGHBOURS:
             continue
-        linked = _find_edge(surface, p, q) >= 0
+        is_linked = _find_edge(surface, p, q) >= 0
         cosine = nx * normals[q, 0] + ny * normals[q, 1] + nz * normals[q, 2]
-        if not linked and (cosine < _LEAST_COSINE or away[slot] > limit):
+        if not is_linked and (cosine < _LEAST_COSINE or away[slot] > limit):
             continue
         if limit == np.inf:
             limit = away[slot] * times * times

@@ -103,21 +103,22 @@ class PartTable:
         # (1) Of parts: area, log thickness and its square, place, spread, normals.
         second = (place[:, :, None] * place[:, None, :]).reshape(-1, 9)
         rows = [np.ones(len(labels)), thick, thick**2, *place.T, *second.T, *body.normals.T]
-        self._parts = np.stack([np.bincount(labels, share * row, count) for row in rows], axis=1)
+        columns = [np.bincount(labels, share * row, count) for row in rows]
+        self._parts = np.stack(columns, axis=1).astype(np.float64)
         # (2) Of borders: length, folds at three scales, thickness.
         a, b = labels[body.pairs[:, 0]], labels[body.pairs[:, 1]]
         across = a != b
         a, b, pairs = a[across], b[across], body.pairs[across]
         length = body.edge_lengths[across] / unit
-        columns = [np.ones(len(a))]
+        borders = [np.ones(len(a))]
         for rounds in _SMOOTH_ROUNDS:
             fold = _folds(_smooth(body, rounds), body.centres, pairs)
             inwards, outwards = np.maximum(-fold, 0.0), np.maximum(fold, 0.0)
-            columns += [inwards, outwards, (1.0 - inwards / np.pi) ** _SHARPNESS]
-        columns.append((thick[pairs[:, 0]] + thick[pairs[:, 1]]) / 2)
+            borders += [inwards, outwards, (1.0 - inwards / np.pi) ** _SHARPNESS]
+        borders.append((thick[pairs[:, 0]] + thick[pairs[:, 1]]) / 2)
         cell = a.astype(np.int64) * count + b
         half = np.stack(
-            [np.bincount(cell, length * one, count * count) for one in columns]
+            [np.bincount(cell, length * one, count * count) for one in borders]
         ).reshape(-1, count, count)
         self._borders = half + half.transpose(0, 2, 1)
         # (3) Of any two parts: pairs of samples that see each other.
@@ -206,7 +207,7 @@ def _mean_and_spread(parts: Float64) -> tuple[Float64, Float64]:
 
 
 def _extents(parts: Float64) -> Float64:
-    """Standard deviations along a part's own axes, (N, 3) ascending, never 0."""
+    """Measure standard deviations along a part's own axes, (N, 3) ascending, never 0."""
     middle = parts[:, 3:6] / parts[:, :1]
     spread = (parts[:, 6:15] / parts[:, :1]).reshape(-1, 3, 3)
     spread -= middle[:, :, None] * middle[:, None, :]
@@ -238,7 +239,7 @@ def _log_thickness(body: BodyFacts, unit: float) -> Float64:
 
 
 def _smooth(body: BodyFacts, rounds: int) -> Float64:
-    """Normals, weighed by area, averaged with the neighbours'; unit again, (F, 3)."""
+    """Average normals, weighed by area, with the neighbours'; unit again, (F, 3)."""
     if rounds == 0:
         return body.normals
     ones = np.ones(len(body.area))

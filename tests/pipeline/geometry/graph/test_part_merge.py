@@ -29,7 +29,7 @@ def ring_of_faces(copies: int = 1) -> tuple[BodyFacts, Int32]:
     tube = np.stack([wide * np.cos(turn), wide * np.sin(turn), z], axis=-1).reshape(-1, 3)
     bands = (np.arange(len(faces)) // 2 % 8).astype(np.int32)
     faces = np.concatenate([faces + k * len(tube) for k in range(copies)])
-    vertices = np.concatenate([tube + [5.0 * k, 0, 0] for k in range(copies)])
+    vertices = np.concatenate([tube + np.array([5.0 * k, 0, 0]) for k in range(copies)])
     labels = np.concatenate([bands + 8 * k for k in range(copies)]).astype(np.int32)
     rng = np.random.default_rng(1)
     pairs, edges = face_pairs(faces, len(vertices))
