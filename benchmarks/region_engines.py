@@ -1,9 +1,8 @@
 """Regions: how well every engine finds what a person would draw.
 
-Two kinds of truth. *Quarries*: the true surface of procedural quarries, each face with its
-material, photographed with more and more noise, shadow and less contrast; the true regions are
-those of ``terraport_pipeline/synth/truth_regions.py``. *Surveys*: pieces of real surveys with
-regions drawn by hand (``tests/pipeline/geometry/truth``), where ``../shared/data`` holds them.
+Truth is the true surface of procedural quarries, each face with its material, photographed with more
+and more noise, shadow and less contrast; the true regions are those of
+``terraport_pipeline/synth/truth_regions.py``. Real surveys: ``drawn_regions.py``.
 
 Engines were tuned on seeds 3 to 6; the seeds here are others.
 
@@ -17,7 +16,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
@@ -27,6 +25,7 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.types import AnyInt
+from terraport_pipeline.geometry.borders.border_segmenter import BorderSegmenter
 from terraport_pipeline.geometry.graph.felzenszwalb import FelzenszwalbSegmenter
 from terraport_pipeline.geometry.graph.graph_segmenter import (
     COLOUR_GRAPH,
@@ -126,6 +125,7 @@ ENGINES: Final[dict[str, Engine]] = {
     "graph": graph(COLOUR_GRAPH),
     "graph, lightness 1": graph(BRIGHT_EDGES),
     "graph without colour": graph(SHAPE_GRAPH),
+    "borders": lambda mesh: BorderSegmenter().segment(mesh).regions,
     "means": means(),
     "means, lightness 1": means(lightness=1.0),
     "means, leak 0": means(leak=0.0),
@@ -168,25 +168,6 @@ def score(mesh: SegmenterMesh, truths: dict[str, AnyInt], engine: Engine) -> Row
     return row
 
 
-def surveys() -> dict[str, tuple[SegmenterMesh, dict[str, AnyInt]]]:
-    """Pieces of real surveys with hand-drawn regions, those that are there."""
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/pipeline/geometry/truth"))
-    from crops import CROPS, load_crop
-
-    meshes = {}
-    for name in CROPS:
-        crop = load_crop(name)
-        if crop is None:
-            print(f"{name}: survey not there, left out", file=sys.stderr)
-            continue
-        pairs = face_pairs(crop.faces, len(crop.vertices))
-        meshes[name] = (
-            SegmenterMesh(crop.vertices, crop.faces, crop.colours, pairs=pairs),
-            {"drawn": crop.truth},
-        )
-    return meshes
-
-
 def table(title: str, rows: list[Row], value: Callable[[list[Row]], str]) -> None:
     """Print engines down, scenes across."""
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
@@ -211,12 +192,11 @@ def main() -> None:
     parser.add_argument("--edge", type=float, default=EDGE_M, help="longest edge, metres")
     parser.add_argument("--scenes", nargs="+", choices=list(SCENES), default=list(SCENES))
     parser.add_argument("--engines", nargs="+", choices=list(ENGINES), default=list(ENGINES))
-    parser.add_argument("--only", choices=["quarries", "surveys"], help="one kind of truth")
     parser.add_argument("--json", type=Path, help="append one line of JSON per engine and scene")
-    parser.add_argument("--smoke", action="store_true", help="one small quarry, no surveys")
+    parser.add_argument("--smoke", action="store_true", help="one small quarry")
     arguments = parser.parse_args()
     if arguments.smoke:
-        arguments.seeds, arguments.edge, arguments.only = [SEEDS[0]], 8.0, "quarries"
+        arguments.seeds, arguments.edge = [SEEDS[0]], 8.0
         arguments.scenes = ["clean", "photo"]
     rows: list[Row] = []
 
@@ -229,27 +209,18 @@ def main() -> None:
                 with arguments.json.open("a", encoding="utf-8") as file:
                     file.write(json.dumps(row) + "\n")
 
-    # Quarries, whose true regions are made with them.
-    if arguments.only != "surveys":
-        for scene in arguments.scenes:
-            for seed in arguments.seeds:
-                run(scene, seed, *quarry(scene, seed, arguments.edge))
-        truth = {row["seed"]: (row["faces"], row["visible_true_regions"]) for row in rows}
-        print(f"Quarries, seed: (faces, true regions): {truth}")
-        table("1 - RI, visible materials", rows, mean("visible_error"))
-        table("1 - RI, visible materials, by area", rows, mean("visible_area_error"))
-        table("1 - RI, all materials", rows, mean("material_error"))
-        table("boundary recall, visible", rows, mean("visible_recall", ".2f"))
-        table("boundary precision, visible", rows, mean("visible_precision", ".2f"))
-        table("regions found", rows, mean("regions", ".0f"))
-        table("CPU seconds", rows, mean("cpu_s", ".2f"))
-    # Surveys, with regions drawn by hand on part of the faces.
-    if arguments.only != "quarries":
-        rows.clear()
-        for name, (mesh, truths) in surveys().items():
-            run(name, 0, mesh, truths)
-        table("1 - RI, regions drawn by hand", rows, mean("drawn_error"))
-        table("regions found", rows, mean("regions", ".0f"))
+    for scene in arguments.scenes:
+        for seed in arguments.seeds:
+            run(scene, seed, *quarry(scene, seed, arguments.edge))
+    truth = {row["seed"]: (row["faces"], row["visible_true_regions"]) for row in rows}
+    print(f"Quarries, seed: (faces, true regions): {truth}")
+    table("1 - RI, visible materials", rows, mean("visible_error"))
+    table("1 - RI, visible materials, by area", rows, mean("visible_area_error"))
+    table("1 - RI, all materials", rows, mean("material_error"))
+    table("boundary recall, visible", rows, mean("visible_recall", ".2f"))
+    table("boundary precision, visible", rows, mean("visible_precision", ".2f"))
+    table("regions found", rows, mean("regions", ".0f"))
+    table("CPU seconds", rows, mean("cpu_s", ".2f"))
 
 
 if __name__ == "__main__":

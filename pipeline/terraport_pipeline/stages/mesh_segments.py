@@ -12,11 +12,12 @@ from typing import Annotated, Any, Final, Literal
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.engines.body_parts import BODY_GRAPH, BodySegmenter
 from terraport_pipeline.engines.mesh_files.read_mesh import FileMesh
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.borders.border_segmenter import BorderSegmenter
 from terraport_pipeline.geometry.graph.graph_segmenter import (
     COLOUR_GRAPH,
     SHAPE_GRAPH,
@@ -39,17 +40,13 @@ from terraport_pipeline.stages.region_engine import (
     EngineOptions,
     RegionOptions,
     given,
+    is_closed,
     make_segmenter,
 )
 
-__all__ = ["MeshSegmentOptions", "MeshSegments", "is_closed", "segment_mesh"]
+__all__ = ["MeshSegmentOptions", "MeshSegments", "segment_mesh"]
 
 _MORE: Final = "Of one engine each, for researchers"
-_OPEN: Final = 0.1
-"""Faces of a closed surface look to all sides alike: their area vectors sum to nothing. A hill, or
-a body with a wall missing, leaves more than this share of its area."""
-_SHAPE_RANGE: Final = 2.0
-"""Upper end of the shape index with tpa: it gives the thesis's row on Princeton's models."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,11 +58,13 @@ class MeshSegmentOptions(EngineOptions):
     surface folds; other engines: the shape diameter, how thick a closed body is); an attribute of
     the mesh by its name; or a file with a number for each face or vertex (.npy, else text)."""
     engine: Annotated[Engine | None, Option(unset="means; by shape graph")] = None
-    """What cuts. means: mean colours of whole pieces. graph: borders weighed by length, fold and
+    """What cuts. means: mean colours of whole pieces. borders: where colour, texture or slope change
+    along a line, with --region-size in the unit of the mesh. graph: borders weighed by length, fold and
     colour; also cuts by shape alone. tpa: the thesis's Triangle Pool Algorithm. felzenszwalb, grid:
     to compare with."""
     k: Annotated[int | None, Option(least=1, unset="as many as there seem to be")] = None
-    """graph: this many segments, if the surface hangs together; separate pieces stay apart."""
+    """graph, borders: this many segments, if the surface hangs together; separate pieces stay
+    apart."""
     means_difference: Annotated[
         float | None, Option(heading=_MORE, above=0, most=1000, unset="from the spread")
     ] = None
@@ -152,10 +151,10 @@ class MeshSegmentOptions(EngineOptions):
 
     def _check_all(self, engine: str) -> None:
         self.check_engine(engine)
-        if self.k is not None and engine != "graph":
+        if self.k is not None and engine not in ("graph", "borders"):
             raise OptionError(
                 f"--k {self.k} with engine {engine}, which finds the number itself; expected "
-                "--engine graph"
+                "--engine graph or borders"
             )
 
 
@@ -245,14 +244,6 @@ def segment_mesh(
     )
 
 
-def is_closed(vertices: AnyArray, faces: Int32) -> bool:
-    """Tell a body from ground: whether the faces' area vectors sum to nearly nothing."""
-    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
-    vectors = np.cross(b - a, c - a)
-    total = float(np.linalg.norm(vectors, axis=1).sum())
-    return total > 0.0 and float(np.linalg.norm(vectors.sum(axis=0))) < _OPEN * total
-
-
 def _or_attribute(mesh: FileMesh) -> str:
     return f" or one of its attributes: {', '.join(sorted(mesh.attributes))}" * bool(
         mesh.attributes
@@ -290,23 +281,22 @@ def _segmenter(
     common = {field.name: getattr(options, field.name) for field in fields(EngineOptions)}
     region_by = SHAPE if by == SHAPE else COLOUR
     segmenter = make_segmenter(
-        RegionOptions(**common, engine=engine, segment_by=region_by), threads=threads
+        RegionOptions(**common, engine=engine, segment_by=region_by),
+        is_closed_body=closed,
+        threads=threads,
     )
     stated = _stated(options, engine)
+    if isinstance(segmenter, BorderSegmenter):
+        return replace(segmenter, count=options.k)
     if isinstance(segmenter, MeanColourSegmenter):
         return replace(segmenter, **stated)
     if isinstance(segmenter, GraphSegmenter):
         graph = segmenter.options or COLOUR_GRAPH
         # A closed body's parts are united as people would, or, told a drop, by the cut alone.
-        body = by == SHAPE and closed
-        united = body and options.graph_cut_drop is None
-        if body:
-            bare = BODY_GRAPH if united else SHAPE_GRAPH
-            graph = replace(
-                bare,
-                threshold=given(options.graph_cut_drop, bare.threshold),
-                small_share=given(options.small_region_share, bare.small_share),
-            )
+        united = by == SHAPE and closed and options.graph_cut_drop is None
+        if united:
+            least_share = given(options.small_region_share, BODY_GRAPH.small_share)
+            graph = replace(BODY_GRAPH, small_share=least_share)
         weighed = {key: stated.pop(key) for key in ("concavity", "colour_scale", "lightness")
                    if key in stated}  # fmt: skip
         graph = replace(graph, weights=replace(graph.weights, **weighed), **stated)
@@ -314,8 +304,6 @@ def _segmenter(
             return BodySegmenter(graph, options.k, threads)
         return GraphSegmenter(graph, options.k)
     if isinstance(segmenter, TriangleSegmenter):
-        if by == SHAPE:
-            stated = {"range": _SHAPE_RANGE} | stated
         if "range" in stated:
             stated["attribute_range"] = stated.pop("range")
         return replace(

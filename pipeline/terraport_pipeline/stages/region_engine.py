@@ -8,13 +8,15 @@ from typing import Annotated, Final, Literal, get_args
 
 import numpy as np
 
-from terraport_payload.types import Float64, Int32
+from terraport_payload.types import AnyArray, Float64, Int32
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.borders.border_segmenter import BorderSegmenter
 from terraport_pipeline.geometry.graph.felzenszwalb import FelzenszwalbSegmenter
 from terraport_pipeline.geometry.graph.graph_segmenter import (
     COLOUR_GRAPH,
     OPEN_SHAPE_GRAPH,
+    SHAPE_GRAPH,
     GraphSegmenter,
 )
 from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter
@@ -35,25 +37,34 @@ __all__ = [
     "Engine",
     "EngineOptions",
     "RegionOptions",
+    "border_segmenter",
     "check_segment_by",
     "given",
+    "is_closed",
     "make_segmenter",
     "means_segmenter",
     "segmenter_mesh",
 ]
 
-Engine = Literal["means", "graph", "tpa", "felzenszwalb", "grid"]
+Engine = Literal["borders", "means", "graph", "tpa", "felzenszwalb", "grid"]
 
 ENGINES: Final = get_args(Engine)
 """Engines that a build may be asked for; the last two are there to compare with."""
 
 COLOUR: Final = "colour"
 SHAPE: Final = "shape"
+_OPEN: Final = 0.1
+"""Faces of a closed surface look to all sides alike: their area vectors sum to nothing. A hill, or
+a body with a wall missing, leaves more than this share of its area."""
+_SHAPE_RANGE: Final = 2.0
+"""Upper end of the shape index with tpa: it gives the thesis's row on Princeton's models."""
 
 
 _OWN: Final = "Regions: of one engine each"
 """Heading of the options that one engine alone has."""
 
+_LEAST_SIZE_M: Final = 0.05
+"""Cells of a twentieth of it are finer than any survey."""
 _MOST: Final = 1e6
 """Of what has no unit or a wide one: k of felzenszwalb means something up to 30,000."""
 
@@ -62,6 +73,20 @@ _MOST: Final = 1e6
 class EngineOptions:
     """How finely an engine cuts; ``ENGINE_...`` is of that engine alone."""
 
+    borders_size_m: Annotated[
+        float | None,
+        Option(
+            flags=("--region-size",),
+            heading=_OWN,
+            least=_LEAST_SIZE_M,
+            most=1e4,
+            unit="m",
+            unset=f"{BorderSegmenter().region_size_m:g}",
+        ),
+    ] = None
+    """borders: width of the ground that a region is looked for on, metres, however large the
+    survey is. Regions below about a third of its square join a neighbour. Lower tells more
+    apart."""
     means_spread: Annotated[
         float | None,
         Option(heading=_OWN, above=0, most=100, unset=f"{MeanColourSegmenter().spread:g}"),
@@ -74,7 +99,8 @@ class EngineOptions:
             heading=_OWN,
             above=0,
             most=_MOST,
-            unset=f"{COLOUR_GRAPH.threshold:g}; by shape {OPEN_SHAPE_GRAPH.threshold:g}",
+            unset=f"{COLOUR_GRAPH.threshold:g}; by shape {OPEN_SHAPE_GRAPH.threshold:g}, of a closed "
+            f"body {SHAPE_GRAPH.threshold:g}",
         ),
     ] = None
     """graph: regions merge while that lowers the normalised cut by more than this (no unit: the
@@ -111,7 +137,7 @@ class EngineOptions:
         ),
     ] = None
     """Regions below this share of the surface (graph: of its area, else of its faces) join a
-    neighbour; grid knows none."""
+    neighbour; borders and grid know none."""
 
     def check_engine(self, engine: str) -> None:
         """Refuse what is stated of another engine.
@@ -124,7 +150,7 @@ class EngineOptions:
         for field in option_fields(type(self)):
             value, owner = getattr(self, field.name), field.name.partition("_")[0]
             is_of_others = owner in ENGINES and owner != engine
-            if engine == "grid" and field.name == "small_region_share":
+            if engine in ("borders", "grid") and field.name == "small_region_share":
                 is_of_others, owner = True, "means, graph, tpa or felzenszwalb"
             if is_of_others and value is not None:
                 raise OptionError(
@@ -137,9 +163,9 @@ class EngineOptions:
 class RegionOptions(EngineOptions):
     """Which engine, by what, and how finely."""
 
-    engine: Annotated[Engine, Option()] = "means"
-    """What cuts the surface into regions. means: mean colours of whole pieces; best on coloured
-    ground. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
+    engine: Annotated[Engine, Option()] = "borders"
+    """What cuts the surface into regions. borders: where colour, texture or slope change along a
+    line; sizes in metres; best on ground. means: mean colours of whole pieces. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
     thesis's Triangle Pool Algorithm, one number per face; blind to hue. felzenszwalb, grid: to
     compare with."""
     segment_by: Annotated[str, Option()] = "colour"
@@ -153,11 +179,27 @@ class RegionOptions(EngineOptions):
         self.check_engine(self.engine)
 
 
-def make_segmenter(options: RegionOptions, *, threads: int) -> Segmenter:
-    """Make the engine that a build asks for; `threads` at most."""
+def make_segmenter(
+    options: RegionOptions, *, is_closed_body: bool = False, threads: int
+) -> Segmenter:
+    """Make the engine that was asked for.
+
+    Parameters
+    ----------
+    options : RegionOptions
+    is_closed_body : bool
+        Whether the surface is a body's, as :func:`is_closed` says: by shape such are cut by other
+        defaults than open ground.
+    threads : int
+        At most; the result does not depend on it.
+    """
     small_share = options.small_region_share
+    by_shape = options.segment_by == SHAPE
+    if options.engine == "borders":
+        return border_segmenter(options)
     if options.engine == "graph":
-        graph = OPEN_SHAPE_GRAPH if options.segment_by == SHAPE else COLOUR_GRAPH
+        of_shape = SHAPE_GRAPH if is_closed_body else OPEN_SHAPE_GRAPH
+        graph = of_shape if by_shape else COLOUR_GRAPH
         return GraphSegmenter(
             replace(
                 graph,
@@ -176,17 +218,34 @@ def make_segmenter(options: RegionOptions, *, threads: int) -> Segmenter:
         return GridSegmenter(region_cell_m=options.grid_cell_m)
     if options.engine == "means":
         return means_segmenter(options, threads=threads)
+    value_range = _SHAPE_RANGE if by_shape else REGION_POOLS.attribute_range
     return TriangleSegmenter(
         regions=replace(
             REGION_POOLS,
+            attribute_range=value_range,
             threshold=given(options.tpa_region_threshold, REGION_POOLS.threshold),
             small_threshold=given(small_share, REGION_POOLS.small_threshold),
         ),
         fine=replace(
-            FINE_POOLS, threshold=given(options.tpa_segment_threshold, FINE_POOLS.threshold)
+            FINE_POOLS,
+            attribute_range=value_range,
+            threshold=given(options.tpa_segment_threshold, FINE_POOLS.threshold),
         ),
         threads=threads,
     )
+
+
+def border_segmenter(options: RegionOptions) -> BorderSegmenter:
+    """Make the engine of borders, which also works tile by tile."""
+    return BorderSegmenter(given(options.borders_size_m, BorderSegmenter().region_size_m))
+
+
+def is_closed(vertices: AnyArray, faces: Int32) -> bool:
+    """Tell a body from ground: whether the faces' area vectors sum to nearly nothing."""
+    a, b, c = (vertices[faces[:, corner]].astype(np.float64) for corner in range(3))
+    vectors = np.cross(b - a, c - a)
+    total = float(np.linalg.norm(vectors, axis=1).sum())
+    return total > 0.0 and float(np.linalg.norm(vectors.sum(axis=0))) < _OPEN * total
 
 
 def means_segmenter(options: RegionOptions, *, threads: int = 1) -> MeanColourSegmenter:

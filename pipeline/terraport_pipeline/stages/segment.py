@@ -48,7 +48,7 @@ class Options(RegionOptions):
     @property
     def in_one_piece(self) -> str | None:
         """What of these options needs the whole surface at once; None where tiles will do."""
-        if self.engine != "means":
+        if self.engine not in ("borders", "means"):
             return f"engine {self.engine}"
         if self.segment_by != COLOUR:
             return f"segments by {self.segment_by}"

@@ -218,17 +218,29 @@ class _Passes:
     def regions(
         self, units: TileResults, scene: TiledScene, scale: Result[SceneScale], measured: str
     ) -> Result[Regions]:
-        """Unite the units of all tiles to regions."""
+        """Unite the units of all tiles to regions; the survey before is evidence for borders."""
+        before = self.runner.before
+        stood = None if before is None else before.find(numbered_regions.SAMPLES_NAME)
+
+        def compute(context: Context) -> Regions:
+            samples = before.work.load(stood) if before is not None and stood is not None else None
+            return tiled_segment.regions(
+                units.every(), scene.seams, scale.value(), self.options, context, before=samples
+            )
+
         return self.runner.run(
             Stage(
                 "segment-regions",
                 tiled_segment,
-                lambda context: tiled_segment.regions(
-                    units.every(), scene.seams, scale.value(), self.options, context
-                ),
+                compute,
                 tiled_segment.REGIONS_FORM,
                 asdict(self.options),
-                {"units": units.digest, "measured": measured, "scale": scale.digest},
+                {
+                    "units": units.digest,
+                    "measured": measured,
+                    "scale": scale.digest,
+                    "before": "" if stood is None else stood.digest,
+                },
             )
         )
 

@@ -145,14 +145,15 @@ def test_what_is_kept_is_taken_up(meshes: Meshes, result: Labelled, tmp_path: Pa
 @pytest.mark.parametrize(
     "options",
     [
-        {"means_spread": 0.0},
-        {"means_spread": 101.0},
+        {"borders_size_m": 0.0},
+        {"engine": "means", "means_spread": 0.0},
+        {"engine": "means", "means_spread": 101.0},
         {"engine": "graph", "graph_cut_drop": -1.0},
         {"engine": "grid", "grid_cell_m": float("inf")},
         {"engine": "magic"},
         {"segment_by": ""},
         {"engine": "tpa", "tpa_segment_threshold": float("nan")},
-        {"small_region_share": 1.0},
+        {"engine": "means", "small_region_share": 1.0},
         {"min_faces": 10, "max_faces": 5},
         {"min_faces": 0},
         {"max_extent_m": -1.0},
@@ -169,7 +170,7 @@ def test_options_out_of_range(options: dict[str, float]) -> None:
         (engine, name)
         for engine in ENGINES
         for name in (
-            "means_spread", "graph_cut_drop", "tpa_region_threshold", "tpa_segment_threshold",
+            "borders_size_m", "means_spread", "graph_cut_drop", "tpa_region_threshold", "tpa_segment_threshold",
             "felzenszwalb_scale", "grid_cell_m",
         )
     ],
@@ -182,25 +183,31 @@ def test_an_option_of_one_engine_is_refused_with_every_other(engine: Any, name: 
     else:
         with pytest.raises(OptionError) as raised:
             segment.Options(**options)
-        option_text = "grid cell 0.5 m" if owner == "grid" else f"{name.replace('_', ' ')} 0.5"
+        option_text = {"grid": "grid cell 0.5 m", "borders": "region size 0.5 m"}.get(
+            owner, f"{name.replace('_', ' ')} 0.5"
+        )
+        flag = "region-size" if owner == "borders" else name.replace("_", "-")
         assert str(raised.value) == (
             f"{option_text} with engine {engine}; expected engine {owner}: leave out "
-            f"--{name.replace('_', '-')}, or change --engine"
+            f"--{flag}, or change --engine"
         )
 
 
-def test_the_grid_knows_no_small_regions() -> None:
+@pytest.mark.parametrize("engine", ["borders", "grid"])
+def test_some_engines_know_no_share_of_the_surface(engine: Any) -> None:
     with pytest.raises(
-        OptionError, match=r"small region share 0\.1 with engine grid; expected engine means"
+        OptionError,
+        match=rf"small region share 0\.1 with engine {engine}; expected engine means",
     ):
-        segment.Options(engine="grid", small_region_share=0.1)
+        segment.Options(engine=engine, small_region_share=0.1)
 
 
 @pytest.mark.parametrize(
     ("options", "field", "value"),
     [
-        (segment.Options(means_spread=0.5), "spread", 0.5),
-        (segment.Options(small_region_share=0.1), "small_share", 0.1),
+        (segment.Options(borders_size_m=8.0), "region_size_m", 8.0),
+        (segment.Options(engine="means", means_spread=0.5), "spread", 0.5),
+        (segment.Options(engine="means", small_region_share=0.1), "small_share", 0.1),
         (segment.Options(engine="graph", graph_cut_drop=0.9), "options.threshold", 0.9),
         (segment.Options(engine="graph", segment_by="shape"), "options.threshold", 2.5),
         (segment.Options(engine="graph", small_region_share=0.1), "options.small_share", 0.1),
@@ -222,6 +229,8 @@ def test_every_option_reaches_its_engine(
 @pytest.mark.parametrize(
     ("engine", "segment_by"),
     [
+        ("borders", "colour"),
+        ("borders", "height"),
         ("means", "colour"),
         ("graph", "colour"),
         ("graph", "shape"),

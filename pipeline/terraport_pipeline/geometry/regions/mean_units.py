@@ -20,7 +20,7 @@ from terraport_pipeline.geometry.mesh.chunks import in_chunks
 from terraport_pipeline.geometry.mesh.unit_rows import contract_rows, row_sums
 from terraport_pipeline.geometry.regions.merge_order import scramble
 
-__all__ = ["MeanUnits", "unite"]
+__all__ = ["MeanUnits", "join_choices", "unite"]
 
 _Rows = tuple[Int64, Int32, Int64]
 
@@ -125,7 +125,7 @@ def _round(
         ),
         len(choice), threads=threads,
     )  # fmt: skip
-    nodes, count = _join(choice, units.faces)
+    nodes, count = join_choices(choice, units.faces)
     return nodes, int(count)
 
 
@@ -208,15 +208,29 @@ def _choose(
 
 
 @numba.njit(cache=True, nogil=True)
-def _join(choice: Int32, faces: Int64) -> tuple[Int32, int]:
-    """Unite units that chose each other, and stars with their middles."""
+def join_choices(choice: Int32, size: Int64 | Float64) -> tuple[Int32, int]:
+    """Unite units that chose each other, and stars with their middles.
+
+    Parameters
+    ----------
+    choice : ndarray of shape (U,), int32
+        Unit that every unit would join; -1 for none.
+    size : ndarray of shape (U,)
+        A unit joins a larger one that chose another where that has four times its size.
+
+    Returns
+    -------
+    node : ndarray of shape (U,), int32
+        Union of every unit, numbered by first unit.
+    count : int
+    """
     count = len(choice)
     # (1) A unit whose choice is at least four times as large, and chose another, may join it all
     # the same: else large ones would grow by one neighbour a round.
     star = np.zeros(count, np.bool_)
     for u in range(count):
         v = choice[u]
-        star[u] = v >= 0 and choice[v] != u and faces[v] >= 4 * faces[u]
+        star[u] = v >= 0 and choice[v] != u and size[v] >= 4 * size[u]
     # (2) Who joins whom. Invariant: a mutual pair hangs on its lower unit, a star on a unit that is
     # none, so a root is two steps away at most.
     parent = np.arange(count).astype(np.int32)

@@ -158,6 +158,7 @@ class TriangleSegmenter:
 
 
 SEGMENTERS: Final = {
+    "borders": ("terraport_pipeline.geometry.borders.border_segmenter", "BorderSegmenter"),
     "tpa": ("terraport_pipeline.geometry.regions.segmenter", "TriangleSegmenter"),
     "graph": ("terraport_pipeline.geometry.graph.graph_segmenter", "GraphSegmenter"),
     "grid": ("terraport_pipeline.geometry.regions.grid_segmenter", "GridSegmenter"),

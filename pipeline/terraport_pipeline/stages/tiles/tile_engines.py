@@ -1,6 +1,6 @@
 """The engines that cut regions, over tiles: units within each, and regions of all units.
 
-Mean colours go by tiles. Every other engine needs the surface in one piece: it gets that as the
+Borders and mean colours go by tiles. Every other engine needs the surface in one piece: it gets that as the
 only tile, and a unit is a pool within one of its regions.
 """
 
@@ -13,7 +13,15 @@ from typing import Any, Protocol
 import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32
+from terraport_pipeline.geometry.borders.border_segmenter import RegionsBefore
+from terraport_pipeline.geometry.borders.cells import (
+    CellGraph,
+    cells_of_faces,
+    joined_cells,
+    length_steps,
+)
 from terraport_pipeline.geometry.regions.mean_scale import axis_index
+from terraport_pipeline.geometry.regions.pool_refine import number_by_first
 from terraport_pipeline.geometry.tiles.tile_seams import Seams
 from terraport_pipeline.geometry.tiles.tiled_means import (
     JoinedRegions,
@@ -25,7 +33,12 @@ from terraport_pipeline.geometry.tiles.tiled_means import (
 )
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Json, Stored
-from terraport_pipeline.stages.region_engine import make_segmenter, segmenter_mesh
+from terraport_pipeline.stages.region_engine import (
+    border_segmenter,
+    is_closed,
+    make_segmenter,
+    segmenter_mesh,
+)
 from terraport_pipeline.stages.segment import Options
 
 __all__ = ["TileEngine", "tile_engine"]
@@ -54,9 +67,17 @@ class TileEngine(Protocol):
         ...
 
     def regions(
-        self, tiles: Sequence[Stored], seams: Seams, scale: MeansScale, context: Context
+        self,
+        tiles: Sequence[Stored],
+        seams: Seams,
+        scale: MeansScale,
+        before: RegionsBefore | None,
+        context: Context,
     ) -> tuple[JoinedRegions, Mapping[str, Json]]:
-        """Unite the units of all tiles to regions, and tell of it."""
+        """Unite the units of all tiles to regions, and tell of it.
+
+        `before` are samples of the version before, in the same frame; an engine need not heed it.
+        """
         ...
 
     def index(self, mesh: Mesh, units: Stored, scale: MeansScale) -> Float32:
@@ -66,7 +87,90 @@ class TileEngine(Protocol):
 
 def tile_engine(options: Options) -> TileEngine:
     """Choose the engine that a build asks for."""
-    return _InOnePiece(options) if options.in_one_piece else _Means()
+    if options.in_one_piece:
+        return _InOnePiece(options)
+    return _Borders(options) if options.engine == "borders" else _Means()
+
+
+@dataclass(frozen=True, slots=True)
+class _Borders:
+    """Borders: a tile's units are its cells; what two tiles have of one cell is added up."""
+
+    options: Options
+
+    def units(
+        self,
+        mesh: Mesh,
+        pairs: tuple[Int32, Int32],
+        _seams: tuple[Int32, Float64],
+        _scale: MeansScale,
+        _context: Context,
+    ) -> Stored:
+        lab = colours_of_faces(mesh.colours, mesh.faces)
+        cell_m = border_segmenter(self.options).cell_m
+        cells = cells_of_faces(mesh.vertices, mesh.faces, lab, pairs, cell_m)
+        return Stored({field.name: getattr(cells, field.name) for field in fields(cells)}, {})
+
+    def regions(
+        self,
+        tiles: Sequence[Stored],
+        seams: Seams,
+        _scale: MeansScale,
+        before: RegionsBefore | None,
+        _context: Context,
+    ) -> tuple[JoinedRegions, Mapping[str, Json]]:
+        # (1) Cells of all tiles; labels of faces are looked at where they are at seams.
+        at_seams = _units_at_seams(tiles, seams)
+        graphs = [
+            CellGraph(
+                np.zeros(0, np.int32),
+                *(np.array(tile.arrays[name]) for name in ("keys", "sums", "pairs", "border")),
+            )
+            for tile in tiles
+        ]
+        starts = np.cumsum([0, *(graph.count for graph in graphs)])[:-1]
+        cells, of_tile = joined_cells(
+            graphs, at_seams + starts[seams.tiles], length_steps(seams.length_m)
+        )
+        # (2) Regions, numbered by first cell in order of the tiles, hence by first face.
+        cut = border_segmenter(self.options).cut(cells, before)
+        every = np.concatenate(of_tile)
+        region, count = number_by_first(cut.regions[every])
+        ends = np.cumsum([len(of_cells) for of_cells in of_tile])[:-1]
+        joined = JoinedRegions(
+            tuple(np.split(region, ends)),
+            tuple(cut.seeds[of_cells] for of_cells in of_tile),
+            count,
+            cut.tree.leaf_count,
+            cut.before_joining,
+            0,
+        )
+        return joined, {
+            "region_size_m": border_segmenter(self.options).region_size_m,
+            "region_cells": cells.count,
+            "region_seeds": cut.tree.leaf_count,
+            "region_pools": cut.before_joining,
+        }
+
+    def index(self, mesh: Mesh, _: Stored, scale: MeansScale) -> Float32:
+        return _place_on_axis(mesh, scale)
+
+
+def _place_on_axis(mesh: Mesh, scale: MeansScale) -> Float32:
+    """Place of every face's colour on the scene's main axis of colour."""
+    colours = colours_of_faces(mesh.colours, mesh.faces)
+    return axis_index(colours, scale.totals, scale.segmenter.weights())
+
+
+def _units_at_seams(tiles: Sequence[Stored], seams: Seams) -> Int32:
+    """Units on both sides of every seam, numbered within their tiles, (S, 2)."""
+    at_seams = np.zeros(seams.faces.shape, np.int32)
+    for number, tile in enumerate(tiles):
+        labels = tile.arrays["labels"]
+        for side in (0, 1):
+            rows = np.flatnonzero(seams.tiles[:, side] == number)
+            at_seams[rows, side] = labels[seams.faces[rows, side]]
+    return at_seams
 
 
 class _Means:
@@ -89,15 +193,16 @@ class _Means:
         return Stored(arrays, {"edge_steps": list(united.edge_steps)})
 
     def regions(
-        self, tiles: Sequence[Stored], seams: Seams, scale: MeansScale, context: Context
+        self,
+        tiles: Sequence[Stored],
+        seams: Seams,
+        scale: MeansScale,
+        _before: RegionsBefore | None,
+        context: Context,
     ) -> tuple[JoinedRegions, Mapping[str, Json]]:
-        at_seams = np.zeros(seams.faces.shape, np.int32)
+        at_seams = _units_at_seams(tiles, seams)
         units_of_tile = []
-        for number, tile in enumerate(tiles):
-            labels = tile.arrays["labels"]
-            for side in (0, 1):
-                rows = np.flatnonzero(seams.tiles[:, side] == number)
-                at_seams[rows, side] = labels[seams.faces[rows, side]]
+        for tile in tiles:
             arrays: dict[str, Any] = {
                 field.name: np.array(tile.arrays[field.name])
                 for field in fields(TileUnits)
@@ -114,9 +219,7 @@ class _Means:
         }
 
     def index(self, mesh: Mesh, _: Stored, scale: MeansScale) -> Float32:
-        # The colour's place on the scene's main axis.
-        colours = colours_of_faces(mesh.colours, mesh.faces)
-        return axis_index(colours, scale.totals, scale.segmenter.weights())
+        return _place_on_axis(mesh, scale)
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +236,11 @@ class _InOnePiece:
         _scale: MeansScale,
         context: Context,
     ) -> Stored:
-        segmenter = make_segmenter(self.options, threads=context.threads)
+        segmenter = make_segmenter(
+            self.options,
+            is_closed_body=is_closed(mesh.vertices, mesh.faces),
+            threads=context.threads,
+        )
         segmentation = segmenter.segment(
             segmenter_mesh(mesh, pairs, self.options, threads=context.threads)
         )
@@ -156,7 +263,12 @@ class _InOnePiece:
         )
 
     def regions(
-        self, tiles: Sequence[Stored], _seams: Seams, _scale: MeansScale, _context: Context
+        self,
+        tiles: Sequence[Stored],
+        _seams: Seams,
+        _scale: MeansScale,
+        _before: RegionsBefore | None,
+        _context: Context,
     ) -> tuple[JoinedRegions, Mapping[str, Json]]:
         (whole,) = tiles
         count, pools = int(whole.values["regions"]), int(whole.values["pools"])

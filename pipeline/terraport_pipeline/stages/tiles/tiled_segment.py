@@ -27,6 +27,7 @@ import xxhash
 
 from terraport_payload.types import AnyArray, Float64, Int32
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.geometry.borders.border_segmenter import RegionsBefore
 from terraport_pipeline.geometry.cover.far_detail import median_edge
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.mesh.face_measures import (
@@ -232,7 +233,13 @@ REGIONS_FORM: Final[Form[Regions]] = Form(
 
 
 def regions(
-    tiles: Sequence[Stored], seams: Seams, scale: SceneScale, options: Options, context: Context
+    tiles: Sequence[Stored],
+    seams: Seams,
+    scale: SceneScale,
+    options: Options,
+    context: Context,
+    *,
+    before: Stored | None = None,
 ) -> Regions:
     """Unite the units of all tiles to regions.
 
@@ -245,6 +252,9 @@ def regions(
     scale : SceneScale
     options : Options
     context : Context
+    before : Stored, optional
+        What ``numbered_regions.samples_of`` left of the survey before, in the same frame: evidence
+        for borders.
 
     Raises
     ------
@@ -252,13 +262,19 @@ def regions(
         More regions than can be told apart at run time.
     """
     context.progress.start("segment: regions across tiles", None, "units")
+    stood = None
+    if before is not None:
+        stood = RegionsBefore(
+            np.array(before.arrays["point"], np.float64),
+            np.array(before.arrays["region"], np.int32),
+        )
     joined, facts = tile_engine(options).regions(
-        tiles, seams, _means_scale(scale, options), context
+        tiles, seams, _means_scale(scale, options), stood, context
     )
     if joined.count > MAX_REGIONS:
         raise OptionError(
             f"{joined.count} regions; at most {MAX_REGIONS} can be told apart at run time: raise "
-            "--small-region-share, or change the engine's own threshold (terraport build --help)"
+            "--region-size or --small-region-share, or change the engine's own threshold (terraport build --help)"
         )
     context.progress.done({"regions": joined.count})
     return Regions(joined, dict(facts))

@@ -1,0 +1,289 @@
+"""Regions whose borders follow what is seen on the ground: the engine of ``borders``.
+
+1. Faces are summed up to cells, a twentieth of the region size wide (``cells.py``).
+2. Every cell gets features of its near and wide surroundings, every two neighbouring cells the
+   gradient between them (``evidence.py``).
+3. Cells are united to *seeds*, a fifth of the region size wide at most.
+4. Seeds are united at rising cost, by the strength of their common border and the difference of
+   their means (``unions.py``), to one tree. Regions are what is united at the cost 1; small ones
+   then join a neighbour. Above that the unions go on, so that any granularity is read off the tree.
+
+Every size is in metres and every threshold comes from the two units that it parts, so the same
+ground is cut alike whatever else was flown. Where there is a version before, its borders count as
+evidence (``unions.py``): what noise could tip stays as it was.
+
+With one tile or many the cells are the same, and so is all that follows: the result does not depend
+on tiles, threads or the numbering of vertices.
+
+PURE: no I/O, no clock. About 200 bytes per face while cells are summed up, then 500 per cell.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64
+from terraport_pipeline.geometry.borders.cells import (
+    LAB_STEPS,
+    LENGTH_STEPS,
+    CellGraph,
+    cells_of_faces,
+)
+from terraport_pipeline.geometry.borders.evidence import Weights, cell_features, gradients
+from terraport_pipeline.geometry.borders.unions import CostRule, Units, unite_level, unite_seeds
+from terraport_pipeline.geometry.graph.merge_tree import MergeTree, merge_tree
+from terraport_pipeline.geometry.regions.colour import face_lab
+from terraport_pipeline.geometry.regions.mean_scale import ColourTotals, axis_index
+from terraport_pipeline.geometry.regions.pool_refine import number_by_first
+from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
+
+__all__ = ["BorderCut", "BorderSegmenter", "RegionsBefore", "compared_steps"]
+
+_CELLS: Final = 20
+"""Cells across the region size."""
+_SEEDS: Final = 5
+"""Seeds across the region size."""
+_LEAST_SHARE: Final = 0.35
+"""Least area of a region, as a share of the region size squared."""
+_LEVELS: Final = 16
+"""Steps of the rising cost up to regions."""
+_COARSER: Final = (1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, np.inf)
+"""Costs of the unions above regions."""
+_SQUARE_MM: Final = 1e6
+_REACH_CELLS: Final = 2.0
+"""A sample of the version before speaks for cells no farther than this."""
+_SCALAR_RANGE: Final = 100.0
+"""A scalar is scaled to 0 to this, as lightness runs."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RegionsBefore:
+    """Samples of the surface of the version before, in the same frame."""
+
+    points: Float64
+    """(N, 3) metres."""
+    regions: Int32
+    """(N,) region of each."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class BorderCut:
+    """Seeds and regions of cells, and the tree that both are read from."""
+
+    seeds: Int32
+    """(U,) seed of every cell, numbered by first cell."""
+    regions: Int32
+    """(U,) region of every cell, numbered by first cell."""
+    tree: MergeTree
+    """Over the seeds; a union's cost is 1 where regions are united no more."""
+    before_joining: int
+    """Number of regions before small ones joined."""
+
+
+@dataclass(frozen=True, slots=True)
+class BorderSegmenter:
+    """Regions by their borders; sizes in metres."""
+
+    region_size_m: float = 15.0
+    """Width of the ground that regions are looked for on: evidence is taken over a fraction of it,
+    and less than a third of its square joins a neighbour. Lower tells more apart. > 0."""
+    strength: float = 1.0
+    """Cost, in units of the automatic one, up to which regions unite. Lower tells more apart."""
+    weights: Weights = Weights()
+    count: int | None = None
+    """So many regions, if the surface hangs together; None: as many as there seem to be."""
+
+    def __post_init__(self) -> None:
+        """Refuse values outside their range before any work."""
+        for name in ("region_size_m", "strength"):
+            value = getattr(self, name)
+            if not 0.0 < value < np.inf:
+                msg = f"{name} is {value}, expected a number above 0"
+                raise ValueError(msg)
+
+    @property
+    def name(self) -> str:
+        """Name of the engine in options and manifests: ``"borders"``."""
+        return "borders"
+
+    @property
+    def cell_m(self) -> float:
+        """Side of a cell, metres."""
+        return self.region_size_m / _CELLS
+
+    @property
+    def rule(self) -> CostRule:
+        """What decides whether two units are one region."""
+        return CostRule(least_m2=_LEAST_SHARE * self.region_size_m**2)
+
+    def segment(self, mesh: SegmenterMesh) -> Segmentation:
+        """Cut the mesh into regions and fine pools; see :class:`~.segmenter.Segmenter`.
+
+        Where the mesh has a scalar, it is compared instead of colours; where it has neither, slope
+        alone is.
+        """
+        if len(mesh.faces) == 0:
+            none = np.zeros(0, np.int32)
+            return Segmentation(none, 0, none, np.zeros(0, np.float32))
+        steps = compared_steps(mesh)
+        cells = cells_of_faces(mesh.vertices, mesh.faces, steps, mesh.edge_pairs(), self.cell_m)
+        cut = self.cut(cells)
+        regions, count = number_by_first(cut.regions[cells.labels])
+        weight = np.array([self.weights.lightness, 1.0, 1.0]) / LAB_STEPS
+        return Segmentation(
+            regions=regions,
+            region_count=count,
+            fine=number_by_first(cut.seeds[cells.labels])[0],
+            similarity=axis_index(steps, ColourTotals.of(steps), weight),
+            facts={
+                "region_size_m": self.region_size_m,
+                "region_cells": cells.count,
+                "region_seeds": cut.tree.leaf_count,
+                "region_pools": cut.before_joining,
+            },
+        )
+
+    def cut(self, cells: CellGraph, before: RegionsBefore | None = None) -> BorderCut:
+        """Unite cells to seeds and regions.
+
+        Parameters
+        ----------
+        cells : CellGraph
+            Of the whole surface, at least one.
+        before : RegionsBefore, optional
+
+        Returns
+        -------
+        BorderCut
+        """
+        # (1) Evidence.
+        units = self._units(cells, before)
+        rule = replace(self.rule, noticed=self.rule.noticed * self.strength)
+        rule = replace(rule, noise=rule.noise * self.strength)
+        # (2) Seeds, then unions of seeds at rising cost.
+        seeds, seed_of = unite_seeds(units, (self.region_size_m / _SEEDS) ** 2, rule)
+        area = np.rint(seeds.sums[:, 0] * _SQUARE_MM).astype(np.int64)
+        record = _TreeRecord(seeds.count)
+        left = seeds
+        for level in range(1, _LEVELS + 1):
+            limit = COST_OF_A_BORDER * level / _LEVELS
+            left, rounds = unite_level(left, rule, limit)
+            record.add(rounds, level / _LEVELS)
+        pools = left.count
+        # (3) Small ones join the neighbour of least cost; what touches nothing, the nearest.
+        left, rounds = unite_level(left, rule, np.inf, small=True)
+        record.add(rounds, 1.0)
+        islands = left.sums[:, 0] < rule.least_m2
+        for coarser in _COARSER:
+            left, rounds = unite_level(left, rule, COST_OF_A_BORDER * coarser)
+            record.add(rounds, coarser)
+        tree = merge_tree(seeds.count, record.children(), record.costs(), area)
+        if self.count is not None:
+            of_seed, _ = tree.cut_by_count(self.count)
+            return BorderCut(seed_of, of_seed[seed_of], tree, pools)
+        of_seed, _ = tree.cut_by_cost(1.0)
+        regions = of_seed[seed_of]
+        if islands.any() and not islands.all():
+            small = np.bincount(of_seed, seeds.sums[:, 0]) < rule.least_m2
+            regions = _join_nearest(cells.middles(self.cell_m), regions, small)
+        return BorderCut(seed_of, number_by_first(regions)[0], tree, pools)
+
+    def _units(self, cells: CellGraph, before: RegionsBefore | None) -> Units:
+        near, wide = cell_features(cells, self.weights, self.cell_m)
+        steepness = gradients(cells, near, wide)
+        features = np.column_stack([near[:, :3], wide[:, 3], near[:, 4:]])
+        area = cells.sums[:, :1] / _SQUARE_MM
+        length = cells.border / LENGTH_STEPS
+        held = np.zeros(len(length))
+        if before is not None and len(before.points):
+            distance, nearest = cKDTree(before.points).query(cells.middles(self.cell_m))
+            region = before.regions[nearest]
+            known = distance <= _REACH_CELLS * self.cell_m
+            low, high = cells.pairs.T
+            held = np.where(region[low] == region[high], -1.0, 1.0) * (known[low] & known[high])
+        return Units(
+            np.column_stack([area, area * features]),
+            np.zeros((cells.count, 2)),
+            cells.pairs,
+            np.column_stack([length, length * steepness, length * held]),
+            np.arange(cells.count, dtype=np.int32),
+        )
+
+
+COST_OF_A_BORDER: Final = 4.0
+"""Cost, as ``unions.py`` counts it, at which two units are two regions: the mean over four pieces
+of surveys drawn by hand was least there (``benchmarks/results/2026-11-24-regions.md``)."""
+
+
+class _TreeRecord:
+    """Rounds of unions, written down as the merges of two that a tree consists of."""
+
+    def __init__(self, leaves: int) -> None:
+        self._node = np.arange(leaves, dtype=np.int32)
+        self._next = leaves
+        self._children: list[Int32] = [np.zeros((0, 2), np.int32)]
+        self._costs: list[Float64] = [np.zeros(0)]
+
+    def add(self, rounds: list[Int32], cost: float) -> None:
+        """Add rounds, all at one cost."""
+        for united in rounds:
+            # Members of a union stand together, lowest first; every one but the first is a merge
+            # of what the union is so far with it.
+            order = np.argsort(united, kind="stable")
+            is_first = np.append(True, united[order][1:] != united[order][:-1])
+            merged = np.flatnonzero(~is_first)
+            numbers = self._next + np.arange(len(merged), dtype=np.int32)
+            so_far = self._node[order]
+            previous = np.where(is_first[merged - 1], so_far[merged - 1], numbers - 1)
+            self._children.append(np.stack([previous, so_far[merged]], axis=1).astype(np.int32))
+            self._costs.append(np.full(len(merged), cost))
+            top = so_far.copy()
+            top[merged] = numbers
+            last = np.append(is_first[1:], True)
+            node = np.empty(int(united.max()) + 1, np.int32)
+            node[united[order][last]] = top[last]
+            self._node, self._next = node, self._next + len(merged)
+
+    def children(self) -> Int32:
+        """Nodes united by every merge, (M, 2)."""
+        return np.concatenate(self._children)
+
+    def costs(self) -> Float64:
+        """Cost of every merge, (M,)."""
+        return np.concatenate(self._costs)
+
+
+def compared_steps(mesh: SegmenterMesh) -> Int32:
+    """Give what is compared as CIELAB in steps, (F, 3): a scalar counts as lightness."""
+    if mesh.scalar is not None:
+        value = mesh.scalar.astype(np.float64)
+        if not np.isfinite(value).all():
+            bad = int(np.flatnonzero(~np.isfinite(value))[0])
+            msg = f"scalar of face {bad} is {value[bad]}, expected a finite number"
+            raise ValueError(msg)
+        value -= value.min(initial=0.0 if not len(value) else np.inf)
+        value *= _SCALAR_RANGE / value.max() if value.max(initial=0.0) > 0.0 else 0.0
+        steps = np.zeros((len(value), 3), np.int32)
+        steps[:, 0] = np.rint(value * LAB_STEPS)
+        return steps
+    if mesh.colours is None:
+        return np.zeros((len(mesh.faces), 3), np.int32)
+    return face_lab(mesh.colours, mesh.faces, LAB_STEPS).astype(np.int32)
+
+
+def _join_nearest(middles: Float64, regions: Int32, small: Bool) -> Int32:
+    """Give every small region the region of the cell nearest to any of its own (tie: lower)."""
+    lost = np.flatnonzero(small[regions])
+    kept = np.flatnonzero(~small[regions])
+    distance, nearest = cKDTree(middles[kept]).query(middles[lost])
+    order = np.lexsort((nearest, distance, regions[lost]))
+    owner = regions[lost][order]
+    first = order[np.append(True, owner[1:] != owner[:-1])]
+    mapping = np.arange(len(small), dtype=np.int32)
+    mapping[regions[lost[first]]] = regions[kept[nearest[first]]]
+    joined: Int32 = mapping[regions]
+    return joined

@@ -1,0 +1,234 @@
+"""Unions of cells: rounds that unite neighbours, and what a union of two would cost.
+
+Units (a cell at first) hold their area, their mean features, the gradient summed over their border
+with each neighbour, and the gradient summed over all that was united within them. The cost of
+uniting two has no unit; it is
+
+    sqrt(D G) / (noticed + noise)   times   three factors
+
+- D, the difference of the two mean features, and G, the mean gradient along their common border (of
+  a step that wide it is about as large): both must be large for a border, so neither a slow change
+  of light nor a crack within one material is one;
+- *noise*: the mean gradient within the calmer of the two. Gravel is not told apart as finely as a
+  road;
+- size: a unit below the least area costs less, by the root of its share of it, as it must go
+  somewhere; larger ones cost more, by a power of the smaller area, so that regions do not leak
+  into one another one strip at a time;
+- contact: the shorter perimeter over the common border, to a small power. Two fields that touch at
+  a corner are two fields;
+- what stood before: along borders of the version before a union costs more, within its regions
+  less. What does not decide anything cannot tip a border that people know.
+
+A round: every unit chooses the neighbour of least cost (ties: lower scramble of their names,
+``merge_order.py``). Units that choose each other are united, and a unit joins its choice where that
+has at least four times its area, and does not itself join another in that way.
+
+PURE: no I/O, no clock. Each round is linear in what is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numba
+import numpy as np
+
+from terraport_payload.types import Bool, Float64, Int32, Int64
+from terraport_pipeline.geometry.regions.mean_units import join_choices
+from terraport_pipeline.geometry.regions.merge_order import scramble
+
+__all__ = ["CostRule", "Units", "unite_level", "unite_seeds"]
+
+_MOST_ROUNDS: Final = 1000
+"""Far above what ever happens: a round unites something, or is the last."""
+_SEED_FLOOR: Final = 0.05
+"""Share of the area of a seed below which a unit is no more urgent."""
+
+
+@dataclass(frozen=True, slots=True)
+class CostRule:
+    """What decides whether two units are one region; measures in metres and CIELAB units."""
+
+    least_m2: float
+    """Area below which a region joins a neighbour."""
+    noticed: float = 1.5
+    """Difference that the eye just notices on calm ground."""
+    noise: float = 1.0
+    """Times the gradient within the calmer unit that is added to it."""
+    width: float = 2.0
+    """Gradient over a cell times this is a step's height: near means blur a step over two cells."""
+    small_power: float = 0.5
+    large_power: float = 0.4
+    most_areas: float = 30.0
+    """Times ``least_m2`` beyond which a union costs no more."""
+    contact_power: float = 0.4
+    held_power: float = 0.7
+    """Logarithm of the factor along a border that stood before, and against one within."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Units:
+    """Units and their contacts."""
+
+    sums: Float64
+    """(U, 1 + K): area in square metres; area times features."""
+    within: Float64
+    """(U, 2): length of the contacts united within, metres; the same times gradient."""
+    pairs: Int32
+    """(E, 2) units in contact, lower first."""
+    contact: Float64
+    """(E, 3): length in metres; length times gradient; length times +1 where the border stood
+    before, -1 where both sides were one region, 0 where nothing is known."""
+    name: Int32
+    """(U,) lowest cell."""
+
+    @property
+    def count(self) -> int:
+        """Number of units."""
+        return len(self.name)
+
+    def united(self, node: Int32, count: int) -> Units:
+        """Unite units: ``node[u]`` is the union of unit u."""
+        ends = node[self.pairs]
+        inner = ends[:, 0] == ends[:, 1]
+        within = _sums(node, self.within, count)
+        within += _sums(ends[inner, 0], self.contact[inner, :2], count)
+        low, high = np.sort(ends[~inner], axis=1).T.astype(np.int64)
+        key, row = np.unique(low * count + high, return_inverse=True)
+        name = np.full(count, np.iinfo(np.int32).max, np.int32)
+        np.minimum.at(name, node, self.name)
+        return Units(
+            _sums(node, self.sums, count),
+            within,
+            np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32),
+            _sums(row, self.contact[~inner], len(key)),
+            name,
+        )
+
+    def difference(self) -> Float64:
+        """Distance of the mean features over every contact, (E,)."""
+        mean = self.sums[:, 1:] / self.sums[:, :1]
+        step = mean[self.pairs[:, 0]] - mean[self.pairs[:, 1]]
+        distance: Float64 = np.sqrt((step * step).sum(axis=1))
+        return distance
+
+    def cost(self, rule: CostRule) -> Float64:
+        """Cost of uniting over every contact, (E,)."""
+        low, high = self.pairs.T
+        length = self.contact[:, 0]
+        gradient = rule.width * self.contact[:, 1] / length
+        calm = rule.width * self.within[:, 1] / np.maximum(self.within[:, 0], 1e-9)
+        cost = np.sqrt(self.difference() * gradient)
+        cost /= rule.noticed + rule.noise * np.minimum(calm[low], calm[high])
+        areas = np.minimum(self.sums[low, 0], self.sums[high, 0]) / rule.least_m2
+        cost *= np.minimum(areas, 1.0) ** rule.small_power
+        cost *= np.clip(areas, 1.0, rule.most_areas) ** rule.large_power
+        perimeter = np.bincount(low, length, self.count) + np.bincount(high, length, self.count)
+        shorter = np.minimum(perimeter[low], perimeter[high])
+        cost *= (shorter / length) ** rule.contact_power
+        result: Float64 = cost * np.exp(rule.held_power * self.contact[:, 2] / length)
+        return result
+
+
+def unite_seeds(units: Units, seed_m2: float, rule: CostRule) -> tuple[Units, Int32]:
+    """Unite cells to seeds of at most so much area, most alike and smallest first.
+
+    Parameters
+    ----------
+    units : Units
+        The cells.
+    seed_m2 : float
+        Most area of a seed.
+    rule : CostRule
+
+    Returns
+    -------
+    seeds : Units
+    labels : ndarray of shape (U,), int32
+        Seed of every cell.
+    """
+    labels = np.arange(units.count, dtype=np.int32)
+    for _ in range(_MOST_ROUNDS):
+        low, high = units.pairs.T
+        area = units.sums[:, 0]
+        length = units.contact[:, 0]
+        gradient = rule.width * units.contact[:, 1] / length
+        cost = np.sqrt(units.difference() ** 2 + gradient**2)
+        smaller = np.minimum(area[low], area[high]) / seed_m2
+        cost *= np.maximum(smaller, _SEED_FLOOR) ** 0.25
+        cost *= np.exp(rule.held_power * units.contact[:, 2] / length)
+        cost[area[low] + area[high] > seed_m2] = np.inf
+        node, count = _chosen(units, cost, np.inf, np.ones(units.count))
+        if count == units.count:
+            break
+        units, labels = units.united(node, count), node[labels]
+    return units, labels
+
+
+def unite_level(
+    units: Units, rule: CostRule, limit: float, *, small: bool = False
+) -> tuple[Units, list[Int32]]:
+    """Unite as long as that costs at most ``limit``.
+
+    Parameters
+    ----------
+    units : Units
+    rule : CostRule
+    limit : float
+        Most cost of a union.
+    small : bool
+        Whether only unions count of which one side is below the least area.
+
+    Returns
+    -------
+    units : Units
+        What is left.
+    rounds : list of ndarray
+        For every round the union of each unit that was there before it.
+    """
+    rounds = []
+    for _ in range(_MOST_ROUNDS):
+        cost = units.cost(rule)
+        if small:
+            is_small: Bool = units.sums[:, 0] < rule.least_m2
+            cost[~is_small[units.pairs].any(axis=1)] = np.inf
+        node, count = _chosen(units, cost, limit, units.sums[:, 0])
+        if count == units.count:
+            break
+        units = units.united(node, count)
+        rounds.append(node)
+    return units, rounds
+
+
+def _chosen(units: Units, cost: Float64, limit: float, size: Float64) -> tuple[Int32, int]:
+    choice = _choose(units.count, units.pairs, cost, limit, units.name)
+    node, count = join_choices(choice, size)
+    return node, int(count)
+
+
+def _sums(labels: Int32 | Int64, values: Float64, count: int) -> Float64:
+    """Sum up columns over every label, (count, C); in order, so the same everywhere."""
+    sums = np.empty((count, values.shape[1]))
+    for column in range(values.shape[1]):
+        sums[:, column] = np.bincount(labels, values[:, column], count)
+    return sums
+
+
+@numba.njit(cache=True, nogil=True)
+def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int32) -> Int32:
+    """Choose for every unit the neighbour of least finite cost; of equals the lower scramble."""
+    choice = np.full(count, -1, np.int32)
+    least = np.full(count, np.inf)
+    for i in range(len(pairs)):
+        if not cost[i] <= limit or cost[i] == np.inf:
+            continue
+        for side in range(2):
+            u, v = pairs[i, side], pairs[i, 1 - side]
+            if cost[i] < least[u] or (
+                cost[i] == least[u]
+                and scramble(name[u], name[v]) < scramble(name[u], name[choice[u]])
+            ):
+                least[u] = cost[i]
+                choice[u] = v
+    return choice
