@@ -15,7 +15,7 @@ import {
 
 import type { RegionFacts, SceneManifest, Vec3 } from "../core/types.ts";
 import { FRAGMENT_SHADER, MODE_NUMBER, TINT_RELIEF, VERTEX_SHADER } from "./ground-shader.ts";
-import { attributeRamp, NO_VALUE, PLAIN, type Rgb, regionColour, slopeRamp, toByte } from "./palette.ts";
+import { attributeRamp, NO_VALUE, PLAIN, RAMP_STOPS, type Rgb, regionColour, slopeRamp, toByte } from "./palette.ts";
 import type { ViewMode } from "./types.ts";
 
 /** What differs between two draws. */
@@ -53,6 +53,7 @@ export class GroundMaterial {
   #gridM: number;
   readonly #uniforms;
   #regionColours: DataTexture;
+  readonly #ramps = rampTexture();
   #freshShare = 0;
 
   constructor(manifest: SceneManifest, regions: readonly RegionFacts[]) {
@@ -77,8 +78,7 @@ export class GroundMaterial {
       plain: { value: linear(PLAIN) },
       measureScale: { value: new Vector2() },
       measureRange: { value: new Vector2() },
-      ramp: { value: attributeRamp().map((colour) => new Vector3(...colour)) },
-      slopes: { value: slopeRamp().map((colour) => new Vector3(...colour)) },
+      ramps: { value: this.#ramps },
       relief: { value: 1 },
       mapRelief: { value: mapRelief(manifest) },
       highlight: { value: -1 },
@@ -176,6 +176,7 @@ export class GroundMaterial {
 
   dispose(): void {
     this.#regionColours.dispose();
+    this.#ramps.dispose();
     this.material.dispose();
   }
 }
@@ -191,6 +192,15 @@ export function linear(colour: Rgb): Vector3 {
     channel <= 0.04045 ? channel / 12.92 : ((channel + 0.055) / 1.055) ** 2.4,
   );
   return new Vector3(r, g, b);
+}
+
+/** A row for attributes, a row for slopes; sRGB as it is, since the shader mixes it so. */
+function rampTexture(): DataTexture {
+  const stops = [...attributeRamp(), ...slopeRamp()];
+  const texels = Uint8Array.from(stops.flatMap((stop) => [...stop.map(toByte), 255]));
+  const texture = new DataTexture(texels, RAMP_STOPS, 2, RGBAFormat);
+  texture.needsUpdate = true;
+  return texture;
 }
 
 function regionTexture(regions: readonly RegionFacts[]): DataTexture {

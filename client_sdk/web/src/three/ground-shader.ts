@@ -99,8 +99,8 @@ uniform vec3 segmentColour;
 uniform vec3 noValue;
 uniform vec3 plain;
 uniform vec2 measureRange;
-uniform vec3 ramp[${RAMP_STOPS}];
-uniform vec3 slopes[${RAMP_STOPS}];
+// One row each. A texture: as uniforms they would be sent again for each segment.
+uniform sampler2D ramps;
 uniform float relief;
 uniform float mapRelief;
 uniform float highlight;
@@ -119,10 +119,11 @@ vec3 toLinear(vec3 c) {
 }
 
 // Mixed in sRGB, as a CSS gradient is: so legend and ground agree.
-vec3 alongRamp(vec3 stops[${RAMP_STOPS}], float share) {
+vec3 alongRamp(int row, float share) {
   float at = clamp(share, 0.0, 1.0) * ${(RAMP_STOPS - 1).toFixed(1)};
   int low = min(int(at), ${RAMP_STOPS - 2});
-  return toLinear(mix(stops[low], stops[low + 1], at - float(low)));
+  vec3 under = texelFetch(ramps, ivec2(low, row), 0).rgb;
+  return toLinear(mix(under, texelFetch(ramps, ivec2(low + 1, row), 0).rgb, at - float(low)));
 }
 
 // The survey's own look, paled: for what a mode has no colour for, so that it stays ground.
@@ -162,11 +163,11 @@ void main() {
     strength *= 0.6; // Dark must remain "little of it".
     if (hasMeasure && vMeasure.y < 0.001) {
       float span = max(measureRange.y - measureRange.x, 1e-20);
-      colour = alongRamp(ramp, (vMeasure.x - measureRange.x) / span);
+      colour = alongRamp(0, (vMeasure.x - measureRange.x) / span);
     }
   } else {
     strength *= 0.3; // The colours are the relief.
-    colour = alongRamp(slopes, degrees(acos(clamp(tilt.y, 0.0, 1.0))) / 90.0);
+    colour = alongRamp(1, degrees(acos(clamp(tilt.y, 0.0, 1.0))) / 90.0);
   }
   // Half a sky and a sun in the north-west, as on maps: level ground keeps its colour. The normal is not turned over for
   // back faces: the strip of a segment's underside that shows at the rim is to look like the ground it belongs to.

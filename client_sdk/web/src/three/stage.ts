@@ -7,20 +7,10 @@
 
 import { Group, PerspectiveCamera, type WebGLRenderer } from "three";
 
-import { Residency } from "../core/residency.ts";
-import type {
-  Bounds,
-  LandOptions,
-  MeshData,
-  SceneFiles,
-  Stream,
-  StreamEvent,
-  StreamStats,
-  Vec3,
-} from "../core/types.ts";
+import type { Residency } from "../core/residency.ts";
+import type { Bounds, LandOptions, MeshData, SceneFiles, Stream, StreamEvent, Vec3 } from "../core/types.ts";
 import { BaseGround } from "./base-ground.ts";
 import { FaceBoxes } from "./face-boxes.ts";
-import { FrameTimes } from "./frame-times.ts";
 import { type Gain, gainOf } from "./gain.ts";
 import { GpuStore } from "./gpu-store.ts";
 import { GroundMaterial } from "./ground-material.ts";
@@ -29,50 +19,21 @@ import { GroundSet } from "./ground-set.ts";
 import { statusOf } from "./landing-status.ts";
 import { gpuBytesOf } from "./mesh-upload.ts";
 import { regionColour, segmentColour, toCss } from "./palette.ts";
+import { StageLooks, type Theme } from "./stage-looks.ts";
+import { passOn, residencyOf, type StageOptions } from "./stage-options.ts";
+import { StreamCounters, stageStats } from "./stage-stats.ts";
 import type { GroundHit, LandingStatus, Landings, StageStats, SwapReport, ViewMode, VisibleDigest } from "./types.ts";
+import { UploadBudget } from "./upload-budget.ts";
 
-/** Light or dark page: decides the grey of "no value" alone. */
-export type Theme = "light" | "dark";
+export type { StageOptions, Theme };
 
-/** What a stage is made of. */
-export interface StageOptions {
-  readonly renderer: WebGLRenderer;
-  readonly stream: Stream;
-  readonly files: SceneFiles;
-  /** Bytes on the GPU of segments that nothing shows or waits for (prefetched by an aim). Default 128 MiB. */
-  readonly spareGpuBytes?: number;
-  /**
-   * Milliseconds of one frame for uploads. Default 1.5 in a headset; else 3, or, where frames are slow anyway, a seventh of
-   * their interval up to 30 ms, so that a landing does not take ten times as long there.
-   */
-  readonly uploadBudgetMs?: number;
-}
-
-const DEFAULT_GPU_BYTES = 128 * 1024 * 1024;
-const DEFAULT_UPLOAD_BUDGET_MS = 3;
-const SLOW_FRAME_SHARE = 0.15;
-/** With the slice in hand when it is used up, well below a long task of 50 ms. */
-const MAX_UPLOAD_BUDGET_MS = 30;
-/** A headset draws twice in 11 to 14 ms. */
-const HEADSET_UPLOAD_BUDGET_MS = 1.5;
 /**
  * Bytes that one frame may hand to the driver, however fast it takes them: what it puts off it does within a later frame,
  * where nobody measures it.
  */
 const MAX_FRAME_UPLOAD_BYTES = 6 * 1024 * 1024;
-/** Segments decoded ahead of their upload. Small ones need many, since each takes two frames; textures take 22 MB each. */
-const MAX_IN_FLIGHT = 16;
-const MAX_IN_FLIGHT_BYTES = 64 * 1024 * 1024;
 /** Revision of the base's list for what was visible when the context was lost: above any of a coming set. */
 const RESTORED_REVISION = Number.MAX_SAFE_INTEGER;
-/** A page that draws only when there is something to draw rests in between: that is no slow frame. */
-const REST_MS = 1000;
-/** What became sharp is washed with colour so strongly, and for so long. */
-const FRESH_SHARE = 0.6;
-const FRESH_MS = 1600;
-/** How old the stream's counters may be. */
-const STATS_EVERY_MS = 500;
-
 /** See the head of the file. Owns what it puts on the GPU; `dispose` gives it back. */
 export class Stage implements Landings {
   /** To be added to the scene, at the frame's origin, and never moved. */
@@ -82,42 +43,31 @@ export class Stage implements Landings {
   readonly #residency: Residency;
   readonly #material: GroundMaterial;
   readonly #grounds: GroundSet;
-  readonly #times = new FrameTimes();
+  readonly #budget: UploadBudget;
+  readonly #looks: StageLooks;
+  readonly #counters: StreamCounters;
   readonly #store: GpuStore;
   #files: SceneFiles;
   #base: BaseGround;
   #baseBoxes: Pickable;
-  #uploadBudgetMs: number | null;
-  #updatedAtMs = Number.NEGATIVE_INFINITY;
-  /** Between the last two updates; 0 after a rest. */
-  #intervalMs = 0;
-  #mode: ViewMode = { kind: "colour" };
   #digest: VisibleDigest | null = null;
   #isLost = false;
   #isOldVersion = false;
   /** Version of the session; null before it is open. */
   #servedVersion: string | null = null;
   #isDisposed = false;
-  #newlyShown: ReadonlySet<number> = new Set();
-  #freshSinceMs: number | null = null;
-  /** Where base and detail are compared, as a share of the picture's width; null where they are not. */
-  #split: number | null = null;
-  #streamStats: StreamStats | null = null;
-  #statsAskedAtMs = Number.NEGATIVE_INFINITY;
 
   constructor(options: StageOptions) {
     this.#renderer = options.renderer;
     this.#stream = options.stream;
     this.#files = options.files;
-    this.#uploadBudgetMs = options.uploadBudgetMs ?? null;
-    this.#residency = new Residency({
-      maxInFlight: MAX_IN_FLIGHT,
-      maxInFlightBytes: MAX_IN_FLIGHT_BYTES,
-      spareBytes: options.spareGpuBytes ?? DEFAULT_GPU_BYTES,
-    });
+    this.#budget = new UploadBudget(options.uploadBudgetMs ?? null);
+    this.#counters = new StreamCounters(options.stream);
+    this.#residency = residencyOf(options);
     this.#store = new GpuStore(options.renderer);
     this.#material = new GroundMaterial(options.files.manifest, options.files.regions);
     this.#grounds = new GroundSet(this.object, this.#store, this.#material, this.#residency);
+    this.#looks = new StageLooks(this.#material, this.#grounds);
     this.#base = new BaseGround(this.#store, options.files, this.#material);
     this.#baseBoxes = pickableBase(options.files);
     this.object.name = "ground";
@@ -141,7 +91,7 @@ export class Stage implements Landings {
   }
 
   get mode(): ViewMode {
-    return this.#mode;
+    return this.#looks.mode;
   }
 
   /**
@@ -156,7 +106,7 @@ export class Stage implements Landings {
     const { comingRevision, coming } = this.#residency;
     const isBaseBehind = !this.#isOldVersion && coming !== null && this.#base.preparedRevision !== comingRevision;
     return (
-      this.#freshSinceMs !== null ||
+      this.#looks.isFading ||
       !this.object.visible ||
       !this.#base.isUploaded ||
       isBaseBehind ||
@@ -167,17 +117,11 @@ export class Stage implements Landings {
 
   /** Milliseconds of one frame for uploads; may be set at any time, and counts as it is then. */
   get uploadBudgetMs(): number {
-    if (this.#uploadBudgetMs !== null) {
-      return this.#uploadBudgetMs;
-    }
-    if (this.#renderer.xr.isPresenting) {
-      return HEADSET_UPLOAD_BUDGET_MS;
-    }
-    return Math.min(Math.max(DEFAULT_UPLOAD_BUDGET_MS, SLOW_FRAME_SHARE * this.#intervalMs), MAX_UPLOAD_BUDGET_MS);
+    return this.#budget.ms(this.#renderer.xr.isPresenting);
   }
 
   set uploadBudgetMs(budgetMs: number) {
-    this.#uploadBudgetMs = budgetMs;
+    this.#budget.set(budgetMs);
   }
 
   land(position: Vec3, radiusM: number, options?: LandOptions): number {
@@ -192,37 +136,14 @@ export class Stage implements Landings {
 
   /** Pass every event of the stream on. */
   handle(event: StreamEvent): void {
-    const residency = this.#residency;
-    switch (event.type) {
-      case "opened":
-        this.#servedVersion = event.sceneVersion;
-        // Also where it was published between the files and the session: ids in a cover belong to one version (5.4).
-        if (event.changed || (event.sceneVersion !== this.#files.manifest.version && !this.#isOldVersion)) {
-          this.#leaveVersion();
-        }
-        break;
-      case "planned":
-        residency.planned(event.plan);
-        break;
-      case "arrived":
-        residency.arrived(event.facts, event.landing);
-        break;
-      case "degraded":
-        residency.degraded(event.landing, event.segments);
-        break;
-      case "ready":
-        residency.ready(event.landing, event.visible, event.missing, event.elapsedMs, event.payloadBytes);
-        break;
-      case "refused":
-        if (event.landing !== null) {
-          residency.refused(event.landing, event.message);
-        }
-        break;
-      case "dropped":
-        residency.dropped(event.segments);
-        break;
-      default:
-        break;
+    if (event.type !== "opened") {
+      passOn(event, this.#residency);
+      return;
+    }
+    this.#servedVersion = event.sceneVersion;
+    // Also where it was published between the files and the session: ids in a cover belong to one version (5.4).
+    if (event.changed || (event.sceneVersion !== this.#files.manifest.version && !this.#isOldVersion)) {
+      this.#leaveVersion();
     }
   }
 
@@ -232,9 +153,7 @@ export class Stage implements Landings {
       return;
     }
     const startMs = performance.now();
-    const intervalMs = startMs - this.#updatedAtMs;
-    this.#intervalMs = intervalMs < REST_MS ? intervalMs : 0;
-    this.#updatedAtMs = startMs;
+    this.#budget.begin(startMs);
     this.#grounds.endWarming();
     this.#finishRestoring();
     this.#askForMeshes();
@@ -255,9 +174,8 @@ export class Stage implements Landings {
     }
     const nowMs = performance.now();
     this.#residency.settle(nowMs);
-    this.#fadeFresh(nowMs);
-    this.#compare();
-    this.#times.add(nowMs - startMs);
+    this.#looks.update(nowMs, this.#base, this.#renderer);
+    this.#budget.end(nowMs);
   }
 
   /** Show the presentable set: flags only. Null where nothing is presentable. */
@@ -274,7 +192,7 @@ export class Stage implements Landings {
       this.#grounds.setShown(segment, true);
     }
     this.#base.flip();
-    this.#newlyShown = new Set(swap.shown);
+    this.#looks.swapped(swap.shown);
     return {
       landing: swap.landing,
       shown: swap.shown,
@@ -294,13 +212,12 @@ export class Stage implements Landings {
 
   /** Wash what the newest swap has shown with colour for a moment: that is what became sharp. */
   markFresh(): void {
-    this.#grounds.markFresh(this.#newlyShown);
-    this.#freshSinceMs = performance.now();
+    this.#looks.markFresh(performance.now());
   }
 
   /** Draw the base alone left of this share of the picture's width, what is shown right of it; null ends it. */
   setSplit(share: number | null): void {
-    this.#split = share;
+    this.#looks.split = share;
   }
 
   /** What the landing that is shown has made sharper; null without one. Walks the base: once per landing. */
@@ -311,10 +228,7 @@ export class Stage implements Landings {
 
   /** How the ground is coloured from the next frame on. */
   setMode(mode: ViewMode, theme: Theme = "light"): void {
-    this.#mode = mode;
-    this.#material.setMode(mode, theme);
-    this.#grounds.setMeasure(this.#measureName);
-    this.#base.setMeasure(this.#measureName);
+    this.#looks.setMode(mode, theme, this.#base);
   }
 
   /** Show one region in its colours and dim everything else, in every mode; null ends it. Changes nothing of what is visible. */
@@ -339,25 +253,8 @@ export class Stage implements Landings {
   }
 
   stats(): StageStats {
-    this.#refreshStreamStats();
-    const { bufferBytes, textureBytes, createdBytes, freedBytes } = this.#store;
-    const baseTriangles = this.#base.isUploaded ? this.#base.faceCount - this.#base.hiddenCount : 0;
-    const visibleTriangles = baseTriangles + this.#grounds.shownFaces;
-    return {
-      stream: this.#streamStats,
-      gpu: {
-        segments: this.#grounds.count,
-        visibleSegments: this.#grounds.shown.size,
-        bufferBytes,
-        textureBytes,
-        createdBytes,
-        freedBytes,
-      },
-      pickingBytes: this.#baseBoxes.boxes.bytes + this.#grounds.pickingBytes,
-      visibleTriangles,
-      updateMaxMs: this.#times.maxMs,
-      updateMedianMs: this.#times.medianMs,
-    };
+    const stream = this.#counters.read(performance.now());
+    return stageStats(stream, this.#store, this.#base, this.#baseBoxes.boxes, this.#grounds, this.#budget.times);
   }
 
   /** Call on the canvas's webglcontextlost: everything on the GPU is gone. */
@@ -417,10 +314,6 @@ export class Stage implements Landings {
     this.object.removeFromParent();
   }
 
-  get #measureName(): string | null {
-    return this.#mode.kind === "attribute" ? this.#mode.name : null;
-  }
-
   /** Nothing is drawn until the shader is there: the first draw would wait for it, on some drivers for half a second. */
   #compile(): void {
     this.object.visible = false;
@@ -430,26 +323,9 @@ export class Stage implements Landings {
     this.#renderer.compileAsync(this.object, new PerspectiveCamera()).then(show, show);
   }
 
-  #fadeFresh(nowMs: number): void {
-    if (this.#freshSinceMs === null) return;
-    const left = 1 - (nowMs - this.#freshSinceMs) / FRESH_MS;
-    this.#material.setFresh(Math.max(0, left) * FRESH_SHARE);
-    if (left <= 0) {
-      this.#freshSinceMs = null;
-      this.#grounds.markFresh(new Set());
-    }
-  }
-
-  /** Not in a headset, whose eyes have no common picture to divide. */
-  #compare(): void {
-    const share = this.#renderer.xr.isPresenting ? null : this.#split;
-    const isCompared = this.#base.setCompared(share !== null) && share !== null;
-    this.#material.setSplit(isCompared ? share * this.#renderer.domElement.width : null);
-  }
-
   #makeBase(): void {
     this.#base = new BaseGround(this.#store, this.#files, this.#material);
-    this.#base.setMeasure(this.#measureName);
+    this.#base.setMeasure(this.#looks.measureName);
     this.object.add(this.#base.mesh);
   }
 
@@ -516,19 +392,6 @@ export class Stage implements Landings {
       hidden: this.#base.hidden,
       pushM: this.#files.manifest.deviationM,
     };
-  }
-
-  #refreshStreamStats(): void {
-    const nowMs = performance.now();
-    if (nowMs - this.#statsAskedAtMs > STATS_EVERY_MS) {
-      this.#statsAskedAtMs = nowMs;
-      this.#stream.stats().then(
-        (stats) => {
-          this.#streamStats = stats;
-        },
-        () => undefined, // A closed stream counts nothing any more; the last figures stay.
-      );
-    }
   }
 }
 

@@ -1,0 +1,62 @@
+/** What a stage is made of, and what its residency is told. */
+
+import type { WebGLRenderer } from "three";
+
+import { Residency } from "../core/residency.ts";
+import type { SceneFiles, Stream, StreamEvent } from "../core/types.ts";
+
+/** What a stage is made of. */
+export interface StageOptions {
+  readonly renderer: WebGLRenderer;
+  readonly stream: Stream;
+  readonly files: SceneFiles;
+  /** Bytes on the GPU of segments that nothing shows or waits for (prefetched by an aim). Default 128 MiB. */
+  readonly spareGpuBytes?: number;
+  /**
+   * Milliseconds of one frame for uploads. Default 1.5 in a headset; else 3, or, where frames are slow anyway, a seventh of
+   * their interval up to 30 ms, so that a landing does not take ten times as long there.
+   */
+  readonly uploadBudgetMs?: number;
+}
+
+const DEFAULT_GPU_BYTES = 128 * 1024 * 1024;
+/** Segments decoded ahead of their upload. Small ones need many, since each takes two frames; textures take 22 MB each. */
+const MAX_IN_FLIGHT = 16;
+const MAX_IN_FLIGHT_BYTES = 64 * 1024 * 1024;
+
+/** The residency of a stage with these options. */
+export function residencyOf(options: StageOptions): Residency {
+  return new Residency({
+    maxInFlight: MAX_IN_FLIGHT,
+    maxInFlightBytes: MAX_IN_FLIGHT_BYTES,
+    spareBytes: options.spareGpuBytes ?? DEFAULT_GPU_BYTES,
+  });
+}
+
+/** Tell a residency what the stream says of landings and segments. */
+export function passOn(event: StreamEvent, residency: Residency): void {
+  switch (event.type) {
+    case "planned":
+      residency.planned(event.plan);
+      break;
+    case "arrived":
+      residency.arrived(event.facts, event.landing);
+      break;
+    case "degraded":
+      residency.degraded(event.landing, event.segments);
+      break;
+    case "ready":
+      residency.ready(event.landing, event.visible, event.missing, event.elapsedMs, event.payloadBytes);
+      break;
+    case "refused":
+      if (event.landing !== null) {
+        residency.refused(event.landing, event.message);
+      }
+      break;
+    case "dropped":
+      residency.dropped(event.segments);
+      break;
+    default:
+      break;
+  }
+}
