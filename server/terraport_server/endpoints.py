@@ -15,14 +15,16 @@ from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, PlainTextResponse
 from starlette.exceptions import HTTPException
 
-from terraport_server.auth import TokenPass, bearer_token
+from terraport_server.auth import TokenPass
 from terraport_server.errors import AccessError, RequestError, UnknownSceneError, http_status
 from terraport_server.http_answers import (
     CHECK,
     OpenFileResponse,
+    SceneOfRequest,
     ServiceOfRequest,
     caching_headers,
     is_unchanged,
+    token_of,
 )
 from terraport_server.logs import log
 from terraport_server.metrics import CONTENT_TYPE
@@ -37,6 +39,7 @@ from terraport_server.scene_links import (
 from terraport_server.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT
+from terraport_server.tile_endpoints import tile_routes
 from terraport_store import OriginError
 from terraport_store.labels import encode_labels
 from terraport_store.layout import PREVIEW, REPORT, REPORT_PDF
@@ -52,6 +55,8 @@ _MAX_REPORT_BYTES = 64 << 20
 
 def add_routes(app: FastAPI) -> None:
     """Add the endpoints and the answers to their errors; ``app.state.service`` must be set."""
+    # Before the packs, whose address would take it for a folder's.
+    app.include_router(tile_routes)
     app.router.routes.extend(payload_routes(app.state.service))
     app.include_router(_router)
     app.add_exception_handler(AccessError, _access_refused)
@@ -62,25 +67,8 @@ def add_routes(app: FastAPI) -> None:
     app.add_exception_handler(Exception, _failed)
 
 
-def _token(request: Request) -> str | None:
-    return bearer_token(request.headers.get("authorization"))
-
-
-async def _scene(  # async as all that strangers meet: no thread is taken up to refuse them
-    request: Request, scene_id: str, service: ServiceOfRequest, v: str | None = None
-) -> ServedScene:
-    """Return the scene that a request may see, in the version ``v`` or the newest."""
-    code = service.gate.check(_token(request), scene_id)
-    if code is not None:
-        raise AccessError(code)
-    return service.registry.get(scene_id, v)
-
-
-_Scene = Annotated[ServedScene, Depends(_scene)]
-
-
 async def _token_pass(request: Request, service: ServiceOfRequest) -> TokenPass:
-    token_pass = service.gate.find(_token(request))
+    token_pass = service.gate.find(token_of(request))
     if token_pass is None:
         raise AccessError(ErrorCode.UNAUTHORISED)
     return token_pass
@@ -103,7 +91,7 @@ def list_scenes(
 
 
 @_router.get("/scenes/{scene_id}", summary="One scene: its manifest and addresses")
-def get_scene(served: _Scene) -> JSONResponse:
+def get_scene(served: SceneOfRequest) -> JSONResponse:
     """Return the manifest with the scene's id and the addresses of its parts added."""
     document = served.scene.manifest.model_dump(mode="json")
     document |= {"id": served.id, "links": links_of(served)}
@@ -113,7 +101,7 @@ def get_scene(served: _Scene) -> JSONResponse:
 
 @_router.get("/scenes/{scene_id}/base.glb", summary="The base mesh")
 def get_base(
-    request: Request, served: _Scene, service: ServiceOfRequest, v: str | None = None
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
     """Return the base mesh; ranges are understood."""
     return _file(request, served, "base.glb", "model/gltf-binary", v, service)
@@ -121,7 +109,7 @@ def get_base(
 
 @_router.get("/scenes/{scene_id}/base.cover", summary="Segments over each base face")
 def get_cover(
-    request: Request, served: _Scene, service: ServiceOfRequest, v: str | None = None
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
     """Return the cover, as spec/scene-format.md has it."""
     return _file(request, served, "base.cover", "application/octet-stream", v, service)
@@ -129,14 +117,14 @@ def get_cover(
 
 @_router.get("/scenes/{scene_id}/regions.json", summary="Facts about the regions")
 def get_regions(
-    request: Request, served: _Scene, service: ServiceOfRequest, v: str | None = None
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
 ) -> Response:
     """Return the regions file."""
     return _file(request, served, "regions.json", "application/json", v, service)
 
 
 @_router.get("/scenes/{scene_id}/labels.json", summary="What people call the regions")
-def get_labels(request: Request, served: _Scene) -> Response:
+def get_labels(request: Request, served: SceneOfRequest) -> Response:
     """Return the labels by stable id, as they are now: they belong to no version."""
     data = encode_labels(served.names.labels)
     headers = {
@@ -150,19 +138,19 @@ def get_labels(request: Request, served: _Scene) -> Response:
 
 
 @_router.get("/scenes/{scene_id}/report", summary="The build's report, where there is one")
-async def get_report(served: _Scene) -> Response:
+async def get_report(served: SceneOfRequest) -> Response:
     """Return the build's report of the scene; 404 where the build left none."""
     return await _said_by_build(served, REPORT, "text/html")
 
 
 @_router.get("/scenes/{scene_id}/report.pdf", summary="The report to print, where there is one")
-async def get_report_pdf(served: _Scene) -> Response:
+async def get_report_pdf(served: SceneOfRequest) -> Response:
     """Return the report's page to print; 404 where there is none."""
     return await _said_by_build(served, REPORT_PDF, "application/pdf")
 
 
 @_router.get("/scenes/{scene_id}/preview.jpg", summary="A small picture, where there is one")
-async def get_preview(served: _Scene) -> Response:
+async def get_preview(served: SceneOfRequest) -> Response:
     """Return the picture that the build's report drew of the scene; 404 where there is none."""
     return await _said_by_build(served, PREVIEW, "image/jpeg")
 
@@ -205,12 +193,12 @@ async def _check_metrics_token(request: Request, service: ServiceOfRequest) -> N
     settings = service.settings
     if settings.serves_metrics:
         return
-    bearer = service.gate.find(_token(request))
+    bearer = service.gate.find(token_of(request))
     if not service.gate.is_open and bearer is not None and "metrics" in bearer.scopes:
         return
     if settings.metrics_token is None:
         raise HTTPException(404)
-    given = (_token(request) or "").encode("utf-8", "surrogatepass")
+    given = (token_of(request) or "").encode("utf-8", "surrogatepass")
     right = settings.metrics_token.get_secret_value().encode()
     # Digests: of one length, whatever was given.
     if not hmac.compare_digest(sha256(given).digest(), sha256(right).digest()):

@@ -10,7 +10,10 @@ from fastapi import Depends, Request
 from fastapi.responses import FileResponse
 from starlette.types import Receive, Scope, Send
 
+from terraport_server.auth import bearer_token
 from terraport_server.byte_ranges import is_match
+from terraport_server.errors import AccessError
+from terraport_server.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_store import open_inside, path_inside
 
@@ -19,9 +22,11 @@ __all__ = [
     "FOREVER",
     "PRIVATE_FOREVER",
     "OpenFileResponse",
+    "SceneOfRequest",
     "ServiceOfRequest",
     "caching_headers",
     "is_unchanged",
+    "token_of",
 ]
 
 FOREVER: Final = "public, max-age=31536000, immutable"
@@ -61,6 +66,25 @@ def caching_headers(etag: str, version: str | None, *, is_open: bool) -> dict[st
         "Cache-Control": CHECK if version is None else forever,
         "Vary": "Authorization",
     }
+
+
+def token_of(request: Request) -> str | None:
+    """Return the bearer token of a request; None without one."""
+    return bearer_token(request.headers.get("authorization"))
+
+
+async def _scene(  # async as all that strangers meet: no thread is taken up to refuse them
+    request: Request, scene_id: str, service: ServiceOfRequest, v: str | None = None
+) -> ServedScene:
+    """Return the scene that a request may see, in the version ``v`` or the newest."""
+    code = service.gate.check(token_of(request), scene_id)
+    if code is not None:
+        raise AccessError(code)
+    return service.registry.get(scene_id, v)
+
+
+SceneOfRequest = Annotated[ServedScene, Depends(_scene)]
+"""Type of a parameter that is given the scene, where the request may see it."""
 
 
 class OpenFileResponse(FileResponse):

@@ -35,6 +35,7 @@ def links_of(served: ServedScene) -> dict[str, str]:
         "regions": f"{root}/regions.json{query}",
         "labels": f"{root}/labels.json",
         "segment": f"{root}/segments/{{segment}}.glb{query}",
+        "tileset": f"{root}/tileset.json",
     }
     for link, path, name in _SAID_BY_BUILDS:
         if served.fetchers is not None or has_local_file(served, name):

@@ -25,6 +25,7 @@ from terraport_server.scenes import SceneRegistry
 from terraport_server.sender import LARGEST_BATCH_BYTES, Sender, SenderLimits
 from terraport_server.served_scene import ServedScene
 from terraport_server.settings import Settings
+from terraport_server.tile_desk import TileDesk
 from terraport_server.turns import Turns
 from terraport_server.viewer_page import BUILT_PAGE, ViewerPage
 from terraport_store import OriginError
@@ -75,6 +76,7 @@ class Service:
             published=self._published,
             pull_base_url=settings.pull_base_url,
         )
+        self.tiles = TileDesk()
         # Bounds of every session, taken from the settings once.
         self.session_limits = settings.session_limits(server_name())
         self.sender_limits = SenderLimits(

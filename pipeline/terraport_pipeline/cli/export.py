@@ -52,7 +52,8 @@ def export(
         typer.Option(
             "--output",
             "-o",
-            help=f"The file; its ending is the format: {' '.join(ENDINGS)}",
+            help=f"The file; its ending is the format: {' '.join(ENDINGS)}. Or a folder, --as "
+            "tiles.",
             show_default=False,
         ),
     ],
@@ -104,6 +105,22 @@ def export(
             show_default=False,
         ),
     ] = None,
+    radius_m: Annotated[
+        float | None,
+        typer.Option(
+            help="Of tiles: full detail within so many metres of the eye, and the base beyond. "
+            "[default: by the error on the screen, as viewers do]",
+            show_default=False,
+        ),
+    ] = None,
+    height_shift_m: Annotated[
+        float | None,
+        typer.Option(
+            help="Of tiles: metres added to all heights, for surveys above sea level: the geoid's "
+            "height above the ellipsoid there. [default: 0]",
+            show_default=False,
+        ),
+    ] = None,
     full_coordinates: Annotated[
         bool,
         typer.Option(
@@ -114,10 +131,10 @@ def export(
     ] = False,
     force: Annotated[bool, typer.Option("--force", help="Overwrite files that are there.")] = False,
 ) -> None:
-    """Hand a scene on: orthophoto, height model, mesh, points, contours, cross-sections.
+    """Hand a scene on: orthophoto, height model, mesh, points, contours, cross-sections, tiles.
 
-    All coordinates are the survey's, in its own CRS and unit. Whole, in a rectangle, or some
-    regions.
+    All coordinates are the survey's, in its own CRS and unit; those of 3D Tiles (for Cesium and
+    others) are Earth-centred. Whole, in a rectangle, or some regions.
 
     For example:
 
@@ -132,6 +149,8 @@ def export(
         terraport export scenes/pit -o contours.gpkg --interval 0.5
 
         terraport export scenes/pit -o cut.dxf --as section --line "641150,8594650 641250,8594750"
+
+        terraport export scenes/pit -o pit.3tz --radius-m 60
     """
     errors = Console(stderr=True)
     start = time.perf_counter()
@@ -144,6 +163,8 @@ def export(
             step_m,
             interval,
             line,
+            radius_m,
+            height_shift_m,
             full_coordinates,
             force,
         )

@@ -47,6 +47,10 @@ class ExportRequest:
     """Between contours, in the unit of the survey's heights; None: 1."""
     line: str | None = None
     """Of a section: ``E,N E,N ...`` in the survey's coordinates and unit."""
+    radius_m: float | None = None
+    """Of tiles: full detail within this distance of the eye."""
+    height_shift_m: float | None = None
+    """Of tiles: added to all heights; None: 0."""
     full_coordinates: bool = False
     """A mesh with whole coordinates in 64 bits, without a shift."""
     force: bool = False
@@ -120,8 +124,11 @@ def export_scene(
     write, companions = _WRITERS[product]
     names = companions(request.output)
     # (2) The scene, and what is in it.
+    holds = _folder_holds(request.output, product)
     with (
-        writing_beside(request.output, companions=names, force=request.force) as folder,
+        writing_beside(
+            request.output, companions=names, force=request.force, holds=holds
+        ) as folder,
         Scene.open(path) as scene,
     ):
         frame = survey_frame(scene.manifest)
@@ -142,7 +149,19 @@ def export_scene(
         written_in = frame.in_metres(scene.manifest) if _is_glb(request.output) else frame
     crs = written_in.crs
     name = "no coordinate reference system stated" if crs is None else crs.name
-    return Exported(request.output, product, size, name, written_in.unit_name, beside, facts)
+    unit = written_in.unit_name
+    if product == "tiles":
+        name, unit = facts.pop("frame"), "m"
+    return Exported(request.output, product, size, name, unit, beside, facts)
+
+
+def _folder_holds(output: Path, product: Product) -> frozenset[str]:
+    """Return what is in the folder that is written; nothing where it is a file."""
+    if product != "tiles":
+        return frozenset()
+    from terraport_pipeline.export.tiles import ARCHIVE, FOLDER_HOLDS
+
+    return frozenset() if output.suffix.lower() == ARCHIVE else FOLDER_HOLDS
 
 
 def _is_glb(path: Path) -> bool:
@@ -166,6 +185,18 @@ def _check(request: ExportRequest, product: Product) -> None:
         raise OptionError(f"--line is what a section is cut along, {said}")
     if request.line is not None:
         parse_line(request.line)
+    if product == "tiles" and (request.extent is not None or request.regions):
+        raise OptionError("tiles are of a whole scene; leave out --extent and --region")
+    for name, value in (
+        ("--radius-m", request.radius_m),
+        ("--height-shift-m", request.height_shift_m),
+    ):
+        if value is not None and product != "tiles":
+            raise OptionError(f"{name} is of tiles, received it for {product}")
+        if value is not None and not math.isfinite(value):
+            raise OptionError(f"{name} {value}; expected metres")
+    if request.radius_m is not None and request.radius_m <= 0:
+        raise OptionError(f"--radius-m {request.radius_m}; expected metres above 0")
     if request.full_coordinates and product != "mesh":
         raise OptionError(f"--full-coordinates is of meshes, received it for {product}")
 
@@ -234,6 +265,18 @@ def _section(job: _Job) -> dict[str, Any]:
     return write_section(job.path, job.selected, line, job.progress)
 
 
+def _tiles(job: _Job) -> dict[str, Any]:
+    from terraport_pipeline.export.tiles import write_tiles
+
+    return write_tiles(
+        job.path,
+        job.selected.scene,
+        job.progress,
+        radius_m=job.request.radius_m,
+        height_shift_m=job.request.height_shift_m or 0.0,
+    )
+
+
 def _alone(_path: Path) -> tuple[str, ...]:
     return ()
 
@@ -247,5 +290,6 @@ _WRITERS: Final[dict[Product, tuple[_Writer, Callable[[Path], tuple[str, ...]]]]
     "points": (_points, _alone),
     "contours": (_contours, _alone),
     "section": (_section, _alone),
+    "tiles": (_tiles, _alone),
 }
 """What writes each product, and the names of what it may write beside the file."""

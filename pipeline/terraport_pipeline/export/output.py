@@ -14,7 +14,13 @@ __all__ = ["writing_beside"]
 
 
 @contextmanager
-def writing_beside(path: Path, *, companions: tuple[str, ...] = (), force: bool) -> Iterator[Path]:
+def writing_beside(
+    path: Path,
+    *,
+    companions: tuple[str, ...] = (),
+    force: bool,
+    holds: frozenset[str] = frozenset(),
+) -> Iterator[Path]:
     """Hand out an empty folder beside a file; what is in it at the end goes to its place.
 
     Parameters
@@ -25,6 +31,8 @@ def writing_beside(path: Path, *, companions: tuple[str, ...] = (), force: bool)
         Names of files or folders that come with it.
     force : bool
         Overwrite what is there.
+    holds : frozenset of str
+        A folder is wanted, with these names in it: one that has others is not overwritten.
 
     Yields
     ------
@@ -47,7 +55,14 @@ def writing_beside(path: Path, *, companions: tuple[str, ...] = (), force: bool)
                     f"{folder / name}: exists already; choose another name or overwrite (--force)"
                 )
     elif path.is_dir():
-        raise OptionError(f"{path}: is a folder, expected the name of a file")
+        if not holds:
+            raise OptionError(f"{path}: is a folder, expected the name of a file")
+        others = sorted({entry.name for entry in path.iterdir()} - holds)
+        if others:
+            raise OptionError(
+                f"{path}: has {others[0]} in it, which is of no export like this; choose another "
+                "folder, or empty it"
+            )
     scratch = Path(tempfile.mkdtemp(prefix=f".{path.name}.export-", dir=folder))
     try:
         yield scratch

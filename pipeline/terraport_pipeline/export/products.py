@@ -9,7 +9,7 @@ from terraport_pipeline.errors import OptionError
 
 __all__ = ["ENDINGS", "PRODUCTS", "Product", "product_of"]
 
-Product = Literal["orthophoto", "heights", "mesh", "points", "contours", "section"]
+Product = Literal["orthophoto", "heights", "mesh", "points", "contours", "section", "tiles"]
 
 PRODUCTS: Final[tuple[Product, ...]] = get_args(Product)
 
@@ -25,6 +25,7 @@ ENDINGS: Final[dict[str, tuple[Product, ...]]] = {
     ".geojson": ("contours",),
     ".dxf": ("contours", "section"),
     ".csv": ("section",),
+    ".3tz": ("tiles",),
 }
 """What a file of each ending may hold."""
 
@@ -35,7 +36,7 @@ def product_of(path: Path, stated: Product | None) -> Product:
     Parameters
     ----------
     path : Path
-        Its ending is the format.
+        Its ending is the format; tiles may be a folder, of any other name.
     stated : Product, optional
         What the user says; needed where the ending leaves a choice.
 
@@ -48,8 +49,12 @@ def product_of(path: Path, stated: Product | None) -> Product:
     --------
     >>> product_of(Path("pit.laz"), None), product_of(Path("pit.tif"), "heights")
     ('points', 'heights')
+    >>> product_of(Path("folder"), "tiles")
+    'tiles'
     """
     possible = ENDINGS.get(path.suffix.lower())
+    if stated == "tiles" and possible is None:
+        return stated  # a folder
     if possible is None:
         raise OptionError(
             f"{path.name} ends with {path.suffix or 'nothing'!r}, expected one of "

@@ -1,0 +1,82 @@
+"""A scene as 3D Tiles over HTTP: the tileset, and the parts of the base that it names.
+
+Its segments are payload files: :mod:`terraport_server.payload_endpoints`.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import Annotated
+
+import xxhash
+from fastapi import APIRouter, Query, Request, Response
+
+from terraport_payload import PayloadError
+from terraport_server.errors import RequestError
+from terraport_server.http_answers import (
+    CHECK,
+    SceneOfRequest,
+    ServiceOfRequest,
+    caching_headers,
+    is_unchanged,
+)
+from terraport_server.logs import log
+from terraport_server.served_scene import ServedScene
+from terraport_store import StoreError
+
+__all__ = ["tile_routes"]
+
+tile_routes = APIRouter()
+
+
+@tile_routes.get("/scenes/{scene_id}/tileset.json", summary="The scene as 3D Tiles 1.1")
+async def get_tileset(
+    request: Request,
+    served: SceneOfRequest,
+    service: ServiceOfRequest,
+    radius_m: Annotated[float | None, Query(gt=0, le=1e6)] = None,
+) -> Response:
+    """Return the tileset; with ``radius_m`` full detail is asked for within that of the eye."""
+    try:
+        data = await service.tiles.tileset(served, radius_m)
+    except (PayloadError, StoreError, OSError, ModuleNotFoundError) as error:
+        raise _unavailable(served, error) from None
+    # Not for ever: another release of the service may cut the base in another way.
+    headers = {
+        "ETag": f'"{xxhash.xxh3_64_hexdigest(data)}"',
+        "Cache-Control": CHECK,
+        "Vary": "Authorization",
+    }
+    if is_unchanged(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type="application/json", headers=headers)
+
+
+@tile_routes.get("/scenes/{scene_id}/tiles/{name}.glb", summary="A part of the base")
+async def get_part(
+    request: Request,
+    served: SceneOfRequest,
+    service: ServiceOfRequest,
+    name: str,
+    v: str | None = None,
+) -> Response:
+    """Return a part of the base by the name that the tileset has for it."""
+    headers = caching_headers(f'"{name[:64]}"', v, is_open=service.gate.is_open)
+    try:
+        data = await service.tiles.part(served, name)
+    except (PayloadError, StoreError, OSError, ModuleNotFoundError) as error:
+        raise _unavailable(served, error) from None
+    if data is None:
+        text = "got a tile that is none of this version's, expected one of its tileset.json"
+        raise RequestError(404, "unknown_tile", text)
+    if is_unchanged(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type="model/gltf-binary", headers=headers)
+
+
+def _unavailable(served: ServedScene, error: Exception) -> RequestError:
+    log("tiles not made", level=logging.ERROR, scene=served.id, reason=str(error))
+    if isinstance(error, ModuleNotFoundError):
+        text = "this service has no 3D Tiles: install terraport[server], pyproj or Pillow is not"
+        return RequestError(501, "tiles_unavailable", text)
+    return RequestError(503, "tiles_unavailable", "the tiles cannot be had now; try again later")

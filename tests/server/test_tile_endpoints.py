@@ -1,0 +1,135 @@
+"""3D Tiles of a running service: every address that the tileset names, asked for."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from terraport_payload.glb_container import split_glb
+from terraport_server import BackgroundServer
+from terraport_server.served_scene import ServedScene
+from terraport_server.tile_desk import MAX_KEPT_BYTES, TileDesk
+from terraport_store import Scene
+
+SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
+
+
+@pytest.fixture(scope="module")
+def http() -> Iterator[httpx.Client]:
+    with (
+        BackgroundServer(SAMPLE) as running,
+        httpx.Client(base_url=f"{running.url}/scenes/sample_scene/") as client,
+    ):
+        yield client
+
+
+def uris(tile: dict[str, Any]) -> Iterator[str]:
+    if "content" in tile:
+        yield tile["content"]["uri"]
+    for child in tile.get("children", ()):
+        yield from uris(child)
+
+
+def test_every_address_of_the_tileset_answers(http: httpx.Client) -> None:
+    answer = http.get("tileset.json")
+    document = answer.json()
+    assert answer.headers["cache-control"] == "no-cache"
+    assert len(document["root"]["transform"]) == 16
+    named = list(uris(document["root"]))
+    with Scene.open(SAMPLE) as scene:
+        assert document["asset"]["tilesetVersion"] == scene.manifest.version
+        seen = set()
+        for uri in named:
+            # Viewers carry the tileset's own query on.
+            content = http.get(f"{uri}&radius_m=20")
+            assert content.status_code == 200
+            assert content.headers["content-type"] == "model/gltf-binary"
+            assert "immutable" in content.headers["cache-control"]
+            if found := re.match(r"segments/(\d+)\.glb", uri):
+                seen.add(int(found[1]))
+                assert content.content == scene.payload(int(found[1]))
+            else:
+                assert split_glb(content.content)[0]["asset"]["generator"] == "terraport"
+        assert seen == set(range(len(scene.index)))
+    assert len(set(named)) == len(named)
+
+
+def test_what_is_known_is_not_sent_again(http: httpx.Client) -> None:
+    answer = http.get("tileset.json")
+    again = http.get("tileset.json", headers={"If-None-Match": answer.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    part = next(uri for uri in uris(answer.json()["root"]) if uri.startswith("tiles/"))
+    etag = http.get(part).headers["etag"]
+    assert http.get(part, headers={"If-None-Match": etag}).status_code == 304
+
+
+def test_a_radius_and_a_version(http: httpx.Client) -> None:
+    plain = http.get("tileset.json")
+    version = plain.json()["asset"]["tilesetVersion"]
+    near = http.get("tileset.json", params={"radius_m": 20})
+    assert b"viewerRequestVolume" in near.content
+    assert b"viewerRequestVolume" not in plain.content
+    assert http.get("tileset.json", params={"v": version}).content == plain.content
+    assert http.get("tileset.json", params={"v": "0" * 32}).status_code == 404
+    for radius in ("0", "-1", "nan", "1e9", "wide"):
+        refused = http.get("tileset.json", params={"radius_m": radius})
+        assert refused.status_code == 400
+        assert "radius_m" in refused.json()["error"]["message"]
+
+
+def test_a_part_that_is_none_is_refused(http: httpx.Client) -> None:
+    answer = http.get("tiles/0123456789abcdef.glb")
+    assert answer.status_code == 404
+    assert answer.json()["error"]["code"] == "unknown_tile"
+
+
+def test_a_token_is_asked_for() -> None:
+    with BackgroundServer(SAMPLE, token="sixteen-characters") as running:
+        path = f"{running.url}/scenes/sample_scene/tileset.json"
+        assert httpx.get(path).status_code == 401
+        headers = {"Authorization": "Bearer sixteen-characters"}
+        answer = httpx.get(path, headers=headers)
+        assert answer.status_code == 200
+        part = next(uri for uri in uris(answer.json()["root"]) if uri.startswith("tiles/"))
+        address = f"{running.url}/scenes/sample_scene/{part}"
+        assert httpx.get(address).status_code == 401
+        kept = httpx.get(address, headers=headers)
+        assert kept.headers["cache-control"].startswith("private")
+
+
+def test_without_a_library_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(_manifest: object) -> object:
+        raise ModuleNotFoundError("No module named 'pyproj'", name="pyproj")
+
+    monkeypatch.setattr("terraport_server.tile_desk.place_scene", missing)
+    with BackgroundServer(SAMPLE) as running:
+        answer = httpx.get(f"{running.url}/scenes/sample_scene/tileset.json")
+    assert answer.status_code == 501
+    assert "pyproj" in answer.json()["error"]["message"]
+
+
+def test_parts_that_are_too_many_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert MAX_KEPT_BYTES >= 64 << 20
+    monkeypatch.setattr("terraport_server.tile_desk.MAX_KEPT_BYTES", 1 << 20)
+
+    async def work() -> None:
+        desk = TileDesk()
+        with ThreadPoolExecutor(1) as pool:
+            scenes = [ServedScene.open(name, SAMPLE, "file", pool) for name in ("a", "b")]
+            made = []
+            for served in (*scenes, scenes[1]):
+                made.append(await desk.tileset(served, None))
+                assert list(desk._kept) == [(served.id, served.version)]
+            assert made[0] == made[1] == made[2]
+            for served in scenes:
+                served.retire()
+                assert served.closed  # held only while it is worked on
+
+    asyncio.run(work())
