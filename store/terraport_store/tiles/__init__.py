@@ -2,3 +2,5 @@
 
 See docs/topics/tiles.md for what is under what, and why nobody sees a hole.
 """
+
+__all__: list[str] = []

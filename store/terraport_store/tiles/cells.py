@@ -102,7 +102,8 @@ def part_faces(cover: Cover, cells: list[Int64], bounds: AnyFloat, middles: Floa
     cell_of = np.empty(len(bounds), dtype=np.int64)
     for number, segments in enumerate(cells):
         cell_of[segments] = number
-    counts: Int64 = np.diff(cover.offsets.astype(np.int64))
+    offsets = cover.offsets.astype(np.int64)
+    counts = offsets[1:] - offsets[:-1]
     face_of_entry = np.repeat(np.arange(cover.base_faces), counts)
     # A face once in each cell, however many of the cell's segments lie over it.
     pairs = np.unique(cell_of[cover.segments] * cover.base_faces + face_of_entry)
