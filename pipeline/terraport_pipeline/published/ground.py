@@ -87,7 +87,8 @@ def read_ground(scene: Scene, progress: Progress) -> Ground:
     if faces > MAX_FACES:
         raise ResourceError(
             f"{faces:,} faces, expected at most {MAX_FACES:,}: what regions are brought to or "
-            "taught is held in memory; build it with a larger --thin-m, or in two scenes (--extent)"
+            "taught is held in memory; build it with fewer points (--max-points), or in two scenes "
+            "(--extent)"
         )
     model = load_scene_model(scene, progress=progress)
     detail = model.detail
