@@ -249,5 +249,6 @@ def play(script: Script) -> tuple[list[Step], World]:
     world.settle()
     world.do_call("flush")  # as links do, whether an aim waits or not
     world.settle()
+    world.do_call("take")  # nothing: whoever has more to say than it should is found here
     assert not world.is_long, script
     return world.told.steps, world
