@@ -222,10 +222,8 @@ def _image(given: MeshInput, image: FileImage) -> tuple[bytes, tuple[int, int]]:
 def _unrepeated(given: MeshInput, mesh: FileMesh, wedges: Float64, image: Int32) -> Float64:
     """Corners within 0..1: images repeat beyond; a face over the edge of one is refused."""
     moved = wedges - np.floor(wedges.mean(axis=1, keepdims=True))
-    inside = ((wedges >= -_OUTSIDE) & (wedges <= 1.0 + _OUTSIDE)).all(axis=(1, 2))
-    placed: Float64 = np.where(inside[:, None, None], wedges, moved)
-    beyond: Bool = ((placed < -_OUTSIDE) | (placed > 1.0 + _OUTSIDE)).any(axis=(1, 2))
-    bad = np.flatnonzero(beyond & (image >= 0))
+    placed: Float64 = np.where(_is_within(wedges)[:, None, None], wedges, moved)
+    bad = np.flatnonzero(~_is_within(placed) & (image >= 0))
     if len(bad):
         where = f"face {bad[0]:,}" if mesh.line is None else f"line {mesh.line[bad[0]]:,}"
         low, high = wedges[bad[0]].min(), wedges[bad[0]].max()
@@ -237,3 +235,10 @@ def _unrepeated(given: MeshInput, mesh: FileMesh, wedges: Float64, image: Int32)
             where,
         )
     return np.clip(placed, 0.0, 1.0)
+
+
+def _is_within(wedges: Float64) -> Bool:
+    """Mark the faces all of whose corners lie within their image, (F,)."""
+    flat = wedges.reshape(len(wedges), -1)
+    within: Bool = np.all((flat >= -_OUTSIDE) & (flat <= 1.0 + _OUTSIDE), axis=1)
+    return within

@@ -8,6 +8,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from terraport_pipeline.geometry.mesh import adjacency
 from terraport_pipeline.geometry.mesh.adjacency import (
     MAX_FACES_PER_EDGE,
     components,
@@ -104,3 +105,22 @@ def test_bad_index_names_the_face():
         face_pairs(np.array([0, 1]), 3)
     with pytest.raises(ValueError, match=r"2 entries, expected one per item \(3\)"):
         components(3, np.zeros((0, 2), np.int32), labels=np.zeros(2, np.int32))
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_an_order_of_scattered_faces_changes_no_byte(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(seed)
+    count = int(rng.integers(3, 40))
+    faces = rng.integers(0, count, (int(rng.integers(2, 300)), 3)).astype(np.int32)
+    plain = adjacency.face_pairs(faces, count)
+    assert adjacency.order_of_scattered(faces, count) is None  # so few are in the cache
+    monkeypatch.setattr(adjacency, "_MANY_VERTICES", 0)
+    monkeypatch.setattr(adjacency, "_FAR_SHARE", 10**9)
+    order = adjacency.order_of_scattered(faces, count)
+    assert order is not None
+    assert sorted(order.tolist()) == list(range(len(faces)))
+    assert (np.diff(faces[order].min(axis=1)) >= 0).all()
+    ordered = adjacency.face_pairs(faces, count)
+    assert [a.tobytes() for a in plain] == [a.tobytes() for a in ordered]

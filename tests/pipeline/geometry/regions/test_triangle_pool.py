@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from terraport_pipeline.geometry.mesh import adjacency
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.regions.colour import white_distance
 from terraport_pipeline.geometry.regions.triangle_pool import (
@@ -483,3 +484,27 @@ def test_bad_input_is_named():
         TrianglePoolOptions(small_threshold=2.0)
     with pytest.raises(ValueError, match=r"origin is 'last', expected one of min_corner"):
         TrianglePoolOptions(origin="last")
+
+
+@pytest.mark.parametrize("options", [REGION_POOLS, FINE_POOLS])
+def test_scattered_faces_give_the_same_bytes_in_whatever_order_they_are_worked_on(
+    options: TrianglePoolOptions, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    rng = np.random.default_rng(5)
+    side = 40
+    x, z = np.meshgrid(np.arange(side, dtype=np.float32), np.arange(side, dtype=np.float32))
+    vertices = np.stack([x.ravel(), np.sin(x).ravel(), z.ravel()], axis=1)
+    at = np.arange(side * side).reshape(side, side)
+    a, b, c, d = (part.ravel() for part in (at[:-1, :-1], at[:-1, 1:], at[1:, :-1], at[1:, 1:]))
+    faces = np.concatenate([np.stack([a, c, b], axis=1), np.stack([b, c, d], axis=1)])
+    faces = rng.permutation(faces.astype(np.int32))
+    level = np.where(np.hypot(x - 15, z - 20) < 9, 60, 170).ravel()[:, None]
+    colours = np.clip(level + rng.normal(0, 40, (side * side, 3)), 0, 255).astype(np.uint8)
+    plain = triangle_pools(vertices, faces, colours=colours, options=options)
+    monkeypatch.setattr(adjacency, "_MANY_VERTICES", 0)
+    assert adjacency.order_of_scattered(faces, len(vertices)) is not None
+    ordered = triangle_pools(vertices, faces, colours=colours, options=options)
+    assert plain.count > 1
+    assert plain.labels.tobytes() == ordered.labels.tobytes()
+    assert plain.similarity.tobytes() == ordered.similarity.tobytes()
+    assert plain.islands == ordered.islands
