@@ -345,7 +345,7 @@ def main() -> int:
     parser.add_argument("--loop", action="store_true")
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
-    seconds = 1.0 if arguments.smoke else arguments.seconds
+    seconds = 0.6 if arguments.smoke else arguments.seconds
     segments = 10_000 if arguments.smoke or arguments.bar else 100_000
     if not arguments.bar and (not arguments.only or STEPS in arguments.only):
         rounds, side = (2, 100) if arguments.smoke else (15, 316)

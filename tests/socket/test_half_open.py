@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import httpx
 import pytest
 from eventually import eventually
 from server.grid_scene import write_grid_scene
@@ -51,6 +52,9 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def server(folder: Path) -> Iterator[BackgroundServer]:
     with BackgroundServer(folder, idle_timeout_s=IDLE_S, close_timeout_s=CLOSE_S) as running:
+        # With the first connection the loop opens a descriptor of its own, and keeps it.
+        assert httpx.get(f"{running.url}/healthz").status_code == 200
+        eventually(lambda: not running._server.server_state.connections)
         yield running
 
 

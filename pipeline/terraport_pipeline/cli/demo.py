@@ -31,9 +31,9 @@ from terraport_pipeline.demo_scenes import (
 from terraport_pipeline.errors import PipelineError, StageFailedError
 from terraport_pipeline.option import parse_count
 from terraport_pipeline.progress import RichProgress
+from terraport_server.background_server import BackgroundServer
 from terraport_server.errors import ServerError
 from terraport_server.listeners import Listeners
-from terraport_server.background_server import BackgroundServer
 from terraport_store import end_building, say_building
 
 if TYPE_CHECKING:
