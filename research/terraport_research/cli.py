@@ -159,7 +159,7 @@ def _write(evaluation: Evaluation, output: Path) -> None:
 
 
 def _print_tables(console: Console, evaluation: Evaluation) -> None:
-    for reason in (*evaluation.skipped, *evaluation.missing.values()):
+    for reason in evaluation.skipped:
         console.print(Text(f"not run: {reason}", style="yellow"))
     if evaluation.ground is not None:
         console.print(_colour_table(evaluation))

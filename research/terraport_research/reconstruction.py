@@ -7,8 +7,6 @@ import importlib.metadata
 import json
 import os
 import platform
-import shutil
-import subprocess
 import tempfile
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -24,7 +22,6 @@ from terraport_research.depth_sweep import DepthScene, sweep
 from terraport_research.name_list import NAMES, parse_names
 from terraport_research.pictures import picture_of_mesh, picture_of_samples
 from terraport_research.reconstructors import RECONSTRUCTORS
-from terraport_research.reconstructors.greedy_projection import PROGRAM
 from terraport_research.runs import TIME_LIMIT_S, Run, run
 from terraport_research.scores import Scores, score
 from terraport_research.subjects import STANFORD, Subject, body, quarry, stanford
@@ -149,8 +146,6 @@ class Evaluation:
     colour: dict[str, ColourVerdict]
     shape: dict[str, ShapeVerdict]
     scenes: tuple[DepthScene, ...]
-    missing: dict[str, str]
-    """Algorithms that cannot run here, and why."""
     skipped: tuple[str, ...]
     """Clouds that are not there, and why."""
     versions: dict[str, str] = field(default_factory=dict)
@@ -168,7 +163,7 @@ def evaluate(options: Options, progress: Progress | None = None) -> Evaluation:
     Returns
     -------
     Evaluation
-        What is missing (an algorithm's program, a data file) is part of the result.
+        A data file that is missing is part of the result.
 
     Raises
     ------
@@ -176,9 +171,6 @@ def evaluate(options: Options, progress: Progress | None = None) -> Evaluation:
         Before any work.
     """
     watcher = progress or NullProgress()
-    missing = {
-        key: reason for key in options.algorithms if (reason := RECONSTRUCTORS[key].missing())
-    }
     skipped: list[str] = []
     compared: list[Compared] = []
     with tempfile.TemporaryDirectory(prefix="terraport-evaluate-") as folder:
@@ -200,7 +192,6 @@ def evaluate(options: Options, progress: Progress | None = None) -> Evaluation:
         _colour_table(ground),
         _shape_table(options, models),
         scenes,
-        missing,
         tuple(skipped),
         _versions(),
     )
@@ -314,11 +305,6 @@ def _versions() -> dict[str, str]:
             versions[name] = importlib.metadata.version(name)
         except importlib.metadata.PackageNotFoundError:
             versions[name] = "not installed"
-    if shutil.which(PROGRAM) and shutil.which("dpkg-query"):
-        asked = ["dpkg-query", "-W", "-f", "${Version}", "pcl-tools"]
-        done = subprocess.run(asked, capture_output=True, text=True, check=False)
-        if done.returncode == 0:
-            versions["pcl-tools"] = done.stdout
     return versions
 
 
@@ -360,7 +346,6 @@ def to_json(evaluation: Evaluation) -> str:
             for key, one in evaluation.shape.items()
         },
         "figure_5_8": [dataclasses.asdict(scene) for scene in evaluation.scenes],
-        "missing": evaluation.missing,
         "skipped": evaluation.skipped,
         "versions": evaluation.versions,
     }

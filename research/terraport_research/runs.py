@@ -77,13 +77,9 @@ def run(
     Run
         Never raises for what the algorithm does: a failure is a result.
     """
-    # (1) What is not installed is a result too.
     algorithm = RECONSTRUCTORS[key]
-    missing = algorithm.missing()
-    if missing is not None:
-        return Run(algorithm, None, None, error=missing)
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
-        # (2) The input goes through a file, the algorithm runs in a child: a crash, a leak or a
+        # (1) The input goes through a file, the algorithm runs in a child: a crash, a leak or a
         # hang stays there.
         directory = Path(folder)
         np.savez(
@@ -103,7 +99,7 @@ def run(
             _kill(child.pid)
             child.join()
             return Run(algorithm, None, None, error=f"not done after {time_limit_s:g} s: stopped")
-        # (3) What came of it.
+        # (2) What came of it.
         facts_path = directory / "facts.json"
         facts = json.loads(facts_path.read_text()) if facts_path.is_file() else {}
         if child.exitcode:

@@ -22,10 +22,7 @@ SCENE = DepthScene(
 
 
 def evaluation_of(scenes: tuple[DepthScene, ...]) -> Evaluation:
-    missing = {
-        "greedy-projection": 'program "pcl_gp3_surface" not found; apt-get install pcl-tools'
-    }
-    return Evaluation(Options(), None, (), {}, {}, scenes, missing, ("no bunny",), {"numpy": "2"})
+    return Evaluation(Options(), None, (), {}, {}, scenes, ("no bunny",), {"numpy": "2"})
 
 
 def test_the_figure_has_a_chart_for_faces_time_and_memory() -> None:
@@ -39,7 +36,6 @@ def test_the_figure_has_a_chart_for_faces_time_and_memory() -> None:
 
 def test_what_was_not_run_is_said_with_what_to_do() -> None:
     page = page_of(evaluation_of(()))
-    assert "apt-get install pcl-tools" in page
     assert "no bunny" in page
     assert "<svg" not in page
 

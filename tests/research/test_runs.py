@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from terraport_research.reconstructors import greedy_projection
 from terraport_research.runs import run
 from terraport_research.subjects import Subject, body
 
@@ -34,13 +33,6 @@ def test_new_vertices_get_carried_colours(ball: Subject, tmp_path: Path) -> None
     low, high = ball.samples.colours.min(axis=0), ball.samples.colours.max(axis=0)
     assert (outcome.colours >= low).all()
     assert (outcome.colours <= high).all()
-
-
-def test_a_missing_program_is_a_result(ball: Subject, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(greedy_projection.shutil, "which", lambda _: None)
-    outcome = run("greedy-projection", ball.samples, tmp_path)
-    assert outcome.surface is None
-    assert "apt-get install pcl-tools" in outcome.error
 
 
 def test_a_failure_is_a_result_with_its_reason(ball: Subject, tmp_path: Path) -> None:

@@ -12,7 +12,6 @@ from terraport_research.reconstructors.contract import (
     Samples,
     Surface,
     Work,
-    always_there,
 )
 
 __all__ = ["BALL_PIVOTING"]
@@ -41,5 +40,4 @@ BALL_PIVOTING: Final = Reconstructor(
     paper="Bernardini et al. 1999",
     one_sheet=False,
     run=_run,
-    missing=always_there,
 )

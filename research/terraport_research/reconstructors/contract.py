@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -80,10 +79,3 @@ class Reconstructor:
     one_sheet: bool
     """Whether the result is a height field: one sheet, whose outline is no hole."""
     run: Run
-    missing: Callable[[], str | None]
-    """Why it cannot run on this machine and how to change that; None when it can."""
-
-
-def always_there() -> str | None:
-    """Answer for algorithms that need nothing beyond terraport[pipeline]."""
-    return None

@@ -13,7 +13,6 @@ from terraport_research.reconstructors.contract import (
     Samples,
     Surface,
     Work,
-    always_there,
 )
 
 __all__ = ["DELAUNAY"]
@@ -40,5 +39,4 @@ DELAUNAY: Final = Reconstructor(
     paper="Delaunay 1934",
     one_sheet=True,
     run=_run,
-    missing=always_there,
 )

@@ -10,7 +10,6 @@ from terraport_research.reconstructors.contract import (
     Samples,
     Surface,
     Work,
-    always_there,
 )
 
 __all__ = ["MARCHING_CUBES"]
@@ -39,5 +38,4 @@ MARCHING_CUBES: Final = Reconstructor(
     paper="Lorensen and Cline 1987; Hoppe et al. 1992",
     one_sheet=False,
     run=_run,
-    missing=always_there,
 )

@@ -14,7 +14,6 @@ from terraport_research.reconstructors.contract import (
     Samples,
     Surface,
     Work,
-    always_there,
 )
 
 __all__ = ["POISSON"]
@@ -53,5 +52,4 @@ POISSON: Final = Reconstructor(
     paper="Kazhdan and Hoppe 2013",
     one_sheet=False,
     run=_run,
-    missing=always_there,
 )

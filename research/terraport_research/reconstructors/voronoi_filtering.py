@@ -14,7 +14,6 @@ from terraport_research.reconstructors.contract import (
     Samples,
     Surface,
     Work,
-    always_there,
 )
 
 __all__ = ["VORONOI_FILTERING"]
@@ -41,5 +40,4 @@ VORONOI_FILTERING: Final = Reconstructor(
     paper="Amenta and Bern 1999",
     one_sheet=False,
     run=_run,
-    missing=always_there,
 )
