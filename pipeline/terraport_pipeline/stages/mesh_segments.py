@@ -13,6 +13,7 @@ from typing import Annotated, Any, Final, Literal
 import numpy as np
 
 from terraport_payload.types import AnyArray, Float32, Float64, Int32
+from terraport_pipeline.engines.body_parts import BODY_GRAPH, BodySegmenter
 from terraport_pipeline.engines.mesh_files.read_mesh import FileMesh
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import OptionError
@@ -296,15 +297,21 @@ def _segmenter(
         return replace(segmenter, **stated)
     if isinstance(segmenter, GraphSegmenter):
         graph = segmenter.options or COLOUR_GRAPH
-        if by == SHAPE and closed:
+        # A closed body's parts are united as people would, or, told a drop, by the cut alone.
+        body = by == SHAPE and closed
+        united = body and options.graph_cut_drop is None
+        if body:
+            bare = BODY_GRAPH if united else SHAPE_GRAPH
             graph = replace(
-                SHAPE_GRAPH,
-                threshold=given(options.graph_cut_drop, SHAPE_GRAPH.threshold),
-                small_share=given(options.small_region_share, SHAPE_GRAPH.small_share),
+                bare,
+                threshold=given(options.graph_cut_drop, bare.threshold),
+                small_share=given(options.small_region_share, bare.small_share),
             )
         weighed = {key: stated.pop(key) for key in ("concavity", "colour_scale", "lightness")
                    if key in stated}  # fmt: skip
         graph = replace(graph, weights=replace(graph.weights, **weighed), **stated)
+        if united:
+            return BodySegmenter(graph, options.k, threads)
         return GraphSegmenter(graph, options.k)
     if isinstance(segmenter, TriangleSegmenter):
         if by == SHAPE:

@@ -9,14 +9,11 @@ from functools import cached_property
 import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32
+from terraport_pipeline.engines.body_parts import part_merges
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.geometry.graph.face_graph import FaceGraph
-from terraport_pipeline.geometry.graph.graph_segmenter import (
-    SHAPE_GRAPH,
-    graph_of_mesh,
-    merge_graph,
-)
-from terraport_pipeline.geometry.graph.merge_tree import MergeTree
+from terraport_pipeline.geometry.graph.graph_segmenter import SHAPE_GRAPH, graph_of_mesh
+from terraport_pipeline.geometry.graph.part_merge import PartMerges
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.mesh.face_measures import face_areas, face_centres
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
@@ -93,9 +90,10 @@ class Body:
         return graph_of_mesh(mesh, SHAPE_GRAPH)
 
     @cached_property
-    def merge_tree(self) -> MergeTree:
-        """The graph engine's tree."""
-        return merge_graph(self.graph, SHAPE_GRAPH).tree
+    def parts(self) -> PartMerges:
+        """What ``terraport segment`` makes of a closed body, in the order of its unions."""
+        mesh = SegmenterMesh(self.vertices32, self.faces, pairs=self.neighbours)
+        return part_merges(mesh, thickness=self.thickness)
 
 
 Cut = Callable[[int], Int32]
