@@ -11,9 +11,15 @@ from typing import Final
 from terraport_research.cutters.contract import Body, Cut, Cutter
 from terraport_research.cutters.graph import AUTOMATIC, GRAPH
 from terraport_research.cutters.k_means import K_MEANS
+from terraport_research.cutters.normalised_cuts import NORMALISED_CUTS
+from terraport_research.cutters.randomised_cuts import RANDOMISED_CUTS
+from terraport_research.cutters.shape_diameter import SHAPE_DIAMETER
 from terraport_research.cutters.tpa import TPA
 
 __all__ = ["CUTTERS", "Body", "Cut", "Cutter"]
 
-CUTTERS: Final[dict[str, Cutter]] = {one.key: one for one in (AUTOMATIC, GRAPH, TPA, K_MEANS)}
+CUTTERS: Final[dict[str, Cutter]] = {
+    one.key: one
+    for one in (AUTOMATIC, GRAPH, TPA, RANDOMISED_CUTS, NORMALISED_CUTS, SHAPE_DIAMETER, K_MEANS)
+}
 """Every algorithm by its key, in the order of the page."""
