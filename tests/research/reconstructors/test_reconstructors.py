@@ -18,9 +18,6 @@ def ball() -> Subject:
 @pytest.mark.parametrize("key", RECONSTRUCTORS)
 def test_each_algorithm_on_a_sphere(key: str, ball: Subject, tmp_path: Path) -> None:
     algorithm = RECONSTRUCTORS[key]
-    missing = algorithm.missing()
-    if missing:
-        pytest.skip(missing)
     samples = ball.samples
     surface = algorithm.run(samples, Work(tmp_path))
     assert len(surface.faces) > 1000
