@@ -21,7 +21,15 @@ from scipy.ndimage import distance_transform_edt
 from terraport_payload.types import AnyFloat, AnyInt, Bool, Float64, Int32
 from terraport_research.segmentation_scores import rand_error
 
-__all__ = ["CELL_M", "DISTANCES_M", "PlanScore", "drawn_regions", "inside_ring", "plan_score"]
+__all__ = [
+    "CELL_M",
+    "DISTANCES_M",
+    "PlanScore",
+    "drawn_regions",
+    "filled_gaps",
+    "inside_ring",
+    "plan_score",
+]
 
 CELL_M: Final = 0.5
 TRANSITION_M: Final = 1.0
@@ -108,8 +116,7 @@ def plan_score(drawn: Int32, found: AnyInt, ground: Bool) -> PlanScore:
         Where the survey has ground at all.
     """
     drawn = np.where(ground, drawn, -1)
-    distance, (row, column) = distance_transform_edt(drawn < 0, return_indices=True)
-    filled = np.where((distance * CELL_M <= GAP_M) & ground, drawn[row, column], -1)
+    filled = filled_gaps(drawn, ground)
     true_border = _border(filled)
     scored = drawn >= 0
     if true_border.any():
@@ -124,6 +131,13 @@ def plan_score(drawn: Int32, found: AnyInt, ground: Bool) -> PlanScore:
         float(areas.max() / scored.sum()),
         float(scored.sum() / ground.sum()),
     )
+
+
+def filled_gaps(drawn: Int32, ground: Bool) -> Int32:
+    """Give ground within ``GAP_M`` of a drawn region that region, the nearest."""
+    distance, (row, column) = distance_transform_edt(drawn < 0, return_indices=True)
+    filled: Int32 = np.where((distance * CELL_M <= GAP_M) & ground, drawn[row, column], -1)
+    return filled
 
 
 def _border(regions: AnyInt) -> Bool:

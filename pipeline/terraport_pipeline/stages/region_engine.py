@@ -46,7 +46,7 @@ __all__ = [
     "segmenter_mesh",
 ]
 
-Engine = Literal["borders", "means", "graph", "tpa", "felzenszwalb", "grid"]
+Engine = Literal["means", "borders", "graph", "tpa", "felzenszwalb", "grid"]
 
 ENGINES: Final = get_args(Engine)
 """Engines that a build may be asked for; the last two are there to compare with."""
@@ -163,9 +163,10 @@ class EngineOptions:
 class RegionOptions(EngineOptions):
     """Which engine, by what, and how finely."""
 
-    engine: Annotated[Engine, Option()] = "borders"
-    """What cuts the surface into regions. borders: where colour, texture or slope change along a
-    line; sizes in metres; best on ground. means: mean colours of whole pieces. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
+    engine: Annotated[Engine, Option()] = "means"
+    """What cuts the surface into regions. means: mean colours of whole pieces. borders: where colour,
+    texture or slope change along a line, sizes in metres whatever else was flown; best on large
+    surveys, and regions last from survey to survey. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
     thesis's Triangle Pool Algorithm, one number per face; blind to hue. felzenszwalb, grid: to
     compare with."""
     segment_by: Annotated[str, Option()] = "colour"

@@ -21,7 +21,14 @@ import numpy as np
 from terraport_payload.types import AnyFloat, AnyInt, Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.regions.pool_refine import number_by_first
 
-__all__ = ["LAB_STEPS", "LENGTH_STEPS", "CellGraph", "cells_of_faces", "joined_cells", "length_steps"]
+__all__ = [
+    "LAB_STEPS",
+    "LENGTH_STEPS",
+    "CellGraph",
+    "cells_of_faces",
+    "joined_cells",
+    "length_steps",
+]
 
 LAB_STEPS: Final = 64.0
 """Steps in one unit of CIELAB."""
@@ -105,7 +112,9 @@ def cells_of_faces(
     numbered = np.empty(count, np.int64)
     numbered[labels] = keys[found]
     # (2) Sums, in whole numbers.
-    normal = 0.5 * _AREA_STEPS * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal = (
+        0.5 * _AREA_STEPS * np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    )
     area = np.maximum(np.rint(np.linalg.norm(normal, axis=1)), 1.0)
     columns = [area, *(area * lab.T), area * lab[:, 0].astype(np.float64) ** 2, *np.rint(normal.T)]
     sums = np.zeros((count, len(columns)), np.int64)
