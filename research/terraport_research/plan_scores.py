@@ -143,10 +143,10 @@ def filled_gaps(drawn: Int32, ground: Bool) -> Int32:
 def _border(regions: AnyInt) -> Bool:
     """Cells whose left or lower neighbour is of another region, both being of one."""
     border = np.zeros(regions.shape, np.bool_)
-    for here, there in (((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
-                        ((slice(1, None), slice(None)), (slice(None, -1), slice(None)))):  # fmt: skip
-        a, b = regions[here], regions[there]
-        border[here] |= (a != b) & (a >= 0) & (b >= 0)
+    for axis in (0, 1):
+        here, there = (np.swapaxes(regions, 0, axis)[rows] for rows in (slice(1, None), slice(-1)))
+        differs = (here != there) & (here >= 0) & (there >= 0)
+        np.swapaxes(border, 0, axis)[1:] |= differs
     return border
 
 

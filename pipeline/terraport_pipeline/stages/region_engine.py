@@ -99,8 +99,8 @@ class EngineOptions:
             heading=_OWN,
             above=0,
             most=_MOST,
-            unset=f"{COLOUR_GRAPH.threshold:g}; by shape {OPEN_SHAPE_GRAPH.threshold:g}, of a closed "
-            f"body {SHAPE_GRAPH.threshold:g}",
+            unset=f"{COLOUR_GRAPH.threshold:g}; by shape {OPEN_SHAPE_GRAPH.threshold:g}, of a "
+            f"closed body {SHAPE_GRAPH.threshold:g}",
         ),
     ] = None
     """graph: regions merge while that lowers the normalised cut by more than this (no unit: the
@@ -164,11 +164,11 @@ class RegionOptions(EngineOptions):
     """Which engine, by what, and how finely."""
 
     engine: Annotated[Engine, Option()] = "means"
-    """What cuts the surface into regions. means: mean colours of whole pieces. borders: where colour,
-    texture or slope change along a line, sizes in metres whatever else was flown; best on large
-    surveys, and regions last from survey to survey. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
-    thesis's Triangle Pool Algorithm, one number per face; blind to hue. felzenszwalb, grid: to
-    compare with."""
+    """What cuts the surface into regions. means: mean colours of whole pieces. borders: where
+    colour, texture or slope change along a line, sizes in metres whatever else was flown; best on
+    large surveys, and regions last from survey to survey. graph: borders weighed by length, fold
+    and colour; also cuts by shape alone. tpa: the thesis's Triangle Pool Algorithm, one number per
+    face; blind to hue. felzenszwalb, grid: to compare with."""
     segment_by: Annotated[str, Option()] = "colour"
     """What the surface is cut by: colour; shape (the thickness of closed bodies, or with graph how
     the surface folds); or the name of an attribute of the points."""

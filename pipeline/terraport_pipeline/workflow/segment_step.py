@@ -218,7 +218,7 @@ class _Passes:
     def regions(
         self, units: TileResults, scene: TiledScene, scale: Result[SceneScale], measured: str
     ) -> Result[Regions]:
-        """Unite the units of all tiles to regions; to engine borders the survey before is evidence."""
+        """Unite the units of all tiles; to engine borders the survey before is evidence."""
         before = self.runner.before
         stood = None
         if before is not None and self.options.engine == "borders":

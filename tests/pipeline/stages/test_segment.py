@@ -178,8 +178,8 @@ def test_options_out_of_range(options: dict[str, float]) -> None:
         (engine, name)
         for engine in ENGINES
         for name in (
-            "borders_size_m", "means_spread", "graph_cut_drop", "tpa_region_threshold", "tpa_segment_threshold",
-            "felzenszwalb_scale", "grid_cell_m",
+            "borders_size_m", "means_spread", "graph_cut_drop", "tpa_region_threshold",
+            "tpa_segment_threshold", "felzenszwalb_scale", "grid_cell_m",
         )
     ],
 )  # fmt: skip

@@ -110,8 +110,9 @@ class Units:
         )
 
     def too_small(self, rule: CostRule) -> Bool:
-        """Units of too little area, or nowhere wide enough: a strip has twice its area over width
-        as its perimeter, (U,).
+        """Say which units have too little area or are nowhere wide enough, (U,).
+
+        The perimeter of a strip is twice its area over its width.
         """
         area = self.sums[:, 0]
         perimeter = self.perimeters()
@@ -122,8 +123,8 @@ class Units:
         """Length that every unit shares with others, metres, (U,)."""
         low, high = self.pairs.T
         length = self.contact[:, 0]
-        perimeters: Float64 = np.bincount(low, length, self.count)
-        perimeters += np.bincount(high, length, self.count)
+        first, second = (np.bincount(side, length, self.count) for side in (low, high))
+        perimeters: Float64 = np.asarray(first + second, np.float64)
         return perimeters
 
     def difference(self) -> Float64:

@@ -198,7 +198,7 @@ def test_what_touches_nothing_joins_the_nearest(stripes):
     stone = np.array([[10, 0, 70], [10.5, 0, 70], [10, 0, 70.5]], np.float32)
     mesh = SegmenterMesh(
         np.concatenate([stripes.vertices, stone]),
-        np.concatenate([stripes.faces, [[0, 2, 1]] + np.int32(len(stripes.vertices))]).astype(
+        np.concatenate([stripes.faces, len(stripes.vertices) + np.array([[0, 2, 1]])]).astype(
             np.int32
         ),
         np.concatenate([stripes.colours, np.full((3, 3), 255, np.uint8)]),
@@ -214,9 +214,9 @@ def test_a_scalar_counts_as_lightness_and_bare_ground_is_one_region(stripes):
     by_number = replace(stripes, colours=None, scalar=(x > 30) + noise)
     assert BorderSegmenter().segment(by_number).region_count == 2
     assert BorderSegmenter().segment(replace(stripes, colours=None)).region_count == 1
+    values = np.zeros(len(x))
+    values[3] = np.nan
     with pytest.raises(ValueError, match="scalar of face 3 is nan"):
-        values = np.zeros(len(x))
-        values[3] = np.nan
         BorderSegmenter().segment(replace(by_number, scalar=values))
 
 
