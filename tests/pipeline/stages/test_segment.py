@@ -235,6 +235,23 @@ def test_every_option_reaches_its_engine(
 
 
 @pytest.mark.parametrize(
+    ("engine", "field", "ground", "body"),
+    [
+        ("graph", "options.threshold", 2.5, 5.0),
+        ("graph", "options.small_share", 0.003, 0.01),
+        ("tpa", "regions.attribute_range", 2.0, 2.0),
+    ],
+)
+def test_by_shape_a_closed_body_has_defaults_of_its_own(
+    engine: Any, field: str, ground: float, body: float
+) -> None:
+    options = segment.Options(engine=engine, segment_by="shape")
+    for is_closed_body, value in ((False, ground), (True, body)):
+        segmenter = make_segmenter(options, is_closed_body=is_closed_body, threads=1)
+        assert attrgetter(field)(segmenter) == value
+
+
+@pytest.mark.parametrize(
     ("engine", "segment_by"),
     [
         ("borders", "colour"),
