@@ -176,9 +176,7 @@ def noise(name: str, mesh: SegmenterMesh, engines: dict[str, Segmenter]) -> None
 
 def _samples(mesh: SegmenterMesh, regions: AnyInt) -> Any:
     step = max(1, len(mesh.faces) // _SAMPLES)
-    return surface_samples(
-        mesh.vertices, mesh.faces, regions, faces_per_sample=step, at_least=32
-    )
+    return surface_samples(mesh.vertices, mesh.faces, regions, faces_per_sample=step, at_least=32)
 
 
 def _rounded(colours: Float64) -> UInt8:
@@ -212,7 +210,10 @@ def main() -> None:
                 meshes[name] = SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)
     if "extents" in arguments.what:
         heads = " | ".join(f"{side:g} m" for side in SQUARES_M)
-        print(f"\n| 1 - RI against all (regions on 200 m) | {heads} | all |\n| -- | -- | -- | -- | -- |")
+        print(
+            f"\n| 1 - RI against all (regions on 200 m) | {heads} | all |\n"
+            "| -- | -- | -- | -- | -- |"
+        )
         for name, mesh in meshes.items():
             if np.ptp(mesh.vertices, axis=0).max() > SQUARES_M[0]:
                 extents(name, mesh, engines)

@@ -1,7 +1,7 @@
 """Regions: how well every engine finds what a person would draw.
 
-Truth is the true surface of procedural quarries, each face with its material, photographed with more
-and more noise, shadow and less contrast; the true regions are those of
+Truth is the true surface of procedural quarries, each face with its material, photographed with
+more and more noise, shadow and less contrast; the true regions are those of
 ``terraport_pipeline/synth/truth_regions.py``. Real surveys: ``drawn_regions.py``.
 
 Engines were tuned on seeds 3 to 6; the seeds here are others.

@@ -21,7 +21,15 @@ from scipy.ndimage import distance_transform_edt
 from terraport_payload.types import AnyFloat, AnyInt, Bool, Float64, Int32
 from terraport_research.segmentation_scores import rand_error
 
-__all__ = ["CELL_M", "DISTANCES_M", "PlanScore", "drawn_regions", "inside_ring", "plan_score"]
+__all__ = [
+    "CELL_M",
+    "DISTANCES_M",
+    "PlanScore",
+    "drawn_regions",
+    "filled_gaps",
+    "inside_ring",
+    "plan_score",
+]
 
 CELL_M: Final = 0.5
 TRANSITION_M: Final = 1.0
@@ -108,8 +116,7 @@ def plan_score(drawn: Int32, found: AnyInt, ground: Bool) -> PlanScore:
         Where the survey has ground at all.
     """
     drawn = np.where(ground, drawn, -1)
-    distance, (row, column) = distance_transform_edt(drawn < 0, return_indices=True)
-    filled = np.where((distance * CELL_M <= GAP_M) & ground, drawn[row, column], -1)
+    filled = filled_gaps(drawn, ground)
     true_border = _border(filled)
     scored = drawn >= 0
     if true_border.any():
@@ -126,13 +133,20 @@ def plan_score(drawn: Int32, found: AnyInt, ground: Bool) -> PlanScore:
     )
 
 
+def filled_gaps(drawn: Int32, ground: Bool) -> Int32:
+    """Give ground within ``GAP_M`` of a drawn region that region, the nearest."""
+    distance, (row, column) = distance_transform_edt(drawn < 0, return_indices=True)
+    filled: Int32 = np.where((distance * CELL_M <= GAP_M) & ground, drawn[row, column], -1)
+    return filled
+
+
 def _border(regions: AnyInt) -> Bool:
     """Cells whose left or lower neighbour is of another region, both being of one."""
     border = np.zeros(regions.shape, np.bool_)
-    for here, there in (((slice(None), slice(1, None)), (slice(None), slice(None, -1))),
-                        ((slice(1, None), slice(None)), (slice(None, -1), slice(None)))):  # fmt: skip
-        a, b = regions[here], regions[there]
-        border[here] |= (a != b) & (a >= 0) & (b >= 0)
+    for axis in (0, 1):
+        here, there = (np.swapaxes(regions, 0, axis)[rows] for rows in (slice(1, None), slice(-1)))
+        differs = (here != there) & (here >= 0) & (there >= 0)
+        np.swapaxes(border, 0, axis)[1:] |= differs
     return border
 
 

@@ -58,10 +58,10 @@ class MeshSegmentOptions(EngineOptions):
     surface folds; other engines: the shape diameter, how thick a closed body is); an attribute of
     the mesh by its name; or a file with a number for each face or vertex (.npy, else text)."""
     engine: Annotated[Engine | None, Option(unset="means; by shape graph")] = None
-    """What cuts. means: mean colours of whole pieces. borders: where colour, texture or slope change
-    along a line, with --region-size in the unit of the mesh. graph: borders weighed by length, fold and
-    colour; also cuts by shape alone. tpa: the thesis's Triangle Pool Algorithm. felzenszwalb, grid:
-    to compare with."""
+    """What cuts. means: mean colours of whole pieces. borders: where colour, texture or slope
+    change along a line, with --region-size in the unit of the mesh. graph: borders weighed by
+    length, fold and colour; also cuts by shape alone. tpa: the thesis's Triangle Pool Algorithm.
+    felzenszwalb, grid: to compare with."""
     k: Annotated[int | None, Option(least=1, unset="as many as there seem to be")] = None
     """graph, borders: this many segments, if the surface hangs together; separate pieces stay
     apart."""

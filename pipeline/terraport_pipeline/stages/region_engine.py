@@ -46,7 +46,7 @@ __all__ = [
     "segmenter_mesh",
 ]
 
-Engine = Literal["borders", "means", "graph", "tpa", "felzenszwalb", "grid"]
+Engine = Literal["means", "borders", "graph", "tpa", "felzenszwalb", "grid"]
 
 ENGINES: Final = get_args(Engine)
 """Engines that a build may be asked for; the last two are there to compare with."""
@@ -99,8 +99,8 @@ class EngineOptions:
             heading=_OWN,
             above=0,
             most=_MOST,
-            unset=f"{COLOUR_GRAPH.threshold:g}; by shape {OPEN_SHAPE_GRAPH.threshold:g}, of a closed "
-            f"body {SHAPE_GRAPH.threshold:g}",
+            unset=f"{COLOUR_GRAPH.threshold:g}; by shape {OPEN_SHAPE_GRAPH.threshold:g}, of a "
+            f"closed body {SHAPE_GRAPH.threshold:g}",
         ),
     ] = None
     """graph: regions merge while that lowers the normalised cut by more than this (no unit: the
@@ -163,11 +163,12 @@ class EngineOptions:
 class RegionOptions(EngineOptions):
     """Which engine, by what, and how finely."""
 
-    engine: Annotated[Engine, Option()] = "borders"
-    """What cuts the surface into regions. borders: where colour, texture or slope change along a
-    line; sizes in metres; best on ground. means: mean colours of whole pieces. graph: borders weighed by length, fold and colour; also cuts by shape alone. tpa: the
-    thesis's Triangle Pool Algorithm, one number per face; blind to hue. felzenszwalb, grid: to
-    compare with."""
+    engine: Annotated[Engine, Option()] = "means"
+    """What cuts the surface into regions. means: mean colours of whole pieces. borders: where
+    colour, texture or slope change along a line, sizes in metres whatever else was flown; best on
+    large surveys, and regions last from survey to survey. graph: borders weighed by length, fold
+    and colour; also cuts by shape alone. tpa: the thesis's Triangle Pool Algorithm, one number per
+    face; blind to hue. felzenszwalb, grid: to compare with."""
     segment_by: Annotated[str, Option()] = "colour"
     """What the surface is cut by: colour; shape (the thickness of closed bodies, or with graph how
     the surface folds); or the name of an attribute of the points."""

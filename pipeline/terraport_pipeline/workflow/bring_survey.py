@@ -126,5 +126,5 @@ def _check_in_one_piece(
         raise ResourceError(
             f"{in_one_piece} needs the surface in one piece, {whole}; allowed are "
             f"{max_memory_bytes / 2**30:.1f} GiB: raise --max-memory, thin the survey with "
-            "--max-points, or use --engine borders and colour, which go by tiles"
+            "--max-points, or use --engine means and colour, which go by tiles"
         )

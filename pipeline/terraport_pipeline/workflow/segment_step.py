@@ -218,9 +218,11 @@ class _Passes:
     def regions(
         self, units: TileResults, scene: TiledScene, scale: Result[SceneScale], measured: str
     ) -> Result[Regions]:
-        """Unite the units of all tiles to regions; the survey before is evidence for borders."""
+        """Unite the units of all tiles; to engine borders the survey before is evidence."""
         before = self.runner.before
-        stood = None if before is None else before.find(numbered_regions.SAMPLES_NAME)
+        stood = None
+        if before is not None and self.options.engine == "borders":
+            stood = before.find(numbered_regions.SAMPLES_NAME)
 
         def compute(context: Context) -> Regions:
             samples = before.work.load(stood) if before is not None and stood is not None else None
@@ -239,7 +241,7 @@ class _Passes:
                     "units": units.digest,
                     "measured": measured,
                     "scale": scale.digest,
-                    "before": "" if stood is None else stood.digest,
+                    **({} if stood is None else {"before": stood.digest}),
                 },
             )
         )

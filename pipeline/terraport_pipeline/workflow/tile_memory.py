@@ -175,9 +175,7 @@ def choose_plan(
         The depth that was asked for makes several tiles of what must be one.
     """
     # (1) What was asked for.
-    way_out = (
-        "use --engine borders and colour, which go by tiles, or thin the survey (--max-points)"
-    )
+    way_out = "use --engine means and colour, which go by tiles, or thin the survey (--max-points)"
     if asked is not None:
         tried = plan(asked)
         if in_one_piece and tried.count > 1:

@@ -113,6 +113,14 @@ def test_two_materials_are_two_regions(meshes: Meshes, result: Labelled) -> None
     assert east[0] != west[0]
 
 
+def test_no_region_by_borders_holds_two_materials(meshes: Meshes) -> None:
+    """Red in the east, green in the west; its slopes may be regions, too."""
+    found = run(meshes, replace(SMALL, engine="borders")).regions
+    x = meshes.detail.vertices[meshes.detail.faces].mean(axis=1)[:, 0]
+    assert not set(found[x > 3].tolist()) & set(found[x < -3].tolist())
+    assert len(np.unique(found)) <= 8
+
+
 def test_more_regions_than_feature_ids_are_refused(
     meshes: Meshes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -145,7 +153,7 @@ def test_what_is_kept_is_taken_up(meshes: Meshes, result: Labelled, tmp_path: Pa
 @pytest.mark.parametrize(
     "options",
     [
-        {"borders_size_m": 0.0},
+        {"engine": "borders", "borders_size_m": 0.0},
         {"engine": "means", "means_spread": 0.0},
         {"engine": "means", "means_spread": 101.0},
         {"engine": "graph", "graph_cut_drop": -1.0},
@@ -170,8 +178,8 @@ def test_options_out_of_range(options: dict[str, float]) -> None:
         (engine, name)
         for engine in ENGINES
         for name in (
-            "borders_size_m", "means_spread", "graph_cut_drop", "tpa_region_threshold", "tpa_segment_threshold",
-            "felzenszwalb_scale", "grid_cell_m",
+            "borders_size_m", "means_spread", "graph_cut_drop", "tpa_region_threshold",
+            "tpa_segment_threshold", "felzenszwalb_scale", "grid_cell_m",
         )
     ],
 )  # fmt: skip
@@ -205,7 +213,7 @@ def test_some_engines_know_no_share_of_the_surface(engine: Any) -> None:
 @pytest.mark.parametrize(
     ("options", "field", "value"),
     [
-        (segment.Options(borders_size_m=8.0), "region_size_m", 8.0),
+        (segment.Options(engine="borders", borders_size_m=8.0), "region_size_m", 8.0),
         (segment.Options(engine="means", means_spread=0.5), "spread", 0.5),
         (segment.Options(engine="means", small_region_share=0.1), "small_share", 0.1),
         (segment.Options(engine="graph", graph_cut_drop=0.9), "options.threshold", 0.9),
@@ -224,6 +232,23 @@ def test_every_option_reaches_its_engine(
     options: segment.Options, field: str, value: float
 ) -> None:
     assert attrgetter(field)(make_segmenter(options, threads=1)) == value
+
+
+@pytest.mark.parametrize(
+    ("engine", "field", "ground", "body"),
+    [
+        ("graph", "options.threshold", 2.5, 5.0),
+        ("graph", "options.small_share", 0.003, 0.01),
+        ("tpa", "regions.attribute_range", 2.0, 2.0),
+    ],
+)
+def test_by_shape_a_closed_body_has_defaults_of_its_own(
+    engine: Any, field: str, ground: float, body: float
+) -> None:
+    options = segment.Options(engine=engine, segment_by="shape")
+    for is_closed_body, value in ((False, ground), (True, body)):
+        segmenter = make_segmenter(options, is_closed_body=is_closed_body, threads=1)
+        assert attrgetter(field)(segmenter) == value
 
 
 @pytest.mark.parametrize(

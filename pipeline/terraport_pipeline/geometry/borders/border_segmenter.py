@@ -26,7 +26,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial import cKDTree
 
-from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, Int64
+from terraport_payload.types import Bool, Float64, Int32
 from terraport_pipeline.geometry.borders.cells import (
     LAB_STEPS,
     LENGTH_STEPS,
@@ -49,6 +49,8 @@ _SEEDS: Final = 5
 """Seeds across the region size."""
 _LEAST_SHARE: Final = 0.35
 """Least area of a region, as a share of the region size squared."""
+_LEAST_WIDTH: Final = 0.3
+"""Least width of a region, as a share of the region size."""
 _LEVELS: Final = 16
 """Steps of the rising cost up to regions."""
 _COARSER: Final = (1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, np.inf)
@@ -58,6 +60,9 @@ _REACH_CELLS: Final = 2.0
 """A sample of the version before speaks for cells no farther than this."""
 _SCALAR_RANGE: Final = 100.0
 """A scalar is scaled to 0 to this, as lightness runs."""
+
+
+_WEIGHTS: Final = Weights()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -93,7 +98,7 @@ class BorderSegmenter:
     and less than a third of its square joins a neighbour. Lower tells more apart. > 0."""
     strength: float = 1.0
     """Cost, in units of the automatic one, up to which regions unite. Lower tells more apart."""
-    weights: Weights = Weights()
+    weights: Weights = _WEIGHTS
     count: int | None = None
     """So many regions, if the surface hangs together; None: as many as there seem to be."""
 
@@ -118,7 +123,10 @@ class BorderSegmenter:
     @property
     def rule(self) -> CostRule:
         """What decides whether two units are one region."""
-        return CostRule(least_m2=_LEAST_SHARE * self.region_size_m**2)
+        return CostRule(
+            least_m2=_LEAST_SHARE * self.region_size_m**2,
+            least_width_m=_LEAST_WIDTH * self.region_size_m,
+        )
 
     def segment(self, mesh: SegmenterMesh) -> Segmentation:
         """Cut the mesh into regions and fine pools; see :class:`~.segmenter.Segmenter`.

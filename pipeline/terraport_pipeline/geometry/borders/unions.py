@@ -52,6 +52,9 @@ class CostRule:
 
     least_m2: float
     """Area below which a region joins a neighbour."""
+    least_width_m: float
+    """Width below which a strip joins a neighbour however long it is: where two materials meet,
+    means over some cells blend, and the blend is no region."""
     noticed: float = 1.5
     """Difference that the eye just notices on calm ground."""
     noise: float = 1.0
@@ -106,6 +109,24 @@ class Units:
             name,
         )
 
+    def too_small(self, rule: CostRule) -> Bool:
+        """Say which units have too little area or are nowhere wide enough, (U,).
+
+        The perimeter of a strip is twice its area over its width.
+        """
+        area = self.sums[:, 0]
+        perimeter = self.perimeters()
+        small: Bool = (area < rule.least_m2) | (2.0 * area < rule.least_width_m * perimeter)
+        return small
+
+    def perimeters(self) -> Float64:
+        """Length that every unit shares with others, metres, (U,)."""
+        low, high = self.pairs.T
+        length = self.contact[:, 0]
+        first, second = (np.bincount(side, length, self.count) for side in (low, high))
+        perimeters: Float64 = np.asarray(first + second, np.float64)
+        return perimeters
+
     def difference(self) -> Float64:
         """Distance of the mean features over every contact, (E,)."""
         mean = self.sums[:, 1:] / self.sums[:, :1]
@@ -124,7 +145,7 @@ class Units:
         areas = np.minimum(self.sums[low, 0], self.sums[high, 0]) / rule.least_m2
         cost *= np.minimum(areas, 1.0) ** rule.small_power
         cost *= np.clip(areas, 1.0, rule.most_areas) ** rule.large_power
-        perimeter = np.bincount(low, length, self.count) + np.bincount(high, length, self.count)
+        perimeter = self.perimeters()
         shorter = np.minimum(perimeter[low], perimeter[high])
         cost *= (shorter / length) ** rule.contact_power
         result: Float64 = cost * np.exp(rule.held_power * self.contact[:, 2] / length)
@@ -178,7 +199,7 @@ def unite_level(
     limit : float
         Most cost of a union.
     small : bool
-        Whether only unions count of which one side is below the least area.
+        Whether only unions count of which one side is too small.
 
     Returns
     -------
@@ -191,8 +212,7 @@ def unite_level(
     for _ in range(_MOST_ROUNDS):
         cost = units.cost(rule)
         if small:
-            is_small: Bool = units.sums[:, 0] < rule.least_m2
-            cost[~is_small[units.pairs].any(axis=1)] = np.inf
+            cost[~units.too_small(rule)[units.pairs].any(axis=1)] = np.inf
         node, count = _chosen(units, cost, limit, units.sums[:, 0])
         if count == units.count:
             break

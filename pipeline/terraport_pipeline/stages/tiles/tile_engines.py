@@ -1,7 +1,7 @@
 """The engines that cut regions, over tiles: units within each, and regions of all units.
 
-Borders and mean colours go by tiles. Every other engine needs the surface in one piece: it gets that as the
-only tile, and a unit is a pool within one of its regions.
+Borders and mean colours go by tiles. Every other engine needs the surface in one piece: it
+gets that as the only tile, and a unit is a pool within one of its regions.
 """
 
 from __future__ import annotations

@@ -274,7 +274,8 @@ def regions(
     if joined.count > MAX_REGIONS:
         raise OptionError(
             f"{joined.count} regions; at most {MAX_REGIONS} can be told apart at run time: raise "
-            "--region-size or --small-region-share, or change the engine's own threshold (terraport build --help)"
+            "--region-size or --small-region-share, or change the engine's own threshold "
+            "(terraport build --help)"
         )
     context.progress.done({"regions": joined.count})
     return Regions(joined, dict(facts))

@@ -15,7 +15,7 @@ survey is absent there is no mesh.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
@@ -25,9 +25,9 @@ import numpy as np
 from scipy.spatial import Delaunay, cKDTree
 
 from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, UInt8
-from terraport_research.plan_scores import PlanScore, drawn_regions, plan_score
+from terraport_research.plan_scores import PlanScore, drawn_regions, filled_gaps, plan_score
 
-__all__ = ["CHOOSING", "PIECES", "REPORTING", "SHARED_DATA", "SurveyMesh", "load_survey", "Piece"]
+__all__ = ["CHOOSING", "PIECES", "REPORTING", "SHARED_DATA", "Piece", "SurveyMesh", "load_survey"]
 
 SHARED_DATA: Final = Path(__file__).resolve().parents[5] / "shared" / "data"
 CHOOSING: Final = ("apaxco_pit", "churo_fields", "red_rocks_cliffs", "caliterra_earthworks")
@@ -42,6 +42,8 @@ SPACING_M: Final = {
 """Cells of which one point, the mean of those within, stays, by folder."""
 _LONGEST_CELLS: Final = 6.0
 """Triangles with a longer edge, in cells, bridge gaps in the survey and are left out."""
+_UNDRAWN: Final = 1_000_000
+"""Region of what one drawing left out, where it is scored against the other."""
 _GROUND_M: Final = 1.5
 """A cell of a piece is ground where the mesh has a face this near."""
 
@@ -111,10 +113,16 @@ class Piece:
         return [plan_score(drawn, found, ground) for drawn in self.rasters[1]]
 
     def human_scores(self, ground: Bool) -> list[PlanScore]:
-        """Score each drawing against the other, on ground that both drew."""
+        """Score each drawing against the other; 1 - RI on ground that both drew."""
         first, second = self.rasters[1]
         both = ground & (first >= 0) & (second >= 0)
-        return [plan_score(first, second, both), plan_score(second, first, both)]
+        scores = []
+        for drawn, other in ((first, second), (second, first)):
+            found = filled_gaps(np.where(ground, other, -1), ground)
+            borders = plan_score(drawn, np.where(found < 0, _UNDRAWN, found), ground)
+            common = plan_score(drawn, other, both)
+            scores.append(replace(borders, rand_error=common.rand_error))
+        return scores
 
 
 def load_survey(path: str, data: Path = SHARED_DATA) -> SurveyMesh | None:
@@ -132,9 +140,7 @@ def load_survey(path: str, data: Path = SHARED_DATA) -> SurveyMesh | None:
     column, row = np.floor(places[:, :2] / cell).astype(np.int64).T
     _, owner = np.unique(row * 2**24 + column, return_inverse=True)
     number = np.bincount(owner)
-    mean = np.stack(
-        [np.bincount(owner, v) / number for v in (*places.T, *colours.T)], axis=1
-    )
+    mean = np.stack([np.bincount(owner, v) / number for v in (*places.T, *colours.T)], axis=1)
     faces = Delaunay(mean[:, :2]).simplices.astype(np.int32)
     corners = mean[:, :2][faces]
     longest = np.linalg.norm(corners - corners[:, [1, 2, 0]], axis=2).max(axis=1)
