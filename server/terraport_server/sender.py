@@ -33,7 +33,7 @@ from terraport_server.session import Session
 from terraport_server.session_clock import SessionClock
 from terraport_server.signals import Signal
 from terraport_server.transport import MAX_FRAMES, connection_of
-from terraport_server.turns import Rank, Turns
+from terraport_server.turns import Rank, Turns, rank_of
 from terraport_store import CorruptPayloadError, PayloadRange, StoreError
 from terraport_wire import (
     MAX_CHUNK_BYTES,
@@ -48,9 +48,6 @@ from terraport_wire import (
 )
 
 __all__ = ["LARGEST_BATCH_BYTES", "Sender", "SenderLimits"]
-
-_NEW_LANDING_BYTES: Final = 1 << 20
-"""So much of a landing goes before what is left of others'."""
 
 LARGEST_BATCH_BYTES: Final = 4 * MAX_CHUNK_BYTES
 """Of payload in one call, and less than a chunk: still in the processor's cache when it is sent."""
@@ -332,12 +329,13 @@ class Sender:
         return sent_bytes
 
     def _rank(self, chunk: SendChunk) -> Rank:
-        if not chunk.landing:
-            return Rank.AIM
         is_new = chunk.generation != self._under_way.generation
-        if is_new or self._generation_bytes < _NEW_LANDING_BYTES:
-            return Rank.NEW_LANDING
-        return Rank.LANDING
+        return rank_of(
+            landing=chunk.landing,
+            sent_bytes=0 if is_new else self._generation_bytes,
+            next_bytes=chunk.length,
+            rest_bytes=chunk.total - chunk.offset,
+        )
 
     def _look(self) -> None:
         """Take a turn and send afterwards: for a connection that cannot send without waiting."""

@@ -15,11 +15,18 @@ from collections.abc import Callable
 from enum import IntEnum
 from typing import Final
 
-__all__ = ["Rank", "Turns"]
+__all__ = ["Rank", "Turns", "rank_of"]
 
 _FIRST_IN_A_ROW: Final = 8
 """Turns of new landings before another landing gets one: landing anew all the time starves nobody.
 """
+
+_NEW_LANDING_BYTES: Final = 1 << 20
+"""So much of a landing goes before what is left of others'."""
+
+_LEAST_FIRST_BYTES: Final = 16 << 10
+"""Of what goes first: a turn costs nearly the same whatever it carries, and whoever grants credit
+by the byte would otherwise take one ahead of everybody for each of them."""
 
 
 class Rank(IntEnum):
@@ -30,6 +37,35 @@ class Rank(IntEnum):
     LANDING = 1
     AIM = 2
     """May come to nothing: goes when no landing could use the turn."""
+
+
+def rank_of(*, landing: bool, sent_bytes: int, next_bytes: int, rest_bytes: int) -> Rank:
+    """Tell what a turn for payload is worth.
+
+    Parameters
+    ----------
+    landing : bool
+        Whether it is a landing's; an aim's otherwise.
+    sent_bytes : int
+        Payload of the landing that was sent already.
+    next_bytes : int
+        What the client's credit lets go of the segment now, at most a chunk.
+    rest_bytes : int
+        What is left of the segment.
+
+    Examples
+    --------
+    >>> rank_of(landing=True, sent_bytes=0, next_bytes=131072, rest_bytes=200000).name
+    'NEW_LANDING'
+    >>> rank_of(landing=True, sent_bytes=0, next_bytes=1, rest_bytes=200000).name
+    'LANDING'
+    """
+    if not landing:
+        return Rank.AIM
+    is_worth_it = next_bytes >= min(_LEAST_FIRST_BYTES, rest_bytes)
+    if sent_bytes < _NEW_LANDING_BYTES and is_worth_it:
+        return Rank.NEW_LANDING
+    return Rank.LANDING
 
 
 Burst = Callable[[], Rank | None]

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from terraport_server.turns import Rank, Turns
+from terraport_server.turns import Rank, Turns, rank_of
 
 Burst = Callable[[], Rank | None]
 
@@ -131,3 +131,25 @@ def test_a_failure_is_the_asker_s_and_nobody_else_s() -> None:
         return order
 
     assert asyncio.run(story()) == ["well"]
+
+
+@pytest.mark.parametrize(
+    ("landing", "sent_bytes", "next_bytes", "rest_bytes", "rank"),
+    [
+        (False, 0, 131_072, 200_000, Rank.AIM),
+        (True, 0, 131_072, 200_000, Rank.NEW_LANDING),
+        (True, 0, 16_384, 200_000, Rank.NEW_LANDING),
+        (True, 0, 16_383, 200_000, Rank.LANDING),  # credit by the crumb
+        (True, 0, 1, 200_000, Rank.LANDING),
+        (True, 0, 700, 700, Rank.NEW_LANDING),  # a small segment, whole
+        (True, (1 << 20) - 1, 131_072, 200_000, Rank.NEW_LANDING),
+        (True, 1 << 20, 131_072, 200_000, Rank.LANDING),
+    ],
+)
+def test_what_a_turn_is_worth(
+    landing: bool, sent_bytes: int, next_bytes: int, rest_bytes: int, rank: Rank
+) -> None:
+    given = rank_of(
+        landing=landing, sent_bytes=sent_bytes, next_bytes=next_bytes, rest_bytes=rest_bytes
+    )
+    assert given == rank
