@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, TypeVar
 
 import orjson
@@ -22,12 +22,15 @@ from terraport_store.tiles.scene_tiles import SceneTiles
 from terraport_store.tiles.tile_glb import TileFacts
 from terraport_store.tiles.tileset import Cell, tileset_document
 
-__all__ = ["MAX_KEPT_BYTES", "ServedTiles", "TileDesk"]
+__all__ = ["MAX_KEPT_BYTES", "MAX_KEPT_TILESETS", "ServedTiles", "TileDesk"]
 
 _Made = TypeVar("_Made")
 
 MAX_KEPT_BYTES: Final = 128 << 20
 """Parts of bases in memory, least recently asked for out first; those of the newest scene stay."""
+
+MAX_KEPT_TILESETS: Final = 4
+"""Of one scene, for one radius each: up to 40 MB for 100,000 segments, and a second to write."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -39,6 +42,8 @@ class ServedTiles:
     names: list[str]
     """Of the parts, by number: the hash of their bytes, so that an address has one content."""
     parts: dict[str, bytes]
+    tilesets: OrderedDict[float | None, bytes] = field(default_factory=OrderedDict)
+    """By radius, least recently asked for first."""
 
     @property
     def bytes(self) -> int:
@@ -57,7 +62,14 @@ class TileDesk:
         """Return ``tileset.json``; raises as :meth:`part`."""
         async with self._turn:
             tiles = await self._tiles(served)
-            return await self._in_thread(served, lambda: _tileset(served, tiles, radius_m))
+            tileset = tiles.tilesets.get(radius_m)
+            if tileset is None:
+                tileset = await self._in_thread(served, lambda: _tileset(served, tiles, radius_m))
+                tiles.tilesets[radius_m] = tileset
+                if len(tiles.tilesets) > MAX_KEPT_TILESETS:
+                    tiles.tilesets.popitem(last=False)
+            tiles.tilesets.move_to_end(radius_m)
+            return tileset
 
     async def part(self, served: ServedScene, name: str) -> bytes | None:
         """Return a part of the base by its name; None where there is none of it.

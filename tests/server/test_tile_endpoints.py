@@ -13,9 +13,9 @@ import httpx
 import pytest
 
 from terraport_payload.glb_container import split_glb
-from terraport_server import BackgroundServer
+from terraport_server import BackgroundServer, tile_desk
 from terraport_server.served_scene import ServedScene
-from terraport_server.tile_desk import MAX_KEPT_BYTES, TileDesk
+from terraport_server.tile_desk import MAX_KEPT_BYTES, MAX_KEPT_TILESETS, TileDesk
 from terraport_store import Scene
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
@@ -131,5 +131,30 @@ def test_parts_that_are_too_many_go(monkeypatch: pytest.MonkeyPatch) -> None:
             for served in scenes:
                 served.retire()
                 assert served.closed  # held only while it is worked on
+
+    asyncio.run(work())
+
+
+def test_a_tileset_is_written_once_a_radius(monkeypatch: pytest.MonkeyPatch) -> None:
+    written: list[float | None] = []
+    write = tile_desk._tileset
+
+    def counted(served: ServedScene, tiles: tile_desk.ServedTiles, radius_m: float | None) -> bytes:
+        written.append(radius_m)
+        return write(served, tiles, radius_m)
+
+    monkeypatch.setattr(tile_desk, "_tileset", counted)
+
+    async def work() -> None:
+        desk = TileDesk()
+        with ThreadPoolExecutor(1) as pool:
+            served = ServedScene.open("a", SAMPLE, "file", pool)
+            radii = [10.0 + number for number in range(MAX_KEPT_TILESETS + 1)]
+            for radius_m in [None, None, *radii, radii[-1]]:
+                assert await desk.tileset(served, radius_m)
+            assert written == [None, *radii]
+            kept = desk._kept[served.id, served.version].tilesets
+            assert list(kept) == radii[-MAX_KEPT_TILESETS:]
+            served.retire()
 
     asyncio.run(work())

@@ -98,7 +98,7 @@ def tileset_document(
         ``tileset.json``.
     """
     # (1) Cells, each with the matrix that is right in its middle.
-    boxes = bounds.astype(np.float64)
+    volumes = _volumes(bounds[:, :3], bounds[:, 3:])
     low = np.min([cell.low for cell in cells], axis=0)
     high = np.max([cell.high for cell in cells], axis=0)
     root_matrix = placing.matrix_at(tile_coordinates((low + high)[None] / 2)[0])
@@ -115,17 +115,14 @@ def tileset_document(
         if radius_m is not None:
             error_m = max(error_m, radius_m * _PIXELS / _PIXELS_PER_RADIAN)
         coarsest_m = max(coarsest_m, error_m)
-        leaves = [
-            _leaf(boxes[number, :3], boxes[number, 3:], segment_uri(number))
-            for number in cell.segments.tolist()
-        ]
+        leaves = [_leaf(volumes[number], segment_uri(number)) for number in cell.segments.tolist()]
         if radius_m is not None:
             # One volume for all of a cell: a parent goes only when each of its children may be
             # asked for.
-            asked = _box(cell.low - radius_m, cell.high + radius_m)
+            asked = _volume(cell.low - radius_m, cell.high + radius_m)
             leaves = [{**leaf, "viewerRequestVolume": asked} for leaf in leaves]
         tile: dict[str, Any] = {
-            "boundingVolume": _box(cell.low, cell.high),
+            "boundingVolume": _volume(cell.low, cell.high),
             "geometricError": error_m,
             "refine": "REPLACE",
             "children": leaves,
@@ -135,12 +132,14 @@ def tileset_document(
             tile["content"] = {"uri": part_uri(cell.replaced)}
         children.append(tile)
         if cell.kept is not None:
-            children.append({**_leaf(cell.low, cell.high, part_uri(cell.kept)), **placed})
+            kept = _leaf(_volume(cell.low, cell.high), part_uri(cell.kept))
+            children.append({**kept, **placed})
     # (2) The root: nothing of its own to draw, refined wherever the scene is more than a dot.
     places = np.concatenate(corners)
     size_m = max(float(np.linalg.norm(np.ptp(places, axis=0))), 2 * coarsest_m)
+    ends = places.min(axis=0) - _MARGIN_M, places.max(axis=0) + _MARGIN_M
     root: dict[str, Any] = {
-        "boundingVolume": _volume(places.min(axis=0) - _MARGIN_M, places.max(axis=0) + _MARGIN_M),
+        "boundingVolume": _boxes(ends[0][None], ends[1][None])[0],
         "geometricError": size_m,
         "refine": "REPLACE",
         "children": children,
@@ -154,8 +153,8 @@ def tileset_document(
     }
 
 
-def _leaf(low: Float64, high: Float64, uri: str) -> dict[str, Any]:
-    return {"boundingVolume": _box(low, high), "geometricError": 0, "content": {"uri": uri}}
+def _leaf(volume: dict[str, list[float]], uri: str) -> dict[str, Any]:
+    return {"boundingVolume": volume, "geometricError": 0, "content": {"uri": uri}}
 
 
 def _corners(low: Float64, high: Float64) -> Float64:
@@ -165,13 +164,20 @@ def _corners(low: Float64, high: Float64) -> Float64:
     return tile_coordinates(np.stack([ends[picks[axis], axis] for axis in range(3)], axis=1))
 
 
-def _box(low: Float64, high: Float64) -> dict[str, list[float]]:
-    """Return a scene box as a bounding volume."""
-    corners = _corners(low, high)
-    return _volume(corners.min(axis=0), corners.max(axis=0))
-
-
 def _volume(low: Float64, high: Float64) -> dict[str, list[float]]:
-    """Return a box along the axes: middle, and half of each side."""
-    halves = np.diag((high - low) / 2)
-    return {"box": [*((low + high) / 2).tolist(), *halves.ravel().tolist()]}
+    """Return a scene box as a bounding volume."""
+    return _volumes(low[None], high[None])[0]
+
+
+def _volumes(low: AnyFloat, high: AnyFloat) -> list[dict[str, list[float]]]:
+    """Return scene boxes (N, 3) as bounding volumes; all at once, for a scene has many."""
+    ends = tile_coordinates(low), tile_coordinates(high)
+    return _boxes(np.minimum(*ends), np.maximum(*ends))
+
+
+def _boxes(low: Float64, high: Float64) -> list[dict[str, list[float]]]:
+    """Return boxes along the axes of tile coordinates: middle, and half of each side."""
+    rows = np.zeros((len(low), 12))
+    rows[:, :3] = (low + high) / 2
+    rows[:, 3::4] = (high - low) / 2
+    return [{"box": row} for row in rows.tolist()]
