@@ -153,9 +153,9 @@ class SceneHttp:
         return data
 
     async def _json(
-        self, url: str, version: str | None = None, *, max_bytes: int = _MAX_MANIFEST_BYTES
+        self, url: str, version: str | None = None, *, max_bytes: int | None = None
     ) -> dict[str, Any]:
-        data = await self._get(url, version, max_bytes)
+        data = await self._get(url, version, max_bytes or _MAX_MANIFEST_BYTES)
         try:
             document = json.loads(data)
         except ValueError as error:

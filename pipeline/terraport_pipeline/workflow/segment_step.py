@@ -224,7 +224,7 @@ class _Passes:
         if before is not None and self.options.engine == "borders":
             stood = before.find(numbered_regions.SAMPLES_NAME)
 
-        def compute(context: Context) -> Regions:
+        def unite(context: Context) -> Regions:
             samples = before.work.load(stood) if before is not None and stood is not None else None
             return tiled_segment.regions(
                 units.every(), scene.seams, scale.value(), self.options, context, before=samples
@@ -234,7 +234,7 @@ class _Passes:
             Stage(
                 "segment-regions",
                 tiled_segment,
-                compute,
+                unite,
                 tiled_segment.REGIONS_FORM,
                 asdict(self.options),
                 {

@@ -13,7 +13,7 @@ from pipeline.naming.named_ground import square, write_geojson
 import terraport.sync
 from terraport_pipeline.naming.plan import label_by_plan
 from terraport_pipeline.progress import NullProgress
-from terraport_server.serving import BackgroundServer
+from terraport_server import BackgroundServer
 
 
 def test_a_named_region_is_landed_on_where_it_is_seen_best(scene: Path, tmp_path: Path) -> None:
