@@ -37,7 +37,7 @@ def add_hem(vertices: Float32, faces: Int32, *, width_m: float) -> tuple[Float32
     --------
     >>> square = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
     >>> wide, _ = add_hem(square, np.array([[0, 1, 2], [0, 2, 3]], np.int32), width_m=1.0)
-    >>> wide[4].round(3).tolist()
+    >>> wide[4].astype(float).round(3).tolist()
     [-0.707, -0.707, 0.0]
     """
     edges = open_edges(faces, len(vertices)).astype(np.int64)
