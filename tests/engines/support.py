@@ -122,7 +122,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "cache on disk": (
         Yes("tests/socket/test_sdk_disk.py", "test_a_second_run_reads_from_disk"),
-        NO_DISK,
+        Yes("tests/browser/test_landings.py", "test_a_reload_loads_nothing_twice"),
         NO_DISK,
         NO_DISK,
     ),
