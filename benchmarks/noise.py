@@ -230,7 +230,7 @@ def solve(
     samples = np.zeros(len(cloud), solve_tile.sample_type([], has_colour=False))
     samples["position"] = np.load(file)
     before = time.process_time()
-    arrays = solve_tile.run(task, samples, context).arrays
+    arrays = solve_tile.run(task, samples, np.zeros((0, 3), np.float32), context).arrays
     facts = {
         "spacing_m": round(spacing_m, 4),
         "measured_noise_spacings": round(noise_m / spacing_m, 3),

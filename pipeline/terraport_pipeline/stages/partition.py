@@ -1,8 +1,9 @@
 """Hand a survey's samples out to tiles, a block at a time.
 
 First pass: samples per block of the lattice, for the plan. Second pass: every sample goes to the
-file of each tile whose data box it lies in, in file order. Memory: one block of the survey, and one
-number per occupied block.
+file of each tile whose data box it lies in, in file order; and what lies above the box is told as
+one height for each column. Memory: one block of the survey, one number per occupied block, and one
+per column of the survey's ground (:mod:`terraport_pipeline.geometry.tiles.sky_raster`).
 
 Over a scene that is there, a tile in whose core nothing changed keeps the samples that it had, also
 those of its margins: a margin only steadies the surface within, and a change in it would make the
@@ -21,11 +22,12 @@ import xxhash
 
 from terraport_payload.types import AnyArray, Float64, Int64
 from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter, link_or_copy
+from terraport_pipeline.geometry.tiles.sky_raster import SkyRaster
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.tiles.solve_tile import sample_type
 
-__all__ = ["BLOCK_CELLS", "NAME", "Earlier", "count_blocks", "run", "samples_name"]
+__all__ = ["BLOCK_CELLS", "NAME", "Earlier", "above_name", "count_blocks", "run", "samples_name"]
 
 NAME: Final = "partition"
 
@@ -43,6 +45,11 @@ _KEY_SPAN: Final = 1 << 20
 def samples_name(tile: int) -> str:
     """Stem of the file that holds a tile's samples."""
     return f"samples-{tile:05d}"
+
+
+def above_name(tile: int) -> str:
+    """Stem of the file that holds what lies above a tile's box, :meth:`.SkyRaster.above`."""
+    return f"above-{tile:05d}"
 
 
 def count_blocks(
@@ -115,14 +122,14 @@ def run(
     plan : TilePlan
     origin : ndarray of shape (3,), float64
     context : Context
-        Its `folder` gets one ``samples-<tile>.npy`` per tile.
+        Its `folder` gets one ``samples-<tile>.npy`` and one ``above-<tile>.npy`` per tile.
     earlier : Earlier, optional
         Tiles in whose core nothing changed get what they had.
 
     Returns
     -------
     values, facts
-        ``samples``: per tile, how many; ``digests``: per tile, the hash of its samples; ``laid``
+        ``samples``: per tile, how many; ``digests``: per tile, the hash of both; ``laid``
         and ``tiles``: how the tiles lie, and the index of each.
     """
     # (1) Columns in, one file of rows per tile out; one buffered block each.
@@ -131,7 +138,7 @@ def run(
     colours = NpyReader(source / "colours.npy") if has_colour else None
     columns = [NpyReader(source / f"attribute-{i}.npy") for i in range(attributes)]
     dtype = sample_type([("", column.dtype.str) for column in columns], has_colour=has_colour)
-    laid = repr((plan.shape, plan.lattice, plan.offset, dtype.descr))
+    laid = repr((plan.shape, plan.lattice, plan.offset, dtype.descr, "above"))
     kept = _kept(plan, laid, earlier)
     digests = [xxhash.xxh3_128(repr(dtype.descr).encode()) for _ in range(plan.count)]
     writers = {
@@ -139,6 +146,7 @@ def run(
         for tile in range(plan.count)
         if tile not in kept
     }
+    sky = SkyRaster(plan)
     context.progress.start("tiles: samples", float(len(points)), "points")
     # (2) Block by block. Invariant: a tile's new file holds its core and margin samples of all
     # blocks so far, in file order.
@@ -150,21 +158,26 @@ def run(
             rows["colour"] = colours.read(first, last)
         for number, column in enumerate(columns):
             rows[f"a{number}"] = column.read(first, last)
-        for tile, mine in plan.members(_cells(block, plan.lattice, origin)):
+        cells = _cells(block, plan.lattice, origin)
+        sky.add(cells)
+        for tile, mine in plan.members(cells):
             if tile in kept:
                 continue
             samples = rows[mine]
             writers[tile].append(samples)
             digests[tile].update(samples.view(np.uint8).data)
         context.progress.advance(len(block))
-    for writer in writers.values():
+    for tile, writer in writers.items():
         writer.close()
+        above = sky.above(tile)
+        np.save(context.folder / f"{above_name(tile)}.npy", above)
+        digests[tile].update(above.view(np.uint8).data)
     hashes = [digest.hexdigest() for digest in digests]
     counts = [writers[tile].rows if tile in writers else 0 for tile in range(plan.count)]
     if earlier is not None:
         for tile in kept:
-            file = f"{samples_name(tile)}.npy"
-            link_or_copy(earlier.folder / file, context.folder / file)
+            for stem in (samples_name(tile), above_name(tile)):
+                link_or_copy(earlier.folder / f"{stem}.npy", context.folder / f"{stem}.npy")
             hashes[tile] = earlier.values["digests"][tile]
             counts[tile] = earlier.values["samples"][tile]
     # (3) What the margins cost.

@@ -193,10 +193,12 @@ class _SolveTile:
 
     task: TileTask
     samples: Path
+    above: Path
 
     def __call__(self, context: Context) -> Stored:
         reader = NpyReader(self.samples)
-        return solve_tile.run(self.task, reader.read(0, len(reader)), context)
+        samples = reader.read(0, len(reader))
+        return solve_tile.run(self.task, samples, np.load(self.above), context)
 
 
 def _solve(
@@ -204,13 +206,19 @@ def _solve(
 ) -> TileResults:
     """Reconstruct every tile by itself."""
     folder = runner.work.path / ground.samples.name
-    paths = [folder / f"{partition.samples_name(tile)}.npy" for tile in range(len(tasks))]
     return runner.run_tiles(
         TileStage(
             "solve",
             solve_tile,
             f"tiles: solve {len(tasks)}, {min(pool.workers, len(tasks))} at a time",
-            [_SolveTile(task, path) for task, path in zip(tasks, paths, strict=True)],
+            [
+                _SolveTile(
+                    task,
+                    folder / f"{partition.samples_name(tile)}.npy",
+                    folder / f"{partition.above_name(tile)}.npy",
+                )
+                for tile, task in enumerate(tasks)
+            ],
             [
                 {"task": task_key(task), "samples": digest}
                 for task, digest in zip(tasks, ground.samples.values["digests"], strict=True)

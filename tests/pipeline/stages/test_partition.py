@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, plan_tiles, tile_shape
 from terraport_pipeline.model import to_scene
@@ -100,13 +101,48 @@ def test_a_tile_in_whose_core_nothing_changed_keeps_what_it_had(tmp_path: Path) 
     assert facts.counts["kept_tiles"] == plan.count - len(in_core)
     assert (np.array(alone["digests"]) != hashes[0]).sum() > len(in_core)
     for tile in range(plan.count):
-        name = f"{partition.samples_name(tile)}.npy"
-        expected = (third if tile in in_core else first) / name
-        assert (second / name).read_bytes() == expected.read_bytes()
-        assert now["samples"][tile] == len(np.load(second / name))
+        for stem in (partition.samples_name(tile), partition.above_name(tile)):
+            expected = (third if tile in in_core else first) / f"{stem}.npy"
+            assert (second / f"{stem}.npy").read_bytes() == expected.read_bytes()
+        samples = np.load(second / f"{partition.samples_name(tile)}.npy")
+        assert now["samples"][tile] == len(samples)
     # Another lattice: nothing of before fits.
     coarse = replace(plan, lattice=Lattice(LATTICE.anchor_m, 0.55))
     _, facts = partition.run(
         source, 0, coarse, ORIGIN, replace(context, result_folder=third), earlier
     )
     assert facts.counts["kept_tiles"] == 0
+
+
+def test_a_tile_is_told_what_lies_above_its_box(tmp_path: Path) -> None:
+    """A brow 120 m over the floor, in another tile: its heights, a cell apart, and only there."""
+    rng = np.random.default_rng(4)
+    floor = np.column_stack([rng.uniform(-20, 20, (3000, 2)), np.zeros(3000)])
+    brow = np.column_stack([rng.uniform(0, 20, (3000, 2)), np.full(3000, 120.0)])
+    source, folder = tmp_path / "read", tmp_path / "out"
+    source.mkdir()
+    folder.mkdir()
+    np.save(source / "points.npy", ORIGIN + np.concatenate([floor, brow]))
+    context = Context(tmp_path)
+    blocks, counts = partition.count_blocks(source, LATTICE, ORIGIN, 16, context)
+    plan = plan_tiles(LATTICE, tile_shape(7, 12.0), blocks, counts, 16)
+    partition.run(source, 0, plan, ORIGIN, replace(context, result_folder=folder))
+    east, up, north = [], [], []
+    for tile in range(plan.count):
+        samples = np.load(folder / f"{partition.samples_name(tile)}.npy")["position"] - ORIGIN
+        above = np.load(folder / f"{partition.above_name(tile)}.npy")
+        metres = LATTICE.metres(above + plan.core(tile)[0])
+        if not len(samples) or samples[:, 2].max() > 100:
+            assert not len(above)
+            continue
+        low, high = (LATTICE.metres(corner[None])[0] for corner in plan.data(tile))
+        assert (metres[:, 1] > high[1]).all()
+        assert (metres[:, ::2] > low[::2] - 1).all()
+        assert (metres[:, ::2] < high[::2] + 1).all()
+        east.append(metres[:, 0])
+        up.append(metres[:, 1])
+        north.append(-metres[:, 2])
+    assert np.abs(np.concatenate(up) - 120.0).max() < 0.01
+    for axis in (np.concatenate(east), np.concatenate(north)):
+        assert axis.min() == pytest.approx(0.0, abs=1.5)
+        assert axis.max() == pytest.approx(20.0, abs=1.5)

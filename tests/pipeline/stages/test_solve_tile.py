@@ -16,6 +16,9 @@ from terraport_pipeline.stages.tiles.solve_tile import TileTask, border_of, run,
 WIDE = 88
 """Cells of the core in the tests that solve: a cube of 2^7 with room for the margin."""
 
+NOTHING = np.zeros((0, 3), dtype=np.float32)
+"""Above the tile."""
+
 
 def wide_task() -> TileTask:
     return replace(
@@ -46,7 +49,7 @@ def ground(count: int = 6000) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def solved(tmp_path_factory: pytest.TempPathFactory):
-    return run(wide_task(), ground(), Context(tmp_path_factory.mktemp("tile")))
+    return run(wide_task(), ground(), NOTHING, Context(tmp_path_factory.mktemp("tile")))
 
 
 def test_copies_and_outliers_go_and_what_lies_in_the_core_is_counted(solved) -> None:
@@ -100,7 +103,7 @@ def test_the_raster_tells_where_samples_lie(solved) -> None:
 
 
 def test_a_tile_with_too_few_samples_has_no_surface(tmp_path) -> None:
-    stored = run(wide_task(), ground()[:5], Context(tmp_path))
+    stored = run(wide_task(), ground()[:5], NOTHING, Context(tmp_path))
     assert len(stored.arrays["faces"]) == 0
     assert stored.arrays["histogram"].shape == (BINS,)
     assert stored.values["core"] == 0
@@ -110,7 +113,7 @@ def test_a_tile_with_too_few_samples_has_no_surface(tmp_path) -> None:
 def test_samples_of_the_margin_alone_make_no_surface(tmp_path) -> None:
     own, samples = wide_task(), ground()
     west = samples["position"][:, 0] - own.origin[0] - own.centre_m[0]
-    stored = run(own, samples[west < -0.1 * (WIDE / 2 + 8)], Context(tmp_path))
+    stored = run(own, samples[west < -0.1 * (WIDE / 2 + 8)], NOTHING, Context(tmp_path))
     assert stored.values["core"] == stored.values["faces"] == 0
 
 
@@ -151,7 +154,7 @@ def test_a_noisy_cloud_comes_out_nearer_to_the_truth_with_fewer_faces(tmp_path) 
     """Against cells of one spacing and samples as they are: half the error, half the faces."""
     figures = []
     for own in (noisy_task(SPACING_M, 0.0), noisy_task(CELL_OF_NOISE_M, SMOOTHING_M)):
-        arrays = run(own, noisy_ground(), Context(tmp_path)).arrays
+        arrays = run(own, noisy_ground(), NOTHING, Context(tmp_path)).arrays
         x, y, z = arrays["vertices"].T
         inner = np.maximum(np.abs(x), np.abs(z)) < 3.5
         error_m = (y - rolling(x, z))[inner]
@@ -168,7 +171,7 @@ def test_two_tiles_of_a_noisy_cloud_meet_at_their_wall(tmp_path) -> None:
     right = replace(left, centre_cells=(float(left.core_cells), 0.0, 0.0))
     curves = []
     for own, wall in ((left, 1), (right, 0)):
-        arrays = run(own, noisy_ground(), Context(tmp_path)).arrays
+        arrays = run(own, noisy_ground(), NOTHING, Context(tmp_path)).arrays
         edges = arrays["border-edges"][arrays["border-walls"] == wall]
         rows = np.unique(edges)
         cells = arrays["border-cells"][rows]

@@ -67,6 +67,7 @@ def orient_normals(
     spacing_m: float,
     k: int = 10,
     grid_origin_m: tuple[float, float] | None = None,
+    above: Float32 | None = None,
 ) -> tuple[Float32, int, int]:
     """Turn normals out of the ground.
 
@@ -82,6 +83,7 @@ def orient_normals(
         Areal spacing.
     k : int
     grid_origin_m : (x, z), optional
+    above : ndarray of shape (R, 3), float32, optional
         See :func:`terraport_pipeline.geometry.clouds.signs.sky_signs`.
 
     Returns
@@ -93,7 +95,7 @@ def orient_normals(
         Points that nothing reached; they face up.
     """
     oriented = np.where((normals[:, 1] < 0)[:, None], -normals, normals)
-    sky = sky_signs(points, oriented, spacing_m=spacing_m, grid_origin_m=grid_origin_m)
+    sky = sky_signs(points, oriented, spacing_m=spacing_m, grid_origin_m=grid_origin_m, above=above)
     graph = np.ascontiguousarray(neighbours.indices[:, : min(k, neighbours.indices.shape[1])])
     reached = spread_signs(points, oriented, sky, graph)
     guessed = int((~reached).sum())

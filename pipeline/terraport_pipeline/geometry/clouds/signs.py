@@ -87,6 +87,7 @@ def sky_signs(
     *,
     spacing_m: float,
     grid_origin_m: tuple[float, float] | None = None,
+    above: Float32 | None = None,
 ) -> SkySigns:
     """Judge signs by what can be seen from above.
 
@@ -101,8 +102,12 @@ def sky_signs(
     grid_origin_m : (x, z), optional
         A corner of the columns that are looked up in; the points' lowest x and z by default.
         Overlapping parts of one cloud decide alike when they give the same corner.
+    above : ndarray of shape (R, 3), float32, optional
+        Places of what else hides the sky, of a part of a cloud: the rest of it above this part.
     """
-    columns = _Columns.over(points, _CELL_SPACINGS * spacing_m, grid_origin_m)
+    if above is None:
+        above = np.zeros((0, 3), dtype=np.float32)
+    columns = _Columns.over(points, above, _CELL_SPACINGS * spacing_m, grid_origin_m)
     tolerance_m = _ROOF_SPACINGS * spacing_m
     steep = normals[:, 1] < _STEEPEST
     certain = _open_to_sky(points, normals, columns, tolerance_m) & ~steep
@@ -132,34 +137,35 @@ def spread_signs(points: Float32, normals: Float32, sky: SkySigns, graph: Int32)
 
 @dataclass(frozen=True, slots=True)
 class _Columns:
-    """A cloud as seen from above: the highest point of every column that has one."""
+    """A cloud as seen from above: the highest place of every column that has one."""
 
     cells: Int64
     """Keys of occupied columns, ascending."""
     column: Int64
-    """Per point, the row of its column in `cells`."""
-    roof: Int64
-    """Per column, its highest point."""
-    height_m: Float32
-    """Per column, how high that is."""
+    """Per point of the cloud, the row of its column in `cells`."""
+    roof_m: Float32
+    """(C, 3) highest place of every column."""
     width: int
     corner_m: Float64
     cell_m: float
 
     @classmethod
-    def over(cls, points: Float32, cell_m: float, corner_m: tuple[float, float] | None) -> _Columns:
+    def over(
+        cls, points: Float32, above: Float32, cell_m: float, corner_m: tuple[float, float] | None
+    ) -> _Columns:
         if corner_m is None:
             x, z = points[:, ::2].min(axis=0).astype(np.float64)
             corner_m = float(x), float(z)
-        index = np.floor((points[:, ::2] - np.array(corner_m)) / cell_m).astype(np.int64)
+        places = np.concatenate([points, above])
+        index = np.floor((places[:, ::2] - np.array(corner_m)) / cell_m).astype(np.int64)
         low = index.min(axis=0) - 1
         index -= low
         # One empty column on each side: steps to neighbours stay in the row.
         width = int(index[:, 0].max()) + 2
         cells, column = np.unique(index[:, 1] * width + index[:, 0], return_inverse=True)
-        roof = _highest_of_cell(points[:, 1], column, len(cells))
+        roof = _highest_of_cell(places[:, 1], column, len(cells))
         corner = np.array(corner_m) + low * cell_m
-        return cls(cells, column, roof, points[roof, 1], width, corner, cell_m)
+        return cls(cells, column[: len(points)], places[roof], width, corner, cell_m)
 
     def heights(self, places_m: Float64) -> Float32:
         """Highest point over each place (P, 2), x and z; NaN where there is none."""
@@ -168,7 +174,7 @@ class _Columns:
         key = index[:, 1] * self.width + index[:, 0]
         rows = np.minimum(np.searchsorted(self.cells, key), len(self.cells) - 1)
         occupied = inside & (self.cells[rows] == key)
-        return np.where(occupied, self.height_m[rows], np.float32(np.nan))
+        return np.where(occupied, self.roof_m[rows, 1], np.float32(np.nan))
 
 
 def _open_to_sky(points: Float32, normals: Float32, columns: _Columns, tolerance_m: float) -> Bool:
@@ -180,7 +186,7 @@ def _open_to_sky(points: Float32, normals: Float32, columns: _Columns, tolerance
     for step in (-width - 1, -width, -width + 1, -1, 0, 1, width - 1, width, width + 1):
         index = np.minimum(np.searchsorted(cells, cells + step), len(cells) - 1)
         occupied = (cells[index] == cells + step)[columns.column]
-        offset = points[columns.roof[index]][columns.column] - points
+        offset = columns.roof_m[index][columns.column] - points
         above = offset[:, 1] - (offset[:, ::2] * rise).sum(axis=1)
         is_open &= ~occupied | (above <= tolerance_m)
     return is_open

@@ -108,7 +108,7 @@ def sample_type(attributes: list[tuple[str, str]], *, has_colour: bool) -> np.dt
     return np.dtype(fields)
 
 
-def run(task: TileTask, samples: AnyArray, context: Context) -> Stored:
+def run(task: TileTask, samples: AnyArray, above: Float32, context: Context) -> Stored:
     """Reconstruct one tile.
 
     Parameters
@@ -116,6 +116,9 @@ def run(task: TileTask, samples: AnyArray, context: Context) -> Stored:
     task : TileTask
     samples : structured ndarray of shape (N,)
         :func:`sample_type`; positions in metres, CRS frame, in file order.
+    above : ndarray of shape (R, 3), float32
+        What lies above the data box, in cells from the low corner of the core;
+        :meth:`terraport_pipeline.geometry.tiles.sky_raster.SkyRaster.above`.
     context : Context
 
     Returns
@@ -132,7 +135,8 @@ def run(task: TileTask, samples: AnyArray, context: Context) -> Stored:
     """
     # (1) Clean samples; those within reach of the core.
     counts: dict[str, Json] = {"samples": len(samples), "outliers": 0, "duplicates": 0, "core": 0}
-    cloud = _clean(task, samples, counts, context)
+    above_m = ((above - task.core_cells / 2) * task.cell_m).astype(np.float32)
+    cloud = _clean(task, samples, above_m, counts, context)
     if cloud is None:
         return _nothing(task, counts)
     points, normals, local_m, rows = cloud
@@ -228,7 +232,7 @@ def border_of(task: TileTask, vertices: Float32, faces: Int32, ratio: Float32) -
 
 
 def _clean(
-    task: TileTask, samples: AnyArray, counts: dict[str, Json], context: Context
+    task: TileTask, samples: AnyArray, above_m: Float32, counts: dict[str, Json], context: Context
 ) -> tuple[Float32, Float32, Float32, Int64] | None:
     """Drop copies and outliers, estimate normals: (points, normals, local spacing, rows)."""
     # (1) Copies of a point have no normal of their own.
@@ -275,6 +279,7 @@ def _clean(
         neighbours,
         spacing_m=task.spacing_m,
         grid_origin_m=(float(grid_m[0]), float(grid_m[2])),
+        above=above_m,
     )
     local_m = areal_from_radius(neighbours.distances[:, -1], neighbours.indices.shape[1])
     return points, normals, local_m, stays

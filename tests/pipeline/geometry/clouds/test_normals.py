@@ -76,6 +76,23 @@ def test_under_a_roof_nothing_is_certain(overhang: Any) -> None:
     assert not certain[below].any()
 
 
+def test_a_part_under_a_brow_needs_to_know_of_it(overhang: Any) -> None:
+    """What lies in the tile above: without it the underside is the highest ground there is."""
+    lower = overhang.points[:, 1] < 5.0
+    points, true = overhang.points[lower], overhang.normals[lower]
+    underside = overhang.edge[lower] == 2
+    normals, neighbours, spacing_m = normals_of(points)
+
+    def wrong(above: np.ndarray | None) -> float:
+        oriented, _, _ = orient_normals(
+            points, normals, neighbours, spacing_m=spacing_m, above=above
+        )
+        return float(((oriented * true).sum(axis=1) < 0)[underside].mean())
+
+    assert wrong(None) > 0.5
+    assert wrong(overhang.points[overhang.edge == 4]) < 0.01
+
+
 def test_the_sign_that_comes_in_does_not_matter(overhang: Any) -> None:
     normals, neighbours, spacing_m = normals_of(overhang.points)
     flips = np.where(np.random.default_rng(4).random(len(normals)) < 0.5, -1, 1)
