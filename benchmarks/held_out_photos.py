@@ -11,6 +11,11 @@ photo itself, where the mesh is hit, after one factor per channel: exposure is a
   than 30 levels, or by more than 12 next to such a place. *there*: matched, without those pixels.
 * *detail*: how much neighbouring pixels differ, as a share of what they do in the photo. One is as
   sharp as the photo; above, there is more noise than in it.
+* *alone*: share of the pixels where no other photo that sees the place shows anything like it
+  (means differ by more than 20 levels): what stands in front, and moves as the camera does.
+* *developed*: matched, after five numbers a channel instead of one factor: exposure's gain and
+  offset, vignetting, light from one side to the other. *shared*: that, without *alone*; *both*:
+  without *else*, too.
 
     python benchmarks/held_out_photos.py SURVEY --photos FOLDER --cameras FOLDER
     python benchmarks/held_out_photos.py SURVEY --photos FOLDER --cameras FOLDER --keep FOLDER
@@ -33,6 +38,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from parts.left_out_causes import developed, no_other_has, small_means
 from PIL import Image
 from scipy.ndimage import maximum_filter, uniform_filter
 
@@ -144,11 +150,17 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
         f"{len(left_out)} left out; the build took {spent:.0f} CPU s\n"
     )
     columns = "matched dB | median dB | detail"
-    print(f"| photo | hit | textures: {columns} | vertex colours: {columns} | else | there dB |")
-    print("|---|" + "---:|" * 9)
+    print(
+        f"| photo | hit | textures: {columns} | vertex colours: {columns} | else | there dB "
+        "| alone | developed dB | shared dB | both dB |"
+    )
+    print("|---|" + "---:|" * 13)
     # Draw what each left-out photo saw; one that sees too little of the mesh says nothing.
     total: dict[str, list[Float64]] = {name: [] for name in meshes}
     there: list[Float64] = []
+    causes: dict[str, list[Float64]] = {"developed": [], "shared": [], "both": []}
+    means = {number: small_means(opened.photos.get(number)) for number in range(len(opened.views))}
+    kept = [number for number, view in enumerate(opened.views) if view.name not in left_out]
     for number, view in enumerate(opened.views):
         if view.name not in left_out:
             continue
@@ -165,12 +177,20 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
             hits.append(hit)
             cells.append(f"{score.matched_db:.2f} | {score.median_db:.2f} | {score.detail:.0%}")
         if not cells:
-            print(f"| {view.name} | {seen:.0%} |" + " |" * 8)
+            print(f"| {view.name} | {seen:.0%} |" + " |" * 12)
             continue
         # Payloads hold corners on a grid: at a rim one mesh may be hit where the other is not.
         other = shows_something_else(pictures[-1], photo, hits[-1])[hits[0]]
         there.append(total["textures"][-1][~other])
         cells.append(f"{other.mean():.0%} | {mean_db(there[-1]):.2f}")
+        hit = hits[0]
+        alone = no_other_has(number, opened.views, means, kept, rays["textures"], hit)[hit]
+        errors = developed(pictures[1], photo, hit) - photo[hit]
+        parts = {"developed": errors, "shared": errors[~alone], "both": errors[~alone & ~other]}
+        for name, part in parts.items():
+            causes[name].append(part)
+        cells.append(f"{alone.mean():.0%}")
+        cells += [f"{mean_db(part):.2f}" for part in parts.values()]
         print(f"| {view.name} | {seen:.0%} | {' | '.join(cells)} |", flush=True)
         if arguments.pictures is not None:
             save(arguments.pictures, Path(view.name).stem, pictures)
@@ -182,6 +202,9 @@ def run(folder: Path, arguments: argparse.Namespace) -> None:
     rest = np.concatenate(there)
     every = sum(len(errors) for errors in total["textures"])
     cells.append(f"{1 - len(rest) / every:.0%} | **{mean_db(rest):.2f}**")
+    shared = sum(len(errors) for errors in causes["shared"])
+    cells.append(f"{1 - shared / every:.0%}")
+    cells += [f"**{mean_db(np.concatenate(parts)):.2f}**" for parts in causes.values()]
     print(f"| all | | {' | '.join(cells)} |")
 
 

@@ -169,8 +169,9 @@ CASES: Final = (
     # What is stated, and right.
     Case("LAZ in UTM", lambda d: las(d / "a.laz", AT_UTM, "EPSG:32614"), BUILT, "published"),
     Case("LAS in feet of its CRS",
+         # Of Texas, and the hill stands in Mexico: that is warned of.
          lambda d: las(d / "a.las", in_crs("EPSG:2278"), "EPSG:2278"),
-         BUILT, "converted to metres"),
+         WARNED, "converted to metres"),
     Case("New York in ftUS, heights too",
          lambda d: las(d / "a.las", AT_NEW_YORK / (1200 / 3937), "EPSG:2263"),
          BUILT, "converted to metres"),

@@ -29,7 +29,7 @@ REPORT: Final = ReportOptions(PictureOptions(960, 540), rays=100_000, subsets=30
 """Smaller than ``terraport report`` makes it, so that the demo stays within two minutes, and
 within four the first time, when kernels are compiled."""
 
-FLIGHT: Final = FlightOptions(count=24, width=640, height=480)
+FLIGHT: Final = FlightOptions(count=32, width=392, height=294, way_share=0.47)
 """Few and small: 7 million pixels take 20 s, and show twice finer than the points lie."""
 
 POINT_RANGE: Final = (20_000, 20_000_000)
@@ -100,7 +100,7 @@ def prepare_demo(
 
     start = time.perf_counter()
     # (1) A cloud, large enough for the flight to look at.
-    options = QuarryOptions(points=points, seed=seed)
+    options = QuarryOptions(points=points, seed=seed, way_density=6.0)
     if flight is not None:
         options = seen_by(flight, options)
     photos, folder = None, directory / "photos"

@@ -6,6 +6,7 @@
     ├── SurveyError          the input file or its content cannot be used
     │   └── ReadError        the file cannot be read; carries path and place
     │       └── NoPointsError    the file is whole and says itself that it has no points
+    ├── MissingReaderError   the file is of a kind whose reader is not installed
     ├── PhotoError           photos or cameras fit neither each other nor the survey
     ├── LabelFileError       a table of labels cannot be used; carries path and line
     ├── PlanError            a drawing of regions, strokes or a model of them cannot be used
@@ -28,6 +29,7 @@ __all__ = [
     "BuildLockedError",
     "EngineError",
     "LabelFileError",
+    "MissingReaderError",
     "NoPointsError",
     "OptionError",
     "PhotoError",
@@ -108,6 +110,25 @@ class LabelFileError(PipelineError, ValueError):
 
     def __str__(self) -> str:
         return f"{self.path} line {self.line}: {self.reason}; {self.advice}"
+
+
+class MissingReaderError(PipelineError, ImportError):
+    """A survey's kind is read by packages of an extra that is not installed.
+
+    No :class:`ReadError`: such a file is whole, and leaving it out as damaged would build half a
+    survey.
+    """
+
+    def __init__(self, path: Path, kind: str, extra: str) -> None:
+        super().__init__(path, kind, extra)
+        # `path` is a name that ImportError has for something else.
+        self.file, self.kind, self.extra = path, kind, extra
+
+    def __str__(self) -> str:
+        return (
+            f"{self.file}: {self.kind} is read by packages that are not installed: "
+            f"pip install 'terraport[{self.extra}]'"
+        )
 
 
 class PlanError(PipelineError, ValueError):

@@ -77,6 +77,6 @@ async def get_part(
 def _unavailable(served: ServedScene, error: Exception) -> RequestError:
     log("tiles not made", level=logging.ERROR, scene=served.id, reason=str(error))
     if isinstance(error, ModuleNotFoundError):
-        text = "this service has no 3D Tiles: install terraport[server], pyproj or Pillow is not"
+        text = "this service has no 3D Tiles: pip install 'terraport[tiles]' where it runs"
         return RequestError(501, "tiles_unavailable", text)
     return RequestError(503, "tiles_unavailable", "the tiles cannot be had now; try again later")

@@ -109,7 +109,7 @@ class Counts(_Frozen):
 class TextureInfo(_Frozen):
     """What there is of textures; field table in ``spec/scene-format.md``, section 4."""
 
-    source: Literal["photos", "vertex"]
+    source: Literal["photos", "vertex", "mesh"]
     media_types: tuple[_Name, ...]
     segments: _Count
     """Payloads with a texture."""

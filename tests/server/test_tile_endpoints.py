@@ -112,7 +112,7 @@ def test_without_a_library_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     with BackgroundServer(SAMPLE) as running:
         answer = httpx.get(f"{running.url}/scenes/sample_scene/tileset.json")
     assert answer.status_code == 501
-    assert "pyproj" in answer.json()["error"]["message"]
+    assert "pip install 'terraport[tiles]'" in answer.json()["error"]["message"]
 
 
 def test_parts_that_are_too_many_go(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -98,7 +98,7 @@ def build(
 
 
 def _last_lines(scene: Path) -> list[str]:
-    """Say where the report is, and the commands that serve the scene and land in it."""
+    """Say where the report is, the commands that serve the scene and land in it, and its tiles."""
     lines = []
     if (scene / REPORT).exists():
         pdf = scene / REPORT_PDF
@@ -113,6 +113,8 @@ def _last_lines(scene: Path) -> list[str]:
     x, _, z = (f"{round(value)}" for value in middle)
     url = f"http://127.0.0.1:8080/scenes/{name}"
     lines.append(f"land    {shlex.join(['terraport', 'land', url, x, '0', z])} --ground")
+    # Of the running service, for Cesium and other viewers; who wants files has export.
+    lines.append(f"tiles   {url}/tileset.json")
     return lines
 
 

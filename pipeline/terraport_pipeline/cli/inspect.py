@@ -28,8 +28,8 @@ from terraport_pipeline.cli.survey_tables import point_tables, survey_tables
 from terraport_pipeline.engines.camera_files import has_cameras
 from terraport_pipeline.engines.odm_project import find_odm_project, originals_in
 from terraport_pipeline.engines.pictures import save_png
-from terraport_pipeline.engines.readers.read_xyz import is_table
 from terraport_pipeline.engines.readers.survey_format import is_binary_survey
+from terraport_pipeline.engines.readers.text_form import is_table
 from terraport_pipeline.errors import OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.inspection import inspect_scene

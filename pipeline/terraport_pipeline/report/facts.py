@@ -18,7 +18,7 @@ from terraport_pipeline.report.change_map import ChangeFacts, change_facts
 from terraport_pipeline.report.class_facts import name_table
 from terraport_pipeline.report.histogram import Histogram, histogram
 from terraport_pipeline.report.scene_colour import SceneColour
-from terraport_pipeline.report.survey_crs import crs_line
+from terraport_pipeline.report.survey_crs import crs_line, tiles_line
 from terraport_pipeline.report.survey_units import SurveyUnit
 from terraport_pipeline.survey.one_survey import OUTSIDE
 from terraport_store import DamagedSceneError, Manifest, RegionNames, Scene, read_labels
@@ -413,6 +413,7 @@ def _details(scene: Scene, record: Mapping[str, Any]) -> tuple[dict[str, str], .
         ("coordinate reference system", crs_line(manifest)[0]),
         ("box of the scene", _box(manifest)),
         ("units", unit.full_name),
+        ("as 3D Tiles", tiles_line(manifest)),
         ("version", manifest.version),
     ]
     return tuple({"label": label, "value": value} for label, value in rows)

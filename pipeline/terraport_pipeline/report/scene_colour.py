@@ -18,7 +18,7 @@ __all__ = ["SceneColour"]
 class SceneColour:
     """Whether textures or vertex colours paint a scene, and how many segments of it."""
 
-    source: Literal["photos", "points"] | None
+    source: Literal["photos", "points", "mesh"] | None
     """None: the ground is grey."""
     textured_segments: int
     """Segments whose colour is an image; the others have vertex colours, or none."""
@@ -30,9 +30,10 @@ class SceneColour:
         textures, segments = manifest.textures, manifest.counts.segments
         if textures is None:
             return cls("points" if manifest.has_colour else None, 0, segments)
-        return cls(
-            "photos" if textures.source == "photos" else "points", textures.segments, segments
+        source: Literal["photos", "points", "mesh"] = (
+            "points" if textures.source == "vertex" else textures.source
         )
+        return cls(source, textures.segments, segments)
 
     def __str__(self) -> str:
         """Say it in one line.
@@ -43,6 +44,8 @@ class SceneColour:
         'from the photos, as textures'
         >>> str(SceneColour("photos", 23, 24))
         'from the photos, as textures on 23 of 24 segments; the others as the points have it'
+        >>> str(SceneColour("mesh", 24, 24))
+        'from the images of the mesh, as textures'
         >>> str(SceneColour("points", 0, 24))
         'from the points'
         >>> str(SceneColour(None, 0, 24))
@@ -50,12 +53,12 @@ class SceneColour:
         """
         if self.source is None:
             return "none in the survey: everything is grey"
-        text = f"from the {self.source}"
+        text = f"from the {'images of the mesh' if self.source == 'mesh' else self.source}"
         if not self.textured_segments:
             return text
         if self.textured_segments == self.segments:
             return f"{text}, as textures"
         return (
             f"{text}, as textures on {self.textured_segments:,} of {self.segments:,} segments; "
-            "the others as the points have it"
+            f"the others as the {'mesh has' if self.source == 'mesh' else 'points have'} it"
         )

@@ -1,4 +1,4 @@
-"""The survey's coordinate reference system by name and code, for people."""
+"""The survey's coordinate reference system and its place on the Earth, for people."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ from typing import Final
 
 from terraport_pipeline.export.frame import survey_frame
 from terraport_store import Manifest
+from terraport_store.tiles.placing import place_scene
 
-__all__ = ["crs_line"]
+__all__ = ["crs_line", "tiles_line"]
 
 _METRIC: Final = " (in metres)"
 """What the reader puts behind the name of a CRS whose axes it turned into metres."""
@@ -27,3 +28,15 @@ def crs_line(manifest: Manifest) -> tuple[str, bool]:
         is_own = own.crs is not None and (own.unit_m != 1.0 or own.height_unit_m != 1.0)
         code = own.crs.to_epsg() if is_own and own.crs is not None else None
     return (f"{name} (EPSG:{code})" if code else name), True
+
+
+def tiles_line(manifest: Manifest) -> str:
+    """Say how other viewers open the scene as 3D Tiles, and whether it has its place on Earth."""
+    placing = place_scene(manifest)
+    where = "on its place on the Earth"
+    if placing.is_local:
+        where = f"local (east, north, up): {placing.why_local}"
+    return (
+        f"{where}; /scenes/NAME/tileset.json of the service, or a file of them: terraport export "
+        "SCENE -o FILE.3tz"
+    )

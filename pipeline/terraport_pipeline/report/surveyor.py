@@ -65,7 +65,12 @@ VOLUME_NOTE: Final = (
     "ground."
 )
 
-_COLOUR: Final = {"photos": "from the photos", "points": "from the points", None: "none: grey"}
+_COLOUR: Final = {
+    "photos": "from the photos",
+    "points": "from the points",
+    "mesh": "from the images of the mesh",
+    None: "none: grey",
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -278,6 +278,13 @@ def close_up(photo: UInt8, view: View, rays: RayScene) -> tuple[slice, slice]:
     return slice(corner[0], corner[0] + high), slice(corner[1], corner[1] + wide)
 
 
+_MADE_FROM: Final = {
+    "photos": "photos",
+    "vertex": "vertex colours",
+    "mesh": "the images of the mesh",
+}
+
+
 def texture_rows(manifest: Manifest, record: Mapping[str, Any]) -> tuple[dict[str, str], ...]:
     """Tell of the segments' textures in words and numbers; empty without any."""
     textures = manifest.textures
@@ -285,7 +292,7 @@ def texture_rows(manifest: Manifest, record: Mapping[str, Any]) -> tuple[dict[st
         return ()
     counts = _of_stage(record).get("counts", {})
     facts: list[tuple[str, str]] = [
-        ("made from", "photos" if textures.source == "photos" else "vertex colours"),
+        ("made from", _MADE_FROM[textures.source]),
         ("texel", f"{textures.texel_m * 100:.3g} cm (median over the surface)"),
     ]
     if textures.gsd_m is not None:

@@ -10,8 +10,12 @@ from typing import Final
 
 from terraport_pipeline.engines.odm_project import find_odm_project
 from terraport_pipeline.engines.readers.read_ply import has_faces
-from terraport_pipeline.engines.readers.read_xyz import is_table
-from terraport_pipeline.engines.readers.survey_format import FORMATS, find_format
+from terraport_pipeline.engines.readers.survey_format import (
+    FORMATS,
+    find_format,
+    require_reader,
+)
+from terraport_pipeline.engines.readers.text_form import is_table
 from terraport_pipeline.errors import OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.survey.one_survey import listed
@@ -68,6 +72,8 @@ def find_survey(
         There is no such file, no file matches, a folder holds no survey, or there are too many.
     ReadError
         A file that was named is no survey.
+    MissingReaderError
+        A file's kind is read by an extra that is not installed.
     OptionError
         Columns are stated, and no file is a text.
     """
@@ -106,6 +112,8 @@ def find_survey(
         )
     if not files:
         raise _nothing_found(inputs, ignored)
+    for file in files:
+        require_reader(file.path, file.format)
     # (3) Its name for people.
     [given, *more] = inputs
     title = f"{len(files)} files"

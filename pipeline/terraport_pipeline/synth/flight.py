@@ -3,7 +3,9 @@
 The grid takes the given overlap in both directions and flies as low as its share of the photos
 allows. The outer orbit stands over the site's edge and looks across the pit; the inner one stands
 over the pit and looks at the wall in front of it, below roofs that no nadir photo sees. Over a
-window both orbits look at its middle, the inner one from low above the ground.
+window both orbits look at its middle, the inner one from low above the ground. A share of the
+photos may follow the haul road instead, low over it: where somebody walks, ground is looked at from
+1.7 m.
 
 Frame: scene metres about the quarry's origin (x east, y up, z south), as
 :class:`~terraport_pipeline.geometry.photos.lens.View` wants it. PURE.
@@ -23,6 +25,7 @@ from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
 from terraport_pipeline.synth.terrain import Terrain
+from terraport_pipeline.synth.way import way_places
 
 __all__ = ["MAX_PHOTOS", "MAX_PIXELS", "Flight", "FlightOptions", "plan_flight", "seen_by"]
 
@@ -48,6 +51,9 @@ _SIDE: Final = 0.92
 _CLEARANCE_M: Final = 4.0
 """Of a drone that flies low over a window above the ground below it."""
 
+_WAY_OVERLAP: Final = 0.3
+"""Of neighbouring photos along the way: what one sees cut, the next sees whole."""
+
 _SWAY_DEG: Final = 1.2
 _DRIFT: Final = 0.01
 """Wind: deviation of the attitude, and of the position as a share of the height."""
@@ -72,6 +78,8 @@ class FlightOptions:
     """Height of a photo, pixels."""
     overlap: Annotated[float, Option(least=0, most=0.95)] = 0.7
     """Overlap of neighbouring photos straight down on the plateau, along and across the flight."""
+    way_share: Annotated[float, Option(flags=("--photo-way",), least=0, most=0.9)] = 0.0
+    """Share of the photos that follow the haul road, low over it: finer pixels where one walks."""
     exposure_drift_ev: Annotated[float, Option(flags=("--exposure-drift",), least=0, most=3)] = 0.35
     """Largest exposure error of a photo, in stops: 0.35 is a factor of 1.27 in light."""
     vignetting: Annotated[float, Option(least=0, most=0.9)] = 0.18
@@ -81,7 +89,8 @@ class FlightOptions:
     quality: Annotated[int, Option(flags=("--photo-quality",), least=1, most=100)] = 92
     """Quality of the JPEG files."""
     truck: Annotated[bool, Option()] = True
-    """A truck drives through the scene: in every photo at another place."""
+    """A truck drives through the scene: in every photo at another place, but for those that follow
+    the haul road; so low, nobody drives below."""
 
     def __post_init__(self) -> None:
         check_options(self)
@@ -98,7 +107,7 @@ class FlightOptions:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Flight:
-    """Views of a photo flight, its height and ground sampling distance."""
+    """Views of a photo flight, its height and ground sampling distances."""
 
     views: tuple[View, ...]
     """Named ``DJI_0001.JPG`` and so on."""
@@ -108,6 +117,10 @@ class Flight:
     """Height of the nadir photos above the plateau."""
     gsd_m: float
     """Ground sampling distance of the nadir photos on the plateau."""
+    way: int
+    """The last so many look down on the haul road."""
+    way_gsd_m: float
+    """Ground sampling distance of these; that of the others where there are none."""
 
 
 def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
@@ -125,9 +138,16 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
     """
     # (1) The grid straight down, at the height that makes it fit the count.
     lens = _lens(options)
+    way = round(options.count * options.way_share)
+    if way and quarry.window_m:
+        raise OptionError(
+            f"{way} photos along the haul road, and a window of {quarry.window_m:g} m: a window is "
+            "flown over as a whole; leave out --photo-way or --window-m"
+        )
+    elsewhere = options.count - way
     side = 1.0 if quarry.window_m else _SIDE
     half = np.array(quarry.surveyed[2:]) * quarry.scale * side
-    columns, rows, height = _grid(options, half, lens)
+    columns, rows, height = _grid(options, elsewhere, half, lens)
     rng = np.random.default_rng([quarry.seed, _STREAM])
     shown = np.array([lens.height, lens.width]) * height / lens.fx
     positions, looks, ups = _nadir(half, shown, columns, rows, height)
@@ -135,19 +155,23 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
     over = _Window(quarry) if quarry.window_m else None
     if over is not None:
         positions = over.above(positions)
-    # (2) Two orbits of oblique photos.
-    outer = (options.count - nadir + 1) // 2
-    inner = options.count - nadir - outer
+    # (2) Two orbits of oblique photos, and what is left follows the way.
+    outer = (elsewhere - nadir + 1) // 2
+    inner = elsewhere - nadir - outer
     if over is None:
-        rings = (_outer(outer, quarry), _inner(inner, quarry))
+        parts = [_outer(outer, quarry), _inner(inner, quarry)]
     else:
-        rings = (over.outer(outer), over.inner(inner))
-    for more in rings:
+        parts = [over.outer(outer), over.inner(inner)]
+    heights = np.full(options.count, height)
+    if way:
+        low, heights[elsewhere:] = _over_way(way, quarry, lens)
+        parts.append(low)
+    for more in parts:
         positions, looks, ups = (
             np.concatenate([a, b]) for a, b in zip((positions, looks, ups), more, strict=True)
         )
     # (3) Drift and sway, as of a real drone; from the seed alone.
-    positions = positions + rng.normal(0.0, _DRIFT * height, positions.shape)
+    positions = positions + rng.normal(0.0, 1.0, positions.shape) * (_DRIFT * heights)[:, None]
     sway = np.radians(rng.normal(0.0, _SWAY_DEG, (len(positions), 3)))
     views = tuple(
         View(
@@ -158,7 +182,8 @@ def plan_flight(options: FlightOptions, quarry: QuarryOptions) -> Flight:
         )
         for number in range(len(positions))
     )
-    return Flight(views, nadir, height, height / lens.fx)
+    gsd_m = height / lens.fx
+    return Flight(views, nadir, height, gsd_m, way, heights[-1] / lens.fx)
 
 
 def seen_by(options: FlightOptions, quarry: QuarryOptions) -> QuarryOptions:
@@ -189,9 +214,9 @@ def _lens(options: FlightOptions) -> Lens:
     )
 
 
-def _grid(options: FlightOptions, half: Float64, lens: Lens) -> tuple[int, int, float]:
+def _grid(options: FlightOptions, count: int, half: Float64, lens: Lens) -> tuple[int, int, float]:
     """Columns (along a line), rows (lines) and height: the lowest that the photos suffice for."""
-    most = max(1, round(options.count * _NADIR_SHARE))
+    most = max(1, round(count * _NADIR_SHARE))
     best: tuple[int, int, float] | None = None
     for rows in range(1, most + 1):
         columns = most // rows
@@ -239,6 +264,26 @@ def _inner(count: int, quarry: QuarryOptions) -> tuple[Float64, Float64, Float64
     positions = ring * 40.0 + np.array([0.0, 42.0, 0.0])
     aim = -ring * 95.0 + np.array([0.0, -0.6 * quarry.depth_design_m, 0.0])
     return _as_rows(positions, aim - positions, quarry.scale)
+
+
+def _over_way(
+    count: int, quarry: QuarryOptions, lens: Lens
+) -> tuple[tuple[Float64, Float64, Float64], float]:
+    """From low over the haul road, straight down; and the height above it, which covers it."""
+    rng = np.random.default_rng([quarry.seed, 0])
+    places, headings, length = way_places(Terrain(quarry, Noise(rng), rng), count)
+    # The longer side lies along the way; where it turns, the shorter one is wide enough.
+    long = max(lens.width, lens.height)
+    height = length * quarry.scale / (1.0 - _WAY_OVERLAP) / long * lens.fx
+    height = max(height, _CLEARANCE_M)
+    east, north = headings.T
+    level = np.zeros(count)
+    ways = np.stack([east, level, -north], axis=1)
+    across = np.stack([-north, level, -east], axis=1)
+    positions = places[:, [0, 2, 1]] * [1.0, 1.0, -1.0] * quarry.scale
+    positions[:, 1] += height
+    looks = np.tile([0.0, -1.0, 0.0], (count, 1))
+    return (positions, looks, across if lens.width >= lens.height else ways), height
 
 
 class _Window:

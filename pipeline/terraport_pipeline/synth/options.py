@@ -106,6 +106,8 @@ class QuarryOptions:
     """Width of the photo's pixel that a point has its colour from; averages the fine pattern."""
     uneven: Annotated[float, Option(heading=_SENSOR, least=0.0, most=0.95)] = 0.35
     """0: even density by area; towards 1: patches with (1 - uneven) times the density."""
+    way_density: Annotated[float, Option(heading=_SENSOR, least=1.0, most=20.0)] = 1.0
+    """Points per area on the haul road, times those elsewhere: it is looked at from nearest by."""
     window_m: Annotated[float, Option(heading=_SENSOR, least=0.0, most=5000.0, unit="m")] = 0.0
     """Side of the square that is surveyed, and flown over low; 0: the whole site."""
     window_east_m: Annotated[

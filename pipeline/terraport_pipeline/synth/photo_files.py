@@ -228,7 +228,7 @@ def _write_images(
     # bytes do not depend on the order.
     for number, view in enumerate(flight.views):
         truck = None
-        if options.truck:
+        if options.truck and number < options.count - flight.way:
             trucks = place_truck(view, number, parking, quarry.seed, quarry.scale)
             truck = _first_seen(eye, view.position, trucks)
         seen = eye.look(view, truck)

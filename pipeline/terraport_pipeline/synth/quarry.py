@@ -213,12 +213,13 @@ class QuarryMaker:
         return self.surface.evaluate(triangle, rng.uniform(size=(len(spot), 2)))
 
     def _density(self, middles: Float64) -> Float64:
-        """Relative points per area: patchy, and thin on water."""
+        """Relative points per area: patchy, thin on water, dense on the way if that is asked."""
         x, y, _ = middles.T
         patch = 0.5 + 1.3 * self.surface.noise(x, y, wavelength=60.0, octaves=3, field=30)
         density = 1.0 - self.options.uneven * np.clip(patch, 0.0, 1.0)
-        water = self.surface.terrain.sample(x, y).water > 0.0
-        result: Float64 = np.where(water, 1.0 - 0.7 * (self.options.uneven > 0), 1.0) * density
+        ground = self.surface.terrain.sample(x, y)
+        thin = np.where(ground.water > 0.0, 1.0 - 0.7 * (self.options.uneven > 0), 1.0)
+        result: Float64 = thin * density * (1.0 + (self.options.way_density - 1.0) * ground.road)
         return result
 
     def _place_holes(self) -> Float64:

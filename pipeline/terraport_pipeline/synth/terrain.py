@@ -33,6 +33,10 @@ _ROAD_SWEEP: Final = np.radians(282.0)
 _ROAD_START: Final = np.radians(130.0)
 """The ramp leaves the rim here and winds anticlockwise; the highwall fills what it leaves."""
 
+_WAY_IN: Final = 0.3
+_WAY_IN_LENGTH: Final = 140.0
+"""Of the road's line, the share and the length of the way in; it goes on beyond the site's edge."""
+
 _WALL_AZIMUTH: Final = _ROAD_START - 0.5 * (2.0 * np.pi - _ROAD_SWEEP)
 _WALL_CREST: Final = 9.0
 """How far inside the rim the highwall's crest lies."""
@@ -98,7 +102,7 @@ class Terrain:
         radius = np.hypot(dx, dy)
         angle = np.arctan2(dy, dx)
         inside = _rim(angle) - radius
-        inside += 2.2 * self._noise(u, v, wavelength=34.0, octaves=4, field=1)
+        inside += self._rim_noise(u, v)
         z = self._plateau(u, v, inside)
         wall = _bump(_wrap(angle - _WALL_AZIMUTH) / np.radians(36.0), 0.55)
         stepped = np.interp(inside, self._knots_s, self._knots_z)
@@ -115,7 +119,35 @@ class Terrain:
         """Return ``S(u, v)``, (N, 3) design metres."""
         return self.sample(u, v).positions
 
+    def road_line(self, share: Float64) -> tuple[Float64, Float64]:
+        """Return parameters (u, v) of the road's middle, from beyond the site's edge to the floor.
+
+        Parameters
+        ----------
+        share : ndarray of shape (N,), float64
+            0 to 1; the way in ends and the ramp begins at 0.3.
+        """
+        along = np.clip((share - _WAY_IN) / (1.0 - _WAY_IN), 0.0, 1.0)
+        centre = self._road_centre(along)
+        angle = _ROAD_START + along * _ROAD_SWEEP
+        radius = _rim(angle) - centre
+        for _ in range(4):  # the rim's own noise is of the place: it moves by less each round
+            u, v = _PIT[0] + radius * np.cos(angle), _PIT[1] + radius * np.sin(angle)
+            radius = _rim(angle) - centre + self._rim_noise(u, v)
+        away = np.maximum(_WAY_IN - share, 0.0) / _WAY_IN * _WAY_IN_LENGTH
+        radius = radius + away
+        angle = angle + np.where(away > 0.0, 0.0009 * (radius - _RIM_RADIUS), 0.0)
+        return _PIT[0] + radius * np.cos(angle), _PIT[1] + radius * np.sin(angle)
+
     # Height field
+
+    def _rim_noise(self, u: Float64, v: Float64) -> Float64:
+        return 2.2 * self._noise(u, v, wavelength=34.0, octaves=4, field=1)
+
+    def _road_centre(self, along: Float64) -> Float64:
+        """Distance of the ramp's middle inside the rim, by the share of its length."""
+        first = -0.5 * _ROAD_WIDTH - 2.0
+        return first + along * (self._foot + _ROAD_WIDTH + 3.0)
 
     def _bench_knots(self, options: QuarryOptions) -> None:
         """Lay out both wall profiles: height over the distance inside the rim."""
@@ -155,8 +187,7 @@ class Terrain:
         # Exactly 0 beside the road. By `turned - along * sweep` it was 0 or a rounding error, which
         # the processor decided, and the windrow came and went with it.
         beyond = np.maximum(np.maximum(-turned, turned - _ROAD_SWEEP), 0.0) * radius
-        centre = -half - 2.0 + along * (self._foot + _ROAD_WIDTH + 3.0)
-        across = inside - centre
+        across = inside - self._road_centre(along)
         off = np.hypot(np.maximum(np.abs(across) - half, 0.0), beyond)
         level = -self._depth * along
         carved = np.clip(z, level - 2.3 * off, level + 3.0 * off)

@@ -455,8 +455,7 @@ def _summary(
         **base_result.facts.counts,
     }
     info = TextureInfo(
-        # A mesh's images are photographs of the ground, put together elsewhere.
-        source="vertex" if options.source == "vertex" else "photos",
+        source=options.source,
         media_types=(base_result.textures.texture(0).media_type,),
         segments=len(sides),
         base_side=int(base_result.textures.sides.max()),

@@ -50,7 +50,8 @@ def test_without_an_output_the_scene_is_called_as_the_survey_and_the_last_lines_
     code, output = run("surveys/north pit.xyz", *options)
     land = "land terraport land http://127.0.0.1:8080/scenes/north%20pit 0 0 0 --ground"
     assert output.endswith(
-        f"{scene} is up to date report {scene}/report.html serve terraport serve 'north pit' {land}"
+        f"{scene} is up to date report {scene}/report.html serve terraport serve 'north pit' "
+        f"{land} tiles http://127.0.0.1:8080/scenes/north%20pit/tileset.json"
     )
     code, output = run("surveys/north pit.xyz", "-o", "scenes/pit", *options)
     assert "serve terraport serve scenes land terraport land http" in output

@@ -9,8 +9,9 @@ from store.tiny_scene import write_tiny_scene
 
 from terraport_pipeline.report.class_facts import name_table
 from terraport_pipeline.report.facts import collect_facts, extent_line
+from terraport_pipeline.report.survey_crs import tiles_line
 from terraport_pipeline.report.survey_units import SurveyUnit
-from terraport_store import Scene, SceneWriter, change_labels
+from terraport_store import CrsInfo, Scene, SceneWriter, change_labels
 
 
 def with_facts(path: Path) -> Path:
@@ -145,3 +146,19 @@ def test_regions_of_a_name_are_added_up() -> None:
         ("without a name", "1", "110", "55.0 %", "0.0", "0.0", ""),
     )
     assert name_table([row("", 1.0)], SurveyUnit()) == ((), ())
+
+
+def test_the_report_says_how_a_scene_is_had_as_3d_tiles(tmp_path: Path) -> None:
+    """The address and the command are those that there are; the place, where there is a CRS."""
+    with Scene.open(write_tiny_scene(tmp_path / "s").path) as opened:
+        details = {
+            row["label"]: row["value"] for row in collect_facts(opened, has_input=False).details
+        }
+        manifest = opened.manifest
+    utm = CrsInfo(name="WGS 84 / UTM zone 35S", wkt="", epsg=32735)
+    placed = tiles_line(manifest.model_copy(update={"crs": utm}))
+    assert placed.startswith("on its place on the Earth; /scenes/NAME/tileset.json of the service")
+    assert placed.endswith("terraport export SCENE -o FILE.3tz")
+    local = tiles_line(manifest.model_copy(update={"crs": None}))
+    assert local.startswith("local (east, north, up): the survey states no coordinate reference")
+    assert details["as 3D Tiles"] == tiles_line(manifest)

@@ -55,6 +55,7 @@ def test_inspect_says_the_same(scene: Path) -> None:
         (0, None, False, "none in the survey: everything is grey"),
         (4, "photos", False, "from the photos, as textures"),
         (4, "vertex", False, "from the points, as textures"),
+        (4, "mesh", False, "from the images of the mesh, as textures"),
     ],
 )
 def test_every_kind_of_scene(

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import sys
 from pathlib import Path
 
 import pytest
 from pipeline.laz_files import Hill, write_laz, write_tiles
 
-from terraport_pipeline.errors import SurveyError
+from terraport_pipeline.errors import MissingReaderError, SurveyError
 from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.survey.survey_files import SurveyFiles
 
@@ -94,3 +95,25 @@ def test_a_scene_beside_the_survey_is_not_searched(tmp_path: Path) -> None:
     (tmp_path / "scene" / "report.html").touch()
     survey = find_survey(tmp_path)
     assert (names(survey), survey.ignored) == (["a.laz"], ())
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "package", "extra"),
+    [("a.e57", b"ASTM-E57 and more", "pye57", "e57"), ("a.xyz", b"1 2 3\n", "pyarrow", "text")],
+)
+def test_a_reader_that_is_not_installed_is_named_before_any_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    name: str, content: bytes, package: str, extra: str,
+) -> None:  # fmt: skip
+    """Whole files are never left out as damaged: that would be half a survey."""
+    (tmp_path / name).write_bytes(content)
+    assert find_survey(tmp_path).files
+    monkeypatch.setitem(sys.modules, package, None)
+    for given in (tmp_path, tmp_path / name):
+        with pytest.raises(MissingReaderError) as refused:
+            find_survey(given, skip_damaged=True)
+        assert str(refused.value).startswith(f"{tmp_path / name}: ")
+        assert f"pip install 'terraport[{extra}]'" in str(refused.value)
+    # Other kinds need none of it.
+    write_laz(tmp_path / "b.laz", Hill(60))
+    assert names(find_survey(tmp_path / "b.laz")) == ["b.laz"]

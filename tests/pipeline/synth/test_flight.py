@@ -10,6 +10,7 @@ from terraport_pipeline.synth import QuarryOptions
 from terraport_pipeline.synth.flight import FlightOptions, plan_flight, seen_by
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.terrain import Terrain
+from terraport_pipeline.synth.way import way_places
 
 QUARRY = QuarryOptions(seed=3)
 
@@ -101,3 +102,40 @@ def test_a_window_is_flown_over_low_and_looked_at_from_around() -> None:
         forward = view.rotation[2]
         assert forward[1] < 0
         assert forward[[0, 2]] @ (middle - view.position[[0, 2]]) > 0
+
+
+def test_photos_along_the_way_look_down_on_it_from_low() -> None:
+    options = FlightOptions(count=30, way_share=0.4)
+    flight = plan_flight(options, QUARRY)
+    assert flight.way == 12
+    rng = np.random.default_rng([QUARRY.seed, 0])
+    terrain = Terrain(QUARRY, Noise(rng), rng)
+    low = flight.views[-12:]
+    positions = np.array([view.position for view in low])
+    ground = terrain.sample(positions[:, 0], -positions[:, 2])
+    assert (ground.road > 0.9).all()
+    height = positions[:, 1] - ground.positions[:, 2]
+    # The wind moves a drone by a hundredth of its height.
+    np.testing.assert_allclose(height, np.median(height), rtol=0.08)
+    assert flight.way_gsd_m == pytest.approx(np.median(height) / low[0].lens.fx, rel=0.05)
+    assert flight.way_gsd_m < 0.4 * flight.gsd_m
+    assert all(view.rotation[2, 1] < -0.99 for view in low)
+    # Every place in the middle of the way is in one of their pictures.
+    places, _, _ = way_places(terrain, 400)
+    inside = np.zeros(400, dtype=bool)
+    for view in low:
+        (pixels, depth) = view.project(places[:, [0, 2, 1]] * [1.0, 1.0, -1.0])
+        within = (pixels > 0) & (pixels < [view.lens.width, view.lens.height])
+        inside |= within.all(axis=1) & (depth > 0)
+    assert inside.all()
+
+
+def test_without_a_share_of_it_nothing_follows_the_way() -> None:
+    flight = plan_flight(FlightOptions(count=10), QUARRY)
+    assert (flight.way, flight.way_gsd_m) == (0, flight.gsd_m)
+
+
+def test_a_window_has_no_way() -> None:
+    quarry = replace(QUARRY, window_m=36.0)
+    with pytest.raises(OptionError, match="leave out --photo-way or --window-m"):
+        plan_flight(FlightOptions(count=10, way_share=0.5), quarry)

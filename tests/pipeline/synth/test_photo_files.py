@@ -112,3 +112,11 @@ def test_exposure_vignetting_and_noise_do_what_they_say() -> None:
     assert noisy.mean() == pytest.approx(128.0, abs=0.1)
     other = develop(grey, np.ones(3), FlightOptions(vignetting=0.0, sensor_noise=3.0), 6)
     assert abs(np.corrcoef(noisy.ravel(), other.ravel())[0, 1]) < 0.02
+
+
+def test_no_truck_stands_below_a_drone_that_follows_the_way(tmp_path: Path) -> None:
+    flight = FlightOptions(count=6, width=160, height=120, way_share=0.5)
+    write_photos(QUARRY, flight, tmp_path / "set", survey="q.laz")
+    truth = json.loads((tmp_path / "set" / "truth" / "photos.json").read_text())
+    assert [row["truck"] for row in truth["photos"][3:]] == [None] * 3
+    assert any(row["truck"] for row in truth["photos"][:3])

@@ -180,3 +180,29 @@ def test_a_window_is_surveyed_alone_and_as_dense_as_its_points_allow() -> None:
     assert (away.min(axis=0) < -19).all()
     assert (away.max(axis=0) > 19).all()
     assert made.distance_m(made.survey.points).max() < 0.2
+
+
+def test_the_way_has_as_many_times_more_points_as_asked() -> None:
+    def per_area(way_density: float) -> tuple[float, float]:
+        options = dataclasses.replace(
+            SMALL, points=40_000, way_density=way_density, uneven=0.0, outlier_fraction=0.0
+        )
+        maker = module.QuarryMaker(options)
+        site = synthesise(options)
+        assert len(site.truth) == 40_000
+        places = (site.truth - maker.origin) / options.scale
+        road = maker.surface.terrain.sample
+        on_way = road(places[:, 0], places[:, 1]).road > 0.99
+        middles, areas = maker.surface.triangle_middles, maker.surface.triangle_areas
+        triangle = road(middles[:, 0], middles[:, 1]).road
+        assert (site.material[on_way] == Material.ROAD).mean() > 0.9
+        beside = road(places[:, 0], places[:, 1]).road == 0.0
+        return (
+            on_way.sum() / areas[triangle > 0.99].sum(),
+            beside.sum() / areas[triangle == 0.0].sum(),
+        )
+
+    even, dense = per_area(1.0), per_area(6.0)
+    assert even[0] / even[1] == pytest.approx(1.0, rel=0.1)
+    assert dense[0] / dense[1] == pytest.approx(6.0, rel=0.1)
+    assert dense[1] < even[1]

@@ -15,6 +15,7 @@ from terraport_pipeline.engines.mesh_files.read_mesh import read_mesh
 from terraport_pipeline.errors import OptionError, PipelineError, ReadError, SurveyError
 from terraport_pipeline.mesh_inspection import inspect_mesh
 from terraport_pipeline.mesh_statement import MeshStatement
+from terraport_pipeline.report.scene_colour import SceneColour
 from terraport_pipeline.stages import segment, texture
 from terraport_pipeline.survey.find_mesh import find_mesh
 from terraport_pipeline.survey_statement import SurveyStatement
@@ -101,7 +102,8 @@ def test_the_scene_is_the_mesh_face_for_face(built: tuple[Path, Path]) -> None:
         assert manifest.origin == (500012.0, 5200012.0, 100.0)
         assert manifest.counts.segments > 4
         assert manifest.textures is not None
-        assert manifest.textures.source == "photos"
+        assert manifest.textures.source == "mesh"
+        assert str(SceneColour.of(manifest)) == "from the images of the mesh, as textures"
         assert manifest.build.options["mesh"] == {"up": "z"}
         detail = [decode_glb(scene.payload(i)) for i in range(manifest.counts.segments)]
     centres = np.concatenate([mesh.positions[mesh.faces].mean(axis=1) for mesh in detail])

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import importlib.util
 from pathlib import Path
 from typing import Final
 
-from terraport_pipeline.errors import ReadError
+from terraport_pipeline.errors import MissingReaderError, ReadError
 
-__all__ = ["FORMATS", "find_format", "is_binary_survey"]
+__all__ = ["FORMATS", "find_format", "is_binary_survey", "require_reader"]
 
 FORMATS: Final[dict[str, tuple[str, ...]]] = {
     "las": (".las", ".laz"),
@@ -32,6 +33,31 @@ _FOREIGN: Final = (
     (b"<!DOCTYPE", "a web page", "download the file itself"),
     (b"<html", "a web page", "download the file itself"),
 )
+
+
+_EXTRAS: Final = {"e57": ("E57", "pye57", "e57"), "xyz": ("text", "pyarrow", "text")}
+"""Readers of an extra of their own, for their size: what is read, package, extra."""
+
+
+def require_reader(path: Path, name: str) -> None:
+    """Make sure that what reads a format is installed.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+        The file, for the error.
+    name : str
+        A key of :data:`FORMATS`.
+
+    Raises
+    ------
+    MissingReaderError
+        When it is not; names the extra.
+    """
+    if name in _EXTRAS:
+        kind, package, extra = _EXTRAS[name]
+        if importlib.util.find_spec(package) is None:
+            raise MissingReaderError(path, kind, extra)
 
 
 def find_format(path: Path) -> str:

@@ -15,11 +15,9 @@ from pathlib import Path
 from typing import Any, Final
 
 from terraport_pipeline.engines.readers.file_sample import first_chunks, text_sample
-from terraport_pipeline.engines.readers.read_e57 import open_e57
 from terraport_pipeline.engines.readers.read_las import UNSET, open_las
 from terraport_pipeline.engines.readers.read_pcd import stream_pcd
 from terraport_pipeline.engines.readers.read_ply import stream_ply
-from terraport_pipeline.engines.readers.read_xyz import stream_xyz
 from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
 from terraport_pipeline.engines.readers.survey_format import find_format
 from terraport_pipeline.extent import Extent
@@ -127,6 +125,8 @@ def read_head(path: Path, name: str, extent: Extent | None = None) -> FileHead:
             low, high = las.box or (None, None)
             return FileHead(las.count, las.crs, low, high, rows, las.ranges)
     if name == "e57":
+        from terraport_pipeline.engines.readers.read_e57 import open_e57  # of an extra
+
         with open_e57(path) as e57:
             return FileHead(e57.count, e57.crs)
     if name == "ply":
@@ -243,6 +243,8 @@ def _open_pcd(path: Path, bounded: bool, share: float) -> Iterator[SurveyStream]
 
 @contextlib.contextmanager
 def _open_xyz(path: Path, columns: tuple[str, ...] | None, share: float) -> Iterator[SurveyStream]:
+    from terraport_pipeline.engines.readers.read_xyz import stream_xyz  # of an extra
+
     with text_sample(path, share) if share < 1.0 else contextlib.nullcontext(path) as source:
         text = stream_xyz(source, columns=columns)
         yield SurveyStream(
@@ -252,6 +254,8 @@ def _open_xyz(path: Path, columns: tuple[str, ...] | None, share: float) -> Iter
 
 @contextlib.contextmanager
 def _open_e57(path: Path, _bounded: bool, share: float) -> Iterator[SurveyStream]:
+    from terraport_pipeline.engines.readers.read_e57 import open_e57  # of an extra
+
     with open_e57(path) as stream:
         yield SurveyStream(
             "e57",
