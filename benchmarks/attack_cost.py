@@ -24,8 +24,13 @@ that failed or waited more than 20 s, how often the attackers did what they do, 
 of a core, by how much its memory grew (MB), and the bytes of its log. "never read": eight
 connections that land and do not read.
 
+``own_``: the same milliseconds without those in which the service's loop, or the client, could have
+gone on and had no core (the longer of the two, landing by landing). Attackers and client take cores
+that they would not take on machines of their own; what is left is the service's doing at most.
+
 ``--bar``: the attacks of ``AGAINST_BAR`` from ten addresses, and after them a line for each that is
-beyond the bar: p99 of land to ready more than twice that of nobody, or of plans more than 20 ms.
+beyond the bar: own p99 of land to ready more than twice that of nobody, or of plans more than
+20 ms. With ``--only``: of them these.
 
 ``--loop`` serves in this process and has no honest client: it measures how much CPU one step of the
 event loop takes beside each attack. A landing is some five of them, so it says the same on a
@@ -39,14 +44,11 @@ import json
 import math
 import multiprocessing
 import os
-import secrets
-import statistics
 import subprocess
 import sys
 import tempfile
 import threading
 import time
-from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any, Final
@@ -58,27 +60,17 @@ from attacks.requests import REQUEST_ATTACKS
 from attacks.seats import SEAT_ATTACKS
 from attacks.strangers import STRANGER_ATTACKS
 from attacks.table import TABLE_ATTACKS, TABLE_STRANGER_ATTACKS
-from parts.drain_client import DrainClient
+from parts.honest_client import SCENE, TOKEN, Honest
 from parts.loop_steps import LoopSteps
-from parts.random_scene import TILE_M
 from parts.service_process import ServiceProcess
 from parts.sparse_scene import write_sparse_scene
 from parts.step_costs import landing_costs, message_costs
 
 from terraport_server import BackgroundServer
-from terraport_wire import Join, Joined, Leave
 
-TOKEN: Final = "a-token-of-enough-characters"
-SCENE: Final = "pit"
 SEGMENT_BYTES: Final = 16 << 10
-RADIUS_M: Final = 24.0
-PAUSE_S: Final = 0.02
-GRANT_BYTES: Final = 16 << 20
-SLOWEST_S: Final = 20.0
 MANY: Final = 10
 SMOKE_SHARE: Final = 4
-HONEST: Final = "127.0.1.1"
-"""Where the honest client comes from: it is counted like everybody else."""
 PROCESSES: Final = 2
 """Of the attackers: the machine has as many cores."""
 
@@ -129,84 +121,6 @@ AGAINST_BAR: Final = (
 TIMES_IDLE: Final = 2.0
 PLAN_BAR_MS: Final = 20.0
 BAR_S: Final = 4.0
-
-
-class Honest:
-    """A client that lands where it has not been, and is measured.
-
-    Parameters
-    ----------
-    port : int
-        Of the service.
-    side : int
-        Segments along each edge of the scene.
-    anew : bool
-        Whether to connect for each landing; that counts, too.
-    joins : bool
-        Whether to join a group of its own, connecting anew, before each landing.
-    """
-
-    def __init__(self, port: int, side: int, *, anew: bool, joins: bool = False) -> None:
-        self._port = port
-        self._places = self._all_places(side)
-        self._anew = anew or joins
-        self._joins = joins
-        self._client: DrainClient | None = None
-        self._taken_bytes = 0
-        self.ready_ms: list[float] = []
-        self.plan_ms: list[float] = []
-        self.failed = 0
-
-    def land_until(self, end_s: float) -> None:
-        """Land again and again until `end_s` of the performance counter, and count failures."""
-        while time.perf_counter() < end_s:
-            began_s = time.perf_counter()
-            try:
-                self._land()
-            except (OSError, AssertionError, ValueError):  # cut off, refused, or no handshake
-                self.failed += 1
-                self.close()
-            else:
-                self.ready_ms.append(1e3 * (time.perf_counter() - began_s))
-            time.sleep(PAUSE_S)
-
-    def close(self) -> None:
-        """Drop the connection."""
-        if self._client is not None:
-            self._client.close()
-            self._client = None
-
-    def _land(self) -> None:
-        if self._client is None:
-            self._taken_bytes = 0
-            self._client = DrainClient("127.0.0.1", self._port, SCENE, address=HONEST)
-            self._client.socket.settimeout(SLOWEST_S)
-            self._client.hello(token=TOKEN)
-            if self._joins:
-                self._client.send(Join(request=1, group=secrets.token_hex(8), role="guide"))
-                answer = self._client.message()
-                assert isinstance(answer, Joined), answer
-        began_s = time.perf_counter()
-        plan = self._client.begin(next(self._places), RADIUS_M)
-        self.plan_ms.append(1e3 * (time.perf_counter() - began_s))
-        got = self._client.drain()
-        assert got == plan.load_bytes, f"{got} bytes, expected {plan.load_bytes}"
-        self._taken_bytes += got
-        if self._anew:
-            if self._joins:
-                self._client.send(Leave())
-            self.close()
-        elif self._taken_bytes > GRANT_BYTES:
-            self._client.grant(self._taken_bytes)
-            self._taken_bytes = 0
-
-    @staticmethod
-    def _all_places(side: int) -> Iterator[tuple[float, float, float]]:
-        step = 2 * RADIUS_M + 2 * TILE_M
-        count = int(side * TILE_M / step) - 1
-        while True:
-            for number in range(count * count):
-                yield (step * (1 + number % count), 0.5, step * (1 + number // count))
 
 
 def attack(name: str, addresses: list[str], port: int, begun: Any, stop: Any, ended: Any) -> None:
@@ -291,7 +205,7 @@ def measure(
     others, stop, ended = start_attackers(name, attackers, service.port)
     if others:
         time.sleep(min(3.0, seconds))  # until the service is in the middle of it
-    honest = Honest(service.port, side, anew=name in COMES_ANEW, joins=name in JOINS)
+    honest = Honest(service.port, service.pid, side, anew=name in COMES_ANEW, joins=name in JOINS)
     began_s, cpu_s = time.perf_counter(), service.cpu_s()
     honest.land_until(began_s + seconds)
     took_s = time.perf_counter() - began_s
@@ -302,10 +216,7 @@ def measure(
     return {
         "attack": name,
         "attackers": attackers,
-        "landings": len(honest.ready_ms),
-        "failed": honest.failed,
-        **percentiles(honest.ready_ms),
-        **{f"plan_{name}": value for name, value in percentiles(honest.plan_ms).items()},
+        **honest.row(),
         "grown_mb": round(grown_bytes / 1e6, 1),
         "attacks": ended.value,
         "service_cores": round(cores, 2),
@@ -313,28 +224,18 @@ def measure(
     }
 
 
-def percentiles(ms: list[float]) -> dict[str, float]:
-    """Median, 99th percentile and longest."""
-    if not ms:
-        return {"p50_ms": math.inf, "p99_ms": math.inf, "max_ms": math.inf}
-    ordered = sorted(ms)
-    p99 = ordered[min(len(ordered) - 1, int(0.99 * len(ordered)))]
-    named = {"p50_ms": statistics.median(ms), "p99_ms": p99, "max_ms": ordered[-1]}
-    return {name: round(value, 1) for name, value in named.items()}
-
-
 def beyond_bar(rows: list[dict[str, Any]]) -> list[str]:
     """Say which attacks are beyond the bar, beside the best of those rows where nobody attacks."""
     idle = {
-        anew: min(row["p99_ms"] for row in rows if row["attack"] == name)
+        anew: min(row["own_p99_ms"] for row in rows if row["attack"] == name)
         for anew, name in ((False, NOBODY), (True, ANEW))
     }
     said = []
     for row in rows:
-        times = row["p99_ms"] / idle[row["attack"] in COMES_ANEW]
-        if row["attackers"] and (times > TIMES_IDLE or row["plan_p99_ms"] > PLAN_BAR_MS):
-            plan = f"plan p99 {row['plan_p99_ms']} ms"
-            said.append(f"{row['attack']}: p99 {row['p99_ms']} ms, {times:.1f} times idle; {plan}")
+        times = row["own_p99_ms"] / idle[row["attack"] in COMES_ANEW]
+        if row["attackers"] and (times > TIMES_IDLE or row["own_plan_p99_ms"] > PLAN_BAR_MS):
+            ready = f"own p99 {row['own_p99_ms']} ms, {times:.1f} times idle"
+            said.append(f"{row['attack']}: {ready}; own plan p99 {row['own_plan_p99_ms']} ms")
     return said
 
 
@@ -373,7 +274,8 @@ def main() -> int:
         trials = [trials[0], *trials[1 + _commit_number() % SMOKE_SHARE :: SMOKE_SHARE]]
     if arguments.bar:
         seconds = BAR_S
-        trials = [(NOBODY, 0), (ANEW, 0), *((name, MANY) for name in AGAINST_BAR)]
+        wanted = [name for name in AGAINST_BAR if name in (arguments.only or AGAINST_BAR)]
+        trials = [(NOBODY, 0), (ANEW, 0), *((name, MANY) for name in wanted)]
         trials += [(ANEW, 0), (NOBODY, 0)]
     rows: list[dict[str, Any]] = []
     with tempfile.TemporaryDirectory(prefix="attacks-") as folder:

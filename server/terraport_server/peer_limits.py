@@ -5,7 +5,8 @@ fragments. Found by ``fuzz/server.py``: a client that sends pings and reads noth
 hold every pong (one byte of memory per byte sent), and frames without content cost a core.
 
 Messages reach the application one at a time: the next is looked at when the one before was taken,
-in another step of the event loop, however many came at once.
+in another step of the event loop, however many came at once, and when it is this client's turn
+among all clients (:mod:`client_turns`).
 
 Whoever is not let in yet has no more than one message looked at, a few frames, and is read when it
 is his turn among all who are not (:mod:`entrance`).
@@ -24,8 +25,10 @@ from websockets.frames import Frame
 from websockets.protocol import State
 
 from terraport_server.client_addresses import too_many_of_address
+from terraport_server.client_turns import ClientTurns
 from terraport_server.entrance import Entrance
 from terraport_server.frame_cutter import FrameCutter
+from terraport_server.priced_queue import Account
 from terraport_server.rate import RateLimit
 from terraport_server.signals import Inbox, Signal
 from terraport_wire import MAX_CLIENT_MESSAGE_BYTES, CloseCode, ErrorCode
@@ -56,6 +59,12 @@ peer that was never let in `MAX_UNREAD_BYTES`."""
 
 MAX_LATE_FRAMES: Final = 256
 
+_FRAME_COST: Final = 50
+"""Of a frame that is parsed, in segments that a plan looks at: 8 us."""
+
+_BYTES_PER_COST: Final = 64
+"""Of a table, such as that of ``held``: five rows take as long as a segment of a plan."""
+
 MAX_FIRST_BYTES: Final = 512 << 10
 """Of the one message before the session is open: a hello that offers as many segments as it may
 takes 400 KB."""
@@ -81,6 +90,9 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     is_let_in = False
     """Whether the session is open: :meth:`let_in` was called."""
 
+    turns: ClientTurns
+    """Of all clients of the event loop."""
+
     _entrance: Entrance | None = None
     _counted: str | None = None
     _most_of_address = 0
@@ -97,9 +109,12 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     _first_frames = 0
     _late_bytes = 0
     _late_frames = 0
+    _parsed_frames = 0
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
+        self.account = Account()
+        """Of this client, in the turns of all."""
         self._cutter = FrameCutter()
         self.queue = cast("asyncio.Queue[ASGIReceiveEvent]", Inbox[ASGIReceiveEvent]())
         self.writable = cast("asyncio.Event", Signal(is_set=True))
@@ -196,13 +211,14 @@ class BoundedPeer(WebSocketsSansIOProtocol):
             super().data_received(data)
             return
         self._cutter.add(data)
-        if self.is_let_in or self._entrance is None or self._counted is None:
-            self._take_frames()
+        if self._stranger_key is None and not self._goes_on:
+            self._go_on()
             return
-        self._first_bytes += len(data)
-        self._stop_reading()
+        self._stop_reading()  # what one read brought is enough
         self._go_on()
-        self._entrance.weigh(self, len(data))
+        if self._stranger_key is not None and self._entrance is not None:
+            self._first_bytes += len(data)
+            self._entrance.weigh(self, len(data))
 
     async def receive(self) -> ASGIReceiveEvent:
         """Hand over what came next; read on only then."""
@@ -279,6 +295,18 @@ class BoundedPeer(WebSocketsSansIOProtocol):
                 return
         super().send_receive_event_to_app()
 
+    @property
+    def _stranger_key(self) -> str | None:
+        """Among whose turns those of a stranger are; None where they are among those of clients."""
+        return None if self.is_let_in or self._entrance is None else self._counted
+
+    def _take_turn(self) -> int:
+        """Parse as much as one turn may; return what it cost."""
+        frames, waiting_bytes = self._parsed_frames, len(self._cutter)
+        self._take_frames()
+        taken_bytes = waiting_bytes - len(self._cutter)
+        return _FRAME_COST * (self._parsed_frames - frames) + taken_bytes // _BYTES_PER_COST
+
     def _take_frames(self) -> None:
         """Parse what came up to the next message; a few frames at most."""
         self._goes_on = False
@@ -300,6 +328,7 @@ class BoundedPeer(WebSocketsSansIOProtocol):
                 return
             if self.close_sent and not self._may_come_late(piece):
                 return
+            self._parsed_frames += 1
             super().data_received(piece)
         self._stop_reading()
         self._go_on()
@@ -319,10 +348,11 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         if self._goes_on:
             return
         self._goes_on = True
-        if self.is_let_in or self._entrance is None or self._counted is None:
-            self.loop.call_soon(self._take_frames)
+        key = self._stranger_key
+        if self._entrance is None or key is None:
+            self.turns.ask(self.account, self._take_turn)
         else:
-            self._entrance.wait(self._counted, self._take_frames)
+            self._entrance.wait(key, self._take_frames)
 
     def _stop_reading(self) -> None:
         if not self.read_paused:

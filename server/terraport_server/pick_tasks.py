@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Awaitable, Callable
 
 from terraport_server.actions import RunPick
-from terraport_server.logs import log
 from terraport_server.metrics import Metrics
 from terraport_server.session import Session
 from terraport_wire import Hit
@@ -28,6 +26,8 @@ class PickTasks:
         Answers a pick.
     answered
         Called when the session was told something.
+    tell_failure
+        Takes why a pick could not be answered, for the operator.
     """
 
     def __init__(
@@ -36,11 +36,13 @@ class PickTasks:
         metrics: Metrics,
         run: Callable[[RunPick], Awaitable[Hit | None]],
         answered: Callable[[], None],
+        tell_failure: Callable[[Exception], None],
     ) -> None:
         self._session = session
         self._metrics = metrics
         self._run = run
         self._answered = answered
+        self._tell_failure = tell_failure
         self.tasks: set[asyncio.Task[None]] = set()
         """Under way; the owner cancels them and waits for them when it ends."""
 
@@ -55,7 +57,7 @@ class PickTasks:
             hit = await self._run(action)
         except Exception as error:  # noqa: BLE001 - told to the operator; the session goes on
             self._metrics.picks.labels("failed").inc()
-            log("pick failed", level=logging.WARNING, session=self._session.id, reason=repr(error))
+            self._tell_failure(error)
             self._session.pick_failed(action.request)
         else:
             self._metrics.picks.labels("miss" if hit is None else "hit").inc()

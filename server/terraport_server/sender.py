@@ -8,13 +8,13 @@ message. Payload goes from the page cache through one buffer for all to the sock
 A slow client costs itself only: its frames wait in its own task, nothing is planned for it until it
 has taken what it was sent, and a newer landing replaces what was not sent yet.
 
-Times come from ``time.monotonic``: what the event loop counts by, too, but the loop's own time is
-that of its last step, under uvloop in whole milliseconds.
+Times come from ``time.monotonic``; the loop's own are those of its last step, in milliseconds.
 """
 
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from time import monotonic
@@ -23,10 +23,11 @@ from typing import Final
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from terraport_server.actions import Close, MakePlan, RunPick, SendChunk, SendMessage
+from terraport_server.client_turns import ClientTurns
 from terraport_server.metrics import Metrics
 from terraport_server.peer_limits import REFUSED_CLOSE_S
 from terraport_server.pick_tasks import PickTasks
-from terraport_server.plan_turns import PlanAccount, PlanTurns
+from terraport_server.priced_queue import Account
 from terraport_server.read_buffer import ReadBuffer
 from terraport_server.served_scene import ServedScene
 from terraport_server.session import Session
@@ -58,7 +59,7 @@ _ALL_TOLD: Final = 1 << 62
 _MOST_AHEAD: Final = 512
 """Segments that are looked at for fetching ahead; their bytes are bounded by the desk."""
 
-PickRunner = Callable[[ServedScene, RunPick], Awaitable[Hit | None]]
+PickRunner = Callable[[ServedScene, RunPick, Account], Awaitable[Hit | None]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,7 +87,7 @@ class Sender:
         Bounds.
     metrics
         Counters.
-    turns, plan_turns
+    turns, client_turns
         Shared with the other senders of the process.
     read_buffer
         Shared with the other senders of the event loop.
@@ -103,7 +104,7 @@ class Sender:
         limits: SenderLimits,
         metrics: Metrics,
         turns: Turns,
-        plan_turns: PlanTurns,
+        client_turns: ClientTurns,
         read_buffer: ReadBuffer,
         run_pick: PickRunner,
     ) -> None:
@@ -113,19 +114,24 @@ class Sender:
         self._limits = limits
         self._metrics = metrics
         self._turns = turns
-        self._plan_turns = plan_turns
-        self._plan_account = PlanAccount()
+        self._client_turns = client_turns
         self._read_buffer = read_buffer
         self._batch_bytes = MAX_CHUNK_BYTES
         """What the next batch may have: grows while the socket takes all."""
         self._connection = connection_of(websocket.scope)
+        self._account = Account() if self._connection is None else self._connection.account
         self._wake = Signal()
         self._room = Signal()
         self._clock = SessionClock(
             session, self._connection, limits.close_timeout_s, self._wake.set
         )
+        line = Account()
         self._picks = PickTasks(
-            session, metrics, lambda action: run_pick(served, action), self._wake.set
+            session,
+            metrics,
+            lambda action: run_pick(served, action, line),
+            self._wake.set,
+            lambda error: served.tell_failure("pick failed", None, error, level=logging.WARNING),
         )
         self._fetched: SendChunk | None = None
         """What was fetched last."""
@@ -227,7 +233,7 @@ class Sender:
         """Plan in this client's turn: one that does not read has one plan, in its transport."""
         self._flush()
         if self._connection is None or await self._connection.until_clear():
-            await self._plan_turns.take(self._plan_account, self._make_plan)
+            await self._client_turns.take(self._account, self._make_plan)
         else:  # closing: what the client says last ends this sender
             await self._until_woken()
 

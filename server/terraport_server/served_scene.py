@@ -13,6 +13,7 @@ from urllib.parse import quote
 from terraport_server.actions import PullView, SceneView
 from terraport_server.logs import SomePerMinute, log
 from terraport_server.payload_desk import PayloadDesk
+from terraport_server.pick_line import PickLine
 from terraport_server.selection import SegmentTable
 from terraport_store import (
     RegionNames,
@@ -20,7 +21,7 @@ from terraport_store import (
     SceneFiles,
     StoreError,
 )
-from terraport_wire import BLOCK_BYTES, PullInfo
+from terraport_wire import BLOCK_BYTES, Hit, PullInfo
 
 __all__ = ["ServedScene"]
 
@@ -53,11 +54,11 @@ class ServedScene:
         # Threads. Whoever may wait for a network waits in the scene's own.
         self.fetchers: Executor | None = None
         """Threads that may wait for the scene's storage; None = it lies on this machine."""
-        self.pickers: Executor | None = None
-        """The thread of its picks; None = the service's."""
+        self.pickers: PickLine[Hit | None] | None = None
+        """The line of its picks; None = the service's."""
         if fetch_threads:
             self.fetchers = ThreadPoolExecutor(fetch_threads, thread_name_prefix="fetch")
-            self.pickers = ThreadPoolExecutor(1, thread_name_prefix="pick")
+            self.pickers = PickLine(1)
         # What sessions ask: payload bytes, names of regions, the tables of the plans.
         self.desk = PayloadDesk(
             scene,
@@ -94,7 +95,8 @@ class ServedScene:
         """xxh3 of each GLB."""
         self.lengths = index.length.data
         """Bytes of each GLB."""
-        self._failures = SomePerMinute(_FAILURES_PER_MINUTE)
+        self._failures: dict[str, SomePerMinute] = {}
+        """By event."""
         # Life: open while anybody holds it, or nothing has replaced it.
         self._holders = 0
         self._retired = False
@@ -176,22 +178,29 @@ class ServedScene:
         return data[:limit]
 
     def tell_failure(
-        self, event: str, segment: int | None, error: Exception, *, landing: str | None = None
+        self,
+        event: str,
+        segment: int | None,
+        error: Exception,
+        *,
+        landing: str | None = None,
+        level: int = logging.ERROR,
     ) -> None:
-        """Log that a segment, or a file, could not be read; from any thread.
+        """Log that a segment, or a file, could not be read, or a pick answered; from any thread.
 
         A few times a minute, and then how many more there were.
         """
-        left_out = self._failures.left_out(time.monotonic())
+        some = self._failures.setdefault(event, SomePerMinute(_FAILURES_PER_MINUTE))
+        left_out = some.left_out(time.monotonic())
         if left_out is not None:
             log(
                 event,
-                level=logging.ERROR,
+                level=level,
                 landing=landing,
                 scene=self.id,
                 version=self.version,
                 segment=segment,
-                reason=str(error),
+                reason=str(error) or repr(error),
                 lines_left_out=left_out or None,
             )
 

@@ -8,17 +8,19 @@ import logging
 import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
-from concurrent.futures import ThreadPoolExecutor
 from importlib.metadata import PackageNotFoundError, version
 
 from terraport_server.access_watch import AccessWatch
 from terraport_server.actions import RunPick
 from terraport_server.auth import Gate
+from terraport_server.client_turns import ClientTurns
+from terraport_server.errors import PickTimeoutError
 from terraport_server.group_desk import GroupDesk
 from terraport_server.logs import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.pick import MeshCache, pick
-from terraport_server.plan_turns import PlanTurns
+from terraport_server.pick_line import PickLine
+from terraport_server.priced_queue import Account
 from terraport_server.read_buffer import ReadBuffer
 from terraport_server.scene_roots import root_of
 from terraport_server.scenes import SceneRegistry
@@ -85,7 +87,7 @@ class Service:
             max_burst_bytes=settings.max_burst_bytes,
             close_timeout_s=settings.close_timeout_s,
         )
-        # What sessions share: groups, the page, turns to be planned for and on the wire, threads.
+        # What sessions share: groups, the page, turns on the loop and on the wire, threads.
         routing = settings.groups_served
         self.groups = None if routing == "none" else GroupDesk(settings.group_limits(), routing)
         if self.groups is not None:
@@ -97,10 +99,10 @@ class Service:
         if settings.viewer:
             self.viewer = ViewerPage.read(settings.viewer_dir or BUILT_PAGE)
         self.turns = Turns()
-        self.plan_turns = PlanTurns()
+        self.client_turns = ClientTurns()
         self.read_buffer = ReadBuffer(LARGEST_BATCH_BYTES + MAX_CHUNK_BYTES)
         self._cache = MeshCache(settings.pick_cache_bytes)
-        self._pool = ThreadPoolExecutor(settings.pick_threads, thread_name_prefix="pick")
+        self._picks = PickLine[Hit | None](settings.pick_threads)
         self.once = OncePerMinute()
         # Where the service is in its life, and who is served.
         self.ready = False
@@ -180,7 +182,7 @@ class Service:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
         # Threads read from the scenes: they end first, each within its own time bound.
-        await asyncio.to_thread(self._pool.shutdown, cancel_futures=True)
+        await asyncio.to_thread(self._picks.shutdown, wait=True)
         self.registry.close()
 
     def admit(self, client_ip: str) -> str | None:
@@ -225,8 +227,8 @@ class Service:
             self._empty.set()
         served.release()
 
-    async def run_pick(self, served: ServedScene, action: RunPick) -> Hit | None:
-        """Answer a pick in a thread, within its time bound.
+    async def run_pick(self, served: ServedScene, action: RunPick, account: Account) -> Hit | None:
+        """Answer a pick in a thread, when it is its client's turn and within its time bound.
 
         Cancelling it leaves the thread to end by itself; the scene is held until then.
 
@@ -239,6 +241,8 @@ class Service:
         due_s = time.monotonic() + settings.pick_timeout_s
 
         def work() -> Hit | None:
+            if time.monotonic() > due_s:
+                raise PickTimeoutError(0)
             return pick(
                 served.scene,
                 self._cache,
@@ -256,9 +260,7 @@ class Service:
             self.metrics.corrupt_segments.labels(self.metrics.scene_label(served.id)).inc()
 
         served.hold()
-        future = asyncio.get_running_loop().run_in_executor(served.pickers or self._pool, work)
-        future.add_done_callback(lambda _: served.release())
-        return await asyncio.shield(future)
+        return await (served.pickers or self._picks).run(account, work, served.release)
 
     def _published(self, served: ServedScene) -> None:
         for sender, using in self._senders.items():

@@ -99,7 +99,6 @@ class Session:
         self._generation: int | None = None
         self._picks = PickTalk(self._out, limits.max_picks)
         self._news: str | None = None
-        self._held_rows = 0
         self._deliveries: Deliveries | None = None
 
     @property
@@ -168,11 +167,11 @@ class Session:
         Returns
         -------
         int
-            How many segments were looked at, held ones told of before included: what it cost.
+            How many segments were looked at: what it cost.
         """
         if self._deliveries is None or self._out.closing:
             return 0
-        looked_at, self._held_rows = self._deliveries.make_plan(now_s) + self._held_rows, 0
+        looked_at = self._deliveries.make_plan(now_s)
         self._close_if_drained()
         return looked_at
 
@@ -343,7 +342,6 @@ class Session:
             text = f"got {rows} held segments, expected at most {most}"
             self._out.fatal(ErrorCode.TOO_LARGE, text)
         elif self._admit(now_s, rows // HELD_ROWS_PER_MESSAGE):
-            self._held_rows += rows
             dropped = deliveries.take_held(held.segments, now_s)
             self._out.say(HeldChecked(dropped=dropped, held_count=len(deliveries.held)))
             self._close_if_drained()

@@ -179,7 +179,7 @@ async def _serve(
         limits=service.sender_limits,
         metrics=service.metrics,
         turns=service.turns,
-        plan_turns=service.plan_turns,
+        client_turns=service.client_turns,
         read_buffer=service.read_buffer,
         run_pick=service.run_pick,
     )

@@ -23,6 +23,7 @@ from starlette.websockets import WebSocketDisconnect
 from websockets.http11 import Request
 from websockets.protocol import State
 
+from terraport_server.client_turns import ClientTurns
 from terraport_server.link_buffer import LinkBuffer
 from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
 
@@ -235,6 +236,7 @@ class Connection(BoundedPeer):
 
 
 def protocol_class(
+    turns: ClientTurns,
     *,
     notsent_lowat_bytes: int,
     send_buffer_bytes: int,
@@ -246,6 +248,8 @@ def protocol_class(
 
     Parameters
     ----------
+    turns
+        Of all clients of the event loop.
     notsent_lowat_bytes
         TCP_NOTSENT_LOWAT; 0 = leave the system's.
     send_buffer_bytes
@@ -263,6 +267,7 @@ def protocol_class(
             super().__init__(*args, **kwargs)
             self.close_timeout = close_timeout_s
 
+    Bounded.turns = turns
     Bounded.notsent_lowat_bytes = notsent_lowat_bytes
     Bounded.send_buffer_bytes = send_buffer_bytes
     Bounded.congestion_control = congestion_control

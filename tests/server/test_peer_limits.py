@@ -29,7 +29,15 @@ from terraport_server.peer_limits import (
     MAX_FIRST_FRAMES,
     BoundedPeer,
 )
-from terraport_wire import HELD_DTYPE, MAX_HELD_SEGMENTS, SUBPROTOCOL, decode, encode
+from terraport_wire import (
+    HELD_DTYPE,
+    MAX_HELD_SEGMENTS,
+    SUBPROTOCOL,
+    Held,
+    HeldChecked,
+    decode,
+    encode,
+)
 
 PING, CLOSE, BINARY, TEXT, CONT = 9, 8, 2, 1, 0
 TOKEN = "a-token-of-enough-characters"
@@ -250,6 +258,40 @@ def test_messages_that_come_in_one_piece_are_taken_one_by_one(
         assert close_code(data) == 1000
     assert len(waiting) > 8
     assert max(waiting) <= 1
+
+
+def test_of_many_clients_one_is_taken_in_a_step_of_the_loop(
+    scenes: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Eighty that say what they hold made a step as long as eighty tables of 32,768 rows."""
+    taken: list[int] = []
+    step = 0
+    take = BoundedPeer._take_frames
+
+    def watched(self: BoundedPeer) -> None:
+        taken.append(step)
+        take(self)
+
+    def count() -> None:
+        nonlocal step
+        step += 1
+        loop.call_soon(count)
+
+    with BackgroundServer(scenes) as server, ExitStack() as stack:
+        clients = [stack.enter_context(PlainClient(f"{server.url}/scenes/grid")) for _ in range(24)]
+        for client in clients:
+            client.hello()
+        loop = server._server._loop
+        assert loop is not None
+        loop.call_soon_threadsafe(count)
+        loop.call_soon_threadsafe(time.sleep, 0.5)  # all of them have come when it goes on
+        monkeypatch.setattr(BoundedPeer, "_take_frames", watched)
+        for client in clients:
+            client.send(Held(segments=np.zeros(1, dtype=HELD_DTYPE)))
+        for client in clients:
+            client.expect(HeldChecked)
+    assert len(taken) >= len(clients)
+    assert len(set(taken)) == len(taken)
 
 
 def test_a_frame_may_come_by_the_byte(scenes: Path) -> None:

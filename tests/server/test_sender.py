@@ -15,7 +15,7 @@ from terraport_wire import Evict, Land, Plan, Ready
 
 def test_landings_without_the_extension(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     grid = write_grid_scene(tmp_path / "pit", cells=60, compress=False)
-    monkeypatch.setattr(serving, "protocol_class", lambda **_: "websockets-sansio")
+    monkeypatch.setattr(serving, "protocol_class", lambda *_, **__: "websockets-sansio")
     with (
         BackgroundServer(tmp_path) as server,
         PlainClient(server.scene_url("pit")) as client,

@@ -211,19 +211,3 @@ def test_held_is_charged_by_its_rows() -> None:
     assert last_error(client).code == ErrorCode.TOO_MANY
     # Five each: one for the message, four for its rows; hello and land took one each.
     assert told == (tokens - 2) // 5 + 1
-
-
-def test_the_next_plan_pays_for_held_rows() -> None:
-    def cost(rows: int) -> int:
-        client = make_puller()
-        client.tell(land(1))
-        client.run()
-        if rows:
-            client.tell(Held(segments=held_rows(rows)))
-            client.run()
-        client.tell(land(2))
-        costs = [client.session.make_plan(client.now_s) for _ in range(2)]
-        assert costs[1] == 0
-        return costs[0]
-
-    assert cost(100) == cost(1) + 99

@@ -17,6 +17,7 @@ from websockets.typing import Subprotocol
 from websockets.uri import parse_uri
 
 from terraport_server import BackgroundServer
+from terraport_server.client_turns import ClientTurns
 from terraport_server.transport import (
     TCP_CONGESTION,
     TCP_NOTSENT_LOWAT,
@@ -77,8 +78,8 @@ def test_socket_options_are_set(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
 
 
 def test_each_service_has_its_own_options() -> None:
-    first = protocol_class(notsent_lowat_bytes=1, send_buffer_bytes=2)
-    second = protocol_class(notsent_lowat_bytes=3, send_buffer_bytes=4)
+    first = protocol_class(ClientTurns(), notsent_lowat_bytes=1, send_buffer_bytes=2)
+    second = protocol_class(ClientTurns(), notsent_lowat_bytes=3, send_buffer_bytes=4)
     assert (first.notsent_lowat_bytes, second.notsent_lowat_bytes) == (1, 3)
     assert Connection.notsent_lowat_bytes == 0
 

@@ -1,4 +1,4 @@
-"""Whose landing is planned next."""
+"""Whose turn it is among clients."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from terraport_server.plan_turns import LEAST_COST, PlanAccount, PlanTurns
+from terraport_server.client_turns import LEAST_COST, ClientTurns
+from terraport_server.priced_queue import Account
 
 
 def plan(order: list[str], name: str, cost: int) -> Callable[[], int]:
@@ -23,9 +24,9 @@ def plan(order: list[str], name: str, cost: int) -> Callable[[], int]:
 
 
 async def land_often(
-    turns: PlanTurns, order: list[str], name: str, cost: int, times: int
-) -> PlanAccount:
-    account = PlanAccount()
+    turns: ClientTurns, order: list[str], name: str, cost: int, times: int
+) -> Account:
+    account = Account()
     for _ in range(times):
         await turns.take(account, plan(order, name, cost))
     return account
@@ -33,7 +34,7 @@ async def land_often(
 
 def test_who_lands_widely_waits_behind_who_does_not() -> None:
     async def story() -> list[str]:
-        turns, order = PlanTurns(), list[str]()
+        turns, order = ClientTurns(), list[str]()
         await asyncio.gather(
             land_often(turns, order, "wide", 9 * LEAST_COST, 5),
             land_often(turns, order, "narrow", 0, 20),
@@ -48,14 +49,14 @@ def test_who_lands_widely_waits_behind_who_does_not() -> None:
 
 def test_a_newcomer_goes_next() -> None:
     async def story() -> list[str]:
-        turns, order = PlanTurns(), list[str]()
+        turns, order = ClientTurns(), list[str]()
         others = [
             asyncio.create_task(land_often(turns, order, "wide", 10_000, 4)) for _ in range(8)
         ]
         for _ in range(20):
             await asyncio.sleep(0)
         came_at = len(order)
-        await turns.take(PlanAccount(), plan(order, "newcomer", 10_000))
+        await turns.take(Account(), plan(order, "newcomer", 10_000))
         assert order.index("newcomer") <= came_at + 1, "one turn may be under way"
         await asyncio.gather(*others)
         return order
@@ -67,8 +68,8 @@ def test_idle_time_earns_nothing() -> None:
     """Who was away for long gets the next turn, and not all of the following ones."""
 
     async def story() -> list[str]:
-        turns, order = PlanTurns(), list[str]()
-        idle = PlanAccount()
+        turns, order = ClientTurns(), list[str]()
+        idle = Account()
         await land_often(turns, order, "busy", 1000, 50)
         order.clear()
 
@@ -86,10 +87,10 @@ def test_idle_time_earns_nothing() -> None:
 
 def test_who_goes_away_gives_the_place_up() -> None:
     async def story() -> list[str]:
-        turns, order = PlanTurns(), list[str]()
-        await turns.take(PlanAccount(), plan(order, "first", 0))
-        gone = asyncio.create_task(turns.take(PlanAccount(), plan(order, "gone", 0)))
-        stays = asyncio.create_task(turns.take(PlanAccount(), plan(order, "stays", 0)))
+        turns, order = ClientTurns(), list[str]()
+        await turns.take(Account(), plan(order, "first", 0))
+        gone = asyncio.create_task(turns.take(Account(), plan(order, "gone", 0)))
+        stays = asyncio.create_task(turns.take(Account(), plan(order, "stays", 0)))
         await asyncio.sleep(0)
         gone.cancel()
         await asyncio.gather(gone, stays, return_exceptions=True)
@@ -100,8 +101,8 @@ def test_who_goes_away_gives_the_place_up() -> None:
 
 def test_who_comes_alone_does_not_wait() -> None:
     async def story() -> None:
-        turns, order = PlanTurns(), list[str]()
-        taking = turns.take(PlanAccount(), plan(order, "alone", 1))
+        turns, order = ClientTurns(), list[str]()
+        taking = turns.take(Account(), plan(order, "alone", 1))
         with pytest.raises(StopIteration):
             taking.send(None)
         assert order == ["alone"]
@@ -114,11 +115,11 @@ def test_a_failure_is_the_asker_s_and_nobody_else_s() -> None:
         raise ValueError("broken")
 
     async def story() -> list[str]:
-        turns, order = PlanTurns(), list[str]()
+        turns, order = ClientTurns(), list[str]()
         results = await asyncio.gather(
-            turns.take(PlanAccount(), plan(order, "first", 0)),
-            turns.take(PlanAccount(), fail),
-            turns.take(PlanAccount(), plan(order, "last", 0)),
+            turns.take(Account(), plan(order, "first", 0)),
+            turns.take(Account(), fail),
+            turns.take(Account(), plan(order, "last", 0)),
             return_exceptions=True,
         )
         assert [type(result) for result in results] == [type(None), ValueError, type(None)]
@@ -133,14 +134,14 @@ def test_shares_are_equal_while_all_ask(costs: list[int], turns_each: int) -> No
     """Between any two that ask all the time, what was used differs by two plans at most."""
 
     async def story() -> None:
-        turns, order = PlanTurns(), list[str]()
+        turns, order = ClientTurns(), list[str]()
         used = [0.0] * len(costs)
         worst = 2 * (max(costs) + LEAST_COST)
         everybody_asks = True
 
         async def client(number: int) -> None:
             nonlocal everybody_asks
-            account = PlanAccount()
+            account = Account()
 
             def make() -> int:
                 used[number] += costs[number] + LEAST_COST

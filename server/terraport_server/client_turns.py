@@ -1,0 +1,107 @@
+"""Whose turn it is among clients: to have a message taken, or a landing planned.
+
+A message costs a tenth of a millisecond, or one with a table of 32,768 rows nearly a whole one; a
+plan as much as the landing is wide, up to several. All clients together may ask for far more than
+there is time for. Here each asks for a turn and pays for it by what it cost, and between two looks
+at the network one is taken. So who asks for much all the time waits behind everybody who does not,
+and never holds them up for more than the one turn that is being taken (:mod:`priced_queue`).
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import Final
+
+from terraport_server.priced_queue import Account, PricedQueue
+
+__all__ = ["LEAST_COST", "ClientTurns", "Work"]
+
+LEAST_COST: Final = 500
+"""Of a turn, in segments that a plan looks at (0.15 us each): parsing, tasks that are woken and
+system calls cost about as much."""
+
+Work = Callable[[], int | None]
+"""Takes a turn without waiting; returns what it cost beside `LEAST_COST`, in segments looked at, or
+``None`` where nobody wants it any more."""
+
+
+class ClientTurns:
+    """Gives the clients of one event loop their turns."""
+
+    def __init__(self) -> None:
+        self._waiting = PricedQueue[Work]()
+        self._running = False
+
+    def __len__(self) -> int:
+        """Return how many turns are waited for, given up ones among them."""
+        return len(self._waiting)
+
+    def ask(self, account: Account, work: Work) -> None:
+        """Take a turn: now where nobody else did in this step, or else in a later one.
+
+        An exception of *work* is the caller's, or the event loop's where it comes later.
+        """
+        if self._running:
+            self._waiting.add(account, work)
+            return
+        # Nobody waits: no need to go round the loop first.
+        self._running = True
+        asyncio.get_running_loop().call_soon(self._turn)
+        self._waiting.skip(account)
+        self._do(account, work)
+
+    async def take(self, account: Account, make: Callable[[], int]) -> None:
+        """Call *make* when it is this client's turn, and return then.
+
+        Cancelling it gives the place up.
+
+        Parameters
+        ----------
+        account
+            The client's.
+        make
+            As :data:`Work`.
+
+        Raises
+        ------
+        Exception
+            Whatever *make* raises.
+        """
+        done = asyncio.get_running_loop().create_future()
+
+        def work() -> int | None:
+            if done.done():
+                return None
+            try:
+                cost = make()
+            except Exception as error:  # noqa: BLE001 - handed to who asked for the turn
+                done.set_exception(error)
+                return 0
+            done.set_result(None)
+            return cost
+
+        self.ask(account, work)
+        if done.done():  # without a step of the loop
+            done.result()
+        else:
+            await done
+
+    def _turn(self) -> None:
+        if not self._waiting:
+            self._running = False
+            return
+        try:
+            while self._waiting and not self._do(*self._waiting.take()):
+                pass  # given up
+        finally:
+            # Last: who is woken by it may ask for the next turn.
+            asyncio.get_running_loop().call_soon(self._turn)
+
+    @staticmethod
+    def _do(account: Account, work: Work) -> bool:
+        """Do it, where anybody wants it still, and have it paid for."""
+        account.pay(LEAST_COST)  # also where it raises
+        cost = work()
+        account.pay(-LEAST_COST if cost is None else cost)
+        return cost is not None

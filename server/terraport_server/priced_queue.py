@@ -1,0 +1,88 @@
+"""Whose turn is next, where a turn costs what it turns out to cost: the one's that has used least.
+
+PURE: no I/O, no clock.
+
+References
+----------
+P. Goyal, H. M. Vin, H. Cheng, "Start-time fair queueing", SIGCOMM 1996: an entry's *start* is the
+asker's *finish* of before, or where the queue is now if that is later; the earliest start goes
+first. The cost may be unknown until it is paid.
+"""
+
+from __future__ import annotations
+
+from heapq import heappop, heappush
+from typing import Generic, TypeVar
+
+__all__ = ["Account", "PricedQueue"]
+
+T = TypeVar("T")
+
+
+class Account:
+    """What one client has used of one queue."""
+
+    __slots__ = ("finish",)
+
+    def __init__(self) -> None:
+        self.finish = 0.0
+        """On the queue's scale."""
+
+    def pay(self, cost: float) -> None:
+        """Book what a turn cost."""
+        self.finish += cost
+
+
+class PricedQueue(Generic[T]):
+    """Entries of clients, each of whom has an account. Idle time earns nothing.
+
+    It is as long as what was put in; the caller bounds that.
+
+    Examples
+    --------
+    >>> queue, wide, narrow = PricedQueue[str](), Account(), Account()
+    >>> for account, item in ((wide, "w1"), (narrow, "n1")):
+    ...     queue.add(account, item)
+    >>> account, item = queue.take()
+    >>> account.pay(10), queue.add(account, "w2")
+    (None, None)
+    >>> [queue.take()[1] for _ in range(len(queue))]
+    ['n1', 'w2']
+    """
+
+    def __init__(self) -> None:
+        self._entries: list[tuple[float, float, int, Account, T]] = []
+        self._number = 0
+        """Of equal starts the one that has used less goes first, then the one that asked first."""
+        self._now = 0.0
+        """Start of the newest turn."""
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def add(self, account: Account, item: T) -> None:
+        """Put an entry in; an account may have several."""
+        start = max(self._now, account.finish)
+        self._number += 1
+        heappush(self._entries, (start, account.finish, self._number, account, item))
+
+    def take(self) -> tuple[Account, T]:
+        """Take the next entry out; whose it is pays for it afterwards.
+
+        Raises
+        ------
+        IndexError
+            When there is none.
+        """
+        while True:
+            start, _, number, account, item = heappop(self._entries)
+            if start >= account.finish:
+                self._now = account.finish = start
+                return account, item
+            # Its account has paid for another since: it goes where it would be put in now.
+            entry = (account.finish, account.finish, number, account, item)
+            heappush(self._entries, entry)
+
+    def skip(self, account: Account) -> None:
+        """Note that an account's turn is now, where nobody waits."""
+        self._now = account.finish = max(self._now, account.finish)
