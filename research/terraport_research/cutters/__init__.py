@@ -12,6 +12,7 @@ from terraport_research.cutters.contract import Body, Cut, Cutter
 from terraport_research.cutters.graph import AUTOMATIC, GRAPH
 from terraport_research.cutters.k_means import K_MEANS
 from terraport_research.cutters.normalised_cuts import NORMALISED_CUTS
+from terraport_research.cutters.random_walks import RANDOM_WALKS
 from terraport_research.cutters.randomised_cuts import RANDOMISED_CUTS
 from terraport_research.cutters.shape_diameter import SHAPE_DIAMETER
 from terraport_research.cutters.tpa import TPA
@@ -20,6 +21,15 @@ __all__ = ["CUTTERS", "Body", "Cut", "Cutter"]
 
 CUTTERS: Final[dict[str, Cutter]] = {
     one.key: one
-    for one in (AUTOMATIC, GRAPH, TPA, RANDOMISED_CUTS, NORMALISED_CUTS, SHAPE_DIAMETER, K_MEANS)
+    for one in (
+        AUTOMATIC,
+        GRAPH,
+        TPA,
+        RANDOMISED_CUTS,
+        NORMALISED_CUTS,
+        SHAPE_DIAMETER,
+        RANDOM_WALKS,
+        K_MEANS,
+    )
 }
 """Every algorithm by its key, in the order of the page."""
