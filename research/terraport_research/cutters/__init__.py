@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Final
 
 from terraport_research.cutters.contract import Body, Cut, Cutter
+from terraport_research.cutters.fitting_primitives import FITTING_PRIMITIVES
 from terraport_research.cutters.graph import AUTOMATIC, GRAPH
 from terraport_research.cutters.k_means import K_MEANS
 from terraport_research.cutters.normalised_cuts import NORMALISED_CUTS
@@ -29,6 +30,7 @@ CUTTERS: Final[dict[str, Cutter]] = {
         NORMALISED_CUTS,
         SHAPE_DIAMETER,
         RANDOM_WALKS,
+        FITTING_PRIMITIVES,
         K_MEANS,
     )
 }
