@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from terraport_research.cutters.colour_growing import COLOUR_GROWING
 from terraport_research.cutters.contract import Body, Cut, Cutter
+from terraport_research.cutters.double_threshold import DOUBLE_THRESHOLD
 from terraport_research.cutters.fitting_primitives import FITTING_PRIMITIVES
 from terraport_research.cutters.graph import AUTOMATIC, GRAPH
 from terraport_research.cutters.k_means import K_MEANS
@@ -18,7 +20,7 @@ from terraport_research.cutters.randomised_cuts import RANDOMISED_CUTS
 from terraport_research.cutters.shape_diameter import SHAPE_DIAMETER
 from terraport_research.cutters.tpa import TPA
 
-__all__ = ["CUTTERS", "Body", "Cut", "Cutter"]
+__all__ = ["COLOUR_CUTTERS", "CUTTERS", "Body", "Cut", "Cutter"]
 
 CUTTERS: Final[dict[str, Cutter]] = {
     one.key: one
@@ -35,3 +37,8 @@ CUTTERS: Final[dict[str, Cutter]] = {
     )
 }
 """Every algorithm by its key, in the order of the page."""
+
+COLOUR_CUTTERS: Final[dict[str, Cutter]] = {
+    one.key: one for one in (COLOUR_GROWING, DOUBLE_THRESHOLD)
+}
+"""Algorithms for coloured ground: they compare colours, which Princeton's models do not have."""
