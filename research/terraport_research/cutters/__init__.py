@@ -10,6 +10,7 @@ from typing import Final
 
 from terraport_research.cutters.colour_growing import COLOUR_GROWING
 from terraport_research.cutters.contract import Body, Cut, Cutter
+from terraport_research.cutters.core_extraction import CORE_EXTRACTION
 from terraport_research.cutters.double_threshold import DOUBLE_THRESHOLD
 from terraport_research.cutters.fitting_primitives import FITTING_PRIMITIVES
 from terraport_research.cutters.graph import AUTOMATIC, GRAPH
@@ -31,6 +32,7 @@ CUTTERS: Final[dict[str, Cutter]] = {
         RANDOMISED_CUTS,
         NORMALISED_CUTS,
         SHAPE_DIAMETER,
+        CORE_EXTRACTION,
         RANDOM_WALKS,
         FITTING_PRIMITIVES,
         K_MEANS,
