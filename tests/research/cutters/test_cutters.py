@@ -21,7 +21,7 @@ def test_it_parts_a_dumb_bell_at_its_waist(key: str) -> None:
     labels = cut(2)
     assert labels.shape == (len(MODEL.faces),)
     assert labels.min() >= 0
-    # Nearer to one of the people than a cut a good way off the waist: with a waist of its own or not.
+    # Nearer to one of the people than a cut a good way off the waist is; one has a part there.
     height = MODEL.vertices[MODEL.faces].mean(axis=1)[:, 2]
     off = (height > 0.9).astype(int)
     assert any(
