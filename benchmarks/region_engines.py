@@ -42,6 +42,7 @@ from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 from terraport_pipeline.synth.truth_regions import true_regions
 from terraport_research.boundary_scores import boundary_score
+from terraport_research.cutters import COLOUR_CUTTERS, Body
 from terraport_research.segmentation_scores import consistency_errors, rand_error
 
 SEEDS: Final = (11, 12, 13)
@@ -103,6 +104,16 @@ def felzenszwalb(scale: float) -> Engine:
     return lambda mesh: FelzenszwalbSegmenter(region_scale=scale).segment(mesh).regions
 
 
+def compared(key: str) -> Engine:
+    """Segments of an algorithm that the thesis describes."""
+
+    def engine(mesh: SegmenterMesh) -> AnyInt:
+        body = Body(mesh.vertices.astype(np.float64), mesh.faces, colours=mesh.colours)
+        return COLOUR_CUTTERS[key].prepare(body)(0)
+
+    return engine
+
+
 BRIGHT_EDGES = replace(COLOUR_GRAPH, weights=replace(COLOUR_GRAPH.weights, lightness=1.0))
 ENGINES: Final[dict[str, Engine]] = {
     "one region": lambda mesh: np.zeros(len(mesh.faces), np.int32),
@@ -122,6 +133,8 @@ ENGINES: Final[dict[str, Engine]] = {
     "Felzenszwalb, k 30": felzenszwalb(30.0),
     "Felzenszwalb, k 100": felzenszwalb(100.0),
     "Felzenszwalb, k 300": felzenszwalb(300.0),
+    "region growing on RGB": compared("colour-growing"),
+    "double threshold": compared("double-threshold"),
     "graph": graph(COLOUR_GRAPH),
     "graph, lightness 1": graph(BRIGHT_EDGES),
     "graph without colour": graph(SHAPE_GRAPH),

@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from terraport_payload.types import Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.body_parts import part_merges
 from terraport_pipeline.engines.shape_diameter import shape_diameter
+from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.geometry.graph.face_graph import FaceGraph
 from terraport_pipeline.geometry.graph.graph_segmenter import SHAPE_GRAPH, graph_of_mesh
 from terraport_pipeline.geometry.graph.part_merge import PartMerges
@@ -23,7 +25,7 @@ __all__ = ["Body", "Cut", "Cutter"]
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A mesh without colour, with what several algorithms ask of it, measured when first asked."""
+    """A mesh, with what several algorithms ask of it, measured when first asked."""
 
     vertices: Float64
     """(V, 3) any unit."""
@@ -31,6 +33,8 @@ class Body:
     """(F, 3) wound so that normals point outwards."""
     seed: int = 0
     """Of what is drawn by lot."""
+    colours: UInt8 | None = None
+    """(V, 3) sRGB, where the surface has colour."""
 
     @cached_property
     def neighbours(self) -> tuple[Int32, Int32]:
@@ -71,6 +75,34 @@ class Body:
         apart = self.centres[pairs[:, 1]] - self.centres[pairs[:, 0]]
         inwards = ((a - b) * apart).sum(axis=1) > 0.0
         return np.asarray(np.where(inwards, -1.0, 1.0) * np.arccos(cosine))
+
+    @cached_property
+    def face_colours(self) -> Float64:
+        """(F, 3) mean of the corners', sRGB levels.
+
+        Raises
+        ------
+        SurveyError
+            The mesh has no colour.
+        """
+        if self.colours is None:
+            raise SurveyError("the mesh has no colour; this algorithm compares colours")
+        return np.asarray(self.colours[self.faces].mean(axis=1, dtype=np.float64))
+
+    def nearest_faces(self, count: int) -> Int32:
+        """Pairs (P, 2) of faces, lower first, of which one's middle is among the other's nearest.
+
+        In space: faces need not touch. ``count`` of every face; fewer where there are no more.
+        """
+        n = len(self.faces)
+        _, near = cKDTree(self.centres).query(self.centres, k=range(1, min(count + 1, n) + 1))
+        one = np.repeat(np.arange(n), near.shape[1])
+        other = near.reshape(-1)
+        apart = one != other
+        low, high = (
+            order(one, other)[apart].astype(np.int64) for order in (np.minimum, np.maximum)
+        )
+        return np.stack(np.divmod(np.unique(low * n + high), n), axis=1).astype(np.int32)
 
     @cached_property
     def thickness(self) -> Float64:

@@ -21,11 +21,14 @@ def test_it_parts_a_dumb_bell_at_its_waist(key: str) -> None:
     labels = cut(2)
     assert labels.shape == (len(MODEL.faces),)
     assert labels.min() >= 0
-    # Not worse than a cut a good way off the waist: two of the people's three parts.
-    scores = compare(MESH, MESH.split(labels), MESH.split(MODEL.people[1]))
+    # Nearer to one of the people than a cut a good way off the waist is; one has a part there.
     height = MODEL.vertices[MODEL.faces].mean(axis=1)[:, 2]
-    off = compare(MESH, MESH.split((height > 0.9).astype(int)), MESH.split(MODEL.people[1]))
-    assert scores.ri < off.ri
+    off = (height > 0.9).astype(int)
+    assert any(
+        compare(MESH, MESH.split(labels), MESH.split(person)).ri
+        < compare(MESH, MESH.split(off), MESH.split(person)).ri
+        for person in MODEL.people
+    )
     np.testing.assert_array_equal(MODEL.vertices, before[0])
     np.testing.assert_array_equal(MODEL.faces, before[1])
 
