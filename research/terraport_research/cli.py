@@ -29,8 +29,10 @@ from terraport_research.segmentation import (
     evaluate_segmentation,
 )
 from terraport_research.segmentation_page import HEADS, write_evaluation
+from terraport_research.thesis.evaluate import evaluate_thesis
+from terraport_research.thesis.making import ThesisOptions
 
-__all__ = ["reconstruction", "register", "segmentation"]
+__all__ = ["reconstruction", "register", "segmentation", "thesis"]
 
 _QUICK_POINTS: Final = 5_000
 _QUICK_DEPTHS: Final = (6, 7, 8)
@@ -130,6 +132,44 @@ def segmentation(
 
 
 _app.command("segmentation")(command_of(segmentation))
+
+
+def thesis(
+    options: ThesisOptions,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder for thesis.html, .md, .csv, .json, pictures."),
+    ] = Path("evaluation"),
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no words.")] = False,
+) -> None:
+    """Make the thesis's tables and figures again, ours beside what it printed.
+
+    people (Tables B.1 to B.7, Figure 5.12, from a results file), bodies (5.13, 5.14, C.1 to C.9),
+    landscapes (5.1 to 5.3, 5.15 to 5.17), pools (5.18 to 5.20), run-times (Table 5.4), depths (5.5
+    to 5.7), photos (5.9 to 5.11, A.1 to A.7). Two to four minutes on two cores; each page is kept
+    as soon as it is made.
+
+    For example:
+
+        terraport evaluate thesis
+
+        terraport evaluate thesis --pages people --scores evaluation/segmentation.json
+
+        terraport evaluate thesis --pages depths --data data --depths 8,10,11,13
+    """
+    errors, console = Console(stderr=True, soft_wrap=True), Console()
+    with watching(errors, quiet=quiet) as progress:
+        pages, left_out = evaluate_thesis(options, output, progress)
+    if not quiet:
+        for reason in left_out:
+            console.print(Text(f"not made: {reason}", style="yellow"))
+        for page in pages:
+            figures = f"{len(page.tables)} tables, {len(page.figures)} figures"
+            console.print(f"{page.title}: {figures}", highlight=False)
+        console.print(f"written: {output / 'thesis.html'}", highlight=False)
+
+
+_app.command("thesis")(command_of(thesis))
 
 
 def _score_table(evaluation: SegmentationEvaluation) -> Table:
