@@ -24,8 +24,9 @@ __all__ = ["Piece", "closed_below", "thesis_pieces"]
 
 _EDGE_M: Final = 1.6
 _SIDE_M: Final = 110.0
-_PLACES: Final = ((-95.0, -60.0), (-20.0, 55.0), (85.0, -70.0))
-"""Middle of each piece, x and z in metres."""
+_PLACES: Final = ((120.0, 100.0), (-120.0, -100.0), (0.0, -20.0))
+"""Middle of each piece, x and z in metres: of squares on a grid of 40 m, far apart, those whose
+truth is most varied (1 - RI of all as one region)."""
 _QUARRY_SEED: Final = 11
 _LEAST_SHARE: Final = 0.01
 """Of the piece: a smaller region nobody would draw."""

@@ -11,6 +11,8 @@ export interface World {
   /** Carries the camera; a headset moves it. */
   readonly rig: Group;
   readonly camera: PerspectiveCamera;
+  /** The camera of what is drawn: in a headset that of both eyes together. */
+  readonly eye: PerspectiveCamera;
   /** Make the programs of what is in the scene now, so that no frame has to wait for them when it first shows it. */
   prepare(): void;
   render(): void;
@@ -84,6 +86,9 @@ export function createWorld(container: HTMLElement, name: string, events: WorldE
     scene,
     rig,
     camera,
+    get eye() {
+      return renderer.xr.isPresenting ? renderer.xr.getCamera() : camera;
+    },
     prepare() {
       // Beside, where the browser can; else here, where the page is loading anyway.
       if (renderer.extensions.has("KHR_parallel_shader_compile")) {
