@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from typing import Final
 
 from terraport_pipeline.progress import Progress
+from terraport_research.booklet_model import Column, Row, Table
 from terraport_research.cutters import CUTTERS, Body
 from terraport_research.princeton import Model, read_benchmark
 from terraport_research.procedural_bodies import WAISTS, procedural_models
@@ -18,7 +19,6 @@ from terraport_research.thesis.making import (
     plain_picture,
     view_of,
 )
-from terraport_research.thesis.model import Column, Row, Table
 
 __all__ = ["make_bodies"]
 

@@ -16,11 +16,11 @@ from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.read import read_survey
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.quarry import synthesise
+from terraport_research.booklet_model import Column, Row, Table
 from terraport_research.depth_sweep import find_scene
 from terraport_research.reconstructors import Samples
 from terraport_research.runs import run
 from terraport_research.thesis.making import SIZE, Made, Making, ThesisOptions, plain_picture
-from terraport_research.thesis.model import Column, Row, Table
 
 __all__ = ["make_depths"]
 
@@ -58,6 +58,7 @@ def make_depths(options: ThesisOptions, progress: Progress) -> Made:
                 continue
             rows: list[Row] = []
             pictures: list[tuple[str, str, bytes | None]] = []
+            shapes: list[tuple[str, str, bytes | None]] = []
             middle = samples.points[_middle(samples)]
             camera = oblique(middle[:: max(1, len(middle) // 4000)], aspect=SIZE[0] / SIZE[1])
             for depth in options.depths:
@@ -77,12 +78,14 @@ def make_depths(options: ThesisOptions, progress: Progress) -> Made:
                 jpeg = plain_picture(
                     result.surface.vertices, result.surface.faces, camera, result.colours
                 )
+                shape = plain_picture(result.surface.vertices, result.surface.faces, camera)
                 pictures.append((f"depth {depth}", f"{count:,} faces", jpeg))
+                shapes.append((f"depth {depth}, shape alone", f"{count:,} faces", shape))
             making.tables.append(
                 Table(figure, f"Figure {figure} in numbers: {title}", "depth", columns,
                       tuple(rows))
             )  # fmt: skip
-            making.figure(figure, f"Figure {figure}: {title}", pictures)
+            making.figure(figure, f"Figure {figure}: {title}", pictures + shapes)
     progress.done({})
     return making.made()
 

@@ -7,19 +7,26 @@ from typing import Final
 
 from terraport_pipeline.errors import PipelineError
 from terraport_pipeline.progress import NullProgress, Progress
+from terraport_research.booklet import Booklet, read_pages, write_pages
+from terraport_research.booklet_model import Page
 from terraport_research.thesis.bodies import make_bodies
 from terraport_research.thesis.depths import make_depths
 from terraport_research.thesis.landscapes import make_landscapes
 from terraport_research.thesis.making import PAGES, Maker, ThesisOptions
-from terraport_research.thesis.model import Page
 from terraport_research.thesis.people import make_people
 from terraport_research.thesis.photos import make_photos
 from terraport_research.thesis.pools import make_pools
 from terraport_research.thesis.run_times import make_run_times
-from terraport_research.thesis.writing import read_pages, write_pages
 
 __all__ = ["evaluate_thesis"]
 
+_BOOKLET: Final = Booklet(
+    "thesis",
+    "terraport evaluate thesis",
+    "The thesis's tables and figures, made again",
+    "In brackets, and as grey bars: what the thesis printed. Every number says what it was made "
+    "with.",
+)
 _MAKERS: Final[dict[str, Maker]] = {
     "bodies": make_bodies,
     "landscapes": make_landscapes,
@@ -55,7 +62,7 @@ def evaluate_thesis(
         The folder's results are damaged.
     """
     watcher = progress or NullProgress()
-    pages = read_pages(folder)
+    pages = read_pages(folder, _BOOKLET)
     left_out = []
     for key in options.pages:
         try:
@@ -67,8 +74,8 @@ def evaluate_thesis(
             left_out.append(f"{key}: {error}")
             continue
         pages[key] = made.page
-        write_pages(_ordered(pages), made.pictures, folder)
-    write_pages(_ordered(pages), {}, folder)
+        write_pages(_ordered(pages), made.pictures, folder, _BOOKLET)
+    write_pages(_ordered(pages), {}, folder, _BOOKLET)
     return _ordered(pages), left_out
 
 

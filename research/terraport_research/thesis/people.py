@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from terraport_pipeline.errors import SurveyError
+from terraport_research.booklet_model import Column, Row, Stamp, Table
 from terraport_research.cutters import CUTTERS
 from terraport_research.segmentation import PEOPLE
 from terraport_research.segmentation_page import HEADS
 from terraport_research.segmentation_scores import METRICS
 from terraport_research.thesis.making import Made, Making
-from terraport_research.thesis.model import Column, Row, Stamp, Table
 from terraport_research.thesis_tables import THESIS_TABLES
 
 __all__ = ["make_people"]

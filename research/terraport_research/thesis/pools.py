@@ -9,6 +9,7 @@ import numpy as np
 
 from terraport_pipeline.geometry.regions.triangle_pool import REGION_POOLS, triangle_pools_many
 from terraport_pipeline.progress import Progress
+from terraport_research.booklet_model import Column, Row, Table
 from terraport_research.thesis.making import (
     Made,
     Making,
@@ -16,7 +17,6 @@ from terraport_research.thesis.making import (
     labelled_picture,
     view_of,
 )
-from terraport_research.thesis.model import Column, Row, Table
 from terraport_research.thesis.pieces import thesis_pieces
 
 __all__ = ["make_pools"]

@@ -1,4 +1,4 @@
-"""What a page of the thesis's tables and figures is made of: plain values, kept as JSON.
+"""What a page of tables and figures is made of: plain values, kept as JSON.
 
 PURE: no I/O, no clock.
 """

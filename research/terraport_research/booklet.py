@@ -10,23 +10,37 @@ import csv
 import io
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.report.html_page import page_templates, replace_bytes, replace_page
-from terraport_research.thesis.model import Page, Table, page_from_json
+from terraport_research.booklet_model import Page, Table, page_from_json
 
-__all__ = ["read_pages", "to_csv", "to_html", "to_markdown", "write_pages"]
+__all__ = ["Booklet", "read_pages", "to_csv", "to_html", "to_markdown", "write_pages"]
 
-_NAME: Final = "thesis"
 _PICTURES: Final = "pictures"
 MAX_JSON_BYTES: Final = 64 << 20
 """Of a results file that is read again."""
-_MEDIA_TYPES: Final = {".jpg": "image/jpeg", ".png": "image/png"}
+_MEDIA_TYPES: Final = {
+    ".jpg": "image/jpeg", ".png": "image/png", ".svg": "image/svg+xml",
+}  # fmt: skip
 
 
-def read_pages(folder: Path) -> dict[str, Page]:
+@dataclass(frozen=True, slots=True)
+class Booklet:
+    """What a set of pages is called."""
+
+    name: str
+    """Of its files, without their endings."""
+    command: str
+    title: str
+    words: str
+    """What brackets and grey bars mean, or what else a reader must know."""
+
+
+def read_pages(folder: Path, booklet: Booklet) -> dict[str, Page]:
     """Read the pages that were made into a folder; none where there are none.
 
     Raises
@@ -34,7 +48,7 @@ def read_pages(folder: Path) -> dict[str, Page]:
     SurveyError
         The file is damaged, too large, or of another form.
     """
-    path = folder / f"{_NAME}.json"
+    path = folder / f"{booklet.name}.json"
     if not path.is_file():
         return {}
     if path.stat().st_size > MAX_JSON_BYTES:
@@ -47,15 +61,17 @@ def read_pages(folder: Path) -> dict[str, Page]:
     return {page.key: page for page in pages}
 
 
-def write_pages(pages: Sequence[Page], pictures: Mapping[str, bytes], folder: Path) -> None:
+def write_pages(
+    pages: Sequence[Page], pictures: Mapping[str, bytes], folder: Path, booklet: Booklet
+) -> None:
     """Write pages into a folder: pictures first, then the results, then what is made of them."""
     (folder / _PICTURES).mkdir(parents=True, exist_ok=True)
     for name, data in pictures.items():
         replace_bytes(folder / _PICTURES / name, data)
-    replace_page(folder / f"{_NAME}.json", _to_json(pages))
-    replace_page(folder / f"{_NAME}.csv", to_csv(pages))
-    replace_page(folder / f"{_NAME}.md", to_markdown(pages))
-    replace_page(folder / f"{_NAME}.html", to_html(pages, folder / _PICTURES))
+    replace_page(folder / f"{booklet.name}.json", _to_json(pages))
+    replace_page(folder / f"{booklet.name}.csv", to_csv(pages))
+    replace_page(folder / f"{booklet.name}.md", to_markdown(pages, booklet))
+    replace_page(folder / f"{booklet.name}.html", to_html(pages, folder / _PICTURES, booklet))
 
 
 def _to_json(pages: Sequence[Page]) -> str:
@@ -89,10 +105,9 @@ def to_csv(pages: Sequence[Page]) -> str:
     return out.getvalue()
 
 
-def to_markdown(pages: Sequence[Page]) -> str:
+def to_markdown(pages: Sequence[Page], booklet: Booklet) -> str:
     """Write tables, and the pictures by their files."""
-    text = ["# The thesis's tables and figures, made again", ""]
-    text += ["In brackets: what the thesis printed.", ""]
+    text = [f"# {booklet.title}", "", booklet.words, ""]
     for page in pages:
         text += [f"## {page.title}", "", *(f"{part}\n" for part in page.text)]
         for table in page.tables:
@@ -123,7 +138,7 @@ def to_markdown(pages: Sequence[Page]) -> str:
     return "\n".join(text).rstrip() + "\n"
 
 
-def to_html(pages: Sequence[Page], pictures: Path) -> str:
+def to_html(pages: Sequence[Page], pictures: Path, booklet: Booklet) -> str:
     """Make the page; pictures are put into it. One that is not there leaves its name."""
 
     def data_of(name: str) -> bytes | None:
@@ -132,8 +147,9 @@ def to_html(pages: Sequence[Page], pictures: Path) -> str:
 
     return (
         page_templates("terraport_research")
-        .get_template("evaluate_thesis.html.j2")
+        .get_template("booklet.html.j2")
         .render(
+            booklet=booklet,
             pages=pages,
             head=_head,
             longest=_longest,
