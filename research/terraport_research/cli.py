@@ -206,6 +206,12 @@ def study(
     seconds: Annotated[
         float, typer.Option(help="Of the made walk, after each landing.", min=2.0, max=600.0)
     ] = 12.0,
+    frames: Annotated[
+        int,
+        typer.Option(
+            help="Frames of each second of the walk, however long they take to draw.", min=5, max=90
+        ),
+    ] = 30,
     output: Annotated[
         Path,
         typer.Option("--output", "-o", help="Folder for study.html, .md, .csv, .json, and logs."),
@@ -232,7 +238,9 @@ def study(
             (output / "walk.json").write_text(json.dumps(way) + "\n", encoding="utf-8")
             reach = float(way["legs"][0]["radius_m"])
             with watching(Console(stderr=True, soft_wrap=True), quiet=quiet) as progress:
-                paths += play_walk(play, way, output, reach, progress)
+                paths += play_walk(
+                    play, way, output, radius_m=reach, frames_per_s=frames, progress=progress
+                )
         page = evaluate_study(paths, output)
     if not quiet:
         console = Console()

@@ -18,10 +18,7 @@ from terraport_pipeline.errors import PipelineError, SurveyError
 from terraport_pipeline.progress import Progress
 from terraport_research.study.session_log import CONDITIONS
 
-__all__ = ["FRAMES_PER_S", "play_walk"]
-
-FRAMES_PER_S: Final = 30
-"""Frames of each second of the walk, however long the machine takes to draw them."""
+__all__ = ["play_walk"]
 
 _BROWSERS: Final = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome")
 _FLAGS: Final = (
@@ -41,7 +38,13 @@ _MOST_MS: Final = 3_600_000.0
 
 
 def play_walk(
-    scene: Path, walk: dict[str, Any], folder: Path, radius_m: float, progress: Progress
+    scene: Path,
+    walk: dict[str, Any],
+    folder: Path,
+    *,
+    radius_m: float,
+    frames_per_s: int,
+    progress: Progress,
 ) -> list[Path]:
     """Play a walk in every condition and keep the logs.
 
@@ -55,6 +58,8 @@ def play_walk(
         Logs are written there: ``walk-landings.json``, ``walk-head.json``.
     radius_m : float
         That the baseline refines to, as the landings do.
+    frames_per_s : int
+        Frames of each second of the walk, however long the machine takes to draw them.
     progress : Progress
 
     Returns
@@ -83,7 +88,7 @@ def play_walk(
                 f"{address}/study.html#scene={scene_id}&condition={condition}&participant=walk"
                 f"&radius={radius_m:g}&forms=no"
             )
-            log = _played(page, walk)
+            log = _played(page, walk, frames_per_s)
             path.write_text(json.dumps(log) + "\n", encoding="utf-8")
             page.screenshot(path=folder / f"walk-{condition}.png")
             context.close()
@@ -93,7 +98,7 @@ def play_walk(
     return paths
 
 
-def _played(page: Any, walk: dict[str, Any]) -> Any:
+def _played(page: Any, walk: dict[str, Any], frames_per_s: int) -> Any:
     deadline = time.monotonic() + _START_S
     while not page.evaluate("window.study !== undefined"):
         if page.locator("#study-failed").count():
@@ -102,7 +107,7 @@ def _played(page: Any, walk: dict[str, Any]) -> Any:
             raise SurveyError(f"the study's page did not begin within {_START_S:g} s")
         time.sleep(0.2)
     script = "([walk, framesPerS]) => window.study.play(walk, framesPerS)"
-    return page.evaluate(script, [walk, FRAMES_PER_S])
+    return page.evaluate(script, [walk, frames_per_s])
 
 
 @contextmanager
