@@ -63,6 +63,10 @@ class Row:
     note: str = ""
     """Why there is no value, or what differs."""
 
+    def __post_init__(self) -> None:
+        # NaN is none from here on: nothing that is made of a row need know of it.
+        object.__setattr__(self, "values", tuple(_finite(value) for value in self.values))
+
 
 @dataclass(frozen=True, slots=True)
 class Table:
@@ -120,12 +124,8 @@ class Page:
     stamp: Stamp
 
     def to_json(self) -> dict[str, Any]:
-        """Return plain values; NaN is none."""
-        document = asdict(self)
-        for table in document["tables"]:
-            for row in table["rows"]:
-                row["values"] = [_finite(value) for value in row["values"]]
-        return {"form": FORM, **document}
+        """Return plain values."""
+        return {"form": FORM, **asdict(self)}
 
 
 def page_from_json(document: Mapping[str, Any]) -> Page:
@@ -179,6 +179,6 @@ def _finite(value: float | None) -> float | None:
 
 
 def _number(value: float | None, digits: int) -> str:
-    if value is None or not math.isfinite(value):
+    if value is None:
         return "-"
     return f"{value:,.{digits}f}"

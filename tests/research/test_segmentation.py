@@ -13,7 +13,6 @@ import typer
 from typer.testing import CliRunner
 
 from terraport_pipeline.errors import EngineError
-from terraport_research import segmentation
 from terraport_research.cli import register
 from terraport_research.cutters import CUTTERS
 from terraport_research.procedural_bodies import procedural_models
