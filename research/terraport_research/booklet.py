@@ -123,7 +123,8 @@ def to_markdown(pages: Sequence[Page], booklet: Booklet) -> str:
             ]
             for row in table.rows:
                 cells = [row.title, *(table.cell(row, i) for i in range(len(table.columns)))]
-                text.append(f"| {' | '.join(cells + [row.note.replace('|', '\\|')] * notes)} |")
+                cells += [row.note.replace("|", r"\|")] * notes
+                text.append(f"| {' | '.join(cells)} |")
             text.append("")
         for figure in page.figures:
             text += [f"### {figure.title}", "", f"{page.stamp.line}.", ""]
