@@ -244,8 +244,7 @@ def study(
         page = evaluate_study(paths, output)
     if not quiet:
         console = Console()
-        for table in page.tables:
-            console.print(_booklet_table(table))
+        console.print(_booklet_table(page.tables[0]))
         console.print(f"written: {output / 'study.html'}", highlight=False)
 
 

@@ -32,7 +32,7 @@ _BOOKLET: Final = Booklet(
 )
 _CHART_STEPS: Final = 8
 _STYLE: Final = (
-    "text{font:12px sans-serif;fill:#56616f}line{stroke:#d9dee5}polyline{fill:none;stroke-width:2}"
+    "text{font:10px sans-serif;fill:#56616f}line{stroke:#d9dee5}polyline{fill:none;stroke-width:2}"
     "circle{stroke:none}.line0{stroke:#2563c9}.line1{stroke:#c2410c}.line2{stroke:#15803d}"
     ".line3{stroke:#7e22ce}circle.line0{fill:#2563c9}circle.line1{fill:#c2410c}"
     "circle.line2{fill:#15803d}circle.line3{fill:#7e22ce}"
@@ -220,7 +220,7 @@ def _charts(logs: Sequence[SessionLog]) -> list[tuple[str, str, bytes]]:
             for log, colour in zip(chosen, ("blue", "orange", "green", "violet"), strict=False)
         )
         title = f"Participant {who}: {names}"
-        svg = line_chart(lines, x_title="seconds", y_title="changes of detail in view", title=title)
+        svg = line_chart(lines, x_title="seconds", y_title="", title=title)
         styled = svg.replace("<svg ", '<svg xmlns="http://www.w3.org/2000/svg" ', 1).replace(
             ">", f"><style>{_STYLE}</style>", 1
         )
