@@ -31,8 +31,8 @@ def walk() -> dict[str, Any]:
 
 def played(page: Page, server: Service, condition: str, folder: Path) -> SessionLog:
     page.goto(
-        f"{server.url}/study.html#scene={SMALL}&condition={condition}&participant=3"
-        "&radius=45&forms=no"
+        f"{server.url}/study.html?condition={condition}&participant=3&radius=45&forms=no"
+        f"#scene={SMALL}"
     )
     eventually(lambda: page.evaluate("window.study !== undefined"), 120)
     log = page.evaluate("([walk, rate]) => study.play(walk, rate)", [walk(), FRAMES_PER_S])
@@ -62,7 +62,7 @@ def test_a_participant_is_asked_before_and_after_and_saves_the_log(
     open_page: Callable[..., tuple[Page, Watch]], server: Service, tmp_path: Path
 ) -> None:
     page, _ = open_page(device_scale_factor=0.2)
-    page.goto(f"{server.url}/study.html#scene={SMALL}&condition=landings&participant=p-4&order=2")
+    page.goto(f"{server.url}/study.html?condition=landings&participant=p-4&order=2#scene={SMALL}")
     answer(page, "before", 0)
     eventually(lambda: page.evaluate("window.study !== undefined"), 120)
     page.click("#finish")
@@ -82,6 +82,8 @@ def test_a_participant_is_asked_before_and_after_and_saves_the_log(
 def answer(page: Page, when: str, value: int) -> None:
     form = page.locator(f"#form-{when}")
     form.wait_for()
+    # It is what is seen, whatever was shown before.
+    assert page.evaluate("document.elementFromPoint(5, 5).closest('form')?.id") == f"form-{when}"
     for row in range(16):
         form.locator(f"input[name='symptom-{row}'][value='{value}']").check()
     form.locator("button[type=submit]").click()

@@ -85,8 +85,8 @@ def play_walk(
             page = context.new_page()
             page.set_default_timeout(_MOST_MS)
             page.goto(
-                f"{address}/study.html#scene={scene_id}&condition={condition}&participant=walk"
-                f"&radius={radius_m:g}&forms=no"
+                f"{address}/study.html?condition={condition}&participant=walk"
+                f"&radius={radius_m:g}&forms=no#scene={scene_id}"
             )
             log = _played(page, walk, frames_per_s)
             path.write_text(json.dumps(log) + "\n", encoding="utf-8")

@@ -10,7 +10,7 @@ from terraport_research.booklet_model import Column, Row, Table
 from terraport_research.cutters import CUTTERS, Body
 from terraport_research.princeton import Model, read_benchmark
 from terraport_research.procedural_bodies import WAISTS, procedural_models
-from terraport_research.segmentation_scores import MeshFacts, rand_error
+from terraport_research.segmentation_scores import MeshFacts, compare
 from terraport_research.thesis.making import (
     Made,
     Making,
@@ -96,15 +96,18 @@ def _draw(making: Making, figure: str, model: Model, options: ThesisOptions) -> 
             pictures.append((cutter.title, f"failed: {error}", None))
             values.append(None)
             continue
-        scores = [rand_error(labels, person) for person in model.people]
+        pieces = mesh.split(labels)
+        scores = [compare(mesh, pieces, mesh.split(person)).ri for person in model.people]
         values.append(sum(scores) / len(scores))
         told = f", told {k}" if cutter.takes_k else ""
-        words = f"{mesh.split(labels).count} segments{told}, 1 - RI {values[-1]:.3f}"
-        pictures.append((cutter.title, words, labelled_picture(vertices, faces, camera, labels)))
-    person = model.people[0]
+        words = f"{pieces.count} segments{told}, 1 - RI {values[-1]:.3f}"
+        pictures.append(
+            (cutter.title, words, labelled_picture(vertices, faces, camera, pieces.labels))
+        )
+    person = mesh.split(model.people[0])
     pictures.append(
-        ("One person", f"{mesh.split(person).count} segments",
-         labelled_picture(vertices, faces, camera, person))
+        ("One person", f"{person.count} segments",
+         labelled_picture(vertices, faces, camera, person.labels))
     )  # fmt: skip
     name = f"Figure {figure}" if figure in _FIGURES.values() else "A body made here"
     making.figure(figure, f"{name}: {model.category}", pictures)

@@ -63,6 +63,7 @@ def make_depths(options: ThesisOptions, progress: Progress) -> Made:
             camera = oblique(middle[:: max(1, len(middle) // 4000)], aspect=SIZE[0] / SIZE[1])
             for depth in options.depths:
                 result = run("poisson", samples, Path(folder), depth=depth)
+                making.spent(result.cpu_s)
                 progress.advance(1)
                 if result.surface is None or result.colours is None:
                     rows.append(Row(f"depth {depth}", (None, None, None), note=result.error))

@@ -127,6 +127,10 @@ class Making:
         self._figures: list[Figure] = []
         self._pictures: dict[str, bytes] = {}
 
+    def spent(self, cpu_s: float) -> None:
+        """Count processor time of a process that this one does not wait for itself."""
+        self._start -= cpu_s
+
     def say(self, paragraph: str) -> None:
         """Add words: what was done, what differs."""
         self._text.append(paragraph)

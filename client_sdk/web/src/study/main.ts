@@ -1,5 +1,5 @@
 /**
- * The page of the study: `study.html#scene=ID&condition=head&participant=7`. One session: form, walk, form, log.
+ * The page of the study: `study.html?condition=head&participant=7#scene=ID`. One session: form, walk, form, log.
  *
  * It is the product's viewer, in one of two conditions; nothing of this is loaded by the product's own page.
  */
@@ -21,19 +21,22 @@ declare global {
   }
 }
 
-const root = document.querySelector<HTMLElement>("#app")!;
+const app = document.querySelector<HTMLElement>("#app")!;
+/** Of what the session shows; the token's dialog and what is read out stand beside it. */
+const root = h("div", {});
+app.append(root);
 const storage = localStorageOrMemory();
 const shell: Shell = {
   serverUrl: new URL("./", window.location.href.split(/[?#]/)[0]).href,
   theme: createThemeSwitch(storage),
-  token: createTokenKeeper(sessionStorageOrMemory(), root),
-  announcer: createAnnouncer(root),
+  token: createTokenKeeper(sessionStorageOrMemory(), app),
+  announcer: createAnnouncer(app),
   storage,
   codeOf,
 };
 
 async function run(): Promise<void> {
-  const settings = parseSettings(window.location.hash);
+  const settings = parseSettings(window.location.search, window.location.hash);
   // Forms come before anything is seen, and are answered on the page: a headset is off by then.
   const before = settings.asks ? await askForms(root, "before", () => 0) : [];
   const session = await openSession(shell, settings, root);

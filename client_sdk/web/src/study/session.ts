@@ -8,6 +8,7 @@ import type { Shell } from "../app/shell.ts";
 import { createViewer } from "../app/viewer/viewer.ts";
 import type { DrawnFrame } from "../app/viewer/viewer-options.ts";
 import { budgetsFor, loadSceneInWorker, openStream } from "../core/index.ts";
+import { defaultRadiusM } from "../core/landing-defaults.ts";
 import { sceneUrlOf } from "../core/scene/urls.ts";
 import { HeadStream } from "./head-stream.ts";
 import { type Head, SessionLog } from "./log.ts";
@@ -36,7 +37,9 @@ export async function openSession(shell: Shell, settings: StudySettings, root: H
   const { token } = shell.token;
   const access = token === undefined ? {} : { token };
   const files = await loadSceneInWorker(sceneUrl, access);
-  const budgets = budgetsFor(deviceClass());
+  const ofDevice = budgetsFor(deviceClass());
+  const radiusM = settings.radiusM ?? defaultRadiusM(files.manifest, ofDevice);
+  const budgets = { ...ofDevice, radiusM };
   // Nothing is kept on disk: a participant's second session must not have what the first one loaded.
   const inner = openStream({
     sceneUrl,
@@ -48,7 +51,6 @@ export async function openSession(shell: Shell, settings: StudySettings, root: H
   });
   const follower = new HeadStream(inner);
   const isFollowing = settings.condition === "head";
-  const radiusM = settings.radiusM ?? budgets.radiusM;
   const { manifest } = files;
 
   const startMs = performance.now();

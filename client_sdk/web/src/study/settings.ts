@@ -22,11 +22,14 @@ export interface StudySettings {
 
 const NAME = /^[A-Za-z0-9_-]{1,40}$/;
 
-/** Read the hash. Throws what is wrong with it: a session under a wrong condition would be worthless. */
-export function parseSettings(hash: string): StudySettings {
-  const fields = new URLSearchParams(hash.replace(/^#/, ""));
+/**
+ * Read the query and the hash: the hash is the viewer's, which writes it anew wherever the user goes. Throws what is wrong: a
+ * session under a wrong condition would be worthless.
+ */
+export function parseSettings(query: string, hash: string): StudySettings {
+  const fields = new URLSearchParams(query);
   const route = parseRoute(hash);
-  if (route.scene === null) throw new Error("the address names no scene; expected #scene=ID&condition=landings");
+  if (route.scene === null) throw new Error("the address names no scene; expected ?condition=landings#scene=ID");
   const condition = fields.get("condition");
   if (condition !== "landings" && condition !== "head")
     throw new Error(`condition ${String(condition)}; expected landings (detail frozen between landings) or head`);

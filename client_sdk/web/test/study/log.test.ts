@@ -91,7 +91,7 @@ describe("a walk", () => {
 
 describe("a session's address", () => {
   it("says all there is", () => {
-    const settings = parseSettings("#scene=pit&condition=head&participant=p-7&order=2&error=16&radius=40&forms=no");
+    const settings = parseSettings("?condition=head&participant=p-7&order=2&error=16&radius=40&forms=no", "#scene=pit");
     expect(settings).toMatchObject({
       scene: "pit",
       condition: "head",
@@ -103,12 +103,15 @@ describe("a session's address", () => {
     });
   });
 
-  it.each(["", "#scene=pit", "#scene=pit&condition=both", "#scene=pit&condition=head&error=-1"])(
-    "that is incomplete is refused: %s",
-    (hash) => {
-      expect(() => parseSettings(hash)).toThrow();
-    },
-  );
+  it.each([
+    ["?condition=head", ""],
+    ["", "#scene=pit"],
+    ["?condition=both", "#scene=pit"],
+    ["?condition=head&error=-1", "#scene=pit"],
+    ["?condition=head&participant=A%20Name", "#scene=pit"],
+  ])("that is incomplete is refused: %s %s", (query, hash) => {
+    expect(() => parseSettings(query, hash)).toThrow();
+  });
 });
 
 it("asks the VRSQ's nine symptoms among the SSQ's sixteen", () => {
