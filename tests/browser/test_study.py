@@ -7,6 +7,9 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import pytest
+from browser.emulated_headset import IWER, EmulatedHeadset
 from browser.small_scenes import SMALL
 from browser.watched_page import Watch, save_shot
 from eventually import eventually
@@ -87,6 +90,39 @@ def answer(page: Page, when: str, value: int) -> None:
     for row in range(16):
         form.locator(f"input[name='symptom-{row}'][value='{value}']").check()
     form.locator("button[type=submit]").click()
+
+
+@pytest.mark.parametrize("condition", ["landings", "head"])
+def test_in_a_headset_as_on_a_screen(
+    condition: str,
+    open_page: Callable[..., tuple[Page, Watch]],
+    server: Service,
+    tmp_path: Path,
+) -> None:
+    if not IWER.is_file():
+        pytest.skip("the emulator is not installed (npm ci in client_sdk/web)")
+    headset = EmulatedHeadset(open_page()[0])
+    headset.open(f"{server.url}/study.html?condition={condition}&radius=45&forms=no#scene={SMALL}")
+    headset.until("window.study !== undefined")
+    headset.enter()
+    headset.point("right", pitch=-6, yaw=3)
+    headset.press("right", "trigger", 1)
+    headset.frames(3)
+    headset.press("right", "trigger", 0)
+    headset.until("terraport.status.phase === 'shown'")
+    headset.until("terraport.headset.stats().phase === 'idle'")
+    for yaw in range(0, 360, 30):
+        headset.head(0.3, 1.65, 0.2, yaw)
+        headset.frames(6)
+    path = tmp_path / "headset.json"
+    path.write_text(json.dumps(headset.page.evaluate("study.log.toJson()")))
+    log = read_log(path)
+    # The eye is the head's, turning; not the page's camera, which rests.
+    assert np.ptp(log.frames["yaw_deg"]) > 300
+    measures = measure(log)
+    assert measures.landings >= 1
+    assert measures.moving_min > 0
+    assert (measures.changes_in_view > 0) == (condition == "head")
 
 
 def test_a_session_under_no_condition_does_not_begin(
