@@ -31,8 +31,8 @@ _LEGS: Final = ((0.0, 0.0), (0.35, 0.2), (-0.25, 0.35))
 def made_walk(scene_path: Path, radius_m: float, seconds: float) -> dict[str, Any]:
     """Make a walk of three landings over a scene.
 
-    After each landing the head turns once around, nodding, for half of the time, then walks ahead
-    in a wide bow and looks back. The same scene gives the same walk.
+    After each landing the head turns, nodding, for half of the time, then walks ahead in a wide bow.
+    The same scene gives the same walk.
 
     Parameters
     ----------
