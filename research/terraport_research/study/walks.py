@@ -31,7 +31,7 @@ _LEGS: Final = ((0.0, 0.0), (0.35, 0.2), (-0.25, 0.35))
 def made_walk(scene_path: Path, radius_m: float, seconds: float) -> dict[str, Any]:
     """Make a walk of three landings over a scene.
 
-    After each landing the head turns, nodding, for half of the time, then walks ahead in a wide bow.
+    After each landing the head turns, nodding, for half of the time, then walks ahead in a bow.
     The same scene gives the same walk.
 
     Parameters
