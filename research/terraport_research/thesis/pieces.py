@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import Float32, Int32, UInt8
-from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
 from terraport_pipeline.geometry.mesh.mesh_edges import edge_facts
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import TruthMesh, truth_mesh
@@ -65,9 +65,15 @@ def thesis_pieces(seed: int) -> tuple[Piece, ...]:
 def _cut(whole: TruthMesh, place: tuple[float, float], number: int) -> Piece:
     middles = whole.vertices[whole.faces].mean(axis=1)[:, [0, 2]]
     kept = (np.abs(middles - np.array(place, np.float32)) < _SIDE_M / 2).all(axis=1)
-    used, corners = np.unique(whole.faces[kept], return_inverse=True)
+    # The ground alone, as one surface: boulders and plants are bodies of their own there, and no
+    # reconstruction leaves them so.
+    chosen = np.flatnonzero(kept)
+    pairs, _ = face_pairs(whole.faces[chosen], len(whole.vertices))
+    surfaces, _ = components(len(chosen), pairs)
+    chosen = chosen[surfaces == np.bincount(surfaces).argmax()]
+    used, corners = np.unique(whole.faces[chosen], return_inverse=True)
     faces = corners.reshape(-1, 3).astype(np.int32)
-    piece = TruthMesh(whole.vertices[used], faces, whole.colours[used], whole.material[kept])
+    piece = TruthMesh(whole.vertices[used], faces, whole.colours[used], whole.material[chosen])
     pairs, edges = face_pairs(faces, len(used))
     regions = true_regions(piece, pairs, edges, least_share=_LEAST_SHARE)
     return Piece(f"scene {number}", piece.vertices, faces, piece.colours, regions)

@@ -13,6 +13,7 @@ import typer
 from typer.testing import CliRunner
 
 from terraport_pipeline.errors import OptionError, SurveyError
+from terraport_pipeline.geometry.mesh.adjacency import components
 from terraport_pipeline.geometry.mesh.mesh_edges import edge_facts
 from terraport_pipeline.progress import NullProgress
 from terraport_research.cli import register
@@ -87,6 +88,7 @@ def test_pieces_have_a_truth_worth_finding(coarse_pieces: tuple[pieces.Piece, ..
     for piece in coarse_pieces:
         share = np.bincount(piece.regions) / len(piece.faces)
         assert len(share) >= 3
+        assert components(len(piece.faces), piece.pairs[0])[1] == 1
         assert share.max() < 0.9
         assert np.ptp(piece.vertices[:, 0]) < 140.0
 
