@@ -48,7 +48,8 @@ def make_landscapes(options: ThesisOptions, progress: Progress) -> Made:
     making.say(
         "Not the thesis's scenes, whose meshes and drawings were not published: three pieces of a "
         "synthetic quarry with photographed colours (noise, shadows), whose regions the generator "
-        "knows, the ground alone, without boulders and plants. TPA sees colour, as there; shape-diameter and other algorithms for bodies see "
+        "knows, the ground alone, without boulders and plants. TPA sees colour, as there; "
+        "shape-diameter and other algorithms for bodies see "
         "shape alone. Where one needs a closed body the piece is given walls and a floor. What is "
         "told k is told the true number."
     )
