@@ -12,6 +12,8 @@ export default defineConfig({
   build: {
     outDir: "../../server/terraport_server/page",
     emptyOutDir: true,
+    // The study is a page of its own: what it has beside the viewer nobody else loads.
+    rollupOptions: { input: ["index.html", "study.html"] },
     target: "es2022",
     // A data: address would need an exception in the page's Content-Security-Policy.
     assetsInlineLimit: 0,

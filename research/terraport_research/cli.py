@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -12,9 +13,10 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-from terraport_pipeline.cli.edge import watching
+from terraport_pipeline.cli.edge import reporting_errors, watching
 from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.report.facts import format_bytes
+from terraport_research.booklet_model import Table as BookletTable
 from terraport_research.page import write_page
 from terraport_research.reconstruction import (
     Compared,
@@ -29,8 +31,13 @@ from terraport_research.segmentation import (
     evaluate_segmentation,
 )
 from terraport_research.segmentation_page import HEADS, write_evaluation
+from terraport_research.study.evaluate import evaluate_study
+from terraport_research.study.playing import play_walk
+from terraport_research.study.walks import made_walk, read_walk
+from terraport_research.thesis.evaluate import evaluate_thesis
+from terraport_research.thesis.making import ThesisOptions
 
-__all__ = ["reconstruction", "register", "segmentation"]
+__all__ = ["reconstruction", "register", "segmentation", "study", "thesis"]
 
 _QUICK_POINTS: Final = 5_000
 _QUICK_DEPTHS: Final = (6, 7, 8)
@@ -130,6 +137,126 @@ def segmentation(
 
 
 _app.command("segmentation")(command_of(segmentation))
+
+
+def thesis(
+    options: ThesisOptions,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder for thesis.html, .md, .csv, .json, pictures."),
+    ] = Path("evaluation"),
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no words.")] = False,
+) -> None:
+    """Make the thesis's tables and figures again, ours beside what it printed.
+
+    people (Tables B.1 to B.7, Figure 5.12, from a results file), bodies (5.13, 5.14, C.1 to C.9),
+    landscapes (5.1 to 5.3, 5.15 to 5.17), pools (5.18 to 5.20), run-times (Table 5.4), depths (5.5
+    to 5.7), photos (5.9 to 5.11, A.1 to A.7). Two to four minutes on two cores; each page is kept
+    as soon as it is made.
+
+    For example:
+
+        terraport evaluate thesis
+
+        terraport evaluate thesis --pages people --scores evaluation/segmentation.json
+
+        terraport evaluate thesis --pages depths --data data --depths 8,10,11,13
+    """
+    errors, console = Console(stderr=True, soft_wrap=True), Console()
+    with watching(errors, quiet=quiet) as progress:
+        pages, left_out = evaluate_thesis(options, output, progress)
+    if not quiet:
+        for reason in left_out:
+            console.print(Text(f"not made: {reason}", style="yellow"))
+        for page in pages:
+            figures = f"{len(page.tables)} tables, {len(page.figures)} figures"
+            console.print(f"{page.title}: {figures}", highlight=False)
+        console.print(f"written: {output / 'thesis.html'}", highlight=False)
+
+
+_app.command("thesis")(command_of(thesis))
+
+
+def study(
+    logs: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Logs of sessions, saved by the study's page.", show_default=False),
+    ] = None,
+    play: Annotated[
+        Path | None,
+        typer.Option(
+            help="Play a walk over this built scene in both conditions, in Chromium.",
+            show_default=False,
+            exists=True,
+        ),
+    ] = None,
+    walk: Annotated[
+        Path | None,
+        typer.Option(
+            help="The walk to play: a file of walks, or the log of a live session. Without it one "
+            "of three landings is made.",
+            show_default=False,
+            exists=True,
+            dir_okay=False,
+        ),
+    ] = None,
+    radius: Annotated[
+        float, typer.Option(help="Of the made walk's landings, metres.", min=1.0, max=500.0)
+    ] = 60.0,
+    seconds: Annotated[
+        float, typer.Option(help="Of the made walk, after each landing.", min=2.0, max=600.0)
+    ] = 12.0,
+    frames: Annotated[
+        int,
+        typer.Option(
+            help="Frames of each second of the walk, however long they take to draw.", min=5, max=90
+        ),
+    ] = 30,
+    output: Annotated[
+        Path,
+        typer.Option("--output", "-o", help="Folder for study.html, .md, .csv, .json, and logs."),
+    ] = Path("study"),
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress, no table.")] = False,
+) -> None:
+    """Compare detail frozen between landings with detail that follows the head.
+
+    Changes of detail per minute of head motion, frames, SSQ and VRSQ, of one session or of many.
+    Sessions are logged by the page study.html of terraport serve; --play makes two without anybody,
+    along one walk.
+
+    For example:
+
+        terraport evaluate study --play scenes/quarry -o study
+
+        terraport evaluate study logs/study-7-head.json logs/study-7-landings.json
+    """
+    with reporting_errors(Console(stderr=True, soft_wrap=True)):
+        paths = list(logs or [])
+        output.mkdir(parents=True, exist_ok=True)
+        if play is not None:
+            way = read_walk(walk) if walk else made_walk(play, radius, seconds)
+            (output / "walk.json").write_text(json.dumps(way) + "\n", encoding="utf-8")
+            reach = float(way["legs"][0]["radius_m"])
+            with watching(Console(stderr=True, soft_wrap=True), quiet=quiet) as progress:
+                paths += play_walk(
+                    play, way, output, radius_m=reach, frames_per_s=frames, progress=progress
+                )
+        page = evaluate_study(paths, output)
+    if not quiet:
+        console = Console()
+        console.print(_booklet_table(page.tables[0]))
+        console.print(f"written: {output / 'study.html'}", highlight=False)
+
+
+_app.command("study")(study)
+
+
+def _booklet_table(table: BookletTable) -> Table:
+    printed = _table(table.title, table.head, *(column.title for column in table.columns))
+    for row in table.rows:
+        cells = [table.cell(row, number) for number in range(len(table.columns))]
+        printed.add_row(row.title, *cells)
+    return printed
 
 
 def _score_table(evaluation: SegmentationEvaluation) -> Table:

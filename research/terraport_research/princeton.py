@@ -76,6 +76,11 @@ class Benchmark:
     numbers: tuple[int, ...]
     """Of the models that have people."""
 
+    @staticmethod
+    def category(number: int) -> str:
+        """Say of which kind a model is."""
+        return CATEGORIES[(number - 1) // _PER_CATEGORY]
+
     def models(self, numbers: tuple[int, ...] | None = None) -> Iterator[Model]:
         """Read models in ascending order; None: all.
 
@@ -87,7 +92,7 @@ class Benchmark:
         files = _Files.open(self.path)
         by_model, by_category = (files.table(name) for name in _FILES.values())
         for number in self.numbers if numbers is None else numbers:
-            category = CATEGORIES[(number - 1) // _PER_CATEGORY]
+            category = self.category(number)
             vertices, faces = _read_off(files.text(f"data/off/{number}.off"), number)
             people = [
                 _read_labels(files.text(name), number, len(faces)) for name in files.people(number)

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import multiprocessing
 import os
-import platform
-import subprocess
 import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
@@ -25,6 +22,7 @@ from terraport_research.name_list import NAMES
 from terraport_research.princeton import Mode, Model, read_benchmark
 from terraport_research.procedural_bodies import WAISTS, procedural_models
 from terraport_research.segmentation_scores import METRICS, MeshFacts, Pieces, compare
+from terraport_research.versions import versions_of_this
 
 __all__ = [
     "PEOPLE",
@@ -171,7 +169,7 @@ def evaluate_segmentation(
     """
     watcher = progress or NullProgress()
     start = time.perf_counter()
-    versions = _versions()  # of the code that runs: a checkout may change meanwhile
+    versions = versions_of_this()  # of the code that runs: a checkout may change meanwhile
     if options.models is None:
         models, count = procedural_models(), len(WAISTS)
     else:
@@ -286,34 +284,6 @@ def _means(table: Float64) -> Float64:
     count = there.sum(axis=0)
     total = np.where(there, table, 0.0).sum(axis=0)
     return np.where(count > 0, total / np.maximum(count, 1), np.nan)
-
-
-def _versions() -> dict[str, str]:
-    versions = {"commit": _commit()}
-    for name in ("terraport", "numpy", "scipy", "numba", "embreex"):
-        try:
-            versions[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            versions[name] = "not installed"
-    machine = {"python": platform.python_version(), "cores": str(os.cpu_count())}
-    return versions | machine
-
-
-def _commit() -> str:
-    """Name the commit of the checkout that this code lies in, with a + where it was changed."""
-
-    def git(*words: str) -> str:
-        asked = ["git", "-C", str(Path(__file__).parent), *words]
-        done = subprocess.run(asked, capture_output=True, text=True, check=False)
-        return done.stdout.strip() if done.returncode == 0 else ""
-
-    try:
-        tracked = git("ls-files", "--error-unmatch", Path(__file__).name)
-        commit = git("rev-parse", "--short=12", "HEAD") if tracked else ""
-        changed = git("status", "--porcelain", "--untracked-files=no") if commit else ""
-    except OSError:  # no git
-        return "of an installed package"
-    return f"{commit}{'+' if changed else ''}" if commit else "of an installed package"
 
 
 def options_as_json(options: SegmentationOptions) -> dict[str, Any]:

@@ -13,7 +13,6 @@ import typer
 from typer.testing import CliRunner
 
 from terraport_pipeline.errors import EngineError
-from terraport_research import segmentation
 from terraport_research.cli import register
 from terraport_research.cutters import CUTTERS
 from terraport_research.procedural_bodies import procedural_models
@@ -26,6 +25,7 @@ from terraport_research.segmentation import (
 from terraport_research.segmentation_page import to_json, to_markdown
 from terraport_research.segmentation_scores import METRICS, MeshFacts, compare
 from terraport_research.thesis_tables import THESIS_COLUMNS, THESIS_TABLES
+from terraport_research.versions import commit_of_this
 
 OPTIONS = SegmentationOptions(algorithms=("graph", "automatic"), threads=1)
 
@@ -131,7 +131,7 @@ def test_the_thesis_tables_are_whole() -> None:
 
 
 def test_the_commit_is_of_the_checkout() -> None:
-    assert segmentation._commit()
+    assert commit_of_this()
 
 
 @pytest.mark.parametrize(

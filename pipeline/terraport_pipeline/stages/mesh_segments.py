@@ -18,8 +18,10 @@ from terraport_pipeline.engines.mesh_files.read_mesh import FileMesh
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.borders.border_segmenter import BorderSegmenter
+from terraport_pipeline.geometry.graph.felzenszwalb import FelzenszwalbSegmenter
 from terraport_pipeline.geometry.graph.graph_segmenter import (
     COLOUR_GRAPH,
+    OPEN_SHAPE_GRAPH,
     SHAPE_GRAPH,
     GraphSegmenter,
 )
@@ -35,6 +37,8 @@ from terraport_pipeline.geometry.regions.triangle_pool import REGION_POOLS
 from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.stages.region_engine import (
     COLOUR,
+    MOST_SCALE,
+    OF_ENGINES,
     SHAPE,
     Engine,
     EngineOptions,
@@ -65,6 +69,33 @@ class MeshSegmentOptions(EngineOptions):
     k: Annotated[int | None, Option(least=1, unset="as many as there seem to be")] = None
     """graph, borders: this many segments, if the surface hangs together; separate pieces stay
     apart."""
+    graph_cut_drop: Annotated[
+        float | None,
+        Option(
+            heading=OF_ENGINES,
+            above=0,
+            most=MOST_SCALE,
+            unset=f"{COLOUR_GRAPH.threshold:g}; by shape {OPEN_SHAPE_GRAPH.threshold:g}; a closed "
+            "body's parts are united as people would",
+        ),
+    ] = None
+    """graph: regions merge while that lowers the normalised cut by more than this (no unit: the
+    same for a stone and a quarry). Higher tells more apart. Of a closed body by shape a stated
+    value takes the place of what people would do; 5 is one to begin with."""
+    small_region_share: Annotated[
+        float | None,
+        Option(
+            least=0,
+            below=1,
+            unset=f"means {MeanColourSegmenter().small_share:g}, graph "
+            f"{COLOUR_GRAPH.small_share:g} (of a closed body by shape {BODY_GRAPH.small_share:g}, "
+            f"with --graph-cut-drop {SHAPE_GRAPH.small_share:g}), tpa "
+            f"{REGION_POOLS.small_threshold:g}, felzenszwalb "
+            f"{FelzenszwalbSegmenter().region_share:g}",
+        ),
+    ] = None
+    """Regions below this share of the surface (graph: of its area, else of its faces) join a
+    neighbour; borders and grid know none."""
     means_difference: Annotated[
         float | None, Option(heading=_MORE, above=0, most=1000, unset="from the spread")
     ] = None

@@ -34,6 +34,8 @@ from terraport_pipeline.option import Option, check_options, option_fields
 __all__ = [
     "COLOUR",
     "ENGINES",
+    "MOST_SCALE",
+    "OF_ENGINES",
     "Engine",
     "EngineOptions",
     "RegionOptions",
@@ -60,12 +62,12 @@ _SHAPE_RANGE: Final = 2.0
 """Upper end of the shape index with tpa: it gives the thesis's row on Princeton's models."""
 
 
-_OWN: Final = "Regions: of one engine each"
+OF_ENGINES: Final = "Regions: of one engine each"
 """Heading of the options that one engine alone has."""
 
 _LEAST_SIZE_M: Final = 0.05
 """Cells of a twentieth of it are finer than any survey."""
-_MOST: Final = 1e6
+MOST_SCALE: Final = 1e6
 """Of what has no unit or a wide one: k of felzenszwalb means something up to 30,000."""
 
 
@@ -77,7 +79,7 @@ class EngineOptions:
         float | None,
         Option(
             flags=("--region-size",),
-            heading=_OWN,
+            heading=OF_ENGINES,
             least=_LEAST_SIZE_M,
             most=1e4,
             unit="m",
@@ -89,16 +91,16 @@ class EngineOptions:
     apart."""
     means_spread: Annotated[
         float | None,
-        Option(heading=_OWN, above=0, most=100, unset=f"{MeanColourSegmenter().spread:g}"),
+        Option(heading=OF_ENGINES, above=0, most=100, unset=f"{MeanColourSegmenter().spread:g}"),
     ] = None
     """means: how far the mean colours of two regions are apart, as a share of how far all the
     scene's colours spread (no unit). Lower tells more apart."""
     graph_cut_drop: Annotated[
         float | None,
         Option(
-            heading=_OWN,
+            heading=OF_ENGINES,
             above=0,
-            most=_MOST,
+            most=MOST_SCALE,
             unset=f"{COLOUR_GRAPH.threshold:g}; by shape {OPEN_SHAPE_GRAPH.threshold:g}, of a "
             f"closed body {SHAPE_GRAPH.threshold:g}",
         ),
@@ -106,24 +108,35 @@ class EngineOptions:
     """graph: regions merge while that lowers the normalised cut by more than this (no unit: the
     same for a stone and a quarry). Higher tells more apart."""
     tpa_region_threshold: Annotated[
-        float | None, Option(heading=_OWN, above=0, most=_MOST, unset=f"{REGION_POOLS.threshold:g}")
+        float | None,
+        Option(heading=OF_ENGINES, above=0, most=MOST_SCALE, unset=f"{REGION_POOLS.threshold:g}"),
     ] = None
     """tpa: Th of the pools that are regions, the width of a bin of the similarity s (no unit, about
     0 to 1). Lower tells more apart."""
     tpa_segment_threshold: Annotated[
-        float | None, Option(heading=_OWN, above=0, most=_MOST, unset=f"{FINE_POOLS.threshold:g}")
+        float | None,
+        Option(heading=OF_ENGINES, above=0, most=MOST_SCALE, unset=f"{FINE_POOLS.threshold:g}"),
     ] = None
     """tpa: Th of the finer pools that segments are made of, as --tpa-region-threshold."""
     felzenszwalb_scale: Annotated[
         float | None,
         Option(
-            heading=_OWN, above=0, most=_MOST, unset=f"{FelzenszwalbSegmenter().region_scale:g}"
+            heading=OF_ENGINES,
+            above=0,
+            most=MOST_SCALE,
+            unset=f"{FelzenszwalbSegmenter().region_scale:g}",
         ),
     ] = None
     """felzenszwalb: the scale k, CIELAB units times faces. Lower tells more apart."""
     grid_cell_m: Annotated[
         float | None,
-        Option(heading=_OWN, above=0, most=_MOST, unit="m", unset="a twentieth of the ground"),
+        Option(
+            heading=OF_ENGINES,
+            above=0,
+            most=MOST_SCALE,
+            unit="m",
+            unset="a twentieth of the ground",
+        ),
     ] = None
     """grid: side of a cell, metres."""
     small_region_share: Annotated[
@@ -132,7 +145,8 @@ class EngineOptions:
             least=0,
             below=1,
             unset=f"means {MeanColourSegmenter().small_share:g}, graph "
-            f"{COLOUR_GRAPH.small_share:g}, tpa {REGION_POOLS.small_threshold:g}, felzenszwalb "
+            f"{COLOUR_GRAPH.small_share:g} (of a closed body by shape "
+            f"{SHAPE_GRAPH.small_share:g}), tpa {REGION_POOLS.small_threshold:g}, felzenszwalb "
             f"{FelzenszwalbSegmenter().region_share:g}",
         ),
     ] = None

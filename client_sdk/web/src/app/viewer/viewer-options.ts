@@ -1,7 +1,9 @@
 /** What a viewer is made for. */
 
+import type { PerspectiveCamera } from "three";
 import type { DeviceBudgets } from "../../core/index.ts";
 import type { SceneFiles, Stream } from "../../core/types.ts";
+import type { Stage } from "../../three/index.ts";
 import type { Route } from "../route.ts";
 import type { Shell } from "../shell.ts";
 
@@ -18,4 +20,15 @@ export interface ViewerOptions {
   readonly reload: (version?: string) => void;
   /** The scene's files of a version, for one that came while a headset is worn. */
   readonly loadFiles: (version: string) => Promise<SceneFiles>;
+  /** Called in every frame between its uploads and its picture: whoever studies the viewer looks on, or takes part, here. */
+  readonly eachFrame?: (frame: DrawnFrame) => void;
+}
+
+/** A frame that is about to be drawn. */
+export interface DrawnFrame {
+  readonly stage: Stage;
+  /** The eye; in a headset that of both eyes together. */
+  readonly camera: PerspectiveCamera;
+  /** Height of the picture, pixels of the device. */
+  readonly heightPx: number;
 }

@@ -363,6 +363,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     }
     // In a headset too: uploads go on, within its smaller budget.
     stage.update();
+    options.eachFrame?.({ stage, camera: world.eye, heightPx: world.heightPx });
     // After everything that could change what is visible, or it would not see it.
     comfort.check();
     if (markers.step(highest)) isBusy = true;

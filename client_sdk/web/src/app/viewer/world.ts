@@ -11,6 +11,10 @@ export interface World {
   /** Carries the camera; a headset moves it. */
   readonly rig: Group;
   readonly camera: PerspectiveCamera;
+  /** The camera of what is drawn: in a headset that of both eyes together. */
+  readonly eye: PerspectiveCamera;
+  /** Height of an eye's picture, pixels of the device. */
+  readonly heightPx: number;
   /** Make the programs of what is in the scene now, so that no frame has to wait for them when it first shows it. */
   prepare(): void;
   render(): void;
@@ -84,6 +88,13 @@ export function createWorld(container: HTMLElement, name: string, events: WorldE
     scene,
     rig,
     camera,
+    get eye() {
+      return renderer.xr.isPresenting ? renderer.xr.getCamera() : camera;
+    },
+    get heightPx() {
+      const ofEye = renderer.xr.isPresenting ? renderer.xr.getCamera().cameras[0]?.viewport : undefined;
+      return ofEye?.w ?? canvas.height;
+    },
     prepare() {
       // Beside, where the browser can; else here, where the page is loading anyway.
       if (renderer.extensions.has("KHR_parallel_shader_compile")) {

@@ -1,0 +1,1 @@
+"""The study: detail frozen between landings against detail that follows the head."""
