@@ -19,6 +19,7 @@ from terraport_server.logs import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.pick import MeshCache, pick
 from terraport_server.plan_turns import PlanTurns
+from terraport_server.rate import RatesByName
 from terraport_server.read_buffer import ReadBuffer
 from terraport_server.scene_roots import root_of
 from terraport_server.scenes import SceneRegistry
@@ -77,6 +78,7 @@ class Service:
             pull_base_url=settings.pull_base_url,
         )
         self.tiles = TileDesk()
+        self.painters = RatesByName(settings.max_strokes_per_s)
         # Bounds of every session, taken from the settings once.
         self.session_limits = settings.session_limits(server_name())
         self.sender_limits = SenderLimits(
