@@ -86,8 +86,8 @@ class EngineOptions:
         ),
     ] = None
     """borders: width of the ground that a region is looked for on, as 15m (or cm, km, ft), however
-    large the survey is. Regions below about a third of its square join a neighbour. Lower tells more
-    apart."""
+    large the survey is. Regions below about a third of its square join a neighbour. Lower tells
+    more apart."""
     means_spread: Annotated[
         float | None,
         Option(heading=_OWN, above=0, most=100, unset=f"{MeanColourSegmenter().spread:g}"),
