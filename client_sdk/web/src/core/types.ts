@@ -181,6 +181,20 @@ export interface TaughtGround {
   readonly picture: TaughtPicture | null;
 }
 
+/** Pieces that are united, regions by their id or earlier unions by the count of regions and their place, and at what cost. */
+export type RegionUnion = readonly [one: number, other: number, cost: number];
+
+/** What a region is united to at some cost: the field's farm, and its valley. */
+export interface CoarserPiece {
+  /** 1 is what two regions cost no more than. */
+  readonly cost: number;
+  /** Ids, ascending. */
+  readonly regions: readonly number[];
+  readonly areaM2: number;
+  /** What most of its named ground is called. */
+  readonly label: string | null;
+}
+
 /** What the viewer uses of one row of regions.json, with the label of labels.json. */
 export interface RegionFacts {
   readonly id: number;
@@ -209,6 +223,8 @@ export interface SceneFiles {
   readonly base: MeshData;
   readonly cover: Cover;
   readonly regions: readonly RegionFacts[];
+  /** What unites them to coarser pieces; absent or empty where the scene says nothing of it. */
+  readonly unions?: readonly RegionUnion[];
 }
 
 /** One line of GET /scenes. */

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32
-from terraport_pipeline.geometry.borders.border_segmenter import RegionsBefore
+from terraport_pipeline.geometry.borders.border_segmenter import BorderCut, RegionsBefore
 from terraport_pipeline.geometry.borders.cells import (
     CellGraph,
     cells_of_faces,
@@ -144,6 +144,7 @@ class _Borders:
             cut.tree.leaf_count,
             cut.before_joining,
             0,
+            *_renumbered(cut, region, every, count),
         )
         return joined, {
             "region_size_m": border_segmenter(self.options).region_size_m,
@@ -154,6 +155,13 @@ class _Borders:
 
     def index(self, mesh: Mesh, _: Stored, scale: MeansScale) -> Float32:
         return _place_on_axis(mesh, scale)
+
+
+def _renumbered(cut: BorderCut, region: Int32, cell: Int32, count: int) -> tuple[Int32, Float64]:
+    """Give the unions of a cut the numbers that its regions have over all tiles."""
+    number = np.arange(count + len(cut.unions), dtype=np.int32)
+    number[cut.regions[cell]] = region
+    return np.sort(number[cut.unions], axis=1), cut.union_costs
 
 
 def _place_on_axis(mesh: Mesh, scale: MeansScale) -> Float32:
