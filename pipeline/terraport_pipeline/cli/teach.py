@@ -11,6 +11,7 @@ from rich.console import Console
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.extras import require_drawings, require_learning
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.option import parse_bytes
 from terraport_pipeline.progress import RichProgress
 from terraport_store import is_url
 
@@ -113,6 +114,15 @@ def teach(
             show_default=False,
         ),
     ] = None,
+    max_memory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="BYTES",
+            help="Refuse scenes that would take more, for example 8G. [default: 80 % of what is "
+            "free]",
+            show_default=False,
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite model and uncertainty.")
     ] = False,
@@ -175,6 +185,7 @@ def teach(
             stroke_width_m,
             cell_m,
             least_m2,
+            None if max_memory is None else parse_bytes(max_memory, "max memory"),
             force or watch,
             dry_run,
         )

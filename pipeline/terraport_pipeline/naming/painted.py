@@ -21,7 +21,13 @@ from terraport_pipeline.naming.recut import recut
 from terraport_pipeline.naming.republish import republish
 from terraport_pipeline.naming.taught_file import State, refused_file, taught_file
 from terraport_pipeline.naming.teacher import Answer, Teacher
-from terraport_pipeline.naming.teaching import Lesson, learn, painted_lesson, read_drawn
+from terraport_pipeline.naming.teaching import (
+    Lesson,
+    check_memory,
+    learn,
+    painted_lesson,
+    read_drawn,
+)
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.published.ground import read_ground
 from terraport_store import (
@@ -133,6 +139,8 @@ class Classroom:
         """Return a teacher of the ground as it is published now."""
         if self._teacher is None or read_manifest(self._scene).version not in self._versions:
             with Scene.open(self._scene) as scene:
+                faces = scene.manifest.counts.detail_faces
+                check_memory(faces, self._lesson.max_memory_bytes)
                 ground = read_ground(scene, NullProgress())
             self._teacher = Teacher(
                 ground,

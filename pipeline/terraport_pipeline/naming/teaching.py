@@ -7,11 +7,13 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.errors import OptionError, PlanError
+from terraport_pipeline.errors import OptionError, PlanError, ResourceError
 from terraport_pipeline.export.frame import survey_frame
+from terraport_pipeline.free_memory import default_memory_bytes
 from terraport_pipeline.naming.doubt import write_doubt
 from terraport_pipeline.naming.drawings import Drawing, read_drawings
 from terraport_pipeline.naming.model_file import GroundModel, read_model, write_model
@@ -24,9 +26,22 @@ from terraport_pipeline.published.ground import read_ground
 from terraport_store import Scene, read_manifest
 from terraport_store.layout import STROKES
 
-__all__ = ["Lesson", "learn", "painted_lesson", "read_drawn", "teach", "teach_again"]
+__all__ = [
+    "FACE_BYTES",
+    "Lesson",
+    "check_memory",
+    "learn",
+    "painted_lesson",
+    "read_drawn",
+    "teach",
+    "teach_again",
+]
 
 _POLL_S = 0.25
+
+FACE_BYTES: Final = 330
+"""Of a face: 150 as it is read, and 179 measured on 1,440,719 faces for neighbours, features,
+forest, names and regions (``benchmarks/results/2026-11-24-teaching.md``)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +62,8 @@ class Lesson:
     """Of lines and points; None: four squares."""
     cell_m: float | None = None
     least_m2: float | None = None
+    max_memory_bytes: int | None = None
+    """That reading and measuring the ground may take; None: most of what is free."""
     force: bool = False
     dry_run: bool = False
     """Say and write everything, and leave the scene as it is."""
@@ -108,6 +125,7 @@ def teach(
         model = None if lesson.model is None else read_model(lesson.model)
         drawn = None if lesson.strokes is None else read_drawn(lesson)
         # (2) The ground and its features.
+        check_memory(scene.manifest.counts.detail_faces, lesson.max_memory_bytes)
         ground = read_ground(scene, progress)
         if not scene.manifest.has_colour and scene.manifest.textures is None:
             said.append("warning: the scene has no colour: names are told by form alone")
@@ -141,6 +159,24 @@ def teach(
         new = recut(ground, teacher.cut(answer, lesson.least_m2))
         said.append(published_text(republish(scene, ground, new, progress)))
     return said, teacher
+
+
+def check_memory(faces: int, allowed: int | None) -> None:
+    """Refuse ground that would take more memory than there is.
+
+    Raises
+    ------
+    ResourceError
+        Says how much it would take.
+    """
+    most = default_memory_bytes() if allowed is None else allowed
+    need = FACE_BYTES * faces
+    if need > most:
+        raise ResourceError(
+            f"{faces:,} faces take about {need / 2**30:.2f} GiB to be taught; allowed are "
+            f"{most / 2**30:.2f} GiB: raise --max-memory, or teach a scene of fewer points "
+            "(terraport build --max-points)"
+        )
 
 
 def painted_lesson(lesson: Lesson) -> Lesson:

@@ -13,7 +13,7 @@ import pytest
 from pipeline.naming.named_ground import ground_at, is_dark, line, write_geojson, write_named_ground
 from pipeline.naming.test_teach import accuracy
 
-from terraport_pipeline.errors import OptionError
+from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.naming.painted import REST_S, Classroom
 from terraport_pipeline.naming.taught_file import MAX_SQUARES, NO_GROUND
 from terraport_pipeline.naming.teaching import Lesson, teach
@@ -160,3 +160,15 @@ def test_a_strokes_own_width_counts(scene: Path, tmp_path: Path) -> None:
         counts.append(int(said[0].rsplit(" ", 1)[1].replace(",", "")))
     assert counts[1] > 3 * counts[0]
     assert len(ground_at(scene).area) > 0
+
+
+def test_a_scene_that_would_not_fit_is_refused_and_says_so(scene: Path) -> None:
+    paint(scene, "tailings", "#336699", *DARK)
+    paint(scene, "limestone", "#ccaa66", *PALE)
+    small = Lesson(scene, None, None, max_memory_bytes=2**20)
+    with pytest.raises(ResourceError, match=r"GiB to be taught; allowed are 0\.00 GiB: raise"):
+        teach(small, NullProgress())
+    room = Classroom(small)
+    assert "raise --max-memory" in (room.look(0.0) or [""])[0]
+    assert answer_of(scene)["state"] == "refused"
+    assert room.look(REST_S) is None
