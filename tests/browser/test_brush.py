@@ -92,7 +92,7 @@ def test_what_is_painted_is_learned_shown_and_published(
     service: Service, open_page: OpenPage, pit: Path, teacher: subprocess.Popen[bytes]
 ) -> None:
     version = read_manifest(pit).version
-    viewer = opened(open_page, service, ANNA)
+    viewer = opened(service, open_page, ANNA)
     page = viewer.page
     viewer.look(EYE, 0.0, -89.9)
     page.locator("[data-tool='brush']").click()
@@ -138,7 +138,7 @@ def test_what_is_painted_is_learned_shown_and_published(
 def test_two_paint_and_each_takes_back_their_own(
     service: Service, open_page: OpenPage, pit: Path
 ) -> None:
-    anna, ben = opened(open_page, service, ANNA), opened(open_page, service, BEN)
+    anna, ben = opened(service, open_page, ANNA), opened(service, open_page, BEN)
     for viewer, name, stroke in ((anna, "tailings", DARK[0]), (ben, "limestone", PALE[0])):
         viewer.look(EYE, 0.0, -89.9)
         viewer.page.locator("[data-tool='brush']").click()
@@ -153,7 +153,7 @@ def test_two_paint_and_each_takes_back_their_own(
 
 
 def test_who_may_not_teach_has_no_brush(service: Service, open_page: OpenPage) -> None:
-    viewer = opened(open_page, service, GUEST)
+    viewer = opened(service, open_page, GUEST)
     expect(viewer.page.locator("button.icon-button[data-tool='measure']")).to_be_visible()
     expect(viewer.page.locator("[data-tool='brush']")).to_have_count(0)
     viewer.page.locator("#view").focus()
