@@ -30,6 +30,7 @@ __all__ = [
     "COMMON",
     "COUNT",
     "EXTENT",
+    "LENGTH",
     "OFFSET",
     "Notation",
     "Option",
@@ -40,6 +41,7 @@ __all__ = [
     "option_fields",
     "parse_bytes",
     "parse_count",
+    "parse_length",
     "parse_offset",
 ]
 
@@ -50,6 +52,7 @@ _WIDEST_METAVAR: Final = 20
 """Characters of choices that leave room for the help beside them in 80 columns."""
 
 _COUNTS: Final = {"": 1, "k": 1_000, "m": 1_000_000}
+_LENGTHS: Final = {"": 1.0, "mm": 0.001, "cm": 0.01, "m": 1.0, "km": 1000.0, "ft": 0.3048}
 _SIZES: Final = {"": 1, "k": 2**10, "m": 2**20, "g": 2**30, "t": 2**40}
 
 
@@ -119,6 +122,25 @@ def parse_offset(text: str, what: str = "offset") -> tuple[float, float, float]:
     return east, north, height
 
 
+def parse_length(text: str, what: str = "length") -> float:
+    """Read a length in metres, with or without its unit; `what` as :func:`parse_count`.
+
+    Raises
+    ------
+    OptionError
+        The text is not a number, or its unit none of mm, cm, m, km and ft (0.3048 m).
+
+    Examples
+    --------
+    >>> parse_length("15m"), parse_length("15"), parse_length("50 ft")
+    (15.0, 15.0, 15.24)
+    """
+    match = re.fullmatch(r"\s*([0-9]*\.?[0-9]+(?:e-?[0-9]+)?)\s*([a-z]*)\s*", text.lower())
+    if match is None or match[2] not in _LENGTHS:
+        raise OptionError(f"{what} {text!r}; expected metres, for example 15m (or cm, km, ft)")
+    return float(match[1]) * _LENGTHS[match[2]]
+
+
 @dataclass(frozen=True, slots=True)
 class Notation:
     """How people write a value that is no plain number or word."""
@@ -134,6 +156,7 @@ class Notation:
 
 
 COUNT: Final = Notation("COUNT", parse_count, "{:,}".format)
+LENGTH: Final = Notation("METRES", parse_length, "{:,.10g}".format)
 BYTES: Final = Notation("BYTES", parse_bytes, lambda size: f"{size / 2**20:.10g} MiB")
 EXTENT: Final = Notation(
     "XMIN YMIN XMAX YMAX",

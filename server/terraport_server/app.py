@@ -86,8 +86,8 @@ def create_app(settings: Settings) -> FastAPI:
         app.add_middleware(
             CORSMiddleware,
             allow_origins=list(settings.allowed_origins),
-            allow_methods=["GET"],
-            allow_headers=["Authorization", "If-None-Match", "Range"],
+            allow_methods=["GET", "POST", "DELETE"],
+            allow_headers=["Authorization", "Content-Type", "If-None-Match", "Range"],
             expose_headers=["Content-Range", "ETag"],
         )
     app.add_middleware(AppGuard, service=service)

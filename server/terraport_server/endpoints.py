@@ -39,6 +39,7 @@ from terraport_server.scene_links import (
 from terraport_server.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_server.session import INTERNAL_TEXT
+from terraport_server.stroke_endpoints import may_paint, stroke_routes
 from terraport_server.tile_endpoints import tile_routes
 from terraport_store import OriginError
 from terraport_store.labels import encode_labels
@@ -57,6 +58,7 @@ def add_routes(app: FastAPI) -> None:
     """Add the endpoints and the answers to their errors; ``app.state.service`` must be set."""
     # Before the packs, whose address would take it for a folder's.
     app.include_router(tile_routes)
+    app.include_router(stroke_routes)
     app.router.routes.extend(payload_routes(app.state.service))
     app.include_router(_router)
     app.add_exception_handler(AccessError, _access_refused)
@@ -91,11 +93,18 @@ def list_scenes(
 
 
 @_router.get("/scenes/{scene_id}", summary="One scene: its manifest and addresses")
-def get_scene(served: SceneOfRequest) -> JSONResponse:
+def get_scene(
+    served: SceneOfRequest,
+    service: ServiceOfRequest,
+    token_pass: Annotated[TokenPass, Depends(_token_pass)],
+) -> JSONResponse:
     """Return the manifest with the scene's id and the addresses of its parts added."""
     document = served.scene.manifest.model_dump(mode="json")
-    document |= {"id": served.id, "links": links_of(served)}
-    headers = {"Cache-Control": CHECK, "ETag": f'"{served.version}"'}
+    links = links_of(served)
+    if may_paint(service, token_pass, served):
+        links["strokes"] = f"scenes/{served.id}/strokes"
+    document |= {"id": served.id, "links": links}
+    headers = {"Cache-Control": CHECK, "ETag": f'"{served.version}"', "Vary": "Authorization"}
     return JSONResponse(document, headers=headers)
 
 

@@ -5,13 +5,15 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-__all__ = ["HELD_ROWS_PER_MESSAGE", "RATE_WINDOW_S", "RateLimit"]
+__all__ = ["HELD_ROWS_PER_MESSAGE", "RATE_WINDOW_S", "RateLimit", "RatesByName"]
 
 HELD_ROWS_PER_MESSAGE = 4096
 """So many rows of a ``held`` count as another message: they are looked at one by one."""
 
 RATE_WINDOW_S = 10.0
 """Messages per second are averaged over this time (spec/wire-protocol.md, section 12)."""
+
+_MAX_NAMES = 1000
 
 
 class RateLimit:
@@ -52,3 +54,31 @@ class RateLimit:
             return False
         self._tokens -= count
         return True
+
+
+class RatesByName:
+    """The same rate for each of many names, of which the last to come are remembered.
+
+    Parameters
+    ----------
+    per_s
+        Messages per second of each.
+
+    Examples
+    --------
+    >>> rates = RatesByName(0.1)
+    >>> rates.take("anna", 0.0), rates.take("anna", 1.0), rates.take("ben", 1.0)
+    (True, False, True)
+    """
+
+    def __init__(self, per_s: float) -> None:
+        self.per_s = per_s
+        self._of: dict[str, RateLimit] = {}
+
+    def take(self, name: str, now_s: float) -> bool:
+        """Take one of a name; ``False`` where it has none left."""
+        limit = self._of.pop(name, None) or RateLimit(self.per_s, now_s=now_s)
+        self._of[name] = limit
+        if len(self._of) > _MAX_NAMES:
+            del self._of[next(iter(self._of))]
+        return limit.take(now_s)

@@ -21,6 +21,7 @@ from terraport_server.metrics import Metrics
 from terraport_server.pick import MeshCache, pick
 from terraport_server.pick_line import PickLine
 from terraport_server.priced_queue import Account
+from terraport_server.rate import RatesByName
 from terraport_server.read_buffer import ReadBuffer
 from terraport_server.scene_roots import root_of
 from terraport_server.scenes import SceneRegistry
@@ -79,6 +80,7 @@ class Service:
             pull_base_url=settings.pull_base_url,
         )
         self.tiles = TileDesk()
+        self.painters = RatesByName(settings.max_strokes_per_s)
         # Bounds of every session, taken from the settings once.
         self.session_limits = settings.session_limits(server_name())
         self.sender_limits = SenderLimits(

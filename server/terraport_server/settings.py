@@ -218,6 +218,9 @@ class Settings(BaseSettings):
     """Decoded segments kept for picks, over all clients."""
     pick_threads: Annotated[int, Field(ge=1, le=64)] = 1
 
+    max_strokes_per_s: Annotated[float, Field(gt=0, le=1000)] = 2.0
+    """Strokes that one token may paint or take back, averaged over 10 s."""
+
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     log_format: Literal["text", "json"] = "text"
 

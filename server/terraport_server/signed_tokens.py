@@ -10,7 +10,7 @@ claim       needed   meaning
 ``aud``              must be the service's ``token_audience``, where that is set; must not
                      be there where it is not
 ``jti``              id by which it can be revoked
-``scope``             words out of "land guide metrics", see :mod:`token_scopes
+``scope``             words out of "land guide teach metrics", see :mod:`token_scopes
                      <terraport_server.token_scopes>`; without it "land"
 =========== ======== =====================================================================
 

@@ -109,7 +109,9 @@ def create(
     ] = None,
     scope: Annotated[
         list[str] | None,
-        typer.Option(help="What it lets do: land (the default), guide, metrics; repeatable."),
+        typer.Option(
+            help="What it lets do: land (the default), guide, teach, metrics; repeatable."
+        ),
     ] = None,
 ) -> None:
     """Print a token, alone on standard output; what it says goes to standard error.

@@ -5,6 +5,7 @@ scope       lets
 =========== ================================================================================
 ``land``    see its scenes: their list, files and segments over HTTP, landings
 ``guide``   move a group (settings page, ``group_guides``), and what ``land`` lets
+``teach``   paint strokes that teach a scene names, and what ``land`` lets
 ``metrics`` read ``/metrics``, and nothing of any scene
 =========== ================================================================================
 
@@ -21,7 +22,7 @@ from typing import Final, Literal, get_args
 
 __all__ = ["EVERYTHING", "LAND", "SCOPES", "Scope", "scopes_of"]
 
-Scope = Literal["land", "guide", "metrics"]
+Scope = Literal["land", "guide", "teach", "metrics"]
 
 SCOPES: Final[tuple[Scope, ...]] = get_args(Scope)
 LAND: Final[frozenset[Scope]] = frozenset({"land"})
@@ -39,4 +40,4 @@ def scopes_of(words: Iterable[str]) -> frozenset[Scope]:
     """
     named = set(words)
     scopes: frozenset[Scope] = frozenset(scope for scope in SCOPES if scope in named)
-    return scopes | LAND if "guide" in scopes else scopes
+    return scopes | LAND if scopes & {"guide", "teach"} else scopes

@@ -8,6 +8,8 @@ A scene is a directory that is published atomically; format in ``spec/scene-form
 * :func:`say_building`, :func:`end_building`, :func:`list_building`: what is being built beside it;
 * :func:`change_labels`, :func:`read_labels`, :func:`read_names`, :class:`RegionNames`: what regions
   are called;
+* :func:`change_strokes`, :func:`read_strokes`, :class:`Stroke`: what people painted on it, and
+  :func:`read_taught`, :func:`write_taught`: what that has taught;
 * :class:`SegmentIndex`, :class:`Cover`, :class:`Manifest`: what is in it;
 * :class:`SpatialIndex` with :class:`RTreeIndex`, :class:`PackedRTree` and
   :class:`BruteForceIndex`: segments within a radius; :func:`spatial_index_of` chooses;
@@ -33,6 +35,7 @@ from terraport_store.errors import (
     SceneBusyError,
     SceneNotFoundError,
     StoreError,
+    StrokeError,
 )
 from terraport_store.files import FolderFiles, SceneFiles, open_inside, path_inside
 from terraport_store.index import SegmentIndex
@@ -57,11 +60,13 @@ from terraport_store.manifest import (
 )
 from terraport_store.opening import list_scenes, read_manifest
 from terraport_store.packed_rtree import PackedRTree
+from terraport_store.painting import change_strokes, read_strokes, read_taught, write_taught
 from terraport_store.reader import Scene
 from terraport_store.regions import RegionNames
 from terraport_store.rtree_index import RTreeIndex, spatial_index_of
 from terraport_store.source import FileSource, MemorySource, MmapSource, PayloadRange, PayloadSource
 from terraport_store.spatial import BruteForceIndex, SpatialIndex
+from terraport_store.strokes import Stroke, Strokes
 from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
 
@@ -108,9 +113,13 @@ __all__ = [
     "SegmentIndex",
     "SpatialIndex",
     "StoreError",
+    "Stroke",
+    "StrokeError",
+    "Strokes",
     "SurveyUnits",
     "TextureInfo",
     "change_labels",
+    "change_strokes",
     "end_building",
     "is_url",
     "label_fault",
@@ -124,8 +133,11 @@ __all__ = [
     "read_labels",
     "read_manifest",
     "read_names",
+    "read_strokes",
+    "read_taught",
     "say_building",
     "scene_files",
     "spatial_index_of",
     "validate_scene",
+    "write_taught",
 ]

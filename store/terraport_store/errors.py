@@ -9,6 +9,7 @@
     ├── RangeError              bytes asked for outside a pack
     ├── OriginError             object storage did not give what was asked for (``url``)
     ├── LabelError              labels that cannot be set; those before stand
+    ├── StrokeError             a stroke that cannot be kept; those before stand
     └── PublishError            a new version could not be published; the old one stands
         ├── OutOfSpaceError     the disk (or a quota) is full
         └── SceneBusyError      another process is publishing the same scene
@@ -34,6 +35,7 @@ __all__ = [
     "SceneBusyError",
     "SceneNotFoundError",
     "StoreError",
+    "StrokeError",
 ]
 
 
@@ -163,6 +165,23 @@ class OriginError(StoreError):
         self.url = url
         self.what = what
         self.passing = passing
+
+
+class StrokeError(StoreError):
+    """A stroke that cannot be kept; those before stand.
+
+    Parameters
+    ----------
+    what : str
+        What was received and what was expected, lower-case, no full stop.
+    is_full : bool
+        It is good, but there is no room for it.
+    """
+
+    def __init__(self, what: str, *, is_full: bool = False) -> None:
+        super().__init__(what)
+        self.what = what
+        self.is_full = is_full
 
 
 class LabelError(StoreError):

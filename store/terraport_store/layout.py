@@ -23,14 +23,20 @@ __all__ = [
     "MAX_PAYLOAD_BYTES",
     "MAX_REGIONS_BYTES",
     "MAX_SEGMENT_SIDE",
+    "MAX_STROKES_BYTES",
+    "MAX_TAUGHT_BYTES",
     "MEDIA_TYPE",
     "PACK",
     "PACK_HEADER_BYTES",
+    "PAINTING",
     "PREVIEW",
     "REGIONS",
     "REPORT",
     "REPORT_PDF",
     "STAGING",
+    "STROKES",
+    "STROKES_LOCK",
+    "TAUGHT",
     "VERSION_FOLDER",
     "check_pack_header",
     "pack_header",
@@ -41,6 +47,16 @@ MANIFEST_NAME: Final = "scene.json"
 
 LABELS: Final = "labels.json"
 """What people call the regions; beside the manifest, part of no version."""
+
+STROKES: Final = "strokes.geojson"
+TAUGHT: Final = "taught.json"
+"""What people painted on the ground, and what that has taught so far; there too."""
+
+STROKES_LOCK: Final = ".strokes.lock"
+"""Held by whoever writes one of the two."""
+
+PAINTING: Final = re.compile(r"\.(strokes|taught)-[0-9a-f]{16}\.tmp")
+"""What an unfinished write of the two leaves; deleted by the next one."""
 
 REPORT: Final = "report.html"
 REPORT_PDF: Final = "report.pdf"
@@ -88,6 +104,12 @@ MAX_REGIONS_BYTES: Final = 1 << 28
 
 MAX_LABELS_BYTES: Final = 64 << 20
 """Bounds labels.json: 131,072 labels of 256 characters of four bytes do not fit, and need not."""
+
+MAX_STROKES_BYTES: Final = 16 << 20
+"""Bounds strokes.geojson, which is written whole for each stroke."""
+
+MAX_TAUGHT_BYTES: Final = 8 << 20
+"""Bounds taught.json: a million squares of two bytes, deflated, in base64."""
 
 MAX_PAYLOAD_BYTES: Final = (1 << 32) - 1
 """Payload lengths are u32 in the index and on the wire."""

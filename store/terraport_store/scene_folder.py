@@ -18,7 +18,15 @@ from pathlib import Path
 from typing import Final
 
 from terraport_store.errors import PublishError
-from terraport_store.layout import LABELS, MANIFEST_NAME, STAGING, VERSION_FOLDER
+from terraport_store.layout import (
+    LABELS,
+    MANIFEST_NAME,
+    STAGING,
+    STROKES,
+    STROKES_LOCK,
+    TAUGHT,
+    VERSION_FOLDER,
+)
 from terraport_store.publishing import out_of_space_named, require_space, sync_folder
 
 __all__ = [
@@ -53,7 +61,7 @@ def folder_bytes(path: Path) -> int:
 
 def foreign_entries(scene_dir: Path) -> list[str]:
     """Names in a scene directory that are no part of a scene, ascending."""
-    own = {MANIFEST_NAME, LABELS}
+    own = {MANIFEST_NAME, LABELS, STROKES, STROKES_LOCK, TAUGHT}
     return sorted(
         entry.name
         for entry in scene_dir.iterdir()

@@ -15,8 +15,20 @@ from terraport_pipeline.option import (
     option_fields,
     parse_bytes,
     parse_count,
+    parse_length,
     parse_offset,
 )
+
+
+def test_a_length_may_say_its_unit() -> None:
+    assert parse_length("15m") == parse_length("15") == parse_length(" 15 M ") == 15.0
+    assert parse_length("50ft") == pytest.approx(15.24)
+    assert [parse_length(text) for text in ("250cm", "0.3km", ".5 m", "1e-2km")] == pytest.approx(
+        [2.5, 300.0, 0.5, 10.0]
+    )
+    for text in ("", "m", "15 yards", "-3m", "nan", "1,5m"):
+        with pytest.raises(OptionError, match=r"region size .*; expected metres, for example 15m"):
+            parse_length(text, "region size")
 
 
 @dataclass(frozen=True, slots=True)

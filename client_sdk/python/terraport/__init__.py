@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from terraport import errors, sync
     from terraport.base import BaseMesh
     from terraport.client import connect
+    from terraport.coarser import CoarserPiece
     from terraport.errors import LandingSuperseded, TerraportError
     from terraport.group import Arrivals, Group, GroupLanding
     from terraport.landing import Landing, LandingStats
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
 __all__ = [
     "Arrivals",
     "BaseMesh",
+    "CoarserPiece",
     "Group",
     "GroupLanding",
     "Landing",
@@ -70,6 +72,7 @@ __all__ = [
 _HOMES: Final = {
     "Arrivals": "group",
     "BaseMesh": "base",
+    "CoarserPiece": "coarser",
     "Group": "group",
     "GroupLanding": "group",
     "Landing": "landing",

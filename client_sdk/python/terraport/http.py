@@ -15,6 +15,7 @@ import xxhash
 
 from terraport.access import Access
 from terraport.base import BaseMesh
+from terraport.coarser import CoarserPiece, coarser_pieces
 from terraport.disk_cache import DiskCache
 from terraport.errors import HttpError, ProtocolViolationError, UsageError
 from terraport.places import Place, places_of
@@ -129,6 +130,20 @@ class SceneHttp:
         )
         labels = await self._json(f"{self._url.http}/labels.json", max_bytes=_MAX_REGIONS_BYTES)
         return places_of(regions, labels)
+
+    async def coarser(self, version: str, region: int) -> tuple[CoarserPiece, ...]:
+        """Return the coarser pieces of a version that a region is part of.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer, or does not have that version any more.
+        """
+        regions = await self._json(
+            f"{self._url.http}/regions.json", version, max_bytes=_MAX_REGIONS_BYTES
+        )
+        labels = await self._json(f"{self._url.http}/labels.json", max_bytes=_MAX_REGIONS_BYTES)
+        return coarser_pieces(regions, labels, region)
 
     async def aclose(self) -> None:
         """Close all connections."""

@@ -17,6 +17,7 @@ import xxhash
 
 from terraport.access import Access
 from terraport.base import BaseMesh
+from terraport.coarser import CoarserPiece
 from terraport.disk_cache import DiskCache
 from terraport.disk_worker import DiskWorker
 from terraport.errors import (
@@ -193,6 +194,19 @@ class Session:
             The server does not answer.
         """
         return await self._http.places(self.scene.version)
+
+    async def coarser(self, region: int) -> tuple[CoarserPiece, ...]:
+        """Return the coarser pieces that a region is part of, finest first: farm, then valley.
+
+        ``await session.coarser(hit.region)`` goes on from a pick. Regions of engine ``borders``
+        have them; others, and regions that people have cut, have none.
+
+        Raises
+        ------
+        HttpError
+            The server does not answer.
+        """
+        return await self._http.coarser(self.scene.version, region)
 
     # ---- commands
 

@@ -26,6 +26,7 @@ from typing import Any, Final, Literal, Self, TypeVar
 from terraport import client
 from terraport.access import Token
 from terraport.base import BaseMesh
+from terraport.coarser import CoarserPiece
 from terraport.disk_cache import DEFAULT_DISK_BYTES
 from terraport.errors import SessionClosedError
 from terraport.places import Place
@@ -176,6 +177,10 @@ class Session:
     def places(self) -> tuple[Place, ...]:
         """Return the named regions; see :meth:`terraport.Session.places`."""
         return self._wait(self._open.places())
+
+    def coarser(self, region: int) -> tuple[CoarserPiece, ...]:
+        """Return what a region is part of; see :meth:`terraport.Session.coarser`."""
+        return self._wait(self._open.coarser(region))
 
     def visible_set_hash(self) -> str:
         """Return what identifies the picture; see :meth:`terraport.Session.visible_set_hash`."""

@@ -32,6 +32,7 @@ from terraport_pipeline.engines.readers.survey_format import is_binary_survey
 from terraport_pipeline.engines.readers.text_form import is_table
 from terraport_pipeline.errors import OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
+from terraport_pipeline.free_memory import default_memory_bytes
 from terraport_pipeline.inspection import inspect_scene
 from terraport_pipeline.mesh_inspection import inspect_mesh
 from terraport_pipeline.mesh_statement import MeshStatement
@@ -45,7 +46,7 @@ from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.survey_inspection import inspect_headers, inspect_points
 from terraport_pipeline.survey_statement import SurveyStatement
-from terraport_pipeline.workflow.build import default_memory_bytes, usable_cores
+from terraport_pipeline.workflow.build import usable_cores
 from terraport_pipeline.workflow.photo_input import cameras_beside
 from terraport_store import SceneNotFoundError, is_url
 

@@ -11,6 +11,7 @@ from rich.console import Console
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.extras import require_drawings, require_learning
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.option import parse_bytes
 from terraport_pipeline.progress import RichProgress
 from terraport_store import is_url
 
@@ -23,12 +24,18 @@ def register(app: typer.Typer) -> None:
 
 
 def teach(
-    scene: Annotated[str, typer.Argument(help="Scene directory.", show_default=False)],
+    scene: Annotated[
+        str,
+        typer.Argument(
+            help="Scene directory; with --watch and no STROKES also a folder of scenes.",
+            show_default=False,
+        ),
+    ],
     strokes: Annotated[
         Path | None,
         typer.Argument(
             help="Lines, polygons or points, each with a name: GeoJSON, GeoPackage, Shapefile, "
-            "DXF.",
+            "DXF. [default: what was painted in the viewer]",
             show_default=False,
         ),
     ] = None,
@@ -54,7 +61,9 @@ def teach(
     watch: Annotated[
         bool,
         typer.Option(
-            "--watch", help="Go on: teach anew whenever the strokes are saved. Ctrl-C ends it."
+            "--watch",
+            help="Go on: teach anew at each stroke painted, or when the file is saved. "
+            "Ctrl-C ends it.",
         ),
     ] = False,
     dry_run: Annotated[
@@ -105,6 +114,15 @@ def teach(
             show_default=False,
         ),
     ] = None,
+    max_memory: Annotated[
+        str | None,
+        typer.Option(
+            metavar="BYTES",
+            help="Refuse scenes that would take more, for example 8G. [default: 80 % of what is "
+            "free]",
+            show_default=False,
+        ),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Overwrite model and uncertainty.")
     ] = False,
@@ -120,6 +138,13 @@ def teach(
     every attribute of the survey) and cuts all ground into regions with these names, each with a
     confidence. The scene is published anew; its regions before are replaced. A plan of the mine
     (terraport label SCENE PLAN) goes on top afterwards.
+
+    Or paint them in the viewer (the brush, which needs a token with the scope teach), and run,
+    beside the service and where the scenes lie,
+
+        terraport teach scenes --watch
+
+    which answers every stroke at once, and publishes once nobody has painted for 10 s.
 
     Where it is wrong, draw a stroke and run it again; --uncertainty says where one pays most. The
     next survey needs none:
@@ -138,12 +163,13 @@ def teach(
                 f"{scene} is an address; teach the scene's folder, then: terraport upload SCENE "
                 f"{scene}"
             )
-        if strokes is not None:
+        if model is None:
             require_drawings("terraport teach")
             require_learning("terraport teach")
-        if watch and (strokes is None or dry_run):
+        if watch and (model is not None or dry_run):
             raise OptionError("--watch is of strokes, and not of --dry-run")
         # What reads drawings and grows forests is loaded for this command alone.
+        from terraport_pipeline.naming.painted import teach_painted
         from terraport_pipeline.naming.teaching import Lesson, teach_again
         from terraport_pipeline.naming.teaching import teach as teach_scene
 
@@ -159,9 +185,13 @@ def teach(
             stroke_width_m,
             cell_m,
             least_m2,
+            None if max_memory is None else parse_bytes(max_memory, "max memory"),
             force or watch,
             dry_run,
         )
+        if watch and lesson.is_painted:
+            say([f"waiting for strokes on {scene}"])
+            teach_painted(lesson, say)
         with RichProgress(console) as progress:
             if watch:
                 teach_again(lesson, say, progress)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,7 +16,7 @@ from terraport_pipeline.export.output import writing_beside
 from terraport_pipeline.export.vector_file import write_shapes
 from terraport_pipeline.naming.teacher import Answer, Teacher
 
-__all__ = ["DOUBT_ENDINGS", "write_doubt"]
+__all__ = ["DOUBT_ENDINGS", "NextPlace", "next_places", "write_doubt"]
 
 DOUBT_ENDINGS: Final = (".tif", ".tiff", ".geojson", ".gpkg")
 
@@ -93,6 +94,33 @@ def _write_picture(path: Path, teacher: Teacher, answer: Answer, frame: SurveyFr
 
 
 def _write_places(path: Path, teacher: Teacher, answer: Answer, frame: SurveyFrame) -> int:
+    chosen = next_places(teacher, answer)
+    plan = np.array([place.position_m for place in chosen]).reshape(-1, 2)
+    places = frame.to_survey(np.insert(plan, 1, 0.0, axis=1))[:, :2]
+    columns: dict[str, Any] = {
+        "doubt": [round(place.doubt, 3) for place in chosen],
+        "likeliest": [place.likeliest for place in chosen],
+        "or": [place.other for place in chosen],
+    }
+    write_shapes(path, "next strokes", "Point", shapely.points(places), columns, frame)
+    return len(chosen)
+
+
+@dataclass(frozen=True, slots=True)
+class NextPlace:
+    """Where a stroke pays."""
+
+    position_m: tuple[float, float]
+    """x and z, scene frame."""
+    doubt: float
+    """0 sure, 1 two names equally likely."""
+    likeliest: str
+    other: str
+    """The next likely name."""
+
+
+def next_places(teacher: Teacher, answer: Answer) -> list[NextPlace]:
+    """Choose where the next strokes pay most, best first; at most 20."""
     units, doubt = teacher.units, answer.unsure
     # Doubt counts by how much of it is around: one odd square is not worth a stroke.
     around = _around(teacher, doubt)
@@ -105,14 +133,16 @@ def _write_places(path: Path, teacher: Teacher, answer: Answer, frame: SurveyFra
         if all(np.hypot(*(plan[unit] - plan[other])) >= apart for other in chosen):
             chosen.append(unit)
     rank = np.argsort(-answer.votes[chosen], axis=1, kind="stable")
-    places = frame.to_survey(np.insert(plan[chosen], 1, 0.0, axis=1))[:, :2]
-    columns: dict[str, Any] = {
-        "doubt": [round(float(doubt[unit]), 3) for unit in chosen],
-        "likeliest": [answer.names[first] for first in rank[:, 0]],
-        "or": [answer.names[second] for second in rank[:, min(1, rank.shape[1] - 1)]],
-    }
-    write_shapes(path, "next strokes", "Point", shapely.points(places), columns, frame)
-    return len(chosen)
+    second = min(1, rank.shape[1] - 1)
+    return [
+        NextPlace(
+            (float(plan[unit, 0]), float(plan[unit, 1])),
+            float(doubt[unit]),
+            answer.names[rank[row, 0]],
+            answer.names[rank[row, second]],
+        )
+        for row, unit in enumerate(chosen)
+    ]
 
 
 def _around(teacher: Teacher, doubt: Any) -> Any:

@@ -33,6 +33,8 @@ MAX_CORNERS: Final = 20_000_000
 _NAME_FIELDS: Final = ("name", "label", "layer")
 """Where a name is looked for, in this order, whatever the case."""
 
+_WIDTH_FIELD: Final = "width_m"
+
 _LISTED: Final = 8
 
 _DEGREES: Final = (180.0, 90.0)
@@ -47,6 +49,8 @@ class Drawing:
     name: str | None
     shape: Any
     """shapely geometry in x and z of the scene, metres: outlines are polygons; lines stay lines."""
+    width_m: float | None = None
+    """Of a line or point, where its property ``width_m`` says one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +124,7 @@ def read_drawings(
     fields = [str(field) for field in meta["fields"]]
     field = _name_field(path, fields, name_field)
     values = None if field is None else columns[fields.index(field)]
+    widths = columns[fields.index(_WIDTH_FIELD)] if _WIDTH_FIELD in fields else None
     # (3) Into the scene's frame.
     stated = _crs(path, meta.get("crs"), crs, frame, shapes)
     convert = _conversion(path, stated, frame)
@@ -134,7 +139,8 @@ def read_drawings(
             left += 1
             continue
         text = None if values is None else _name(path, number, values[number - 1])
-        drawings.append(Drawing(number, text, moved))
+        width_m = None if widths is None else _width(widths[number - 1])
+        drawings.append(Drawing(number, text, moved, width_m))
     skipped = []
     if empty:
         skipped.append(f"{empty} features without geometry")
@@ -192,6 +198,14 @@ def _name(path: Path, number: int, value: object) -> str | None:
     if fault is not None:
         raise PlanError(path, f"feature {number}: {fault}", "shorten or retype it")
     return text
+
+
+def _width(value: object) -> float | None:
+    """Width of a stroke; None where it says none that can be."""
+    if not isinstance(value, float | int | np.number):
+        return None
+    width_m = float(value)
+    return width_m if np.isfinite(width_m) and width_m > 0 else None
 
 
 def _crs(

@@ -138,7 +138,9 @@ def recut(ground: Ground, cut: Cut) -> Recut:
     open_ = [n for n, row in enumerate(rows) if row["stable_id"] in labels and "place" not in row]
     for region, place in best_views(ground, regions, open_).items():
         rows[region]["place"] = place
-    document = {**ground.document, "next_stable_id": first_free, "regions": rows}
+    # What unites regions was of those before; a cut by people has no costs.
+    kept_facts = {key: value for key, value in ground.document.items() if key != "unions"}
+    document = {**kept_facts, "next_stable_id": first_free, "regions": rows}
     return Recut(regions, document, labels, len(new))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Final
 
@@ -252,9 +252,9 @@ class Teacher:
 
 
 def stroke_areas(drawings: Sequence[Drawing], width_m: float) -> tuple[Drawing, ...]:
-    """Give strokes their width: lines and points reach half of it to every side."""
+    """Give strokes their width, where they say none this: they reach half of it to every side."""
     return tuple(
-        Drawing(d.number, d.name, shapely.buffer(d.shape, width_m / 2))
+        replace(d, shape=shapely.buffer(d.shape, (d.width_m or width_m) / 2))
         if shapely.get_dimensions(d.shape) < 2
         else d
         for d in drawings

@@ -4,16 +4,18 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.errors import OptionError, PlanError
+from terraport_pipeline.errors import OptionError, PlanError, ResourceError
 from terraport_pipeline.export.frame import survey_frame
+from terraport_pipeline.free_memory import default_memory_bytes
 from terraport_pipeline.naming.doubt import write_doubt
-from terraport_pipeline.naming.drawings import read_drawings
+from terraport_pipeline.naming.drawings import Drawing, read_drawings
 from terraport_pipeline.naming.model_file import GroundModel, read_model, write_model
 from terraport_pipeline.naming.plan import published_text
 from terraport_pipeline.naming.recut import recut
@@ -22,10 +24,24 @@ from terraport_pipeline.naming.teacher import STROKE_CELLS, Answer, Teacher, str
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.published.ground import read_ground
 from terraport_store import Scene, read_manifest
+from terraport_store.layout import STROKES
 
-__all__ = ["Lesson", "teach", "teach_again"]
+__all__ = [
+    "FACE_BYTES",
+    "Lesson",
+    "check_memory",
+    "learn",
+    "painted_lesson",
+    "read_drawn",
+    "teach",
+    "teach_again",
+]
 
 _POLL_S = 0.25
+
+FACE_BYTES: Final = 330
+"""Of a face: 150 as it is read, and 179 measured on 1,440,719 faces for neighbours, features,
+forest, names and regions (``benchmarks/results/2026-11-24-teaching.md``)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +50,7 @@ class Lesson:
 
     scene: Path
     strokes: Path | None
+    """Without strokes and model: what was painted in the viewer."""
     model: Path | None
     """Instead of strokes: what an earlier survey was taught."""
     save_model: Path | None = None
@@ -45,13 +62,15 @@ class Lesson:
     """Of lines and points; None: four squares."""
     cell_m: float | None = None
     least_m2: float | None = None
+    max_memory_bytes: int | None = None
+    """That reading and measuring the ground may take; None: most of what is free."""
     force: bool = False
     dry_run: bool = False
     """Say and write everything, and leave the scene as it is."""
 
     def __post_init__(self) -> None:
         """Refuse what cannot be."""
-        if (self.strokes is None) == (self.model is None):
+        if self.strokes is not None and self.model is not None:
             raise OptionError("expected strokes to learn from, or --model, one of the two")
         for option in ("stroke_width_m", "cell_m", "least_m2"):
             value = getattr(self, option)
@@ -60,6 +79,15 @@ class Lesson:
                 raise OptionError(f"--{shown} {value}; expected a number above 0")
         if self.model is not None and self.cell_m is not None:
             raise OptionError("--cell-m is of strokes: a model has the one that it was taught with")
+
+    @property
+    def is_painted(self) -> bool:
+        """Whether it is of the strokes that were painted in the viewer."""
+        return self.strokes is None and self.model is None
+
+    def of(self, scene: Path) -> Lesson:
+        """Return the same lesson for another scene."""
+        return replace(self, scene=scene)
 
 
 def teach(
@@ -90,24 +118,14 @@ def teach(
     """
     said: list[str] = []
     threads = os.cpu_count() or 1
+    if lesson.is_painted:
+        lesson = painted_lesson(lesson)
     with Scene.open(lesson.scene) as scene:
-        frame = survey_frame(scene.manifest)
         # (1) What is wrong with the files, before minutes of measuring.
         model = None if lesson.model is None else read_model(lesson.model)
-        drawn = None
-        if lesson.strokes is not None:
-            drawn = read_drawings(
-                lesson.strokes, frame, crs=lesson.crs, layer=lesson.layer,
-                name_field=lesson.name_field, points=True,
-            )  # fmt: skip
-            nameless = [d.number for d in drawn.drawings if d.name is None]
-            if nameless:
-                raise PlanError(
-                    lesson.strokes,
-                    f"{len(nameless)} strokes without a name (the first is feature {nameless[0]})",
-                    "name each in a property name, label or layer, or say which (--name-field)",
-                )
+        drawn = None if lesson.strokes is None else read_drawn(lesson)
         # (2) The ground and its features.
+        check_memory(scene.manifest.counts.detail_faces, lesson.max_memory_bytes)
         ground = read_ground(scene, progress)
         if not scene.manifest.has_colour and scene.manifest.textures is None:
             said.append("warning: the scene has no colour: names are told by form alone")
@@ -126,12 +144,10 @@ def teach(
         progress.start("names", None, "squares")
         if model is None:
             assert drawn is not None
-            width_m = lesson.stroke_width_m or STROKE_CELLS * teacher.cell_m
-            model, counts = teacher.learn(stroke_areas(drawn.drawings, width_m))
+            model, counts = learn(lesson, drawn, teacher)
             listed = ", ".join(f"{name} {count:,}" for name, count in counts.items())
             said.append(
-                f"learned from {len(drawn.drawings)} strokes, in squares of {teacher.cell_m:g} m: "
-                f"{listed}"
+                f"learned from {len(drawn)} strokes, in squares of {teacher.cell_m:g} m: {listed}"
             )
         answer = teacher.answer(model)
         progress.done({"names": len(model.names)})
@@ -143,6 +159,75 @@ def teach(
         new = recut(ground, teacher.cut(answer, lesson.least_m2))
         said.append(published_text(republish(scene, ground, new, progress)))
     return said, teacher
+
+
+def check_memory(faces: int, allowed: int | None) -> None:
+    """Refuse ground that would take more memory than there is.
+
+    Raises
+    ------
+    ResourceError
+        Says how much it would take.
+    """
+    most = default_memory_bytes() if allowed is None else allowed
+    need = FACE_BYTES * faces
+    if need > most:
+        raise ResourceError(
+            f"{faces:,} faces take about {need / 2**30:.2f} GiB to be taught; allowed are "
+            f"{most / 2**30:.2f} GiB: raise --max-memory, or teach a scene of fewer points "
+            "(terraport build --max-points)"
+        )
+
+
+def painted_lesson(lesson: Lesson) -> Lesson:
+    """Return the lesson with the strokes that were painted in the viewer.
+
+    Raises
+    ------
+    OptionError
+        Nothing was painted on the scene.
+    """
+    strokes = lesson.scene / STROKES
+    manifest = read_manifest(lesson.scene)
+    if not strokes.exists():
+        raise OptionError(
+            f"nothing was painted on {lesson.scene} yet, and neither strokes nor --model are named"
+        )
+    crs = None
+    if manifest.crs is not None and survey_frame(manifest).crs is not None:
+        crs = manifest.crs.wkt or f"EPSG:{manifest.crs.epsg}"
+    return replace(lesson, strokes=strokes, crs=crs, name_field=None, layer=None)
+
+
+def read_drawn(lesson: Lesson) -> tuple[Drawing, ...]:
+    """Read the strokes of a lesson.
+
+    Raises
+    ------
+    PlanError
+        They cannot be read, or one has no name.
+    """
+    assert lesson.strokes is not None
+    drawn = read_drawings(
+        lesson.strokes, survey_frame(read_manifest(lesson.scene)), crs=lesson.crs,
+        layer=lesson.layer, name_field=lesson.name_field, points=True,
+    )  # fmt: skip
+    nameless = [d.number for d in drawn.drawings if d.name is None]
+    if nameless:
+        raise PlanError(
+            lesson.strokes,
+            f"{len(nameless)} strokes without a name (the first is feature {nameless[0]})",
+            "name each in a property name, label or layer, or say which (--name-field)",
+        )
+    return drawn.drawings
+
+
+def learn(
+    lesson: Lesson, drawn: Sequence[Drawing], teacher: Teacher
+) -> tuple[GroundModel, dict[str, int]]:
+    """Learn from strokes; see :meth:`Teacher.learn`."""
+    width_m = lesson.stroke_width_m or STROKE_CELLS * teacher.cell_m
+    return teacher.learn(stroke_areas(drawn, width_m))
 
 
 def teach_again(lesson: Lesson, say: Callable[[list[str]], None], progress: Progress) -> None:

@@ -29,7 +29,7 @@ from terraport_pipeline.geometry.regions.segmenter import (
 from terraport_pipeline.geometry.regions.shape_index import shape_index
 from terraport_pipeline.geometry.regions.triangle_pool import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.option import Option, check_options, option_fields
+from terraport_pipeline.option import LENGTH, Option, check_options, option_fields
 
 __all__ = [
     "COLOUR",
@@ -80,15 +80,16 @@ class EngineOptions:
         Option(
             flags=("--region-size",),
             heading=OF_ENGINES,
+            notation=LENGTH,
             least=_LEAST_SIZE_M,
             most=1e4,
             unit="m",
             unset=f"{BorderSegmenter().region_size_m:g}",
         ),
     ] = None
-    """borders: width of the ground that a region is looked for on, metres, however large the
-    survey is. Regions below about a third of its square join a neighbour. Lower tells more
-    apart."""
+    """borders: width of the ground that a region is looked for on, as 15m (or cm, km, ft), however
+    large the survey is. Regions below about a third of its square join a neighbour. Lower tells
+    more apart."""
     means_spread: Annotated[
         float | None,
         Option(heading=OF_ENGINES, above=0, most=100, unset=f"{MeanColourSegmenter().spread:g}"),

@@ -52,6 +52,11 @@ where there are so many such pieces that they would take more than _SAMPLES. The
 is known to about a quarter of the distance of its samples: with 8 of them, two thirds in common
 look like 0.39, and a third of 65,000 regions lost their number (``benchmarks/regions.py``)."""
 
+_INHERITED: Final = 0.6
+"""Share of a new region's ground within one old region, from which on it has that one's name. Who
+taught or drew names has cut the ground in another way than an engine does: few of the engine's
+regions are the same ground as one of theirs, and most lie within one."""
+
 _LISTED_LABELS: Final = 10
 """Labels that a warning spells out."""
 
@@ -117,6 +122,10 @@ class _Before:
     )
     """Regions that are the same, by their numbers now and then."""
     labels: Mapping[int, str] = field(default_factory=dict)
+    lies_in: Mapping[int, int] = field(default_factory=dict)
+    """Region before that most of a region's ground lies in, by its number now."""
+    given: RegionNames = field(default_factory=RegionNames)
+    """Names that the version before gave."""
     warnings: list[str] = field(default_factory=list)
 
 
@@ -173,7 +182,9 @@ def number_regions(
             for row, number in zip(rows, ids.tolist(), strict=True)
         ],
     }
-    # (3) What was carried over, and labels that lost their region.
+    # (3) Names of ground that was cut in another way.
+    heirs = _inherited(document["regions"], before)
+    # (4) What was carried over, and labels that lost their region.
     kept = len(before.matched[0])
     counts = {
         "regions_kept": kept,
@@ -181,7 +192,9 @@ def number_regions(
         "regions_retired": len(before.ids) - kept,
     }
     gone = set(before.ids.tolist()) - set(ids.tolist())
-    lost = [f"{label!r} ({n})" for n, label in before.labels.items() if n in gone]
+    lost = [
+        f"{label!r} ({n})" for n, label in before.labels.items() if n in gone and label not in heirs
+    ]
     if lost:
         more = len(lost) - _LISTED_LABELS
         listed = ", ".join(lost[:_LISTED_LABELS]) + (f" and {more} more" if more > 0 else "")
@@ -190,6 +203,19 @@ def number_regions(
             "terraport label"
         )
     return NumberedRegions(document, counts, tuple(before.warnings))
+
+
+def _inherited(rows: list[dict[str, Any]], before: _Before) -> set[str]:
+    """Give regions that are new the name of the ground that they lie in; say which names."""
+    names = before.given.with_labels(before.labels)
+    kept = set(before.matched[0].tolist())
+    heirs: set[str] = set()
+    for region, old in before.lies_in.items():
+        name = names.label(old)
+        if name is not None and region not in kept and "label" not in rows[region]:
+            rows[region]["label"] = name
+            heirs.add(name)
+    return heirs
 
 
 def _before(
@@ -202,6 +228,7 @@ def _before(
             names = RegionNames.of(opened.regions, file=opened.manifest.files["regions.json"].path)
             if names.stable_ids is not None:
                 before.first_free, before.ids = names.next_stable_id, names.stable_ids
+                before.given = names
                 if not _same_crs(opened.manifest.crs, surface.crs):
                     before.warnings.append(
                         "the scene published before is in another coordinate reference system: all "
@@ -237,7 +264,13 @@ def _matched(
     at_least = min(most, max(fewest, _SAMPLES // max(1, pieces)))
     old = _old_samples(scene, before, surface, progress, at_least)
     new = SurfaceSamples.joined(_new_samples(surface, at_least))
-    return match_regions(region_overlaps(new, old))
+    overlaps = region_overlaps(new, old)
+    whole = np.bincount(new.labels, new.areas)
+    within = overlaps.area >= _INHERITED * whole[overlaps.new]
+    before.lies_in = dict(
+        zip(overlaps.new[within].tolist(), overlaps.old[within].tolist(), strict=True)
+    )
+    return match_regions(overlaps)
 
 
 def _old_samples(

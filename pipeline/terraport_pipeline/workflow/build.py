@@ -13,12 +13,11 @@ from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Final
 
-import psutil
-
 from terraport_pipeline.announced import announced
 from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.errors import OptionError, PipelineError
 from terraport_pipeline.extent import Extent
+from terraport_pipeline.free_memory import MEMORY_SHARE, default_memory_bytes
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.mesh_statement import MeshStatement
 from terraport_pipeline.option import (
@@ -61,14 +60,10 @@ from terraport_store.manifest import CrsInfo
 
 __all__ = [
     "BuildOptions",
-    "available_memory_bytes",
     "build",
-    "default_memory_bytes",
     "usable_cores",
 ]
 
-_MEMORY_SHARE: Final = 0.8
-"""Share of the memory that is free at the start which a build allows itself."""
 
 _SURVEY: Final = "Survey"
 """Heading of the options that say what is read, and what it means."""
@@ -136,7 +131,7 @@ class BuildOptions:
             heading=COMMON,
             least=2**28,
             notation=BYTES,
-            unset=f"{_MEMORY_SHARE * 100:.0f} % of what is free",
+            unset=f"{MEMORY_SHARE * 100:.0f} % of what is free",
         ),
     ] = None
     """Memory that the build may take: 8G. The less, the smaller the tiles."""
@@ -207,22 +202,6 @@ class BuildOptions:
             "segment": asdict(self.segment),
             "base_texture": self.base_texture,
         }
-
-
-def available_memory_bytes() -> int:
-    """Return what is free for this process: on the machine, or in its container if that is less."""
-    free = int(psutil.virtual_memory().available)
-    try:
-        limit = Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii").strip()
-        used = int(Path("/sys/fs/cgroup/memory.current").read_text(encoding="ascii"))
-    except (OSError, ValueError):
-        return free
-    return free if limit == "max" else max(0, min(free, int(limit) - used))
-
-
-def default_memory_bytes() -> int:
-    """Memory that a build allows itself when not told."""
-    return int(_MEMORY_SHARE * available_memory_bytes())
 
 
 def build(options: BuildOptions, progress: Progress | None = None) -> BuildReport:

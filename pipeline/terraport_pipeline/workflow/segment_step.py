@@ -41,6 +41,7 @@ from terraport_pipeline.stages.tiles.base_cover import CoverScale, NearBase
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
 from terraport_pipeline.stages.tiles.numbered_regions import NumberedRegions
 from terraport_pipeline.stages.tiles.scene_facts import SceneScale, TiledScene
+from terraport_pipeline.stages.tiles.tile_engines import check_memory
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
 from terraport_pipeline.stages.tiles.tiled_segment import Regions
 from terraport_pipeline.workflow.reconstruct_step import Surface
@@ -226,8 +227,10 @@ class _Passes:
 
         def unite(context: Context) -> Regions:
             samples = before.work.load(stood) if before is not None and stood is not None else None
+            tiles = units.every()
+            check_memory(tiles, self.options, self.runner.max_memory_bytes)
             return tiled_segment.regions(
-                units.every(), scene.seams, scale.value(), self.options, context, before=samples
+                tiles, scene.seams, scale.value(), self.options, context, before=samples
             )
 
         return self.runner.run(

@@ -171,7 +171,6 @@ def test_strokes_that_teach_nothing_are_refused(scene, tmp_path, features, said)
 
 def test_options_that_contradict_each_other(scene, strokes, tmp_path) -> None:
     wrong = [
-        ({"strokes": None, "model": None}, "one of the two"),
         ({"model": tmp_path / "m"}, "one of the two"),
         ({"cell_m": -1.0}, "--cell-m -1.0"),
         ({"least_m2": float("nan")}, "--least-m2"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -71,6 +72,22 @@ def test_a_tile_that_did_not_change_keeps_regions_and_pools(before) -> None:
     assert [tile.tolist() for tile in result.fine] == [[0, 1], [0, 1], [0, 0]]
     assert result.before.tolist() == [0, 1, 2, 3, -1]
     assert result.in_joined(joined([0, 0], [0, 1], [1, 0])).count == 5
+
+
+def test_unions_of_the_join_are_those_of_the_numbers(before) -> None:
+    """Region 2 of the join has the numbers 0 and 1: they are united first."""
+    tiles = [FIRST[0], units(14, 16, start=30.0), FIRST[2]]
+    join = replace(
+        joined([2, 2], [2, 3], [1, 0], fine=([4, 4], [4, 6], [8, 9])),
+        unions=np.array([[1, 2], [0, 4], [3, 5]], np.int32),
+        union_costs=np.array([1.25, 2.0, 4.0]),
+    )
+    result = number(("tile-0", "tile-1", "tile-2"), ("a", "new", "c"), tiles, join, before, CONTEXT)
+    assert [tile.tolist() for tile in result.region] == [[0, 1], [1, 4], [2, 3]]
+    numbered = result.in_joined(join)
+    # 0 and 1 to 5; the join's 1 is 2, its 0 is 3, its 3 is 4.
+    assert numbered.unions.tolist() == [[0, 1], [2, 5], [3, 6], [4, 7]]
+    assert numbered.union_costs.tolist() == [1.0, 1.25, 2.0, 4.0]
 
 
 def test_a_tile_that_changed_is_matched_by_its_ground(before) -> None:

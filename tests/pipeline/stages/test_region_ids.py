@@ -137,6 +137,36 @@ def test_new_ground_gets_new_numbers_and_lost_labels_are_told(scene: Path) -> No
     )
 
 
+def test_what_lies_within_a_named_region_has_its_name(scene: Path) -> None:
+    """Region 1, two segments, is cut in two: one is the same ground, the other its heir."""
+    change_labels(scene, {2: "haul road", 9: "pond"})
+    new = surface()
+    regions = np.array([0, 1, 3, 2], np.int32)[new.segments]
+    facts = {"roughness_scale_m": 1.0, "regions": [{"id": n} for n in range(4)]}
+    result = numbered(scene, replace(new, regions=regions), facts)
+    rows = result.document["regions"]
+    # Both halves are as like: which of them is the same ground is the matching's business.
+    assert {rows[1]["stable_id"], rows[3]["stable_id"]} == {2, 10}
+    heir = 1 if rows[1]["stable_id"] == 10 else 3
+    labels = [row.get("label") for row in rows]
+    assert labels == ["haul road" if region == heir else None for region in range(4)]
+    assert result.warnings == ()
+
+
+def test_a_name_whose_region_went_lives_in_its_heirs(scene: Path) -> None:
+    """All is one region but four strips of the named one: none is the same ground as before."""
+    change_labels(scene, {2: "haul road"})
+    new = surface()
+    middle = (new.segments == 1) | (new.segments == 2)
+    strips = np.arange(len(new.regions)) % 4 + 1
+    regions = np.where(middle, strips, 0).astype(np.int32)
+    facts = {"roughness_scale_m": 1.0, "regions": [{"id": n} for n in range(5)]}
+    result = numbered(scene, replace(new, regions=regions), facts)
+    labels = [row.get("label") for row in result.document["regions"]]
+    assert labels == [None, *["haul road"] * 4]
+    assert result.warnings == (), "the name is not lost"
+
+
 def test_numbers_that_go_on_need_no_ground(scene: Path) -> None:
     """Of the version that stands there: 1 is 2 now, and 2 is gone. Of another they say nothing."""
     version = json.loads((scene / "scene.json").read_bytes())["version"]

@@ -13,5 +13,7 @@ export { CoverCounters } from "./cover.ts";
 export { Residency } from "./residency.ts";
 export { StreamError } from "./scene/errors.ts";
 export { type HttpOptions, listScenes, type SceneList } from "./scene/load.ts";
+export { coarserPieces } from "./scene/regions.ts";
+export { fetchTaught, listStrokes, paintStroke, type StrokeList, takeBackStroke } from "./scene/strokes.ts";
 export { parseSceneUrl, sceneUrlOf } from "./scene/urls.ts";
 export type * from "./types.ts";

@@ -13,9 +13,10 @@ import {
   Vector3,
 } from "three";
 
-import type { RegionFacts, SceneManifest, Vec3 } from "../core/types.ts";
+import type { RegionFacts, SceneManifest, TaughtPicture, Vec3 } from "../core/types.ts";
 import { FRAGMENT_SHADER, MODE_NUMBER, TINT_RELIEF, VERTEX_SHADER } from "./ground-shader.ts";
 import { attributeRamp, NO_VALUE, PLAIN, RAMP_STOPS, type Rgb, regionColour, slopeRamp, toByte } from "./palette.ts";
+import { TaughtLook } from "./taught-look.ts";
 import type { ViewMode } from "./types.ts";
 
 /** What differs between two draws. */
@@ -54,6 +55,7 @@ export class GroundMaterial {
   readonly #uniforms;
   #regionColours: DataTexture;
   readonly #ramps = rampTexture();
+  readonly #taught = new TaughtLook();
   #freshShare = 0;
 
   constructor(manifest: SceneManifest, regions: readonly RegionFacts[]) {
@@ -86,6 +88,7 @@ export class GroundMaterial {
       fresh: { value: 0 },
       splitX: { value: 0 },
       side: { value: 0 },
+      ...this.#taught.uniforms,
     };
     this.material = new ShaderMaterial({
       name: "ground",
@@ -112,6 +115,12 @@ export class GroundMaterial {
   /** Dim whatever is not of this region; null ends it. */
   highlight(region: number | null): void {
     this.#uniforms.highlight.value = region ?? -1;
+    this.material.uniformsNeedUpdate = true;
+  }
+
+  /** Lay what strokes have taught over every mode; null takes it away. */
+  setTaught(picture: TaughtPicture | null): void {
+    this.#taught.set(picture);
     this.material.uniformsNeedUpdate = true;
   }
 
@@ -177,6 +186,7 @@ export class GroundMaterial {
   dispose(): void {
     this.#regionColours.dispose();
     this.#ramps.dispose();
+    this.#taught.dispose();
     this.material.dispose();
   }
 }

@@ -1,7 +1,7 @@
 /** Rays against what is shown: detail, and the base faces that are not hidden. PURE. */
 
-import type { Vec3 } from "../core/types.ts";
-import { type FaceBoxes, rayMeetsBounds } from "./face-boxes.ts";
+import type { SceneFiles, Vec3 } from "../core/types.ts";
+import { FaceBoxes, rayMeetsBounds } from "./face-boxes.ts";
 import type { GroundHit } from "./types.ts";
 
 /** Something shown that a ray may meet. */
@@ -50,6 +50,11 @@ function firstAlong(ground: ShownGround, origin: Vec3, unit: Vec3, maxDistanceM:
     }
   }
   return detail ?? base;
+}
+
+/** The base of a scene, as something that a ray may meet. */
+export function pickableBase({ base }: SceneFiles): Pickable {
+  return { segment: -1, bounds: base.bounds, boxes: new FaceBoxes(base) };
 }
 
 const DOWN: Vec3 = [0, -1, 0];

@@ -44,6 +44,7 @@ uniform vec2 measureScale;
 
 out vec3 vTilt;
 out vec3 vTint;
+out vec2 vPlan;
 out vec2 vSpot;
 out vec2 vMeasure;
 flat out float vRegion;
@@ -63,6 +64,7 @@ void main() {
 #endif
   }
 
+  vPlan = place.xz;
   vTilt = tilt.xyz;
   vSpot = uvScale * spot;
   vTint = tint.rgb;
@@ -86,6 +88,7 @@ in vec3 vTilt;
 in vec3 vTint;
 in vec2 vSpot;
 in vec2 vMeasure;
+in vec2 vPlan;
 flat in float vRegion;
 
 uniform int mode;
@@ -106,6 +109,12 @@ uniform float mapRelief;
 uniform float highlight;
 uniform vec3 freshColour;
 uniform float fresh;
+// What strokes taught: colours of names; alpha is doubt in 254ths, 255 without ground.
+uniform sampler2D taught;
+uniform vec2 taughtCorner;
+uniform vec2 taughtSize;
+uniform float taughtStripe;
+uniform float taughtShare;
 #ifdef COMPARED
 // Left of it the base is drawn whole and alone (side -1), right of it detail (side 1): in pixels.
 uniform float splitX;
@@ -175,6 +184,15 @@ void main() {
   colour *= mix(1.0, light, strength);
   if (highlight > -0.5 && !(hasRegion && abs(vRegion - highlight) < 0.5)) {
     colour = 0.3 * mix(vec3(dot(colour, vec3(0.2126, 0.7152, 0.0722))), colour, 0.25);
+  }
+  if (taughtShare > 0.0) {
+    vec2 at = (vPlan - taughtCorner) / taughtSize;
+    vec4 name = texture(taught, at);
+    if (name.a < 0.999 && clamp(at, 0.0, 1.0) == at) {
+      // Unsure ground is striped, not paler: pale means nothing to whoever does not know the colour.
+      bool isGap = name.a > 0.5 && fract((vPlan.x + vPlan.y) / taughtStripe) < 0.5;
+      colour = mix(colour, name.rgb * mix(1.0, light, 0.8 * relief), isGap ? 0.08 : taughtShare);
+    }
   }
   colour = mix(colour, freshColour, fresh);
   outColour = linearToOutputTexel(vec4(colour, 1.0));

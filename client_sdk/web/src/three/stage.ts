@@ -8,13 +8,21 @@
 import { Group, PerspectiveCamera, type WebGLRenderer } from "three";
 
 import type { Residency } from "../core/residency.ts";
-import type { Bounds, LandOptions, MeshData, SceneFiles, Stream, StreamEvent, Vec3 } from "../core/types.ts";
+import type {
+  Bounds,
+  LandOptions,
+  MeshData,
+  SceneFiles,
+  Stream,
+  StreamEvent,
+  TaughtPicture,
+  Vec3,
+} from "../core/types.ts";
 import { BaseGround } from "./base-ground.ts";
-import { FaceBoxes } from "./face-boxes.ts";
 import { type Gain, gainOf } from "./gain.ts";
 import { GpuStore } from "./gpu-store.ts";
 import { GroundMaterial } from "./ground-material.ts";
-import { castGround, groundOnVertical, type Pickable, type ShownGround } from "./ground-picking.ts";
+import { castGround, groundOnVertical, type Pickable, pickableBase, type ShownGround } from "./ground-picking.ts";
 import { GroundSet } from "./ground-set.ts";
 import { statusOf } from "./landing-status.ts";
 import { gpuBytesOf } from "./mesh-upload.ts";
@@ -226,6 +234,11 @@ export class Stage implements Landings {
     return hidden === undefined ? null : gainOf(this.#files.base, hidden, this.#grounds.shownFaces);
   }
 
+  /** Lay what strokes have taught over the ground; null takes it away. */
+  setTaught(picture: TaughtPicture | null): void {
+    this.#material.setTaught(picture);
+  }
+
   /** How the ground is coloured from the next frame on. */
   setMode(mode: ViewMode, theme: Theme = "light"): void {
     this.#looks.setMode(mode, theme, this.#base);
@@ -393,8 +406,4 @@ export class Stage implements Landings {
       pushM: this.#files.manifest.deviationM,
     };
   }
-}
-
-function pickableBase(files: SceneFiles): Pickable {
-  return { segment: -1, bounds: files.base.bounds, boxes: new FaceBoxes(files.base) };
 }

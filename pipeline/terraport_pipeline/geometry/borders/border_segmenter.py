@@ -23,10 +23,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import Final
 
+import numba
 import numpy as np
 from scipy.spatial import cKDTree
 
-from terraport_payload.types import Bool, Float64, Int32
+from terraport_payload.types import Bool, Float64, Int32, Int64
 from terraport_pipeline.geometry.borders.cells import (
     LAB_STEPS,
     LENGTH_STEPS,
@@ -41,7 +42,7 @@ from terraport_pipeline.geometry.regions.mean_scale import ColourTotals, axis_in
 from terraport_pipeline.geometry.regions.pool_refine import number_by_first
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
 
-__all__ = ["BorderCut", "BorderSegmenter", "RegionsBefore", "compared_steps"]
+__all__ = ["BorderCut", "BorderSegmenter", "RegionsBefore", "coarser_unions", "compared_steps"]
 
 _CELLS: Final = 20
 """Cells across the region size."""
@@ -87,6 +88,10 @@ class BorderCut:
     """Over the seeds; a union's cost is 1 where regions are united no more."""
     before_joining: int
     """Number of regions before small ones joined."""
+    unions: Int32
+    """(M, 2) what unites regions to coarser pieces, as :func:`coarser_unions`."""
+    union_costs: Float64
+    """(M,)"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,13 +197,13 @@ class BorderSegmenter:
         tree = merge_tree(seeds.count, record.children(), record.costs(), area)
         if self.count is not None:
             of_seed, _ = tree.cut_by_count(self.count)
-            return BorderCut(seed_of, of_seed[seed_of], tree, pools)
+            return _cut(seed_of, of_seed, tree, pools)
         of_seed, _ = tree.cut_by_cost(1.0)
-        regions = of_seed[seed_of]
         if islands.any() and not islands.all():
             small = np.bincount(of_seed, seeds.sums[:, 0]) < rule.least_m2
-            regions = _join_nearest(cells.middles(self.cell_m), regions, small)
-        return BorderCut(seed_of, number_by_first(regions)[0], tree, pools)
+            regions = _join_nearest(cells.middles(self.cell_m), of_seed[seed_of], small)
+            of_seed[seed_of] = regions
+        return _cut(seed_of, of_seed, tree, pools)
 
     def _units(self, cells: CellGraph, before: RegionsBefore | None) -> Units:
         near, wide = cell_features(cells, self.weights, self.cell_m)
@@ -263,6 +268,69 @@ class _TreeRecord:
     def costs(self) -> Float64:
         """Cost of every merge, (M,)."""
         return np.concatenate(self._costs)
+
+
+def _cut(seed_of: Int32, of_seed: Int32, tree: MergeTree, pools: int) -> BorderCut:
+    """Make the result: regions numbered by first cell, and what unites them further."""
+    regions, count = number_by_first(of_seed[seed_of])
+    of_seed = of_seed.copy()
+    of_seed[seed_of] = regions
+    unions, costs = coarser_unions(tree, of_seed, count)
+    return BorderCut(seed_of, regions, tree, pools, unions, costs)
+
+
+def coarser_unions(tree: MergeTree, region: Int32, count: int) -> tuple[Int32, Float64]:
+    """Read off a tree what unites regions to coarser pieces.
+
+    Parameters
+    ----------
+    tree : MergeTree
+    region : ndarray of shape (leaves,), int32
+        Region of every leaf, 0 to ``count - 1``.
+    count : int
+
+    Returns
+    -------
+    unions : ndarray of shape (M, 2), int32
+        Pieces united, cheapest first and lower number first: regions, or ``count + m`` of the union
+        at place m. Unions at any cost whatever are left out, so several pieces may be left.
+    costs : ndarray of shape (M,), float64
+        Never falling.
+    """
+    # Children come before parents in the order of heights, too: equal heights keep theirs.
+    order = np.argsort(tree.height, kind="stable")
+    unions, merges = _coarser(tree.leaf_count, tree.children, tree.height, order, region, count)
+    return unions, tree.height[merges]
+
+
+@numba.njit(cache=True)
+def _coarser(
+    leaves: int, children: Int32, height: Float64, order: Int64, region: Int32, count: int
+) -> tuple[Int32, Int64]:
+    piece = np.empty(leaves + len(children), np.int32)
+    piece[:leaves] = region
+    top = np.arange(2 * count).astype(np.int32)
+    unions = np.empty((count, 2), np.int32)
+    merges = np.empty(count, np.int64)
+    found = 0
+    for merge in order:
+        ends = np.empty(2, np.int32)
+        for side in range(2):
+            end = piece[children[merge, side]]
+            while top[end] != end:
+                top[end] = top[top[end]]
+                end = top[end]
+            ends[side] = end
+        node = ends[0]
+        if ends[0] != ends[1] and np.isfinite(height[merge]):
+            node = count + found
+            top[ends[0]] = node
+            top[ends[1]] = node
+            unions[found, 0], unions[found, 1] = ends.min(), ends.max()
+            merges[found] = merge
+            found += 1
+        piece[leaves + merge] = node
+    return unions[:found], merges[:found]
 
 
 def compared_steps(mesh: SegmenterMesh) -> Int32:

@@ -20,7 +20,7 @@ border).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final
 
 import numba
@@ -132,6 +132,11 @@ class JoinedRegions:
     """Units left when no colours were alike any more."""
     islands: int
     """Units that stayed small because they touch no other."""
+    unions: Int32 = field(default_factory=lambda: np.zeros((0, 2), np.int32))
+    """(M, 2) what unites regions to coarser pieces, cheapest first: regions, or ``count`` and the
+    number of a union before; engines without a tree have none."""
+    union_costs: Float64 = field(default_factory=lambda: np.zeros(0))
+    """(M,) above 1, rising."""
 
 
 def colours_of_faces(colours: UInt8, faces: AnyInt) -> Int32:

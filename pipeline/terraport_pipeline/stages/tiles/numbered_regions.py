@@ -67,7 +67,15 @@ class NumberedRegions:
 
     def in_joined(self, joined: JoinedRegions) -> JoinedRegions:
         """Put regions and pools in the place of those of the join."""
-        return replace(joined, region=self.region, fine=self.fine, count=self.count)
+        unions, costs = _unions_of(self, joined)
+        return replace(
+            joined,
+            region=self.region,
+            fine=self.fine,
+            count=self.count,
+            unions=unions,
+            union_costs=costs,
+        )
 
 
 NUMBERS_FORM: Final[Form[NumberedRegions]] = Form(
@@ -182,6 +190,41 @@ def number(
     kept = sum(row is not None for row in held)
     context.progress.done({"matched": len(matched[0]), "tiles_kept": kept})
     return _numbered(tiles, digests, pools, joined, numbers)
+
+
+def _unions_of(numbered: NumberedRegions, joined: JoinedRegions) -> tuple[Int32, Float64]:
+    """Give the unions of a join the numbers of its regions.
+
+    Where tiles hold regions of the survey before, one region of the join may have several numbers:
+    they are united first, at no cost beyond a region's own.
+    """
+    if not len(joined.unions):
+        return joined.unions, joined.union_costs
+    # (1) The region of the join that every number has most of its units in (tie: lower).
+    now = np.concatenate(numbered.region).astype(np.int64)
+    keys, units = np.unique(now * joined.count + np.concatenate(joined.region), return_counts=True)
+    number, region = np.divmod(keys, joined.count)
+    order = np.lexsort((region, -units, number))
+    number, region = number[order], region[order]
+    is_most = np.append(True, number[1:] != number[:-1])
+    # (2) Pieces of the join, as pieces of these numbers; -1 of those that none is.
+    piece = np.full(joined.count + len(joined.unions), -1, np.int64)
+    unions: list[tuple[int, int]] = []
+    costs: list[float] = []
+
+    def united(one: int, other: int, cost: float) -> int:
+        if one < 0 or other < 0:
+            return max(one, other)
+        unions.append((min(one, other), max(one, other)))
+        costs.append(cost)
+        return numbered.count + len(unions) - 1
+
+    for one, of in zip(number[is_most].tolist(), region[is_most].tolist(), strict=True):
+        piece[of] = united(int(piece[of]), one, 1.0)
+    for place, (low, high) in enumerate(joined.unions.tolist()):
+        cost = float(joined.union_costs[place])
+        piece[joined.count + place] = united(int(piece[low]), int(piece[high]), cost)
+    return np.array(unions, np.int32).reshape(-1, 2), np.array(costs, np.float64)
 
 
 def _numbered(

@@ -140,6 +140,13 @@ def join(
     )
     totals = replace(totals, touching=touching, border_m=border_m)
     facts = totals_document(totals, list(scene.attributes), scale.roughness_scale_m)
+    if len(joined.unions):
+        facts["unions"] = [
+            [one, other, round(cost, 3)]
+            for (one, other), cost in zip(
+                joined.unions.tolist(), joined.union_costs.tolist(), strict=True
+            )
+        ]
     ordered = {name: values[order] for name, values in every.items()}
     max_extent_m = scale.max_extent_m
     sides = ordered["bounds"][:, 3:].astype(np.float64) - ordered["bounds"][:, :3]

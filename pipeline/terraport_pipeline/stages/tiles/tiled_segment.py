@@ -19,7 +19,7 @@ Nothing here holds more than one tile. Memory: about 350 bytes per face of a til
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -209,6 +209,8 @@ REGIONS_FORM: Final[Form[Regions]] = Form(
             "region": np.concatenate(result.joined.region),
             "fine": np.concatenate(result.joined.fine),
             "starts": np.cumsum([len(units) for units in result.joined.region])[:-1],
+            "unions": result.joined.unions,
+            "union_costs": result.joined.union_costs,
         },
         {
             "numbers": [
@@ -221,10 +223,14 @@ REGIONS_FORM: Final[Form[Regions]] = Form(
         },
     ),
     restore=lambda stored, _facts: Regions(
-        JoinedRegions(
-            tuple(np.split(stored.arrays["region"], stored.arrays["starts"])),
-            tuple(np.split(stored.arrays["fine"], stored.arrays["starts"])),
-            *stored.values["numbers"],
+        replace(
+            JoinedRegions(
+                tuple(np.split(stored.arrays["region"], stored.arrays["starts"])),
+                tuple(np.split(stored.arrays["fine"], stored.arrays["starts"])),
+                *stored.values["numbers"],
+            ),
+            unions=np.asarray(stored.arrays["unions"], np.int32),
+            union_costs=np.asarray(stored.arrays["union_costs"], np.float64),
         ),
         stored.values["facts"],
     ),

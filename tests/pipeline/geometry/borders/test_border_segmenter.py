@@ -243,3 +243,32 @@ def test_two_sheets_in_one_column_are_two_cells():
     assert cells.count == 2
     assert cells.middles(1.0).tolist() == [[0.5, 0.5, 0.5], [0.5, 3.5, 0.5]]
     assert cells.sums[:, 0].tolist() == [125_000, 125_000]
+
+
+def test_regions_unite_to_nested_coarser_pieces():
+    """What the unions say is what the tree says, cut anew at every cost."""
+    mesh = ground(60)
+    engine = BorderSegmenter(4.0)
+    cells = cells_of_faces(
+        mesh.vertices, mesh.faces,
+        compared_steps(SegmenterMesh(mesh.vertices, mesh.faces, mesh.colours)),
+        face_pairs(mesh.faces, len(mesh.vertices)), engine.cell_m,
+    )  # fmt: skip
+    cut = engine.cut(cells)
+    count = int(cut.regions.max()) + 1
+    assert count > 2
+    assert 0 < len(cut.unions) < count
+    assert (np.diff(cut.union_costs) >= 0).all()
+    assert (cut.union_costs > 1).all()
+    assert np.isfinite(cut.union_costs).all()
+    places = count + np.arange(len(cut.unions))
+    assert (cut.unions[:, 0] < cut.unions[:, 1]).all()
+    assert (cut.unions[:, 1] < places).all(), "of pieces before"
+    assert len(np.unique(cut.unions)) == cut.unions.size, "each once"
+    for cost in np.unique(cut.union_costs):
+        piece = np.arange(count + len(cut.unions))
+        for place in range(int(np.searchsorted(cut.union_costs, cost, side="right"))):
+            piece[np.isin(piece, piece[cut.unions[place]])] = count + place
+        by_unions = number_by_first(piece[cut.regions].astype(np.int32))[0]
+        by_tree = number_by_first(cut.tree.cut_by_cost(cost)[0][cut.seeds])[0]
+        assert_array_equal(by_unions, by_tree)

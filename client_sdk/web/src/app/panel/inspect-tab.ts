@@ -1,7 +1,8 @@
 /** A point of the ground: what it is, where it is, what was measured there; and distances between points. */
 
+import { coarserPieces } from "../../core/scene/regions.ts";
 import { toSurvey } from "../../core/scene/survey.ts";
-import type { RegionFacts, Vec3 } from "../../core/types.ts";
+import type { RegionFacts, RegionUnion, Vec3 } from "../../core/types.ts";
 import { fill, h, setAttribute, setShown, setText } from "../dom.ts";
 import { formatArea, formatCoordinate, formatDegrees, formatMetres, formatSurvey, formatValue } from "../format.ts";
 import { icon } from "../icons.ts";
@@ -13,6 +14,7 @@ import { regionName } from "./look-tab.ts";
 /** Regions of the scene version, and what the buttons do. */
 export interface InspectActions {
   readonly regions: readonly RegionFacts[];
+  readonly unions: readonly RegionUnion[];
   copy(text: string, subject: string): void;
   undoPoint(): void;
 }
@@ -40,6 +42,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     ["region", "Region"],
     ["area", "Area of the region"],
     ["region-slope", "Its mean slope"],
+    ["within", "Part of"],
     ["east", "East"],
     ["north", "North"],
     ["height", "Height"],
@@ -168,6 +171,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     pickFacts.set("region", hasPick ? (label ?? regionName(region)) : "");
     pickFacts.set("area", region === undefined ? "" : formatArea(region.areaM2));
     pickFacts.set("region-slope", region?.slopeDeg == null ? "" : formatDegrees(region.slopeDeg));
+    pickFacts.set("within", hasPick && region !== undefined ? withinText(region.id) : "");
     pickFacts.set("east", survey === null ? "" : formatCoordinate(survey[0]));
     pickFacts.set("north", survey === null ? "" : formatCoordinate(survey[1]));
     pickFacts.set("height", survey === null ? "" : `${formatCoordinate(survey[2])}${isMetric ? " m" : ""}`);
@@ -194,6 +198,13 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     const heights = `heights of ${manifest.surveyUnits?.heightM} m.`;
     setText(crs, isMetric ? system : `${system} ${units}, ${heights}`);
     setShown(copyPick, hasPick);
+  }
+
+  /** Larger and larger pieces of ground: their names where they have one, and their areas. */
+  function withinText(region: number): string {
+    return coarserPieces(actions.regions, actions.unions, region)
+      .map(({ label, areaM2 }) => `${label === null ? "" : `${label}, `}${formatArea(areaM2)}`)
+      .join(" · ");
   }
 
   function showMeasure(state: ViewerState): void {

@@ -4,6 +4,7 @@ import type { Stream } from "../../core/types.ts";
 import type { HeadsetOptions } from "../../xr/types.ts";
 import type { Remedy } from "../failures.ts";
 import type { Shell } from "../shell.ts";
+import type { Brush } from "./brush.ts";
 import type { CameraDesk } from "./camera-desk.ts";
 import { SPLIT_AT_START } from "./compare.ts";
 import type { FrameLoop } from "./frame-loop.ts";
@@ -38,6 +39,8 @@ export interface ActionOptions {
   /** Load the scene anew. */
   readonly reload: () => void;
   readonly panel: () => ViewerPanel;
+  /** Null where the service lets nobody paint. */
+  readonly brush: () => Brush | null;
   readonly openHelp: () => void;
   /** The user works with keys: the middle of the picture is marked. */
   readonly usesKeys: () => void;
@@ -87,7 +90,11 @@ export function createActions(options: ActionOptions): Actions {
           going.setView(camera.view === "orbit" ? "walk" : "orbit");
           break;
         case "undo":
-          tools.undoPoint();
+          if (tool === "brush") options.brush()?.undo();
+          else tools.undoPoint();
+          break;
+        case "tool-brush":
+          if (options.brush() !== null) store.set({ tool: "brush" });
           break;
         case "panel":
           store.set({ panelOpen: !panelOpen });

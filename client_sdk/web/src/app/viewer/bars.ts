@@ -96,6 +96,7 @@ export function createBars({ store, name, themeButton, act, enterHeadset }: BarO
     land: tool("land", "Land", "L"),
     pick: tool("pick", "Pick", "P"),
     measure: tool("measure", "Measure", "M"),
+    brush: tool("brush", "Teach", "T"),
   };
   const compare = iconButton("compare", "Before and after (C)", "compare", () => act("compare"));
   const bar = h(
@@ -108,6 +109,7 @@ export function createBars({ store, name, themeButton, act, enterHeadset }: BarO
       tools.land,
       tools.pick,
       tools.measure,
+      store.get().manifest.mayPaint && tools.brush,
     ),
     h(
       "div",

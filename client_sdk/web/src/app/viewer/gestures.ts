@@ -12,6 +12,10 @@ export interface GestureTarget {
   press(x: number, y: number): boolean;
   pressMove(x: number, y: number): void;
   pressEnd(cancelled: boolean): void;
+  /** A contact goes down that paints: then it neither drags, presses nor taps, until it is lifted. */
+  paint(x: number, y: number): boolean;
+  paintMove(x: number, y: number): void;
+  paintEnd(cancelled: boolean): void;
 }
 
 /** A tap may tremble by so many pixels. */
@@ -36,6 +40,7 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
   const contacts = new Map<number, Contact>();
   let pressTimer: number | null = null;
   let pressed = false;
+  let paints = false;
   let pans = false;
   /** Two fingers were down: lifting one of them is not a tap, nor the start of a drag. */
   let wasPinch = false;
@@ -58,6 +63,11 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
     pressed = false;
   }
 
+  function endPaint(cancelled: boolean): void {
+    if (paints) target.paintEnd(cancelled);
+    paints = false;
+  }
+
   canvas.addEventListener(
     "pointerdown",
     (event) => {
@@ -68,7 +78,8 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
       if (contacts.size === 1) {
         wasPinch = false;
         pans = event.button === 1 || event.button === 2 || event.shiftKey || event.ctrlKey;
-        if (!pans) {
+        paints = !pans && target.paint(x, y);
+        if (!pans && !paints) {
           pressTimer = window.setTimeout(() => {
             pressed = target.press(x, y);
           }, PRESS_MS);
@@ -76,6 +87,7 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
       } else {
         wasPinch = true;
         endPress(true);
+        endPaint(true);
       }
     },
     options,
@@ -91,6 +103,10 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
       const dy = y - contact.y;
       if (contacts.size === 2) {
         pinch(event.pointerId, contact, x, y);
+        return;
+      }
+      if (paints) {
+        target.paintMove(x, y);
         return;
       }
       if (!contact.moved && Math.hypot(x - contact.startX, y - contact.startY) < STILL_PX) return;
@@ -131,6 +147,10 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
     if (contact === undefined) return;
     contacts.delete(event.pointerId);
     if (contacts.size > 0) return;
+    if (paints) {
+      endPaint(cancelled);
+      return;
+    }
     if (pressed) {
       endPress(cancelled);
       return;

@@ -110,7 +110,7 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
     if (rayHit === null) return;
     if (tool === "land") use(rayHit.hit, land);
     else if (tool === "pick") void pick(rayHit.ray, rayHit.hit);
-    else store.set({ measured: [...measured, rayHit.hit.position], tab: "inspect" });
+    else if (tool === "measure") store.set({ measured: [...measured, rayHit.hit.position], tab: "inspect" });
   }
 
   function aimAt(x: number, y: number): boolean {

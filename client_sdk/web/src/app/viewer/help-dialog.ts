@@ -43,6 +43,10 @@ const SECTIONS: readonly (readonly [title: string, rows: readonly (readonly [wha
     [
       ["Land, pick, measure", "L, P, M"],
       ["Take back a measured point", "Backspace"],
+      [
+        "Teach names with a brush",
+        "T, where the service lets you; drag on the ground. Backspace takes the last stroke back",
+      ],
       ["Keep this place", "B"],
       ["Panel", "I"],
     ],

@@ -12,6 +12,7 @@ export type KeyAction =
   | "tool-land"
   | "tool-pick"
   | "tool-measure"
+  | "tool-brush"
   | "undo"
   | "panel"
   | "keep"
@@ -30,6 +31,7 @@ const ACTIONS: Readonly<Record<string, KeyAction>> = {
   KeyL: "tool-land",
   KeyP: "tool-pick",
   KeyM: "tool-measure",
+  KeyT: "tool-brush",
   Backspace: "undo",
   KeyI: "panel",
   KeyB: "keep",

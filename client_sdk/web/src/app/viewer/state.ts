@@ -7,7 +7,7 @@ import type { ViewKind } from "../route.ts";
 import type { Store } from "../store.ts";
 
 /** What a click on the ground does. */
-export type Tool = "land" | "pick" | "measure";
+export type Tool = "land" | "pick" | "measure" | "brush";
 
 /** Tabs of the panel, by the names in their element ids. */
 export type PanelTab = "landing" | "look" | "inspect" | "places" | "figures";

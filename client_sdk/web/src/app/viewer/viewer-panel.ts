@@ -82,7 +82,12 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
       aimAtCentre: options.aimAtCentre,
     }),
     look: createLookTab(store, { regions, regionColour: (id) => stage.regionColour(id) }),
-    inspect: createInspectTab(store, { regions, copy: options.copy, undoPoint: options.undoPoint }),
+    inspect: createInspectTab(store, {
+      regions,
+      unions: files.unions ?? [],
+      copy: options.copy,
+      undoPoint: options.undoPoint,
+    }),
     places: placesTab.element,
     figures: figures.element,
   });

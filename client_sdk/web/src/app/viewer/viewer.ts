@@ -15,6 +15,8 @@ import { EYE_HEIGHT_M, type WalkInput } from "../walk-pose.ts";
 import { createActions } from "./actions.ts";
 import { createBars } from "./bars.ts";
 import { createBlink } from "./blink.ts";
+import { createBrush } from "./brush.ts";
+import { createBrushLines } from "./brush-lines.ts";
 import { watchBuilding } from "./building-watch.ts";
 import { createCameraDesk, type Ray } from "./camera-desk.ts";
 import { watchComfort } from "./comfort.ts";
@@ -82,6 +84,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     resized(width, height) {
       camera.resize(width, height);
       markers.resize(width, height);
+      brushLines.resize(width, height);
       // The canvas is empty until something is drawn.
       draw();
       loop.request();
@@ -92,7 +95,8 @@ export function createViewer(options: ViewerOptions): Viewer {
   // A fourth of the GPU's share for what nothing shows yet; the rest is for two landings, one coming and one going.
   const stage = new Stage({ renderer: world.renderer, stream, files, spareGpuBytes: options.budgets.spareGpuBytes });
   const markers = createMarkers();
-  world.scene.add(stage.object, markers.object);
+  const brushLines = createBrushLines();
+  world.scene.add(stage.object, markers.object, brushLines.object);
   const labels = createLabels();
   const blink = createBlink();
 
@@ -188,6 +192,22 @@ export function createViewer(options: ViewerOptions): Viewer {
       refusalTimer = window.setTimeout(() => notices.clear("ground"), REFUSAL_MS);
     },
   });
+  const brush =
+    manifest.mayPaint === true
+      ? createBrush({
+          store,
+          sceneUrl: options.sceneUrl,
+          lines: brushLines,
+          http: () => ({ token: shell.token.token }),
+          rayAt: camera.rayAt,
+          cast,
+          highest,
+          setTaught: (picture) => stage.setTaught(picture),
+          lookAt: (place) => moving(() => camera.moveTo(place, null, true)),
+          announce: shell.announcer.announce,
+          changed: () => loop.request(),
+        })
+      : null;
   const help = createHelpDialog();
   const { landings } = comfort;
   const { routeNow } = going;
@@ -209,6 +229,7 @@ export function createViewer(options: ViewerOptions): Viewer {
       headsetOptions({ store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces }),
     reload,
     panel: () => panel,
+    brush: () => brush,
     openHelp: help.open,
     usesKeys: () => setAttribute(element, "data-keys", true),
   });
@@ -248,6 +269,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     notices.element,
     pad.element,
     compare.card,
+    brush?.card ?? "",
     bars.tools,
     h(
       "p",
@@ -315,6 +337,9 @@ export function createViewer(options: ViewerOptions): Viewer {
       press: tools.press,
       pressMove: tools.pressMove,
       pressEnd: tools.pressEnd,
+      paint: (x, y) => brush?.press(x, y) ?? false,
+      paintMove: (x, y) => brush?.move(x, y),
+      paintEnd: (cancelled) => brush?.end(cancelled),
     }),
   ];
   const keys = listenToKeys(world.canvas, actions.act, () => {
@@ -424,6 +449,7 @@ export function createViewer(options: ViewerOptions): Viewer {
       link.dispose();
       building.dispose();
       compare.dispose();
+      brush?.dispose();
       notices.dispose();
       loop.stop();
       stream.close();

@@ -7,6 +7,10 @@ export interface HttpOptions {
   /** Sent as `Authorization: Bearer`; without one no such header is sent. */
   readonly token?: string | undefined;
   readonly signal?: AbortSignal | undefined;
+  /** GET without it. */
+  readonly method?: "POST" | "DELETE";
+  /** Sent as JSON. */
+  readonly body?: object;
 }
 
 /** How much may come, and who is told of it. */
@@ -64,12 +68,17 @@ export function parseJson(bytes: Uint8Array, url: string): unknown {
  */
 export async function fetchBytes(
   url: string,
-  { token, signal }: HttpOptions,
+  { token, signal, method, body }: HttpOptions,
   download: Download,
 ): Promise<Uint8Array<ArrayBuffer>> {
   try {
     const response = await fetch(url, {
-      headers: token === undefined ? {} : { Authorization: `Bearer ${token}` },
+      method: method ?? "GET",
+      headers: {
+        ...(token === undefined ? {} : { Authorization: `Bearer ${token}` }),
+        ...(body === undefined ? {} : { "Content-Type": "application/json" }),
+      },
+      body: body === undefined ? null : JSON.stringify(body),
       redirect: "error",
       signal: signal ?? null,
     });

@@ -13,7 +13,7 @@ import { listScenes } from "./list.ts";
 import type { CheckedManifest, LoadedFile } from "./manifest.ts";
 import { checkManifest } from "./manifest.ts";
 import type { Labels } from "./regions.ts";
-import { readLabels, readRegions } from "./regions.ts";
+import { readLabels, readRegions, readUnions } from "./regions.ts";
 import { parseSceneUrl, sceneUrlOf } from "./urls.ts";
 
 export type { HttpOptions } from "./http.ts";
@@ -110,7 +110,8 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
       throw new PayloadError(`base of ${base.faceCount} faces, expected ${checked.baseFaces} by the manifest`);
     }
     const cover = decodeCover(rows, base.faceCount, manifest.segmentCount);
-    return { manifest, base, cover, regions: readRegions(parseJson(regions, `${url}/regions.json`), labels) };
+    const document = parseJson(regions, `${url}/regions.json`);
+    return { manifest, base, cover, regions: readRegions(document, labels), unions: readUnions(document) };
   } catch (error) {
     abort.abort();
     if (!(error instanceof PayloadError)) throw error;

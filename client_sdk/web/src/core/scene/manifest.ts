@@ -84,8 +84,9 @@ function readManifest(json: JsonObject, id: string): CheckedManifest {
     texturesOf: texturesOf(json.textures),
     deviationM: expectLength(expectObject(json.hand_off, "hand_off").deviation_m, "hand_off.deviation_m"),
   };
+  const links = (json.links ?? {}) as JsonObject;
   return {
-    manifest,
+    manifest: typeof links.strokes === "string" ? { ...manifest, mayPaint: true } : manifest,
     baseFaces: expectWhole(counts.base_faces, "counts.base_faces", 1),
     files: {
       "base.glb": readFile(files, "base.glb"),

@@ -3,7 +3,7 @@
 import { PayloadError } from "../payload/errors.ts";
 import type { JsonObject } from "../payload/json-values.ts";
 import { expectList, expectObject } from "../payload/json-values.ts";
-import type { RegionFacts, RegionPlace, Vec3 } from "../types.ts";
+import type { CoarserPiece, RegionFacts, RegionPlace, RegionUnion, Vec3 } from "../types.ts";
 
 /** A label by stable id. */
 export type Labels = ReadonlyMap<number, string>;
@@ -22,6 +22,58 @@ export function readRegions(json: unknown, labels: Labels): RegionFacts[] {
     if (region.id !== position) throw new PayloadError(`region ${position} has another id, expected its position`);
     return readRegion(region, position, labels);
   });
+}
+
+/** What unites regions to coarser pieces; up to the first that is not as it should be. */
+export function readUnions(json: unknown): readonly RegionUnion[] {
+  const { regions, unions } = expectObject(json, "regions.json");
+  if (!Array.isArray(unions) || !Array.isArray(regions)) return [];
+  const good: RegionUnion[] = [];
+  for (const union of unions as readonly unknown[]) {
+    if (!Array.isArray(union) || union.length !== 3) break;
+    const [one, other, cost] = union as readonly unknown[];
+    const pieces = regions.length + good.length;
+    if (!isWhole(one) || !isWhole(other) || one >= other || other >= pieces || numberOrNull(cost) === null) break;
+    good.push([one, other, cost as number]);
+  }
+  return good;
+}
+
+/** The pieces that a region is part of, finest first: one for each cost at which more is united. */
+export function coarserPieces(
+  regions: readonly RegionFacts[],
+  unions: readonly RegionUnion[],
+  region: number,
+): readonly CoarserPiece[] {
+  let at = region;
+  const membersOf = new Map<number, readonly number[]>();
+  const pieces = new Map<number, readonly number[]>();
+  const take = (piece: number): readonly number[] => {
+    const members = membersOf.get(piece) ?? [piece];
+    membersOf.delete(piece);
+    return members;
+  };
+  unions.forEach(([one, other, cost], place) => {
+    const united = [...take(one), ...take(other)];
+    membersOf.set(regions.length + place, united);
+    if (at !== one && at !== other) return;
+    at = regions.length + place;
+    pieces.set(cost, united);
+  });
+  return [...pieces].map(([cost, ids]) => describePiece(regions, cost, ids));
+}
+
+/** Called what most of its named ground is called. */
+function describePiece(regions: readonly RegionFacts[], cost: number, ids: readonly number[]): CoarserPiece {
+  const areaOfName = new Map<string, number>();
+  let areaM2 = 0;
+  for (const id of ids) {
+    const { label, areaM2: own } = regions[id]!;
+    areaM2 += own ?? 0;
+    if (label !== null) areaOfName.set(label, (areaOfName.get(label) ?? 0) + (own ?? 0));
+  }
+  const [largest] = [...areaOfName].sort(([a, m], [b, n]) => n - m || (a < b ? 1 : -1));
+  return { cost, regions: [...ids].sort((a, b) => a - b), areaM2, label: largest?.[0] ?? null };
 }
 
 /** Read labels.json. A file that is damaged gives no label at all: a name must never take the ground away. */

@@ -1,0 +1,192 @@
+"""Strokes that people paint on the ground, over HTTP, and what they have taught.
+
+Nothing is learned here: a program beside the service reads the strokes and writes what they taught
+(``terraport teach --watch``). What is painted is kept beside the scene by the store.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import secrets
+import time
+from datetime import UTC, datetime
+from typing import Annotated, Any
+
+import xxhash
+from fastapi import APIRouter, Depends, Request, Response
+from fastapi.responses import JSONResponse
+
+from terraport_server.auth import TokenPass, origin_is_allowed
+from terraport_server.errors import AccessError, RequestError
+from terraport_server.http_answers import (
+    CHECK,
+    SceneOfRequest,
+    ServiceOfRequest,
+    is_unchanged,
+    token_of,
+)
+from terraport_server.logs import log
+from terraport_server.served_scene import ServedScene
+from terraport_server.service import Service
+from terraport_store import (
+    StoreError,
+    Stroke,
+    StrokeError,
+    Strokes,
+    change_strokes,
+    read_strokes,
+    read_taught,
+)
+from terraport_wire import ErrorCode
+
+__all__ = ["may_paint", "stroke_routes"]
+
+stroke_routes = APIRouter()
+
+_JSON = "application/json"
+
+
+def may_paint(service: Service, token_pass: TokenPass, served: ServedScene) -> bool:
+    """Whether a token's bearer may paint on a scene, and there is a folder for it.
+
+    Where no token is asked for, everybody at this machine may, and nobody from elsewhere.
+    """
+    if service.gate.is_open and not service.settings.checks_host:
+        return False
+    is_local = served.fetchers is None
+    return is_local and token_pass.opens(served.id) and "teach" in token_pass.scopes
+
+
+async def _painter(
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest
+) -> TokenPass:
+    """Return who may paint."""
+    token_pass = service.gate.find(token_of(request))
+    if token_pass is None:
+        raise AccessError(ErrorCode.UNAUTHORISED)
+    if served.fetchers is not None:
+        text = "this scene lies in object storage, expected one in a folder to paint on"
+        raise RequestError(409, "no_strokes", text)
+    if not may_paint(service, token_pass, served):
+        text = "got a token without the right to teach, expected one with the scope teach"
+        raise RequestError(403, ErrorCode.FORBIDDEN, text)
+    origin, host = request.headers.get("origin"), request.headers.get("host")
+    if not origin_is_allowed(origin, host, service.settings.allowed_origins):
+        text = "got a request of a page of another origin, expected one of allowed_origins"
+        raise RequestError(403, ErrorCode.FORBIDDEN, text)
+    return token_pass
+
+
+Painter = Annotated[TokenPass, Depends(_painter)]
+
+
+@stroke_routes.get("/scenes/{scene_id}/strokes", summary="What was painted on the ground")
+async def get_strokes(request: Request, served: SceneOfRequest, painter: Painter) -> Response:
+    """List the strokes, with who painted them and when."""
+    try:
+        strokes = await asyncio.to_thread(read_strokes, served.scene.path)
+    except (StoreError, OSError) as error:
+        raise _unavailable(served, error) from None
+    headers = {
+        "ETag": f'"{strokes.revision or "none"}"',
+        "Cache-Control": CHECK,
+        "Vary": "Authorization",
+    }
+    if is_unchanged(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    rows = [_row(stroke, painter) for stroke in strokes.strokes]
+    return JSONResponse({"strokes": rows, "revision": strokes.revision}, headers=headers)
+
+
+@stroke_routes.post("/scenes/{scene_id}/strokes", summary="Paint a stroke", status_code=201)
+async def post_stroke(
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest, painter: Painter
+) -> Response:
+    """Keep a stroke: its name, colour, width and line."""
+    _count(service, painter)
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != _JSON:
+        # A browser asks before it sends this type elsewhere, so no foreign page can.
+        raise RequestError(415, ErrorCode.INVALID_FIELD, f"got another type, expected {_JSON}")
+    try:
+        body = json.loads(await request.body())
+        stroke = Stroke.painted(
+            body,
+            stroke_id=secrets.token_hex(8),
+            who=painter.name,
+            when=datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%SZ"),
+        )
+    except StrokeError as error:
+        raise RequestError(400, ErrorCode.INVALID_FIELD, f"got {error}") from None
+    except (ValueError, RecursionError):
+        raise RequestError(400, ErrorCode.INVALID_FIELD, "got no JSON, expected a stroke") from None
+    strokes = await _changed(served, lambda strokes: strokes.with_one(stroke))
+    log("stroke painted", scene=served.id, who=painter.name, stroke=stroke.id)
+    answer = {"stroke": _row(stroke, painter), "revision": strokes.revision}
+    return JSONResponse(answer, status_code=201)
+
+
+@stroke_routes.delete("/scenes/{scene_id}/strokes/{stroke_id}", summary="Take a stroke back")
+async def delete_stroke(
+    served: SceneOfRequest, service: ServiceOfRequest, painter: Painter, stroke_id: str
+) -> Response:
+    """Take back a stroke of one's own."""
+    _count(service, painter)
+
+    def without(strokes: Strokes) -> Strokes:
+        of_id = next((one for one in strokes.strokes if one.id == stroke_id), None)
+        if of_id is None:
+            text = "got the id of no stroke, expected one that GET .../strokes lists"
+            raise RequestError(404, "unknown_stroke", text)
+        if of_id.who != painter.name:
+            text = f"got a stroke of {of_id.who}, expected one of your own"
+            raise RequestError(403, ErrorCode.FORBIDDEN, text)
+        return strokes.without(stroke_id)
+
+    strokes = await _changed(served, without)
+    log("stroke taken back", scene=served.id, who=painter.name, stroke=stroke_id)
+    return JSONResponse({"revision": strokes.revision})
+
+
+@stroke_routes.get("/scenes/{scene_id}/taught", summary="What the strokes have taught")
+async def get_taught(request: Request, served: SceneOfRequest) -> Response:
+    """Return taught.json; 204 where nobody has taught anything yet."""
+    headers = {"Cache-Control": CHECK, "Vary": "Authorization"}
+    if served.fetchers is not None:
+        return Response(status_code=204, headers=headers)
+    try:
+        data = await asyncio.to_thread(read_taught, served.scene.path)
+    except (StoreError, OSError) as error:
+        raise _unavailable(served, error) from None
+    if data is None:
+        return Response(status_code=204, headers=headers)
+    headers["ETag"] = f'"{xxhash.xxh3_64_hexdigest(data)}"'
+    if is_unchanged(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    return Response(data, media_type=_JSON, headers=headers)
+
+
+async def _changed(served: ServedScene, change: Any) -> Strokes:
+    try:
+        return await asyncio.to_thread(change_strokes, served.scene.path, change)
+    except StrokeError as error:
+        raise RequestError(409, ErrorCode.TOO_MANY, f"got one more, but {error}") from None
+    except (StoreError, OSError) as error:
+        raise _unavailable(served, error) from None
+
+
+def _count(service: Service, painter: TokenPass) -> None:
+    if not service.painters.take(painter.name, time.monotonic()):
+        text = f"got more strokes than {service.painters.per_s:g} a second, expected fewer"
+        raise RequestError(429, ErrorCode.TOO_MANY, text)
+
+
+def _row(stroke: Stroke, painter: TokenPass) -> dict[str, Any]:
+    return {**stroke.document(), "yours": stroke.who == painter.name}
+
+
+def _unavailable(served: ServedScene, error: Exception) -> RequestError:
+    log("strokes not kept", level=logging.ERROR, scene=served.id, reason=str(error))
+    text = "strokes can neither be read nor kept now; try again later"
+    return RequestError(503, "strokes_unavailable", text)
