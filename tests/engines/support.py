@@ -151,9 +151,8 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "tokens that a function renews": (
         Yes("tests/socket/test_sdk_tokens.py", "test_a_session_outlives_its_tokens"),
-        No("the page asks its user"),
-        No("the game gives another by `Reconnect`"),
-        No("the game gives another by `Reconnect`"),
+        Yes(f"{WEB}/client/link.test.ts", "a refused token that it has renewed is no end"),
+        *both("tests/engines/test_tokens.py", "test_a_session_outlives_its_tokens"),
     ),
     "base hidden by the cover, swap at once": (
         Yes(SDK_LAND, "test_base_and_hidden_faces"),

@@ -29,6 +29,8 @@ namespace Terraport.Unity
         private readonly GroundRenderer renderer;
         private readonly CancellationTokenSource cancel = new CancellationTokenSource();
         private string token;
+        // Asked in place of it; null without.
+        private Func<string> tokenProvider;
         // Null while nothing is loaded. Its continuations run on the main thread, which also polls it.
         private Task<SceneFiles> loading;
         private IDecodeQueue decoders;
@@ -43,6 +45,7 @@ namespace Terraport.Unity
             budgets = settings.ActualBudgets;
             this.url = url;
             this.token = token;
+            tokenProvider = scene.TokenProvider;
             transports = scene.Transports;
             http = scene.Http ?? Platform.MakeHttp();
             materials = new GroundMaterials(scene.DetailMaterial, scene.BaseMaterial, settings.relief);
@@ -85,7 +88,11 @@ namespace Terraport.Unity
         public void Reconnect(string newToken)
         {
             newToken = string.IsNullOrEmpty(newToken) ? null : newToken;
-            token = newToken ?? token;
+            if (newToken != null)
+            {
+                token = newToken;
+                tokenProvider = null;
+            }
             if (Stream != null)
             {
                 Stream.Reconnect(newToken);
@@ -167,7 +174,7 @@ namespace Terraport.Unity
             CancellationToken cancelled = cancel.Token;
             // The newest version at first; later exactly the one that the session has opened.
             string version = Stage != null && Stage.NeedsFiles ? Stage.NeededVersion : null;
-            SceneFiles files = await SceneLoader.LoadAsync(url, token, http, null, cancelled, version, Platform.Aside);
+            SceneFiles files = await SceneLoader.LoadAsync(url, tokenProvider == null ? token : tokenProvider(), http, null, cancelled, version, Platform.Aside);
             SceneFiles sorted = null;
             // Aside with the rest of the work: sorting a large base takes longer than a frame.
             Action prepare = () => sorted = BaseOrder.Sort(files, BaseBlockFaces);
@@ -280,6 +287,7 @@ namespace Terraport.Unity
             // A server's address stands for its only scene, which the files have named.
             options.SceneUrl = address.Scene != null ? url : address.ScenesUrl + "/" + Uri.EscapeDataString(Files.Manifest.Id);
             options.Token = string.IsNullOrEmpty(token) ? null : token; // An empty field of a form is no token.
+            options.TokenProvider = tokenProvider;
             Budgets bounds = new Budgets();
             // Sent to the server, which then cuts the plan: nothing is sent that would not be shown.
             bounds.MaxTriangles = budgets.maxTriangles;
