@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Iterator
@@ -49,7 +48,7 @@ def renewing(path: Path) -> Iterator[list[str]]:
         issued.append(token(3))
         beside = path.with_suffix(".new")
         beside.write_text(issued[-1])
-        os.replace(beside, path)
+        beside.replace(path)
 
     def run() -> None:
         while not stopped.wait(0.5):
