@@ -159,6 +159,15 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         Yes("tests/browser/test_landings.py", "test_what_is_drawn_is_what_the_sdk_shows"),
         *both(LAND, "test_what_an_engine_would_draw_is_what_the_python_sdk_shows"),
     ),
+    "ground under feet and pointers, of what is shown": (
+        No("ask a pick"),
+        Yes(f"{WEB}/three/footing.test.ts", "the ground on a vertical"),
+        Yes("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
+        Yes(
+            "client_sdk/unreal/tests/engine/ground_test.cpp",
+            "boxes change nothing of what rays meet",
+        ),
+    ),
     "textures: decoded payload, image's bytes": (
         Yes("tests/socket/test_sdk_textures.py", "test_segments_arrive_with_their_images"),
         Yes("tests/browser/test_pictures.py", "test_ways_to_colour_the_ground"),

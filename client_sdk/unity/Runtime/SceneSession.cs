@@ -27,6 +27,7 @@ namespace Terraport.Unity
         // Made here and disposed of here, all of them; the stream and the decoders once the files are loaded.
         private readonly GroundMaterials materials;
         private readonly GroundRenderer renderer;
+        private readonly ShownGround ground;
         private readonly CancellationTokenSource cancel = new CancellationTokenSource();
         private string token;
         // Asked in place of it; null without.
@@ -50,6 +51,7 @@ namespace Terraport.Unity
             http = scene.Http ?? Platform.MakeHttp();
             materials = new GroundMaterials(scene.DetailMaterial, scene.BaseMaterial, settings.relief);
             renderer = new GroundRenderer(scene.transform, photos, materials, BaseBlockFaces);
+            ground = new ShownGround(renderer);
             renderer.BaseFault += fault => Fault(fault);
             loading = LoadAsync();
         }
@@ -77,6 +79,9 @@ namespace Terraport.Unity
 
         /// <summary>What it holds on the graphics card, for a display of figures.</summary>
         public GroundRenderer Renderer => renderer;
+
+        /// <summary>What is shown, for rays; nothing before the base is.</summary>
+        public ShownGround Ground => ground;
 
         /// <summary>Whether the files are being loaded.</summary>
         public bool IsLoading => loading != null;
@@ -177,7 +182,11 @@ namespace Terraport.Unity
             SceneFiles files = await SceneLoader.LoadAsync(url, tokenProvider == null ? token : tokenProvider(), http, null, cancelled, version, Platform.Aside);
             SceneFiles sorted = null;
             // Aside with the rest of the work: sorting a large base takes longer than a frame.
-            Action prepare = () => sorted = BaseOrder.Sort(files, BaseBlockFaces);
+            Action prepare = () =>
+            {
+                sorted = BaseOrder.Sort(files, BaseBlockFaces);
+                ground.Prepare(sorted);
+            };
             if (Platform.Aside == null)
             {
                 prepare(); // Its blocks are packed one by one while they are uploaded.
@@ -269,7 +278,7 @@ namespace Terraport.Unity
             options.AutoShow = settings.autoShow;
             options.SpareGpuBytes = (long)budgets.spareGpuMebibytes << 20;
             options.BaseBlockFaces = BaseBlockFaces;
-            Stage = new SceneStage(Stream, Files, renderer, decoders, options);
+            Stage = new SceneStage(Stream, Files, ground, decoders, options);
             Stage.DecodeFailed += (segment, error) => Fault(error);
             Stage.Swapped += swap =>
             {
