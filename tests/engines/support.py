@@ -151,14 +151,22 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "tokens that a function renews": (
         Yes("tests/socket/test_sdk_tokens.py", "test_a_session_outlives_its_tokens"),
-        No("the page asks its user"),
-        No("the game gives another by `Reconnect`"),
-        No("the game gives another by `Reconnect`"),
+        Yes(f"{WEB}/client/link.test.ts", "a refused token that it has renewed is no end"),
+        *both("tests/engines/test_tokens.py", "test_a_session_outlives_its_tokens"),
     ),
     "base hidden by the cover, swap at once": (
         Yes(SDK_LAND, "test_base_and_hidden_faces"),
         Yes("tests/browser/test_landings.py", "test_what_is_drawn_is_what_the_sdk_shows"),
         *both(LAND, "test_what_an_engine_would_draw_is_what_the_python_sdk_shows"),
+    ),
+    "ground under feet and pointers, of what is shown": (
+        No("ask a pick"),
+        Yes(f"{WEB}/three/footing.test.ts", "the ground on a vertical"),
+        Yes("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
+        Yes(
+            "client_sdk/unreal/tests/engine/ground_test.cpp",
+            "boxes change nothing of what rays meet",
+        ),
     ),
     "textures: decoded payload, image's bytes": (
         Yes("tests/socket/test_sdk_textures.py", "test_segments_arrive_with_their_images"),

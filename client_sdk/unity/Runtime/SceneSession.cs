@@ -27,8 +27,11 @@ namespace Terraport.Unity
         // Made here and disposed of here, all of them; the stream and the decoders once the files are loaded.
         private readonly GroundMaterials materials;
         private readonly GroundRenderer renderer;
+        private readonly ShownGround ground;
         private readonly CancellationTokenSource cancel = new CancellationTokenSource();
         private string token;
+        // Asked in place of it; null without.
+        private Func<string> tokenProvider;
         // Null while nothing is loaded. Its continuations run on the main thread, which also polls it.
         private Task<SceneFiles> loading;
         private IDecodeQueue decoders;
@@ -43,10 +46,12 @@ namespace Terraport.Unity
             budgets = settings.ActualBudgets;
             this.url = url;
             this.token = token;
+            tokenProvider = scene.TokenProvider;
             transports = scene.Transports;
             http = scene.Http ?? Platform.MakeHttp();
             materials = new GroundMaterials(scene.DetailMaterial, scene.BaseMaterial, settings.relief);
             renderer = new GroundRenderer(scene.transform, photos, materials, BaseBlockFaces);
+            ground = new ShownGround(renderer);
             renderer.BaseFault += fault => Fault(fault);
             loading = LoadAsync();
         }
@@ -75,6 +80,9 @@ namespace Terraport.Unity
         /// <summary>What it holds on the graphics card, for a display of figures.</summary>
         public GroundRenderer Renderer => renderer;
 
+        /// <summary>What is shown, for rays; nothing before the base is.</summary>
+        public ShownGround Ground => ground;
+
         /// <summary>Whether the files are being loaded.</summary>
         public bool IsLoading => loading != null;
 
@@ -85,7 +93,11 @@ namespace Terraport.Unity
         public void Reconnect(string newToken)
         {
             newToken = string.IsNullOrEmpty(newToken) ? null : newToken;
-            token = newToken ?? token;
+            if (newToken != null)
+            {
+                token = newToken;
+                tokenProvider = null;
+            }
             if (Stream != null)
             {
                 Stream.Reconnect(newToken);
@@ -167,10 +179,14 @@ namespace Terraport.Unity
             CancellationToken cancelled = cancel.Token;
             // The newest version at first; later exactly the one that the session has opened.
             string version = Stage != null && Stage.NeedsFiles ? Stage.NeededVersion : null;
-            SceneFiles files = await SceneLoader.LoadAsync(url, token, http, null, cancelled, version, Platform.Aside);
+            SceneFiles files = await SceneLoader.LoadAsync(url, tokenProvider == null ? token : tokenProvider(), http, null, cancelled, version, Platform.Aside);
             SceneFiles sorted = null;
             // Aside with the rest of the work: sorting a large base takes longer than a frame.
-            Action prepare = () => sorted = BaseOrder.Sort(files, BaseBlockFaces);
+            Action prepare = () =>
+            {
+                sorted = BaseOrder.Sort(files, BaseBlockFaces);
+                ground.Prepare(sorted);
+            };
             if (Platform.Aside == null)
             {
                 prepare(); // Its blocks are packed one by one while they are uploaded.
@@ -262,7 +278,7 @@ namespace Terraport.Unity
             options.AutoShow = settings.autoShow;
             options.SpareGpuBytes = (long)budgets.spareGpuMebibytes << 20;
             options.BaseBlockFaces = BaseBlockFaces;
-            Stage = new SceneStage(Stream, Files, renderer, decoders, options);
+            Stage = new SceneStage(Stream, Files, ground, decoders, options);
             Stage.DecodeFailed += (segment, error) => Fault(error);
             Stage.Swapped += swap =>
             {
@@ -280,6 +296,7 @@ namespace Terraport.Unity
             // A server's address stands for its only scene, which the files have named.
             options.SceneUrl = address.Scene != null ? url : address.ScenesUrl + "/" + Uri.EscapeDataString(Files.Manifest.Id);
             options.Token = string.IsNullOrEmpty(token) ? null : token; // An empty field of a form is no token.
+            options.TokenProvider = tokenProvider;
             Budgets bounds = new Budgets();
             // Sent to the server, which then cuts the plan: nothing is sent that would not be shown.
             bounds.MaxTriangles = budgets.maxTriangles;

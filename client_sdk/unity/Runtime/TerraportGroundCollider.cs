@@ -10,7 +10,7 @@ namespace Terraport.Unity
     /// </summary>
     /// <remarks>
     /// It is the base that is solid, hidden faces too, and not the detail, which stands at most the scene's deviation from it nearly
-    /// everywhere: ask <see cref="TerraportScene.Pick(Vector3)"/> for the height to stand on.
+    /// everywhere: ask <see cref="TerraportScene.GroundAt"/> for the height to stand on.
     /// </remarks>
     [AddComponentMenu("Terraport/Terraport Ground Collider")]
     [RequireComponent(typeof(TerraportScene))]

@@ -116,6 +116,16 @@ namespace Terraport.Unity
             }
         }
 
+        /// <summary>
+        /// Asked for the present token before each connection and each loading, in place of <see cref="Token"/>: a session then outlives
+        /// its tokens. Null without. Counts when it is opened.
+        /// </summary>
+        /// <remarks>
+        /// Called on the main thread and on the stream's: it returns at once what it has, and touches nothing of the engine. Ask your
+        /// server for the next token before the present one ends.
+        /// </remarks>
+        public Func<string> TokenProvider { get; set; }
+
         /// <summary>How it is loaded and drawn. Counts when it is opened, frame budget apart.</summary>
         public TerraportSettings Settings => settings;
 
@@ -290,9 +300,14 @@ namespace Terraport.Unity
         }
 
         /// <summary>Connect now, perhaps with another token: after the connection was closed for good, or to cut a wait short.</summary>
+        /// <remarks>A token that is given here stands for <see cref="TokenProvider"/> from now on.</remarks>
         public void Reconnect(string newToken = null)
         {
-            token = newToken ?? token;
+            if (!string.IsNullOrEmpty(newToken))
+            {
+                token = newToken;
+                TokenProvider = null;
+            }
             if (session == null)
             {
                 Open();

@@ -91,6 +91,7 @@ namespace Terraport.Tools
                     double end = Now() + step.Numbers[0];
                     Until(step, () => Now() >= end);
                     break;
+                case "stand": staged.Stand(step.Position(0)); break;
                 case "reconnect":
                     closedCode = null;
                     stream.Reconnect(step.Argument.Length == 0 ? null : step.Argument);

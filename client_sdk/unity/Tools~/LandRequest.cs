@@ -1,6 +1,7 @@
 using System;
 using System.Collections.Generic;
 using System.Globalization;
+using System.IO;
 
 namespace Terraport.Tools
 {
@@ -8,11 +9,12 @@ namespace Terraport.Tools
     internal sealed class LandRequest
     {
         public const string Usage = "usage: land --scene URL [--NAME VALUE ...] STEP ...\n"
-            + "  --token T  --max-triangles N  --max-bytes N  --max-segments N\n"
+            + "  --token T  --token-file PATH (read anew for each connection)  --max-triangles N  --max-bytes N  --max-segments N\n"
             + "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
             + "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
             + "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
-            + "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n";
+            + "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n"
+            + "       stand:X,Y,Z  (staged: the height of the ground that is shown there, and its segment)\n";
 
         private LandRequest()
         {
@@ -66,6 +68,7 @@ namespace Terraport.Tools
             {
                 case "scene": Stream.SceneUrl = value; break;
                 case "token": Stream.Token = value; break;
+                case "token-file": Stream.TokenProvider = () => File.ReadAllText(value).Trim(); break;
                 case "max-triangles": Stream.Budgets.MaxTriangles = Whole(value); break;
                 case "max-bytes": Stream.Budgets.MaxBytes = Whole(value); break;
                 case "max-segments": Stream.Budgets.MaxSegments = Whole(value); break;

@@ -27,7 +27,7 @@ namespace Terraport.Tools
         /// <summary>As it was written.</summary>
         public string Text { get; private set; }
 
-        /// <summary>land, start, wait, aim, pick, pause, reconnect.</summary>
+        /// <summary>land, start, wait, aim, pick, stand, pause, reconnect.</summary>
         public string Kind { get; private set; }
 
         /// <summary>What stands behind the colon.</summary>
@@ -48,7 +48,8 @@ namespace Terraport.Tools
                 case "land":
                 case "start":
                 case "aim": minNumbers = 4; break;
-                case "pick": minNumbers = 3; break;
+                case "pick":
+                case "stand": minNumbers = 3; break;
                 case "pause": minNumbers = 1; break;
                 case "wait":
                 case "reconnect": minNumbers = 0; break;

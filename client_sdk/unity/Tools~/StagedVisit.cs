@@ -12,13 +12,16 @@ namespace Terraport.Tools
         private readonly RecordingRenderer renderer = new RecordingRenderer();
         private readonly DecodeThreads decoders;
         private readonly SceneStage stage;
+        private readonly ShownGround ground;
+        private readonly JsonText feet = new JsonText();
 
         public StagedVisit(ISceneStream stream, StreamOptions options)
         {
             SceneFiles files = SceneLoader.LoadAsync(options.SceneUrl, options.Token).GetAwaiter().GetResult();
             // Small blocks and two threads: a small scene then has many blocks and decodes that overtake each other.
             decoders = new DecodeThreads(2);
-            stage = new SceneStage(stream, files, renderer, decoders, new StageOptions { BaseBlockFaces = 16 });
+            ground = new ShownGround(renderer);
+            stage = new SceneStage(stream, files, ground, decoders, new StageOptions { BaseBlockFaces = 16 });
         }
 
         /// <summary>Whether the newest landing is what is drawn.</summary>
@@ -31,6 +34,18 @@ namespace Terraport.Tools
         /// <summary>One frame of the engine.</summary>
         public void Frame() { stage.Update(FrameMs); }
 
+        /// <summary>Stand at a place: notes the height of the ground and its segment there; null where there is none.</summary>
+        public void Stand(Vec3 position)
+        {
+            GroundPoint point;
+            if (!ground.At(position, out point))
+            {
+                feet.Null();
+                return;
+            }
+            feet.Open('[').Value(point.Position.Y).Value(point.Segment.HasValue ? (long)point.Segment.Value : -1).Close(']');
+        }
+
         /// <summary>What is drawn, and what happened: one JSON object.</summary>
         public string Describe()
         {
@@ -38,7 +53,8 @@ namespace Terraport.Tools
             json.Open('{').Key("visible").Values(renderer.Shown).Key("hidden_base_faces").Values(renderer.HiddenFaces);
             json.Key("swaps").Value((long)renderer.Swaps).Key("digest").Value(stage.VisibleDigest).Key("faults").Open('[');
             foreach (string fault in renderer.Faults) json.Value(fault);
-            return json.Close(']').Close('}').ToString();
+            string text = json.Close(']').Close('}').ToString();
+            return text.Substring(0, text.Length - 1) + ",\"feet\":[" + feet + "]}";
         }
     }
 }

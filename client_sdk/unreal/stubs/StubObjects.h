@@ -114,5 +114,23 @@ private:
 	std::function<void(Args...)> Bound;
 };
 
+/// One that answers. The engine's is bound to a UFUNCTION by its name; here to a function.
+template <typename Answer>
+class TAnsweringDelegate
+{
+public:
+	template <typename Functor>
+	void BindLambda(Functor&& Listener)
+	{
+		Bound = std::forward<Functor>(Listener);
+	}
+	bool IsBound() const { return bool(Bound); }
+	Answer Execute() const { return Bound(); }
+
+private:
+	std::function<Answer()> Bound;
+};
+
+#define DECLARE_DYNAMIC_DELEGATE_RetVal(Answer, Name) using Name = TAnsweringDelegate<Answer>
 #define DECLARE_DYNAMIC_MULTICAST_DELEGATE(Name) using Name = TMulticastDelegate<>
 #define DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(Name, Type, Parameter) using Name = TMulticastDelegate<Type>

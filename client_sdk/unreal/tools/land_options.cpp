@@ -2,13 +2,14 @@
 
 #include <cstdio>
 #include <cstdlib>
+#include <fstream>
 
 namespace terraport::tools {
 namespace {
 
 const char* const kUsage =
     "usage: terraport-land --scene URL [--NAME VALUE ...] STEP ...\n"
-    "  --token T  --max-triangles N  --max-bytes N  --max-segments N\n"
+    "  --token T  --token-file PATH (read anew for each connection)  --max-triangles N  --max-bytes N  --max-segments N\n"
     "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
     "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
     "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
@@ -21,6 +22,12 @@ bool setOption(LandRequest& request, const std::string& name, const std::string&
     stream.sceneUrl = value;
   } else if (name == "token") {
     stream.token = value;
+  } else if (name == "token-file") {
+    stream.tokenProvider = [value] {
+      std::string token;
+      std::ifstream(value) >> token;
+      return token;
+    };
   } else if (name == "max-triangles") {
     stream.budgets.maxTriangles = whole();
   } else if (name == "max-bytes") {

@@ -46,7 +46,7 @@ namespace Terraport
 
         /// <summary>
         /// Connect now: after <see cref="LinkPhase.Closed"/>, or to cut a wait short. Null keeps the token; another token makes
-        /// a new connection in any case, with everything held.
+        /// a new connection in any case, with everything held, and stands for a <see cref="StreamOptions.TokenProvider"/> from now on.
         /// </summary>
         void Reconnect(string token = null);
 

@@ -37,11 +37,13 @@ namespace Terraport
         private readonly Outgoing outgoing;
         // Spreads the waits of many clients; not for secrets.
         private readonly Random random = new Random();
-        private string token;
+        private readonly Access access;
         // Null between two connections. Every connection has a transport of its own.
         private ITransport transport;
         // Whether hello has been put into the session's outbox on this connection.
         private bool isGreeted;
+        // By any connection: a service that never knew the token needs no second attempt with another.
+        private bool wasEverWelcomed;
         private bool offersInHello = true;
         private bool isClosed;
         private int attempt;
@@ -60,7 +62,7 @@ namespace Terraport
         {
             this.session = session;
             this.settings = settings;
-            token = settings.Token;
+            access = new Access(settings.Token, settings.TokenProvider);
             outgoing = new Outgoing();
         }
 
@@ -147,8 +149,7 @@ namespace Terraport
         {
             if (isClosed) return;
             // The same token again is no reason to cut a connection that works.
-            bool isNewer = newToken != null && newToken != token;
-            if (isNewer) token = newToken;
+            bool isNewer = access.Replace(newToken);
             if (transport != null && !isNewer) return;
             Detach(Closes.Normal, "");
             attempt = 0;
@@ -178,6 +179,17 @@ namespace Terraport
             awaitsSinceMs = Never;
             outgoing.Begin(nowMs);
             PublishLink(new LinkState { Phase = LinkPhase.Connecting, Attempt = attempt });
+            string token;
+            try
+            {
+                token = access.Show();
+            }
+            catch (Exception error)
+            {
+                // It asked a server of its own, perhaps, over the line that is down: as temporary as that.
+                OnLost(Closes.Abnormal, "the token's function failed: " + error.Message, nowMs);
+                return;
+            }
             transport = settings.Transports.Create();
             transport.Changed = settings.Changed;
             transport.Open(settings.Url, new[] { WireLimits.Subprotocol }, token);
@@ -243,6 +255,7 @@ namespace Terraport
                 if (next.Kind == StreamEventKind.Opened)
                 {
                     welcomedMs = nowMs;
+                    wasEverWelcomed = true;
                     outgoing.Allow(session.Limits.MaxMessagesPerS, nowMs);
                     PublishLink(new LinkState { Phase = LinkPhase.Open });
                 }
@@ -292,7 +305,9 @@ namespace Terraport
                 Message = refusalMessage ?? (string.IsNullOrEmpty(reason) ? TextOf(closeCode) : reason),
             };
             // For good: with this token, or at all, it would be refused again. Picks would wait for ever.
-            if (Closes.After(closeCode) != AfterClose.Again)
+            AfterClose after = Closes.After(closeCode);
+            bool isRenewed = after == AfterClose.Token && wasEverWelcomed && access.HasNewer();
+            if (after != AfterClose.Again && !isRenewed)
             {
                 state.Phase = LinkPhase.Closed;
                 session.RefusePicks(state.Code, state.Message);

@@ -11,6 +11,9 @@ namespace Terraport
         /// <summary>Bearer token of the first connection; null without one. A reconnect may bring another.</summary>
         internal string Token { get; set; }
 
+        /// <summary>Asked for the token of each connection in place of <see cref="Token"/>; null without.</summary>
+        internal Func<string> TokenProvider { get; set; }
+
         /// <summary>Makes the transport of every attempt.</summary>
         internal ITransportFactory Transports { get; set; }
 

@@ -47,6 +47,7 @@ namespace Terraport
                 new LinkSettings {
                     Url = new Uri(SceneUrl.Parse(options.SceneUrl).StreamUrl),
                     Token = options.Token,
+                    TokenProvider = options.TokenProvider,
                     Transports = transports ?? new WebSocketTransportFactory(),
                     OnEvent = Publish,
                     Changed = changed,

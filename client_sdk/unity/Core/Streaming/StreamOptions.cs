@@ -1,3 +1,5 @@
+using System;
+
 namespace Terraport
 {
     /// <summary>What a stream is opened with. Set it up, then do not change it while a stream uses it.</summary>
@@ -14,6 +16,16 @@ namespace Terraport
 
         /// <summary>Bearer token; null for a server that asks for none. Never part of a URL.</summary>
         public string Token { get; set; }
+
+        /// <summary>
+        /// Asked for the present token before each connection, and once more where that was refused after a welcome: with another
+        /// one the session goes on, with everything held. Null takes <see cref="Token"/> alone.
+        /// </summary>
+        /// <remarks>
+        /// Called on the thread that pumps the stream, of a <see cref="ThreadedStream"/> that is its own; it must not wait. An
+        /// exception counts as a connection that did not come about.
+        /// </remarks>
+        public Func<string> TokenProvider { get; set; }
 
         /// <summary>Hard bounds of every landing; null for none. Kept, not copied: do not change it while a stream uses it.</summary>
         public Budgets Budgets { get; set; }

@@ -162,6 +162,79 @@ namespace Terraport.Tests
         }
 
         [Test]
+        public void AFunctionGivesEachConnectionItsTokenAndARefusedOneMayBeRenewed()
+        {
+            string present = "first";
+            int asked = 0;
+            SceneStream stream = Network.Stream(options => options.TokenProvider = () =>
+            {
+                asked++;
+                return present;
+            });
+            stream.Land(Middle, 3);
+            Pump(stream);
+            Assert.AreEqual("first", Network.Last.Token);
+            Assert.AreEqual(1, asked);
+            // It ends: there is another by now, so it is waited for as after any loss, and nothing comes twice.
+            present = "second";
+            int arrived = Of(StreamEventKind.Arrived).Count;
+            Network.Last.Break(4401);
+            Pump(stream);
+            Assert.AreEqual(LinkPhase.Waiting, Links().Last().Phase);
+            Assert.AreEqual("unauthorised", Links().Last().Code);
+            Network.NowMs += 500;
+            Pump(stream);
+            Assert.AreEqual("second", Network.Last.Token);
+            stream.Land(Middle, 3);
+            Pump(stream);
+            Assert.AreEqual(2, Of(StreamEventKind.Ready).Count);
+            Assert.AreEqual(arrived, Of(StreamEventKind.Arrived).Count);
+            // The same again is no other: closed for good.
+            Network.Last.Break(4401);
+            Pump(stream);
+            Assert.AreEqual(LinkPhase.Closed, Links().Last().Phase);
+            // Whoever gives one by hand is not overruled.
+            stream.Reconnect("by hand");
+            Pump(stream);
+            Assert.AreEqual("by hand", Network.Last.Token);
+            Assert.AreEqual(LinkPhase.Open, Links().Last().Phase);
+        }
+
+        [Test]
+        public void AServiceThatNeverKnewTheTokenIsNotAskedAgain()
+        {
+            int asked = 0;
+            Network.RefuseWith = 4401;
+            SceneStream stream = Network.Stream(options => options.TokenProvider = () => (++asked).ToString());
+            Pump(stream);
+            Network.NowMs += 1e6;
+            Pump(stream);
+            Assert.AreEqual(LinkPhase.Closed, Links().Last().Phase);
+            Assert.AreEqual(1, Network.Connections.Count);
+            Assert.AreEqual(1, asked);
+        }
+
+        [Test]
+        public void AFunctionThatFailsIsALineThatIsDown()
+        {
+            bool fails = true;
+            SceneStream stream = Network.Stream(options => options.TokenProvider = () =>
+            {
+                if (fails) throw new InvalidOperationException("no login");
+                return "present";
+            });
+            Pump(stream);
+            Assert.AreEqual(LinkPhase.Waiting, Links().Last().Phase);
+            StringAssert.Contains("no login", Links().Last().Message);
+            Assert.AreEqual(0, Network.Connections.Count);
+            fails = false;
+            Network.NowMs += 500;
+            Pump(stream);
+            Assert.AreEqual("present", Network.Last.Token);
+            Assert.AreEqual(LinkPhase.Open, Links().Last().Phase);
+        }
+
+        [Test]
         public void AnOfferThatIsTooLargeIsMadeAfterTheWelcome()
         {
             SceneStream stream = Network.Stream();

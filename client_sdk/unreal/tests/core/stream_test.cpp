@@ -240,6 +240,57 @@ TEST_CASE("stream: is closed for good where the server says so, and tells whoeve
   CHECK(setting.network->opened == 4);
 }
 
+TEST_CASE("stream: a function gives each connection its token, and a refused one may be renewed") {
+  std::string present = "first";
+  int asked = 0;
+  StreamOptions options;
+  options.tokenProvider = [&present, &asked] {
+    asked += 1;
+    return present;
+  };
+  Setting setting(options);
+  setting.stream->land(kMiddle, 4, {});
+  setting.run(50);
+  CHECK(setting.network->token == "first");
+  CHECK(asked == 1);
+  // It ends: there is another by now, so it is waited for as after any loss, and nothing comes twice.
+  present = "second";
+  const std::size_t arrived = setting.of(EventKind::Arrived).size();
+  setting.network->breaksWith = 4401;
+  setting.run(10);
+  CHECK(setting.link().phase == LinkPhase::Waiting);
+  CHECK(setting.link().code == "unauthorised");
+  setting.run(500);
+  CHECK(setting.network->token == "second");
+  CHECK(setting.link().phase == LinkPhase::Open);
+  setting.stream->land(kMiddle, 4, {});
+  setting.run(50);
+  CHECK(setting.of(EventKind::Ready).size() == 2);
+  CHECK(setting.of(EventKind::Arrived).size() == arrived);
+  // The same again is no other: closed for good.
+  setting.network->breaksWith = 4401;
+  setting.run(60000, 100);
+  CHECK(setting.link().phase == LinkPhase::Closed);
+  CHECK(setting.network->opened == 2);
+  // Whoever gives one by hand is not overruled.
+  setting.stream->reconnect("by hand");
+  setting.run(50);
+  CHECK(setting.network->token == "by hand");
+  CHECK(setting.link().phase == LinkPhase::Open);
+}
+
+TEST_CASE("stream: a service that never knew the token is not asked again, whatever the function gives") {
+  int asked = 0;
+  StreamOptions options;
+  options.tokenProvider = [&asked] { return std::to_string(++asked); };
+  Setting setting(options);
+  setting.network->closesWith = 4401;
+  setting.run(60000, 100);
+  CHECK(setting.network->opened == 1);
+  CHECK(asked == 1);
+  CHECK(setting.link().phase == LinkPhase::Closed);
+}
+
 TEST_CASE("stream: a server that breaks the protocol is left with 4400") {
   Setting setting;
   setting.run(20);

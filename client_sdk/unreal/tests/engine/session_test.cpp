@@ -21,13 +21,20 @@ class FUnreachableRequest final : public IHttpRequest
 public:
 	virtual void SetURL(const FString& InUrl) override { Url = InUrl; }
 	virtual void SetVerb(const FString&) override {}
-	virtual void SetHeader(const FString&, const FString&) override {}
+	virtual void SetHeader(const FString& Name, const FString& Value) override
+	{
+		if (Name == FString(TEXT("Authorization")))
+		{
+			Authorization = Value;
+		}
+	}
 	virtual bool ProcessRequest() override { return false; }
 	virtual void CancelRequest() override {}
 	virtual FHttpRequestCompleteDelegate& OnProcessRequestComplete() override { return Complete; }
 	virtual FHttpRequestProgressDelegate64& OnRequestProgress64() override { return Progress; }
 
 	FString Url;
+	FString Authorization;
 	FHttpRequestCompleteDelegate Complete;
 	FHttpRequestProgressDelegate64 Progress;
 };
@@ -121,6 +128,23 @@ TEST_CASE("an unreachable server is no end, and the next attempt reads the addre
 	REQUIRE(Stand.Requests.size() == 2);
 	CHECK(Stand.Requests[0]->Url == FString(TEXT("http://first/scenes/quarry")));
 	CHECK(Stand.Requests[1]->Url == FString(TEXT("http://second/scenes/quarry")));
+}
+
+TEST_CASE("a token provider is asked for each loading, until a token is given by hand")
+{
+	FSessionStand Stand;
+	int Asked = 0;
+	Stand.Settings.Token = "fixed";
+	Stand.Settings.TokenProvider = [&Asked] { return "present " + std::to_string(++Asked); };
+	Stand.Open();
+	Stand.Session->Tick();
+	Stand.Session->Reconnect("");
+	Stand.Session->Tick();
+	Stand.Session->Reconnect("by hand");
+	REQUIRE(Stand.Requests.size() == 3);
+	CHECK(Stand.Requests[0]->Authorization == FString(TEXT("Bearer present 1")));
+	CHECK(Stand.Requests[1]->Authorization == FString(TEXT("Bearer present 2")));
+	CHECK(Stand.Requests[2]->Authorization == FString(TEXT("Bearer by hand")));
 }
 
 TEST_CASE("a session keeps its materials from the collector until its end, the fallback where none is chosen")

@@ -369,10 +369,17 @@ export interface StreamStats {
   readonly usedPrefetchedBytes: number;
 }
 
+/**
+ * A bearer token, or what gives the present one: asked before each connection, and once more where that was refused after a
+ * welcome: with another one the session goes on, with everything held. It may ask the page's own server; where it fails, or
+ * takes more than 10 s, that counts as a connection that did not come about.
+ */
+export type Token = string | (() => string | Promise<string>);
+
 export interface StreamOptions {
   /** http(s) URL ending in /scenes/{id}. */
   readonly sceneUrl: string;
-  readonly token?: string;
+  readonly token?: Token;
   readonly budgets: Budgets;
   /** Payload bytes kept in memory beside what is shown. */
   readonly cacheBytes: number;
@@ -400,7 +407,10 @@ export interface Stream {
   /** Decode a held segment; rejects with StreamError where it is not held, or is not a valid payload. */
   mesh(segment: number): Promise<MeshData>;
   stats(): Promise<StreamStats>;
-  /** Connect now, perhaps with another token: after "closed", or to cut a wait short. */
+  /**
+   * Connect now, perhaps with another token: after "closed", or to cut a wait short. One that is given here stands for a
+   * function from now on.
+   */
   reconnect(token?: string): void;
   /** Say bye, free everything. The stream is of no use afterwards. */
   close(): void;

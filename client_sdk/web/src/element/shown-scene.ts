@@ -6,7 +6,7 @@ import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { type DeviceBudgets, openStream } from "../core/index.ts";
 import { defaultRadiusM, waitingOf } from "../core/landing-defaults.ts";
 import { StreamError } from "../core/scene/errors.ts";
-import type { LandOptions, LinkState, SceneFiles, Stream, StreamEvent, Vec3 } from "../core/types.ts";
+import type { LandOptions, LinkState, SceneFiles, Stream, StreamEvent, Token, Vec3 } from "../core/types.ts";
 import { type LandingStatus, Stage } from "../three/index.ts";
 import { framing, orbitEye } from "../three/orbit-pose.ts";
 
@@ -14,7 +14,7 @@ import { framing, orbitEye } from "../three/orbit-pose.ts";
 export interface ShownSceneOptions {
   readonly canvas: HTMLCanvasElement;
   readonly sceneUrl: string;
-  readonly token?: string | undefined;
+  readonly token?: Token | undefined;
   readonly files: SceneFiles;
   readonly budgets: DeviceBudgets;
   readonly loadFiles: (version: string) => Promise<SceneFiles>;

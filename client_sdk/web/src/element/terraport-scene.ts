@@ -1,7 +1,7 @@
 /** `<terraport-scene src token at radius mode>`: a scene in any page, walked by clicks. */
 
 import { budgetsFor, loadSceneInWorker, StreamError } from "../core/index.ts";
-import type { LandOptions, SceneManifest, Vec3 } from "../core/types.ts";
+import type { LandOptions, SceneManifest, Token, Vec3 } from "../core/types.ts";
 import type { LandingStatus, Stage } from "../three/index.ts";
 import { keyOfMode, modeOfKey, modesOf } from "../three/view-modes.ts";
 import { ShownScene } from "./shown-scene.ts";
@@ -33,7 +33,8 @@ const REMARK_MS = 5000;
  *
  * Attributes: `src`, a scene's URL, ending in `/scenes/ID`; `token`; `at`, "x y z", where to land first; `radius` of
  * landings, metres (default: by the scene and the device); `mode`, how the ground is coloured: `colour`, `regions`, `slope`,
- * `attribute:NAME`. All may change at any time; another `src` or `token` opens anew.
+ * `attribute:NAME`. All may change at any time; another `src` or `token` opens anew. Tokens that end are renewed by the
+ * property `tokenSource`.
  *
  * It has the size that the page gives it, draws only when something changes and somebody can see it, and frees all when it
  * is taken out of the page.
@@ -54,6 +55,7 @@ export class TerraportScene extends HTMLElement {
   #manifest: SceneManifest | null = null;
   #opening: AbortController | null = null;
   #remarkTimer: number | null = null;
+  #tokenSource: (() => string | Promise<string>) | null = null;
 
   constructor() {
     super();
@@ -79,6 +81,20 @@ export class TerraportScene extends HTMLElement {
   /** What is known of the scene; null until it is open. */
   get manifest(): SceneManifest | null {
     return this.#manifest;
+  }
+
+  /**
+   * Asked for the present token before each connection and each loading, in place of the attribute `token`; a scene then
+   * outlives its tokens. Null without. Another one opens anew.
+   */
+  get tokenSource(): (() => string | Promise<string>) | null {
+    return this.#tokenSource;
+  }
+
+  set tokenSource(source: (() => string | Promise<string>) | null) {
+    if (source === this.#tokenSource) return;
+    this.#tokenSource = source;
+    if (this.isConnected) void this.#open();
   }
 
   /**
@@ -120,10 +136,10 @@ export class TerraportScene extends HTMLElement {
     const opening = new AbortController();
     this.#opening = opening;
     const { signal } = opening;
-    const token = this.getAttribute("token") ?? undefined;
-    const loadFiles = (version?: string) =>
+    const token: Token | undefined = this.#tokenSource ?? this.getAttribute("token") ?? undefined;
+    const loadFiles = async (version?: string) =>
       loadSceneInWorker(src, {
-        token,
+        token: typeof token === "function" ? await token() : token,
         version,
         signal,
         onProgress: (done, total) => {

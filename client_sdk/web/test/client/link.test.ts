@@ -5,7 +5,8 @@ import { Link } from "../../src/core/client/link.ts";
 import { Outgoing } from "../../src/core/client/outgoing.ts";
 import type { SessionEvent } from "../../src/core/session/events.ts";
 import { ClientSession } from "../../src/core/session/session.ts";
-import type { LinkState } from "../../src/core/types.ts";
+import type { LinkState, Token } from "../../src/core/types.ts";
+import { tokenSubprotocol } from "../../src/core/wire/codec.ts";
 import { AnsweringServer } from "./answering-server.ts";
 import { MIDDLE, ToyScene, toyHash } from "./toy-scene.ts";
 
@@ -74,16 +75,20 @@ beforeEach(() => {
   events = [];
   const options = { client: "t", budgets: {}, creditBytes: 1 << 20 } as const;
   session = new ClientSession(options, 1 << 20, toyHash);
-  link = new Link({
+  link = linkWith("t0ken/+");
+  link.start();
+});
+
+function linkWith(token: Token): Link {
+  return new Link({
     session,
     url: "ws://h/scenes/toy/stream",
-    token: "t0ken/+",
+    token,
     WebSocket: StandInSocket as unknown as typeof WebSocket,
     handle: (sessionEvents) => events.push(...sessionEvents),
     onLinkState: (state) => linkStates.push(state),
   });
-  link.start();
-});
+}
 
 afterEach(() => {
   link.leave();
@@ -214,6 +219,105 @@ describe("reconnect", () => {
     link.reconnect("third");
     expect(StandInSocket.all.length).toBe(3);
     expect(StandInSocket.all[1]?.closed).toEqual([1000]);
+  });
+});
+
+describe("a function of tokens", () => {
+  let present: string;
+  let asked: number;
+  let source: () => string | Promise<string>;
+
+  async function settle(ms = 0): Promise<void> {
+    await vi.advanceTimersByTimeAsync(ms);
+  }
+
+  function shown(): string | undefined {
+    return newest().protocols[1];
+  }
+
+  beforeEach(async () => {
+    link.leave();
+    StandInSocket.all = [];
+    linkStates = [];
+    present = "first";
+    asked = 0;
+    source = () => present;
+    link = linkWith(() => {
+      asked += 1;
+      return source();
+    });
+    link.start();
+    await settle();
+  });
+
+  test("is asked before each connection, and a refused token that it has renewed is no end", async () => {
+    expect([shown(), asked]).toEqual([tokenSubprotocol("first"), 1]);
+    newest().open();
+    present = "second";
+    newest().lose(4401);
+    await settle();
+    expect(linkStates.at(-1)).toMatchObject({ state: "waiting", code: "unauthorised" });
+    await settle(1000);
+    expect([shown(), StandInSocket.all.length]).toEqual([tokenSubprotocol("second"), 2]);
+    newest().open();
+    newest().lose();
+    present = "third";
+    await settle(1000);
+    expect(shown()).toBe(tokenSubprotocol("third"));
+  });
+
+  test("that has no other is the end, as is a token that was never known", async () => {
+    newest().lose(4401);
+    await settle(60_000);
+    expect([linkStates.at(-1)?.state, asked]).toEqual(["closed", 1]);
+    link.reconnect(undefined);
+    await settle();
+    newest().open();
+    newest().lose(4401);
+    await settle(60_000);
+    expect(linkStates.at(-1)).toMatchObject({ state: "closed", closeCode: 4401 });
+    expect(StandInSocket.all.length).toBe(2);
+  });
+
+  test("that fails, or does not answer in 10 s, is a line that is down", async () => {
+    newest().open();
+    source = () => Promise.reject(new Error("no login"));
+    newest().lose();
+    await settle(600);
+    expect(linkStates.at(-1)).toMatchObject({ state: "waiting", message: "the token's function failed: no login" });
+    let answer = (_token: string): void => undefined;
+    source = () =>
+      new Promise((resolve) => {
+        answer = resolve;
+      });
+    await settle(1000);
+    expect(linkStates.at(-1)).toMatchObject({ state: "connecting" });
+    await settle(10_000);
+    expect(linkStates.at(-1)).toMatchObject({ state: "waiting" });
+    // Too late: the next question is another.
+    answer("late");
+    source = () => "in time";
+    await settle(4000);
+    expect([shown(), StandInSocket.all.length]).toEqual([tokenSubprotocol("in time"), 2]);
+  });
+
+  test("is asked no more once a token was given by hand, or the link has left", async () => {
+    newest().open();
+    let answer = (_token: string): void => undefined;
+    source = () =>
+      new Promise((resolve) => {
+        answer = resolve;
+      });
+    newest().lose();
+    await settle(1000);
+    link.reconnect("by hand");
+    expect(shown()).toBe(tokenSubprotocol("by hand"));
+    answer("late");
+    await settle();
+    expect([StandInSocket.all.length, asked]).toEqual([2, 2]);
+    link.leave();
+    await settle(60_000);
+    expect(StandInSocket.all.length).toBe(2);
   });
 });
 

@@ -199,8 +199,15 @@ void ATerraportScene::Open()
 	{
 		UE_LOG(LogTerraport, Warning, TEXT("%s has a scale other than 1: radii and heights will be wrong"), *GetName());
 	}
+	FTerraportSessionSettings SessionSettings = SettingsOf(*this);
+	if (TokenProvider.IsBound())
+	{
+		SessionSettings.TokenProvider = [Provider = TokenProvider, Fixed = SessionSettings.Token]() {
+			return Provider.IsBound() ? TerraportText::ToUtf8(Provider.Execute()) : Fixed;
+		};
+	}
 	Session = MakeShared<FTerraportSession>(
-		*this, std::make_unique<FSceneHost>(*this), SettingsOf(*this), ReferencedObjects, Backend.ToSharedRef());
+		*this, std::make_unique<FSceneHost>(*this), SessionSettings, ReferencedObjects, Backend.ToSharedRef());
 	if (bLandAtOpen)
 	{
 		bLandAtOpen = false;
@@ -216,6 +223,11 @@ void ATerraportScene::Close()
 	{
 		Last->End();
 	}
+}
+
+void ATerraportScene::SetTokenProvider(FTerraportTokenProvider Provider)
+{
+	TokenProvider = Provider;
 }
 
 void ATerraportScene::Reconnect(const FString& NewToken)

@@ -39,7 +39,7 @@ FTerraportSession::FTerraportSession(AActor& InOwner, std::unique_ptr<ITerraport
 	const FTerraportSessionSettings& Settings, TSet<TObjectPtr<UObject>>& ReferencedObjects,
 	TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
 	: Owner(InOwner), Host(std::move(InHost)), Keeper(ReferencedObjects), Backend(InBackend), Token(Settings.Token),
-	  Budgets(Settings.Budgets),
+	  TokenProvider(Settings.TokenProvider), Budgets(Settings.Budgets),
 	  Colours(Settings.Materials.Colour != nullptr ? Settings.VertexColours : ETerraportVertexColours::Linear)
 {
 	// Worker threads may only look it up.
@@ -182,6 +182,7 @@ void FTerraportSession::Reconnect(const std::string& NewToken)
 	if (!NewToken.empty())
 	{
 		Token = NewToken;
+		TokenProvider = nullptr;
 	}
 	if (Stream)
 	{
@@ -220,7 +221,7 @@ void FTerraportSession::StartLoading()
 {
 	FTerraportFilesRequest Request;
 	Request.Url = TerraportText::ToUtf8(Host->GetSceneUrl());
-	Request.Token = Token;
+	Request.Token = TokenProvider ? TokenProvider() : Token;
 	Request.Version = StreamVersion;
 	Request.BlockFaces = BaseBlockFaces;
 	Request.Colours = Colours;
@@ -320,6 +321,7 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& S
 	terraport::StreamOptions Options;
 	Options.sceneUrl = SceneUrl;
 	Options.token = Token;
+	Options.tokenProvider = TokenProvider;
 	Options.budgets.maxTriangles = uint64(std::max<int64>(Budgets.MaxTriangles, 1));
 	Options.budgets.maxBytes = uint64(std::max(Budgets.MaxPayloadMiB, 1)) * Mebibyte;
 	Options.budgets.maxSegments = uint64(std::max(Budgets.MaxSegments, 1));

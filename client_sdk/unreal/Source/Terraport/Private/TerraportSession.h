@@ -12,6 +12,7 @@
 #include "TerraportSettings.h"
 #include "TerraportTypes.h"
 
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -23,6 +24,8 @@ struct FTerraportSessionSettings
 {
 	/** UTF-8; empty for none. */
 	std::string Token;
+	/** Asked for each connection and each loading in place of it; null without. */
+	std::function<std::string()> TokenProvider;
 	FTerraportBudgets Budgets;
 	/** Payloads decoded at a time; below 1 counts as 1. */
 	int32 DecodeTasks = 1;
@@ -90,6 +93,7 @@ private:
 	FTerraportKeeper Keeper;
 	const TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend;
 	std::string Token;
+	std::function<std::string()> TokenProvider;
 	/** Of the scene, as the connection has it; empty before there was one. */
 	std::string StreamVersion;
 	const FTerraportBudgets Budgets;

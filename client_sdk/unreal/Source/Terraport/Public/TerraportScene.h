@@ -21,6 +21,9 @@ DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportShownEvent, const FTerrapo
 DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportFailedEvent, const FTerraportFailure&, Failure);
 DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportPickedEvent, const FTerraportPick&, Pick);
 
+/** Gives the present token, at once. */
+DECLARE_DYNAMIC_DELEGATE_RetVal(FString, FTerraportTokenProvider);
+
 /**
  * A surveyed place, streamed: the base mesh of everything, and full detail around the last landing.
  *
@@ -163,8 +166,14 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Close();
 
+	/** Ask this for the token before each connection and each loading, in place of Token: a session then outlives its tokens.
+	 * It answers at once with what it has, and calls nothing of the scene; ask your server for the next token before the present
+	 * one ends. Counts when the scene is opened. An unbound delegate, or one whose object is gone, leaves it to Token. */
+	UFUNCTION(BlueprintCallable, Category = "Terraport")
+	void SetTokenProvider(FTerraportTokenProvider Provider);
+
 	/** Connect now: after the link was closed for good, or to cut a wait short. A token that is not empty replaces the present
-	 * one. */
+	 * one, and the token provider. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Reconnect(const FString& NewToken);
 
@@ -231,6 +240,9 @@ public:
 private:
 	UPROPERTY()
 	TObjectPtr<USceneComponent> Root;
+
+	UPROPERTY(Transient)
+	FTerraportTokenProvider TokenProvider;
 
 	/** What plain C++ points to, for the garbage collector. */
 	UPROPERTY(Transient)

@@ -50,8 +50,7 @@ void Link::pump(double nowMs, std::size_t maxBytes) {
 
 void Link::reconnect(const std::string& token) {
   if (isLeft_) return;
-  const bool isNewer = !token.empty() && token != context_.token;
-  if (isNewer) context_.token = token;
+  const bool isNewer = context_.access.replace(token);
   if (!isBegun_ || (transport_ != nullptr && !isNewer)) return;
   drop(kCloseNormal);
   attempt_ = 0;
@@ -86,7 +85,7 @@ void Link::connect() {
   state.attempt = static_cast<std::uint32_t>(attempt_);
   context_.onState(state);
   transport_ = context_.transports.make();
-  transport_->open(context_.url, {kSubprotocol}, context_.token);
+  transport_->open(context_.url, {kSubprotocol}, context_.access.show());
 }
 
 void Link::onOpen() {
@@ -140,6 +139,7 @@ void Link::note(const SessionEvent& event) {
   const StreamEvent& streamEvent = event.stream;
   if (streamEvent.kind == EventKind::Opened) {
     welcomedMs_ = nowMs_;
+    wasEverWelcomed_ = true;
     pacer_ = Pacer(event.limits.maxMessagesPerS, nowMs_);
     LinkState state;
     state.phase = LinkPhase::Open;
@@ -212,7 +212,9 @@ void Link::lost(int closeCode, const std::string& reason) {
   state.closeCode = closeCode;
   state.code = refusal_ ? refusal_->code : codeOfClose(closeCode);
   state.message = refusal_ ? refusal_->message : reason.empty() ? textOf(closeCode) : reason;
-  if (afterClose(closeCode) != AfterClose::Again) {
+  const AfterClose after = afterClose(closeCode);
+  const bool isRenewed = after == AfterClose::Token && wasEverWelcomed_ && context_.access.hasNewer();
+  if (after != AfterClose::Again && !isRenewed) {
     state.phase = LinkPhase::Closed;
     context_.onState(state);
     return;

@@ -2,6 +2,7 @@
 // clock. Section numbers are those of `spec/wire-protocol.md`.
 #pragma once
 
+#include "Access.h"
 #include "LinkPacer.h"
 #include "Session.h"
 #include "SessionEvents.h"
@@ -25,7 +26,7 @@ class Link {
     TransportFactory& transports;
     /// `ws(s)://.../stream`.
     std::string url;
-    std::string token;
+    Access access;
     /// A number in [0, 1), another one each time.
     std::function<double()> chance;
     /// Takes the session's events, one by one in order.
@@ -77,6 +78,8 @@ class Link {
   bool isBegun_ = false;
   bool isLeft_ = false;
   bool isGreeted_ = false;
+  /// By any connection: a service that never knew the token needs no second attempt with another.
+  bool wasEverWelcomed_ = false;
   /// The error that the server gave as reason for the close which follows.
   std::optional<Refusal> refusal_;
   std::optional<double> firstWaitMs_;

@@ -9,10 +9,11 @@ import { waitMs } from "../session/backoff.ts";
 import type { SessionEvent } from "../session/events.ts";
 import type { ClientSession } from "../session/session.ts";
 import { ProtocolViolation } from "../session/violation.ts";
-import type { LinkState } from "../types.ts";
+import type { LinkState, Token } from "../types.ts";
 import { tokenSubprotocol } from "../wire/codec.ts";
 import { afterClose, codeOfClose } from "../wire/errors.ts";
 import { CLOSE_CODES, SUBPROTOCOL } from "../wire/messages.generated.ts";
+import { Access } from "./access.ts";
 import { Outgoing } from "./outgoing.ts";
 
 /** Between two aims: a hand moves faster, but ten plans a second are enough to prefetch by. */
@@ -38,7 +39,7 @@ export interface LinkOptions {
   readonly session: ClientSession;
   /** `ws(s)://.../stream`. */
   readonly url: string;
-  readonly token: string | undefined;
+  readonly token: Token | undefined;
   readonly WebSocket: typeof WebSocket;
   /** Takes the session's events, in order. */
   readonly handle: (events: readonly SessionEvent[]) => void;
@@ -50,8 +51,11 @@ export interface LinkOptions {
 export class Link {
   readonly #options: LinkOptions;
   readonly #outgoing: Outgoing;
-  #token: string | undefined;
+  readonly #access: Access;
   #socket: WebSocket | null = null;
+  /** Number of the question for a token that is waited for; null where none is. */
+  #question: number | null = null;
+  #questions = 0;
   #attempt = 0;
   #offerHeld = true;
   #begun = false;
@@ -60,6 +64,8 @@ export class Link {
   #refusal: { readonly code: string; readonly message: string } | null = null;
   #firstWaitMs: number | null = null;
   #welcomedMs: number | null = null;
+  /** By any connection: a service that never knew the token needs no second attempt with another. */
+  #wasWelcomed = false;
   #heardMs = 0;
   #owedSinceMs: number | null = null;
   #nextAimMs = 0;
@@ -70,7 +76,7 @@ export class Link {
 
   constructor(options: LinkOptions) {
     this.#options = options;
-    this.#token = options.token;
+    this.#access = new Access(options.token);
     this.#outgoing = new Outgoing(
       (data) => this.#socket?.send(data),
       () => this.pump(),
@@ -102,9 +108,9 @@ export class Link {
   /** Connect now, unless there is a connection already; another token makes a new one in any case. */
   reconnect(token: string | undefined): void {
     if (this.#hasLeft) return;
-    const newer = token !== undefined && token !== this.#token;
-    if (newer) this.#token = token;
-    if (!this.#begun || (this.#socket !== null && !newer)) return;
+    const newer = this.#access.replace(token);
+    const connects = this.#socket !== null || this.#question !== null;
+    if (!this.#begun || (connects && !newer)) return;
     this.#drop(NORMAL);
     this.#attempt = 0;
     this.#firstWaitMs = null;
@@ -128,9 +134,42 @@ export class Link {
     this.#refusal = null;
     this.#welcomedMs = null;
     this.#options.onLinkState({ state: "connecting", attempt: this.#attempt });
+    const token = this.#access.show();
+    if (token instanceof Promise) this.#ask(token, (present) => this.#dial(present));
+    else this.#dial(token);
+  }
+
+  /**
+   * Go on with what a token's function answers. Where it fails the connection is lost: it asked a server of its own, perhaps,
+   * over the line that is down. An answer that comes after the link has moved on is dropped.
+   */
+  #ask<Answer>(asked: Promise<Answer>, use: (answer: Answer) => void): void {
+    this.#questions += 1;
+    const question = this.#questions;
+    this.#question = question;
+    clearTimeout(this.#welcomeTimer);
+    this.#welcomeTimer = setTimeout(
+      () => this.#lost(ABNORMAL, "the token's function did not answer in time"),
+      CONNECT_MS,
+    );
+    asked.then(
+      (answer) => {
+        if (this.#question !== question) return;
+        this.#question = null;
+        clearTimeout(this.#welcomeTimer);
+        use(answer);
+      },
+      (error: unknown) => {
+        if (this.#question !== question) return;
+        this.#lost(ABNORMAL, `the token's function failed: ${error instanceof Error ? error.message : String(error)}`);
+      },
+    );
+  }
+
+  #dial(token: string | undefined): void {
     const { session, url } = this.#options;
     const protocols: string[] = [SUBPROTOCOL];
-    if (this.#token !== undefined) protocols.push(tokenSubprotocol(this.#token));
+    if (token !== undefined) protocols.push(tokenSubprotocol(token));
     const socket = this.#opened(url, protocols);
     if (socket === null) return;
     this.#socket = socket;
@@ -189,6 +228,7 @@ export class Link {
     if (event.type === "opened") {
       clearTimeout(this.#welcomeTimer);
       this.#welcomedMs = performance.now();
+      this.#wasWelcomed = true;
       this.#outgoing.allow(event.limits.max_messages_per_s);
       this.#options.onLinkState({ state: "open" });
     } else if (event.type === "ready") {
@@ -228,12 +268,12 @@ export class Link {
   }
 
   #lost(closeCode: number, reason: string): void {
-    if (this.#socket === null || this.#hasLeft) return;
+    if ((this.#socket === null && this.#question === null) || this.#hasLeft) return;
     this.#drop(NORMAL);
     // What the loss did to landings is told before the loss itself.
     this.#report();
     // Whoever was told may have left, or connected again.
-    if (this.#hasLeft || this.#socket !== null) return;
+    if (this.#hasLeft || this.#socket !== null || this.#question !== null) return;
     if (this.#retriesWithoutHeld()) {
       this.#connect();
       return;
@@ -242,15 +282,24 @@ export class Link {
     if (livedMs >= STABLE_MS) this.#attempt = 0;
     const code = this.#refusal?.code ?? codeOfClose(closeCode);
     const message = this.#refusal?.message ?? (reason || textOf(closeCode));
-    if (afterClose(closeCode) !== "again") {
-      this.#options.onLinkState({ state: "closed", closeCode, code, message });
-      return;
-    }
+    const after = afterClose(closeCode);
+    const end = { closeCode, code, message };
+    if (after === "again") this.#retry(end);
+    else if (after === "token" && this.#wasWelcomed && this.#access.isRenewed) {
+      this.#ask(this.#access.hasNewer(), (newer) => {
+        if (newer) this.#retry(end);
+        else this.#options.onLinkState({ state: "closed", ...end });
+      });
+    } else this.#options.onLinkState({ state: "closed", ...end });
+  }
+
+  /** Connect again, after a while. */
+  #retry(end: { readonly closeCode: number; readonly code: string; readonly message: string }): void {
     // What a draining server asked for holds once; else longer from attempt to attempt, scattered by chance.
     const retryInMs = this.#firstWaitMs ?? waitMs(Math.max(0, this.#attempt - 1), Math.random());
     this.#firstWaitMs = null;
     this.#retryTimer = setTimeout(() => this.#connect(), retryInMs);
-    this.#options.onLinkState({ state: "waiting", attempt: this.#attempt + 1, retryInMs, closeCode, code, message });
+    this.#options.onLinkState({ state: "waiting", attempt: this.#attempt + 1, retryInMs, ...end });
   }
 
   /** Offer nothing in hello from now on if the server found that too large; once. */
@@ -264,6 +313,7 @@ export class Link {
   #drop(closeCode: number): void {
     const socket = this.#socket;
     this.#socket = null;
+    this.#question = null;
     for (const timer of [this.#welcomeTimer, this.#aimTimer, this.#retryTimer]) clearTimeout(timer);
     this.#aimTimer = undefined;
     clearInterval(this.#watch);

@@ -13,7 +13,7 @@ import type {
   Vec3,
 } from "../types.ts";
 import { sharedNowMs } from "./clock.ts";
-import { receivedError, workerFailure } from "./worker-errors.ts";
+import { receivedError, sentError, workerFailure } from "./worker-errors.ts";
 import type { StreamAnswer, StreamCommand, StreamMessage, StreamQuestion } from "./worker-messages.ts";
 
 /** A worker that does not answer the goodbye is ended all the same. */
@@ -57,6 +57,8 @@ class PageStream {
   emit: (event: StreamEvent) => void = () => {};
   readonly #worker: Worker;
   readonly #waiting = new Map<number, Waiting>();
+  /** The page's function: it cannot be sent into a worker. */
+  readonly #askToken: (() => string | Promise<string>) | null;
   #landings = 0;
   #questions = 0;
   /** Why the worker is of no use any more. */
@@ -75,9 +77,12 @@ class PageStream {
     this.#worker.onmessageerror = (event) => this.#fail(workerFailure("the stream's worker", event));
     // A worker's addresses are relative to its script, not to the page.
     const sceneUrl = new URL(options.sceneUrl, location.href).href;
+    const { token, ...others } = options;
+    this.#askToken = typeof token === "function" ? token : null;
     this.send({
       type: "open",
-      options: { ...options, sceneUrl },
+      options: { ...others, sceneUrl, ...(typeof token === "string" ? { token } : {}) },
+      asksForTokens: this.#askToken !== null,
       decoders: decodersFor(navigator.hardwareConcurrency),
     });
   }
@@ -143,7 +148,17 @@ class PageStream {
     if (message.type === "events") for (const event of message.events) this.emit(event);
     else if (message.type === "answer") this.#answered(message.id)?.resolve(message.value);
     else if (message.type === "failed") this.#answered(message.id)?.reject(receivedError(message.error));
+    else if (message.type === "token-wanted") void this.#giveToken(message.question);
     else if (message.type === "crashed") this.#fail(new StreamError("worker_failed", message.error.message));
+  }
+
+  async #giveToken(question: number): Promise<void> {
+    try {
+      const token = await this.#askToken?.();
+      this.send({ type: "token", question, ...(token === undefined ? {} : { token }) });
+    } catch (error) {
+      this.send({ type: "token", question, error: sentError(error) });
+    }
   }
 
   #answered(id: number): Waiting | undefined {

@@ -27,13 +27,34 @@ function crash(error: unknown): void {
 
 function open(command: StreamCommand & { type: "open" }): void {
   const { sceneUrl, diskBytes = 0 } = command.options;
-  core = new StreamCore(command.options, {
+  const options = command.asksForTokens ? { ...command.options, token: askForToken } : command.options;
+  core = new StreamCore(options, {
     WebSocket,
     decode: decoder(command.decoders),
     disk: diskBytes > 0 ? new DiskShelf(sceneUrl, diskBytes, xxh3) : undefined,
     emit: (events) => post({ type: "events", events }),
   });
   core.start().catch(crash);
+}
+
+/** Tokens that the page was asked for; the link gives each up after 10 s, and asks for few at a time. */
+const wanted = new Map<number, { resolve: (token: string) => void; reject: (error: Error) => void }>();
+let questions = 0;
+
+function askForToken(): Promise<string> {
+  questions += 1;
+  const question = questions;
+  return new Promise((resolve, reject) => {
+    wanted.set(question, { resolve, reject });
+    post({ type: "token-wanted", question });
+  });
+}
+
+function takeToken({ question, token, error }: StreamCommand & { type: "token" }): void {
+  const asked = wanted.get(question);
+  wanted.delete(question);
+  if (token !== undefined) asked?.resolve(token);
+  else asked?.reject(new Error(error?.message ?? "it gave none"));
 }
 
 /** Decodes in a pool of workers; in this one on platforms whose workers cannot make workers. */
@@ -80,6 +101,7 @@ function execute(command: StreamCommand): void {
     // The page has told its number to whoever asked; another one here would answer the wrong landing.
     if (number !== command.number) throw new Error(`landing ${command.number} of the page is ${number} here`);
   } else if (command.type === "aim") core.aim(command.position, command.radiusM);
+  else if (command.type === "token") takeToken(command);
   else if (command.type === "reconnect") core.reconnect(command.token);
   else if (command.type === "close") {
     core.close();

@@ -14,7 +14,15 @@ import type { SentError } from "./worker-errors.ts";
 
 /** Page to stream worker; `open` comes first and once. */
 export type StreamCommand =
-  | { readonly type: "open"; readonly options: StreamOptions; readonly decoders: number }
+  | {
+      readonly type: "open";
+      /** Without a token where the page has a function, which is asked by `token-wanted`. */
+      readonly options: Omit<StreamOptions, "token"> & { readonly token?: string };
+      readonly asksForTokens: boolean;
+      readonly decoders: number;
+    }
+  /** Answer to `token-wanted`; without a token where its function failed. */
+  | { readonly type: "token"; readonly question: number; readonly token?: string; readonly error?: SentError }
   | {
       readonly type: "land";
       readonly number: number;
@@ -39,6 +47,8 @@ export type StreamMessage =
   | { readonly type: "events"; readonly events: readonly StreamEvent[] }
   | { readonly type: "answer"; readonly id: number; readonly value: StreamAnswer }
   | { readonly type: "failed"; readonly id: number; readonly error: SentError }
+  /** The page's function is asked for the present token. */
+  | { readonly type: "token-wanted"; readonly question: number }
   /** The worker cannot go on. */
   | { readonly type: "crashed"; readonly error: SentError }
   /** Goodbye was said; the worker may be ended. */

@@ -34,7 +34,7 @@ class TERRAPORTCORE_API ISceneStream : public LandingStream {
   virtual StreamStats stats() const = 0;
 
   /// Connect now, unless connected already; a token that is not empty replaces the present one and makes a new connection
-  /// in any case. After `Closed`, or to cut a wait short.
+  /// in any case, and stands for a `tokenProvider` from now on. After `Closed`, or to cut a wait short.
   virtual void reconnect(const std::string& token) = 0;
 
   /// Say goodbye and free the connection; nothing is sent any more. What is held can still be asked for.

@@ -4,6 +4,7 @@
 #include "Terraport/Types.h"
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -15,6 +16,10 @@ struct StreamOptions {
   std::string sceneUrl;
   /// Bearer token; empty for none. Never put into a URL, never logged.
   std::string token;
+  /// Asked for the present token before each connection, in place of `token`, and once more where that was refused after a
+  /// welcome: with another one the session goes on, with everything held. Called on the thread that pumps the stream
+  /// (`StreamThread`'s is its own); it must not wait, nor call the stream.
+  std::function<std::string()> tokenProvider;
   /// Hard bounds of every landing.
   Budgets budgets;
   /// Payload bytes kept in memory beside what is shown or on its way; the least recently used go first.
