@@ -27,6 +27,9 @@ export interface ViewerPanelOptions {
   cancelAim(): void;
   aimAtCentre(): void;
   undoPoint(): void;
+  /** Of the highest ground shown at (x, z); null where there is none. */
+  heightAt(x: number, z: number): number | null;
+  savePicture(): void;
   go(hash: string): void;
   /** The address of what is shown. */
   routeNow(): Route;
@@ -79,10 +82,16 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
       land: options.landAim,
       cancel: options.cancelAim,
       copyLink: () => options.copy(new URL(formatRoute(options.routeNow()), window.location.href).href, "Link"),
+      savePicture: options.savePicture,
       aimAtCentre: options.aimAtCentre,
     }),
     look: createLookTab(store, { regions, regionColour: (id) => stage.regionColour(id) }),
-    inspect: createInspectTab(store, { regions, copy: options.copy, undoPoint: options.undoPoint }),
+    inspect: createInspectTab(store, {
+      regions,
+      copy: options.copy,
+      undoPoint: options.undoPoint,
+      heightAt: options.heightAt,
+    }),
     places: placesTab.element,
     figures: figures.element,
   });
