@@ -8,6 +8,7 @@ import { buildingStep, formatCompact, formatCount } from "./format.ts";
 import { icon } from "./icons.ts";
 import { relief } from "./relief.ts";
 import { formatRoute, sceneRoute } from "./route.ts";
+import { saveFile } from "./save-file.ts";
 import type { Shell } from "./shell.ts";
 import { actionButton, stateCard } from "./state-card.ts";
 
@@ -242,9 +243,7 @@ export function createSceneList({ shell, opensOnlyScene }: SceneListOptions): Pa
 
   async function saveReport(reportUrl: string, fileName: string): Promise<void> {
     try {
-      const url = URL.createObjectURL(await fetchFile(reportUrl));
-      h("a", { href: url, download: fileName }).click();
-      window.setTimeout(() => URL.revokeObjectURL(url), 10_000);
+      saveFile(await fetchFile(reportUrl), fileName);
       shell.announcer.announce("Report saved");
     } catch {
       shell.announcer.announce("The report could not be had. Try again later.", true);

@@ -10,6 +10,7 @@ import { measurePath } from "../measure.ts";
 import type { Tool, ViewerState, ViewerStore } from "../viewer/state.ts";
 import { createFacts } from "./facts.ts";
 import { regionName } from "./look-tab.ts";
+import { createProfileSection } from "./profile-section.ts";
 
 /** Regions of the scene version, and what the buttons do. */
 export interface InspectActions {
@@ -17,6 +18,8 @@ export interface InspectActions {
   readonly unions: readonly RegionUnion[];
   copy(text: string, subject: string): void;
   undoPoint(): void;
+  /** Of the highest ground shown at (x, z); null where there is none. */
+  heightAt(x: number, z: number): number | null;
 }
 
 /** Build the tab; it follows `picked` and `measured` of the store. */
@@ -257,6 +260,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
     h("div", { class: "row" }, pickButton, measureButton),
     pickSection,
     measureSection,
+    createProfileSection({ store, heightAt: actions.heightAt, toSurvey: surveyOf }),
   );
   store.subscribe(show);
   show(store.get());

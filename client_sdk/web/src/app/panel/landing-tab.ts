@@ -12,6 +12,7 @@ export interface LandingActions {
   land(): void;
   cancel(): void;
   copyLink(): void;
+  savePicture(): void;
   aimAtCentre(): void;
 }
 
@@ -94,6 +95,12 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     icon("link"),
     "Copy a link to this place",
   );
+  const picture = h(
+    "button",
+    { type: "button", class: "button wide", "data-action": "save-picture", on: { click: actions.savePicture } },
+    icon("report"),
+    "Save this picture",
+  );
 
   const element = h(
     "div",
@@ -113,6 +120,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     ),
     h("label", { class: "choice", for: "brings-camera" }, brings, "Take me to the ground where I land"),
     copy,
+    picture,
   );
 
   function show(state: ViewerState): void {

@@ -16,6 +16,7 @@ import { fill, h, setShown } from "../dom.ts";
 import { formatArea } from "../format.ts";
 import { icon } from "../icons.ts";
 import type { RegionToVisit } from "../region-places.ts";
+import { saveFile } from "../save-file.ts";
 
 /** Where bookmarks are kept, and how to go to one. */
 export interface PlacesOptions {
@@ -186,9 +187,7 @@ export function createPlacesTab({ storage, scene, regions, currentHash, go, anno
   }
 
   function exportFile(): void {
-    const url = URL.createObjectURL(new Blob([exportBookmarks(scene, bookmarks)], { type: "application/json" }));
-    h("a", { href: url, download: `${scene}-places.json` }).click();
-    window.setTimeout(() => URL.revokeObjectURL(url), 10_000);
+    saveFile(new Blob([exportBookmarks(scene, bookmarks)], { type: "application/json" }), `${scene}-places.json`);
   }
 
   async function importFile(): Promise<void> {

@@ -27,6 +27,9 @@ export interface ViewerPanelOptions {
   cancelAim(): void;
   aimAtCentre(): void;
   undoPoint(): void;
+  /** Of the highest ground shown at (x, z); null where there is none. */
+  heightAt(x: number, z: number): number | null;
+  savePicture(): void;
   go(hash: string): void;
   /** The address of what is shown. */
   routeNow(): Route;
@@ -79,6 +82,7 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
       land: options.landAim,
       cancel: options.cancelAim,
       copyLink: () => options.copy(new URL(formatRoute(options.routeNow()), window.location.href).href, "Link"),
+      savePicture: options.savePicture,
       aimAtCentre: options.aimAtCentre,
     }),
     look: createLookTab(store, { regions, regionColour: (id) => stage.regionColour(id) }),
@@ -87,6 +91,7 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
       unions: files.unions ?? [],
       copy: options.copy,
       undoPoint: options.undoPoint,
+      heightAt: options.heightAt,
     }),
     places: placesTab.element,
     figures: figures.element,

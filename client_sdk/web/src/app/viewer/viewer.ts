@@ -10,6 +10,7 @@ import { h, setAttribute } from "../dom.ts";
 import { nothingNotice, steepNotice } from "../failures.ts";
 import { createFrameTimes } from "../frame-times.ts";
 import { parseRoute, type Route } from "../route.ts";
+import { saveFile } from "../save-file.ts";
 import { createStore } from "../store.ts";
 import { EYE_HEIGHT_M, type WalkInput } from "../walk-pose.ts";
 import { createActions } from "./actions.ts";
@@ -256,6 +257,13 @@ export function createViewer(options: ViewerOptions): Viewer {
     cancelAim: desk.cancelAim,
     aimAtCentre: () => actions.act("aim"),
     undoPoint: tools.undoPoint,
+    heightAt: highest,
+    savePicture: () => {
+      world.picture().then(
+        (picture) => saveFile(picture, `${manifest.id}.jpg`),
+        (error: unknown) => panel.flash(`No picture: ${error instanceof Error ? error.message : "try again"}`),
+      );
+    },
     go: (hash) => going.follow(parseRoute(hash), true),
     routeNow,
     diagnostics: () => embed.diagnostics(),

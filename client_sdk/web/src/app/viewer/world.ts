@@ -18,6 +18,8 @@ export interface World {
   /** Make the programs of what is in the scene now, so that no frame has to wait for them when it first shows it. */
   prepare(): void;
   render(): void;
+  /** What is shown, as JPEG, over the page's sky. */
+  picture(): Promise<Blob>;
   dispose(): void;
 }
 
@@ -32,6 +34,9 @@ export interface WorldEvents {
 /** Sharper than this nobody sees, and it costs by the square. */
 const MAX_PIXEL_RATIO = 2;
 const FOV_DEG = 55;
+/** Where the sky's lower colour is reached, as the page's style has it. */
+const SKY_SHARE = 0.7;
+const JPEG_QUALITY = 0.92;
 
 /**
  * Make canvas, renderer and an empty scene. Throws where the browser has no WebGL 2.
@@ -109,6 +114,30 @@ export function createWorld(container: HTMLElement, name: string, events: WorldE
     },
     render() {
       renderer.render(scene, camera);
+    },
+    picture() {
+      const sheet = document.createElement("canvas");
+      sheet.width = canvas.width;
+      sheet.height = canvas.height;
+      const context = sheet.getContext("2d");
+      if (context === null) return Promise.reject(new Error("the browser gives no canvas to copy the picture to"));
+      // The computed gradient: its colours are those of the page's light or dark look.
+      const [top, bottom] = getComputedStyle(container).backgroundImage.match(/rgba?\([^)]*\)/g) ?? [];
+      const sky = context.createLinearGradient(0, 0, 0, SKY_SHARE * sheet.height);
+      sky.addColorStop(0, top ?? "white");
+      sky.addColorStop(1, bottom ?? "white");
+      context.fillStyle = sky;
+      context.fillRect(0, 0, sheet.width, sheet.height);
+      // Drawn and copied in one task: the browser may empty the canvas after it.
+      renderer.render(scene, camera);
+      context.drawImage(canvas, 0, 0);
+      return new Promise((resolve, reject) => {
+        sheet.toBlob(
+          (blob) => (blob === null ? reject(new Error("the picture could not be written")) : resolve(blob)),
+          "image/jpeg",
+          JPEG_QUALITY,
+        );
+      });
     },
     dispose() {
       observer.disconnect();
