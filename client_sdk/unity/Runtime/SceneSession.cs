@@ -179,7 +179,8 @@ namespace Terraport.Unity
             CancellationToken cancelled = cancel.Token;
             // The newest version at first; later exactly the one that the session has opened.
             string version = Stage != null && Stage.NeedsFiles ? Stage.NeededVersion : null;
-            SceneFiles files = await SceneLoader.LoadAsync(url, tokenProvider == null ? token : tokenProvider(), http, null, cancelled, version, Platform.Aside);
+            SceneFiles files = await SceneLoader.LoadAsync(
+                url, tokenProvider == null ? token : tokenProvider(), http, null, cancelled, version, Platform.Aside);
             SceneFiles sorted = null;
             // Aside with the rest of the work: sorting a large base takes longer than a frame.
             Action prepare = () =>

@@ -31,8 +31,7 @@ namespace Terraport.Unity
         {
             GroundHit hit = default(GroundHit);
             hit.Point = ToWorld(point.Position);
-            Vec3 above = new Vec3(
-                point.Position.X + point.Normal.X, point.Position.Y + point.Normal.Y, point.Position.Z + point.Normal.Z);
+            Vec3 above = new Vec3(point.Position.X + point.Normal.X, point.Position.Y + point.Normal.Y, point.Position.Z + point.Normal.Z);
             hit.Normal = ToWorld(above) - hit.Point;
             hit.Distance = (float)point.At;
             hit.Segment = point.Segment;

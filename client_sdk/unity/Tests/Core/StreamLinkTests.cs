@@ -167,10 +167,10 @@ namespace Terraport.Tests
             string present = "first";
             int asked = 0;
             SceneStream stream = Network.Stream(options => options.TokenProvider = () =>
-            {
-                asked++;
-                return present;
-            });
+                {
+                    asked++;
+                    return present;
+                });
             stream.Land(Middle, 3);
             Pump(stream);
             Assert.AreEqual("first", Network.Last.Token);
@@ -219,10 +219,10 @@ namespace Terraport.Tests
         {
             bool fails = true;
             SceneStream stream = Network.Stream(options => options.TokenProvider = () =>
-            {
-                if (fails) throw new InvalidOperationException("no login");
-                return "present";
-            });
+                {
+                    if (fails) throw new InvalidOperationException("no login");
+                    return "present";
+                });
             Pump(stream);
             Assert.AreEqual(LinkPhase.Waiting, Links().Last().Phase);
             StringAssert.Contains("no login", Links().Last().Message);

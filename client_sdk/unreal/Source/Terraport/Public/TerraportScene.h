@@ -167,8 +167,9 @@ public:
 	void Close();
 
 	/** Ask this for the token before each connection and each loading, in place of Token: a session then outlives its tokens.
-	 * It answers at once with what it has, and calls nothing of the scene; ask your server for the next token before the present
-	 * one ends. Counts when the scene is opened. An unbound delegate, or one whose object is gone, leaves it to Token. */
+	 * It answers at once with what it has, and calls nothing of the scene; ask your server for the next token before the
+	 * present one ends. Counts when the scene is opened. An unbound delegate, or one whose object is gone, leaves it to Token.
+	 */
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void SetTokenProvider(FTerraportTokenProvider Provider);
 

@@ -56,9 +56,9 @@ struct SceneStream::Impl {
   Impl(const StreamOptions& options, std::string url, std::shared_ptr<TransportFactory> factory, std::function<double()> chance)
       : transports(std::move(factory)),
         session(sessionOptions(options), &xxh3Hash64),
-        link(Link::Context{session, *transports, std::move(url), Access(options.token, options.tokenProvider), std::move(chance),
-            [this](SessionEvent& event) { handle(event); }, [this](const LinkState& state) { onLink(state); },
-            [this] { return events.size() < kMaxWaitingEvents; }}) {}
+        link(Link::Context{session, *transports, std::move(url), Access(options.token, options.tokenProvider),
+            std::move(chance), [this](SessionEvent& event) { handle(event); },
+            [this](const LinkState& state) { onLink(state); }, [this] { return events.size() < kMaxWaitingEvents; }}) {}
 
   void emit(StreamEvent event) { events.push_back(std::move(event)); }
 
