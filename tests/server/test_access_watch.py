@@ -257,7 +257,8 @@ def test_no_other_module_looks_at_the_wall_clock() -> None:
                     lookers.add(path.stem)
             if isinstance(node, ast.Attribute) and node.attr in {"now", "utcnow", "today"}:
                 lookers.add(path.stem)
-    assert lookers <= {"auth", "token_cli"}
+    # A stroke is written down with its date, by which nothing runs.
+    assert lookers <= {"auth", "token_cli", "stroke_endpoints"}
 
 
 def write_certificate(folder: Path, name: str) -> None:
