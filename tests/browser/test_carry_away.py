@@ -82,7 +82,7 @@ def test_the_picture_is_what_is_shown(viewer: DrivenViewer, tmp_path: Path) -> N
     box = page.locator("#view").bounding_box()
     assert box is not None
     assert picture.shape[:2] == (round(box["height"]), round(box["width"]))
-    rows = slice(int(0.4 * box["height"]), int(0.6 * box["height"]))
+    rows = slice(int(0.3 * box["height"]), int(0.45 * box["height"]))
     columns = slice(int(0.55 * box["width"]), int(0.7 * box["width"]))
     top, left = round(box["y"]), round(box["x"])
     seen = shot[top : top + picture.shape[0], left : left + picture.shape[1]]
