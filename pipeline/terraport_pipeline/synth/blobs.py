@@ -24,6 +24,9 @@ BUSH: Final = 2
 
 _PLANES: Final = 12
 
+_FARTHEST: Final = 6.0
+"""Of a boulder's surface along a direction that none of its planes faces, in its radii."""
+
 
 class Blobs:
     """Every body of one quarry.
@@ -48,7 +51,7 @@ class Blobs:
         sizes = [len(rocks[0]), len(trees[0]), len(bushes[0])]
         self.kind = np.repeat(np.array([ROCK, TREE, BUSH], dtype=np.uint8), sizes)
         normals = rng.normal(size=(len(self.kind), _PLANES, 3))
-        # The first six planes form a box, so that every direction meets one.
+        # The first six planes form a box, so that nearly every direction meets one.
         normals[:, :6] = np.concatenate([np.eye(3), -np.eye(3)]) + 0.25 * normals[:, :6]
         self._normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
         self._planes = rng.uniform(0.62, 0.95, (len(self.kind), _PLANES))
@@ -92,9 +95,9 @@ class Blobs:
         return result
 
     def _plane_distances(self, body: Int64, directions: Float64) -> Float64:
-        """Distance along each direction to each plane of its boulder, (N, 12); inf if never."""
+        """Distance along each direction to each plane of its boulder, (N, 12)."""
         facing = np.einsum("nkc,nc->nk", self._normals[body], directions)
-        result: Float64 = np.full(facing.shape, np.inf)
+        result: Float64 = np.full(facing.shape, _FARTHEST)
         np.divide(self._planes[body], facing, out=result, where=facing > 0.05)
         return result
 

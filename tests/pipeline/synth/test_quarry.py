@@ -206,3 +206,10 @@ def test_the_way_has_as_many_times_more_points_as_asked() -> None:
     assert even[0] / even[1] == pytest.approx(1.0, rel=0.1)
     assert dense[0] / dense[1] == pytest.approx(6.0, rel=0.1)
     assert dense[1] < even[1]
+
+
+@pytest.mark.parametrize("seed", [5, 21])
+def test_a_boulder_with_a_side_that_no_plane_faces(seed: int) -> None:
+    """Its surface was infinitely far away there."""
+    quarry = synthesise(QuarryOptions(points=2_000, seed=seed))
+    assert np.isfinite(quarry.survey.points).all()
