@@ -206,19 +206,19 @@ def _solve(
 ) -> TileResults:
     """Reconstruct every tile by itself."""
     folder = runner.work.path / ground.samples.name
+    paths = [
+        (
+            folder / f"{partition.samples_name(tile)}.npy",
+            folder / f"{partition.above_name(tile)}.npy",
+        )
+        for tile in range(len(tasks))
+    ]
     return runner.run_tiles(
         TileStage(
             "solve",
             solve_tile,
             f"tiles: solve {len(tasks)}, {min(pool.workers, len(tasks))} at a time",
-            [
-                _SolveTile(
-                    task,
-                    folder / f"{partition.samples_name(tile)}.npy",
-                    folder / f"{partition.above_name(tile)}.npy",
-                )
-                for tile, task in enumerate(tasks)
-            ],
+            [_SolveTile(task, *files) for task, files in zip(tasks, paths, strict=True)],
             [
                 {"task": task_key(task), "samples": digest}
                 for task, digest in zip(tasks, ground.samples.values["digests"], strict=True)
