@@ -113,7 +113,8 @@ def dig(survey: Path, published: Published, target: Path) -> int:
     ]
     tile = int(np.argmax([mine.sum() for mine in inside]))
     middle = np.median(scene[inside[tile]], axis=0)
-    reach = np.hypot(*(scene - middle)[:, [0, 2]].T) / (0.08 * plan.shape.core * plan.lattice.cell_m)
+    pit_m = 0.08 * plan.shape.core * plan.lattice.cell_m
+    reach = np.hypot(*(scene - middle)[:, [0, 2]].T) / pit_m
     deeper = inside[tile] & (reach < 1)
     assert deeper.sum() > 100
     las.z = np.array(las.z) - np.where(deeper, 2.0 * (1 - reach**2), 0)
