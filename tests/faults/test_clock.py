@@ -65,7 +65,7 @@ def test_who_asks_for_the_date() -> None:
     allowed = {
         "auth.py": "tokens that expire by date",
         "token_cli.py": "the same, when they are made and looked at",
-        "stroke_endpoints.py": "when a stroke was painted, which is written down; nothing runs by it",
+        "stroke_endpoints.py": "when a stroke was painted; nothing runs by it",
     }
     asks = re.compile(r"time\.time\b|time_ns\(|datetime\.now|utcnow|date\.today|localtime|gmtime\(")
     folder = Path(terraport_server.__file__).parent
