@@ -254,9 +254,10 @@ class BoundedPeer(WebSocketsSansIOProtocol):
 
     def handle_ping(self) -> None:
         """Answer now, or later where the client does not read what it was sent."""
-        if not self._may_send_frame():
-            return
+        may_answer = self._may_send_frame()
         pong = b"".join(self.conn.data_to_send())
+        if not may_answer:  # else the pong would wait in the library, for whatever is written next
+            return
         if not pong:  # went with the first ping of those that came together
             return
         if self.transport.get_write_buffer_size() > MAX_UNREAD_BYTES:
@@ -281,8 +282,8 @@ class BoundedPeer(WebSocketsSansIOProtocol):
 
     def answer_ping(self) -> None:
         """Answer the ping that has waited, where there is one."""
-        if self._newest_pong is not None:
-            pong, self._newest_pong = self._newest_pong, None
+        pong, self._newest_pong = self._newest_pong, None
+        if pong is not None and not self.close_sent:
             self.transport.write(pong)
 
     def send_receive_event_to_app(self) -> None:

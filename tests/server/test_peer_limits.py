@@ -164,6 +164,22 @@ def test_pings_between_messages_are_answered(scenes: Path) -> None:
             assert client.socket.ping().wait(5)
 
 
+def test_nothing_follows_the_close(scenes: Path) -> None:
+    """The pong of a ping that came late would go out with whatever is written next."""
+    with BackgroundServer(scenes) as server, raw_connect(server.port) as raw:
+        raw.settimeout(5)
+        raw.sendall(frame(BINARY, encode(make_hello())) + frame(BINARY, b"no message"))
+        data = b""
+        while b"\x88" not in data or close_code(data) != 4400:
+            data += raw.recv(1 << 16)
+        code_at = data.rindex(b"\x88")
+        close_bytes = 2 + data[code_at + 1]
+        raw.sendall(frame(PING, b"late"))
+        raw.sendall(b"\x82\xff" + b"\xff" * 8 + bytes(5))  # longer than a frame may be
+        data += drained(raw)
+    assert len(data) == code_at + close_bytes
+
+
 def test_an_answer_to_who_broke_the_rules_is_lost_not_misused(scenes: Path) -> None:
     """uvicorn has closed, the application does not know it yet and answers a message before that.
 
