@@ -117,6 +117,7 @@ def judge(answer: bytes) -> list[str]:
     wrong = [f"{leak} in an answer" for leak in leaks]
     if CANARY.encode() in answer:
         wrong.append("a file beside the scenes was served")
+    answer = answer.removeprefix(b"HTTP/1.1 100 Continue\r\n\r\n")  # to who announces a body
     if answer.startswith(b"HTTP/1."):
         status = int(answer.split(None, 2)[1])
         if status not in STATUSES:

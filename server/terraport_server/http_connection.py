@@ -191,6 +191,8 @@ class HttpConnection(BoundedRequests):
         if self._over:
             return
         self._header_deadline.stop()
+        if self.cycle is not None:
+            self.cycle.waiting_for_100_continue = False  # there is nothing to go on with
         super().on_message_complete()
         self._in_headers = True
         self._in_request = False

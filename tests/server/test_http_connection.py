@@ -111,6 +111,13 @@ def test_silence_after_an_answer(server: BackgroundServer) -> None:
     assert data.endswith(b"ok\n")
 
 
+def test_who_sends_no_body_is_not_told_to_go_on_with_it(server: BackgroundServer) -> None:
+    with connect(server) as raw:
+        for path in (b"/scenes/pit/regions.json", b"/healthz"):
+            raw.sendall(b"GET %b HTTP/1.1\r\n" % path + HOST + b"Expect: 100-continue\r\n\r\n")
+        assert b" 100 " not in answer(raw)
+
+
 def test_half_a_second_request(server: BackgroundServer) -> None:
     with connect(server) as raw:
         raw.sendall(b"GET /healthz HTTP/1.1\r\n" + HOST + b"\r\n")
