@@ -177,61 +177,16 @@ class FileSource(LocalSource):
             self._descriptor = -1
 
 
-class MmapSource(LocalSource):
-    """Reads views of a memory map: no copy while the pages are hot.
-
-    A cold page blocks the reading thread, and a file cut short *while it is mapped* ends the
-    process (SIGBUS); published packs are never changed in place, so that takes a person or a
-    failing disk.
-
-    Parameters
-    ----------
-    pack : Path or int
-        The pack, never empty; an open descriptor is closed.
-    """
-
-    def __init__(self, pack: Path | int) -> None:
-        with os.fdopen(_opened(pack), "rb") as file:
-            self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        self._view = memoryview(self._map)
-
-    @property
-    def size(self) -> int:
-        """Length of the whole pack, bytes."""
-        return len(self._view)
-
-    def read(self, offset: int, length: int) -> memoryview:
-        """Read exactly *length* bytes as a view; see :class:`PayloadSource`."""
-        check_range(offset, length, len(self._view))
-        return self._view[offset : offset + length]
-
-    def held(self, offset: int, length: int) -> memoryview:
-        """Return a view; see :class:`PayloadSource`."""
-        return self.read(offset, length)
-
-    def file_range(self, offset: int, length: int) -> None:
-        """Return None; see :class:`PayloadSource`."""
-        check_range(offset, length, self.size)
-
-    def close(self) -> None:
-        """Unmap, or leave that to the last view still in use; may be called again."""
-        self._view.release()
-        try:
-            self._map.close()
-        except BufferError:
-            return  # a frame being sent still points here: the map goes with it
-
-
 class MemorySource(LocalSource):
     """Reads from bytes in memory.
 
     Parameters
     ----------
-    data : bytes
+    data : bytes or mmap
         The whole pack.
     """
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes | mmap.mmap) -> None:
         self._view = memoryview(data)
 
     @property
@@ -255,6 +210,33 @@ class MemorySource(LocalSource):
     def close(self) -> None:
         """Let go of the bytes; may be called again."""
         self._view.release()
+
+
+class MmapSource(MemorySource):
+    """Reads views of a memory map: no copy while the pages are hot.
+
+    A cold page blocks the reading thread, and a file cut short *while it is mapped* ends the
+    process (SIGBUS); published packs are never changed in place, so that takes a person or a
+    failing disk.
+
+    Parameters
+    ----------
+    pack : Path or int
+        The pack, never empty; an open descriptor is closed.
+    """
+
+    def __init__(self, pack: Path | int) -> None:
+        with os.fdopen(_opened(pack), "rb") as file:
+            self._map = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
+        super().__init__(self._map)
+
+    def close(self) -> None:
+        """Unmap, or leave that to the last view still in use; may be called again."""
+        super().close()
+        try:
+            self._map.close()
+        except BufferError:
+            return  # a frame being sent still points here: the map goes with it
 
 
 def check_range(offset: int, length: int, size: int) -> None:
