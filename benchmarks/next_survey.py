@@ -218,6 +218,7 @@ def _run(arguments: argparse.Namespace, folder: Path) -> bool:
             [
                 terraport_command, "build", str(delivery), "-o", str(scene), "--quiet",
                 "--tile-depth", str(arguments.tile_depth), "--max-memory", arguments.max_memory,
+                "--no-report" if arguments.smoke else "--report",
             ],
             scene,
         )  # fmt: skip
