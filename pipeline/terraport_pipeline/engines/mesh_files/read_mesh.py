@@ -17,6 +17,7 @@ import trimesh
 
 from terraport_payload.colour import linear16_to_srgb
 from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
+from terraport_pipeline.engines.mesh_files.glb_forms import check_glb
 from terraport_pipeline.engines.mesh_files.read_obj import ObjMesh, read_obj
 from terraport_pipeline.engines.texturing import decode_halved
 from terraport_pipeline.errors import EngineError, ReadError
@@ -257,6 +258,8 @@ def _looked_up(image: UInt8, uvs: AnyArray) -> UInt8:
 
 def _parts_by_trimesh(path: Path) -> list[_Part]:
     try:
+        if path.suffix.lower() == ".glb":
+            check_glb(path)
         scene = trimesh.load_scene(path, process=False)
         parts: list[_Part] = []
         images: dict[int, FileImage] = {}
@@ -283,6 +286,8 @@ def _part_of_trimesh(
     if not np.array_equal(transform, np.eye(4)):
         vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3).astype(np.int32)
+    if np.linalg.det(transform[:3, :3]) < 0.0:  # a mirrored node: glTF 2.0, 3.7.4
+        faces = np.ascontiguousarray(faces[:, ::-1])
     attributes = _attributes(mesh, len(vertices), len(faces))
     texture = _texture_of_trimesh(mesh, faces, images)
     if texture is None:

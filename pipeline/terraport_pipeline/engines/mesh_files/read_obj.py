@@ -24,6 +24,7 @@ MAX_OBJ_BYTES: Final = 4 << 30
 
 _ADVICE: Final = "export it again as an OBJ of triangles"
 _CHANNELS: Final = 3
+_LEAST_OF_BYTES: Final = 2.0
 _MIXED_SHOWN: Final = 40
 """Characters of a bad line that are shown."""
 
@@ -44,7 +45,8 @@ class ObjMesh:
     materials: tuple[ObjMaterial, ...]
     """Those that faces name, in the order of their first face."""
     colours: UInt8 | None
-    """(V, 3) sRGB, of ``v`` lines with six numbers (0..1, as MeshLab writes them); None without."""
+    """(V, 3) sRGB, of ``v`` lines with six numbers (0..1, as MeshLab writes them, or 0..255); None
+    without."""
     line: Int64
     """(F,) line of the file, from 1."""
     polygons: int
@@ -199,7 +201,10 @@ def _colours(further: Float64) -> UInt8 | None:
     """Colours behind the three coordinates; four numbers (a weight) hold none."""
     if further.shape[1] < _CHANNELS:
         return None
-    return np.rint(np.clip(further[:, -_CHANNELS:], 0.0, 1.0) * 255.0).astype(np.uint8)
+    colours = further[:, -_CHANNELS:]
+    # Most programs write shares, some of them a little more than 1; others write 8 bits.
+    scale = 255.0 if colours.max() < _LEAST_OF_BYTES else 1.0
+    return np.rint(np.clip(colours * scale, 0.0, 255.0)).astype(np.uint8)
 
 
 def _corners(path: Path, lines: _Lines, vertices: int, wedges: int) -> tuple[Int32, Int64]:

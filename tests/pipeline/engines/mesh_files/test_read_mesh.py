@@ -136,7 +136,7 @@ def test_colours_of_faces_become_those_of_vertices(tmp_path: Path) -> None:
         ("a", b"", "its ending is missing"),
         ("a.off", None, "no such file"),
         ("a.off", b"OFF\n1 x", "cannot be read"),
-        ("a.glb", b"glTF", "cannot be read"),
+        ("a.glb", b"glTF", "begin as a GLB"),
         ("a.ply", POINT, "terraport build"),
         ("a.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\nnan 1 0\n3 0 1 2\n", "expected numbers|cannot"),
     ],

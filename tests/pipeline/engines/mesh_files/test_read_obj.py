@@ -165,3 +165,16 @@ def test_every_corner_keeps_its_place_and_its_uv(
     np.testing.assert_allclose(mesh.vertices[mesh.faces], vertices[faces - 1])
     upwards = mesh.wedges * [1, -1] + [0, 1]
     np.testing.assert_allclose(upwards, uvs[wedges - 1], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("written", "read"), [("0 0.5 1.001", [0, 128, 255]), ("0 128 255", [0, 128, 255])]
+)
+def test_colours_of_vertices_as_shares_or_as_bytes(
+    tmp_path: Path, written: str, read: list[int]
+) -> None:
+    corners = [f"v {x} {y} 0 {written}" for x, y in ((0, 0), (1, 0), (1, 1))]
+    (tmp_path / "a.obj").write_text("\n".join([*corners, "f 1 2 3", ""]))
+    mesh = read_obj(tmp_path / "a.obj")
+    assert mesh.colours is not None
+    assert mesh.colours.tolist() == [read] * 3
