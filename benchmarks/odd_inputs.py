@@ -87,6 +87,18 @@ def las(
     return path
 
 
+def noisy(folder: Path) -> Path:
+    """The hill with points up to 60 m above it that the file calls noise."""
+    path = las(folder / "a.las", AT_UTM, "EPSG:32614")
+    records = laspy.read(path)
+    classes, z = np.full(len(records), 2, np.uint8), np.asarray(records.z).copy()
+    classes[::20] = 7
+    z[::20] += np.linspace(20.0, 60.0, len(z[::20]))
+    records.classification, records.z = classes, z
+    records.write(path)
+    return path
+
+
 def text(
     path: Path, columns: Sequence[Sequence[object]], separator: str = " ", header: str = ""
 ) -> Path:
@@ -229,6 +241,7 @@ CASES: Final = (
          REFUSED, "6 columns", ("--columns", "x,y,z")),
     Case("--columns of a LAS", lambda d: las(d / "a.las", AT_UTM),
          REFUSED, "expected a text", ("--columns", "x,y,z")),
+    Case("birds and dust, classified as noise", noisy, WARNED, "marked in the survey", TRUTH),
     Case("German header, decimal commas",
          lambda d: text(d / "a.csv", [[v.replace(".", ",") for v in c] for c in columns_of(AT_UTM)],
                         ";", "Rechtswert;Hochwert;Höhe"),

@@ -38,7 +38,7 @@ COLUMNS: Final = Notation("x,y,z,...", _parse_columns, ",".join)
 
 @dataclass(frozen=True, slots=True)
 class SurveyStatement:
-    """CRS, units and columns of a survey, where its files do not say them.
+    """CRS, units, columns and points of a survey, where its files do not say them, or say it wrongly.
 
     Raises
     ------
@@ -60,6 +60,9 @@ class SurveyStatement:
     ] = None
     """What the columns of a text are, in their order: -,y,x,z,r,g,b for a point number, which -
     leaves out, northing, easting, height and colour. Other names become attributes."""
+    keep_noise: Annotated[bool, Option()] = False
+    """Keep the points that a LAS or LAZ marks as withheld or as noise (classes 7 and 18); they are
+    left out otherwise, and counted."""
 
     def __post_init__(self) -> None:
         named = [name.lower() for name in self.columns or () if name != LEFT_OUT]
@@ -76,7 +79,7 @@ class SurveyStatement:
     @property
     def recorded(self) -> dict[str, Any]:
         """What was stated, by the names of the options; empty where nothing was."""
-        stated = {name: value for name, value in asdict(self).items() if value is not None}
+        stated = {name: value for name, value in asdict(self).items() if value not in (None, False)}
         if self.columns is not None:
             stated["columns"] = [*self.columns]
         return stated

@@ -2,10 +2,10 @@
 
 The result depends on the points alone: not on how they lie in files, in which order, or whether
 some lie in several (tiles with a margin). Points outside the extent that was asked for are left
-out before anything is noted of them, however their file is read; those without finite coordinates
-are dropped and counted, feet become metres, fields that say nothing are left out, records that
-repeat another in every value are taken once, and all are put along a curve through the survey's
-box.
+out before anything is noted of them, however their file is read; those without finite coordinates,
+and those that a file marks as noise, are dropped and counted, feet become metres, fields that say
+nothing are left out, records that repeat another in every value are taken once, and all are put
+along a curve through the survey's box.
 
 Three passes, each over blocks: files to raw rows on disk, these to buckets that are consecutive
 along the curve, buckets to sorted columns. Memory: one part of a file or one bucket (about 200 MB),
@@ -144,6 +144,12 @@ def _point_warnings(outcome: Outcome) -> list[str]:
     dropped = sum(part.dropped for part in outcome.opened)
     if dropped:
         warnings.append(f"{dropped:,} of {read:,} points have no finite coordinates: dropped.")
+    noise = sum(part.noise for part in outcome.spooled)
+    if noise:
+        warnings.append(
+            f"{noise:,} of {read:,} points are marked in the survey as withheld or as noise "
+            "(classes 7 and 18): left out. --keep-noise takes them."
+        )
     strays = sum(part.strays for part in outcome.spooled)
     if strays:
         warnings.append(
@@ -207,7 +213,12 @@ def _result(
                 "xxh3": part.file.xxh3,
                 "points": part.read + part.stream.skipped,
                 "outside": (
-                    part.read + part.stream.skipped - part.kept - part.dropped - part.strays
+                    part.read
+                    + part.stream.skipped
+                    - part.kept
+                    - part.dropped
+                    - part.noise
+                    - part.strays
                 ),
                 "repeats": part.repeats,
             }

@@ -24,4 +24,4 @@ def sample() -> Sample:
     colours = rng.integers(1, 256, (500, 3)).astype(np.uint8)
     colours[0] = (255, 254, 1)
     grade = rng.uniform(0, 4, 500).astype(np.float32)
-    return Sample(points, colours, grade, rng.integers(1, 9, 500).astype(np.uint8))
+    return Sample(points, colours, grade, rng.integers(1, 7, 500).astype(np.uint8))

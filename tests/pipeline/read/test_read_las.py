@@ -12,6 +12,8 @@ from pyproj import CRS
 
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.survey.find_survey import find_survey
+from terraport_pipeline.survey_statement import SurveyStatement
 
 STEP = 0.001
 
@@ -48,6 +50,37 @@ def test_everything_comes_back(tmp_path: Path, sample, name: str) -> None:
     assert survey.crs is not None
     assert survey.crs.epsg == 32735
     assert survey.warnings == ()
+
+
+@pytest.mark.parametrize("point_format", [3, 7])
+def test_points_marked_as_noise_are_left_out_and_counted(
+    tmp_path: Path, sample, point_format: int
+) -> None:
+    noise = np.zeros(500, bool)
+    noise[[3, 100, 499]] = True
+    # Class 18 is high noise by LAS 1.4.
+    classes = np.where(noise, 7 if point_format == 3 else 18, 2).astype(np.uint8)
+    withheld = np.zeros(500, np.uint8)
+    withheld[200] = 1
+    path = write(
+        tmp_path / "a.laz", sample, point_format=point_format, classification=classes,
+        withheld=withheld,
+    )  # fmt: skip
+    taken = ~noise & (withheld == 0)
+    survey = read_in_order(path, sample.points[taken])
+    np.testing.assert_array_equal(survey.colours, sample.colours[taken])
+    assert survey.warnings == (
+        "4 of 500 points are marked in the survey as withheld or as noise (classes 7 and 18): left "
+        "out. --keep-noise takes them.",
+    )
+    kept = find_survey([path], statement=SurveyStatement(keep_noise=True))
+    assert len(read_survey(kept).points) == 500
+
+
+def test_nothing_but_noise_is_no_survey(tmp_path: Path, sample) -> None:
+    path = write(tmp_path / "a.laz", sample, classification=np.full(500, 7, np.uint8))
+    with pytest.raises(ReadError, match="500 of 500 points are marked as withheld or as noise"):
+        read_survey(path)
 
 
 def test_unset_standard_fields_are_left_out_and_set_ones_kept(tmp_path, sample) -> None:

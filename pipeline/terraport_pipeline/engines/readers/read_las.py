@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -21,7 +21,7 @@ import laspy
 import numpy as np
 from pyproj.exceptions import CRSError
 
-from terraport_payload.types import AnyArray, Float64, Int64
+from terraport_payload.types import AnyArray, Bool, Float64, Int64
 from terraport_pipeline.engines.readers.file_sample import spread_pieces
 from terraport_pipeline.engines.readers.las_blocks import (
     CHUNK_POINTS,
@@ -50,6 +50,9 @@ _WIDEST: Final = 1e7
 
 UNSET: Final = {"return_number": (0, 1), "number_of_returns": (0, 1)}
 """Values of a standard field that say nothing when every point has them; 0 for the others."""
+
+_NOISE_CLASSES: Final = (7, 18)
+"""Low and high noise (LAS 1.4 R15, table 17); before 1.4 the latter was reserved."""
 
 _HEADER_BYTES: Final = 375
 _RECORD_BYTES: Final = 54
@@ -162,14 +165,12 @@ def open_las(
                     points = _points_of(chunk, header)
                     if extent is not None and selection.intervals is not None:
                         _check_index(path, selection, numbers[extent.holds(points)])
-                    columns = {name: np.asarray(chunk[name]) for name in names}
-                    yield StreamChunk(points, columns, len(chunk))
+                    yield _chunk_of(points, chunk, names)
                 return
             for first, chunk in _iterate(reader, path, count):
                 if first and first >= share * count:
                     return
-                columns = {name: np.asarray(chunk[name]) for name in names}
-                yield StreamChunk(_points_of(chunk, header), columns, len(chunk))
+                yield _chunk_of(_points_of(chunk, header), chunk, names)
 
         yield LasStream(
             count,
@@ -227,6 +228,13 @@ def _points_of(chunk: Any, header: Any) -> Float64:
     """Coordinates of a chunk."""
     ticks = np.stack([np.asarray(chunk[axis]) for axis in "XYZ"], axis=1)
     return _placed(ticks, header.scales, header.offsets)
+
+
+def _chunk_of(points: Float64, chunk: Any, names: Sequence[str]) -> StreamChunk:
+    columns = {name: np.asarray(chunk[name]) for name in names}
+    noise: Bool = np.isin(columns["classification"], _NOISE_CLASSES)
+    noise |= columns["withheld"].astype(np.bool_)  # "deleted", says the standard
+    return StreamChunk(points, columns, len(chunk), noise)
 
 
 def _check_index(path: Path, selection: Selection, rows: Int64) -> None:

@@ -28,6 +28,8 @@ class StreamChunk:
     """Everything else by name, colours too, (n,) or (n, k), in the file's dtype."""
     read: int
     """What this part adds to the progress: points of the file, or bytes of a text."""
+    noise: Bool | None = None
+    """(n,) points that the file itself calls no part of the survey; None where it says nothing."""
 
 
 def tell_precision(single: Bool, top: Float64) -> tuple[str, ...]:

@@ -51,6 +51,8 @@ class Spooled:
     kept: int = 0
     dropped: int = 0
     """Points without finite coordinates."""
+    noise: int = 0
+    """Points left out because the file calls them no part of the survey."""
     low: Float64 = field(default_factory=lambda: np.full(3, np.inf))
     high: Float64 = field(default_factory=lambda: np.full(3, -np.inf))
     single: Bool = field(default_factory=lambda: np.ones(3, dtype=bool))
@@ -194,7 +196,7 @@ def _spool(
             stream = replace(stream, crs=file.crs_beside)
         reading.start(file, stream)
         for chunk in stream.chunks():
-            # (1) Which points are taken. Invariant: read = kept + dropped + those outside.
+            # (1) Which points are taken. Invariant: read = kept + dropped + noise + those outside.
             columns = _columns_of(chunk, stream)
             if part is None:
                 part = _open_rows(file, path, stream, columns)
@@ -204,6 +206,9 @@ def _spool(
             if extent is not None:
                 widen(box, chunk.points[taken])
                 taken &= extent.holds(chunk.points)
+            if chunk.noise is not None and not survey.statement.keep_noise:
+                part.noise += int((taken & chunk.noise).sum())
+                taken &= ~chunk.noise
             # (2) What they are: position, columns.
             points = (chunk.points if taken.all() else chunk.points[taken]) + 0.0  # no -0.0
             part.look(points)
@@ -227,7 +232,13 @@ def _spool(
     if part is not None and part.kept:
         part.warnings = (*late, *stream.warnings)
         return part
-    read, dropped = (0, 0) if part is None else (part.read, part.dropped)
+    read, dropped, noise = (0, 0, 0) if part is None else (part.read, part.dropped, part.noise)
+    if noise:
+        raise NoPointsError(
+            file.path,
+            f"{noise:,} of {read:,} points are marked as withheld or as noise; no other is left",
+            "--keep-noise takes them",
+        )
     if extent is not None and (stream.skipped or read > dropped):
         corners = stream.box or (box if read > dropped else (None, None))
         return Outside(file, _bare(stream), read, dropped, corners)
