@@ -88,7 +88,7 @@ def las(
 
 
 def noisy(folder: Path) -> Path:
-    """The hill with points up to 60 m above it that the file calls noise."""
+    """Write the hill with points up to 60 m above it that the file calls noise."""
     path = las(folder / "a.las", AT_UTM, "EPSG:32614")
     records = laspy.read(path)
     classes, z = np.full(len(records), 2, np.uint8), np.asarray(records.z).copy()

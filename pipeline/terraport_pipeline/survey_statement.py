@@ -38,7 +38,7 @@ COLUMNS: Final = Notation("x,y,z,...", _parse_columns, ",".join)
 
 @dataclass(frozen=True, slots=True)
 class SurveyStatement:
-    """CRS, units, columns and points of a survey, where its files do not say them, or say it wrongly.
+    """CRS, units, columns and points of a survey, where its files say them wrong or not at all.
 
     Raises
     ------

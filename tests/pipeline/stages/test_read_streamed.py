@@ -27,7 +27,7 @@ rng = np.random.default_rng(5)
 POINTS = rng.integers(0, 50_000, (COUNT, 3)) * 0.001 + np.array([641_000.0, 8_594_000.0, 1_200.0])
 COLOURS = rng.integers(1, 256, (COUNT, 3)).astype(np.uint8)
 GRADE = rng.uniform(0, 4, COUNT).astype(np.float32)
-CLASSES = rng.integers(1, 9, COUNT).astype(np.uint8)
+CLASSES = rng.integers(1, 7, COUNT).astype(np.uint8)
 GREY = "The survey has no colour (RGB): what no photo shows will be grey."
 
 
