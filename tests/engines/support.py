@@ -161,12 +161,8 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "ground under feet and pointers, of what is shown": (
         No("ask a pick"),
-        Yes(f"{WEB}/three/footing.test.ts", "the ground on a vertical"),
-        Yes("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
-        Yes(
-            "client_sdk/unreal/tests/engine/ground_test.cpp",
-            "boxes change nothing of what rays meet",
-        ),
+        Yes("tests/browser/test_walk.py", "test_feet_stand_on_what_is_shown"),
+        *both("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
     ),
     "textures: decoded payload, image's bytes": (
         Yes("tests/socket/test_sdk_textures.py", "test_segments_arrive_with_their_images"),

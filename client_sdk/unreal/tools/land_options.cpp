@@ -13,7 +13,8 @@ const char* const kUsage =
     "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
     "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
     "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
-    "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n";
+    "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n"
+    "       stand:X,Y,Z  (staged: the height of the ground that is shown there, and its segment)\n";
 
 bool setOption(LandRequest& request, const std::string& name, const std::string& value) {
   StreamOptions& stream = request.stream;
@@ -77,7 +78,7 @@ int numbersOf(const std::string& kind) {
   if (kind == "land" || kind == "start" || kind == "aim") {
     return 4;
   }
-  if (kind == "pick") {
+  if (kind == "pick" || kind == "stand") {
     return 3;
   }
   if (kind == "pause") {

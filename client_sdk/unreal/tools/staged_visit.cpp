@@ -6,6 +6,7 @@
 #include "Terraport/DecodeThreads.h"
 #include "Terraport/SceneLoader.h"
 #include "Terraport/SceneStage.h"
+#include "Terraport/ShownGround.h"
 #include "json_text.h"
 #include "plain_http.h"
 #include "recording_renderer.h"
@@ -33,11 +34,13 @@ StageOptions smallBlocks() {
 
 struct StagedVisit::Impl {
   Impl(LandingStream& stream, SharedSceneFiles files)
-      : decoders(kDecodeThreads), stage(stream, std::move(files), renderer, decoders, smallBlocks()) {}
+      : ground(renderer), decoders(kDecodeThreads), stage(stream, std::move(files), ground, decoders, smallBlocks()) {}
 
   RecordingRenderer renderer;
+  ShownGround ground;
   DecodeThreads decoders;
   SceneStage stage;
+  JsonText feet;
 };
 
 std::unique_ptr<StagedVisit> StagedVisit::make(
@@ -75,6 +78,15 @@ bool StagedVisit::isShown() const {
   return impl_->stage.status().phase == LandingPhase::Shown;
 }
 
+void StagedVisit::stand(const Vec3& position) {
+  GroundPoint point;
+  if (!impl_->ground.groundAt(position, point)) {
+    impl_->feet.null();
+    return;
+  }
+  impl_->feet.open('[').number(point.position.y).integer(point.segment).close(']');
+}
+
 std::string StagedVisit::describe() const {
   const RecordingRenderer& renderer = impl_->renderer;
   JsonText json;
@@ -85,7 +97,8 @@ std::string StagedVisit::describe() const {
   for (const std::string& fault : renderer.faults()) {
     json.text(fault);
   }
-  return json.close(']').close('}').str();
+  const std::string text = json.close(']').close('}').str();
+  return text.substr(0, text.size() - 1) + ",\"feet\":[" + impl_->feet.str() + "]}";
 }
 
 }  // namespace terraport::tools

@@ -52,6 +52,10 @@ FTerraportSession::FTerraportSession(AActor& InOwner, std::unique_ptr<ITerraport
 		Keeper.Keep(Material);
 	}
 	Renderer = std::make_unique<FTerraportRenderer>(Owner, Keeper, Backend, Materials, Settings.Mesh);
+	Ground = std::make_unique<terraport::ShownGround>(*Renderer, [](const terraport::SegmentMesh& Mesh) {
+		FTerraportSegmentData* Data = static_cast<FTerraportSegmentData*>(Mesh.engineData.get());
+		return Data != nullptr ? std::move(Data->Ground) : terraport::SharedGround();
+	});
 	Decodes = std::make_unique<FTerraportDecodes>(Backend, Colours, std::max(Settings.DecodeTasks, 1));
 	StartLoading();
 }
@@ -76,6 +80,7 @@ void FTerraportSession::End()
 	Stage.reset();
 	Stream.reset();
 	Decodes.reset();
+	Ground.reset();
 	Renderer.reset();
 	for (UMaterialInterface* Material : KeptMaterials)
 	{
@@ -278,6 +283,7 @@ void FTerraportSession::RetryLater(double NowMs)
 void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 {
 	Renderer->SetBase(Result.Base.ToSharedRef());
+	Ground->setBase(Result.Base->Ground);
 	if (Stage)
 	{
 		Stage->replaceFiles(Result.Files);
@@ -292,7 +298,7 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 	Options.spareGpuBytes = std::size_t(std::max(Budgets.SpareMeshMiB, 1)) * Mebibyte;
 	Options.baseBlockFaces = BaseBlockFaces;
 	Options.autoShow = Host->IsAutoShow();
-	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Renderer, *Decodes, Options);
+	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Ground, *Decodes, Options);
 	Stage->onSwap([this](const terraport::SceneSwap& Change) { Swaps.push_back(Change); });
 	if (Pending.IsSet())
 	{

@@ -3,6 +3,7 @@
 #include "CoreMinimal.h"
 
 #include "Terraport/SceneStage.h"
+#include "Terraport/ShownGround.h"
 #include "Terraport/SceneStream.h"
 #include "TerraportDecodes.h"
 #include "TerraportFiles.h"
@@ -63,7 +64,7 @@ public:
 
 	/** Null before the scene is open. */
 	const terraport::SceneStage* GetStage() const { return Stage.get(); }
-	const FTerraportRenderer* GetRenderer() const { return Renderer.get(); }
+	const terraport::ShownGround* GetGround() const { return Ground.get(); }
 	FTerraportStats TakeStats();
 
 private:
@@ -105,6 +106,7 @@ private:
 	int32 LoadAttempt = 0;
 	/** In the order in which they need one another: destroyed the other way round. */
 	std::unique_ptr<FTerraportRenderer> Renderer;
+	std::unique_ptr<terraport::ShownGround> Ground;
 	std::unique_ptr<FTerraportDecodes> Decodes;
 	std::unique_ptr<terraport::SceneStream> Stream;
 	std::unique_ptr<terraport::SceneStage> Stage;

@@ -1,0 +1,41 @@
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <vector>
+
+#include "Terraport/ShownGround.h"
+
+namespace terraport {
+
+/// A mesh that rays are cast against. Boxes over 64 consecutive faces keep a ray to few of them: builds write faces in an order
+/// that is compact.
+class GroundMesh {
+ public:
+  explicit GroundMesh(const SegmentMesh& mesh);
+
+  std::uint32_t faceCount() const { return static_cast<std::uint32_t>(indices_.size() / 3); }
+
+  /// Take the nearest point of a ray at 0 <= at <= nearest.at into `nearest`; whether there was one. Both sides of a face count.
+  /// Faces with 1 in `hidden` are not there; null hides none.
+  bool cast(const Vec3& origin, const Vec3& direction, const std::uint8_t* hidden, GroundPoint& nearest) const;
+
+ private:
+  struct Bounds {
+    float low[3];
+    float high[3];
+    void grow(const float* position);
+    bool isEntered(const Vec3& origin, const Vec3& direction, double mostAt) const;
+  };
+  static Bounds nothing();
+
+  bool meets(std::size_t face, const Vec3& origin, const Vec3& direction, GroundPoint& nearest) const;
+  Vec3 corner(std::size_t at) const;
+
+  std::vector<float> positions_;
+  std::vector<std::uint32_t> indices_;
+  std::vector<Bounds> boxes_;
+  Bounds whole_;
+};
+
+}  // namespace terraport
