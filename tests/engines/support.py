@@ -55,7 +55,6 @@ def both(file: str, test: str) -> tuple[Claim, Claim]:
 SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return")
 SDK_LAND = "tests/socket/test_sdk_sessions.py"
 NO_GROUPS = No("skips what it is told of groups")
-NO_DISK = No("memory alone")
 
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
@@ -123,8 +122,12 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "cache on disk": (
         Yes("tests/socket/test_sdk_disk.py", "test_a_second_run_reads_from_disk"),
         Yes("tests/browser/test_landings.py", "test_a_reload_loads_nothing_twice"),
-        NO_DISK,
-        NO_DISK,
+        *both("tests/engines/test_disk.py", "test_a_second_run_reads_from_disk"),
+    ),
+    "disk: damaged, full, not to be written": (
+        Yes("tests/sdk/test_disk_cache.py", "test_a_disk_that_cannot_be_written_is_no_error"),
+        Yes(f"{WEB}/session/kept-bundle.test.ts", "any damage brings whole payloads or none"),
+        *both("tests/engines/test_disk.py", "test_a_folder_that_cannot_be_written_is_no_error"),
     ),
     "a cut line is mended, nothing comes twice": (
         Yes("tests/socket/test_sdk_reconnect.py", "test_a_landing_survives_any_number_of_cuts"),

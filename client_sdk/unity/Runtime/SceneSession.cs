@@ -305,6 +305,8 @@ namespace Terraport.Unity
             bounds.MaxSegments = budgets.maxSegments;
             options.Budgets = bounds;
             options.CacheBytes = (long)budgets.cacheMebibytes << 20;
+            options.DiskFolder = Platform.DiskFolder;
+            options.DiskBytes = (long)budgets.diskMebibytes << 20;
             options.CreditBytes = (long)budgets.creditMebibytes << 20;
             options.Client = ClientVersion.Text + " Unity/" + Application.unityVersion;
             return options;

@@ -4,6 +4,7 @@
 #include "HAL/PlatformTime.h"
 #include "MaterialDomain.h"
 #include "Materials/Material.h"
+#include "Misc/Paths.h"
 #include "Modules/ModuleManager.h"
 #include "TerraportLog.h"
 #include "TerraportText.h"
@@ -332,6 +333,10 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& S
 	Options.budgets.maxBytes = uint64(std::max(Budgets.MaxPayloadMiB, 1)) * Mebibyte;
 	Options.budgets.maxSegments = uint64(std::max(Budgets.MaxSegments, 1));
 	Options.cacheBytes = uint64(std::max(Budgets.CacheMiB, 0)) * Mebibyte;
+	// The cache has a thread of its own; a path of the engine's is relative to its binaries.
+	Options.diskFolder =
+		TerraportText::ToUtf8(FPaths::ConvertRelativePathToFull(FPaths::ProjectSavedDir() / TEXT("Terraport")));
+	Options.diskBytes = uint64(std::max(Budgets.DiskMiB, 0)) * Mebibyte;
 	Options.creditBytes = uint64(std::max(Budgets.CreditMiB, 1)) * Mebibyte;
 	return Options;
 }
