@@ -167,6 +167,26 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         Yes("tests/browser/test_walk.py", "test_feet_stand_on_what_is_shown"),
         *both("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
     ),
+    "teleport in the dark of a fade": (
+        No("no user"),
+        Yes(
+            "tests/browser/test_headset.py",
+            "test_a_teleport_swaps_and_moves_in_one_black_frame",
+        ),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+    ),
+    "shown when asked for, in place of at once": (
+        No("shows nothing"),
+        Yes(f"{WEB}/xr-teleport.test.ts", "presentable"),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+    ),
+    "bounds by the kind of device": (
+        No("bounds are the caller's"),
+        Yes(f"{WEB}/session/parts.test.ts", "budgetsFor(device)"),
+        *both("tests/engines/test_profiles.py", "test_profiles_are_the_same_in_both_engines"),
+    ),
     "textures: decoded payload, image's bytes": (
         Yes("tests/socket/test_sdk_textures.py", "test_segments_arrive_with_their_images"),
         Yes("tests/browser/test_pictures.py", "test_ways_to_colour_the_ground"),
