@@ -187,6 +187,12 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         Yes(f"{WEB}/session/parts.test.ts", "budgetsFor(device)"),
         *both("tests/engines/test_profiles.py", "test_profiles_are_the_same_in_both_engines"),
     ),
+    "ground that is solid around the feet": (
+        No("no bodies"),
+        No("no bodies"),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+    ),
     "textures: decoded payload, image's bytes": (
         Yes("tests/socket/test_sdk_textures.py", "test_segments_arrive_with_their_images"),
         Yes("tests/browser/test_pictures.py", "test_ways_to_colour_the_ground"),

@@ -35,7 +35,7 @@ namespace Terraport.Unity
         /// <summary>Payload kept on disk from one run to the next, of all scenes, MiB; 0 keeps none.</summary>
         [Min(0)]
         [Tooltip("Payload kept on disk from one run to the next, of all scenes, MiB; 0 keeps none. Whoever may read the app's cache may "
-                 + "read it.")]
+            + "read it.")]
         public int diskMebibytes = 1024;
 
         /// <summary>Payload under way at most, MiB.</summary>

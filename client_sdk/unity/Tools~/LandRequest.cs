@@ -10,8 +10,8 @@ namespace Terraport.Tools
     {
         public const string Usage = "usage: land --scene URL [--NAME VALUE ...] STEP ...\n"
             + "  --token T  --token-file PATH (read anew for each connection)  --max-triangles N  --max-bytes N  --max-segments N\n"
-            + "  --cache-bytes N  --credit-bytes N  --disk FOLDER  --disk-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged "
-              + "0|1\n"
+            + "  --cache-bytes N  --credit-bytes N  --disk FOLDER  --disk-bytes N\n"
+            + "  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
             + "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
             + "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
             + "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n"

@@ -1,7 +1,9 @@
 #include "staged_visit.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
+#include <vector>
 
 #include "Terraport/DecodeThreads.h"
 #include "Terraport/SceneLoader.h"
@@ -28,6 +30,31 @@ StageOptions smallBlocks() {
   StageOptions options;
   options.baseBlockFaces = kBaseBlockFaces;
   return options;
+}
+
+/// Of the ground that is made solid around feet.
+constexpr double kSolidHalfM = 4.0;
+constexpr std::size_t kSolidFaces = 4096;
+
+/// Height of the highest solid face over a place; far below where there is none.
+double solidHeight(const ShownGround& ground, const Vec3& place) {
+  std::vector<float> solid;
+  ground.gather(place, kSolidHalfM, kSolidFaces, solid);
+  double highest = -1e6;
+  for (std::size_t at = 0; at < solid.size(); at += 9) {
+    const float* a = &solid[at];
+    const double u[3] = {double{a[3]} - a[0], double{a[4]} - a[1], double{a[5]} - a[2]};
+    const double v[3] = {double{a[6]} - a[0], double{a[7]} - a[1], double{a[8]} - a[2]};
+    const double x = place.x - a[0];
+    const double z = place.z - a[2];
+    const double area = u[0] * v[2] - u[2] * v[0];
+    const double beta = (x * v[2] - z * v[0]) / area;
+    const double gamma = (u[0] * z - u[2] * x) / area;
+    if (beta >= -1e-9 && gamma >= -1e-9 && beta + gamma <= 1.0 + 1e-9) {
+      highest = std::max(highest, a[1] + beta * u[1] + gamma * v[1]);
+    }
+  }
+  return highest;
 }
 
 }  // namespace
@@ -84,7 +111,8 @@ void StagedVisit::stand(const Vec3& position) {
     impl_->feet.null();
     return;
   }
-  impl_->feet.open('[').number(point.position.y).integer(point.segment).close(']');
+  impl_->feet.open('[').number(point.position.y).integer(point.segment);
+  impl_->feet.number(solidHeight(impl_->ground, point.position)).close(']');
 }
 
 std::string StagedVisit::describe() const {

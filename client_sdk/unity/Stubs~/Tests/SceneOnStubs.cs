@@ -166,10 +166,59 @@ namespace Terraport.Stubs
             Vector3 met;
             Ray down = new Ray(new Vector3(feet.x, feet.y + 50, feet.z), new Vector3(0, -1, 0));
             Expect(1, user.TryAim(down, out met) && Math.Abs(met.y - feet.y) < 0.001 ? 1 : 0, "aims that met the ground");
+            WalkOnDetail(rig.transform);
             Send(teleport, "OnDisable");
             Send(user, "OnDisable");
             UnityEngine.Object.DestroyImmediate(holder);
             UnityEngine.Object.DestroyImmediate(rig);
+        }
+
+        /// <summary>Bodies stand where feet do: the ground is solid around them, wherever they have walked.</summary>
+        private static void WalkOnDetail(Transform feet)
+        {
+            TerraportFeetCollider collider = scene.gameObject.AddComponent<TerraportFeetCollider>();
+            collider.Feet = feet;
+            Send(collider, "OnEnable");
+            for (int step = 0; step < 10; step++)
+            {
+                Vector3 at = feet.position;
+                feet.position = new Vector3(at.x + 1.3f, at.y, at.z + 0.4f);
+                RunUntil(
+                    () =>
+                    {
+                        Send(collider, "Update");
+                        return collider.IsCurrent;
+                    },
+                    "solid ground");
+                GroundHit ground;
+                at = feet.position;
+                if (!scene.GroundAt(new Vector3(at.x, at.y + 1, at.z), out ground))
+                {
+                    continue; // Beyond the scene.
+                }
+                feet.position = ground.Point;
+                float solid = SolidHeight(scene.gameObject.GetComponents<MeshCollider>()[0].sharedMesh, ground.Point);
+                Expect(0, (long)Math.Round(1000 * Math.Abs(solid - ground.Point.y)), "millimetres between solid and shown ground");
+            }
+            Send(collider, "OnDisable");
+            UnityEngine.Object.DestroyImmediate(collider);
+        }
+
+        private static float SolidHeight(Mesh mesh, Vector3 at)
+        {
+            Vector3[] corners = (Vector3[])mesh.VertexData;
+            float highest = float.MinValue;
+            for (int face = 0; face < corners.Length; face += 3)
+            {
+                Vector3 a = corners[face], b = corners[face + 1], c = corners[face + 2];
+                double ux = b.x - a.x, uz = b.z - a.z, vx = c.x - a.x, vz = c.z - a.z, x = at.x - a.x, z = at.z - a.z;
+                double area = ux * vz - uz * vx, beta = (x * vz - z * vx) / area, gamma = (ux * z - uz * x) / area;
+                if (beta >= -1e-6 && gamma >= -1e-6 && beta + gamma <= 1 + 1e-6)
+                {
+                    highest = Math.Max(highest, (float)(a.y + beta * (b.y - a.y) + gamma * (c.y - a.y)));
+                }
+            }
+            return highest;
         }
 
         private static void Send(object component, string message)

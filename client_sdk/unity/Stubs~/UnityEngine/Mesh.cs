@@ -31,6 +31,12 @@ namespace UnityEngine
 
         public void MarkDynamic() {}
 
+        public void Clear()
+        {
+            VertexData = null;
+            IndexData = null;
+        }
+
         public IndexFormat indexFormat { get; set; }
 
         public void SetVertices(Vector3[] inVertices) { VertexData = inVertices; }

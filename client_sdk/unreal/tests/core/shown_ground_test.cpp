@@ -139,7 +139,19 @@ TEST_CASE("rays meet what is shown, from the swap on and not before") {
   REQUIRE(ground.groundAt({2.3, -3.0, 1.6}, point));
   CHECK(point.position.y == 0.25);
 
-  // 3. A new version: what is shown stays until the new base is drawn, and goes then.
+  // 3. What is solid around a place: its faces, no hidden one, never more than may be.
+  std::vector<float> corners;
+  CHECK(ground.gather({2.3, 0.25, 1.6}, 8.0, 100, corners) == 8.0);
+  CHECK(corners.size() == 9 * 32);
+  CHECK(ground.gather({2.3, 0.25, 1.6}, 8.0, 20, corners) == 1.0);
+  CHECK(corners.size() == 9 * 18);
+  CHECK(ground.gather({2.3, 9.0, 1.6}, 2.0, 100, corners) == 2.0);
+  CHECK(corners.empty());
+  CHECK(ground.gather({2.3, 0.25, 1.6}, 8.0, 1, corners) == 0.0);
+  CHECK(corners.empty());
+  CHECK(ground.changes() == 2);
+
+  // 4. A new version: what is shown stays until the new base is drawn, and goes then.
   ground.beginBase(files);
   renderer.isReady = false;
   REQUIRE(ground.groundAt(above, point));

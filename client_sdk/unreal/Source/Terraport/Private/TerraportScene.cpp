@@ -182,6 +182,11 @@ void ATerraportScene::Tick(float DeltaSeconds)
 	if (Current.IsValid())
 	{
 		Current->Tick();
+		if (IsValid(FeetOf))
+		{
+			const double ReachM = double(FeetReachCm) / TerraportAxes::CentimetresPerMetre;
+			Current->StepFeet(ScenePointOf(*this, FeetOf->GetActorLocation()), ReachM, MaxFeetFaces);
+		}
 	}
 }
 

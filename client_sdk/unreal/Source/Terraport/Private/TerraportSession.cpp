@@ -81,6 +81,7 @@ void FTerraportSession::End()
 	Stage.reset();
 	Stream.reset();
 	Decodes.reset();
+	Feet.reset();
 	Ground.reset();
 	Renderer.reset();
 	for (UMaterialInterface* Material : KeptMaterials)
@@ -174,6 +175,19 @@ int64 FTerraportSession::Pick(const terraport::Vec3& Origin, const terraport::Ve
 	}
 	const terraport::Result<std::uint64_t> Request = Stream->pick(Origin, Direction);
 	return Request.isOk() ? int64(Request.value()) : -1;
+}
+
+void FTerraportSession::StepFeet(const terraport::Vec3& Place, double HalfM, int32 MaxFaces)
+{
+	if (bEnded || !Stage)
+	{
+		return;
+	}
+	if (!Feet)
+	{
+		Feet = std::make_unique<FTerraportFeet>(Owner, Keeper);
+	}
+	Feet->Step(*Ground, Place, HalfM, MaxFaces);
 }
 
 bool FTerraportSession::Show()

@@ -3,9 +3,10 @@
 #include "CoreMinimal.h"
 
 #include "Terraport/SceneStage.h"
-#include "Terraport/ShownGround.h"
 #include "Terraport/SceneStream.h"
+#include "Terraport/ShownGround.h"
 #include "TerraportDecodes.h"
+#include "TerraportFeet.h"
 #include "TerraportFiles.h"
 #include "TerraportKeeper.h"
 #include "TerraportRenderer.h"
@@ -58,6 +59,8 @@ public:
 
 	int64 Land(const terraport::Vec3& Position, double RadiusM, const terraport::LandOptions& Options);
 	void Aim(const terraport::Vec3& Position, double RadiusM);
+	/** Once a frame after Tick, where somebody walks: the ground around the feet is solid. */
+	void StepFeet(const terraport::Vec3& Place, double HalfM, int32 MaxFaces);
 	int64 Pick(const terraport::Vec3& Origin, const terraport::Vec3& Direction);
 	bool Show();
 	void Reconnect(const std::string& NewToken);
@@ -107,6 +110,8 @@ private:
 	/** In the order in which they need one another: destroyed the other way round. */
 	std::unique_ptr<FTerraportRenderer> Renderer;
 	std::unique_ptr<terraport::ShownGround> Ground;
+	/** Null where nobody walks. */
+	std::unique_ptr<FTerraportFeet> Feet;
 	std::unique_ptr<FTerraportDecodes> Decodes;
 	std::unique_ptr<terraport::SceneStream> Stream;
 	std::unique_ptr<terraport::SceneStage> Stage;

@@ -30,6 +30,16 @@ void GroundMesh::Bounds::grow(const float* position) {
   }
 }
 
+bool GroundMesh::Bounds::meetsCube(const Vec3& centre, double halfM) const {
+  const double middle[3] = {centre.x, centre.y, centre.z};
+  for (int axis = 0; axis < 3; ++axis) {
+    if (low[axis] > middle[axis] + halfM || high[axis] < middle[axis] - halfM) {
+      return false;
+    }
+  }
+  return true;
+}
+
 /// The slabs of the box's three axes (Kay and Kajiya, 1986).
 bool GroundMesh::Bounds::isEntered(const Vec3& origin, const Vec3& direction, double mostAt) const {
   const double from[3] = {origin.x, origin.y, origin.z};
@@ -93,6 +103,36 @@ bool GroundMesh::cast(const Vec3& origin, const Vec3& direction, const std::uint
     }
   }
   return isMet;
+}
+
+bool GroundMesh::gather(
+    const Vec3& centre, double halfM, const std::uint8_t* hidden, std::size_t mostNumbers, std::vector<float>& corners) const {
+  if (boxes_.empty() || !whole_.meetsCube(centre, halfM)) {
+    return true;
+  }
+  for (std::size_t box = 0; box < boxes_.size(); ++box) {
+    if (!boxes_[box].meetsCube(centre, halfM)) {
+      continue;
+    }
+    const std::size_t end = std::min<std::size_t>((box + 1) * kBoxFaces, faceCount());
+    for (std::size_t face = box * kBoxFaces; face < end; ++face) {
+      Bounds bounds = nothing();
+      for (std::size_t corner = 0; corner < 3; ++corner) {
+        bounds.grow(&positions_[std::size_t{3} * indices_[3 * face + corner]]);
+      }
+      if ((hidden != nullptr && hidden[face] != 0) || !bounds.meetsCube(centre, halfM)) {
+        continue;
+      }
+      if (corners.size() + 9 > mostNumbers) {
+        return false;
+      }
+      for (std::size_t corner = 0; corner < 3; ++corner) {
+        const float* position = &positions_[std::size_t{3} * indices_[3 * face + corner]];
+        corners.insert(corners.end(), position, position + 3);
+      }
+    }
+  }
+  return true;
 }
 
 /// Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997. In double: neighbours share their edge, and a

@@ -31,6 +31,7 @@ struct ShownGround::Impl {
   SharedGround coming;
   SharedGround drawn;
   std::vector<std::uint8_t> hidden;
+  std::uint64_t changes = 0;
 };
 
 ShownGround::ShownGround(SceneRenderer& renderer, Made made) : impl_(std::make_unique<Impl>(renderer, std::move(made))) {}
@@ -44,7 +45,8 @@ void ShownGround::setBase(SharedGround base) {
 bool ShownGround::cast(const Vec3& origin, const Vec3& direction, double mostAt, GroundPoint& point) const {
   point = GroundPoint();
   point.at = mostAt;
-  bool isMet = impl_->drawn && impl_->drawn->cast(origin, direction, impl_->hidden.empty() ? nullptr : impl_->hidden.data(), point);
+  bool isMet =
+      impl_->drawn && impl_->drawn->cast(origin, direction, impl_->hidden.empty() ? nullptr : impl_->hidden.data(), point);
   for (const auto& [segment, mesh] : impl_->shown) {
     if (mesh->cast(origin, direction, nullptr, point)) {
       point.segment = segment;
@@ -56,6 +58,27 @@ bool ShownGround::cast(const Vec3& origin, const Vec3& direction, double mostAt,
 
 bool ShownGround::groundAt(const Vec3& position, GroundPoint& point) const {
   return cast(position, {0.0, -1.0, 0.0}, kFarM, point) || cast(position, {0.0, 1.0, 0.0}, kFarM, point);
+}
+
+std::uint64_t ShownGround::changes() const {
+  return impl_->changes;
+}
+
+double ShownGround::gather(const Vec3& centre, double halfM, std::size_t mostFaces, std::vector<float>& corners) const {
+  const std::uint8_t* const hidden = impl_->hidden.empty() ? nullptr : impl_->hidden.data();
+  for (int halving = 0; halving <= 4; ++halving, halfM /= 2) {
+    corners.clear();
+    bool isWhole = !impl_->drawn || impl_->drawn->gather(centre, halfM, hidden, 9 * mostFaces, corners);
+    for (const auto& [segment, mesh] : impl_->shown) {
+      (void)segment;
+      isWhole = isWhole && mesh->gather(centre, halfM, nullptr, 9 * mostFaces, corners);
+    }
+    if (isWhole) {
+      return halfM;
+    }
+  }
+  corners.clear();
+  return 0.0;
 }
 
 UploadState ShownGround::upload(std::uint32_t segment, const SegmentMesh& mesh, ByteSpan payload) {
@@ -105,6 +128,7 @@ bool ShownGround::isBaseReady() {
     impl_->drawn = std::move(impl_->coming);
     impl_->coming.reset();
     impl_->hidden.assign(impl_->drawn->faceCount(), 0);
+    ++impl_->changes;
   }
   return isReady;
 }
@@ -122,6 +146,7 @@ void ShownGround::swap(const SceneSwap& change) {
   // A copy: the view is of the counters, which go ahead to the next landing.
   impl_->hidden.assign(change.baseHidden.faces, change.baseHidden.faces + change.baseHidden.faceCount);
   impl_->hidden.resize(impl_->drawn ? impl_->drawn->faceCount() : 0, 0);
+  ++impl_->changes;
   impl_->renderer.swap(change);
 }
 

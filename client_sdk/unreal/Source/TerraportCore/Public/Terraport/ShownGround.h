@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <vector>
 
 #include "Terraport/Api.h"
 #include "Terraport/SceneRenderer.h"
@@ -52,6 +53,15 @@ class TERRAPORTCORE_API ShownGround final : public SceneRenderer {
 
   /// Ground on the vertical through a point: the highest not above it, else the lowest above it.
   bool groundAt(const Vec3& position, GroundPoint& point) const;
+
+  /// How often what is shown has changed.
+  std::uint64_t changes() const;
+
+  /// Faces of what is shown around a place, to be made solid: those whose box meets a cube of half the side `halfM`. Where
+  /// these are more than `mostFaces` the cube is halved, four times at most. `corners` then has three corners a face,
+  /// counter-clockwise from outside, metres of the scene frame. Returns half the side of the cube of which all faces are there;
+  /// 0 where that was none.
+  double gather(const Vec3& centre, double halfM, std::size_t mostFaces, std::vector<float>& corners) const;
 
   UploadState upload(std::uint32_t segment, const SegmentMesh& mesh, ByteSpan payload) override;
   bool isDrawable(std::uint32_t segment) override;
