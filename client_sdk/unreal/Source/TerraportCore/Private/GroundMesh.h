@@ -4,7 +4,8 @@
 #include <cstdint>
 #include <vector>
 
-#include "Terraport/ShownGround.h"
+#include "Terraport/GroundPoint.h"
+#include "Terraport/SegmentMesh.h"
 
 namespace terraport {
 

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "Terraport/Api.h"
+#include "Terraport/GroundPoint.h"
 #include "Terraport/SceneRenderer.h"
 #include "Terraport/Types.h"
 
@@ -19,18 +20,6 @@ using SharedGround = std::shared_ptr<const GroundMesh>;
 
 /// Copy a mesh for rays: 12 bytes a vertex and 12 a face. O(faces).
 TERRAPORTCORE_API SharedGround groundOf(const SegmentMesh& mesh);
-
-/// Where a ray met the ground that is shown.
-struct GroundPoint {
-  /// Metres, scene frame.
-  Vec3 position;
-  /// Unit, of the face's front; scene frame.
-  Vec3 normal;
-  /// Along the ray, in lengths of its direction.
-  double at = 0.0;
-  /// Segment of the face; -1 for the base.
-  std::int64_t segment = -1;
-};
 
 /// Knows the ground that a renderer shows: stands between a SceneStage and its renderer. Detail where it is shown, the base
 /// elsewhere, no hidden face of it; it changes with the swap and with nothing else. One thread, that of the stage.
