@@ -55,7 +55,6 @@ def both(file: str, test: str) -> tuple[Claim, Claim]:
 SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return")
 SDK_LAND = "tests/socket/test_sdk_sessions.py"
 NO_GROUPS = No("skips what it is told of groups")
-NO_DISK = No("memory alone")
 
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
@@ -123,8 +122,12 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "cache on disk": (
         Yes("tests/socket/test_sdk_disk.py", "test_a_second_run_reads_from_disk"),
         Yes("tests/browser/test_landings.py", "test_a_reload_loads_nothing_twice"),
-        NO_DISK,
-        NO_DISK,
+        *both("tests/engines/test_disk.py", "test_a_second_run_reads_from_disk"),
+    ),
+    "disk: damaged, full, not to be written": (
+        Yes("tests/sdk/test_disk_cache.py", "test_a_disk_that_cannot_be_written_is_no_error"),
+        Yes(f"{WEB}/session/kept-bundle.test.ts", "any damage brings whole payloads or none"),
+        *both("tests/engines/test_disk.py", "test_a_folder_that_cannot_be_written_is_no_error"),
     ),
     "a cut line is mended, nothing comes twice": (
         Yes("tests/socket/test_sdk_reconnect.py", "test_a_landing_survives_any_number_of_cuts"),
@@ -161,12 +164,34 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "ground under feet and pointers, of what is shown": (
         No("ask a pick"),
-        Yes(f"{WEB}/three/footing.test.ts", "the ground on a vertical"),
-        Yes("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
+        Yes("tests/browser/test_walk.py", "test_feet_stand_on_what_is_shown"),
+        *both("tests/engines/test_walk.py", "test_feet_stand_on_what_is_shown"),
+    ),
+    "teleport in the dark of a fade": (
+        No("no user"),
         Yes(
-            "client_sdk/unreal/tests/engine/ground_test.cpp",
-            "boxes change nothing of what rays meet",
+            "tests/browser/test_headset.py",
+            "test_a_teleport_swaps_and_moves_in_one_black_frame",
         ),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+    ),
+    "shown when asked for, in place of at once": (
+        No("shows nothing"),
+        Yes(f"{WEB}/xr-teleport.test.ts", "presentable"),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+    ),
+    "bounds by the kind of device": (
+        No("bounds are the caller's"),
+        Yes(f"{WEB}/session/parts.test.ts", "budgetsFor(device)"),
+        *both("tests/engines/test_profiles.py", "test_profiles_are_the_same_in_both_engines"),
+    ),
+    "ground that is solid around the feet": (
+        No("no bodies"),
+        No("no bodies"),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
     ),
     "textures: decoded payload, image's bytes": (
         Yes("tests/socket/test_sdk_textures.py", "test_segments_arrive_with_their_images"),

@@ -27,6 +27,7 @@ NOT_IN_FACTS: Final = {
     "IntegratedSubsystem",
     "SubsystemManager",
     "XRDisplaySubsystem",
+    "LayerMask",
     "EditorGUILayout.HelpBox",
     "EditorGUILayout.LabelField",
     "EditorGUILayout.Space",

@@ -23,6 +23,7 @@ namespace Terraport.Unity.Editor
             GameObject created = new GameObject("Terraport User");
             TerraportUser user = created.AddComponent<TerraportUser>();
             user.Scene = FindScene();
+            created.AddComponent<TerraportTeleport>();
             // A usual rig: the camera looks, its parent is moved.
             Camera eye = Camera.main;
             if (eye != null)

@@ -32,6 +32,12 @@ namespace Terraport.Unity
         [Tooltip("Payload kept in main memory beside what is shown, MiB. More: places landed in before come back without loading.")]
         public int cacheMebibytes = 256;
 
+        /// <summary>Payload kept on disk from one run to the next, of all scenes, MiB; 0 keeps none.</summary>
+        [Min(0)]
+        [Tooltip("Payload kept on disk from one run to the next, of all scenes, MiB; 0 keeps none. Whoever may read the app's cache may "
+            + "read it.")]
+        public int diskMebibytes = 1024;
+
         /// <summary>Payload under way at most, MiB.</summary>
         [Min(1)]
         [Tooltip("Payload under way at most, MiB. More: long links are used in full. Less: a landing that is given up costs less.")]
@@ -55,6 +61,7 @@ namespace Terraport.Unity
                 budgets.maxSegments = 1024;
                 budgets.radiusM = 40;
                 budgets.cacheMebibytes = 48;
+                budgets.diskMebibytes = 256;
                 budgets.creditMebibytes = 4;
                 budgets.spareGpuMebibytes = 64;
             }
@@ -66,6 +73,7 @@ namespace Terraport.Unity
                 budgets.maxSegments = 512;
                 budgets.radiusM = 40;
                 budgets.cacheMebibytes = 96;
+                budgets.diskMebibytes = 512;
                 budgets.creditMebibytes = 8;
                 budgets.spareGpuMebibytes = 96;
             }

@@ -1,5 +1,7 @@
 using System;
+using System.IO;
 using System.Threading.Tasks;
+using UnityEngine;
 
 namespace Terraport.Unity
 {
@@ -12,6 +14,9 @@ namespace Terraport.Unity
 
         /// <summary>Runs work beside the main thread; null where there is no beside.</summary>
         public static Func<Action, Task> Aside => null;
+
+        /// <summary>Where payloads are kept from one run to the next; null for nowhere: a page has no disk but the browser's own cache.</summary>
+        public static string DiskFolder => null;
 
         /// <summary>How files are fetched unless a project says otherwise.</summary>
         public static IHttp MakeHttp() { return new WebRequestHttp(); }
@@ -31,6 +36,9 @@ namespace Terraport.Unity
 
         /// <summary>Runs work beside the main thread; null where there is no beside.</summary>
         public static Func<Action, Task> Aside => Task.Run;
+
+        /// <summary>Where payloads are kept from one run to the next; the system may empty it.</summary>
+        public static string DiskFolder => Path.Combine(Application.temporaryCachePath, "terraport");
 
         /// <summary>How files are fetched unless a project says otherwise.</summary>
         public static IHttp MakeHttp() { return new SystemHttp(); }

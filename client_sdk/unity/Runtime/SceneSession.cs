@@ -39,6 +39,9 @@ namespace Terraport.Unity
         private float retryAtS = float.PositiveInfinity;
         private float retryInS = MinRetryS;
         private bool isDisposed;
+        // The landing that was told of as presentable, and whether all of it.
+        private int presentable;
+        private bool isPresentableWhole;
 
         public SceneSession(TerraportScene scene, string url, string token)
         {
@@ -67,6 +70,9 @@ namespace Terraport.Unity
 
         /// <summary>What is drawn has changed: raised within Update, after the renderer has it.</summary>
         public event Action<SceneSwap> Swapped;
+
+        /// <summary>With autoShow off: a landing, or its inner part, can be shown.</summary>
+        public event Action<int> Presentable;
 
         /// <summary>Null until the files are here.</summary>
         public SceneStage Stage { get; private set; }
@@ -138,6 +144,7 @@ namespace Terraport.Unity
             {
                 Load(); // Another version is served now.
             }
+            ReportPresentable();
         }
 
         /// <summary>Close the stream and free everything.</summary>
@@ -166,6 +173,27 @@ namespace Terraport.Unity
             photos.Dispose();
             materials.Dispose();
             cancel.Dispose();
+        }
+
+        /// <summary>Tell once of each landing that it can be shown, and once more where its inner part could be first.</summary>
+        private void ReportPresentable()
+        {
+            if (isDisposed || Stage.AutoShow || Presentable == null)
+            {
+                return;
+            }
+            LandingStatus status = Stage.Status;
+            bool isWhole = status.Phase == LandingPhase.Presentable;
+            if (!isWhole && status.Phase != LandingPhase.DegradedPresentable)
+            {
+                return;
+            }
+            if (status.Landing != presentable || (isWhole && !isPresentableWhole))
+            {
+                presentable = status.Landing;
+                isPresentableWhole = isWhole;
+                Presentable(status.Landing);
+            }
         }
 
         private void Load()
@@ -305,6 +333,8 @@ namespace Terraport.Unity
             bounds.MaxSegments = budgets.maxSegments;
             options.Budgets = bounds;
             options.CacheBytes = (long)budgets.cacheMebibytes << 20;
+            options.DiskFolder = Platform.DiskFolder;
+            options.DiskBytes = (long)budgets.diskMebibytes << 20;
             options.CreditBytes = (long)budgets.creditMebibytes << 20;
             options.Client = ClientVersion.Text + " Unity/" + Application.unityVersion;
             return options;

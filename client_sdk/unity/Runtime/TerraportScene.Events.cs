@@ -39,6 +39,14 @@ namespace Terraport.Unity
             }
         }
 
+        private void OnPresentable(int landing)
+        {
+            if (Presentable != null)
+            {
+                Presentable(landing);
+            }
+        }
+
         /// <summary>Raise the component's own event for one of the stream's, then pass the stream's on.</summary>
         private void OnStreamed(ref StreamEvent next)
         {

@@ -5,6 +5,9 @@ namespace Terraport.Unity
     /// <summary>The ground under feet and pointers: of what is shown, detail and base, without colliders.</summary>
     public sealed partial class TerraportScene
     {
+        /// <summary>What is shown, scene frame; null while the scene is closed.</summary>
+        public ShownGround Ground => session == null ? null : session.Ground;
+
         /// <summary>The first point of what is shown along a ray of Unity's world. Exact; a fraction of a millisecond.</summary>
         public bool CastGround(Ray ray, float reachM, out GroundHit hit)
         {

@@ -76,6 +76,12 @@ namespace Terraport.Unity
         /// <summary>What is drawn has changed, in this frame.</summary>
         public event Action<SceneSwap> Shown;
 
+        /// <summary>
+        /// With <see cref="AutoShow"/> off: the landing of this number (its inner part at first, where its deadline passed) can be shown, by
+        /// <see cref="Show"/>.
+        /// </summary>
+        public event Action<int> Presentable;
+
         /// <summary>A pick was answered: its number, and what was met; null for nothing, or where it was refused.</summary>
         public event Action<int, PickHit> Picked;
 
@@ -216,6 +222,7 @@ namespace Terraport.Unity
             session.Loaded += OnLoaded;
             session.Streamed += OnStreamed;
             session.Swapped += OnSwapped;
+            session.Presentable += OnPresentable;
         }
 
         /// <summary>Disconnect and free everything. What was shown is gone.</summary>
@@ -230,6 +237,7 @@ namespace Terraport.Unity
                 closing.Loaded -= OnLoaded;
                 closing.Streamed -= OnStreamed;
                 closing.Swapped -= OnSwapped;
+                closing.Presentable -= OnPresentable;
                 if (closing != updating)
                 {
                     closing.Dispose();
@@ -273,6 +281,24 @@ namespace Terraport.Unity
             if (session != null && session.Stage != null)
             {
                 session.Stage.Aim(ToScene(point), radiusM > 0 ? radiusM : DefaultRadiusM);
+            }
+        }
+
+        /// <summary>
+        /// Show a landing as soon as it can be drawn; may be changed at any time. Switch it off to show it in the dark of a fade, by
+        /// <see cref="Show"/>: <see cref="TerraportTeleport"/> does so.
+        /// </summary>
+        public bool AutoShow
+        {
+            get {
+                return settings.autoShow;
+            }
+            set {
+                settings.autoShow = value;
+                if (session != null && session.Stage != null)
+                {
+                    session.Stage.AutoShow = value;
+                }
             }
         }
 

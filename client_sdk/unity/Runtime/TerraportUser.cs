@@ -7,12 +7,15 @@ namespace Terraport.Unity
     /// Somebody who walks in a scene: aims along a ray, lands where it meets the ground, and is set down on the survey's own height.
     /// </summary>
     /// <remarks>
-    /// The ground that rays meet is the base (<see cref="TerraportGroundCollider"/>). The height to stand on is asked of the server,
-    /// which has all of the detail; until it answers, the base's counts.
+    /// Rays and feet meet what is shown, detail and base, by <see cref="TerraportScene.CastGround"/> and
+    /// <see cref="TerraportScene.GroundAt"/>: no collider is needed. <see cref="TerraportTeleport"/> lands in the dark of a fade.
     /// </remarks>
     [AddComponentMenu("Terraport/Terraport User")]
     public sealed class TerraportUser : MonoBehaviour
     {
+        // Over what rises before a foot, under what hangs over a head.
+        private const double SearchAboveM = 1;
+
         [SerializeField]
         [Tooltip("The scene to walk in.")]
         private TerraportScene scene;
@@ -37,11 +40,13 @@ namespace Terraport.Unity
         private float reachM = 500;
 
         [SerializeField]
+        [Tooltip("Layers of your own things that stop the pointer: walls, tables. The ground itself needs none.")]
+        private LayerMask obstacles;
+
+        [SerializeField]
         [Tooltip("Land at the rig's place as soon as the scene is loaded.")]
         private bool landAtStart = true;
 
-        // Number of the pick whose answer sets the height; 0 where none is awaited.
-        private int pick;
         // Of the landing on its way; 0 where the scene keeps it until it is loaded.
         private int landing;
         private bool isComing;
@@ -95,6 +100,17 @@ namespace Terraport.Unity
             }
         }
 
+        /// <summary>Layers of things that stop the pointer; the ground is none of them.</summary>
+        public LayerMask Obstacles
+        {
+            get {
+                return obstacles;
+            }
+            set {
+                obstacles = value;
+            }
+        }
+
         /// <summary>Whether a landing of this user is on its way.</summary>
         public bool IsComing => isComing;
 
@@ -108,13 +124,15 @@ namespace Terraport.Unity
         /// <summary>Aim along a ray of Unity's world. True, and where, if the ground is met; the scene then loads ahead.</summary>
         public bool TryAim(Ray ray, out Vector3 point)
         {
-            RaycastHit hit;
-            if (scene == null || !Physics.Raycast(ray, out hit, reachM))
+            GroundHit ground;
+            RaycastHit obstacle;
+            if (scene == null || !scene.CastGround(ray, reachM, out ground)
+                || (obstacles.value != 0 && Physics.Raycast(ray, out obstacle, ground.Distance, obstacles.value)))
             {
                 point = default(Vector3);
                 return false;
             }
-            point = hit.point;
+            point = ground.Point;
             scene.Aim(point, radiusM);
             return true;
         }
@@ -127,16 +145,20 @@ namespace Terraport.Unity
         {
             target = scene.ToScene(point);
             isComing = true;
-            // Beside the landing: the height comes while payloads are still on their way.
-            pick = scene.Pick(point);
             landing = scene.Land(point, radiusM);
         }
 
         /// <summary>Forget a landing that is on its way: it may still be shown, but the rig stays.</summary>
-        public void Stay()
+        public void Stay() { isComing = false; }
+
+        /// <summary>Go there now, onto what is shown; detail follows when it is there. Nothing where no landing is on its way.</summary>
+        public void ArriveNow()
         {
-            isComing = false;
-            pick = 0;
+            if (isComing)
+            {
+                isComing = false;
+                Arrive();
+            }
         }
 
         private void OnEnable()
@@ -152,7 +174,6 @@ namespace Terraport.Unity
                 return;
             }
             scene.Loaded += OnLoaded;
-            scene.Picked += OnPicked;
             scene.Shown += OnShown;
             scene.Failed += OnFailed;
             if (scene.Files != null)
@@ -166,7 +187,6 @@ namespace Terraport.Unity
             if (scene != null)
             {
                 scene.Loaded -= OnLoaded;
-                scene.Picked -= OnPicked;
                 scene.Shown -= OnShown;
                 scene.Failed -= OnFailed;
             }
@@ -183,30 +203,10 @@ namespace Terraport.Unity
             }
         }
 
-        private void OnPicked(int request, PickHit hit)
-        {
-            // Answers to older picks, or to somebody else's.
-            if (request != pick || hit == null)
-            {
-                return;
-            }
-            pick = 0;
-            if (!isComing && rig != null)
-            {
-                target = scene.ToScene(rig.position); // Shown before the answer came: the user may have walked on meanwhile.
-            }
-            // The height alone: where exactly the user aimed must not slide along the ray.
-            target = new Vec3(target.X, hit.Position.Y, target.Z);
-            if (!isComing)
-            {
-                SetDown();
-            }
-        }
-
         private void OnShown(SceneSwap swap)
         {
             // 0: a base came, and no landing.
-            if (!isComing || swap.Landing == 0)
+            if (swap.Landing == 0)
             {
                 return;
             }
@@ -215,8 +215,16 @@ namespace Terraport.Unity
                 Stay(); // Somebody else has landed since: what is sharp now is not around the target.
                 return;
             }
-            isComing = false;
-            SetDown();
+            if (isComing)
+            {
+                isComing = false;
+                Arrive();
+            }
+            else if (rig != null && landing > 0)
+            {
+                // The rest of it came: the feet stay on the ground, wherever the user has walked meanwhile.
+                rig.position = OnGround(scene.ToScene(rig.position));
+            }
         }
 
         private void OnFailed(TerraportException error)
@@ -228,9 +236,9 @@ namespace Terraport.Unity
             }
         }
 
-        private void SetDown()
+        private void Arrive()
         {
-            Vector3 point = scene.ToWorld(target);
+            Vector3 point = OnGround(target);
             if (rig != null)
             {
                 rig.position = point;
@@ -239,6 +247,15 @@ namespace Terraport.Unity
             {
                 Arrived(point);
             }
+        }
+
+        /// <summary>Where feet stand at a place: on what is shown.</summary>
+        private Vector3 OnGround(Vec3 place)
+        {
+            GroundHit ground;
+            // From above the place: the base that was aimed at may lie below the detail that is shown by now.
+            Vector3 from = scene.ToWorld(new Vec3(place.X, place.Y + SearchAboveM, place.Z));
+            return scene.GroundAt(from, out ground) ? ground.Point : scene.ToWorld(place);
         }
     }
 }

@@ -10,7 +10,8 @@ namespace Terraport.Tools
     {
         public const string Usage = "usage: land --scene URL [--NAME VALUE ...] STEP ...\n"
             + "  --token T  --token-file PATH (read anew for each connection)  --max-triangles N  --max-bytes N  --max-segments N\n"
-            + "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
+            + "  --cache-bytes N  --credit-bytes N  --disk FOLDER  --disk-bytes N\n"
+            + "  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
             + "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
             + "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
             + "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n"
@@ -73,6 +74,8 @@ namespace Terraport.Tools
                 case "max-bytes": Stream.Budgets.MaxBytes = Whole(value); break;
                 case "max-segments": Stream.Budgets.MaxSegments = Whole(value); break;
                 case "cache-bytes": Stream.CacheBytes = Whole(value); break;
+                case "disk": Stream.DiskFolder = value; break;
+                case "disk-bytes": Stream.DiskBytes = Whole(value); break;
                 case "credit-bytes": Stream.CreditBytes = Whole(value); break;
                 case "threaded": IsThreaded = value == "1"; break;
                 case "timeout-s": TimeoutS = double.Parse(value, CultureInfo.InvariantCulture); break;

@@ -1,3 +1,5 @@
+using System.Collections.Generic;
+
 namespace Terraport.Tools
 {
     /// <summary>
@@ -9,11 +11,16 @@ namespace Terraport.Tools
         /// <summary>What a frame gives the stage.</summary>
         private const double FrameMs = 2;
 
+        /// <summary>Of the ground that is made solid around feet.</summary>
+        private const double SolidHalfM = 4;
+        private const int SolidFaces = 4096;
+
         private readonly RecordingRenderer renderer = new RecordingRenderer();
         private readonly DecodeThreads decoders;
         private readonly SceneStage stage;
         private readonly ShownGround ground;
         private readonly JsonText feet = new JsonText();
+        private readonly List<float> solid = new List<float>();
 
         public StagedVisit(ISceneStream stream, StreamOptions options)
         {
@@ -43,7 +50,25 @@ namespace Terraport.Tools
                 feet.Null();
                 return;
             }
-            feet.Open('[').Value(point.Position.Y).Value(point.Segment.HasValue ? (long)point.Segment.Value : -1).Close(']');
+            feet.Open('[').Value(point.Position.Y).Value(point.Segment.HasValue ? (long)point.Segment.Value : -1);
+            feet.Value(SolidHeight(point.Position)).Close(']');
+        }
+
+        /// <summary>Height of the highest solid face over a place; far below where there is none.</summary>
+        private double SolidHeight(Vec3 place)
+        {
+            ground.Gather(place, SolidHalfM, SolidFaces, solid);
+            double highest = -1e6;
+            for (int at = 0; at < solid.Count; at += 9)
+            {
+                double ux = solid[at + 3] - solid[at], uy = solid[at + 4] - solid[at + 1], uz = solid[at + 5] - solid[at + 2];
+                double vx = solid[at + 6] - solid[at], vy = solid[at + 7] - solid[at + 1], vz = solid[at + 8] - solid[at + 2];
+                double x = place.X - solid[at], z = place.Z - solid[at + 2], area = ux * vz - uz * vx;
+                double beta = (x * vz - z * vx) / area, gamma = (ux * z - uz * x) / area;
+                if (beta >= -1e-9 && gamma >= -1e-9 && beta + gamma <= 1 + 1e-9)
+                    highest = System.Math.Max(highest, solid[at + 1] + beta * uy + gamma * vy);
+            }
+            return highest;
         }
 
         /// <summary>What is drawn, and what happened: one JSON object.</summary>

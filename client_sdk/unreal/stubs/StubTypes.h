@@ -79,6 +79,7 @@ public:
 	int32 Len() const { return int32(Units.size()); }
 	bool operator==(const FString& Other) const { return Units == Other.Units; }
 	bool operator<(const FString& Other) const { return Units < Other.Units; }
+	friend FString operator/(const FString& Folder, const TCHAR* Name) { return FString((Folder.Units + u"/" + Name).c_str()); }
 	friend FString operator+(const TCHAR* Left, const FString& Right)
 	{
 		FString Out(Left);

@@ -106,6 +106,8 @@ class Visit {
         return;
       }
       until(step, [this, before] { return picked_ > before; });
+    } else if (step.kind == "stand" && staged_) {
+      staged_->stand(position(0));
     } else if (step.kind == "pause") {
       const double end = nowMs() + numbers[0];
       until(step, [this, end] { return nowMs() >= end; });

@@ -10,10 +10,12 @@ namespace {
 const char* const kUsage =
     "usage: terraport-land --scene URL [--NAME VALUE ...] STEP ...\n"
     "  --token T  --token-file PATH (read anew for each connection)  --max-triangles N  --max-bytes N  --max-segments N\n"
-    "  --cache-bytes N  --credit-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  --staged 0|1\n"
+    "  --cache-bytes N  --credit-bytes N  --disk FOLDER  --disk-bytes N  --threaded 0|1  --timeout-s S  --dump FOLDER  "
+    "--staged 0|1\n"
     "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
     "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
-    "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n";
+    "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n"
+    "       stand:X,Y,Z  (staged: the height of the ground that is shown there, and its segment)\n";
 
 bool setOption(LandRequest& request, const std::string& name, const std::string& value) {
   StreamOptions& stream = request.stream;
@@ -38,6 +40,10 @@ bool setOption(LandRequest& request, const std::string& name, const std::string&
     stream.cacheBytes = whole();
   } else if (name == "credit-bytes") {
     stream.creditBytes = whole();
+  } else if (name == "disk") {
+    stream.diskFolder = value;
+  } else if (name == "disk-bytes") {
+    stream.diskBytes = whole();
   } else if (name == "threaded") {
     request.isThreaded = value == "1";
   } else if (name == "timeout-s") {
@@ -77,7 +83,7 @@ int numbersOf(const std::string& kind) {
   if (kind == "land" || kind == "start" || kind == "aim") {
     return 4;
   }
-  if (kind == "pick") {
+  if (kind == "pick" || kind == "stand") {
     return 3;
   }
   if (kind == "pause") {

@@ -12,7 +12,7 @@ namespace terraport::tools {
 struct Step {
   /// As it was written.
   std::string text;
-  /// land, start, wait, aim, pick, pause, reconnect.
+  /// land, start, wait, aim, pick, stand, pause, reconnect.
   std::string kind;
   std::vector<double> numbers;
   /// What stands behind the colon, where it is not numbers.

@@ -1,11 +1,14 @@
 #include "staged_visit.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
+#include <vector>
 
 #include "Terraport/DecodeThreads.h"
 #include "Terraport/SceneLoader.h"
 #include "Terraport/SceneStage.h"
+#include "Terraport/ShownGround.h"
 #include "json_text.h"
 #include "plain_http.h"
 #include "recording_renderer.h"
@@ -29,15 +32,42 @@ StageOptions smallBlocks() {
   return options;
 }
 
+/// Of the ground that is made solid around feet.
+constexpr double kSolidHalfM = 4.0;
+constexpr std::size_t kSolidFaces = 4096;
+
+/// Height of the highest solid face over a place; far below where there is none.
+double solidHeight(const ShownGround& ground, const Vec3& place) {
+  std::vector<float> solid;
+  ground.gather(place, kSolidHalfM, kSolidFaces, solid);
+  double highest = -1e6;
+  for (std::size_t at = 0; at < solid.size(); at += 9) {
+    const float* a = &solid[at];
+    const double u[3] = {double{a[3]} - a[0], double{a[4]} - a[1], double{a[5]} - a[2]};
+    const double v[3] = {double{a[6]} - a[0], double{a[7]} - a[1], double{a[8]} - a[2]};
+    const double x = place.x - a[0];
+    const double z = place.z - a[2];
+    const double area = u[0] * v[2] - u[2] * v[0];
+    const double beta = (x * v[2] - z * v[0]) / area;
+    const double gamma = (u[0] * z - u[2] * x) / area;
+    if (beta >= -1e-9 && gamma >= -1e-9 && beta + gamma <= 1.0 + 1e-9) {
+      highest = std::max(highest, a[1] + beta * u[1] + gamma * v[1]);
+    }
+  }
+  return highest;
+}
+
 }  // namespace
 
 struct StagedVisit::Impl {
   Impl(LandingStream& stream, SharedSceneFiles files)
-      : decoders(kDecodeThreads), stage(stream, std::move(files), renderer, decoders, smallBlocks()) {}
+      : ground(renderer), decoders(kDecodeThreads), stage(stream, std::move(files), ground, decoders, smallBlocks()) {}
 
   RecordingRenderer renderer;
+  ShownGround ground;
   DecodeThreads decoders;
   SceneStage stage;
+  JsonText feet;
 };
 
 std::unique_ptr<StagedVisit> StagedVisit::make(
@@ -75,6 +105,16 @@ bool StagedVisit::isShown() const {
   return impl_->stage.status().phase == LandingPhase::Shown;
 }
 
+void StagedVisit::stand(const Vec3& position) {
+  GroundPoint point;
+  if (!impl_->ground.groundAt(position, point)) {
+    impl_->feet.null();
+    return;
+  }
+  impl_->feet.open('[').number(point.position.y).integer(point.segment);
+  impl_->feet.number(solidHeight(impl_->ground, point.position)).close(']');
+}
+
 std::string StagedVisit::describe() const {
   const RecordingRenderer& renderer = impl_->renderer;
   JsonText json;
@@ -85,7 +125,8 @@ std::string StagedVisit::describe() const {
   for (const std::string& fault : renderer.faults()) {
     json.text(fault);
   }
-  return json.close(']').close('}').str();
+  const std::string text = json.close(']').close('}').str();
+  return text.substr(0, text.size() - 1) + ",\"feet\":[" + impl_->feet.str() + "]}";
 }
 
 }  // namespace terraport::tools

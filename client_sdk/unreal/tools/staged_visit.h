@@ -23,6 +23,8 @@ class StagedVisit {
   void frame();
   /// Whether the newest landing is what is drawn.
   bool isShown() const;
+  /// Stand at a place: notes the height of the ground and its segment there; null where there is none.
+  void stand(const Vec3& position);
   /// What is drawn, and what happened: one JSON object.
   std::string describe() const;
 

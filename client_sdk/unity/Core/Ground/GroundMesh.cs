@@ -1,4 +1,5 @@
 using System;
+using System.Collections.Generic;
 
 namespace Terraport
 {
@@ -62,6 +63,51 @@ namespace Terraport
                 }
             }
             return isMet;
+        }
+
+        /// <summary>
+        /// Add the corners of each face whose box meets a cube, nine numbers a face; false as soon as there would be more than so many
+        /// numbers in all.
+        /// </summary>
+        internal bool Gather(Vec3 centre, double halfM, byte[] hidden, int mostNumbers, List<float> corners)
+        {
+            if (FaceCount == 0 || !IsNear(boxCount, centre, halfM)) return true;
+            for (int box = 0; box < boxCount; box++)
+            {
+                if (!IsNear(box, centre, halfM)) continue;
+                int end = Math.Min((box + 1) * BoxFaces, FaceCount);
+                for (int face = box * BoxFaces; face < end; face++)
+                {
+                    if ((hidden != null && hidden[face] != 0) || !IsFaceNear(face, centre, halfM)) continue;
+                    if (corners.Count + 9 > mostNumbers) return false;
+                    for (int corner = 0; corner < 3; corner++)
+                    {
+                        int first = indices[face * 3 + corner];
+                        for (int axis = 0; axis < 3; axis++) corners.Add(positions[first + axis]);
+                    }
+                }
+            }
+            return true;
+        }
+
+        private static bool Overlaps(double low, double high, double centre, double halfM)
+        {
+            return low <= centre + halfM && high >= centre - halfM;
+        }
+
+        private bool IsNear(int box, Vec3 centre, double halfM)
+        {
+            return Overlaps(boxes[box * 6], boxes[box * 6 + 3], centre.X, halfM)
+                && Overlaps(boxes[box * 6 + 1], boxes[box * 6 + 4], centre.Y, halfM)
+                && Overlaps(boxes[box * 6 + 2], boxes[box * 6 + 5], centre.Z, halfM);
+        }
+
+        private bool IsFaceNear(int face, Vec3 centre, double halfM)
+        {
+            Vec3 a = Corner(face * 3), b = Corner(face * 3 + 1), c = Corner(face * 3 + 2);
+            return Overlaps(Math.Min(a.X, Math.Min(b.X, c.X)), Math.Max(a.X, Math.Max(b.X, c.X)), centre.X, halfM)
+                && Overlaps(Math.Min(a.Y, Math.Min(b.Y, c.Y)), Math.Max(a.Y, Math.Max(b.Y, c.Y)), centre.Y, halfM)
+                && Overlaps(Math.Min(a.Z, Math.Min(b.Z, c.Z)), Math.Max(a.Z, Math.Max(b.Z, c.Z)), centre.Z, halfM);
         }
 
         // Moeller and Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997. In double: neighbours share their edge, and a

@@ -57,6 +57,34 @@ namespace Terraport
             return Cast(position, new Vec3(0, -1, 0), FarM, out point) || Cast(position, new Vec3(0, 1, 0), FarM, out point);
         }
 
+        /// <summary>How often what is shown has changed.</summary>
+        public int Changes { get; private set; }
+
+        /// <summary>
+        /// Faces of what is shown around a place, to be made solid: those whose box meets a cube. Where these are too many the cube is
+        /// halved, four times at most.
+        /// </summary>
+        /// <param name="centre">Metres, scene frame.</param>
+        /// <param name="halfM">Half the cube's side, metres.</param>
+        /// <param name="mostFaces">Faces at most.</param>
+        /// <param name="corners">What was there goes; then three corners a face, counter-clockwise from outside, scene frame.</param>
+        /// <returns>Half the side of the cube of which all faces are there; 0 where that was none.</returns>
+        public double Gather(Vec3 centre, double halfM, int mostFaces, List<float> corners)
+        {
+            for (int halving = 0; halving <= 4; halving++, halfM /= 2)
+            {
+                corners.Clear();
+                bool isWhole = drawn == null || drawn.Gather(centre, halfM, hidden, mostFaces * 9, corners);
+                foreach (KeyValuePair<uint, GroundMesh> entry in shown)
+                {
+                    isWhole = isWhole && entry.Value.Gather(centre, halfM, null, mostFaces * 9, corners);
+                }
+                if (isWhole) return halfM;
+            }
+            corners.Clear();
+            return 0;
+        }
+
         /// <inheritdoc/>
         public bool UploadBase(SceneFiles files)
         {
@@ -109,6 +137,7 @@ namespace Terraport
             // A copy: the mask is of the counters, which go ahead to the next landing.
             if (hidden.Length != swap.BaseHidden.Mask.Length) hidden = new byte[swap.BaseHidden.Mask.Length];
             Array.Copy(swap.BaseHidden.Mask, hidden, hidden.Length);
+            Changes++;
             renderer.Swap(swap);
         }
 

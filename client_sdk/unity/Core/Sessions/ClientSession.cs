@@ -48,9 +48,12 @@ namespace Terraport.Sessions
             this.options = options;
             Cache = new SegmentCache(options.CacheBytes);
             holdings = new Holdings(Cache);
-            transfers = new Transfers(holdings, new PayloadPool(), outbox, events);
+            transfers = new Transfers(holdings, Pool, outbox, events);
             picks = new PickState(events);
         }
+
+        /// <summary>Where the payloads' buffers come from.</summary>
+        internal PayloadPool Pool { get; } = new PayloadPool();
 
         /// <summary>What is held. Look, and pin; only the session changes it.</summary>
         public SegmentCache Cache { get; }
@@ -93,6 +96,9 @@ namespace Terraport.Sessions
 
         /// <summary>What has been counted over all connections.</summary>
         public StreamStats Stats => transfers.Stats;
+
+        /// <summary>Hold a payload of an earlier run, before the first connection offers it; its buffer is the session's from now on.</summary>
+        internal void Restore(SegmentFacts facts, PayloadBuffer payload) { holdings.Put(facts, payload); }
 
         /// <summary>Take the next event; false where none waits.</summary>
         public bool TryNextEvent(out StreamEvent next)

@@ -1,5 +1,6 @@
 using System;
 using System.Collections.Generic;
+using Terraport.Disk;
 using Terraport.Sessions;
 
 namespace Terraport
@@ -18,6 +19,10 @@ namespace Terraport
 
         private readonly ClientSession session;
         private readonly Link link;
+        // Null without a folder on disk.
+        private readonly DiskShelf shelf;
+        // False while the disk is read: what was kept is offered with the first hello.
+        private bool isBegun;
         private readonly Func<double> clockMs;
         private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
         // When each landing that is not over was asked for, by its number.
@@ -52,7 +57,13 @@ namespace Terraport
                     OnEvent = Publish,
                     Changed = changed,
                 });
-            link.Start(this.clockMs());
+            if (string.IsNullOrEmpty(options.DiskFolder) || options.DiskBytes <= 0)
+            {
+                Begin();
+                return;
+            }
+            var disk = new DiskCache(options.DiskFolder, SceneUrl.Parse(options.SceneUrl).HttpUrl, options.DiskBytes);
+            shelf = new DiskShelf(disk, options.CacheBytes, session.Pool, changed);
         }
 
         /// <inheritdoc/>
@@ -103,6 +114,8 @@ namespace Terraport
         {
             if (isClosed) return;
             endedCode = null;
+            // Whoever cannot wait begins without what is kept.
+            isBegun = true;
             link.Reconnect(token, clockMs());
         }
 
@@ -118,6 +131,7 @@ namespace Terraport
             session.RefusePicks(endedCode, endedMessage);
             Flush();
             session.Free();
+            if (shelf != null) shelf.Close();
         }
 
         /// <inheritdoc/>
@@ -127,7 +141,11 @@ namespace Terraport
         /// <remarks>
         /// Backpressure: with too many events untaken nothing is received, the transport's queue fills, and TCP slows the server down.
         /// </remarks>
-        internal bool PumpOnce() { return !isClosed && link.Pump(clockMs(), events.Count < MaxWaitingEvents); }
+        internal bool PumpOnce()
+        {
+            if (!isClosed && !isBegun) TakeRestored();
+            return !isClosed && isBegun && link.Pump(clockMs(), events.Count < MaxWaitingEvents);
+        }
 
         /// <summary>As <see cref="Land(Vec3, double, LandOptions)"/>, asked for at a moment of the stream's clock.</summary>
         internal int Land(Vec3 position, double radiusM, LandOptions options, double atMs)
@@ -138,6 +156,35 @@ namespace Terraport
             requestedMs[number] = atMs;
             Flush();
             return number;
+        }
+
+        private void Begin()
+        {
+            isBegun = true;
+            link.Start(clockMs());
+        }
+
+        /// <summary>Hold what the disk had, and connect; nothing while it is being read.</summary>
+        private void TakeRestored()
+        {
+            List<KeyValuePair<SegmentFacts, PayloadBuffer>> restored = shelf.TakeRestored();
+            if (restored == null) return;
+            // Used last comes last, and so is the most recently used in memory too.
+            for (int at = restored.Count - 1; at >= 0; at--) session.Restore(restored[at].Key, restored[at].Value);
+            Begin();
+        }
+
+        /// <summary>Keep what came on disk, and note what a landing shows as used.</summary>
+        private void Keep(StreamEvent next)
+        {
+            PinnedPayload payload;
+            if (next.Kind == StreamEventKind.Arrived && session.Cache.TryPin(next.Facts.Segment, out payload)) shelf.Put(payload);
+            if (next.Kind != StreamEventKind.Ready) return;
+            foreach (uint segment in next.Segments)
+            {
+                SegmentFacts facts;
+                if (session.Cache.TryGetFacts(segment, out facts)) shelf.Use(facts);
+            }
         }
 
         private void Flush() { link.Flush(clockMs()); }
@@ -162,6 +209,7 @@ namespace Terraport
                 endedCode = next.Link.Code;
                 endedMessage = next.Link.Message;
             }
+            if (shelf != null) Keep(next);
             events.Enqueue(next);
         }
     }

@@ -11,6 +11,9 @@ namespace Terraport
         /// <summary>Bound of the memory for payloads unless another is set: 96 MiB.</summary>
         public const long DefaultCacheBytes = 96L * 1024 * 1024;
 
+        /// <summary>Bound of the folder on disk unless another is set: 1 GiB.</summary>
+        public const long DefaultDiskBytes = 1024L * 1024 * 1024;
+
         /// <summary>URL ending in /scenes/{id}; http, https, ws or wss.</summary>
         public string SceneUrl { get; set; }
 
@@ -32,6 +35,15 @@ namespace Terraport
 
         /// <summary>Payload bytes kept in memory beside what is shown or on its way; 0 keeps nothing else.</summary>
         public long CacheBytes { get; set; } = DefaultCacheBytes;
+
+        /// <summary>
+        /// Folder in which payloads are kept from one run to the next, shared by all scenes; null for none. Whoever may read it may read
+        /// the surveys. What cannot be kept there (a full disk, no such folder) is not; nothing fails.
+        /// </summary>
+        public string DiskFolder { get; set; }
+
+        /// <summary>Bytes kept in <see cref="DiskFolder"/>, over all scenes; what was used longest ago goes first.</summary>
+        public long DiskBytes { get; set; } = DefaultDiskBytes;
 
         /// <summary>
         /// Payload bytes under way at most. Half of it is granted back at a time: a larger one saves messages, a smaller one

@@ -1,3 +1,4 @@
+using Terraport.Unity;
 using UnityEngine;
 #if TERRAPORT_XRI_3
 using UnityEngine.XR.Interaction.Toolkit.Locomotion.Teleportation;
@@ -14,26 +15,38 @@ namespace Terraport.Samples
     public sealed class LandingTeleportationProvider : TeleportationProvider
     {
         [SerializeField]
-        [Tooltip("Lands; none teleports as the toolkit does.")]
-        private BlinkLanding landing;
+        [Tooltip("Lands in the dark of a fade, its user without a rig of its own; none teleports as the toolkit does.")]
+        private TerraportTeleport landing;
 
+        private TerraportUser user;
         private TeleportRequest waiting;
+        private bool isWaiting;
 
         /// <inheritdoc/>
         public override bool QueueTeleportRequest(TeleportRequest teleportRequest)
         {
-            if (landing == null || !landing.isActiveAndEnabled)
+            if (landing != null && user == null)
+            {
+                user = landing.GetComponent<TerraportUser>();
+                user.Arrived += OnArrived;
+            }
+            if (landing == null || !landing.TeleportTo(teleportRequest.destinationPosition))
             {
                 return base.QueueTeleportRequest(teleportRequest);
             }
             // Kept until it is shown; a newer request takes its place, as a newer landing does.
             waiting = teleportRequest;
-            landing.Begin(teleportRequest.destinationPosition, Arrive);
+            isWaiting = true;
             return true;
         }
 
-        private void Arrive(Vector3 point)
+        private void OnArrived(Vector3 point)
         {
+            if (!isWaiting)
+            {
+                return;
+            }
+            isWaiting = false;
             // The toolkit's own teleport, only to the survey's height.
             waiting.destinationPosition = point;
             base.QueueTeleportRequest(waiting);

@@ -57,6 +57,11 @@ namespace Terraport.Stubs
                 Land(middle, radiusM);
                 Land(new Vec3(middle.X + radiusM / 2, middle.Y, middle.Z + radiusM / 3), radiusM);
                 Land(middle, radiusM);
+                if (Faults.Count == 0)
+                {
+                    ShowByHand(new Vec3(middle.X, middle.Y, middle.Z - radiusM / 2), radiusM);
+                    Teleport(new Vec3(middle.X - radiusM / 2, middle.Y, middle.Z), radiusM);
+                }
                 Rest();
                 if (Faults.Count == 0 && arguments.Length > 3 && arguments[3] == "changing")
                 {
@@ -97,6 +102,143 @@ namespace Terraport.Stubs
                 scene.Status.ReadyMs, watch.Elapsed.TotalMilliseconds - allLookMs, updateMaxMs);
             Expect(1, swaps, "swaps of a landing");
         }
+
+        /// <summary>Without AutoShow nothing is shown before it is asked for; that it can be is told once.</summary>
+        private static void ShowByHand(Vec3 place, float radiusM)
+        {
+            int presentable = 0;
+            Action<int> count = number => presentable++;
+            scene.Presentable += count;
+            scene.AutoShow = false;
+            swaps = 0;
+            scene.Land(scene.ToWorld(place), radiusM);
+            RunUntil(() => presentable > 0, "a landing that can be shown");
+            for (int frame = 0; frame < 20; frame++)
+            {
+                update();
+            }
+            Expect(1, presentable, "times that a landing was told as presentable");
+            Expect(0, swaps, "swaps that nobody asked for");
+            Expect(1, scene.Show() ? 1 : 0, "landings shown when asked for");
+            Expect(1, swaps, "swaps that were asked for");
+            scene.AutoShow = true;
+            scene.Presentable -= count;
+        }
+
+        /// <summary>By the user's component and the fade's: the swap and the move in one dark frame, and nothing of it is left.</summary>
+        private static void Teleport(Vec3 place, float radiusM)
+        {
+            GameObject holder = new GameObject("user"), rig = new GameObject("rig");
+            TerraportUser user = holder.AddComponent<TerraportUser>();
+            user.Scene = scene;
+            user.Rig = rig.transform;
+            user.RadiusM = radiusM;
+            TerraportTeleport teleport = holder.AddComponent<TerraportTeleport>();
+            Send(teleport, "Awake");
+            Send(user, "OnEnable"); // Lands at the rig's place, as set by default.
+            RunUntil(() => !user.IsComing, "the landing at the start");
+            int shown = 0;
+            bool isDark = false;
+            user.Arrived += point => shown += isDark && swaps > 0 ? 1 : 100;
+            swaps = 0;
+            plan = null;
+            Expect(1, teleport.TeleportTo(scene.ToWorld(place)) ? 1 : 0, "teleports begun");
+            Expect(0, scene.AutoShow ? 1 : 0, "scenes that show by themselves in a teleport");
+            RunUntil(
+                () =>
+                {
+                    Send(teleport, "Update");
+                    isDark = CurtainIsClosed();
+                    if (!isDark)
+                    {
+                        Expect(0, teleport.IsTeleporting && user.IsComing ? swaps : 0, "swaps in the light");
+                    }
+                    return !teleport.IsTeleporting;
+                },
+                "the end of a teleport");
+            Expect(1, shown, "arrivals in the dark");
+            Expect(1, swaps, "swaps of a teleport");
+            Expect(1, scene.AutoShow ? 1 : 0, "scenes that show by themselves again");
+            GroundHit ground;
+            Vector3 feet = rig.transform.position;
+            bool isGround = scene.GroundAt(new Vector3(feet.x, feet.y + 1, feet.z), out ground);
+            Expect(0, isGround ? (long)Math.Round(1000 * Math.Abs(ground.Point.y - feet.y)) : 1000, "millimetres between feet and ground");
+            Vector3 met;
+            Ray down = new Ray(new Vector3(feet.x, feet.y + 50, feet.z), new Vector3(0, -1, 0));
+            Expect(1, user.TryAim(down, out met) && Math.Abs(met.y - feet.y) < 0.001 ? 1 : 0, "aims that met the ground");
+            WalkOnDetail(rig.transform);
+            Send(teleport, "OnDisable");
+            Send(user, "OnDisable");
+            UnityEngine.Object.DestroyImmediate(holder);
+            UnityEngine.Object.DestroyImmediate(rig);
+        }
+
+        /// <summary>Bodies stand where feet do: the ground is solid around them, wherever they have walked.</summary>
+        private static void WalkOnDetail(Transform feet)
+        {
+            TerraportFeetCollider collider = scene.gameObject.AddComponent<TerraportFeetCollider>();
+            collider.Feet = feet;
+            Send(collider, "OnEnable");
+            for (int step = 0; step < 10; step++)
+            {
+                Vector3 at = feet.position;
+                feet.position = new Vector3(at.x + 1.3f, at.y, at.z + 0.4f);
+                RunUntil(
+                    () =>
+                    {
+                        Send(collider, "Update");
+                        return collider.IsCurrent;
+                    },
+                    "solid ground");
+                GroundHit ground;
+                at = feet.position;
+                if (!scene.GroundAt(new Vector3(at.x, at.y + 1, at.z), out ground))
+                {
+                    continue; // Beyond the scene.
+                }
+                feet.position = ground.Point;
+                float solid = SolidHeight(scene.gameObject.GetComponents<MeshCollider>()[0].sharedMesh, ground.Point);
+                Expect(0, (long)Math.Round(1000 * Math.Abs(solid - ground.Point.y)), "millimetres between solid and shown ground");
+            }
+            Send(collider, "OnDisable");
+            UnityEngine.Object.DestroyImmediate(collider);
+        }
+
+        private static float SolidHeight(Mesh mesh, Vector3 at)
+        {
+            Vector3[] corners = (Vector3[])mesh.VertexData;
+            float highest = float.MinValue;
+            for (int face = 0; face < corners.Length; face += 3)
+            {
+                Vector3 a = corners[face], b = corners[face + 1], c = corners[face + 2];
+                double ux = b.x - a.x, uz = b.z - a.z, vx = c.x - a.x, vz = c.z - a.z, x = at.x - a.x, z = at.z - a.z;
+                double area = ux * vz - uz * vx, beta = (x * vz - z * vx) / area, gamma = (ux * z - uz * x) / area;
+                if (beta >= -1e-6 && gamma >= -1e-6 && beta + gamma <= 1 + 1e-6)
+                {
+                    highest = Math.Max(highest, (float)(a.y + beta * (b.y - a.y) + gamma * (c.y - a.y)));
+                }
+            }
+            return highest;
+        }
+
+        private static void Send(object component, string message)
+        {
+            component.GetType().GetMethod(message, BindingFlags.Instance | BindingFlags.NonPublic).Invoke(component, null);
+        }
+
+        private static bool CurtainIsClosed()
+        {
+            foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>())
+            {
+                if (renderer.enabled && IsCurtain(renderer))
+                {
+                    return renderer.sharedMaterial.GetFloat(Shader.PropertyToID("_TerraportFade")) >= 1;
+                }
+            }
+            return false;
+        }
+
+        private static bool IsCurtain(MeshRenderer renderer) { return renderer.gameObject.name == "terraport fade"; }
 
         /// <summary>A listener may close the scene from within any event, in the middle of the stage's own work.</summary>
         private static void CloseWithin()
@@ -185,7 +327,7 @@ namespace Terraport.Stubs
             long baseFaces = 0;
             foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>())
             {
-                if (!renderer.enabled)
+                if (!renderer.enabled || IsCurtain(renderer))
                 {
                     continue;
                 }

@@ -31,6 +31,22 @@ namespace UnityEngine
 
         public void MarkDynamic() {}
 
+        public void Clear()
+        {
+            VertexData = null;
+            IndexData = null;
+        }
+
+        public IndexFormat indexFormat { get; set; }
+
+        public void SetVertices(Vector3[] inVertices) { VertexData = inVertices; }
+
+        public void SetIndices(int[] indices, MeshTopology topology, int submesh)
+        {
+            IndexData = indices;
+            SubMesh = new SubMeshDescriptor(0, indices.Length, topology);
+        }
+
         public void UploadMeshData(bool markNoLongerReadable) {}
 
         public void SetSubMesh(int index, SubMeshDescriptor desc, MeshUpdateFlags flags = MeshUpdateFlags.Default) { SubMesh = desc; }

@@ -223,6 +223,9 @@ namespace UnityEngine
         public static bool isMobilePlatform => false;
 
         public static string unityVersion => "0.0.0 (stubs)";
+
+        // Nothing is kept unless a test says where: a run begins as the first one.
+        public static string temporaryCachePath => Environment.GetEnvironmentVariable("TERRAPORT_STUB_SAVED") ?? "/dev/null";
     }
 
     public static class Time

@@ -5,6 +5,11 @@ namespace UnityEngine
         public Vector3 point { get; set; }
     }
 
+    public struct LayerMask
+    {
+        public int value { get; set; }
+    }
+
     public class Collider : Component
     {
     }
@@ -16,7 +21,7 @@ namespace UnityEngine
 
     public class Physics
     {
-        public static bool Raycast(Ray ray, out RaycastHit hitInfo, float maxDistance)
+        public static bool Raycast(Ray ray, out RaycastHit hitInfo, float maxDistance, int layerMask)
         {
             hitInfo = default(RaycastHit);
             return false;

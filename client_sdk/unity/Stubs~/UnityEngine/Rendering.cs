@@ -162,6 +162,8 @@ namespace UnityEngine
 
     public class Material : Object
     {
+        private readonly System.Collections.Generic.Dictionary<int, float> floats = new System.Collections.Generic.Dictionary<int, float>();
+
         public Material(Shader shader) {}
 
         public Material(Material source) { renderQueue = source.renderQueue; }
@@ -178,7 +180,13 @@ namespace UnityEngine
 
         public bool HasProperty(string name) { return true; }
 
-        public void SetFloat(int nameID, float value) {}
+        public void SetFloat(int nameID, float value) { floats[nameID] = value; }
+
+        public float GetFloat(int nameID)
+        {
+            float value;
+            return floats.TryGetValue(nameID, out value) ? value : 0;
+        }
 
         public void SetColor(int nameID, Color value) {}
     }

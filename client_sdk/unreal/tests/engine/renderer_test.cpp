@@ -346,26 +346,3 @@ TEST_CASE("everything that was kept from the collector is let go in the end")
 	CHECK(Stand.Keeper.Kept.empty());
 	CHECK(Stand.Backend->Alive() == 0);
 }
-
-TEST_CASE("rays meet what is shown: the base where its faces are, nothing where they are hidden")
-{
-	FStand Stand;
-	FTerraportGroundPoint Point;
-	int32 Segment = 7;
-	const FVector3f Above(630.0f, 480.0f, 500.0f), Down(0.0f, 0.0f, -1.0f);
-	REQUIRE(Stand.Renderer->CastGround(Above, Down, 1e6f, Point, Segment));
-	CHECK(Point.At == doctest::Approx(500.0f));
-	CHECK(Segment == -1);
-	bool bBelow = true;
-	REQUIRE(Stand.Renderer->GroundAt(FVector3f(630.0f, 480.0f, -500.0f), Point, Segment, bBelow));
-	CHECK_FALSE(bBelow);
-	const std::vector<std::uint8_t> All(Stand.Files->base.faceCount, 1);
-	Stand.Upload(3);
-	Stand.Prepare(All);
-	terraport::SceneSwap Swap = Stand.SwapOf(All);
-	Swap.shown = {3};
-	Stand.Renderer->swap(Swap);
-	CHECK_FALSE(Stand.Renderer->CastGround(Above, Down, 1e6f, Point, Segment));
-	REQUIRE(Stand.Renderer->CastGround(FVector3f(110.0f, 120.0f, 300.0f), Down, 1e6f, Point, Segment));
-	CHECK(Segment == 3);
-}

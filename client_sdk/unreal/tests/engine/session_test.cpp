@@ -110,7 +110,7 @@ TEST_CASE("a session that cannot open says so once, for good, and may be ended b
 	REQUIRE(Stand.Record.Failures.size() == 1);
 	CHECK(Stand.Record.Failures[0].bFatal);
 	CHECK(Stand.Record.Failures[0].Code == FString(TEXT("invalid_url")));
-	CHECK(Stand.Session->GetRenderer() == nullptr);
+	CHECK(Stand.Session->GetGround() == nullptr);
 	CHECK(Stand.Record.OtherEvents == 0);
 	CHECK(Stand.Requests.empty());
 }

@@ -144,7 +144,7 @@ void FTerraportDecodes::release(std::unique_ptr<terraport::SegmentMesh> Mesh)
 		// What was not uploaded after all.
 		FTerraportSegmentData& Data = static_cast<FTerraportSegmentData&>(*Mesh->engineData);
 		Data.Prepared.Reset();
-		Data.Ground = FTerraportGroundMesh();
+		Data.Ground.reset();
 		Data.Pixels = FTerraportPixels();
 	}
 	const std::lock_guard<std::mutex> Lock(Shared->Mutex);

@@ -114,7 +114,7 @@ void FTerraportSegmentData::Build(const terraport::SegmentMesh& Mesh, terraport:
 	Vertices = Part.Positions.Num();
 	Indices = Part.Indices.Num();
 	Prepared = Backend.Prepare(Part);
-	Ground = FTerraportGroundMesh(Part.Positions, Part.Indices);
+	Ground = terraport::groundOf(Mesh);
 	Pixels = TerraportTexture::Decode(Mesh.image, Payload);
 }
 
@@ -125,6 +125,7 @@ TSharedRef<FTerraportBase, ESPMode::ThreadSafe> FTerraportBase::Build(
 	FTerraportMeshPart Whole;
 	TerraportMeshBuilder::BuildPart(Files.base, Colours, Whole);
 	Base->BlockFaces = BlockFaces;
+	Base->Ground = terraport::groundOf(Files.base);
 	for (uint32 First = 0; First < Files.base.faceCount; First += BlockFaces)
 	{
 		Base->Blocks.emplace_back();

@@ -4,7 +4,7 @@
 
 #include "Terraport/SceneFiles.h"
 #include "Terraport/SegmentMesh.h"
-#include "TerraportGround.h"
+#include "Terraport/ShownGround.h"
 #include "TerraportMeshBackend.h"
 #include "TerraportSettings.h"
 #include "TerraportTexture.h"
@@ -28,7 +28,8 @@ class FTerraportSegmentData final : public terraport::EngineData
 public:
 	/** Made on the worker; null once the renderer has made a component of it. */
 	TUniquePtr<FTerraportPreparedMesh> Prepared;
-	FTerraportGroundMesh Ground;
+	/** For rays; null once the renderer has it. */
+	terraport::SharedGround Ground;
 	/** Empty where the payload has no image, or one that the engine cannot read. */
 	FTerraportPixels Pixels;
 	int32 Vertices = 0;
@@ -46,6 +47,8 @@ struct FTerraportBase
 {
 	uint32 BlockFaces = 0;
 	std::vector<FTerraportMeshPart> Blocks;
+	/** For rays: the whole. */
+	terraport::SharedGround Ground;
 	FTerraportPixels Pixels;
 
 	/** Of files whose faces were put into order. */

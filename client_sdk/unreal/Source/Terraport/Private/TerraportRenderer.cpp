@@ -113,7 +113,6 @@ terraport::UploadState FTerraportRenderer::upload(
 		Segments.erase(Segment);
 		return terraport::UploadState::Failed;
 	}
-	Drawable.Ground = MoveTemp(Data->Ground);
 	return terraport::UploadState::Done;
 }
 
@@ -175,53 +174,6 @@ void FTerraportRenderer::swap(const terraport::SceneSwap& Change)
 	}
 }
 
-bool FTerraportRenderer::CastGround(
-	const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const
-{
-	bool bHit = false;
-	VisitShown([&](int32 Source, const FTerraportGroundMesh& Ground) {
-		FTerraportGroundPoint Hit;
-		if (Ground.Cast(Origin, Direction, bHit ? Point.At : MaxAt, Hit) && (!bHit || Hit.At < Point.At))
-		{
-			Point = Hit;
-			Segment = Source;
-			bHit = true;
-		}
-	});
-	return bHit;
-}
-
-bool FTerraportRenderer::GroundAt(const FVector3f& From, FTerraportGroundPoint& Point, int32& Segment, bool& bBelow) const
-{
-	constexpr float Far = 1.0e7f; // 100 km, centimetres.
-	bBelow = true;
-	if (CastGround(From, FVector3f(0.0f, 0.0f, -1.0f), Far, Point, Segment))
-	{
-		return true;
-	}
-	bBelow = false;
-	return CastGround(From, FVector3f(0.0f, 0.0f, 1.0f), Far, Point, Segment);
-}
-
-template <typename Visit>
-void FTerraportRenderer::VisitShown(Visit&& Take) const
-{
-	for (const auto& Entry : Segments)
-	{
-		if (Entry.second.bShown)
-		{
-			Take(int32(Entry.first), Entry.second.Ground);
-		}
-	}
-	for (const FBlock& Block : Blocks)
-	{
-		if (Block.Front.bShown)
-		{
-			Take(-1, Block.Front.Ground);
-		}
-	}
-}
-
 bool FTerraportRenderer::Make(FDrawable& Drawable, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material)
 {
 	Drawable.Component = Backend->Create(Owner, Prepared, Material, Settings);
@@ -252,7 +204,6 @@ void FTerraportRenderer::Discard(FDrawable& Drawable)
 	}
 	if (Drawable.Component != nullptr || Drawable.Texture != nullptr)
 	{
-		Drawable.Ground = FTerraportGroundMesh();
 		ToDestroy.push_back(MoveTemp(Drawable));
 	}
 	Drawable = FDrawable();

@@ -3,7 +3,6 @@
 #include "CoreMinimal.h"
 
 #include "Terraport/SceneRenderer.h"
-#include "TerraportGround.h"
 #include "TerraportKeeper.h"
 #include "TerraportMeshBackend.h"
 #include "TerraportMeshBuilder.h"
@@ -55,13 +54,6 @@ public:
 	 * `EndS`, but one piece at least. */
 	void Step(double EndS);
 
-	/** First point of what is shown along a ray of component space, and its segment (-1: the base). */
-	bool CastGround(
-		const FVector3f& Origin, const FVector3f& Direction, float MaxAt, FTerraportGroundPoint& Point, int32& Segment) const;
-
-	/** As CastGround along the vertical through a point: the highest ground not above it, else the lowest above it. */
-	bool GroundAt(const FVector3f& From, FTerraportGroundPoint& Point, int32& Segment, bool& bBelow) const;
-
 	virtual terraport::UploadState upload(
 		std::uint32_t Segment, const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload) override;
 	virtual bool isDrawable(std::uint32_t Segment) override;
@@ -77,7 +69,6 @@ private:
 	{
 		UPrimitiveComponent* Component = nullptr;
 		UTexture2D* Texture = nullptr;
-		FTerraportGroundMesh Ground;
 		/** Frame in which it was made: its resources reach the render thread before the next one is drawn. */
 		uint64 CreatedInFrame = 0;
 		bool bShown = false;
@@ -103,8 +94,6 @@ private:
 	void MakeBaseMaterial(double PushBackM);
 	void ShowBase();
 	UMaterialInterface* Textured(UMaterialInterface* Material, UTexture2D* Texture);
-	template <typename Visit>
-	void VisitShown(Visit&& Take) const;
 
 	AActor& Owner;
 	ITerraportKeeper& Keeper;

@@ -80,9 +80,9 @@ void FTerraportRenderer::MakeBlock(uint32 Index, const terraport::HiddenFaces* H
 		return; // Nothing of it is drawn.
 	}
 	const TUniquePtr<FTerraportPreparedMesh> Prepared = Backend->Prepare(Part);
-	if (Prepared.IsValid() && Make(Drawable, *Prepared, BaseMaterial))
+	if (Prepared.IsValid())
 	{
-		Drawable.Ground = FTerraportGroundMesh(Part.Positions, Part.Indices);
+		(void)Make(Drawable, *Prepared, BaseMaterial);
 	}
 }
 

@@ -84,14 +84,19 @@ ETerraportLandingPhase PhaseOf(terraport::LandingPhase Phase)
 	return ETerraportLandingPhase::None;
 }
 
-void TakePoint(const FTransform& Frame, const FVector3f& From, const FVector3f& Along, const FTerraportGroundPoint& Point,
-	int32 Segment, FTerraportGroundHit& Hit)
+FTerraportGroundHit HitOf(const AActor& Actor, const terraport::GroundPoint& Point)
 {
-	Hit.Location = Frame.TransformPosition(FVector(From + Along * Point.At));
-	Hit.Normal = Frame.TransformVectorNoScale(FVector(Point.Normal));
-	Hit.DistanceCm = double(Point.At);
-	Hit.Segment = Segment;
+	FTerraportGroundHit Hit;
+	Hit.Location = WorldOf(Actor, Point.position);
+	const double Scene[3] = {Point.normal.x, Point.normal.y, Point.normal.z};
+	double Unreal[3];
+	TerraportAxes::DirectionToUnreal(Scene, Unreal);
+	Hit.Normal = Actor.GetActorTransform().TransformVectorNoScale(FVector(Unreal[0], Unreal[1], Unreal[2]));
+	Hit.DistanceCm = Point.at * TerraportAxes::CentimetresPerMetre;
+	Hit.Segment = int32(Point.segment);
+	return Hit;
 }
+
 /** Raises a session's events as the scene's. */
 class FSceneHost final : public ITerraportSessionHost
 {
@@ -177,6 +182,11 @@ void ATerraportScene::Tick(float DeltaSeconds)
 	if (Current.IsValid())
 	{
 		Current->Tick();
+		if (IsValid(FeetOf))
+		{
+			const double ReachM = double(FeetReachCm) / TerraportAxes::CentimetresPerMetre;
+			Current->StepFeet(ScenePointOf(*this, FeetOf->GetActorLocation()), ReachM, MaxFeetFaces);
+		}
 	}
 }
 
@@ -282,41 +292,31 @@ bool ATerraportScene::Show()
 bool ATerraportScene::CastGround(
 	const FVector& WorldStart, const FVector& WorldDirection, double MaxDistanceCm, FTerraportGroundHit& Hit) const
 {
-	const FTerraportRenderer* Renderer = Session.IsValid() ? Session->GetRenderer() : nullptr;
-	if (Renderer == nullptr || WorldStart.ContainsNaN() || WorldDirection.ContainsNaN() || !(MaxDistanceCm > 0.0))
+	const terraport::ShownGround* Ground = Session.IsValid() ? Session->GetGround() : nullptr;
+	if (Ground == nullptr || WorldStart.ContainsNaN() || WorldDirection.ContainsNaN() || !(MaxDistanceCm > 0.0))
 	{
 		return false;
 	}
-	const FTransform Frame = GetActorTransform();
-	const FVector3f From(Frame.InverseTransformPosition(WorldStart));
-	const FVector3f Along(Frame.InverseTransformVectorNoScale(WorldDirection).GetSafeNormal());
-	FTerraportGroundPoint Point;
-	int32 Segment = -1;
-	if (!Renderer->CastGround(From, Along, float(std::min(MaxDistanceCm, 1.0e8)), Point, Segment))
+	terraport::GroundPoint Point;
+	const double ReachM = MaxDistanceCm / TerraportAxes::CentimetresPerMetre;
+	const terraport::Vec3 Along = DirectionOf(*this, WorldDirection.GetSafeNormal());
+	if (!Ground->cast(ScenePointOf(*this, WorldStart), Along, ReachM, Point))
 	{
 		return false;
 	}
-	TakePoint(Frame, From, Along, Point, Segment, Hit);
+	Hit = HitOf(*this, Point);
 	return true;
 }
 
 bool ATerraportScene::GroundAt(const FVector& WorldLocation, FTerraportGroundHit& Hit) const
 {
-	const FTerraportRenderer* Renderer = Session.IsValid() ? Session->GetRenderer() : nullptr;
-	if (Renderer == nullptr || WorldLocation.ContainsNaN())
+	const terraport::ShownGround* Ground = Session.IsValid() ? Session->GetGround() : nullptr;
+	terraport::GroundPoint Point;
+	if (Ground == nullptr || WorldLocation.ContainsNaN() || !Ground->groundAt(ScenePointOf(*this, WorldLocation), Point))
 	{
 		return false;
 	}
-	const FTransform Frame = GetActorTransform();
-	const FVector3f From(Frame.InverseTransformPosition(WorldLocation));
-	FTerraportGroundPoint Point;
-	int32 Segment = -1;
-	bool bBelow = true;
-	if (!Renderer->GroundAt(From, Point, Segment, bBelow))
-	{
-		return false;
-	}
-	TakePoint(Frame, From, FVector3f(0.0f, 0.0f, bBelow ? -1.0f : 1.0f), Point, Segment, Hit);
+	Hit = HitOf(*this, Point);
 	return true;
 }
 

@@ -4,6 +4,7 @@
 #include "HAL/PlatformTime.h"
 #include "MaterialDomain.h"
 #include "Materials/Material.h"
+#include "Misc/Paths.h"
 #include "Modules/ModuleManager.h"
 #include "TerraportLog.h"
 #include "TerraportText.h"
@@ -52,6 +53,10 @@ FTerraportSession::FTerraportSession(AActor& InOwner, std::unique_ptr<ITerraport
 		Keeper.Keep(Material);
 	}
 	Renderer = std::make_unique<FTerraportRenderer>(Owner, Keeper, Backend, Materials, Settings.Mesh);
+	Ground = std::make_unique<terraport::ShownGround>(*Renderer, [](const terraport::SegmentMesh& Mesh) {
+		FTerraportSegmentData* Data = static_cast<FTerraportSegmentData*>(Mesh.engineData.get());
+		return Data != nullptr ? std::move(Data->Ground) : terraport::SharedGround();
+	});
 	Decodes = std::make_unique<FTerraportDecodes>(Backend, Colours, std::max(Settings.DecodeTasks, 1));
 	StartLoading();
 }
@@ -76,6 +81,8 @@ void FTerraportSession::End()
 	Stage.reset();
 	Stream.reset();
 	Decodes.reset();
+	Feet.reset();
+	Ground.reset();
 	Renderer.reset();
 	for (UMaterialInterface* Material : KeptMaterials)
 	{
@@ -168,6 +175,19 @@ int64 FTerraportSession::Pick(const terraport::Vec3& Origin, const terraport::Ve
 	}
 	const terraport::Result<std::uint64_t> Request = Stream->pick(Origin, Direction);
 	return Request.isOk() ? int64(Request.value()) : -1;
+}
+
+void FTerraportSession::StepFeet(const terraport::Vec3& Place, double HalfM, int32 MaxFaces)
+{
+	if (bEnded || !Stage)
+	{
+		return;
+	}
+	if (!Feet)
+	{
+		Feet = std::make_unique<FTerraportFeet>(Owner, Keeper);
+	}
+	Feet->Step(*Ground, Place, HalfM, MaxFaces);
 }
 
 bool FTerraportSession::Show()
@@ -278,6 +298,7 @@ void FTerraportSession::RetryLater(double NowMs)
 void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 {
 	Renderer->SetBase(Result.Base.ToSharedRef());
+	Ground->setBase(Result.Base->Ground);
 	if (Stage)
 	{
 		Stage->replaceFiles(Result.Files);
@@ -292,7 +313,7 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 	Options.spareGpuBytes = std::size_t(std::max(Budgets.SpareMeshMiB, 1)) * Mebibyte;
 	Options.baseBlockFaces = BaseBlockFaces;
 	Options.autoShow = Host->IsAutoShow();
-	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Renderer, *Decodes, Options);
+	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Ground, *Decodes, Options);
 	Stage->onSwap([this](const terraport::SceneSwap& Change) { Swaps.push_back(Change); });
 	if (Pending.IsSet())
 	{
@@ -326,6 +347,10 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& S
 	Options.budgets.maxBytes = uint64(std::max(Budgets.MaxPayloadMiB, 1)) * Mebibyte;
 	Options.budgets.maxSegments = uint64(std::max(Budgets.MaxSegments, 1));
 	Options.cacheBytes = uint64(std::max(Budgets.CacheMiB, 0)) * Mebibyte;
+	// The cache has a thread of its own; a path of the engine's is relative to its binaries.
+	Options.diskFolder =
+		TerraportText::ToUtf8(FPaths::ConvertRelativePathToFull(FPaths::ProjectSavedDir() / TEXT("Terraport")));
+	Options.diskBytes = uint64(std::max(Budgets.DiskMiB, 0)) * Mebibyte;
 	Options.creditBytes = uint64(std::max(Budgets.CreditMiB, 1)) * Mebibyte;
 	return Options;
 }

@@ -4,7 +4,9 @@
 
 #include "Terraport/SceneStage.h"
 #include "Terraport/SceneStream.h"
+#include "Terraport/ShownGround.h"
 #include "TerraportDecodes.h"
+#include "TerraportFeet.h"
 #include "TerraportFiles.h"
 #include "TerraportKeeper.h"
 #include "TerraportRenderer.h"
@@ -57,13 +59,15 @@ public:
 
 	int64 Land(const terraport::Vec3& Position, double RadiusM, const terraport::LandOptions& Options);
 	void Aim(const terraport::Vec3& Position, double RadiusM);
+	/** Once a frame after Tick, where somebody walks: the ground around the feet is solid. */
+	void StepFeet(const terraport::Vec3& Place, double HalfM, int32 MaxFaces);
 	int64 Pick(const terraport::Vec3& Origin, const terraport::Vec3& Direction);
 	bool Show();
 	void Reconnect(const std::string& NewToken);
 
 	/** Null before the scene is open. */
 	const terraport::SceneStage* GetStage() const { return Stage.get(); }
-	const FTerraportRenderer* GetRenderer() const { return Renderer.get(); }
+	const terraport::ShownGround* GetGround() const { return Ground.get(); }
 	FTerraportStats TakeStats();
 
 private:
@@ -105,6 +109,9 @@ private:
 	int32 LoadAttempt = 0;
 	/** In the order in which they need one another: destroyed the other way round. */
 	std::unique_ptr<FTerraportRenderer> Renderer;
+	std::unique_ptr<terraport::ShownGround> Ground;
+	/** Null where nobody walks. */
+	std::unique_ptr<FTerraportFeet> Feet;
 	std::unique_ptr<FTerraportDecodes> Decodes;
 	std::unique_ptr<terraport::SceneStream> Stream;
 	std::unique_ptr<terraport::SceneStage> Stage;

@@ -11,6 +11,7 @@ FTerraportBudgets FTerraportBudgets::For(ETerraportDevice Device)
 		Budgets.MaxPayloadMiB = 32;
 		Budgets.MaxSegments = 512;
 		Budgets.CacheMiB = 96;
+		Budgets.DiskMiB = 512;
 		Budgets.CreditMiB = 8;
 		Budgets.SpareMeshMiB = 96;
 		break;
@@ -20,6 +21,7 @@ FTerraportBudgets FTerraportBudgets::For(ETerraportDevice Device)
 		Budgets.MaxPayloadMiB = 32;
 		Budgets.MaxSegments = 1024;
 		Budgets.CacheMiB = 48;
+		Budgets.DiskMiB = 256;
 		Budgets.CreditMiB = 4;
 		Budgets.SpareMeshMiB = 64;
 		break;

@@ -88,6 +88,21 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
 	bool bCollision = false;
 
+	/** Make what is shown solid around this actor (a walking pawn), within FeetReachCm and up to MaxFeetFaces, cooked on the
+	 * engine's threads as it walks: less than bCollision, which cooks all of it. Empty: nobody walks. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
+	TObjectPtr<AActor> FeetOf;
+
+	/** Half the side of the cube that is solid around FeetOf. More: cooked less often, and longer. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance",
+		meta = (ClampMin = "100", ClampMax = "5000", Units = "cm"))
+	float FeetReachCm = 400.0f;
+
+	/** Faces that are solid around FeetOf at most; where there are more the cube is halved. */
+	UPROPERTY(
+		EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance", meta = (ClampMin = "256", ClampMax = "65536"))
+	int32 MaxFeetFaces = 8192;
+
 	/** Surveys have their light in their colours, and shadows are dear. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
 	bool bCastShadows = false;

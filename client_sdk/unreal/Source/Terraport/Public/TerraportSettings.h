@@ -42,6 +42,11 @@ struct TERRAPORT_API FTerraportBudgets
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "0", ClampMax = "8192"))
 	int32 CacheMiB = 256;
 
+	/** MiB of payload kept on disk from one run to the next (Saved/Terraport), of all scenes; 0 keeps none. Whoever may read
+	 * that folder may read it. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "0", ClampMax = "65536"))
+	int32 DiskMiB = 1024;
+
 	/** MiB of payload under way at most. More: long links are used in full. Less: a landing that is given up costs less. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1", ClampMax = "256"))
 	int32 CreditMiB = 16;

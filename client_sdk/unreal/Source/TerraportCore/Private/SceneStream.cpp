@@ -1,5 +1,6 @@
 #include "Terraport/SceneStream.h"
 
+#include "DiskShelf.h"
 #include "Link.h"
 #include "Session.h"
 #include "Terraport/SceneUrl.h"
@@ -32,6 +33,14 @@ SessionOptions sessionOptions(const StreamOptions& options) {
   session.releaseFactor = options.releaseFactor;
   session.cacheBytes = options.cacheBytes;
   return session;
+}
+
+/// The scene's address over HTTP: its name on disk, the same for each form in which it was pasted.
+std::string httpOf(const std::string& sceneUrl) {
+  const Result<SceneUrl> url = parseSceneUrl(sceneUrl);
+  if (!url.isOk()) return sceneUrl;
+  const Result<std::string> http = sceneUrlOf(sceneUrl, url.value().scene);
+  return http.isOk() ? http.value() : sceneUrl;
 }
 
 /// Numbers in [0, 1) that differ from one device to the next.
@@ -95,7 +104,31 @@ struct SceneStream::Impl {
         requestedAtMs.erase(requested);
       }
     }
+    if (shelf) keep(streamEvent);
     if (!isClosed) emit(std::move(streamEvent));
+  }
+
+  /// Keep what came on disk, and note what a landing shows as used.
+  void keep(const StreamEvent& event) {
+    if (event.kind == EventKind::Arrived) {
+      if (const CachedSegment* const entry = session.holdings().peek(event.facts.segment)) shelf->put(*entry);
+    }
+    if (event.kind != EventKind::Ready) return;
+    for (const std::uint32_t segment : event.segments) {
+      if (const auto facts = session.holdings().factsOf(segment)) shelf->use(*facts);
+    }
+  }
+
+  /// Whether the connection may begin: what the disk had is held, and offered with the first hello.
+  bool isRestored() {
+    if (!hasRestored) {
+      if (auto entries = shelf->takeRestored()) {
+        // Used last comes last, and so is the most recently used in memory too.
+        for (auto entry = entries->rbegin(); entry != entries->rend(); ++entry) session.restore(std::move(*entry));
+        hasRestored = true;
+      }
+    }
+    return hasRestored;
   }
 
   void refuse(const Status& status) {
@@ -115,6 +148,9 @@ struct SceneStream::Impl {
   Status ended;
   bool isClosed = false;
   std::size_t maxPumpBytes = kMaxPumpBytes;
+  /// Null without a folder on disk.
+  std::unique_ptr<DiskShelf> shelf;
+  bool hasRestored = true;
   // Last, so that it parts from its transport before what it reports to is gone.
   Link link;
 };
@@ -127,6 +163,11 @@ Result<std::unique_ptr<SceneStream>> SceneStream::make(
   if (transports == nullptr) return Status::failed("invalid_argument", "got no transports");
   std::function<double()> draw = chance != nullptr ? std::function<double()>(chance) : std::function<double()>(Chance());
   auto impl = std::make_unique<Impl>(options, url.take(), std::move(transports), std::move(draw));
+  if (!options.diskFolder.empty() && options.diskBytes > 0) {
+    DiskCache cache(options.diskFolder, httpOf(options.sceneUrl), options.diskBytes);
+    impl->shelf = std::make_unique<DiskShelf>(std::move(cache), options.cacheBytes);
+    impl->hasRestored = false;
+  }
   return std::unique_ptr<SceneStream>(new SceneStream(std::move(impl)));
 }
 
@@ -137,7 +178,11 @@ SceneStream::~SceneStream() {
 }
 
 void SceneStream::pump(double nowMs) {
-  impl_->link.pump(nowMs, impl_->maxPumpBytes);
+  if (impl_->isClosed || impl_->isRestored()) {
+    impl_->link.pump(nowMs, impl_->maxPumpBytes);
+  } else {
+    impl_->link.wait(nowMs);
+  }
 }
 
 void SceneStream::setMaxPumpBytes(std::size_t bytes) {
@@ -202,6 +247,8 @@ StreamStats SceneStream::stats() const {
 void SceneStream::reconnect(const std::string& token) {
   if (impl_->isClosed) return;
   impl_->ended = Status::ok();
+  // Whoever cannot wait begins without what is kept.
+  impl_->hasRestored = true;
   impl_->link.reconnect(token);
 }
 
@@ -210,6 +257,7 @@ void SceneStream::close() {
   impl_->link.leave();
   impl_->end(Status::failed("closed", "the stream was closed here"));
   impl_->isClosed = true;
+  impl_->shelf.reset();
 }
 
 }  // namespace terraport

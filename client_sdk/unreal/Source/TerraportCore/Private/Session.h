@@ -56,6 +56,8 @@ class ClientSession {
   /// Scene version of the newest connection; empty before the first welcome.
   const std::string& version() const { return version_; }
   const Holdings& holdings() const { return holdings_; }
+  /// Hold a payload of an earlier run, before the first connection offers it.
+  void restore(CachedSegment entry) { holdings_.put(std::move(entry)); }
   /// Whether the server has said welcome on the present connection.
   bool isOpen() const { return isOpen_; }
   /// Whether an aim waits for `flushAim`.

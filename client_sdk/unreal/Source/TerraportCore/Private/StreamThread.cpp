@@ -157,6 +157,11 @@ struct StreamThread::Impl {
     for (StreamEvent& delivery : deliveries) {
       if (delivery.kind == EventKind::Arrived) {
         payloads[delivery.facts.segment] = stream->payload(delivery.facts.segment);
+      } else if (delivery.kind == EventKind::Planned) {
+        // Of an earlier run, on disk: nobody told that they came.
+        for (const std::uint32_t segment : delivery.plan.keep) {
+          if (payloads.count(segment) == 0) payloads[segment] = stream->payload(segment);
+        }
       } else if (delivery.kind == EventKind::Dropped) {
         for (const std::uint32_t segment : delivery.segments) payloads.erase(segment);
       } else if (delivery.kind == EventKind::Picked || delivery.kind == EventKind::PickRefused) {

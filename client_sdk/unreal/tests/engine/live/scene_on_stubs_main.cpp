@@ -15,7 +15,9 @@
 #include "Modules/ModuleManager.h"
 #include "ProceduralMeshComponent.h"
 
+#include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
@@ -140,6 +142,53 @@ void ExpectShown(FVisit& Visit, int64 Landing)
 	Expect(Stats.VisibleSegments > 0, "segments are shown");
 	Expect(Drawn().Triangles == Stats.VisibleTriangles, "the triangles that are drawn are those of the stage");
 }
+
+/// Height of the highest solid face over a location, centimetres; far below where there is none.
+double SolidHeight(const FVector& At)
+{
+	double Highest = -1.0e9;
+	for (const UProceduralMeshComponent* Component : UProceduralMeshComponent::StubAll)
+	{
+		if (!IsValid(Component) || !Component->StubSection.bEnableCollision)
+		{
+			continue;
+		}
+		const FProcMeshSection& Section = Component->StubSection;
+		for (int32 Face = 0; Face < Section.ProcIndexBuffer.Num() / 3; ++Face)
+		{
+			const auto Corner = [&Section, Face](int32 Number) {
+				return Section.ProcVertexBuffer[int32(Section.ProcIndexBuffer[3 * Face + Number])].Position;
+			};
+			const FVector A = Corner(0), U = Corner(1) - A, V = Corner(2) - A, T = At - A;
+			const double Area = U.X * V.Y - U.Y * V.X;
+			const double Beta = (T.X * V.Y - T.Y * V.X) / Area, Gamma = (U.X * T.Y - U.Y * T.X) / Area;
+			if (Beta >= -1e-9 && Gamma >= -1e-9 && Beta + Gamma <= 1.0 + 1e-9)
+			{
+				Highest = std::max(Highest, A.Z + Beta * U.Z + Gamma * V.Z);
+			}
+		}
+	}
+	return Highest;
+}
+
+/// Bodies stand where feet do: the ground is solid around them, wherever they have walked.
+void ExpectSolid(FVisit& Visit)
+{
+	Visit.Scene.FeetOf = &Visit.Pawn;
+	for (int Step = 0; Step < 10; ++Step)
+	{
+		FTerraportGroundHit Ground;
+		const FVector Next = Visit.Pawn.GetActorLocation() + FVector(130.0, 40.0, 0.0);
+		if (!Visit.Scene.GroundAt(Next + FVector(0.0, 0.0, 100.0), Ground))
+		{
+			continue; // Beyond the scene.
+		}
+		Visit.Pawn.SetActorLocation(Ground.Location, false, nullptr, ETeleportType::TeleportPhysics);
+		Visit.Scene.Tick(0.011f);
+		Expect(std::abs(SolidHeight(Ground.Location) - Ground.Location.Z) < 2.0, "solid ground is where it is shown");
+	}
+	Visit.Scene.FeetOf = nullptr;
+}
 } // namespace
 
 int main(int Count, char** Arguments)
@@ -203,6 +252,8 @@ int main(int Count, char** Arguments)
 	Expect(Head.Equals(FVector(Corner.X, Corner.Y, Head.Z), 0.5), "the head is above the place");
 	Expect(Visit.Scene.GroundAt(Head + FVector(0.0, 0.0, 100.0), Ground) && Ground.Location.Equals(Head, 1.0),
 		"the feet are on the ground");
+
+	ExpectSolid(Visit);
 
 	// 6. The survey's reference system.
 	FVector Survey, Back;

@@ -24,6 +24,11 @@ struct StreamOptions {
   Budgets budgets;
   /// Payload bytes kept in memory beside what is shown or on its way; the least recently used go first.
   std::uint64_t cacheBytes = 96ull * 1024 * 1024;
+  /// Folder (UTF-8) in which payloads are kept from one run to the next, shared by all scenes; empty for none. Whoever may read
+  /// it may read the surveys. What cannot be kept there (a full disk, no such folder) is not; nothing fails. It takes a thread.
+  std::string diskFolder;
+  /// Bytes kept there, over all scenes; what was used longest ago goes first.
+  std::uint64_t diskBytes = std::uint64_t{1024} * 1024 * 1024;
   /// Payload bytes under way at most: they bound what lies in buffers when a landing is superseded.
   std::uint64_t creditBytes = 16ull * 1024 * 1024;
   /// Release radius / load radius, 1 to 4; absent takes the server's.

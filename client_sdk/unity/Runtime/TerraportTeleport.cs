@@ -1,0 +1,182 @@
+using System;
+using UnityEngine;
+
+namespace Terraport.Unity
+{
+    /// <summary>
+    /// Teleports the user beside it in the dark of a fade: the landing is asked for at once, the view darkens, and in one dark frame the
+    /// new detail is shown and the rig set down.
+    /// </summary>
+    [AddComponentMenu("Terraport/Terraport Teleport")]
+    [RequireComponent(typeof(TerraportUser))]
+    [DisallowMultipleComponent]
+    public sealed class TerraportTeleport : MonoBehaviour
+    {
+        [SerializeField]
+        [Tooltip("Darken every camera. Off: a fade of your own, by Darkening and Lightening.")]
+        private bool fadesCameras = true;
+
+        [SerializeField]
+        [Min(0)]
+        [Tooltip("Seconds to dark, and to light again.")]
+        private float fadeS = 0.15f;
+
+        [SerializeField]
+        [Min(0)]
+        [Tooltip("Longest time in the dark, seconds. Then the user is moved all the same, onto the base, and detail follows.")]
+        private float maxDarkS = 6;
+
+        private TerraportUser user;
+        // Of the scene while a teleport is under way.
+        private TerraportScene scene;
+        private bool sceneAutoShow;
+        private Phase phase = Phase.Idle;
+        private float phaseS;
+        // 0 for clear, 1 for black: a fade begins where the one before it was.
+        private float darkness;
+        private FadeCurtain curtain;
+
+        private enum Phase
+        {
+            Idle,
+            Darkening,
+            // Dark, until the landing is shown, is refused, or maxDarkS have passed.
+            Waiting,
+            Lightening,
+        }
+
+        /// <summary>Begin to darken, within so many seconds.</summary>
+        public event Action<float> Darkening;
+
+        /// <summary>Begin to lighten, within so many seconds: the user was moved, or the landing was refused.</summary>
+        public event Action<float> Lightening;
+
+        /// <summary>Whether a teleport is under way.</summary>
+        public bool IsTeleporting => phase != Phase.Idle;
+
+        /// <summary>Go to a point of Unity's world. One that is under way is replaced. False before the scene is loaded.</summary>
+        public bool TeleportTo(Vector3 point)
+        {
+            TerraportScene target = user == null ? null : user.Scene;
+            if (!isActiveAndEnabled || target == null || target.Files == null)
+            {
+                return false;
+            }
+            if (phase == Phase.Idle || phase == Phase.Lightening)
+            {
+                scene = target;
+                sceneAutoShow = target.AutoShow;
+                // What is shown changes in the dark alone.
+                target.AutoShow = false;
+                user.LandAt(point);
+                Enter(Phase.Darkening);
+            }
+            else
+            {
+                user.LandAt(point);
+                phaseS = 0;
+            }
+            return true;
+        }
+
+        private void Awake() { user = GetComponent<TerraportUser>(); }
+
+        private void OnDisable()
+        {
+            if (phase == Phase.Darkening || phase == Phase.Waiting)
+            {
+                scene.AutoShow = sceneAutoShow;
+            }
+            phase = Phase.Idle;
+            SetDarkness(0);
+            if (curtain != null)
+            {
+                curtain.Destroy();
+                curtain = null;
+            }
+        }
+
+        private void Update()
+        {
+            phaseS += Time.unscaledDeltaTime;
+            switch (phase)
+            {
+                case Phase.Darkening:
+                    Fade(1);
+                    if (darkness >= 1)
+                    {
+                        Enter(Phase.Waiting);
+                    }
+                    break;
+                case Phase.Waiting: Wait(); break;
+                case Phase.Lightening:
+                    Fade(0);
+                    if (darkness <= 0)
+                    {
+                        Enter(Phase.Idle);
+                    }
+                    break;
+                default: break;
+            }
+        }
+
+        private void Wait()
+        {
+            if (scene == null || !scene.IsOpen)
+            {
+                user.Stay(); // It was closed in the dark: there is nowhere to go.
+            }
+            else
+            {
+                // Shown in this frame or in the first in which it can be; the user is set down within it.
+                scene.Show();
+            }
+            if (phaseS >= maxDarkS)
+            {
+                user.ArriveNow();
+            }
+            // Arrived; or refused, or overtaken by a landing of somebody else: then the rig stays where it is.
+            if (!user.IsComing)
+            {
+                Enter(Phase.Lightening);
+            }
+        }
+
+        private void Enter(Phase next)
+        {
+            phase = next;
+            phaseS = 0;
+            if (next == Phase.Darkening && Darkening != null)
+            {
+                Darkening(fadeS);
+            }
+            if (next == Phase.Lightening)
+            {
+                scene.AutoShow = sceneAutoShow;
+                if (Lightening != null)
+                {
+                    Lightening(fadeS);
+                }
+            }
+        }
+
+        private void Fade(float to)
+        {
+            float step = fadeS > 0 ? Time.unscaledDeltaTime / fadeS : 1;
+            SetDarkness(to > darkness ? Math.Min(to, darkness + step) : Math.Max(to, darkness - step));
+        }
+
+        private void SetDarkness(float value)
+        {
+            darkness = value;
+            if (curtain == null && fadesCameras && value > 0)
+            {
+                curtain = new FadeCurtain();
+            }
+            if (curtain != null)
+            {
+                curtain.Darkness = value;
+            }
+        }
+    }
+}
