@@ -219,6 +219,8 @@ export interface RegionPlace {
 
 /** Everything that is loaded once for a version of a scene. */
 export interface SceneFiles {
+  /** `base` is the overview, and `cover` empty: to be shown until the files without this are here. */
+  readonly isOverview?: true;
   readonly manifest: SceneManifest;
   readonly base: MeshData;
   readonly cover: Cover;

@@ -1,7 +1,7 @@
 /** The viewer of one scene: makes its modules, gives each what it needs, and draws. */
 
 import { listScenes } from "../../core/scene/load.ts";
-import type { Vec3 } from "../../core/types.ts";
+import type { SceneFiles, Vec3 } from "../../core/types.ts";
 
 import { isBuried, Stage, standNear } from "../../three/index.ts";
 import { farthest } from "../../three/orbit-pose.ts";
@@ -53,6 +53,8 @@ export interface Viewer {
   readonly route: Route;
   /** Go where the address says. To be called once `element` is in the page. */
   start(): void;
+  /** Base and cover are here, where it was made of the overview. False where they belong to another version. */
+  complete(files: SceneFiles): boolean;
   follow(route: Route): void;
   dispose(): void;
 }
@@ -444,6 +446,12 @@ export function createViewer(options: ViewerOptions): Viewer {
       world.prepare();
       going.follow(options.route, false);
       loop.request();
+    },
+    complete(whole) {
+      if (whole.manifest.version !== manifest.version) return false;
+      stage.replaceFiles(whole);
+      loop.request();
+      return true;
     },
     follow: (route) => going.follow(route, false),
     dispose() {

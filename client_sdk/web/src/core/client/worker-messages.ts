@@ -72,10 +72,13 @@ export interface SceneJob {
   readonly sceneUrl: string;
   readonly token: string | undefined;
   readonly version: string | undefined;
+  readonly wantsOverview: boolean;
 }
 
 /** Scene worker to page. */
 export type SceneMessage =
   | { readonly type: "progress"; readonly doneBytes: number; readonly totalBytes: number }
+  /** `overview` comes once at most, and not last. */
+  | { readonly type: "overview"; readonly files: SceneFiles }
   | { readonly type: "loaded"; readonly files: SceneFiles }
   | { readonly type: "failed"; readonly error: SentError };
