@@ -14,7 +14,10 @@ let files: SceneFiles;
 
 beforeAll(async () => {
   await prepareDecoders();
-  vi.stubGlobal("fetch", fetchOf(new Map([[1, filesOfVersion(1)]]), () => 1));
+  vi.stubGlobal(
+    "fetch",
+    fetchOf(new Map([[1, filesOfVersion(1)]]), () => 1),
+  );
   files = await loadScene(SCENE_URL);
 });
 beforeEach(() => vi.stubGlobal("WebGL2RenderingContext", FakeContext));

@@ -95,7 +95,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     contextLost: () => contextLost(),
     contextRestored: () => contextRestored(),
   });
-  // A fourth of the GPU's share for what nothing shows yet; the rest is for two landings, one coming and one going.
+  // A fourth of the GPU's share for what nothing shows, or no more; the rest is for two landings, one coming and one going.
   const stage = new Stage({ renderer: world.renderer, stream, files, spareGpuBytes: options.budgets.spareGpuBytes });
   const markers = createMarkers();
   const brushLines = createBrushLines();
@@ -392,12 +392,14 @@ export function createViewer(options: ViewerOptions): Viewer {
         isBusy = true;
         going.moved();
       }
-      // After the camera, before the stage: a swap is drawn in this very frame, from where the eye is now.
-      if (desk.update()) isBusy = true;
-      blink.update(timeMs);
     }
     // In a headset too: uploads go on, within its smaller budget.
     stage.update();
+    if (session === null) {
+      // After the camera and the stage: what is ready now is drawn in this very frame, from where the eye is now.
+      if (desk.update()) isBusy = true;
+      blink.update(timeMs);
+    }
     options.eachFrame?.({ stage, camera: world.eye, heightPx: world.heightPx });
     // After everything that could change what is visible, or it would not see it.
     comfort.check();
