@@ -66,9 +66,8 @@ FRAMES_OF_A_RETURN = """async ([place, radiusM]) => {
   const { createdBytes } = terraport.stats.gpu;
   const { phase, payloadBytes } = await terraport.land(place, radiusM);
   counts = false;
-  return {
-    phase, payloadBytes, framesAfterReady, uploadedBytes: terraport.stats.gpu.createdBytes - createdBytes
-  };
+  const uploadedBytes = terraport.stats.gpu.createdBytes - createdBytes;
+  return { phase, payloadBytes, framesAfterReady, uploadedBytes };
 }"""
 
 

@@ -94,6 +94,7 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
         stream,
         budgets,
         route,
+        guides: window.parent === window,
         reload: (version) => {
           // Before it is closed: where the user is now is where the new version opens.
           route = viewer?.route ?? route;

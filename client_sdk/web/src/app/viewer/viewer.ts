@@ -5,7 +5,7 @@ import type { SceneFiles, Vec3 } from "../../core/types.ts";
 
 import { isBuried, Stage, standNear } from "../../three/index.ts";
 import { farthest } from "../../three/orbit-pose.ts";
-import { prefersLessMotion } from "../device.ts";
+import { isTouch, prefersLessMotion } from "../device.ts";
 import { h, setAttribute } from "../dom.ts";
 import { nothingNotice, steepNotice } from "../failures.ts";
 import { createFrameTimes } from "../frame-times.ts";
@@ -31,6 +31,7 @@ import { createGroundTools } from "./ground-tools.ts";
 import { createHeadsetEntry } from "./headset-entry.ts";
 import { headsetOptions } from "./headset-options.ts";
 import { createHelpDialog } from "./help-dialog.ts";
+import { createHints } from "./hints.ts";
 import { listenToKeys } from "./keys.ts";
 import { createLabels } from "./labels.ts";
 import { createLandingDesk } from "./landing-desk.ts";
@@ -240,6 +241,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   // --- What is on the page ------------------------------------------------------------------------------------------
 
   const compare = createCompareView(store, () => actions.act("compare"));
+  const hints = options.guides === true ? createHints(store, shell.storage, shell.announcer, isTouch()) : null;
   const pad = createWalkPad(() => loop.request());
   const bars = createBars({
     store,
@@ -279,6 +281,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     notices.element,
     pad.element,
     compare.card,
+    hints?.element ?? "",
     brush?.card ?? "",
     bars.tools,
     h(
@@ -317,6 +320,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   const moving = (move: () => void) => {
     move();
     going.moved();
+    hints?.looked();
   };
   const stops = [
     reactToState({
@@ -467,6 +471,7 @@ export function createViewer(options: ViewerOptions): Viewer {
       link.dispose();
       building.dispose();
       compare.dispose();
+      hints?.dispose();
       brush?.dispose();
       notices.dispose();
       loop.stop();
