@@ -85,6 +85,7 @@ export interface Cover {
   readonly segments: Uint32Array;
 }
 
+/** A value that the survey has at its points. */
 export interface AttributeInfo {
   readonly name: string;
   /** Of the encoded values; null when there is none. */
@@ -267,6 +268,7 @@ export interface PickHit {
   readonly attributes: Readonly<Record<string, number>>;
 }
 
+/** How long a landing may take before its inner part is shown: the wire protocol, 6.3, says how they work together. */
 export interface LandOptions {
   readonly innerRadiusM?: number;
   readonly deadlineMs?: number;
@@ -378,6 +380,7 @@ export interface StreamStats {
  */
 export type Token = string | (() => string | Promise<string>);
 
+/** Which scene is streamed, for whom, and how much of it may be held. */
 export interface StreamOptions {
   /** http(s) URL ending in /scenes/{id}. */
   readonly sceneUrl: string;

@@ -42,7 +42,7 @@ export type { StageOptions, Theme };
 const MAX_FRAME_UPLOAD_BYTES = 6 * 1024 * 1024;
 /** Revision of the base's list for what was visible when the context was lost: above any of a coming set. */
 const RESTORED_REVISION = Number.MAX_SAFE_INTEGER;
-/** See the head of the file. Owns what it puts on the GPU; `dispose` gives it back. */
+/** Base mesh, segments of the newest landing, and the swap between two landings. Owns what it puts on the GPU; `dispose` gives it back. */
 export class Stage implements Landings {
   /** To be added to the scene, at the frame's origin, and never moved. */
   readonly object = new Group();
