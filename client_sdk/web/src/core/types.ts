@@ -5,6 +5,8 @@
  * scene's index. No three.js, no DOM.
  */
 
+import type { GroupCommand, GroupEvent } from "./group-types.ts";
+
 /** x, y, z in metres of the scene frame. */
 export type Vec3 = readonly [number, number, number];
 
@@ -353,6 +355,7 @@ export type StreamEvent =
       readonly fatal: boolean;
       readonly landing: number | null;
     }
+  | GroupEvent
   | {
       readonly type: "notice";
       readonly kind: string;
@@ -412,6 +415,8 @@ export interface Stream {
   /** Decode a held segment; rejects with StreamError where it is not held, or is not a valid payload. */
   mesh(segment: number): Promise<MeshData>;
   stats(): Promise<StreamStats>;
+  /** Join a group, go with it, or lead it; what comes of it is told by `group` events. */
+  group(command: GroupCommand): void;
   /**
    * Connect now, perhaps with another token: after "closed", or to cut a wait short. One that is given here stands for a
    * function from now on.

@@ -28,6 +28,7 @@ import { createFrameLoop, type FrameResult } from "./frame-loop.ts";
 import { listenToGestures } from "./gestures.ts";
 import { createGoing } from "./going.ts";
 import { createGroundTools } from "./ground-tools.ts";
+import { createGroupDesk } from "./group-desk.ts";
 import { createHeadsetEntry } from "./headset-entry.ts";
 import { headsetOptions } from "./headset-options.ts";
 import { createHelpDialog } from "./help-dialog.ts";
@@ -151,6 +152,12 @@ export function createViewer(options: ViewerOptions): Viewer {
     arrived: going.arrived,
     shown: going.shown,
   });
+  const group = createGroupDesk({
+    store,
+    stream,
+    announcer: shell.announcer,
+    land: (position, radiusM) => going.land({ position, radiusM, look: null, isEntry: true, goes: true }),
+  });
   const watch = watchStream({
     store,
     stream,
@@ -170,6 +177,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   stream.onEvent = (event) => {
     lastEventMs = performance.now();
     watch(event);
+    group.handle(event);
   };
   let refusalTimer: number | null = null;
   const tools = createGroundTools({
@@ -262,6 +270,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     aimAtCentre: () => actions.act("aim"),
     undoPoint: tools.undoPoint,
     heightAt: highest,
+    group,
     savePicture: () => {
       world.picture().then(
         (picture) => saveFile(picture, `${manifest.id}.jpg`),
@@ -471,6 +480,7 @@ export function createViewer(options: ViewerOptions): Viewer {
       link.dispose();
       building.dispose();
       compare.dispose();
+      group.dispose();
       hints?.dispose();
       brush?.dispose();
       notices.dispose();

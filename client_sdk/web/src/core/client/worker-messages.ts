@@ -1,5 +1,6 @@
 /** What passes between the page, the stream's worker and the decode workers. */
 
+import type { GroupCommand } from "../group-types.ts";
 import type {
   LandOptions,
   MeshData,
@@ -32,6 +33,7 @@ export type StreamCommand =
       readonly askedMs: number;
     }
   | { readonly type: "aim"; readonly position: Vec3; readonly radiusM: number }
+  | { readonly type: "group"; readonly command: GroupCommand }
   | { readonly type: "reconnect"; readonly token: string | undefined }
   | { readonly type: "close" }
   | StreamQuestion;
