@@ -43,7 +43,7 @@ from terraport_server.stroke_endpoints import may_paint, stroke_routes
 from terraport_server.tile_endpoints import tile_routes
 from terraport_store import OriginError
 from terraport_store.labels import encode_labels
-from terraport_store.layout import PREVIEW, REPORT, REPORT_PDF
+from terraport_store.layout import OVERVIEW, PREVIEW, REPORT, REPORT_PDF
 from terraport_wire import ErrorCode
 
 __all__ = ["add_routes"]
@@ -114,6 +114,18 @@ def get_base(
 ) -> Response:
     """Return the base mesh; ranges are understood."""
     return _file(request, served, "base.glb", "model/gltf-binary", v, service)
+
+
+@_router.get("/scenes/{scene_id}/overview.glb", summary="What to show before the base is there")
+def get_overview(
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest, v: str | None = None
+) -> Response:
+    """Return the overview; 404 where the base is small enough to be the first picture."""
+    if OVERVIEW not in served.scene.manifest.files:
+        raise RequestError(
+            404, "unknown_overview", "the scene has no overview, since its base is small"
+        )
+    return _file(request, served, OVERVIEW, "model/gltf-binary", v, service)
 
 
 @_router.get("/scenes/{scene_id}/base.cover", summary="Segments over each base face")

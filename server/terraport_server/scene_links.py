@@ -7,7 +7,7 @@ from typing import Any, Final
 from terraport_server.served_scene import ServedScene
 from terraport_server.settings import Settings
 from terraport_store import SceneBuilding, path_inside
-from terraport_store.layout import PREVIEW, REPORT, REPORT_PDF
+from terraport_store.layout import OVERVIEW, PREVIEW, REPORT, REPORT_PDF
 
 __all__ = ["building_line", "has_local_file", "links_of", "service_links", "summary_of"]
 
@@ -37,6 +37,8 @@ def links_of(served: ServedScene) -> dict[str, str]:
         "segment": f"{root}/segments/{{segment}}.glb{query}",
         "tileset": f"{root}/tileset.json",
     }
+    if OVERVIEW in served.scene.manifest.files:
+        links["overview"] = f"{root}/{OVERVIEW}{query}"
     for link, path, name in _SAID_BY_BUILDS:
         if served.fetchers is not None or has_local_file(served, name):
             links[link] = f"{root}/{path}"

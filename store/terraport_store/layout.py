@@ -69,6 +69,7 @@ FORMAT_VERSION: Final = "1.0"
 """What is written; every 1.x is read."""
 
 BASE: Final = "base.glb"
+OVERVIEW: Final = "overview.glb"
 COVER: Final = "base.cover"
 REGIONS: Final = "regions.json"
 

@@ -32,7 +32,7 @@ from terraport_store.byte_cache import ByteCache, CacheKey
 from terraport_store.errors import DamagedSceneError
 from terraport_store.files import LocalCopy, SourceKind
 from terraport_store.index import SegmentIndex
-from terraport_store.layout import BASE, COVER, MANIFEST_NAME, REGIONS
+from terraport_store.layout import BASE, COVER, MANIFEST_NAME, OVERVIEW, REGIONS
 from terraport_store.manifest import FileInfo, Manifest
 from terraport_store.origin import ObjectCounts, ObjectOptions, Origin
 from terraport_store.remote_source import RemoteSource
@@ -256,10 +256,10 @@ class ObjectFiles:
         )
 
     def local_copy(self, manifest: Manifest) -> LocalCopy:
-        """Fetch base, cover and regions of a version into a folder of their own."""
+        """Fetch base, overview, cover and regions of a version into a folder of their own."""
         copy = self._storage.new_copy()
         try:
-            for key in (BASE, COVER, REGIONS):
+            for key in {BASE, OVERVIEW, COVER, REGIONS} & set(manifest.files):
                 file = manifest.files[key]
                 target = copy.path / file.path
                 target.parent.mkdir(exist_ok=True)

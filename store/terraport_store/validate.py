@@ -27,6 +27,7 @@ from terraport_store.layout import (
     LABELS,
     MANIFEST_NAME,
     MAX_MANIFEST_BYTES,
+    OVERVIEW,
     PACK_HEADER_BYTES,
     REGIONS,
 )
@@ -150,6 +151,7 @@ class _SceneCheck:
             return
         # (1) The scene's box is that of index and base together.
         base = self.base(scene)
+        self.overview(scene)
         boxes = index.bounds
         if base is not None:
             boxes = np.vstack([boxes, box_of(base)[None]])
@@ -267,6 +269,24 @@ class _SceneCheck:
             )
         check_mesh_fits(self.out, scene.manifest, mesh, file, None)
         return mesh
+
+    def overview(self, scene: Scene) -> None:
+        if OVERVIEW not in scene.manifest.files:
+            return
+        file = scene.manifest.files[OVERVIEW].path
+        try:
+            mesh = decode_glb(scene.file_path(OVERVIEW).read_bytes())
+        except PayloadError as error:
+            self.out.error("overview-decode", file, error.what, offset=error.offset)
+            return
+        if len(mesh.faces) > scene.manifest.counts.base_faces:
+            self.out.error(
+                "overview-count",
+                file,
+                f"{len(mesh.faces)} faces, expected at most the base's "
+                f"{scene.manifest.counts.base_faces}",
+            )
+        check_mesh_fits(self.out, scene.manifest, mesh, file, None)
 
     def padding(self, scene: Scene, encoding: str) -> None:
         """Check that payloads are aligned and only zeros, fewer than 64, lie between them."""

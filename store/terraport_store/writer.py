@@ -36,6 +36,7 @@ from terraport_store.layout import (
     COVER,
     ENCODING,
     INDEX,
+    OVERVIEW,
     PACK,
     REGIONS,
     pack_header,
@@ -160,8 +161,8 @@ class SceneWriter:
         self._regions.append((region, region_count))
         return len(self._shapes) - 1
 
-    def set_base(self, glb: bytes, cover: Cover) -> None:
-        """Write the base mesh and the table of segments over its faces.
+    def set_base(self, glb: bytes, cover: Cover, overview: bytes | None = None) -> None:
+        """Write the base mesh, the table of segments over its faces, and what is shown before.
 
         Parameters
         ----------
@@ -169,13 +170,15 @@ class SceneWriter:
             From ``encode_glb(..., keep_face_order=True)``.
         cover : Cover
             One row per base face.
+        overview : bytes, optional
+            From ``encode_glb``; None where the base is small enough to be the first picture.
 
         Raises
         ------
         OutOfSpaceError
             When the disk is full; everything written so far is deleted.
         PayloadError
-            When the GLB cannot be decoded, or the cover is beyond the format's limits.
+            When a GLB cannot be decoded, or the cover is beyond the format's limits.
         PublishError
             When the cover has another number of faces, or a base was set before.
         """
@@ -185,6 +188,9 @@ class SceneWriter:
         shape = MeshShape.of(decode_glb(glb))
         if cover.base_faces != shape.faces:
             raise PublishError(f"cover of {cover.base_faces} base faces, expected {shape.faces}")
+        if overview is not None:
+            decode_glb(overview)
+            self._write(OVERVIEW, overview)
         self._write(BASE, glb)
         self._write(COVER, cover.to_bytes())
         self._base = shape

@@ -23,6 +23,9 @@ from playwright.sync_api import Browser, Page, Playwright, expect, sync_playwrig
 
 from terraport_server.viewer_page import BUILT_PAGE
 
+HINTS_SEEN: Final = """try { localStorage.setItem("terraport.hints", "3"); } catch {}"""
+"""As the page keeps it; a page without an origin has no storage."""
+
 PROGRAMS: Final = ("chromium", "chromium-browser", "google-chrome-stable", "google-chrome")
 
 FLAGS: Final = (
@@ -127,12 +130,16 @@ def server(scenes: Path) -> Iterator[Service]:
 def open_page(browser: Browser) -> Iterator[Callable[..., tuple[Page, Watch]]]:
     """Makes pages in contexts of their own; what they complain of fails the test at its end.
 
-    ``open_page(**options)``: options of Playwright's ``new_context``, such as ``has_touch``.
+    ``open_page(**options)``: options of Playwright's ``new_context``, such as ``has_touch``; and
+    ``hints=True`` for who opens the viewer for the first time.
     """
     opened: list[tuple[Any, Watch]] = []
 
     def open_one(**options: Any) -> tuple[Page, Watch]:
+        is_new = options.pop("hints", False)
         context = browser.new_context(**{"viewport": VIEWPORT, **options})
+        if not is_new:
+            context.add_init_script(HINTS_SEEN)
         context.set_default_timeout(TIMEOUT_MS)
         watch = Watch(context)
         opened.append((context, watch))

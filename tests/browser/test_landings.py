@@ -53,6 +53,36 @@ def test_land_hop_and_return(viewer: DrivenViewer, server: Service) -> None:
     assert viewer.run("terraport.state.strayChanges") == 0
 
 
+FRAMES_OF_A_RETURN = """async ([place, radiusM]) => {
+  const landingBefore = terraport.status.landing;
+  let framesAfterReady = 0, counts = true;
+  const count = () => {
+    if (!counts) return;
+    const { landing, readyMs } = terraport.status;
+    if (landing !== landingBefore && readyMs !== null) framesAfterReady += 1;
+    requestAnimationFrame(count);
+  };
+  requestAnimationFrame(count);
+  const { createdBytes } = terraport.stats.gpu;
+  const { phase, payloadBytes } = await terraport.land(place, radiusM);
+  counts = false;
+  const uploadedBytes = terraport.stats.gpu.createdBytes - createdBytes;
+  return { phase, payloadBytes, framesAfterReady, uploadedBytes };
+}"""
+
+
+def test_a_return_shows_within_two_frames(viewer: DrivenViewer) -> None:
+    """What a landing hides stays on the GPU while there is room: nothing is uploaded again."""
+    far = (90.0, 2.0, 40.0)
+    viewer.land(POSITION, 25.0)
+    viewer.land(far, 25.0)
+    for place in (POSITION, far) * 3:
+        back = viewer.run(FRAMES_OF_A_RETURN, [list(place), 25.0])
+        assert back["phase"] == "shown"
+        assert (back["payloadBytes"], back["uploadedBytes"]) == (0, 0)
+        assert back["framesAfterReady"] <= 2
+
+
 def test_what_is_drawn_is_what_the_sdk_shows(viewer: DrivenViewer, server: Service) -> None:
     """Segments and hidden base faces, as the GPU has them, beside the reference client's."""
 

@@ -218,7 +218,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     ),
     "lands groups": (
         Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),
-        NO_GROUPS,
+        Yes("tests/browser/test_groups.py", "test_who_guides_takes_the_others_along"),
         NO_GROUPS,
         NO_GROUPS,
     ),

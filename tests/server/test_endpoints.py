@@ -171,6 +171,11 @@ def test_the_report_to_print(http: httpx.Client, grid: GridScene) -> None:
     assert "report" not in links
 
 
+def test_a_small_base_has_no_overview(http: httpx.Client) -> None:
+    assert http.get("/scenes/grid/overview.glb").json()["error"]["code"] == "unknown_overview"
+    assert "overview" not in http.get("/scenes/grid").json()["links"]
+
+
 def test_the_small_picture(http: httpx.Client, grid: GridScene) -> None:
     assert http.get("/scenes/grid/preview.jpg").status_code == 404
     assert "preview" not in http.get("/scenes/grid").json()["links"]

@@ -101,3 +101,18 @@ test("it brings no source, no test, no page", () => {
   expect(readdirSync(folder).sort()).toEqual(["README.md", "dist", "package.json"]);
   expect(existsSync(join(folder, "dist", "app"))).toBe(false);
 });
+
+test("it comes with a reference of every export, made of the declarations", () => {
+  const packed = join(project, "node_modules", "@terraport", "client", "dist");
+  const named = (entry: string): string[] =>
+    [...readFileSync(join(packed, "reference", `${entry}.md`), "utf8").matchAll(/^### (\S+)$/gm)].map(
+      ([, name]) => name!,
+    );
+  expect(named("core")).toEqual(expect.arrayContaining(["openStream", "Residency", "SceneFiles", "StreamEvent"]));
+  expect(named("three")).toEqual(expect.arrayContaining(["Stage", "standNear", "ViewMode"]));
+  expect(named("element")).toEqual(["TerraportScene", "TerraportSceneEventMap"]);
+  // Nothing that whoever installs it cannot reach, and the comment of what he can.
+  const three = readFileSync(join(packed, "reference", "three.md"), "utf8");
+  expect(three).not.toMatch(/#private|private /);
+  expect(three).toContain("Show the presentable set: flags only.");
+});

@@ -97,7 +97,7 @@ describe("a landing", () => {
     expect(residency.presentable()).toBe("full");
   });
 
-  it("shows only what is new, hides what is left, and frees it", () => {
+  it("shows only what is new, hides what is left, and keeps it while there is room", () => {
     land(1, [1, 2, 3]);
     work();
     residency.swap();
@@ -105,11 +105,33 @@ describe("a landing", () => {
     expect(work()).toEqual([4]);
     expect(residency.takeFreed()).toEqual([]);
     expect(residency.swap()).toMatchObject({ shown: [4], hidden: [1, 2], visible: [3, 4] });
-    expect(residency.takeFreed().sort()).toEqual([1, 2]);
     expect(residency.takeFreed()).toEqual([]);
+    expect(residency.spareBytes).toBe(2 * BYTES);
+    land(3, [5]);
+    work();
+    expect(residency.swap()).toMatchObject({ hidden: [3, 4] });
+    // What was left first goes first.
+    expect(residency.takeFreed()).toEqual([1]);
+    expect(residency.takeFreed()).toEqual([]);
+    expect(residency.spareBytes).toBe(3 * BYTES);
+  });
+
+  it("shows what it left in the next frame, with nothing to decode or upload", () => {
+    land(1, [1, 2]);
+    work();
+    residency.swap();
+    land(2, [3]);
+    work();
+    residency.swap();
+    land(3, [], [1, 2]);
+    expect(residency.takeDecodes()).toEqual([]);
+    expect(residency.nextUpload()).toBeNull();
+    residency.basePrepared(residency.comingRevision);
+    expect(residency.swap()).toMatchObject({ shown: [1, 2], hidden: [3] });
   });
 
   it("asks again for what was freed, without any payload", () => {
+    residency = new Residency({ maxInFlight: 4, maxInFlightBytes: 1e9, spareBytes: 0 });
     land(1, [1]);
     work();
     residency.swap();
@@ -129,15 +151,16 @@ describe("a landing", () => {
     land(2, [4], [1], [2]);
     work();
     expect(residency.swap()).toMatchObject({ visible: [1, 4], hidden: [2, 3] });
-    expect(residency.takeFreed()).toEqual([3]);
-    expect(residency.spareBytes).toBe(0);
+    expect(residency.takeFreed()).toEqual([]);
+    expect(residency.spareBytes).toBe(BYTES);
     land(3, [], [1, 2], [4]);
     expect(work()).toEqual([]);
     expect(residency.swap()).toMatchObject({ visible: [1, 2], shown: [2], hidden: [4] });
     land(4, [5]);
     work();
     residency.swap();
-    expect(residency.takeFreed().sort()).toEqual([1, 2, 4]);
+    expect(residency.takeFreed()).toEqual([3]);
+    expect(residency.spareBytes).toBe(3 * BYTES);
   });
 
   it("decodes nothing for the sake of what is nearby", () => {
@@ -209,7 +232,8 @@ describe("a deadline", () => {
     residency.degraded(2, [3]);
     work();
     expect(residency.swap()).toMatchObject({ visible: [3], hidden: [1, 2] });
-    expect(residency.takeFreed()).toEqual([1]);
+    expect(residency.takeFreed()).toEqual([]);
+    expect(residency.spareBytes).toBe(BYTES);
   });
 
   it("is forgotten when ready comes before the swap", () => {
@@ -339,21 +363,27 @@ describe("bounds", () => {
     expect(residency.takeDecodes().map((request) => request.segment)).toEqual([3, 4, 5, 6]);
   });
 
-  it("frees what earlier aims brought at the next swap, but not what came since that landing was asked for", () => {
-    land(1, [1]);
+  it("frees what was left behind for what aims bring, and no aim for another", () => {
+    land(1, [1, 2]);
     work();
     residency.swap();
-    residency.arrived(facts(2), null);
-    work();
-    residency.land(2, [0, 0, 0], 60, 0);
-    residency.planned(plan(2, [3]));
-    residency.arrived(facts(3), 2);
-    residency.arrived(facts(4), null);
-    residency.ready(2, [3], [], 5, 10);
+    land(2, [3]);
     work();
     residency.swap();
-    expect(residency.takeFreed().sort()).toEqual([1, 2]);
-    expect(residency.spareBytes).toBe(BYTES);
+    for (const segment of [4, 5, 6]) residency.arrived(facts(segment), null);
+    expect(work()).toEqual([4, 5, 6]);
+    residency.arrived(facts(7), null);
+    expect(work()).toEqual([]);
+    expect(residency.takeFreed()).toEqual([1, 2]);
+    expect(residency.spareBytes).toBe(3 * BYTES);
+    // After the next swap they are left behind like everything else.
+    land(3, [8]);
+    work();
+    residency.swap();
+    expect(residency.takeFreed()).toEqual([4]);
+    residency.arrived(facts(9), null);
+    expect(work()).toEqual([9]);
+    expect(residency.takeFreed()).toEqual([5]);
   });
 
   it("puts a landing before any prefetch", () => {

@@ -5,10 +5,12 @@ import type { IncomingMessage, Server, ServerResponse } from "node:http";
 import { createServer } from "node:http";
 import type { AddressInfo } from "node:net";
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
+import { prepareDecoders, xxh3 } from "../src/core/payload/engines.ts";
 import { readImageHeader } from "../src/core/payload/image-header.ts";
 import { StreamError } from "../src/core/scene/errors.ts";
 import type { LoadOptions } from "../src/core/scene/load.ts";
 import { listScenes, loadScene } from "../src/core/scene/load.ts";
+import type { SceneFiles } from "../src/core/types.ts";
 
 const CORPUS = new URL("../../../tests/conformance/scene/", import.meta.url);
 
@@ -144,6 +146,49 @@ describe("a whole scene", () => {
     };
     const { regions } = await loadScene(`${url}/scenes/tiny`);
     expect(regions.map((region) => region.stableId)).toEqual([5, 2, 9]);
+  });
+});
+
+describe("a scene with an overview", () => {
+  /** The scene `tiny`, and these bytes as its overview. */
+  async function servedWith(overview: Buffer): Promise<void> {
+    const files = filesOf("tiny");
+    const manifest = JSON.parse(files.get("scene.json")!.toString()) as { files: Record<string, unknown> };
+    await prepareDecoders();
+    const hash = xxh3(overview).toString(16).padStart(16, "0");
+    manifest.files["overview.glb"] = { path: "v/overview.glb", bytes: overview.length, xxh3: hash };
+    files.set("scene.json", Buffer.from(JSON.stringify(manifest))).set("overview.glb", overview);
+    scenes.set("tiny", files);
+  }
+  const asked = () => requests.map((line) => line.replace(/.*tiny\/?([^?]*).*/, "$1"));
+
+  it("gives it before the base is asked for, to be hidden by nothing", async () => {
+    await servedWith(filesOf("tiny").get("base.glb")!);
+    const seen: [SceneFiles, string[]][] = [];
+    const files = await loadScene(`${url}/scenes/tiny`, { onOverview: (first) => seen.push([first, asked()]) });
+    expect(seen).toHaveLength(1);
+    const [first, before] = seen[0]!;
+    expect(before).toContain("overview.glb");
+    expect(before).not.toContain("base.glb");
+    expect(first).toMatchObject({ isOverview: true, manifest: files.manifest, regions: files.regions });
+    expect(first.cover).toEqual({ offsets: new Uint32Array(33), segments: new Uint32Array(0) });
+    expect(files.isOverview).toBeUndefined();
+    expect(files.cover.segments).not.toHaveLength(0);
+  });
+
+  it("does not fetch it for who shows none", async () => {
+    await servedWith(filesOf("tiny").get("base.glb")!);
+    await loadScene(`${url}/scenes/tiny`);
+    expect(asked()).not.toContain("overview.glb");
+  });
+
+  it("goes on without one that is damaged, or gone", async () => {
+    await servedWith(Buffer.from("no mesh"));
+    const onOverview = vi.fn();
+    expect((await loadScene(`${url}/scenes/tiny`, { onOverview })).base.faceCount).toBe(32);
+    scenes.get("tiny")!.delete("overview.glb");
+    expect((await loadScene(`${url}/scenes/tiny`, { onOverview })).base.faceCount).toBe(32);
+    expect(onOverview).not.toHaveBeenCalled();
   });
 });
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from terraport_payload import AttributeScale, SegmentMesh, decode_glb, encode_glb
 from terraport_payload.types import Float32, Int32, Int64, UInt8
+from terraport_pipeline.engines.overview import overview_payload
 from terraport_pipeline.geometry.mesh.face_measures import main_labels
 from terraport_pipeline.geometry.regions.base_regions import base_regions
 from terraport_pipeline.naming.recut import Recut
@@ -105,7 +106,8 @@ def _publish(
             )
             progress.advance(1)
         progress.done({"changed": int(np.count_nonzero(changed))})
-        out.set_base(_base(scene, ground, new, scales, starts), scene.cover)
+        base = _base(scene, ground, new, scales, starts)
+        out.set_base(base, scene.cover, overview_payload(base, before.step_m))
         out.set_regions(new.document)
         return out.publish(
             SceneInfo(

@@ -5,8 +5,12 @@ import type { DeviceClass } from "../core/index.ts";
 /** A headset's own browser, a phone or tablet, or a desk. */
 export function deviceClass(): DeviceClass {
   if (/OculusBrowser|Quest|PicoBrowser|VisionOS/i.test(navigator.userAgent)) return "headset";
-  const isTouch = window.matchMedia("(pointer: coarse)").matches;
-  return isTouch && Math.min(window.screen.width, window.screen.height) < 900 ? "phone" : "desktop";
+  return isTouch() && Math.min(window.screen.width, window.screen.height) < 900 ? "phone" : "desktop";
+}
+
+/** Whether fingers point, not a mouse. */
+export function isTouch(): boolean {
+  return window.matchMedia("(pointer: coarse)").matches;
 }
 
 /** Whether the user asked the system for less motion. Asked each time: the setting may change. */

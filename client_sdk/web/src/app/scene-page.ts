@@ -39,11 +39,17 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
     const abort = new AbortController();
     loading = abort;
     const progress = showLoading();
-    try {
-      const files = await loadFiles(version, abort.signal, progress);
+    const onOverview = (files: SceneFiles) => {
       if (!abort.signal.aborted) open(files);
+    };
+    try {
+      const files = await loadFiles(version, abort.signal, progress, onOverview);
+      if (abort.signal.aborted) return;
+      // Published anew while the overview was looked at: what was landed at is asked for again.
+      if (viewer?.complete(files) !== true) reopen(files);
     } catch (error) {
       if (abort.signal.aborted) return;
+      close();
       // Gone already: the new session is one of the newest.
       if (version !== undefined && shell.codeOf(error) === "unknown_scene") void load();
       else showFailure(error);
@@ -53,10 +59,19 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
   function loadFiles(
     version: string | undefined,
     signal: AbortSignal,
-    onProgress: (doneBytes: number, totalBytes: number) => void,
+    onProgress?: (doneBytes: number, totalBytes: number) => void,
+    onOverview?: (files: SceneFiles) => void,
   ): Promise<SceneFiles> {
     const { token } = shell.token;
-    return loadSceneInWorker(sceneUrl, { ...(token === undefined ? {} : { token }), version, onProgress, signal });
+    const access = token === undefined ? {} : { token };
+    return loadSceneInWorker(sceneUrl, { ...access, version, onProgress, onOverview, signal });
+  }
+
+  /** In the place of the viewer that is open, where one is. */
+  function reopen(files: SceneFiles): void {
+    route = viewer?.route ?? route;
+    close();
+    open(files);
   }
 
   function open(files: SceneFiles): void {
@@ -79,13 +94,14 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
         stream,
         budgets,
         route,
+        guides: window.parent === window,
         reload: (version) => {
           // Before it is closed: where the user is now is where the new version opens.
           route = viewer?.route ?? route;
           close();
           void load(version);
         },
-        loadFiles: (version) => loadFiles(version, new AbortController().signal, () => undefined),
+        loadFiles: (version) => loadFiles(version, new AbortController().signal),
       });
     } catch (error) {
       // No viewer owns it: it would stay connected.

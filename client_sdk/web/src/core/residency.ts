@@ -322,7 +322,7 @@ export class Residency {
     landing.swapped = kind;
     this.#visible = visible;
     this.#visibleIds = after;
-    this.#shelf.freeLeftBehind(landing.landing, new Set(hidden));
+    this.#shelf.leaveBehind(landing.landing, hidden);
     this.#prefetched = this.#prefetched.filter((segment) => this.#shelf.isAimedSince(segment, landing.landing));
     this.#recompute();
     return { landing: landing.landing, degraded: kind === "degraded", visible, shown, hidden };

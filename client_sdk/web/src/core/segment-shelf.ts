@@ -1,14 +1,15 @@
 /**
  * Where every known segment stands between payload and GPU, and what of it nobody needs.
  *
- * PURE. Which segments are needed is said from outside (residency.ts); what is not is *spare*, and bounded in bytes.
+ * PURE. Which segments are needed is said from outside (residency.ts); what is not is *spare*, and bounded in bytes. What was
+ * shown stays there as spare, for who comes back; it makes way for what an aim brings.
  */
 
 import { InFlight, type InFlightLimits } from "./in-flight.ts";
 
 /** How much is done at once, and kept. */
 export interface ShelfLimits extends InFlightLimits {
-  /** GPU bytes of segments that are neither visible nor of the newest plan: what an aim brought. */
+  /** GPU bytes of segments that are neither visible nor of the newest plan: what an aim brought, and what was left behind. */
   readonly spareBytes: number;
 }
 
@@ -33,6 +34,10 @@ export class SegmentShelf {
   readonly #entries = new Map<number, Entry>();
   #toFree: number[] = [];
   #spareBytes = 0;
+  /** Of {@link #spareBytes}, what aims brought since the newest swap. */
+  #aimedBytes = 0;
+  /** What the newest swap has shown. */
+  #landing = -1;
   #tick = 0;
 
   /** @param isNeeded Whether a segment is visible, or wanted or kept by the newest plan. After it changes: {@link trim}. */
@@ -48,7 +53,7 @@ export class SegmentShelf {
 
   /** Whether an aim's segment may be decoded now. */
   get hasSpareRoom(): boolean {
-    return this.#spareBytes < this.#limits.spareBytes;
+    return this.#aimedBytes < this.#limits.spareBytes;
   }
 
   /** Segments being decoded, or decoded and not uploaded. */
@@ -102,6 +107,8 @@ export class SegmentShelf {
     this.#toFree = [];
     this.#inFlight.clear();
     this.#spareBytes = 0;
+    this.#aimedBytes = 0;
+    this.#landing = -1;
   }
 
   /** Start decoding a held segment, if there is room. */
@@ -127,7 +134,7 @@ export class SegmentShelf {
       return false;
     }
     const isNeeded = this.#isNeeded(segment);
-    if (!isNeeded && (entry.aimedDuring < 0 || this.#spareBytes + bytes > this.#limits.spareBytes)) {
+    if (!isNeeded && (entry.aimedDuring < 0 || this.#aimedBytes + bytes > this.#limits.spareBytes)) {
       // Its payload is here, and can be asked for again when there is room.
       entry.step = "held";
       this.#inFlight.dismiss();
@@ -137,7 +144,7 @@ export class SegmentShelf {
     entry.bytes = bytes;
     entry.usedAt = this.#nextTick();
     this.#inFlight.wait(bytes);
-    this.#spareBytes += isNeeded ? 0 : bytes;
+    if (!isNeeded) this.trim();
     return true;
   }
 
@@ -182,9 +189,16 @@ export class SegmentShelf {
     this.#freeIf((entry, segment) => entry.step === "decoded" && entry.aimedDuring < 0 && !this.#isNeeded(segment));
   }
 
-  /** After a swap: what it hid, and whatever came for earlier landings and aims. */
-  freeLeftBehind(landing: number, hidden: ReadonlySet<number>): void {
-    this.#freeIf((entry, segment) => !this.#isNeeded(segment) && (hidden.has(segment) || entry.aimedDuring < landing));
+  /** After a swap: what it hid is the last to make way, and what waits for earlier landings and aims is not uploaded. */
+  leaveBehind(landing: number, hidden: Iterable<number>): void {
+    this.#landing = landing;
+    for (const segment of hidden) {
+      const entry = this.#entries.get(segment);
+      if (entry) entry.usedAt = this.#nextTick();
+    }
+    this.#freeIf(
+      (entry, segment) => entry.step === "decoded" && entry.aimedDuring < landing && !this.#isNeeded(segment),
+    );
   }
 
   /** Whether an aim brought it since this landing was asked for. */
@@ -206,11 +220,13 @@ export class SegmentShelf {
     return freed;
   }
 
-  /** Count what is spare anew, and free of it what was used longest ago until the rest fits. */
+  /** Count what is spare anew, and free of it what was left behind, longest ago first, then what aims brought, until it fits. */
   trim(): void {
     const spare = [...this.#entries].filter(([segment, entry]) => isOnGpu(entry) && !this.#isNeeded(segment));
-    this.#spareBytes = spare.reduce((sum, [, entry]) => sum + entry.bytes, 0);
-    spare.sort((a, b) => a[1].usedAt - b[1].usedAt);
+    const isAimed = (entry: Entry): boolean => entry.aimedDuring >= 0 && entry.aimedDuring >= this.#landing;
+    const sum = (bytes: number, [, entry]: [number, Entry]): number => bytes + entry.bytes;
+    this.#spareBytes = spare.reduce(sum, 0);
+    spare.sort((a, b) => Number(isAimed(a[1])) - Number(isAimed(b[1])) || a[1].usedAt - b[1].usedAt);
     for (const [segment, entry] of spare) {
       if (this.#spareBytes <= this.#limits.spareBytes) {
         break;
@@ -218,6 +234,7 @@ export class SegmentShelf {
       this.#spareBytes -= entry.bytes;
       this.#free(segment, entry);
     }
+    this.#aimedBytes = spare.filter(([, entry]) => isOnGpu(entry) && isAimed(entry)).reduce(sum, 0);
   }
 
   #freeIf(shouldFree: (entry: Entry, segment: number) => boolean): void {

@@ -5,6 +5,8 @@
  * scene's index. No three.js, no DOM.
  */
 
+import type { GroupCommand, GroupEvent } from "./group-types.ts";
+
 /** x, y, z in metres of the scene frame. */
 export type Vec3 = readonly [number, number, number];
 
@@ -85,6 +87,7 @@ export interface Cover {
   readonly segments: Uint32Array;
 }
 
+/** A value that the survey has at its points. */
 export interface AttributeInfo {
   readonly name: string;
   /** Of the encoded values; null when there is none. */
@@ -219,6 +222,8 @@ export interface RegionPlace {
 
 /** Everything that is loaded once for a version of a scene. */
 export interface SceneFiles {
+  /** `base` is the overview, and `cover` empty: to be shown until the files without this are here. */
+  readonly isOverview?: true;
   readonly manifest: SceneManifest;
   readonly base: MeshData;
   readonly cover: Cover;
@@ -265,6 +270,7 @@ export interface PickHit {
   readonly attributes: Readonly<Record<string, number>>;
 }
 
+/** How long a landing may take before its inner part is shown: the wire protocol, 6.3, says how they work together. */
 export interface LandOptions {
   readonly innerRadiusM?: number;
   readonly deadlineMs?: number;
@@ -349,6 +355,7 @@ export type StreamEvent =
       readonly fatal: boolean;
       readonly landing: number | null;
     }
+  | GroupEvent
   | {
       readonly type: "notice";
       readonly kind: string;
@@ -376,6 +383,7 @@ export interface StreamStats {
  */
 export type Token = string | (() => string | Promise<string>);
 
+/** Which scene is streamed, for whom, and how much of it may be held. */
 export interface StreamOptions {
   /** http(s) URL ending in /scenes/{id}. */
   readonly sceneUrl: string;
@@ -407,6 +415,8 @@ export interface Stream {
   /** Decode a held segment; rejects with StreamError where it is not held, or is not a valid payload. */
   mesh(segment: number): Promise<MeshData>;
   stats(): Promise<StreamStats>;
+  /** Join a group, go with it, or lead it; what comes of it is told by `group` events. */
+  group(command: GroupCommand): void;
   /**
    * Connect now, perhaps with another token: after "closed", or to cut a wait short. One that is given here stands for a
    * function from now on.

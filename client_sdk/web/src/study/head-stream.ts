@@ -6,6 +6,7 @@
  * and near enough is drawn finely, the rest coarsely; payload comes by aims at where the eye is. PURE but for the stream inside.
  */
 
+import type { GroupCommand } from "../core/group-types.ts";
 import type {
   LandOptions,
   MeshData,
@@ -148,6 +149,10 @@ export class HeadStream implements Stream {
 
   stats(): Promise<StreamStats> {
     return this.#inner.stats();
+  }
+
+  group(command: GroupCommand): void {
+    this.#inner.group(command);
   }
 
   reconnect(token?: string): void {

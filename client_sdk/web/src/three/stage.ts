@@ -42,7 +42,7 @@ export type { StageOptions, Theme };
 const MAX_FRAME_UPLOAD_BYTES = 6 * 1024 * 1024;
 /** Revision of the base's list for what was visible when the context was lost: above any of a coming set. */
 const RESTORED_REVISION = Number.MAX_SAFE_INTEGER;
-/** See the head of the file. Owns what it puts on the GPU; `dispose` gives it back. */
+/** Base mesh, segments of the newest landing, and the swap between two landings. Owns what it puts on the GPU; `dispose` gives it back. */
 export class Stage implements Landings {
   /** To be added to the scene, at the frame's origin, and never moved. */
   readonly object = new Group();
@@ -61,6 +61,8 @@ export class Stage implements Landings {
   #digest: VisibleDigest | null = null;
   #isLost = false;
   #isOldVersion = false;
+  /** The overview, while the base takes its place: drawn until that is on the GPU. */
+  #leavingBase: BaseGround | null = null;
   /** Version of the session; null before it is open. */
   #servedVersion: string | null = null;
   #isDisposed = false;
@@ -90,7 +92,7 @@ export class Stage implements Landings {
   }
 
   get status(): LandingStatus {
-    return statusOf(this.#residency, !this.#isOldVersion && !this.#isLost);
+    return statusOf(this.#residency, !this.#isBehind && !this.#isLost);
   }
 
   /** Segments shown, ascending. */
@@ -112,7 +114,7 @@ export class Stage implements Landings {
       return false;
     }
     const { comingRevision, coming } = this.#residency;
-    const isBaseBehind = !this.#isOldVersion && coming !== null && this.#base.preparedRevision !== comingRevision;
+    const isBaseBehind = !this.#isBehind && coming !== null && this.#base.preparedRevision !== comingRevision;
     return (
       this.#looks.isFading ||
       !this.object.visible ||
@@ -177,6 +179,8 @@ export class Stage implements Landings {
       }
       bytes += slice;
     }
+    // In the frame that first draws the base: the ground is there throughout, and never twice.
+    if (this.#base.isUploaded) this.#endLeaving();
     if (!this.#residency.restoring && this.#base.preparedRevision === this.#residency.comingRevision) {
       this.#residency.basePrepared(this.#base.preparedRevision);
     }
@@ -188,7 +192,7 @@ export class Stage implements Landings {
 
   /** Show the presentable set: flags only. Null where nothing is presentable. */
   swap(): SwapReport | null {
-    const swap = this.#isLost || this.#isOldVersion ? null : this.#residency.swap();
+    const swap = this.#isLost || this.#isBehind ? null : this.#residency.swap();
     if (!swap) {
       return null;
     }
@@ -278,6 +282,7 @@ export class Stage implements Landings {
     this.#residency.contextLost();
     this.#grounds.freeAll();
     this.#base.dispose();
+    this.#endLeaving();
   }
 
   /** Call on webglcontextrestored. Until the visible set is back the base is drawn whole; then all of it at once. */
@@ -299,14 +304,17 @@ export class Stage implements Landings {
   }
 
   /**
-   * Base, cover and regions of {@link neededVersion}; what was shown of the old goes. Any others are not taken: of another
+   * Base, cover and regions of {@link neededVersion}, or of the overview that the stage began with; what was shown of the old
+   * goes. Any others are not taken: of another
    * version, where the session went on meanwhile and their ids would be taken for its; nor the same a second time, where it
    * went there and back: the base would be drawn whole over the segments that are shown by then.
    */
   replaceFiles(files: SceneFiles): void {
-    if (files.manifest.version !== this.neededVersion) {
+    const completes = this.#files.isOverview === true && files.manifest.version === this.#files.manifest.version;
+    if (files.manifest.version !== this.neededVersion && (this.#isOldVersion || !completes)) {
       return;
     }
+    if (completes) this.#leavingBase = this.#base;
     this.#files = files;
     this.#isOldVersion = false;
     this.#digest = null;
@@ -314,7 +322,7 @@ export class Stage implements Landings {
     this.#residency.clearVisible();
     this.#material.setVersion(files.manifest, files.regions);
     this.#baseBoxes = pickableBase(files);
-    this.#base.dispose();
+    if (this.#leavingBase === null) this.#base.dispose();
     this.#makeBase();
   }
 
@@ -323,6 +331,7 @@ export class Stage implements Landings {
     this.#isDisposed = true;
     this.#grounds.freeAll();
     this.#base.dispose();
+    this.#endLeaving();
     this.#material.dispose();
     this.object.removeFromParent();
   }
@@ -334,6 +343,11 @@ export class Stage implements Landings {
       this.object.visible = true;
     };
     this.#renderer.compileAsync(this.object, new PerspectiveCamera()).then(show, show);
+  }
+
+  #endLeaving(): void {
+    this.#leavingBase?.dispose();
+    this.#leavingBase = null;
   }
 
   #makeBase(): void {
@@ -368,8 +382,13 @@ export class Stage implements Landings {
     this.#grounds.add(segment, data);
   }
 
+  /** Whether base and cover of what comes are not here yet: nothing of it is shown before. */
+  get #isBehind(): boolean {
+    return this.#isOldVersion || this.#files.isOverview === true;
+  }
+
   #prepareBase(): void {
-    if (this.#isOldVersion) {
+    if (this.#isBehind) {
       return;
     }
     if (this.#residency.restoring) {

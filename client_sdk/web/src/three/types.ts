@@ -41,6 +41,7 @@ export type LandingPhase =
   | "shown"
   | "refused";
 
+/** How far the newest landing is, and what is known of it. */
 export interface LandingStatus {
   readonly landing: number;
   readonly phase: LandingPhase;
@@ -78,6 +79,7 @@ export interface GpuMemory {
   readonly freedBytes: number;
 }
 
+/** What a stage holds and has done: for a panel of figures, or a log. */
 export interface StageStats {
   readonly stream: StreamStats | null;
   readonly gpu: GpuMemory;

@@ -27,6 +27,7 @@ from terraport_payload import (
 )
 from terraport_payload.grid import NULL_CODE
 from terraport_payload.types import AnyArray, Int32, UInt64
+from terraport_pipeline.engines.overview import overview_payload
 from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE, HEIGHT_CHANGE_SCALE
 from terraport_pipeline.geometry.regions.base_regions import base_regions
 from terraport_pipeline.geometry.segments.segment_ids import carry_segment_ids
@@ -343,7 +344,8 @@ def publish(
             attribute_scales=attributes,
             keep_face_order=True,
         )
-        writer.set_base(glb, Cover(segmented.cover_offsets, segmented.cover_segments))
+        cover = Cover(segmented.cover_offsets, segmented.cover_segments)
+        writer.set_base(glb, cover, overview_payload(glb, scales.step_m))
         progress.done({})
         # (4) Regions with their stable ids.
         numbered = number_regions(scene_dir, segmented.region_facts, surface, progress, carried)

@@ -22,6 +22,8 @@ import { saveFile } from "../save-file.ts";
 export interface PlacesOptions {
   readonly storage: KeyValueStorage;
   readonly scene: string;
+  /** The section about going with others. */
+  readonly together: HTMLElement;
   /** What has a name on the ground. */
   readonly regions: readonly RegionToVisit[];
   /** The address of what is shown now; null before the first landing. */
@@ -39,7 +41,15 @@ export interface PlacesTab {
 }
 
 /** Build the tab over what the storage holds for the scene. */
-export function createPlacesTab({ storage, scene, regions, currentHash, go, announce }: PlacesOptions): PlacesTab {
+export function createPlacesTab({
+  storage,
+  scene,
+  together,
+  regions,
+  currentHash,
+  go,
+  announce,
+}: PlacesOptions): PlacesTab {
   let bookmarks = readBookmarks(storage, scene);
   let renaming: string | null = null;
 
@@ -214,6 +224,7 @@ export function createPlacesTab({ storage, scene, regions, currentHash, go, anno
       empty,
       list,
       h("div", { class: "row" }, exportButton, importButton, file),
+      together,
       ...(regions.length === 0 ? [] : [namedRegions(regions, go)]),
     ),
     keep,

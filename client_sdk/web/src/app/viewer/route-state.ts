@@ -29,6 +29,9 @@ export function firstState({ files, budgets, route }: ViewerOptions): ViewerStat
     bringsCamera: true,
     gain: null,
     split: null,
+    group: null,
+    groupProblem: null,
+    follows: true,
     // Beside the picture there is room for it; on a phone it would cover what the user came to see.
     panelOpen: window.matchMedia("(min-width: 60rem) and (min-height: 30rem)").matches,
     tab: "landing",

@@ -1,5 +1,6 @@
 /** What the viewer shows, as one value. */
 
+import type { GroupFacts } from "../../core/group-types.ts";
 import type { LinkState, PickHit, SceneManifest, Vec3 } from "../../core/types.ts";
 import type { Gain } from "../../three/gain.ts";
 import type { LandingStatus, ViewMode } from "../../three/types.ts";
@@ -68,6 +69,11 @@ export interface ViewerState {
   readonly gain: Gain | null;
   /** Where the picture is divided into base and full detail, as a share of its width; null where it is not. */
   readonly split: number | null;
+  /** The group that the user goes with; null without one, and then perhaps why. */
+  readonly group: GroupFacts | null;
+  readonly groupProblem: string | null;
+  /** Whether he is taken where the guide asks. */
+  readonly follows: boolean;
   readonly panelOpen: boolean;
   readonly tab: PanelTab;
   /** The walker stands beyond the landing's detail. */

@@ -20,6 +20,8 @@ export interface ViewerOptions {
   readonly reload: (version?: string) => void;
   /** The scene's files of a version, for one that came while a headset is worn. */
   readonly loadFiles: (version: string) => Promise<SceneFiles>;
+  /** Whether a newcomer is told how to look and land; in a frame of another page that is the page's affair. */
+  readonly guides?: boolean;
   /** Called in every frame between its uploads and its picture: whoever studies the viewer looks on, or takes part, here. */
   readonly eachFrame?: (frame: DrawnFrame) => void;
 }

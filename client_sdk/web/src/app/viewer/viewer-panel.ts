@@ -5,6 +5,7 @@ import type { Stage } from "../../three/stage.ts";
 import type { Bookmark } from "../bookmarks.ts";
 import { h, setText } from "../dom.ts";
 import { createFiguresTab } from "../panel/figures-tab.ts";
+import { createGroupSection, type GroupActions } from "../panel/group-section.ts";
 import { createInspectTab } from "../panel/inspect-tab.ts";
 import { createLandingTab } from "../panel/landing-tab.ts";
 import { createLookTab } from "../panel/look-tab.ts";
@@ -30,6 +31,7 @@ export interface ViewerPanelOptions {
   /** Of the highest ground shown at (x, z); null where there is none. */
   heightAt(x: number, z: number): number | null;
   savePicture(): void;
+  readonly group: GroupActions;
   go(hash: string): void;
   /** The address of what is shown. */
   routeNow(): Route;
@@ -69,6 +71,7 @@ export function createViewerPanel(options: ViewerPanelOptions): ViewerPanel {
   const placesTab = createPlacesTab({
     storage: shell.storage,
     scene: manifest.id,
+    together: createGroupSection(store, options.group),
     regions: regionsToVisit(manifest.id, regions, MAX_NAMED),
     currentHash: () => (store.get().landed === null ? null : formatRoute(options.routeNow())),
     go: options.go,

@@ -1,11 +1,11 @@
 /** The viewer of one scene: makes its modules, gives each what it needs, and draws. */
 
 import { listScenes } from "../../core/scene/load.ts";
-import type { Vec3 } from "../../core/types.ts";
+import type { SceneFiles, Vec3 } from "../../core/types.ts";
 
 import { isBuried, Stage, standNear } from "../../three/index.ts";
 import { farthest } from "../../three/orbit-pose.ts";
-import { prefersLessMotion } from "../device.ts";
+import { isTouch, prefersLessMotion } from "../device.ts";
 import { h, setAttribute } from "../dom.ts";
 import { nothingNotice, steepNotice } from "../failures.ts";
 import { createFrameTimes } from "../frame-times.ts";
@@ -28,9 +28,11 @@ import { createFrameLoop, type FrameResult } from "./frame-loop.ts";
 import { listenToGestures } from "./gestures.ts";
 import { createGoing } from "./going.ts";
 import { createGroundTools } from "./ground-tools.ts";
+import { createGroupDesk } from "./group-desk.ts";
 import { createHeadsetEntry } from "./headset-entry.ts";
 import { headsetOptions } from "./headset-options.ts";
 import { createHelpDialog } from "./help-dialog.ts";
+import { createHints } from "./hints.ts";
 import { listenToKeys } from "./keys.ts";
 import { createLabels } from "./labels.ts";
 import { createLandingDesk } from "./landing-desk.ts";
@@ -53,6 +55,8 @@ export interface Viewer {
   readonly route: Route;
   /** Go where the address says. To be called once `element` is in the page. */
   start(): void;
+  /** Base and cover are here, where it was made of the overview. False where they belong to another version. */
+  complete(files: SceneFiles): boolean;
   follow(route: Route): void;
   dispose(): void;
 }
@@ -93,7 +97,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     contextLost: () => contextLost(),
     contextRestored: () => contextRestored(),
   });
-  // A fourth of the GPU's share for what nothing shows yet; the rest is for two landings, one coming and one going.
+  // A fourth of the GPU's share for what nothing shows, or no more; the rest is for two landings, one coming and one going.
   const stage = new Stage({ renderer: world.renderer, stream, files, spareGpuBytes: options.budgets.spareGpuBytes });
   const markers = createMarkers();
   const brushLines = createBrushLines();
@@ -148,6 +152,12 @@ export function createViewer(options: ViewerOptions): Viewer {
     arrived: going.arrived,
     shown: going.shown,
   });
+  const group = createGroupDesk({
+    store,
+    stream,
+    announcer: shell.announcer,
+    land: (position, radiusM) => going.land({ position, radiusM, look: null, isEntry: true, goes: true }),
+  });
   const watch = watchStream({
     store,
     stream,
@@ -167,6 +177,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   stream.onEvent = (event) => {
     lastEventMs = performance.now();
     watch(event);
+    group.handle(event);
   };
   let refusalTimer: number | null = null;
   const tools = createGroundTools({
@@ -238,6 +249,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   // --- What is on the page ------------------------------------------------------------------------------------------
 
   const compare = createCompareView(store, () => actions.act("compare"));
+  const hints = options.guides === true ? createHints(store, shell.storage, shell.announcer, isTouch()) : null;
   const pad = createWalkPad(() => loop.request());
   const bars = createBars({
     store,
@@ -258,6 +270,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     aimAtCentre: () => actions.act("aim"),
     undoPoint: tools.undoPoint,
     heightAt: highest,
+    group,
     savePicture: () => {
       world.picture().then(
         (picture) => saveFile(picture, `${manifest.id}.jpg`),
@@ -277,6 +290,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     notices.element,
     pad.element,
     compare.card,
+    hints?.element ?? "",
     brush?.card ?? "",
     bars.tools,
     h(
@@ -315,6 +329,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   const moving = (move: () => void) => {
     move();
     going.moved();
+    hints?.looked();
   };
   const stops = [
     reactToState({
@@ -390,12 +405,14 @@ export function createViewer(options: ViewerOptions): Viewer {
         isBusy = true;
         going.moved();
       }
-      // After the camera, before the stage: a swap is drawn in this very frame, from where the eye is now.
-      if (desk.update()) isBusy = true;
-      blink.update(timeMs);
     }
     // In a headset too: uploads go on, within its smaller budget.
     stage.update();
+    if (session === null) {
+      // After the camera and the stage: what is ready now is drawn in this very frame, from where the eye is now.
+      if (desk.update()) isBusy = true;
+      blink.update(timeMs);
+    }
     options.eachFrame?.({ stage, camera: world.eye, heightPx: world.heightPx });
     // After everything that could change what is visible, or it would not see it.
     comfort.check();
@@ -445,6 +462,12 @@ export function createViewer(options: ViewerOptions): Viewer {
       going.follow(options.route, false);
       loop.request();
     },
+    complete(whole) {
+      if (whole.manifest.version !== manifest.version) return false;
+      stage.replaceFiles(whole);
+      loop.request();
+      return true;
+    },
     follow: (route) => going.follow(route, false),
     dispose() {
       // Listeners first, then the stream, then what is drawn: nothing may reach a stage that is freed.
@@ -457,6 +480,8 @@ export function createViewer(options: ViewerOptions): Viewer {
       link.dispose();
       building.dispose();
       compare.dispose();
+      group.dispose();
+      hints?.dispose();
       brush?.dispose();
       notices.dispose();
       loop.stop();

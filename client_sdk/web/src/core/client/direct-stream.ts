@@ -37,6 +37,7 @@ export function openDirectStream(options: StreamOptions, platform: DirectParts =
     pick: (origin, direction) => core.pick(origin, direction),
     mesh: (segment) => core.mesh(segment),
     stats: async () => core.stats(),
+    group: (command) => core.group(command),
     reconnect: (token) => core.reconnect(token),
     close: () => core.close(),
   };

@@ -50,6 +50,7 @@ export interface LinkOptions {
 /** Keeps one session connected until {@link leave}. */
 export class Link {
   readonly #options: LinkOptions;
+  #url: string;
   readonly #outgoing: Outgoing;
   readonly #access: Access;
   #socket: WebSocket | null = null;
@@ -76,6 +77,7 @@ export class Link {
 
   constructor(options: LinkOptions) {
     this.#options = options;
+    this.#url = options.url;
     this.#access = new Access(options.token);
     this.#outgoing = new Outgoing(
       (data) => this.#socket?.send(data),
@@ -114,6 +116,18 @@ export class Link {
     this.#drop(NORMAL);
     this.#attempt = 0;
     this.#firstWaitMs = null;
+    this.#connect();
+  }
+
+  /** Connect to that address from now on, and now, unless it was closed for good. */
+  moveTo(url: string): void {
+    this.#url = url;
+    const connects = this.#socket !== null || this.#question !== null;
+    this.pump();
+    if (this.#hasLeft || !connects) return;
+    this.#drop(NORMAL);
+    this.#report();
+    this.#attempt = 0;
     this.#connect();
   }
 
@@ -167,10 +181,10 @@ export class Link {
   }
 
   #dial(token: string | undefined): void {
-    const { session, url } = this.#options;
+    const { session } = this.#options;
     const protocols: string[] = [SUBPROTOCOL];
     if (token !== undefined) protocols.push(tokenSubprotocol(token));
-    const socket = this.#opened(url, protocols);
+    const socket = this.#opened(this.#url, protocols);
     if (socket === null) return;
     this.#socket = socket;
     socket.onopen = () => {

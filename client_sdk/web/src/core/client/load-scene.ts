@@ -11,6 +11,8 @@ export interface LoadSceneOptions {
   readonly version?: string | undefined;
   /** Called in the page's thread, at most twenty times a second. */
   readonly onProgress?: ((doneBytes: number, totalBytes: number) => void) | undefined;
+  /** Called with what is to be shown until the promise is fulfilled, where the scene has that; see `loadScene`. */
+  readonly onOverview?: ((files: SceneFiles) => void) | undefined;
   readonly signal?: AbortSignal | undefined;
 }
 
@@ -20,7 +22,7 @@ export interface LoadSceneOptions {
  * Rejects with StreamError, `worker_failed` included; with the signal's reason where it was aborted.
  */
 export function loadSceneInWorker(sceneUrl: string, options: LoadSceneOptions = {}): Promise<SceneFiles> {
-  const { token, version, onProgress, signal } = options;
+  const { token, version, onProgress, onOverview, signal } = options;
   return new Promise((resolve, reject) => {
     if (signal?.aborted) {
       reject(signal.reason);
@@ -41,6 +43,7 @@ export function loadSceneInWorker(sceneUrl: string, options: LoadSceneOptions = 
     worker.onmessage = (event: MessageEvent<SceneMessage>) => {
       const message = event.data;
       if (message.type === "progress") onProgress?.(message.doneBytes, message.totalBytes);
+      else if (message.type === "overview") onOverview?.(message.files);
       else if (message.type === "loaded") end(() => resolve(message.files));
       else end(() => reject(receivedError(message.error)));
     };
@@ -50,7 +53,12 @@ export function loadSceneInWorker(sceneUrl: string, options: LoadSceneOptions = 
     };
     worker.onmessageerror = (event) => end(() => reject(workerFailure("the scene's worker", event)));
     // A worker's addresses are relative to its script, not to the page.
-    const job: SceneJob = { sceneUrl: new URL(sceneUrl, location.href).href, token, version };
+    const job: SceneJob = {
+      sceneUrl: new URL(sceneUrl, location.href).href,
+      token,
+      version,
+      wantsOverview: onOverview !== undefined,
+    };
     worker.postMessage(job);
   });
 }

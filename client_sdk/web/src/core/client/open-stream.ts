@@ -1,7 +1,7 @@
 /** A stream whose socket, session, cache and decoders are in workers: the page's side of it. */
 
 import { StreamError } from "../scene/errors.ts";
-import { checkAim, checkLand, checkPick } from "../session/checks.ts";
+import { checkAim, checkGroup, checkLand, checkPick } from "../session/checks.ts";
 import type {
   LandOptions,
   MeshData,
@@ -46,6 +46,10 @@ export function openStream(options: StreamOptions): Stream {
     pick: (origin, direction) => page.pick(origin, direction),
     mesh: (segment) => page.mesh(segment),
     stats: () => page.stats(),
+    group: (command) => {
+      checkGroup(command);
+      page.send({ type: "group", command });
+    },
     reconnect: (token) => page.send({ type: "reconnect", token }),
     close: () => page.close(),
   };

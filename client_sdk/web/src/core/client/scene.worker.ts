@@ -14,13 +14,14 @@ function post(message: SceneMessage, transfer: Transferable[] = []): void {
 }
 
 self.onmessage = async (event: MessageEvent<SceneJob>) => {
-  const { sceneUrl, token, version } = event.data;
+  const { sceneUrl, token, version, wantsOverview } = event.data;
   let nextMs = 0;
   try {
     const files = await loadScene(sceneUrl, {
       token,
       version,
       decodeImage: imageDecoder(),
+      onOverview: wantsOverview ? (files) => post({ type: "overview", files }, transferablesOfScene(files)) : undefined,
       onProgress: (doneBytes, totalBytes) => {
         if (performance.now() < nextMs && doneBytes < totalBytes) return;
         nextMs = performance.now() + PROGRESS_MS;

@@ -4,6 +4,7 @@
  * `openStream` runs it in a worker, `openDirectStream` in the calling thread.
  */
 
+import type { GroupCommand } from "../group-types.ts";
 import { prepareDecoders, xxh3 } from "../payload/engines.ts";
 import { StreamError } from "../scene/errors.ts";
 import { streamUrl } from "../scene/urls.ts";
@@ -56,6 +57,7 @@ export class StreamCore {
   /** When each landing that is not over was asked for, by its number. */
   readonly #askedMs = new Map<number, number>();
   readonly #cacheBytes: number;
+  readonly #sceneUrl: string;
   #closed = false;
   /** Why nothing is sent any more, until `reconnect`. */
   #ended: StreamError | null = null;
@@ -64,6 +66,7 @@ export class StreamCore {
   constructor(options: StreamOptions, platform: StreamCorePlatform) {
     this.#platform = platform;
     this.#cacheBytes = options.cacheBytes;
+    this.#sceneUrl = options.sceneUrl;
     this.#session = new ClientSession(
       {
         client: options.client ?? CLIENT,
@@ -103,6 +106,13 @@ export class StreamCore {
   aim(position: Vec3, radiusM: number): void {
     this.#session.aim(position, radiusM);
     this.#link.pump();
+  }
+
+  group(command: GroupCommand): void {
+    this.#session.group(command);
+    // Where several processes serve, the address says where the group lives (wire protocol, 16.6).
+    if (command.type === "join") this.#link.moveTo(streamUrl(this.#sceneUrl, command.group));
+    else this.#link.pump();
   }
 
   async pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null> {
@@ -218,6 +228,7 @@ export class StreamCore {
       case "degraded":
       case "dropped":
       case "notice":
+      case "group":
         return event;
       case "rejected":
         return null;

@@ -1,5 +1,6 @@
 /** What passes between the page, the stream's worker and the decode workers. */
 
+import type { GroupCommand } from "../group-types.ts";
 import type {
   LandOptions,
   MeshData,
@@ -32,6 +33,7 @@ export type StreamCommand =
       readonly askedMs: number;
     }
   | { readonly type: "aim"; readonly position: Vec3; readonly radiusM: number }
+  | { readonly type: "group"; readonly command: GroupCommand }
   | { readonly type: "reconnect"; readonly token: string | undefined }
   | { readonly type: "close" }
   | StreamQuestion;
@@ -72,10 +74,13 @@ export interface SceneJob {
   readonly sceneUrl: string;
   readonly token: string | undefined;
   readonly version: string | undefined;
+  readonly wantsOverview: boolean;
 }
 
 /** Scene worker to page. */
 export type SceneMessage =
   | { readonly type: "progress"; readonly doneBytes: number; readonly totalBytes: number }
+  /** `overview` comes once at most, and not last. */
+  | { readonly type: "overview"; readonly files: SceneFiles }
   | { readonly type: "loaded"; readonly files: SceneFiles }
   | { readonly type: "failed"; readonly error: SentError };

@@ -5,13 +5,13 @@ import { prepareDecoders, xxh3 } from "../payload/engines.ts";
 import { PayloadError } from "../payload/errors.ts";
 import type { DecodeImage } from "../payload/glb.ts";
 import { decodeGlb } from "../payload/glb.ts";
-import type { SceneFiles } from "../types.ts";
+import type { MeshData, SceneFiles } from "../types.ts";
 import { StreamError } from "./errors.ts";
 import type { HttpOptions } from "./http.ts";
 import { fetchBytes, fetchJson, parseJson } from "./http.ts";
 import { listScenes } from "./list.ts";
-import type { CheckedManifest, LoadedFile } from "./manifest.ts";
-import { checkManifest } from "./manifest.ts";
+import type { CheckedManifest, FileFacts, LoadedFile } from "./manifest.ts";
+import { checkManifest, OVERVIEW } from "./manifest.ts";
 import type { Labels } from "./regions.ts";
 import { readLabels, readRegions, readUnions } from "./regions.ts";
 import { parseSceneUrl, sceneUrlOf } from "./urls.ts";
@@ -25,6 +25,11 @@ export interface LoadOptions extends HttpOptions {
   readonly version?: string | undefined;
   /** Bytes of base mesh, cover and regions that have come, of all. Starts anew where the scene was published meanwhile. */
   readonly onProgress?: ((doneBytes: number, totalBytes: number) => void) | undefined;
+  /**
+   * Called with what is to be shown before the base is here, where the scene has that. The base is asked for afterwards; where
+   * the scene was published meanwhile, it may be of another version.
+   */
+  readonly onOverview?: ((files: SceneFiles) => void) | undefined;
   /** Decodes the base's image; without it a textured base has none. */
   readonly decodeImage?: DecodeImage | undefined;
 }
@@ -78,11 +83,14 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
   // One that fails must not leave the others loading.
   const abort = new AbortController();
   const signal = options.signal === undefined ? abort.signal : AbortSignal.any([options.signal, abort.signal]);
-  const totalBytes = Object.values(files).reduce((total, file) => total + file.bytes, 0);
+  const { onOverview } = options;
+  const overview = onOverview === undefined ? undefined : checked.overview;
+  const allFiles = [...Object.values(files), ...(overview === undefined ? [] : [overview])];
+  const totalBytes = allFiles.reduce((total, file) => total + file.bytes, 0);
   let doneBytes = 0;
 
-  const load = async (key: LoadedFile): Promise<Uint8Array<ArrayBuffer>> => {
-    const { bytes: maxBytes, xxh3: expected } = files[key];
+  const load = async (key: LoadedFile | typeof OVERVIEW, facts: FileFacts): Promise<Uint8Array<ArrayBuffer>> => {
+    const { bytes: maxBytes, xxh3: expected } = facts;
     const onBytes = (bytes: number) => {
       doneBytes += bytes;
       options.onProgress?.(doneBytes, totalBytes);
@@ -98,11 +106,30 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
 
   try {
     options.onProgress?.(0, totalBytes);
-    const [glb, rows, regions, labels] = await Promise.all([
-      load("base.glb"),
-      load("base.cover"),
-      load("regions.json"),
-      fetchLabels(`${url}/labels.json`, { token: options.token, signal }),
+    const said = async () => {
+      const [bytes, labels] = await Promise.all([
+        load("regions.json", files["regions.json"]),
+        fetchLabels(`${url}/labels.json`, { token: options.token, signal }),
+      ]);
+      const document = parseJson(bytes, `${url}/regions.json`);
+      return { regions: readRegions(document, labels), unions: readUnions(document) };
+    };
+    const regions = said();
+    // Awaited below, where it counts: until then a failure is nobody's.
+    regions.catch(() => undefined);
+    // Before the base, not beside it: what is shown first has the link to itself.
+    if (overview !== undefined && onOverview !== undefined) {
+      const first = await decodedOverview(load(OVERVIEW, overview), options.decodeImage);
+      if (first !== null) {
+        const offsets = new Uint32Array(first.faceCount + 1);
+        const cover = { offsets, segments: new Uint32Array(0) };
+        onOverview({ manifest, base: first, cover, ...(await regions), isOverview: true });
+      }
+    }
+    const [glb, rows, facts] = await Promise.all([
+      load("base.glb", files["base.glb"]),
+      load("base.cover", files["base.cover"]),
+      regions,
     ]);
     // Right bytes may still hold a wrong file: base, cover and segment ids must belong together.
     const base = await decodeGlb(glb, -1, options.decodeImage);
@@ -110,13 +137,25 @@ async function loadVersion(url: string, checked: CheckedManifest, options: LoadO
       throw new PayloadError(`base of ${base.faceCount} faces, expected ${checked.baseFaces} by the manifest`);
     }
     const cover = decodeCover(rows, base.faceCount, manifest.segmentCount);
-    const document = parseJson(regions, `${url}/regions.json`);
-    return { manifest, base, cover, regions: readRegions(document, labels), unions: readUnions(document) };
+    return { manifest, base, cover, ...facts };
   } catch (error) {
     abort.abort();
     if (!(error instanceof PayloadError)) throw error;
     const text = `scene ${manifest.id}, version ${manifest.version}: ${error.message}; it must be published anew`;
     throw new StreamError("damaged", text, undefined, { cause: error });
+  }
+}
+
+/** The overview; null where it cannot be had: the base will be the first picture. */
+async function decodedOverview(
+  bytes: Promise<Uint8Array<ArrayBuffer>>,
+  decodeImage: DecodeImage | undefined,
+): Promise<MeshData | null> {
+  try {
+    return await decodeGlb(await bytes, -1, decodeImage);
+  } catch (error) {
+    if (error instanceof StreamError || error instanceof PayloadError) return null;
+    throw error;
   }
 }
 

@@ -15,16 +15,22 @@ export interface FileFacts {
 /** Files that are loaded once for a version. */
 export type LoadedFile = "base.glb" | "base.cover" | "regions.json";
 
+/** The base in brief, which a version may have. */
+export const OVERVIEW = "overview.glb";
+
 /** A manifest, and what must come with it. */
 export interface CheckedManifest {
   readonly manifest: SceneManifest;
   readonly baseFaces: number;
   readonly files: Readonly<Record<LoadedFile, FileFacts>>;
+  /** Absent where the base is the first picture. */
+  readonly overview?: FileFacts;
 }
 
 /** Section 12. */
-const MAX_FILE_BYTES: Readonly<Record<LoadedFile, number>> = {
+const MAX_FILE_BYTES: Readonly<Record<LoadedFile | typeof OVERVIEW, number>> = {
   "base.glb": 2 ** 30,
+  [OVERVIEW]: 2 ** 30,
   "base.cover": 2 ** 26,
   "regions.json": 2 ** 28,
 };
@@ -88,6 +94,7 @@ function readManifest(json: JsonObject, id: string): CheckedManifest {
   return {
     manifest: typeof links.strokes === "string" ? { ...manifest, mayPaint: true } : manifest,
     baseFaces: expectWhole(counts.base_faces, "counts.base_faces", 1),
+    ...(files[OVERVIEW] !== undefined && { overview: readFile(files, OVERVIEW) }),
     files: {
       "base.glb": readFile(files, "base.glb"),
       "base.cover": readFile(files, "base.cover"),
@@ -130,7 +137,7 @@ function readAttribute(value: unknown): AttributeInfo {
   return { name, min: extreme("min"), max: extreme("max") };
 }
 
-function readFile(files: JsonObject, key: LoadedFile): FileFacts {
+function readFile(files: JsonObject, key: keyof typeof MAX_FILE_BYTES): FileFacts {
   const file = expectObject(files[key], key);
   const bytes = expectWhole(file.bytes, `bytes of ${key}`, 1);
   if (bytes > MAX_FILE_BYTES[key])

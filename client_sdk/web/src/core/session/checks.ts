@@ -4,6 +4,7 @@
  * PURE.
  */
 
+import type { GroupCommand } from "../group-types.ts";
 import type { LandOptions, Vec3 } from "../types.ts";
 import { encodeMessage } from "../wire/codec.ts";
 import { InvalidMessageError } from "../wire/errors.ts";
@@ -23,6 +24,16 @@ export function checkAim(position: Vec3, radiusM: number): void {
 /** @throws RangeError on a number that the protocol does not allow. */
 export function checkPick(origin: Vec3, direction: Vec3 | undefined): void {
   check({ type: "pick", request: 0, origin, direction });
+}
+
+/** @throws RangeError on a name or number that the protocol does not allow. */
+export function checkGroup(command: GroupCommand): void {
+  if (command.type === "join") {
+    const { group, role, name } = command;
+    check({ type: "join", request: 0, group, role, ...(name !== null && { name }) });
+  } else if (command.type === "gather") {
+    check({ type: "gather", request: 0, position: command.position, radius_m: command.radiusM });
+  }
 }
 
 /** @throws RangeError on a value that the protocol does not allow. */

@@ -56,4 +56,4 @@ export type SessionEvent =
   | { readonly type: "pick-answered"; readonly request: number; readonly hit: PickHit | null }
   | { readonly type: "pick-refused"; readonly request: number; readonly code: string; readonly message: string }
   /** The server refused one landing, one aim, or (fatal) the connection. */
-  | Extract<StreamEvent, { readonly type: "refused" | "notice" }>;
+  | Extract<StreamEvent, { readonly type: "refused" | "notice" | "group" }>;

@@ -10,6 +10,7 @@
  * PURE: no I/O, no clock, no timer.
  */
 
+import type { GroupCommand } from "../group-types.ts";
 import type { LandOptions, Vec3 } from "../types.ts";
 import { decodeMessage, encodeMessage } from "../wire/codec.ts";
 import { DecodeError } from "../wire/errors.ts";
@@ -19,8 +20,9 @@ import { PROTOCOL } from "../wire/messages.generated.ts";
 import type { AimCounts } from "./aim-counts.ts";
 import { AimState } from "./aim-state.ts";
 import { SegmentCache } from "./cache.ts";
-import { check, checkAim, checkLand, checkPick } from "./checks.ts";
+import { check, checkAim, checkGroup, checkLand, checkPick } from "./checks.ts";
 import type { SessionEvent } from "./events.ts";
+import { GroupState } from "./group-state.ts";
 import { Holdings } from "./holdings.ts";
 import { LandingState } from "./landing-state.ts";
 import { HeldOffer } from "./offer.ts";
@@ -41,6 +43,7 @@ export class ClientSession {
   readonly #aim = new AimState();
   readonly #offer = new HeldOffer();
   readonly #picks: PickState;
+  readonly #group: GroupState;
   #open = false;
   #greeting = false;
   #generation = 0;
@@ -69,6 +72,7 @@ export class ClientSession {
     const send = (message: ClientMessage) => void this.#outbox.push(message);
     this.#transfers = new Transfers({ holdings: this.holdings, xxh3, send, report });
     this.#picks = new PickState(report);
+    this.#group = new GroupState(report);
   }
 
   /** Whether the server has said welcome on the present connection. */
@@ -247,6 +251,18 @@ export class ClientSession {
     this.#picks.drop(request);
   }
 
+  /**
+   * Do something in a group. A `join` goes out with the next welcome; without a connection the others mean nothing.
+   *
+   * @throws RangeError on a value that the protocol does not allow; nothing has changed.
+   */
+  group(command: GroupCommand): void {
+    checkGroup(command);
+    this.#requests += 1;
+    const message = this.#group.take(command, this.#requests);
+    if (message !== null && this.#open) this.#outbox.push(message);
+  }
+
   /** Say `bye`, where there is a connection: the server then closes at once (5.6). */
   bye(): void {
     if (this.#open) this.#outbox.push({ type: "bye" });
@@ -261,7 +277,7 @@ export class ClientSession {
     else throw new ProtocolViolation(`got ${message.type} first, expected welcome or error`);
   }
 
-  /** Take a message that only an open session has. Groups are skipped: this client takes no seat. */
+  /** Take a message that only an open session has. */
   #onAnswer(message: Exclude<ServerMessage, WelcomeMessage | ErrorMessage>): void {
     const transfers = this.#transfers;
     if (message.type === "plan") transfers.onPlan(message);
@@ -274,7 +290,7 @@ export class ClientSession {
     else if (message.type === "notice") {
       const { kind, version = null, reconnect_after_ms: reconnectAfterMs = null } = message;
       this.#events.push({ type: "notice", kind, version, reconnectAfterMs });
-    }
+    } else this.#group.onMessage(message);
   }
 
   #onWelcome(welcome: WelcomeMessage): void {
@@ -300,6 +316,8 @@ export class ClientSession {
     // A server that takes no table cannot be told: what it does not know of is not held (10.2).
     this.#onDropped(unsendable.map((row) => row.segment));
     this.#outbox.push(...this.#picks.waiting());
+    const join = this.#group.welcomed(limits);
+    if (join !== null) this.#outbox.push(join);
     if (this.#queued !== null) {
       const landing = this.#queued;
       this.#queued = null;
@@ -316,7 +334,7 @@ export class ClientSession {
 
   #onError(error: ErrorMessage): void {
     const isOfPick = this.#picks.refused(error);
-    if (isOfPick && !error.fatal) return;
+    if ((isOfPick || this.#group.refused(error)) && !error.fatal) return;
     this.#aim.refused(error.generation);
     const { code, message, fatal } = error;
     const refused = fatal ? null : this.#transfers.refused(error.generation);

@@ -1,0 +1,58 @@
+/** A group that goes together, as one of its members sees it (wire protocol, section 16). */
+
+/** A guide moves the group; there is one at most. */
+export type GroupRole = "guide" | "member";
+
+/** Somebody in the group. */
+export interface GroupMember {
+  /** Number in the group, never given again in it. */
+  readonly member: number;
+  /** What he calls himself: text from a stranger. */
+  readonly name: string | null;
+  readonly role: GroupRole;
+  /** False where his connection is lost and his seat is kept. */
+  readonly isPresent: boolean;
+}
+
+/** A landing of the whole group. */
+export interface Gathering {
+  readonly number: number;
+  /** The member who asked for it. */
+  readonly guide: number;
+  readonly position: readonly [number, number, number];
+  readonly radiusM: number;
+  /** Whether the barrier is open: all have arrived, or nobody waits any more. */
+  readonly isOver: boolean;
+  /** Members that show their landing; known once it is over. */
+  readonly ready: readonly number[];
+  readonly degraded: readonly number[];
+  readonly missing: readonly number[];
+}
+
+/** The group that this session has a seat in. */
+export interface GroupFacts {
+  readonly name: string;
+  /** This session's own number. */
+  readonly member: number;
+  readonly role: GroupRole;
+  readonly members: readonly GroupMember[];
+  /** The newest one; null before the first. */
+  readonly gathering: Gathering | null;
+}
+
+/** What a member does. */
+export type GroupCommand =
+  /** Take a seat, and leave any other; the connection is made anew, to where the group is. */
+  | { readonly type: "join"; readonly group: string; readonly role: GroupRole; readonly name: string | null }
+  | { readonly type: "leave" }
+  /** The guide alone may: land everybody there. */
+  | { readonly type: "gather"; readonly position: readonly [number, number, number]; readonly radiusM: number }
+  /** Tell how this session's own part of a gathering went. */
+  | { readonly type: "arrive"; readonly gathering: number; readonly state: "ready" | "degraded" | "declined" };
+
+/** The group as it is now; null without a seat, and then perhaps why. Comes after every change. */
+export interface GroupEvent {
+  readonly type: "group";
+  readonly group: GroupFacts | null;
+  readonly problem: string | null;
+}
