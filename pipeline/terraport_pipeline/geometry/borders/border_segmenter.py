@@ -9,13 +9,14 @@
    then join a neighbour. Above that the unions go on, so that any granularity is read off the tree.
 
 Every size is in metres and every threshold comes from the two units that it parts and from what
-lies within some region sizes around, so the same ground is cut alike whatever else was flown. Where there is a version before, its borders count as
-evidence (``unions.py``): what noise could tip stays as it was.
+lies within some region sizes around, so the same ground is cut alike whatever else was flown. Where
+there is a version before, its borders count as evidence (``unions.py``): what noise could tip stays
+as it was.
 
 With one tile or many the cells are the same, and so is all that follows: the result does not depend
 on tiles, threads or the numbering of vertices.
 
-PURE: no I/O, no clock. About 200 bytes per face while cells are summed up, then 500 per cell.
+PURE: no I/O, no clock. About 200 bytes per face while cells are summed up, then 550 per cell.
 """
 
 from __future__ import annotations
@@ -242,9 +243,7 @@ class BorderSegmenter:
             np.column_stack([area[:, 0] * around, cells.sums[:, 5:8] / _SQUARE_MM]),
             np.zeros((cells.count, 2)),
             cells.pairs,
-            np.column_stack(
-                [length, length * steepness, length * held, length[:, None] * step]
-            ),
+            np.column_stack([length, length * steepness, length * held, length[:, None] * step]),
             np.arange(cells.count, dtype=np.int32),
         )
 

@@ -1,5 +1,4 @@
-"""Evidence for borders: what cells look like over a few metres, how steeply that changes, and how
-much there is to see around.
+"""Evidence for borders: what cells look like, how steeply that changes, how much is around.
 
 Every cell's sums are spread to its neighbours in rounds, so that means are taken over some cells'
 width: the near ones for colour and slope, the wide ones for texture. Texture is the deviation of

@@ -65,8 +65,8 @@ class CostRule:
     contrast: float = 0.16
     """Share of the contrast around that is noticed on calm ground."""
     least_contrast: float = 3.0
-    """Contrast, CIELAB units, below which ground counts as having that: less than half of the plainest
-    survey's."""
+    """Contrast, CIELAB units, below which ground counts as having that: less than half of what the
+    plainest survey has."""
     noise: float = 0.18
     """Times the gradient within the calmer unit that is added to it."""
     width: float = 2.0
