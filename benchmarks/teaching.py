@@ -33,6 +33,7 @@ from pathlib import Path
 
 import numpy as np
 import shapely
+from scipy.spatial import cKDTree
 
 from terraport_payload.types import Int32
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
@@ -72,18 +73,34 @@ def ground_of(mesh: Mesh) -> Ground:
 
 
 def drawn_pieces() -> Iterator[Piece]:
-    """Pieces of real surveys, those that are there."""
+    """Pieces of real surveys, those that are there: the ground of each one's box alone."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/pipeline/geometry/truth"))
-    from crops import CROPS, load_crop
+    import pieces
 
-    for name in CROPS:
-        crop = load_crop(name)
-        if crop is None:
+    for name in pieces.PIECES:
+        drawn = pieces.Piece(name)
+        survey = pieces.load_survey(drawn.survey)
+        if survey is None:
             print(f"{name}: survey not there, left out", file=sys.stderr)
             continue
-        normals = vertex_normals(crop.vertices, crop.faces)
-        mesh = Mesh(crop.vertices, crop.faces, normals, crop.colours, {})
-        yield Piece(name, ground_of(mesh), crop.truth, crop.names)
+        west, south, east, north = drawn.drawings[0]["box"]
+        x, y = survey.plan_middles().T
+        inside = np.flatnonzero((x >= west) & (x < east) & (y >= south) & (y < north))
+        used, corners = np.unique(survey.faces[inside], return_inverse=True)
+        faces = corners.reshape(-1, 3).astype(np.int32)
+        vertices = survey.vertices[used]
+        mesh = Mesh(vertices, faces, vertex_normals(vertices, faces), survey.colours[used], {})
+        middles, (raster, _) = drawn.rasters
+        of_face = raster.reshape(-1)[
+            cKDTree(middles.reshape(-1, 2)).query(np.stack([x, y], axis=1)[inside])[1]
+        ]
+        kinds = [
+            k for k in np.unique(of_face[of_face >= 0]) if np.count_nonzero(of_face == k) > 200
+        ]
+        truth = np.full(len(faces), -1, np.int32)
+        for number, kind in enumerate(kinds):
+            truth[of_face == kind] = number
+        yield Piece(name, ground_of(mesh), truth, tuple(f"region {kind}" for kind in kinds))
 
 
 def quarry_mesh(seed: int, edge_m: float) -> tuple[Mesh, Int32]:

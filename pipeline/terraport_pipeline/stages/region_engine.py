@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from typing import Annotated, Final, Literal, get_args
+from typing import Annotated, Final, Literal, TypeVar, get_args
 
 import numpy as np
 
@@ -46,9 +46,10 @@ __all__ = [
     "make_segmenter",
     "means_segmenter",
     "segmenter_mesh",
+    "sized",
 ]
 
-Engine = Literal["means", "borders", "graph", "tpa", "felzenszwalb", "grid"]
+Engine = Literal["borders", "means", "graph", "tpa", "felzenszwalb", "grid"]
 
 ENGINES: Final = get_args(Engine)
 """Engines that a build may be asked for; the last two are there to compare with."""
@@ -65,6 +66,8 @@ _SHAPE_RANGE: Final = 2.0
 OF_ENGINES: Final = "Regions: of one engine each"
 """Heading of the options that one engine alone has."""
 
+_SIZES_ACROSS: Final = 8.0
+"""A scene not this many of the default region size wide is a small thing looked at closely."""
 _LEAST_SIZE_M: Final = 0.05
 """Cells of a twentieth of it are finer than any survey."""
 MOST_SCALE: Final = 1e6
@@ -84,7 +87,8 @@ class EngineOptions:
             least=_LEAST_SIZE_M,
             most=1e4,
             unit="m",
-            unset=f"{BorderSegmenter().region_size_m:g}",
+            unset=f"{BorderSegmenter().region_size_m:g}; of a scene less than "
+            f"{_SIZES_ACROSS * BorderSegmenter().region_size_m:g} m wide an eighth of its width",
         ),
     ] = None
     """borders: width of the ground that a region is looked for on, as 15m (or cm, km, ft), however
@@ -178,12 +182,12 @@ class EngineOptions:
 class RegionOptions(EngineOptions):
     """Which engine, by what, and how finely."""
 
-    engine: Annotated[Engine, Option()] = "means"
-    """What cuts the surface into regions. means: mean colours of whole pieces. borders: where
-    colour, texture or slope change along a line, sizes in metres whatever else was flown; best on
-    large surveys, and regions last from survey to survey. graph: borders weighed by length, fold
-    and colour; also cuts by shape alone. tpa: the thesis's Triangle Pool Algorithm, one number per
-    face; blind to hue. felzenszwalb, grid: to compare with."""
+    engine: Annotated[Engine, Option()] = "borders"
+    """What cuts the surface into regions. borders: where colour or texture change along a line that
+    stands out from what lies around; sizes in metres whatever else was flown, and regions last from
+    survey to survey. means: mean colours of whole pieces, against the whole scene's. graph: borders
+    weighed by length, fold and colour; also cuts by shape alone. tpa: the thesis's Triangle Pool
+    Algorithm, one number per face; blind to hue. felzenszwalb, grid: to compare with."""
     segment_by: Annotated[str, Option()] = "colour"
     """What the surface is cut by: colour; shape (the thickness of closed bodies, or with graph how
     the surface folds); or the name of an attribute of the points."""
@@ -254,6 +258,18 @@ def make_segmenter(
 def border_segmenter(options: RegionOptions) -> BorderSegmenter:
     """Make the engine of borders, which also works tile by tile."""
     return BorderSegmenter(given(options.borders_size_m, BorderSegmenter().region_size_m))
+
+
+_Sized = TypeVar("_Sized", bound=RegionOptions)
+
+
+def sized(options: _Sized, width_m: float) -> _Sized:
+    """Return options with a region size, where none is stated, that suits a scene so wide."""
+    if options.engine != "borders" or options.borders_size_m is not None:
+        return options
+    largest = BorderSegmenter().region_size_m
+    size_m = max(min(largest, width_m / _SIZES_ACROSS), _LEAST_SIZE_M)
+    return replace(options, borders_size_m=size_m)
 
 
 def is_closed(vertices: AnyArray, faces: Int32) -> bool:

@@ -90,8 +90,12 @@ def test_a_folder_and_a_pattern_become_a_scene_and_say_what_was_read(tmp_path: P
         ),
         (["--max-points", "10"], 2, "error: max points 10; expected at least 50"),
         (["--threads", "0"], 2, "error: threads 0; expected at least 1"),
-        (["--engine", "magic"], 2, "error: engine 'magic'; expected means, borders, graph, "),
-        (["--grid-cell-m", "5"], 2, "error: grid cell 5 m with engine means; expected engine grid"),
+        (["--engine", "magic"], 2, "error: engine 'magic'; expected borders, means, graph, "),
+        (
+            ["--grid-cell-m", "5"],
+            2,
+            "error: grid cell 5 m with engine borders; expected engine grid",
+        ),
         (
             ["--camera-offset", "1,2"],
             2,

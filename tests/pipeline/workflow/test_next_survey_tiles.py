@@ -34,7 +34,8 @@ from terraport_pipeline.workflow.segment_step import segment_tiles
 from terraport_store import BuildInfo, InputInfo, Scene
 from terraport_store.validate import validate_scene
 
-SEGMENT = segment.Options(min_faces=150, max_faces=900)
+# Engine borders heeds what stood before, so its regions do not go back to what they once were.
+SEGMENT = segment.Options(engine="means", min_faces=150, max_faces=900)
 PASSES = ("segment-measure", "segment-units", "segment-cut", "segment-cover", "pack-tile")
 LATTICE = Lattice((0.0, 0.0, 0.0), 0.25)
 DEVIATION_M = (0.1, 0.2, 0.5, 0.6)

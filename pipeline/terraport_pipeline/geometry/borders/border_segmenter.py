@@ -1,21 +1,22 @@
 """Regions whose borders follow what is seen on the ground: the engine of ``borders``.
 
 1. Faces are summed up to cells, a twentieth of the region size wide (``cells.py``).
-2. Every cell gets features of its near and wide surroundings, every two neighbouring cells the
-   gradient between them (``evidence.py``).
+2. Every cell gets features of its near and wide surroundings and the contrast around it, every two
+   neighbouring cells the step between them (``evidence.py``).
 3. Cells are united to *seeds*, a fifth of the region size wide at most.
 4. Seeds are united at rising cost, by the strength of their common border and the difference of
    their means (``unions.py``), to one tree. Regions are what is united at the cost 1; small ones
    then join a neighbour. Above that the unions go on, so that any granularity is read off the tree.
 
-Every size is in metres and every threshold comes from the two units that it parts, so the same
-ground is cut alike whatever else was flown. Where there is a version before, its borders count as
-evidence (``unions.py``): what noise could tip stays as it was.
+Every size is in metres and every threshold comes from the two units that it parts and from what
+lies within some region sizes around, so the same ground is cut alike whatever else was flown. Where
+there is a version before, its borders count as evidence (``unions.py``): what noise could tip stays
+as it was.
 
 With one tile or many the cells are the same, and so is all that follows: the result does not depend
 on tiles, threads or the numbering of vertices.
 
-PURE: no I/O, no clock. About 200 bytes per face while cells are summed up, then 500 per cell.
+PURE: no I/O, no clock. About 200 bytes per face while cells are summed up, then 550 per cell.
 """
 
 from __future__ import annotations
@@ -34,7 +35,12 @@ from terraport_pipeline.geometry.borders.cells import (
     CellGraph,
     cells_of_faces,
 )
-from terraport_pipeline.geometry.borders.evidence import Weights, cell_features, gradients
+from terraport_pipeline.geometry.borders.evidence import (
+    Weights,
+    cell_features,
+    contrast,
+    gradients,
+)
 from terraport_pipeline.geometry.borders.unions import CostRule, Units, unite_level, unite_seeds
 from terraport_pipeline.geometry.graph.merge_tree import MergeTree, merge_tree
 from terraport_pipeline.geometry.regions.colour import face_lab
@@ -48,6 +54,10 @@ _CELLS: Final = 20
 """Cells across the region size."""
 _SEEDS: Final = 5
 """Seeds across the region size."""
+_AROUND: Final = 4.0
+"""Region sizes around a cell within which contrast is what it stands out against."""
+_BARE_SLOPE: Final = 40.0
+"""Units for a normal turned by a radian where there is no colour to look at."""
 _LEAST_SHARE: Final = 0.35
 """Least area of a region, as a share of the region size squared."""
 _LEAST_WIDTH: Final = 0.3
@@ -175,7 +185,7 @@ class BorderSegmenter:
         """
         # (1) Evidence.
         units = self._units(cells, before)
-        rule = replace(self.rule, noticed=self.rule.noticed * self.strength)
+        rule = replace(self.rule, contrast=self.rule.contrast * self.strength)
         rule = replace(rule, noise=rule.noise * self.strength)
         # (2) Seeds, then unions of seeds at rising cost.
         seeds, seed_of = unite_seeds(units, (self.region_size_m / _SEEDS) ** 2, rule)
@@ -190,7 +200,7 @@ class BorderSegmenter:
         # (3) Small ones join the neighbour of least cost; what touches nothing, the nearest.
         left, rounds = unite_level(left, rule, np.inf, small=True)
         record.add(rounds, 1.0)
-        islands = left.sums[:, 0] < rule.least_m2
+        islands = left.outlines() < rule.least_m2
         for coarser in _COARSER:
             left, rounds = unite_level(left, rule, COST_OF_A_BORDER * coarser)
             record.add(rounds, coarser)
@@ -200,29 +210,40 @@ class BorderSegmenter:
             return _cut(seed_of, of_seed, tree, pools)
         of_seed, _ = tree.cut_by_cost(1.0)
         if islands.any() and not islands.all():
-            small = np.bincount(of_seed, seeds.sums[:, 0]) < rule.least_m2
+            node, count = number_by_first(of_seed)
+            small = seeds.united(node, count).outlines() < rule.least_m2
+            of_seed = node
             regions = _join_nearest(cells.middles(self.cell_m), of_seed[seed_of], small)
             of_seed[seed_of] = regions
         return _cut(seed_of, of_seed, tree, pools)
 
     def _units(self, cells: CellGraph, before: RegionsBefore | None) -> Units:
-        near, wide = cell_features(cells, self.weights, self.cell_m)
+        weights = self.weights
+        if not cells.sums[:, 1:4].any():
+            weights = replace(weights, slope=_BARE_SLOPE)
+        near, wide = cell_features(cells, weights, self.cell_m)
         steepness = gradients(cells, near, wide)
         features = np.column_stack([near[:, :3], wide[:, 3], near[:, 4:]])
         area = cells.sums[:, :1] / _SQUARE_MM
+        seen = np.delete(near, 3, axis=1)  # texture is no colour
+        around = contrast(
+            seen, area[:, 0], cells.middles(self.cell_m), cells.keys, _AROUND * self.region_size_m
+        )
         length = cells.border / LENGTH_STEPS
+        low, high = cells.pairs.T
+        step = features[low] - features[high]
         held = np.zeros(len(length))
         if before is not None and len(before.points):
             distance, nearest = cKDTree(before.points).query(cells.middles(self.cell_m))
             region = before.regions[nearest]
             known = distance <= _REACH_CELLS * self.cell_m
-            low, high = cells.pairs.T
             held = np.where(region[low] == region[high], -1.0, 1.0) * (known[low] & known[high])
         return Units(
             np.column_stack([area, area * features]),
+            np.column_stack([area[:, 0] * around, cells.sums[:, 5:8] / _SQUARE_MM]),
             np.zeros((cells.count, 2)),
             cells.pairs,
-            np.column_stack([length, length * steepness, length * held]),
+            np.column_stack([length, length * steepness, length * held, length[:, None] * step]),
             np.arange(cells.count, dtype=np.int32),
         )
 

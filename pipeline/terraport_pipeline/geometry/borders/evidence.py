@@ -1,8 +1,11 @@
-"""Evidence for borders: what cells look like over a few metres, and how steeply that changes.
+"""Evidence for borders: what cells look like, how steeply that changes, how much is around.
 
 Every cell's sums are spread to its neighbours in rounds, so that means are taken over some cells'
 width: the near ones for colour and slope, the wide ones for texture. Texture is the deviation of
 lightness, on a logarithmic scale: people see gravel beside grass by it where colours are the same.
+
+*Contrast* is how far the colours spread within some region sizes, weighed by distance: ground is
+looked at by what is around it, and not by what else was flown.
 
 PURE: no I/O, no clock. A round is one product with a sparse matrix of the cells' neighbours.
 """
@@ -15,15 +18,19 @@ from typing import Final
 import numpy as np
 from scipy.sparse import coo_array, diags_array
 
-from terraport_payload.types import Float64
+from terraport_payload.types import Float64, Int64
 from terraport_pipeline.geometry.borders.cells import LAB_STEPS, CellGraph, length_steps
 
-__all__ = ["FEATURES", "Weights", "cell_features", "gradients"]
+__all__ = ["FEATURES", "Weights", "cell_features", "contrast", "gradients"]
 
 NEAR_ROUNDS: Final = 3
 """Rounds for colour and slope: means over some 3 cells."""
 WIDE_ROUNDS: Final = 12
 """More rounds for texture: means over some 8 cells."""
+_REACH_SQUARES: Final = 4
+"""Squares, half a reach wide, over which ground counts as around."""
+_SIDE: Final = 2**31
+"""Squares from north to south that a place can tell apart."""
 FEATURES: Final = 7
 """L*, a*, b*, texture, and the three components of the mean normal."""
 
@@ -32,12 +39,13 @@ FEATURES: Final = 7
 class Weights:
     """How much each kind of evidence counts, all in CIELAB units."""
 
-    lightness: float = 0.6
+    lightness: float = 0.45
     """Of L* against a* and b*. Lower ignores shadows."""
-    texture: float = 4.8
+    texture: float = 3.6
     """Units for a deviation of lightness that is e times as large."""
-    slope: float = 40.0
-    """Units for a normal turned by a radian."""
+    slope: float = 0.0
+    """Units for a normal turned by a radian. Where colours are, slope gave nothing on drawn pieces
+    and parted every bench from its rock face."""
 
 
 def cell_features(graph: CellGraph, weights: Weights, cell_m: float) -> tuple[Float64, Float64]:
@@ -79,6 +87,50 @@ def gradients(graph: CellGraph, near: Float64, wide: Float64) -> Float64:
     far = wide[low] - wide[high]
     steepness: Float64 = np.sqrt((step * step).sum(axis=1)) + np.sqrt((far * far).sum(axis=1))
     return steepness
+
+
+def contrast(
+    features: Float64, area: Float64, middles: Float64, keys: Int64, reach_m: float
+) -> Float64:
+    """Spread of the features around every cell, (U,): root of their summed variances.
+
+    Parameters
+    ----------
+    features : ndarray of shape (U, K)
+    area : ndarray of shape (U,)
+        Of the cells: how much each counts.
+    middles : ndarray of shape (U, 3)
+        Metres, Y up; distance is taken in plan.
+    keys : ndarray of shape (U,)
+        Order in which cells are added up, whatever order they come in.
+    reach_m : float
+        Standard deviation of the Gaussian that the ground around is weighed by; it is summed up in
+        squares of half of this, and ends at twice this.
+    """
+    # (1) Squares of the ground that hold any, with their sums.
+    order = np.argsort(keys, kind="stable")
+    square = np.floor(middles[:, [0, 2]] * (2.0 / reach_m)).astype(np.int64)
+    square -= square.min(axis=0, initial=0) - _REACH_SQUARES
+    row = square[:, 0] * _SIDE + square[:, 1]
+    places, of_cell = np.unique(row, return_inverse=True)
+    columns = np.column_stack([np.ones(len(area)), features, features * features]) * area[:, None]
+    sums = np.stack(
+        [np.bincount(of_cell[order], column[order], len(places)) for column in columns.T], axis=1
+    )
+    # (2) Every square's surroundings.
+    spread = np.zeros_like(sums)
+    for east in range(-_REACH_SQUARES, _REACH_SQUARES + 1):
+        for south in range(-_REACH_SQUARES, _REACH_SQUARES + 1):
+            there = places + east * _SIDE + south
+            at = np.minimum(np.searchsorted(places, there), len(places) - 1)
+            weight = np.exp(-(east * east + south * south) / 8.0) * (places[at] == there)
+            spread += weight[:, None] * sums[at]
+    # (3) Variances.
+    count = features.shape[1]
+    mean = spread[:, 1:] / spread[:, :1]
+    variance = np.maximum(mean[:, count:] - mean[:, :count] ** 2, 0.0)
+    around: Float64 = np.sqrt(variance.sum(axis=1))[of_cell]
+    return around
 
 
 def _features(sums: Float64, weights: Weights) -> Float64:

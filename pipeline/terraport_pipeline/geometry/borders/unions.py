@@ -1,23 +1,30 @@
 """Unions of cells: rounds that unite neighbours, and what a union of two would cost.
 
-Units (a cell at first) hold their area, their mean features, the gradient summed over their border
-with each neighbour, and the gradient summed over all that was united within them. The cost of
-uniting two has no unit; it is
+Units (a cell at first) hold their area, their mean features, the contrast around them, the steps
+summed over their border with each neighbour, and the gradient summed over all that was united
+within them. The cost of uniting two has no unit; it is
 
-    sqrt(D G) / (noticed + noise)   times   three factors
+    sqrt(D sqrt(S G)) / (contrast + noise)   times   three factors
 
-- D, the difference of the two mean features, and G, the mean gradient along their common border (of
-  a step that wide it is about as large): both must be large for a border, so neither a slow change
-  of light nor a crack within one material is one;
+- D, the difference of the two mean features; G, the mean gradient along their common border; S, the
+  length of the mean *step* over it. All are about as large along a border between two materials. A
+  slow change of light has no G, a crack within one material no D; and steps that point here this
+  way and there that way cancel in S: what lies along a patch of noise is no border, a weak line
+  that goes on and on is one;
+- *contrast*: how far colours spread within some region sizes around (``evidence.py``), the smaller
+  of the two. People draw what stands out where it is: a bench beside its rock face is no border in
+  a pit between grass and water, and is one where there is nothing but earth;
 - *noise*: the mean gradient within the calmer of the two. Gravel is not told apart as finely as a
   road;
 - size: a unit below the least area costs less, by the root of its share of it, as it must go
-  somewhere; larger ones cost more, by a power of the smaller area, so that regions do not leak
-  into one another one strip at a time;
+  somewhere. Large ones cost what small ones do;
 - contact: the shorter perimeter over the common border, to a small power. Two fields that touch at
   a corner are two fields;
 - what stood before: along borders of the version before a union costs more, within its regions
   less. What does not decide anything cannot tip a border that people know.
+
+A unit's size is that of its outline, not of its surface (the length of its area vector): a tree's
+crown has four times the surface of the ground that it stands on.
 
 A round: every unit chooses the neighbour of least cost (ties: lower scramble of their names,
 ``merge_order.py``). Units that choose each other are united, and a unit joins its choice where that
@@ -55,16 +62,16 @@ class CostRule:
     least_width_m: float
     """Width below which a strip joins a neighbour however long it is: where two materials meet,
     means over some cells blend, and the blend is no region."""
-    noticed: float = 1.5
-    """Difference that the eye just notices on calm ground."""
-    noise: float = 1.0
+    contrast: float = 0.16
+    """Share of the contrast around that is noticed on calm ground."""
+    least_contrast: float = 3.0
+    """Contrast, CIELAB units, below which ground counts as having that: less than half of what the
+    plainest survey has."""
+    noise: float = 0.18
     """Times the gradient within the calmer unit that is added to it."""
     width: float = 2.0
     """Gradient over a cell times this is a step's height: near means blur a step over two cells."""
     small_power: float = 0.5
-    large_power: float = 0.4
-    most_areas: float = 30.0
-    """Times ``least_m2`` beyond which a union costs no more."""
     contact_power: float = 0.4
     held_power: float = 0.7
     """Logarithm of the factor along a border that stood before, and against one within."""
@@ -76,13 +83,16 @@ class Units:
 
     sums: Float64
     """(U, 1 + K): area in square metres; area times features."""
+    around: Float64
+    """(U, 4): area times the contrast around; area vector, square metres."""
     within: Float64
     """(U, 2): length of the contacts united within, metres; the same times gradient."""
     pairs: Int32
     """(E, 2) units in contact, lower first."""
     contact: Float64
-    """(E, 3): length in metres; length times gradient; length times +1 where the border stood
-    before, -1 where both sides were one region, 0 where nothing is known."""
+    """(E, 3 + K): length in metres; length times gradient; length times +1 where the border stood
+    before, -1 where both sides were one region, 0 where nothing is known; length times the step of
+    the features from the lower unit to the other."""
     name: Int32
     """(U,) lowest cell."""
 
@@ -97,27 +107,36 @@ class Units:
         inner = ends[:, 0] == ends[:, 1]
         within = _sums(node, self.within, count)
         within += _sums(ends[inner, 0], self.contact[inner, :2], count)
+        outer = self.contact[~inner]
+        turned = ends[~inner, 0] > ends[~inner, 1]
+        outer[turned, 3:] *= -1.0
         low, high = np.sort(ends[~inner], axis=1).T.astype(np.int64)
         key, row = np.unique(low * count + high, return_inverse=True)
         name = np.full(count, np.iinfo(np.int32).max, np.int32)
         np.minimum.at(name, node, self.name)
         return Units(
             _sums(node, self.sums, count),
+            _sums(node, self.around, count),
             within,
             np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32),
-            _sums(row, self.contact[~inner], len(key)),
+            _sums(row, outer, len(key)),
             name,
         )
 
     def too_small(self, rule: CostRule) -> Bool:
-        """Say which units have too little area or are nowhere wide enough, (U,).
+        """Say which units are too small or nowhere wide enough, (U,).
 
         The perimeter of a strip is twice its area over its width.
         """
-        area = self.sums[:, 0]
-        perimeter = self.perimeters()
-        small: Bool = (area < rule.least_m2) | (2.0 * area < rule.least_width_m * perimeter)
+        thin = 2.0 * self.sums[:, 0] < rule.least_width_m * self.perimeters()
+        small: Bool = (self.outlines() < rule.least_m2) | thin
         return small
+
+    def outlines(self) -> Float64:
+        """Size of every unit as seen from where it looks largest, square metres, (U,)."""
+        vector = self.around[:, 1:]
+        size: Float64 = np.sqrt((vector * vector).sum(axis=1))
+        return size
 
     def perimeters(self) -> Float64:
         """Length that every unit shares with others, metres, (U,)."""
@@ -139,12 +158,16 @@ class Units:
         low, high = self.pairs.T
         length = self.contact[:, 0]
         gradient = rule.width * self.contact[:, 1] / length
+        step = self.contact[:, 3:] / length[:, None]
+        along = rule.width * np.sqrt((step * step).sum(axis=1))
         calm = rule.width * self.within[:, 1] / np.maximum(self.within[:, 0], 1e-9)
-        cost = np.sqrt(self.difference() * gradient)
-        cost /= rule.noticed + rule.noise * np.minimum(calm[low], calm[high])
+        around = np.maximum(self.around[:, 0] / self.sums[:, 0], rule.least_contrast)
+        cost = np.sqrt(self.difference() * np.sqrt(along * gradient))
+        cost /= rule.contrast * np.minimum(around[low], around[high]) + rule.noise * np.minimum(
+            calm[low], calm[high]
+        )
         areas = np.minimum(self.sums[low, 0], self.sums[high, 0]) / rule.least_m2
         cost *= np.minimum(areas, 1.0) ** rule.small_power
-        cost *= np.clip(areas, 1.0, rule.most_areas) ** rule.large_power
         perimeter = self.perimeters()
         shorter = np.minimum(perimeter[low], perimeter[high])
         cost *= (shorter / length) ** rule.contact_power

@@ -7,6 +7,7 @@ survey over the scene in another way.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -111,6 +112,8 @@ class SceneScale:
     """Longest side of a segment's box: as asked for, or chosen by the density of faces."""
     roughness_scale_m: float
     """Width of the cubes that roughness is measured in."""
+    width_m: float
+    """Root of the surface's area."""
 
     @classmethod
     def decide(cls, sums: TiledScene, max_extent_m: float | None, max_faces: int) -> SceneScale:
@@ -130,6 +133,7 @@ class SceneScale:
             sums.longest_m,
             max_extent_m or extent_of_area(sums.area_m2, sums.face_count, widest_m, max_faces),
             automatic_roughness_scale(sums.area_m2, sums.face_count, widest_m),
+            math.sqrt(sums.area_m2),
         )
 
     def stands(self, sums: TiledScene) -> bool:
@@ -151,6 +155,7 @@ SCALE_FORM: Final[Form[SceneScale]] = Form(
             "longest_m": scale.longest_m,
             "max_extent_m": scale.max_extent_m,
             "roughness_scale_m": scale.roughness_scale_m,
+            "width_m": scale.width_m,
         },
     ),
     restore=lambda stored, _facts: SceneScale(
@@ -162,6 +167,7 @@ SCALE_FORM: Final[Form[SceneScale]] = Form(
         float(stored.values["longest_m"]),
         float(stored.values["max_extent_m"]),
         float(stored.values["roughness_scale_m"]),
+        float(stored.values["width_m"]),
     ),
     facts=lambda scale: Facts({"max_extent_m": scale.max_extent_m}),
 )

@@ -57,7 +57,7 @@ from terraport_pipeline.geometry.tiles.tiled_means import (
 )
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
-from terraport_pipeline.stages.region_engine import means_segmenter
+from terraport_pipeline.stages.region_engine import means_segmenter, sized
 from terraport_pipeline.stages.segment import MAX_REGIONS, Options
 from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, SceneScale, TiledScene
 from terraport_pipeline.stages.tiles.tile_engines import tile_engine
@@ -174,7 +174,7 @@ def units(
     ``sample_point`` (N, 3), ``sample_unit``, ``sample_area``.
     """
     pairs = face_pairs(mesh.faces, len(mesh.vertices), threads=context.threads)
-    engine = tile_engine(options)
+    engine = tile_engine(sized(options, scale.width_m))
     united = engine.units(mesh, pairs, seams, _means_scale(scale, options), context)
     samples = surface_samples(
         mesh.vertices,
@@ -274,7 +274,7 @@ def regions(
             np.array(before.arrays["point"], np.float64),
             np.array(before.arrays["region"], np.int32),
         )
-    joined, facts = tile_engine(options).regions(
+    joined, facts = tile_engine(sized(options, scale.width_m)).regions(
         tiles, seams, _means_scale(scale, options), stood, context
     )
     if joined.count > MAX_REGIONS:
