@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from time import monotonic
+from time import monotonic, thread_time
 from typing import Final
 
 from terraport_server.priced_queue import Account, PricedQueue
@@ -102,10 +102,13 @@ class ClientTurns:
             await done
 
     def book(self, account: Account, began_s: float) -> None:
-        """Book time that was taken for a client since then, in a turn or for what it brought."""
-        now_s = monotonic()
-        if account.owe(now_s - began_s, now_s, _FREE_SHARE, _FREE_S):
-            self._rests_until_s = 2 * now_s - began_s
+        """Book what was done for a client since then, in a turn or with what it brought.
+
+        By the thread's own clock: what other programs took meanwhile is nobody's debt.
+        """
+        now_s, took_s = monotonic(), thread_time() - began_s
+        if account.owe(took_s, now_s, _FREE_SHARE, _FREE_S):
+            self._rests_until_s = now_s + took_s
 
     def _turn(self) -> None:
         self._running = False
@@ -132,7 +135,7 @@ class ClientTurns:
     def _do(self, account: Account, work: Work) -> bool:
         """Do it, where anybody wants it still, and have it paid for."""
         account.pay(LEAST_COST)  # also where it raises
-        began_s = monotonic()
+        began_s = thread_time()
         cost = work()
         account.pay(-LEAST_COST if cost is None else cost)
         if cost is None:

@@ -17,7 +17,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from time import monotonic
+from time import monotonic, thread_time
 from typing import Final
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -185,7 +185,7 @@ class Sender:
                 await self._room.wait()
 
     def _take(self, data: bytes | str) -> None:
-        now_s = monotonic()
+        now_s, began_s = monotonic(), thread_time()
         try:
             most_bytes = self._limits.max_message_bytes
             message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
@@ -193,7 +193,7 @@ class Sender:
             self.session.refuse(error, now_s)
         else:
             self.session.receive(message, now_s)
-        self._client_turns.book(self._account, now_s)
+        self._client_turns.book(self._account, began_s)
         self._wake.set()
         self._clock.look()
 
