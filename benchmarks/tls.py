@@ -5,10 +5,10 @@
     python benchmarks/tls.py --nginx /usr/sbin/nginx --caddy /usr/bin/caddy     # about 2 minutes
     python benchmarks/tls.py --smoke
 
-Segments of 512 KiB are asked for over one connection (``pull.py`` has other sizes, without TLS).
-CPU seconds of service and proxy for each GB, from the kernel's accounting; the client's are its
-own. Every way in one run: a busy machine makes all of them dearer alike. What is not there (nginx,
-its stream module, Caddy) is left out.
+Segments of 512 KiB are asked for over one connection (``pull.py`` has other sizes, without TLS),
+and sent for landings over a WebSocket. CPU seconds of service and proxy for each GB, from the
+kernel's accounting; the client's are its own. Every way in one run: a busy machine makes all of
+them dearer alike. What is not there (nginx, its stream module, Caddy) is left out.
 """
 
 from __future__ import annotations
@@ -22,9 +22,11 @@ import subprocess
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Final
 
+from parts.drain_client import PLENTY, DrainClient
 from parts.service_process import ServiceProcess, free_port, listening
 from pull import cpu_of, write_scene
 
@@ -42,6 +44,12 @@ http {{
       proxy_set_header Host $host;
       proxy_buffers 16 128k; proxy_buffer_size 64k; proxy_busy_buffers_size 256k;
       proxy_max_temp_file_size 0;
+    }}
+    location ~ /stream$ {{
+      proxy_pass http://service; proxy_http_version 1.1;
+      proxy_buffers 16 128k; proxy_buffer_size 64k;
+      proxy_set_header Upgrade $http_upgrade; proxy_set_header Connection "upgrade";
+      proxy_set_header Host $host;
     }}
     location /files/ {{ alias {scenes}/; }}
   }}
@@ -100,20 +108,26 @@ def main() -> None:
         starts = range(0, pack.stat().st_size - (1 << 19), 1 << 19)
         ranges = [f"{at}{start}-{start + (1 << 19) - 1}" for start in starts]
         words = {"folder": folder, "scenes": scenes, "cert": cert, "key": key}
-        print("| how | service | proxy | together |\n|---|---|---|---|")
+        print("| how | what | service | proxy | together |\n|---|---|---|---|---|")
 
         def row(
             what: str, service: ServiceProcess, port: int, asked: list[str], proxy: int | None
         ) -> None:
-            drain(port, asked, 1 << 20, secret=what != "no TLS")
-            before_s, proxy_before_s = service.cpu_s(), cpu_of(proxy) if proxy else 0.0
-            drain(port, asked, total, secret=what != "no TLS")
-            own_s = service.cpu_s() - before_s
-            proxy_s = cpu_of(proxy) - proxy_before_s if proxy else 0.0
-            own, its = own_s / (total / 1e9), proxy_s / (total / 1e9)
-            print(f"| {what} | {own:.2f} | {its:.2f} | {own + its:.2f} |", flush=True)
+            is_pulled = asked is ranges
+            for kind, get in (("GET", partial(drain, asked=asked)), ("landings", land)):
+                if kind == "landings" and is_pulled:
+                    continue
+                get(port, total=1 << 20, secret=what != "no TLS")
+                before_s, proxy_before_s = service.cpu_s(), cpu_of(proxy) if proxy else 0.0
+                got = get(port, total=total, secret=what != "no TLS")
+                own_s = service.cpu_s() - before_s
+                proxy_s = cpu_of(proxy) - proxy_before_s if proxy else 0.0
+                own, its = own_s / (got / 1e9), proxy_s / (got / 1e9)
+                print(f"| {what} | {kind} | {own:.2f} | {its:.2f} | {own + its:.2f} |", flush=True)
 
-        with ServiceProcess(scenes, tls_certificate=cert, tls_key=key) as service:
+        bounds = {"max_credit_bytes": PLENTY, "max_radius_m": 10_000.0, "max_messages_per_s": 1e6}
+        secrets = {"tls_certificate": cert, "tls_key": key}
+        with ServiceProcess(scenes, **secrets, **bounds) as service:
             row("own TLS (uvloop)", service, service.port, segments, None)
             if options.nginx and options.stream_module:
                 more = words | {"stream": options.stream_module, "to": service.port}
@@ -121,10 +135,10 @@ def main() -> None:
                     row("nginx passes own TLS through", service, port, segments, pid)
         with (
             without_uvloop(folder),
-            ServiceProcess(scenes, tls_certificate=cert, tls_key=key) as service,
+            ServiceProcess(scenes, **secrets, **bounds) as service,
         ):
             row("own TLS (asyncio)", service, service.port, segments, None)
-        with ServiceProcess(scenes) as service:
+        with ServiceProcess(scenes, **bounds) as service:
             row("no TLS", service, service.port, segments, None)
             words["to"] = service.port
             for name, program, config in (
@@ -175,13 +189,31 @@ def proxy_of(program: str, config: str, words: dict[str, object]) -> Iterator[tu
         yield process, port
 
 
-def drain(port: int, asked: list[str], total: int, *, secret: bool) -> None:
+def client_context() -> ssl.SSLContext:
+    """Return a context that trusts whoever answers: the certificate is made here."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    return context
+
+
+def land(port: int, total: int, *, secret: bool) -> int:
+    """Land on everything until so many bytes have come; return how many did."""
+    secure = client_context() if secret else None
+    client = DrainClient("localhost", port, "pit", secure=secure)
+    client.hello()
+    got_bytes = 0
+    while got_bytes < total:
+        got_bytes += client.land((0.0, 0.0, 0.0), 9000.0)[0]
+        client.forget()
+    client.close()
+    return got_bytes
+
+
+def drain(port: int, asked: list[str], total: int, *, secret: bool) -> int:
     """Ask one after the other over one connection until so many bytes have come."""
     raw = socket.create_connection(("127.0.0.1", port))
     if secret:
-        context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
-        context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
-        raw = context.wrap_socket(raw, server_hostname="localhost")
+        raw = client_context().wrap_socket(raw, server_hostname="localhost")
     buffer, got_bytes, number = bytearray(1 << 20), 0, 0
     view = memoryview(buffer)
     with raw:
@@ -200,6 +232,7 @@ def drain(port: int, asked: list[str], total: int, *, secret: bool) -> None:
             while left:
                 left -= raw.recv_into(view[: min(left, len(view))])
             got_bytes += length
+    return got_bytes
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ skips payload; it answers no pings.
 from __future__ import annotations
 
 import socket
+import ssl
 import time
 from contextlib import suppress
 from typing import Any, Final
@@ -52,10 +53,19 @@ class DrainClient:
         SO_RCVBUF.
     address : str, optional
         Of this machine, to come from.
+    secure : ssl.SSLContext, optional
+        For TLS.
     """
 
     def __init__(
-        self, host: str, port: int, scene: str, *, receive_buffer: int = 0, address: str = ""
+        self,
+        host: str,
+        port: int,
+        scene: str,
+        *,
+        receive_buffer: int = 0,
+        address: str = "",
+        secure: ssl.SSLContext | None = None,
     ) -> None:
         self.socket = socket.socket()
         if address:
@@ -65,6 +75,8 @@ class DrainClient:
         self.socket.settimeout(60)
         self.socket.connect((host, port))
         self.socket.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        if secure is not None:
+            self.socket = secure.wrap_socket(self.socket, server_hostname=host)
         uri = parse_uri(f"ws://{host}:{port}/scenes/{scene}/stream")
         self._protocol = ClientProtocol(uri, subprotocols=[Subprotocol(SUBPROTOCOL)], max_size=None)
         self._scratch = bytearray(1 << 18)

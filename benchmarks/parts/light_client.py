@@ -47,13 +47,22 @@ from terraport_wire import (
     is_payload,
 )
 
-__all__ = ["Findings", "LightClient", "LostError"]
+__all__ = ["Findings", "LightClient", "LostError", "ReadyLanding"]
 
 _READ_BYTES: Final = 1 << 16
 
 
 class LostError(Exception):
     """The connection ended, or was refused, where an answer was due."""
+
+
+@dataclass(frozen=True, slots=True)
+class ReadyLanding:
+    """A landing that became ready."""
+
+    began_s: float
+    """On the monotonic clock."""
+    took_s: float
 
 
 @dataclass
@@ -75,8 +84,8 @@ class Findings:
     connections: int = 0
     segments: int = 0
     payload_bytes: int = 0
-    ready_s: list[float] = field(default_factory=list)
-    """Land to ready, of clients that read as fast as they can."""
+    ready: list[ReadyLanding] = field(default_factory=list)
+    """Of clients that read as fast as they can."""
     first_s: list[float] = field(default_factory=list)
     """Land to the first payload frame, of the same."""
 
@@ -199,7 +208,7 @@ class LightClient:
         self._generation += 1
         land = Land(generation=self._generation, position=position, radius_m=radius_m)
         self._lands[land.generation] = land
-        began_s = time.perf_counter()
+        began_s = time.monotonic()
         await self.send(land)
         frames = 0
         while True:
@@ -207,7 +216,7 @@ class LightClient:
             if isinstance(got, PayloadFrame):
                 if got.generation == land.generation:
                     if not frames and self._bytes_per_s is None:
-                        self._findings.first_s.append(time.perf_counter() - began_s)
+                        self._findings.first_s.append(time.monotonic() - began_s)
                     frames += 1
                 if give_up_after is not None and frames >= give_up_after:
                     return False
@@ -215,7 +224,8 @@ class LightClient:
                 return False
             elif isinstance(got, Ready) and got.generation == land.generation:
                 if self._bytes_per_s is None:
-                    self._findings.ready_s.append(time.perf_counter() - began_s)
+                    took_s = time.monotonic() - began_s
+                    self._findings.ready.append(ReadyLanding(began_s, took_s))
                 self._findings.landings += 1
                 return True
 

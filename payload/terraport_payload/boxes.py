@@ -42,7 +42,10 @@ def box_distances_m(bounds: Float32, centre: Sequence[float] | Float64) -> Float
     """
     point = np.asarray(centre, dtype=np.float64)
     wide = bounds.astype(np.float64)
-    gap = np.maximum(np.maximum(wide[:, :3] - point, point - wide[:, 3:]), 0.0)
-    squared = gap * gap
-    distances: Float64 = np.sqrt(squared[:, 0] + squared[:, 1] + squared[:, 2])
-    return distances
+    gap = wide[:, :3] - point
+    np.maximum(gap, point - wide[:, 3:], out=gap)
+    np.maximum(gap, 0.0, out=gap)
+    gap *= gap
+    distances: Float64 = gap[:, 0] + gap[:, 1]
+    distances += gap[:, 2]
+    return np.sqrt(distances, out=distances)

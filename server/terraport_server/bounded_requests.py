@@ -37,6 +37,9 @@ class BoundedRequests(HttpToolsProtocol):
     """Whether a request's headers are waited for, or are not whole yet."""
     _header_bytes = 0
     _body_bytes = 0
+    """Read since the present request's headers, chunks' lengths among them."""
+    _content_bytes = 0
+    """Of its body."""
     _over = False
     """Whether this connection is being closed for a bound: nothing more is read from it."""
     _unread = b""
@@ -67,8 +70,7 @@ class BoundedRequests(HttpToolsProtocol):
         self._tail = (self._tail + data)[-3:]
         super().data_received(data)
         if self._body_bytes > self.limits.body_bytes and not (self._in_headers or self._over):
-            text = f"got a body of more than {self.limits.body_bytes} bytes, expected none"
-            self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "http_body", text)
+            self._refuse_body()
 
     def _head_size(self, most: int) -> int:
         """Return up to where what came belongs to the present request's headers."""
@@ -94,6 +96,25 @@ class BoundedRequests(HttpToolsProtocol):
             self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "http_headers", text)
 
     def on_body(self, body: bytes) -> None:
-        """Take some of a body; its bytes, chunked or not, are counted as they come."""
-        if not self._over:
+        """Take some of a body; its bytes, chunked or not, are counted as they come.
+
+        Here too: the piece that goes beyond the bound may be the one that ends the body.
+        """
+        if self._over:
+            return
+        self._content_bytes += len(body)
+        if self._content_bytes > self.limits.body_bytes:
+            self._refuse_body()
+        else:
             super().on_body(body)
+
+    def _announced_bytes(self) -> int:
+        """Return how long the present request's headers say that its body is."""
+        for name, value in self.headers:
+            if name == b"content-length":  # the parser took it: digits
+                return int(value)
+        return 0
+
+    def _refuse_body(self) -> None:
+        text = f"got a body of more than {self.limits.body_bytes} bytes, expected none"
+        self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, "http_body", text)

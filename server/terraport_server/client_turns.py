@@ -5,12 +5,17 @@ plan as much as the landing is wide, up to several. All clients together may ask
 there is time for. Here each asks for a turn and pays for it by what it cost, and between two looks
 at the network one is taken. So who asks for much all the time waits behind everybody who does not,
 and never holds them up for more than the one turn that is being taken (:mod:`priced_queue`).
+
+A landing is some twenty steps of the event loop, most of them payload to a socket that was full. So
+a turn of who has taken much lately is followed by a rest as long as it was, in which only those are
+served who have not: else each of these steps would be as long as the widest plan.
 """
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from time import monotonic, thread_time
 from typing import Final
 
 from terraport_server.priced_queue import Account, PricedQueue
@@ -20,6 +25,12 @@ __all__ = ["LEAST_COST", "ClientTurns", "Work"]
 LEAST_COST: Final = 500
 """Of a turn, in segments that a plan looks at (0.15 us each): parsing, tasks that are woken and
 system calls cost about as much."""
+
+_FREE_SHARE: Final = 0.05
+"""Of the loop's time that one client may take without being among those who wait for rests."""
+
+_FREE_S: Final = 0.025
+"""And so much at once: some ten wide landings."""
 
 Work = Callable[[], int | None]
 """Takes a turn without waiting; returns what it cost beside `LEAST_COST`, in segments looked at, or
@@ -32,6 +43,9 @@ class ClientTurns:
     def __init__(self) -> None:
         self._waiting = PricedQueue[Work]()
         self._running = False
+        """Whether a turn was taken in this step, and the next step looks for another."""
+        self._rests_until_s = 0.0
+        self._timer: asyncio.TimerHandle | None = None
 
     def __len__(self) -> int:
         """Return how many turns are waited for, given up ones among them."""
@@ -42,10 +56,10 @@ class ClientTurns:
 
         An exception of *work* is the caller's, or the event loop's where it comes later.
         """
-        if self._running:
+        if self._running or (self._waiting and (self._timer is None or account.is_in_debt)):
             self._waiting.add(account, work)
             return
-        # Nobody waits: no need to go round the loop first.
+        # Nobody waits, or only who rests: no need to go round the loop first.
         self._running = True
         asyncio.get_running_loop().call_soon(self._turn)
         self._waiting.skip(account)
@@ -87,10 +101,25 @@ class ClientTurns:
         else:
             await done
 
+    def book(self, account: Account, began_s: float) -> None:
+        """Book what was done for a client since then, in a turn or with what it brought.
+
+        By the thread's own clock: what other programs took meanwhile is nobody's debt.
+        """
+        now_s, took_s = monotonic(), thread_time() - began_s
+        if account.owe(took_s, now_s, _FREE_SHARE, _FREE_S):
+            self._rests_until_s = now_s + took_s
+
     def _turn(self) -> None:
+        self._running = False
         if not self._waiting:
-            self._running = False
             return
+        rest_s = self._rests_until_s - monotonic()
+        if rest_s > 0.0 and self._waiting.head.is_in_debt:
+            if self._timer is None:
+                self._timer = asyncio.get_running_loop().call_later(rest_s, self._go_on)
+            return
+        self._running = True
         try:
             while self._waiting and not self._do(*self._waiting.take()):
                 pass  # given up
@@ -98,10 +127,18 @@ class ClientTurns:
             # Last: who is woken by it may ask for the next turn.
             asyncio.get_running_loop().call_soon(self._turn)
 
-    @staticmethod
-    def _do(account: Account, work: Work) -> bool:
+    def _go_on(self) -> None:
+        self._timer = None
+        if not self._running:
+            self._turn()
+
+    def _do(self, account: Account, work: Work) -> bool:
         """Do it, where anybody wants it still, and have it paid for."""
         account.pay(LEAST_COST)  # also where it raises
+        began_s = thread_time()
         cost = work()
         account.pay(-LEAST_COST if cost is None else cost)
-        return cost is not None
+        if cost is None:
+            return False
+        self.book(account, began_s)
+        return True

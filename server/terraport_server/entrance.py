@@ -3,7 +3,8 @@
 A flood of handshakes or requests is not refused for being many: it waits, its addresses in turn,
 and between two steps it is the turn of everything else. What a step of the loop spends on all
 strangers together is therefore one read, one handshake, or the beginning of one request, however
-many they are; and a client that comes waits for one step of each other address.
+many they are. An address that was away has its first steps next: a client that comes waits for the
+step that is being done, and not for one of each address that always has another.
 """
 
 from __future__ import annotations

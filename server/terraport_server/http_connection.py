@@ -177,11 +177,13 @@ class HttpConnection(BoundedRequests):
         elif size > self.limits.header_bytes:
             text = f"got headers of {size} bytes, expected at most {self.limits.header_bytes}"
             self._refuse(HTTPStatus.REQUEST_HEADER_FIELDS_TOO_LARGE, "http_headers", text)
+        elif self._announced_bytes() > self.limits.body_bytes:  # refused while it can be answered
+            self._refuse_body()
         elif len(self.pipeline) >= MAX_PIPELINED:
             self._drop("http_malformed", f"got more than {MAX_PIPELINED} requests ahead of answers")
         else:
             self._in_headers = False
-            self._header_bytes = self._body_bytes = 0
+            self._header_bytes = self._body_bytes = self._content_bytes = 0
             scope = cast("dict[str, Any]", self.scope)
             scope.setdefault("extensions", {})[ANSWERED] = self.answered
             super().on_headers_complete()

@@ -22,15 +22,30 @@ T = TypeVar("T")
 class Account:
     """What one client has used of one queue."""
 
-    __slots__ = ("finish",)
+    __slots__ = ("_debt_s", "_owed_s", "finish", "is_in_debt")
 
     def __init__(self) -> None:
         self.finish = 0.0
         """On the queue's scale."""
+        self.is_in_debt = False
+        """Whether it had taken more time than is free, when it last took some."""
+        self._debt_s = 0.0
+        self._owed_s = 0.0
+        """When that was looked at."""
 
     def pay(self, cost: float) -> None:
         """Book what a turn cost."""
         self.finish += cost
+
+    def owe(self, took_s: float, now_s: float, free_share: float, free_s: float) -> bool:
+        """Book the time that a turn took; return whether it is more than is free by now.
+
+        A share of all time is free, and so much at once.
+        """
+        earned_s = free_share * (now_s - self._owed_s)
+        self._debt_s = max(0.0, self._debt_s - earned_s) + took_s
+        self._owed_s, self.is_in_debt = now_s, self._debt_s > free_s
+        return self.is_in_debt
 
 
 class PricedQueue(Generic[T]):
@@ -82,6 +97,14 @@ class PricedQueue(Generic[T]):
             # Its account has paid for another since: it goes where it would be put in now.
             entry = (account.finish, account.finish, number, account, item)
             heappush(self._entries, entry)
+
+    @property
+    def head(self) -> Account:
+        """Whose turn is next as things stand; IndexError where nobody waits.
+
+        It may turn out to be another's, where that account has paid since it was put in.
+        """
+        return self._entries[0][3]
 
     def skip(self, account: Account) -> None:
         """Note that an account's turn is now, where nobody waits."""

@@ -17,7 +17,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
-from time import monotonic
+from time import monotonic, thread_time
 from typing import Final
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -34,7 +34,7 @@ from terraport_server.session import Session
 from terraport_server.session_clock import SessionClock
 from terraport_server.signals import Signal
 from terraport_server.transport import MAX_FRAMES, connection_of
-from terraport_server.turns import Rank, Turns, rank_of
+from terraport_server.turns import Pause, Rank, Turns, rank_of
 from terraport_store import CorruptPayloadError, PayloadRange, StoreError
 from terraport_wire import (
     MAX_CHUNK_BYTES,
@@ -185,17 +185,15 @@ class Sender:
                 await self._room.wait()
 
     def _take(self, data: bytes | str) -> None:
-        now_s = monotonic()
+        now_s, began_s = monotonic(), thread_time()
         try:
-            message = decode(
-                data,
-                Direction.CLIENT_TO_SERVER,
-                max_bytes=self._limits.max_message_bytes,
-            )
+            most_bytes = self._limits.max_message_bytes
+            message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
         except DecodeError as error:
             self.session.refuse(error, now_s)
         else:
             self.session.receive(message, now_s)
+        self._client_turns.book(self._account, began_s)
         self._wake.set()
         self._clock.look()
 
@@ -259,12 +257,11 @@ class Sender:
             absent, self._absent = self._absent, None
             await self._fetch(absent)
 
-    def _burst(self) -> Rank | None:
-        """Hand chunks to the socket; the rank of what is left where there is room for more.
+    def _burst(self) -> Rank | Pause | None:
+        """Hand chunks to the socket; what is left of them, by rank.
 
         Batch by batch, each in one call and twice as large as the one before while the socket takes
-        all: nothing is made ready that has no room, and a client that keeps up is not sent to sleep
-        and woken for every frame. What a client says meanwhile is read after the turn.
+        all: nothing is made ready that has no room. What a client says is read after the turn.
         """
         connection = self._connection
         assert connection is not None
@@ -278,11 +275,12 @@ class Sender:
             left_bytes -= self._note_sent(chunks[:sent])
             has_room = connection.is_clear
             if not has_room:
-                break
+                self._batch_bytes = MAX_CHUNK_BYTES
+                left = self.session.next_chunks(1)
+                return Pause(self._rank(left[0]), connection.when_clear) if left else None
             self._batch_bytes = min(2 * self._batch_bytes, LARGEST_BATCH_BYTES)
             if left_bytes < MAX_CHUNK_BYTES:
                 return self._rank(chunks[0])
-        self._batch_bytes = MAX_CHUNK_BYTES
         return None
 
     def _next_frames(

@@ -16,7 +16,7 @@ from __future__ import annotations
 import os
 import socket
 from asyncio.transports import BaseTransport
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Final, cast
 
 from starlette.websockets import WebSocketDisconnect
@@ -57,6 +57,7 @@ class Connection(BoundedPeer):
     """Our own descriptor of the same socket: the loop's own cannot be written to."""
     _may_go_direct = False
     _buffer: LinkBuffer | None = None
+    _when_clear: Callable[[], None] | None = None
     _unsent = b""
     """Messages that go out with the next payload, or at the next flush."""
 
@@ -88,6 +89,7 @@ class Connection(BoundedPeer):
         if self._direct is not None:
             self._direct.close()
             self._direct = None
+        self._tell_clear()
 
     def data_received(self, data: bytes) -> None:
         """Note when the client was last heard, and read on."""
@@ -122,6 +124,18 @@ class Connection(BoundedPeer):
         if self.disconnected:
             raise WebSocketDisconnect(1006)
         return self._is_open()
+
+    def when_clear(self, call: Callable[[], None]) -> None:
+        """Call once, when the socket took all that was sent, or the connection is over."""
+        if self.writable.is_set():
+            self.loop.call_soon(call)
+        else:
+            self._when_clear = call
+
+    def resume_writing(self) -> None:
+        """Go on with what waits for room."""
+        super().resume_writing()
+        self._tell_clear()
 
     def send_message(self, data: bytes) -> None:
         """Send one binary message, with what follows or by :meth:`flush`: never waits.
@@ -216,6 +230,11 @@ class Connection(BoundedPeer):
         if self._buffer is None:
             self._buffer = LinkBuffer(direct, now_s)
         self._buffer.look(now_s)
+
+    def _tell_clear(self) -> None:
+        call, self._when_clear = self._when_clear, None
+        if call is not None:
+            call()
 
     def abort(self) -> None:
         """Drop the connection and everything buffered."""

@@ -13,9 +13,10 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from enum import IntEnum
-from typing import Final
+from functools import partial
+from typing import Final, NamedTuple
 
-__all__ = ["Rank", "Turns", "rank_of"]
+__all__ = ["Pause", "Rank", "Turns", "rank_of"]
 
 _FIRST_IN_A_ROW: Final = 8
 """Turns of new landings before another landing gets one: landing anew all the time starves nobody.
@@ -68,18 +69,28 @@ def rank_of(*, landing: bool, sent_bytes: int, next_bytes: int, rest_bytes: int)
     return Rank.LANDING
 
 
-Burst = Callable[[], Rank | None]
+class Pause(NamedTuple):
+    """Why a turn ends before its end: the socket is full."""
+
+    rank: Rank
+    """Of what is left."""
+    until: Callable[[Callable[[], None]], None]
+    """Calls back, once, when there is room or the connection is over."""
+
+
+Burst = Callable[[], Rank | Pause | None]
 """Sends a bounded amount without waiting; returns the rank of what is left, ``None`` where there is
-nothing to send or no room to send it."""
+nothing to send."""
+
+
+_Entry = tuple[asyncio.Future[None], Burst]
 
 
 class Turns:
     """Gives the senders of one event loop their turns."""
 
     def __init__(self) -> None:
-        self._waiting: tuple[deque[tuple[asyncio.Future[None], Burst]], ...] = tuple(
-            deque() for _ in Rank
-        )
+        self._waiting: tuple[deque[_Entry], ...] = tuple(deque() for _ in Rank)
         self._running = False
         self._new_in_a_row = 0
 
@@ -95,6 +106,10 @@ class Turns:
     async def take(self, rank: Rank, burst: Burst) -> None:
         """Send by *burst*, turn by turn, until it returns ``None``.
 
+        A burst that pauses goes on when it is called back: in that very step where nobody has a
+        turn, so that a socket that fills a dozen times in a landing costs no steps of the event
+        loop beside those in which it is empty.
+
         Cancelling it gives the place up.
 
         Raises
@@ -102,36 +117,45 @@ class Turns:
         Exception
             Whatever *burst* raises.
         """
-        loop = asyncio.get_running_loop()
-        if not self._running:  # nobody waits: no need to go round the loop first
-            self._running = True
-            loop.call_soon(self._turn, loop)
-            next_rank = burst()
-            if next_rank is None:
-                return
-            rank = next_rank
-        done = loop.create_future()
-        self._waiting[rank].append((done, burst))
-        await done
+        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+        self._ask(rank, (done, burst))
+        if done.done():  # without a step of the loop
+            done.result()
+        else:
+            await done
 
-    def _turn(self, loop: asyncio.AbstractEventLoop) -> None:
+    def _ask(self, rank: Rank, entry: _Entry) -> None:
+        if self._running:
+            self._waiting[rank].append(entry)
+        elif not entry[0].done():
+            # Nobody waits: no need to go round the loop first.
+            self._running = True
+            asyncio.get_running_loop().call_soon(self._turn)
+            self._send(entry)
+
+    def _turn(self) -> None:
         entry = self._next()
         if entry is None:
             self._running = False
             return
+        self._send(entry)
+        asyncio.get_running_loop().call_soon(self._turn)
+
+    def _send(self, entry: _Entry) -> None:
         done, burst = entry
         try:
-            rank = burst()
+            left = burst()
         except Exception as error:  # noqa: BLE001 - handed to who asked for the turn
             done.set_exception(error)
+            return
+        if left is None:
+            done.set_result(None)
+        elif isinstance(left, Pause):
+            left.until(partial(self._ask, left.rank, entry))
         else:
-            if rank is None:
-                done.set_result(None)
-            else:
-                self._waiting[rank].append(entry)
-        loop.call_soon(self._turn, loop)
+            self._waiting[left].append(entry)
 
-    def _next(self) -> tuple[asyncio.Future[None], Burst] | None:
+    def _next(self) -> _Entry | None:
         """Take the next entry whose sender still waits."""
         new, old, aims = self._waiting
         while new or old or aims:

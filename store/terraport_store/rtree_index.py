@@ -83,6 +83,12 @@ class RTreeIndex:
         self._tree: rtree_index.Index | None = None
         self._hits = np.empty(len(bounds), dtype=np.int64)
         """Room for every id, written by the query that has the lock."""
+        self._count = np.zeros(1, dtype=np.uint64)
+        self._count_at = self._count.ctypes.data
+        self._cube = np.empty(6)
+        """Lower and upper corner of the query that has the lock."""
+        self._room = (self._cube.ctypes.data, self._cube[3:].ctypes.data, self._hits.ctypes.data)
+        """Addresses: to ask for one takes as long as a small query's own arithmetic."""
         if len(bounds):  # libspatialindex refuses an empty bulk load
             wide = bounds.astype(np.float64)
             properties = rtree_index.Property(
@@ -114,8 +120,10 @@ class RTreeIndex:
         room until all ids have some, and ``intersection`` makes an object of each id.
         """
         assert self._tree is not None
-        hits, count, done = self._hits, np.zeros(1, dtype=np.uint64), ctypes.c_int64(0)
+        hits, done = self._hits, ctypes.c_int64(0)
+        low_at, high_at, hits_at = self._room
         with self._lock:
+            self._cube[:3], self._cube[3:] = low, high
             core.rt.Index_Intersects_id_v(
                 self._tree.handle,
                 1,
@@ -123,13 +131,13 @@ class RTreeIndex:
                 len(hits),
                 3,
                 1,
-                low.ctypes.data,
-                high.ctypes.data,
-                hits.ctypes.data,
-                count.ctypes.data,
+                low_at,
+                high_at,
+                hits_at,
+                self._count_at,
                 ctypes.byref(done),
             )
-            ids = hits[: int(count[0])]
+            ids = hits[: int(self._count[0])]
             if len(ids) <= _FEW:
                 return np.sort(ids)
             is_hit = np.zeros(len(hits), dtype=np.bool_)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import time
 from collections.abc import Callable
 
 import pytest
@@ -97,6 +98,43 @@ def test_who_goes_away_gives_the_place_up() -> None:
         return order
 
     assert asyncio.run(story())[-1] == "stays"
+
+
+def test_beside_who_takes_much_others_have_half_of_the_loop() -> None:
+    """Two that take 4 ms a turn rest as long; who took little is served within the rests."""
+
+    async def story() -> tuple[int, int]:
+        turns, heavy = ClientTurns(), list[str]()
+
+        def long_turn() -> int:
+            until_s = time.perf_counter() + 0.004
+            while time.perf_counter() < until_s:
+                pass
+            heavy.append("heavy")
+            return 26_000
+
+        async def takes_much() -> None:
+            account = Account()
+            while True:
+                await turns.take(account, long_turn)
+                await asyncio.sleep(0)
+
+        others = [asyncio.create_task(takes_much()) for _ in range(2)]
+        await asyncio.sleep(0.2)  # by then both have taken what is free
+        account, order = Account(), list[str]()
+        began_s, began, steps = time.perf_counter(), len(heavy), 0
+        while time.perf_counter() - began_s < 0.2:
+            await turns.take(account, plan(order, "light", 0))
+            await asyncio.sleep(0)
+            steps += 1
+        for other in others:
+            other.cancel()
+        await asyncio.gather(*others, return_exceptions=True)
+        return len(heavy) - began, steps
+
+    heavy, light = asyncio.run(story())
+    assert 1 <= heavy <= 30, "0.2 s are 50 turns without rests"
+    assert light > 3 * heavy
 
 
 def test_who_comes_alone_does_not_wait() -> None:

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terraport_server.fair_queue import FairQueue
+from terraport_server.fair_queue import EARNED, FairQueue
 
 
 @given(st.lists(st.sampled_from("abc")))
@@ -29,3 +29,37 @@ def test_an_empty_queue() -> None:
     assert len(queue) == 0
     with pytest.raises(IndexError, match="empty"):
         queue.take()
+
+
+def test_who_was_away_goes_next_a_few_times() -> None:
+    """Ten keys always have another; one comes after some rounds, and waits only at its fifth."""
+    queue, others = FairQueue[str](), "0123456789"
+    for key in others:
+        queue.add(key, key)
+
+    def take() -> str:
+        key = queue.take()
+        if key in others:
+            queue.add(key, key)
+        return key
+
+    for _ in range(10 * EARNED + 5):
+        take()
+    waits = []
+    for _ in range(EARNED + 1):
+        queue.add("away", "away")
+        waits.append(0)
+        while take() != "away":
+            waits[-1] += 1
+    assert waits[:EARNED] == [0] * EARNED
+    assert waits[EARNED] > 0
+
+
+def test_keys_that_are_away_are_forgotten() -> None:
+    queue = FairQueue[int]()
+    for number in range(10_000):
+        queue.add(f"key {number}", number)
+        queue.take()
+        queue.add("often", number)
+        queue.take()
+    assert len(queue._rounds) < 3000

@@ -203,6 +203,25 @@ def test_a_body_that_is_too_large(server: BackgroundServer, head: bytes) -> None
     assert b"413" in data.split(b"\r\n")[0] or data == b"", data[:200]
 
 
+def test_a_body_that_is_too_large_by_its_last_piece(server: BackgroundServer) -> None:
+    """The piece that ended a body was not counted: 20 kB passed a bound of 16."""
+    with connect(server) as raw:
+        raw.sendall(b"POST /scenes HTTP/1.1\r\nContent-Length: 1001\r\n" + HOST + b"\r\n")
+        raw.sendall(b"b" * 1001)
+        assert refusal(answer(raw)) == (413, "http_body")
+    with connect(server) as raw:  # of that length nobody knows before
+        raw.sendall(b"POST /scenes HTTP/1.1\r\nTransfer-Encoding: chunked\r\n" + HOST)
+        raw.sendall(b"\r\n3e9\r\n" + b"c" * 1001 + b"\r\n0\r\n\r\n")
+        assert answer(raw) == b""
+
+
+def test_a_body_of_as_much_as_may_be(server: BackgroundServer) -> None:
+    with connect(server) as raw:
+        raw.sendall(b"POST /scenes HTTP/1.1\r\nConnection: close\r\nContent-Length: 1000\r\n")
+        raw.sendall(HOST + b"\r\n" + b"b" * 1000)
+        assert answer(raw).split()[1] == b"405"
+
+
 def test_what_is_no_http(server: BackgroundServer) -> None:
     for words in (b"\x16\x03\x01\x02\x00", b"GET\r\n\r\n", b"GET / HTTP/9.9\r\n\r\n"):
         with connect(server) as raw:

@@ -7,16 +7,16 @@ from collections.abc import Callable
 
 import pytest
 
-from terraport_server.turns import Rank, Turns, rank_of
+from terraport_server.turns import Pause, Rank, Turns, rank_of
 
-Burst = Callable[[], Rank | None]
+Burst = Callable[[], Rank | Pause | None]
 
 
-def bursts(order: list[str], name: str, *ranks: Rank | None) -> Burst:
+def bursts(order: list[str], name: str, *ranks: Rank | Pause | None) -> Burst:
     """A burst that notes its name, and says one rank after the other; ``None`` at the end."""
     left = [*ranks, None]
 
-    def burst() -> Rank | None:
+    def burst() -> Rank | Pause | None:
         order.append(name)
         return left.pop(0)
 
@@ -153,3 +153,59 @@ def test_what_a_turn_is_worth(
         landing=landing, sent_bytes=sent_bytes, next_bytes=next_bytes, rest_bytes=rest_bytes
     )
     assert given == rank
+
+
+def test_a_socket_that_fills_costs_no_steps_of_the_loop() -> None:
+    """What goes on when there is room does so in that step, without its task."""
+
+    async def story() -> list[str]:
+        turns, order, resumes = Turns(), list[str](), list[Callable[[], None]]()
+        pause = Pause(Rank.LANDING, resumes.append)
+        taking = asyncio.create_task(
+            turns.take(Rank.NEW_LANDING, bursts(order, "full", pause, pause))
+        )
+        for count in (1, 2):
+            for _ in range(4):
+                await asyncio.sleep(0)
+            assert order == ["full"] * count
+            assert not taking.done()
+            resumes.pop()()
+        await taking
+        return order
+
+    assert asyncio.run(story()) == ["full"] * 3
+
+
+def test_who_is_called_back_waits_for_its_turn() -> None:
+    async def story() -> list[str]:
+        turns, order, resumes = Turns(), list[str](), list[Callable[[], None]]()
+        pause = Pause(Rank.LANDING, resumes.append)
+        full = asyncio.create_task(turns.take(Rank.LANDING, bursts(order, "full", pause)))
+        for _ in range(4):
+            await asyncio.sleep(0)
+        others = [
+            asyncio.create_task(turns.take(Rank.NEW_LANDING, bursts(order, name)))
+            for name in ("one", "two")
+        ]
+        await asyncio.sleep(0)
+        resumes.pop()()
+        await asyncio.gather(full, *others)
+        return order
+
+    assert asyncio.run(story()) == ["full", "one", "two", "full"]
+
+
+def test_who_went_away_is_not_called_back() -> None:
+    async def story() -> list[str]:
+        turns, order, resumes = Turns(), list[str](), list[Callable[[], None]]()
+        pause = Pause(Rank.LANDING, resumes.append)
+        gone = asyncio.create_task(turns.take(Rank.LANDING, bursts(order, "gone", pause)))
+        for _ in range(4):
+            await asyncio.sleep(0)
+        gone.cancel()
+        await asyncio.gather(gone, return_exceptions=True)
+        resumes.pop()()
+        await turns.take(Rank.LANDING, bursts(order, "next"))
+        return order
+
+    assert asyncio.run(story()) == ["gone", "next"]
