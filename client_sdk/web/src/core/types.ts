@@ -28,6 +28,10 @@ export interface Budgets {
   readonly maxTriangles?: number;
   readonly maxBytes?: number;
   readonly maxSegments?: number;
+  /** On the client's GPU; with it what a vertex and a triangle's indices take there (wire protocol, section 6.2). */
+  readonly maxGpuBytes?: number;
+  readonly gpuVertexBytes?: number;
+  readonly gpuFaceBytes?: number;
 }
 
 /** One survey attribute of a mesh: value = offset + step * code; 65535 means "no value". */

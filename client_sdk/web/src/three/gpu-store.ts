@@ -2,6 +2,8 @@
 
 import type { WebGLRenderer } from "three";
 
+import { textureBytes } from "../core/gpu-budget.ts";
+
 /** A buffer and its size; `null` once freed. */
 export interface GpuBuffer {
   readonly buffer: WebGLBuffer;
@@ -144,16 +146,5 @@ export class GpuStore {
     state.pixelStorei(gl.UNPACK_SKIP_ROWS, skipRows);
     act();
     state.pixelStorei(gl.UNPACK_SKIP_ROWS, 0); // The one that three.js takes for granted.
-  }
-}
-
-/** Bytes of a texture with mips, as the store counts them: what drivers really take they do not say. */
-export function textureBytes(width: number, height: number): number {
-  let bytes = 0;
-  for (let w = width, h = height; ; w = Math.max(w >> 1, 1), h = Math.max(h >> 1, 1)) {
-    bytes += w * h * 4;
-    if (w === 1 && h === 1) {
-      return bytes;
-    }
   }
 }

@@ -3,7 +3,7 @@
 import { type BufferAttribute, BufferGeometry, ExternalTexture, GLBufferAttribute, Sphere, Vector3 } from "three";
 
 import type { MeshData, MeshImage } from "../core/types.ts";
-import { type GpuBuffer, type GpuStore, type GpuTexture, textureBytes } from "./gpu-store.ts";
+import type { GpuBuffer, GpuStore, GpuTexture } from "./gpu-store.ts";
 
 /** Bytes of one slice: about 0.1 ms on a desktop, so a frame's budget is kept to within that. */
 export const SLICE_BYTES = 131_072;
@@ -22,12 +22,6 @@ interface UploadArray {
   readonly array: VertexArray | Uint32Array;
   readonly itemSize: number;
   readonly normalised: boolean;
-}
-
-/** Bytes that a mesh takes on the GPU. */
-export function gpuBytesOf(data: MeshData): number {
-  const buffers = arraysOf(data, true).reduce((sum, upload) => sum + upload.array.byteLength, 0);
-  return buffers + (data.image ? textureBytes(data.image.width, data.image.height) : 0);
 }
 
 /** Buffers and texture of a mesh. `step` until `isDone`; `free` once. */
