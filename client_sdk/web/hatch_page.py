@@ -44,6 +44,8 @@ SOURCES: Final = (
     "public",
     "src",
 )
+TRANSCODER: Final = ("basis_transcoder.js", "basis_transcoder.wasm")
+"""Written among the sources by the build: packing/transcoder.js."""
 STAMP: Final = ".sources"
 """In the built page: the digest of what it was built from. The service serves no such names."""
 
@@ -187,7 +189,9 @@ class PageBuilder:
             if path.is_file():
                 yield path
             elif path.is_dir():
-                yield from sorted(one for one in path.rglob("*") if one.is_file())
+                files = sorted(one for one in path.rglob("*") if one.is_file())
+                # The build writes these itself.
+                yield from (one for one in files if one.name not in TRANSCODER)
 
     def _packages_fit(self) -> bool:
         """Whether node_modules holds what the lock names, platform packages aside."""

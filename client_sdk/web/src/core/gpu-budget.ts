@@ -5,7 +5,7 @@
  */
 
 import type { DeviceBudgets } from "./budgets.ts";
-import type { Budgets, MeshData, SceneFiles } from "./types.ts";
+import type { Budgets, MeshData, MeshImage, SceneFiles } from "./types.ts";
 
 /** Bits of a texel of a form that GPUs cannot read: it is decoded to RGBA. */
 const UNCOMPRESSED_BITS = 32;
@@ -37,12 +37,18 @@ export function textureBytes(width: number, height: number, bits = UNCOMPRESSED_
   }
 }
 
+/** Bytes of an image on the GPU, as it was decoded for this one. */
+export function imageBytes({ pixels }: MeshImage): number {
+  if ("levels" in pixels) return pixels.levels.reduce((sum, level) => sum + level.byteLength, 0);
+  return textureBytes(pixels.width, pixels.height);
+}
+
 /** Bytes that a mesh takes on the GPU, texture and indices included. */
 export function gpuBytesOf(mesh: MeshData): number {
   const arrays = [mesh.positions, mesh.normals, mesh.colours, mesh.uvs, mesh.regionIds, mesh.indices];
   const codes = mesh.attributes.map((attribute) => attribute.codes);
   const buffers = [...arrays, ...codes].reduce((sum, array) => sum + (array?.byteLength ?? 0), 0);
-  return buffers + (mesh.image ? textureBytes(mesh.image.width, mesh.image.height) : 0);
+  return buffers + (mesh.image ? imageBytes(mesh.image) : 0);
 }
 
 /**

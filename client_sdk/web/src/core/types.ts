@@ -48,7 +48,18 @@ export interface MeshImage {
   readonly mediaType: string;
   readonly width: number;
   readonly height: number;
-  readonly bitmap: ImageBitmap;
+  readonly pixels: ImageBitmap | CompressedImage;
+}
+
+/** An image as a GPU keeps it, all levels down to 1 x 1. */
+export interface CompressedImage {
+  readonly width: number;
+  readonly height: number;
+  /** WebGL's number of the form, sRGB. */
+  readonly form: number;
+  /** WebGL extension that knows the form; null where none is needed. */
+  readonly extension: string | null;
+  readonly levels: readonly Uint8Array<ArrayBuffer>[];
 }
 
 /**
