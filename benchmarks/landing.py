@@ -326,6 +326,7 @@ def measure_plan(size: Size) -> dict[str, Any]:
         hashes=rng.integers(0, 1 << 63, count, dtype=np.uint64),
         faces=rng.integers(2_000, 20_000, count, dtype=np.uint32),
         vertices=rng.integers(1_000, 12_000, count, dtype=np.uint32),
+        texture_bytes=np.zeros(count, np.uint64),
     )
     # The product's index beside libspatialindex, for scale.
     began_s = time.perf_counter()

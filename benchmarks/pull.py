@@ -212,7 +212,12 @@ def measure_plans(landings: int) -> None:
     counts = np.full(side * side, 5000, dtype=np.uint32)
     hashes = np.arange(side * side, dtype=np.uint64)
     table = SegmentTable(
-        bounds=bounds, lengths=lengths, hashes=hashes, faces=counts, vertices=counts
+        bounds=bounds,
+        lengths=lengths,
+        hashes=hashes,
+        faces=counts,
+        vertices=counts,
+        texture_bytes=np.zeros(len(bounds), np.uint64),
     )
     pack = PullInfo(base="scenes/pit/", pack="v-1/segments.pack", pack_bytes=1 << 37)
     pull = PullView(pack, hashes * np.uint64(40_000 // 64 * 64 + 64))

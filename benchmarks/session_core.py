@@ -46,6 +46,7 @@ def scene_of_a_million() -> SceneView:
         hashes=ids.astype(np.uint64),
         faces=np.full(count, 12_000, dtype=np.uint32),
         vertices=np.full(count, 7_000, dtype=np.uint32),
+        texture_bytes=np.zeros(count, np.uint64),
     )
     within = PackedRTree(bounds).within
     return SceneView(id="m", version="v", name="M", encodings={"glb": table}, within=within)

@@ -160,6 +160,7 @@ def index_file(count: int) -> dict[str, Any]:
         xxh3=rng.integers(0, 2**63, count).astype(np.uint64),
         region=np.zeros(count, dtype=np.uint32),
         region_count=np.ones(count, dtype=np.uint16),
+        texture=np.zeros((count, 3), dtype="<u2"),
     )
     data = index.to_bytes()
     return {

@@ -96,7 +96,8 @@ def test_nothing_is_done_for_a_page_of_the_same_sources(
     assert build_hook.dependencies() == []
     data: dict[str, Any] = {"artifacts": []}
     build_hook.initialize("standard", data)
-    assert data == {"artifacts": ["server/terraport_server/page/**"]}
+    encoder = "pipeline/terraport_pipeline/engines/basis/**"
+    assert data == {"artifacts": ["server/terraport_server/page/**", encoder]}
     assert (page / "index.html").read_text() == "built"
     (web / "src" / "main.ts").write_text("changed")
     assert build_hook.dependencies() == [hook.NODE_WHEEL]

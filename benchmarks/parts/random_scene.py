@@ -67,6 +67,7 @@ def write_random_scene(
                 bounds=(x, 0.0, z, x + TILE_M, 1.0, z + TILE_M),
                 vertices=6000,
                 faces=int(rng.integers(5_000, 15_000)),
+                texture=(0, 0, 0),
             )
         offsets = np.array([0, 0], dtype=np.uint32)
         writer.set_base(base_glb(), Cover(offsets, np.zeros(0, dtype=np.uint32)))

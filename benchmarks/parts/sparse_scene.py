@@ -54,6 +54,7 @@ def write_sparse_scene(path: Path, *, pack_bytes: int, segment_bytes: int) -> Ma
         xxh3=np.full(count, payload_digest, dtype="<u8"),
         region=np.zeros(count, dtype="<u4"),
         region_count=np.ones(count, dtype="<u2"),
+        texture=np.zeros((count, 3), dtype="<u2"),
     )
     # The small files are written as they are.
     path.mkdir()

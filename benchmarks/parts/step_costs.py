@@ -113,6 +113,7 @@ def _grid(side: int) -> SegmentTable:
         hashes=rng.integers(0, 1 << 63, len(bounds), dtype=np.uint64),
         faces=rng.integers(2_000, 20_000, len(bounds), dtype=np.uint32),
         vertices=rng.integers(1_000, 12_000, len(bounds), dtype=np.uint32),
+        texture_bytes=np.zeros(len(bounds), np.uint64),
     )
 
 

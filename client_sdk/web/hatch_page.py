@@ -44,6 +44,8 @@ SOURCES: Final = (
     "public",
     "src",
 )
+TRANSCODER: Final = ("basis_transcoder.js", "basis_transcoder.wasm")
+"""Written among the sources by the build: packing/transcoder.js."""
 STAMP: Final = ".sources"
 """In the built page: the digest of what it was built from. The service serves no such names."""
 
@@ -51,6 +53,10 @@ INSTALL_TIMEOUT_S: Final = 600
 """50 packages, 190 MB on disk: 10 s on a good line."""
 BUILD_TIMEOUT_S: Final = 300
 """Three seconds on two cores."""
+
+
+ENCODER: Final = ("basis_encoder.js", "basis_encoder.wasm")
+"""Of npm's ktx2-encoder: what encodes KTX2 textures for the pipeline, in Node as well."""
 
 
 class PageBuildError(Exception):
@@ -183,7 +189,9 @@ class PageBuilder:
             if path.is_file():
                 yield path
             elif path.is_dir():
-                yield from sorted(one for one in path.rglob("*") if one.is_file())
+                files = sorted(one for one in path.rglob("*") if one.is_file())
+                # The build writes these itself.
+                yield from (one for one in files if one.name not in TRANSCODER)
 
     def _packages_fit(self) -> bool:
         """Whether node_modules holds what the lock names, platform packages aside."""
@@ -268,12 +276,14 @@ class PageHook(BuildHookInterface[BuilderConfig]):
                 raise SystemExit(f"error: no viewer: {error}\n{advice}") from None
             self.app.display_warning(f"no viewer: {error}\nGoing on: / lists the scenes instead.")
             return
-        build_data["artifacts"].append(f"{self._page.relative_to(self.root).as_posix()}/**")
+        for folder in (self._page, self._encoder):
+            build_data["artifacts"].append(f"{folder.relative_to(self.root).as_posix()}/**")
 
     def _make(self, builder: PageBuilder) -> None:
         if not builder.has_sources:
             raise PageBuildError("client_sdk/web is not whole, expected the viewer's sources there")
         if builder.is_current:
+            self._take_encoder()
             return
         tools = Toolchain.of_system() or Toolchain.of_wheel()
         if tools is None:
@@ -284,7 +294,21 @@ class PageHook(BuildHookInterface[BuilderConfig]):
         start = time.perf_counter()
         builder.build(tools)
         seconds = time.perf_counter() - start
+        self._take_encoder()
         self.app.display_info(f"viewer built in {seconds:.1f} s by {tools.origin}")
+
+    def _take_encoder(self) -> None:
+        """Put the encoder of textures into the pipeline, with its notices."""
+        package = Path(self.root, "client_sdk", "web", "node_modules", "ktx2-encoder")
+        if not package.is_dir():
+            return
+        for name in ENCODER:
+            shutil.copyfile(package / "dist" / "basis" / name, self._encoder / name)
+        shutil.copyfile(package / "THIRD_PARTY_NOTICES.md", self._encoder / "NOTICE.md")
+
+    @property
+    def _encoder(self) -> Path:
+        return Path(self.root, "pipeline", "terraport_pipeline", "engines", "basis")
 
     @property
     def _page(self) -> Path:

@@ -1,7 +1,9 @@
 import { defineConfig } from "vitest/config";
 import { compress } from "./packing/compress.ts";
 import { notices } from "./packing/notices.ts";
+import { prepareTranscoder } from "./packing/transcoder.js";
 
+prepareTranscoder();
 const licences = notices();
 
 // The page is served from wherever terraport's service is reached, also behind a proxy's prefix: every address in it is

@@ -64,6 +64,7 @@ def make_view(seed: int) -> SceneView:
         hashes=rng.integers(0, 2**63, SEGMENTS).astype(np.uint64),
         faces=rng.integers(1, 10_000, SEGMENTS).astype(np.uint32),
         vertices=rng.integers(3, 10_000, SEGMENTS).astype(np.uint32),
+        texture_bytes=rng.integers(0, 6_000_000, SEGMENTS).astype(np.uint64),
     )
     return SceneView(
         id="fuzz",

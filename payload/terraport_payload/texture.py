@@ -15,9 +15,20 @@ import struct
 from dataclasses import dataclass
 from typing import Final
 
-from terraport_payload.errors import PayloadError
+import numpy as np
 
-__all__ = ["MAX_IMAGE_BYTES", "MAX_SIDE", "MEDIA_TYPES", "Texture", "read_image_header"]
+from terraport_payload.errors import PayloadError
+from terraport_payload.types import UInt16, UInt64
+
+__all__ = [
+    "MAX_IMAGE_BYTES",
+    "MAX_SIDE",
+    "MEDIA_TYPES",
+    "Texture",
+    "gpu_texture_bytes",
+    "read_image_header",
+    "texel_bits",
+]
 
 MEDIA_TYPES: Final = ("image/jpeg", "image/ktx2", "image/png", "image/webp")
 """What a payload's image may be."""
@@ -31,6 +42,12 @@ MAX_IMAGE_BYTES: Final = 1 << 26
 _JPEG: Final = b"\xff\xd8\xff"
 _PNG: Final = b"\x89PNG\r\n\x1a\n"
 _KTX2: Final = b"\xabKTX 20\xbb\r\n\x1a\n"
+
+_UNCOMPRESSED_BITS: Final = 32
+"""Of a texel on a GPU that cannot read the image's form: RGBA."""
+
+_BASIS_LZ: Final = 1
+"""KTX2's supercompressionScheme of ETC1S."""
 
 _STANDALONE: Final = frozenset({0x01, *range(0xD0, 0xD8)})
 """JPEG markers without a length: TEM and the restarts."""
@@ -81,6 +98,11 @@ class Texture:
                     f"most {MAX_SIDE}"
                 )
 
+    @property
+    def bits(self) -> int:
+        """What a GPU keeps of a texel; see :func:`texel_bits`."""
+        return texel_bits(self.data)
+
     def __repr__(self) -> str:
         """Say what it is, without the image's bytes."""
         size = f"{self.width} x {self.height} pixels, {len(self.data):,} bytes"
@@ -129,6 +151,59 @@ def read_image_header(data: bytes | memoryview) -> tuple[str, int, int]:
     except struct.error:
         raise PayloadError(f"image header cut short after {len(data)} bytes") from None
     raise PayloadError(f"image starts with {head[:8]!r}, expected one of {', '.join(MEDIA_TYPES)}")
+
+
+def texel_bits(data: bytes | memoryview) -> int:
+    """Tell what a GPU keeps of a texel: 4 (ETC1S), 8 (UASTC) or 32 (whatever GPUs cannot read).
+
+    Parameters
+    ----------
+    data : bytes or memoryview
+        An image file, at least 48 bytes of a KTX2.
+
+    Raises
+    ------
+    PayloadError
+        When a KTX2 file is cut short.
+    """
+    head = bytes(data[:48])
+    if not head.startswith(_KTX2):
+        return _UNCOMPRESSED_BITS
+    if len(head) < 48:
+        raise PayloadError(f"image header cut short after {len(head)} bytes")
+    (scheme,) = struct.unpack_from("<I", head, 44)
+    return 4 if scheme == _BASIS_LZ else 8
+
+
+def gpu_texture_bytes(textures: UInt16) -> UInt64:
+    """Reckon what textures take on a GPU, all levels down to 1 x 1 included.
+
+    spec/wire-protocol.md, section 6.2.
+
+    Parameters
+    ----------
+    textures : ndarray of shape (S, 3), uint16
+        Width, height and bits a texel of each; zeros without a texture.
+
+    Returns
+    -------
+    ndarray of shape (S,), uint64
+        Bytes. Compressed forms keep blocks of 4 x 4 texels, also of smaller levels.
+
+    Examples
+    --------
+    >>> gpu_texture_bytes(np.array([[4, 4, 32], [4, 4, 8], [4, 4, 4], [0, 0, 0]], np.uint16))
+    array([84, 48, 24,  0], dtype=uint64)
+    """
+    width, height, bits = textures.astype(np.int64).T
+    total = np.zeros(len(textures), np.int64)
+    open_ = bits > 0
+    for level in range(MAX_SIDE.bit_length()):
+        w, h = np.maximum(width >> level, 1), np.maximum(height >> level, 1)
+        blocks = ((w + 3) // 4) * ((h + 3) // 4) * 2 * bits
+        total += np.where(open_, np.where(bits == _UNCOMPRESSED_BITS, w * h * 4, blocks), 0)
+        open_ &= (w > 1) | (h > 1)
+    return total.astype(np.uint64)
 
 
 def _jpeg_size(data: memoryview) -> tuple[int, int]:

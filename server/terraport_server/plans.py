@@ -10,7 +10,14 @@ import numpy as np
 from terraport_payload.types import AnyArray, UInt32
 from terraport_server.actions import PullView, SceneView, SessionLimits
 from terraport_server.id_set import IdSet
-from terraport_server.selection import Budgets, SegmentTable, Selection, find_candidates, select
+from terraport_server.selection import (
+    NO_BUDGETS,
+    Budgets,
+    SegmentTable,
+    Selection,
+    find_candidates,
+    select,
+)
 from terraport_wire import BLOCK_BYTES, ID_DTYPE, LOAD_DTYPE, Aim, Hello, Land, Plan, Prefetch
 
 __all__ = ["Planner", "budgets_of"]
@@ -77,6 +84,7 @@ class Planner:
             total_triangles=chosen.total_triangles,
             omitted_segments=chosen.omitted_segments,
             omitted_by=chosen.omitted_by,
+            total_gpu_bytes=chosen.total_gpu_bytes,
             blocks=_blocks(chosen, self._pull),
         )
 
@@ -97,7 +105,14 @@ def budgets_of(hello: Hello, limits: SessionLimits) -> Budgets:
     most = limits.max_plan_segments
     if asked.max_segments is not None:
         most = min(most, asked.max_segments)
-    return Budgets(max_triangles=asked.max_triangles, max_bytes=asked.max_bytes, max_segments=most)
+    return Budgets(
+        max_triangles=asked.max_triangles,
+        max_bytes=asked.max_bytes,
+        max_segments=most,
+        max_gpu_bytes=asked.max_gpu_bytes,
+        gpu_vertex_bytes=asked.gpu_vertex_bytes or NO_BUDGETS.gpu_vertex_bytes,
+        gpu_face_bytes=asked.gpu_face_bytes or NO_BUDGETS.gpu_face_bytes,
+    )
 
 
 def _blocks(chosen: Selection, pull: PullView | None) -> UInt32 | None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -23,6 +24,7 @@ __all__ = [
     "SegmentTable",
     "Selection",
     "find_candidates",
+    "gpu_bytes",
     "select",
 ]
 
@@ -41,6 +43,8 @@ class SegmentTable:
     """(S,) triangles."""
     vertices: UInt32
     """(S,) vertices."""
+    texture_bytes: UInt64
+    """(S,) bytes of the texture on a GPU, mips included; 0 without one."""
 
     def __len__(self) -> int:
         """Return the number of segments, S."""
@@ -57,9 +61,20 @@ class Budgets:
     max_triangles: int | None = None
     max_bytes: int | None = None
     max_segments: int | None = None
+    max_gpu_bytes: int | None = None
+    gpu_vertex_bytes: int = 24
+    """Bytes of a vertex on the client's GPU."""
+    gpu_face_bytes: int = 6
+    """Bytes of a triangle's indices on it."""
 
 
 NO_BUDGETS = Budgets()
+
+_MOST_OF_SHORT_INDICES: Final = 65534
+"""Vertices that 16-bit indices reach everywhere: 65535 restarts a strip on some GPUs."""
+
+_LONG_FACE_BYTES: Final = 12
+"""Of a triangle with indices of 32 bits."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,6 +100,9 @@ class Selection:
     total_bytes: int
     """Payload bytes of ``load`` and ``keep``; with those of ``nearby`` bounded by ``max_bytes``."""
     total_triangles: int
+    total_gpu_bytes: int | None
+    """On the client's GPU, of ``load``, ``keep`` and ``nearby``; ``None`` where nothing bounds
+    them."""
     omitted_segments: int
     """Segments within the radius that were left out for a budget."""
     omitted_by: str | None
@@ -242,9 +260,42 @@ def select(
         load_triangles=load_triangles,
         total_bytes=load_bytes + keep_bytes,
         total_triangles=load_triangles + keep_triangles,
+        total_gpu_bytes=(
+            None
+            if budgets.max_gpu_bytes is None
+            else int(gpu_bytes(table, np.concatenate((plan, nearby)), budgets).sum())
+        ),
         omitted_segments=omitted,
         omitted_by=omitted_by if omitted else None,
     )
+
+
+def gpu_bytes(table: SegmentTable, ids: Int64, budgets: Budgets) -> Int64:
+    """Reckon what segments take on a client's GPU; spec/wire-protocol.md, section 6.2.
+
+    Parameters
+    ----------
+    table
+        The scene's S segments.
+    ids
+        N of them.
+    budgets
+        What a vertex and a triangle take there.
+
+    Returns
+    -------
+    ndarray of shape (N,), int64
+        Bytes.
+    """
+    vertices, faces = table.vertices[ids].astype(np.int64), table.faces[ids].astype(np.int64)
+    face_bytes = np.where(
+        vertices > _MOST_OF_SHORT_INDICES,
+        max(budgets.gpu_face_bytes, _LONG_FACE_BYTES),
+        budgets.gpu_face_bytes,
+    )
+    textures = table.texture_bytes[ids].astype(np.int64)
+    total: Int64 = vertices * budgets.gpu_vertex_bytes + faces * face_bytes + textures
+    return total
 
 
 def _totals(table: SegmentTable, ids: Int64) -> tuple[int, int]:
@@ -258,18 +309,20 @@ def _totals(table: SegmentTable, ids: Int64) -> tuple[int, int]:
 def _budget_prefix(table: SegmentTable, ids: Int64, budgets: Budgets) -> tuple[int, str | None]:
     """Length of the longest prefix within all budgets, and which budget ended it.
 
-    Where two budgets end at the same segment, the first of segments, triangles, bytes is named.
+    Where two budgets end at the same segment, the first of segments, triangles, bytes and GPU bytes
+    is named.
     """
     count, omitted_by = len(ids), None
     if budgets.max_segments is not None and budgets.max_segments < count:
         count, omitted_by = budgets.max_segments, "max_segments"
-    for name, column, limit in (
-        ("max_triangles", table.faces, budgets.max_triangles),
-        ("max_bytes", table.lengths, budgets.max_bytes),
+    for name, sizes_of, limit in (
+        ("max_triangles", lambda: table.faces[ids], budgets.max_triangles),
+        ("max_bytes", lambda: table.lengths[ids], budgets.max_bytes),
+        ("max_gpu_bytes", lambda: gpu_bytes(table, ids, budgets), budgets.max_gpu_bytes),
     ):
         if limit is None:
             continue
-        running = np.cumsum(column[ids], dtype=np.int64)
+        running = np.cumsum(sizes_of(), dtype=np.int64)
         fits = int(np.searchsorted(running, limit, side="right"))
         if fits < count:
             count, omitted_by = fits, name

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Final, Literal
 from urllib.parse import quote
 
+from terraport_payload.texture import gpu_texture_bytes
 from terraport_server.actions import PullView, SceneView
 from terraport_server.logs import SomePerMinute, log
 from terraport_server.payload_desk import PayloadDesk
@@ -84,6 +85,7 @@ class ServedScene:
                     hashes=scene.index_for(encoding).xxh3,
                     faces=index.face_count,
                     vertices=index.vertex_count,
+                    texture_bytes=gpu_texture_bytes(index.texture),
                 )
                 for encoding in scene.manifest.encodings
             },

@@ -1,6 +1,6 @@
 """The segment index: what is known of every segment without reading its payload.
 
-A :mod:`~terraport_payload.flatfile` with magic ``TPSEGIDX``; 58 bytes per segment, held in memory
+A :mod:`~terraport_payload.flatfile` with magic ``TPSEGIDX``; 64 bytes per segment, held in memory
 whole.
 
 PURE: no I/O, no clock.
@@ -31,7 +31,11 @@ _SHAPES: Final[dict[str, tuple[str, int]]] = {
     "xxh3": ("<u8", 1),
     "region": ("<u4", 1),
     "region_count": ("<u2", 1),
+    "texture": ("<u2", 3),
 }
+
+_OPTIONAL: Final = "texture"
+"""May be absent: a reader then takes the largest that there can be (section 6 of the format)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +66,9 @@ class SegmentIndex:
     """(S,) id of the region with most faces in the segment."""
     region_count: UInt16
     """(S,) number of regions in the segment."""
+    texture: UInt16
+    """(S, 3) width and height of the image, pixels, and what a GPU keeps of a texel, bits; zeros
+    without a texture."""
 
     def __post_init__(self) -> None:
         rows = len(self.bounds)
@@ -106,13 +113,17 @@ class SegmentIndex:
         )
 
     @classmethod
-    def from_bytes(cls, data: bytes | memoryview) -> SegmentIndex:
+    def from_bytes(
+        cls, data: bytes | memoryview, *, largest: tuple[int, int, int] = (0, 0, 0)
+    ) -> SegmentIndex:
         """Read ``segments.idx``; every truncation and flipped bit is noticed.
 
         Parameters
         ----------
         data : bytes or memoryview
             The whole file.
+        largest : (int, int, int), optional
+            What ``texture`` is taken to be, of every segment, in a file that does not say it.
 
         Returns
         -------
@@ -125,6 +136,8 @@ class SegmentIndex:
             With the offset where one is known.
         """
         rows, fields = decode_flat(data, INDEX_MAGIC)
+        if _OPTIONAL not in fields:
+            fields[_OPTIONAL] = np.tile(np.array(largest, "<u2"), (rows, 1))
         missing = [name for name in _SHAPES if name not in fields]
         if missing:
             raise PayloadError(f"no field {missing[0]!r} in the index")

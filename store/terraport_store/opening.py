@@ -26,6 +26,7 @@ from terraport_store.source import PayloadSource
 __all__ = [
     "check_agreement",
     "check_size",
+    "largest_texture",
     "list_scenes",
     "open_pack",
     "read_checked",
@@ -66,6 +67,19 @@ def read_manifest(directory: str | Path | SceneFiles) -> Manifest:
         if files is not directory:
             files.close()
     return Manifest.from_bytes(data)
+
+
+def largest_texture(manifest: Manifest) -> tuple[int, int, int]:
+    """Return what the index's ``texture`` is taken to be where the file does not say it.
+
+    Returns
+    -------
+    (int, int, int)
+        The largest that any segment of the scene can have: width and height, pixels, and bits a
+        texel on a GPU.
+    """
+    side = 0 if manifest.textures is None else manifest.textures.max_side
+    return (side, side, 32) if side else (0, 0, 0)
 
 
 def list_scenes(directory: str | Path) -> dict[str, Path]:

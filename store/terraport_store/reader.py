@@ -41,6 +41,7 @@ from terraport_store.manifest import Manifest
 from terraport_store.opening import (
     check_agreement,
     check_size,
+    largest_texture,
     open_pack,
     read_checked,
     read_manifest,
@@ -157,7 +158,11 @@ class Scene:
         with ExitStack() as undo:
             indexes = {
                 name: read_parsed(
-                    files, manifest, info.index, MAX_INDEX_BYTES, SegmentIndex.from_bytes
+                    files,
+                    manifest,
+                    info.index,
+                    MAX_INDEX_BYTES,
+                    lambda data: SegmentIndex.from_bytes(data, largest=largest_texture(manifest)),
                 )
                 for name, info in manifest.encodings.items()
             }

@@ -196,7 +196,14 @@ class _SceneCheck:
                     f"encodings.{name}.payload_bytes {info.payload_bytes}, "
                     f"expected {other.payload_bytes} by its index",
                 )
-            for column in ("bounds", "vertex_count", "face_count", "region", "region_count"):
+            for column in (
+                "bounds",
+                "vertex_count",
+                "face_count",
+                "region",
+                "region_count",
+                "texture",
+            ):
                 if not np.array_equal(getattr(other, column), getattr(index, column)):
                     path = manifest.files[info.index].path
                     self.out.error(

@@ -11,6 +11,7 @@ from terraport_store.errors import CorruptPayloadError, RangeError
 from terraport_store.findings import Findings
 from terraport_store.layout import MAX_SEGMENT_SIDE
 from terraport_store.manifest import AttributeInfo, Manifest
+from terraport_store.opening import largest_texture
 from terraport_store.reader import Scene
 
 __all__ = ["box_of", "check_mesh_fits", "check_segment"]
@@ -48,6 +49,18 @@ def check_segment(out: Findings, scene: Scene, segment: int) -> None:
             "payload-bounds",
             file,
             f"box {box_of(mesh).tolist()}, expected {index.bounds[segment].tolist()} by the index",
+            segment=segment,
+        )
+    image = mesh.texture
+    texture = (0, 0, 0) if image is None else (image.width, image.height, image.bits)
+    stated = tuple(index.texture[segment].tolist())
+    # An index that does not say it is read as if every texture were as large as the largest.
+    if stated not in (texture, largest_texture(manifest)):
+        out.error(
+            "payload-texture",
+            file,
+            f"texture of {texture[0]} x {texture[1]} pixels and {texture[2]} bits a texel, "
+            f"expected {stated} by the index",
             segment=segment,
         )
     if mesh.region_ids is not None:

@@ -11,7 +11,10 @@ from terraport_wire.kinds import Kind
 from terraport_wire.message import Part, PartKind, PartList, fields_of, to_map
 from terraport_wire.tables import HeldTable, Ids, LoadTable
 
-_BUDGETS = m.Budgets(max_triangles=2_000_000, max_bytes=40_000_000, max_segments=500)
+_BUDGETS = m.Budgets(
+    max_triangles=2_000_000, max_bytes=40_000_000, max_segments=500,
+    max_gpu_bytes=268_435_456, gpu_vertex_bytes=28, gpu_face_bytes=12,
+)  # fmt: skip
 _SCENE = m.SceneInfo(id="quarry", version="00c0ffee1234", name="Steinbruch Süd 石", segment_count=9)
 _LIMITS = m.ServerLimits(
     max_radius_m=500.0,
@@ -158,6 +161,7 @@ FULL: tuple[m.Message, ...] = (
         total_triangles=30_000,
         omitted_segments=12,
         omitted_by="max_triangles",
+        total_gpu_bytes=201_000_000,
         blocks=[4_294_967_295, 1, 1_048_577],
     ),
     m.Prefetch(generation=78, segments=_ROWS[:2], bytes=1_001, blocks=[16, 1]),

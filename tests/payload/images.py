@@ -35,6 +35,7 @@ def pillow(kind: str, width: int = 16, height: int = 8, **options: object) -> by
     return out.getvalue()
 
 
-def ktx2(width: int = 16, height: int = 8) -> bytes:
-    """The header of a KTX2 file, and nothing after it."""
-    return b"\xabKTX 20\xbb\r\n\x1a\n" + struct.pack("<9I", 0, 1, width, height, 0, 0, 1, 1, 1)
+def ktx2(width: int = 16, height: int = 8, *, scheme: int = 1) -> bytes:
+    """The header of a KTX2 file, and nothing after it; scheme 1 is that of ETC1S."""
+    fields = struct.pack("<9I", 0, 1, width, height, 0, 0, 1, 1, scheme)
+    return b"\xabKTX 20\xbb\r\n\x1a\n" + fields

@@ -2,13 +2,19 @@ from __future__ import annotations
 
 import struct
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from payload.images import ktx2, pillow, png
 
 from terraport_payload import PayloadError, Texture
-from terraport_payload.texture import MAX_IMAGE_BYTES, read_image_header
+from terraport_payload.texture import (
+    MAX_IMAGE_BYTES,
+    gpu_texture_bytes,
+    read_image_header,
+    texel_bits,
+)
 
 KINDS = {
     "png": (png(), "image/png"),
@@ -89,3 +95,24 @@ def test_any_bytes_give_a_size_or_our_error(data: bytes, draw: st.DataObject) ->
     assert media_type.startswith("image/")
     assert width >= 0
     assert height >= 0
+
+
+@pytest.mark.parametrize(("scheme", "bits"), [(0, 8), (1, 4), (2, 8)])
+def test_a_gpu_keeps_basis_textures_compressed(scheme: int, bits: int) -> None:
+    assert texel_bits(ktx2(16, 8, scheme=scheme)) == bits
+    assert texel_bits(pillow("JPEG")) == 32
+
+
+@pytest.mark.parametrize(
+    ("row", "expected"),
+    [
+        ((16, 8, 32), 4 * (128 + 32 + 8 + 2 + 1)),
+        ((16, 8, 8), 16 * (8 + 2 + 1 + 1 + 1)),
+        ((16, 8, 4), 8 * (8 + 2 + 1 + 1 + 1)),
+        ((2048, 2048, 32), 4 * (4**12 - 1) // 3),
+        ((4096, 1, 4), 8 * (1024 + 512 + 256 + 128 + 64 + 32 + 16 + 8 + 4 + 2 + 1 + 1 + 1)),
+        ((0, 0, 0), 0),
+    ],
+)
+def test_gpu_bytes_count_every_level(row: tuple[int, int, int], expected: int) -> None:
+    assert gpu_texture_bytes(np.array([row], np.uint16)).tolist() == [expected]

@@ -73,6 +73,7 @@ class ToyScene:
             hashes=self.hashes,
             faces=np.full(count, 10, dtype=np.uint32),
             vertices=np.full(count, 12, dtype=np.uint32),
+            texture_bytes=np.zeros(count, np.uint64),
         )
         self.view = SceneView(
             id="toy", version=version, name="toy", encodings={"glb": table}, within=self.within

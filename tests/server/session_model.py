@@ -53,6 +53,7 @@ def make_scene(count: int = 12, *, length: int = 1000, encoding: str = "glb") ->
         hashes=np.arange(7000, 7000 + count, dtype=np.uint64),
         faces=np.full(count, 10, dtype=np.uint32),
         vertices=np.full(count, 8, dtype=np.uint32),
+        texture_bytes=np.zeros(count, np.uint64),
     )
 
     def within(centre: Any, radius_m: float) -> Any:

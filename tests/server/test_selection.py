@@ -32,6 +32,7 @@ def make_table(
         hashes=np.arange(count, dtype=np.uint64),
         faces=np.array(faces, dtype=np.uint32),
         vertices=np.array(faces, dtype=np.uint32),
+        texture_bytes=np.arange(count, dtype=np.uint64) % 3 * 84,
     )
 
 
@@ -79,6 +80,18 @@ def brute_distance(box: Float32, centre: tuple[float, ...]) -> float:
     return math.sqrt(total)
 
 
+def gpu_size(table: SegmentTable, segment: int, budgets: Budgets) -> int:
+    """Return what a segment takes on the client's GPU, by the wording of the specification."""
+    vertices, face_bytes = int(table.vertices[segment]), budgets.gpu_face_bytes
+    if vertices > 65534:
+        face_bytes = max(face_bytes, 12)
+    return (
+        vertices * budgets.gpu_vertex_bytes
+        + int(table.faces[segment]) * face_bytes
+        + int(table.texture_bytes[segment])
+    )
+
+
 def brute_plan(
     table: SegmentTable,
     centre: tuple[float, float, float],
@@ -95,8 +108,11 @@ def brute_plan(
             by_distance.append((distance, segment))
     by_distance.sort()
     fitting: list[int] = []
-    triangles = size = 0
+    triangles = size = gpu = 0
     for _, segment in by_distance:
+        gpu += gpu_size(table, segment, budgets)
+        if budgets.max_gpu_bytes is not None and gpu > budgets.max_gpu_bytes:
+            break
         triangles += int(table.faces[segment])
         size += int(table.lengths[segment])
         if budgets.max_triangles is not None and triangles > budgets.max_triangles:
@@ -120,6 +136,11 @@ def brute_first_exceeded(
         ("max_segments", budgets.max_segments, len(segments)),
         ("max_triangles", budgets.max_triangles, sum(int(table.faces[s]) for s in segments)),
         ("max_bytes", budgets.max_bytes, sum(int(table.lengths[s]) for s in segments)),
+        (
+            "max_gpu_bytes",
+            budgets.max_gpu_bytes,
+            sum(gpu_size(table, s, budgets) for s in segments),
+        ),
     ):
         if limit is not None and used > limit:
             return name
@@ -148,7 +169,9 @@ def scenes(draw: st.DrawFn) -> SegmentTable:
     centre=st.tuples(coordinate, coordinate, coordinate),
     radius_m=st.integers(0, 60).map(lambda v: v / 2),
     factor=st.sampled_from([1.0, 1.25, 2.0]),
-    budgets=st.builds(Budgets, limit, limit, limit | st.integers(0, 6)),
+    budgets=st.builds(
+        Budgets, limit, limit, limit | st.integers(0, 6), st.none() | st.integers(0, 20_000)
+    ),
 )
 def test_plan_equals_brute_force(
     data: st.DataObject,
@@ -190,8 +213,12 @@ def test_plan_equals_brute_force(
         (budgets.max_triangles, sum(int(table.faces[s]) for s in [*plan, *nearby])),
         (budgets.max_bytes, sum(int(table.lengths[s]) for s in [*plan, *nearby])),
         (budgets.max_segments, len(plan) + len(nearby)),
+        (budgets.max_gpu_bytes, chosen.total_gpu_bytes or 0),
     ):
         assert limit_value is None or used <= limit_value
+    if budgets.max_gpu_bytes is not None:
+        on_gpu = sum(gpu_size(table, s, budgets) for s in [*plan, *nearby])
+        assert chosen.total_gpu_bytes == on_gpu
     # The radius within which nothing is missing.
     outside = [
         brute_distance(table.bounds[s], centre) for s in range(len(table)) if s not in set(plan)
@@ -333,6 +360,12 @@ def test_what_is_nearby_gives_way_to_a_budget_and_is_not_left_out() -> None:
         (Budgets(max_segments=2), [0, 1], "max_segments"),
         (Budgets(max_triangles=20, max_bytes=200, max_segments=2), [0, 1], "max_segments"),
         (Budgets(max_bytes=99), [], "max_bytes"),
+        # Ten vertices and triangles each: 300 bytes, and 0, 84, 168, 0 of texture.
+        (Budgets(max_gpu_bytes=683), [0], "max_gpu_bytes"),
+        (Budgets(max_gpu_bytes=684), [0, 1], "max_gpu_bytes"),
+        (Budgets(max_gpu_bytes=404, gpu_vertex_bytes=10), [0, 1], "max_gpu_bytes"),
+        (Budgets(max_gpu_bytes=744, gpu_face_bytes=9), [0, 1], "max_gpu_bytes"),
+        (Budgets(max_gpu_bytes=1452), [0, 1, 2, 3], None),
     ],
 )
 def test_budgets(budgets: Budgets, plan: list[int], by: str | None) -> None:

@@ -22,6 +22,7 @@ def index_of(count: int = 3) -> SegmentIndex:
         xxh3=np.full(count, 2**64 - 1, dtype=np.uint64),
         region=np.zeros(count, dtype=np.uint32),
         region_count=np.ones(count, dtype=np.uint16),
+        texture=np.zeros((count, 3), dtype="<u2"),
     )
 
 
@@ -43,7 +44,7 @@ def test_sums() -> None:
 
 def test_at_most_128_bytes_per_segment() -> None:
     many = len(index_of(1001).to_bytes()) - len(index_of(1).to_bytes())
-    assert many <= 1000 * 60
+    assert many <= 1000 * 66
 
 
 def test_every_truncation_and_flipped_byte_is_noticed() -> None:
@@ -96,3 +97,13 @@ def test_further_fields_are_skipped() -> None:
     _, columns = decode_flat(index_of().to_bytes(), INDEX_MAGIC)
     columns["roughness"] = np.zeros(3, dtype=np.float32)
     assert len(SegmentIndex.from_bytes(encode_flat(INDEX_MAGIC, 3, columns))) == 3
+
+
+@pytest.mark.parametrize("largest", [(0, 0, 0), (512, 512, 32)])
+def test_textures_that_a_file_does_not_tell_are_the_largest_there_can_be(
+    largest: tuple[int, int, int],
+) -> None:
+    _, columns = decode_flat(index_of().to_bytes(), INDEX_MAGIC)
+    del columns["texture"]
+    index = SegmentIndex.from_bytes(encode_flat(INDEX_MAGIC, 3, columns), largest=largest)
+    assert index.texture.tolist() == [list(largest)] * 3

@@ -73,6 +73,7 @@ def index_of(data: bytes) -> SegmentIndex:
         ),
         region=np.zeros(count, np.uint32),
         region_count=np.ones(count, np.uint16),
+        texture=np.zeros((count, 3), dtype="<u2"),
     )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from .kinds import Choice, Flag, Integer, Number, Position, Text, Version
 from .limits import (
     MAX_DEADLINE_MS,
+    MAX_GPU_ELEMENT_BYTES,
     MAX_HELD_SEGMENTS,
     MAX_INTEGER,
     MAX_RADIUS_M,
@@ -61,6 +62,19 @@ class Budgets(Part):
     max_triangles: Annotated[int | None, Integer(0, MAX_INTEGER), "Most triangles"] = None
     max_bytes: Annotated[int | None, Integer(0, MAX_INTEGER), "Most payload bytes"] = None
     max_segments: Annotated[int | None, Integer(0, MAX_INTEGER), "Most segments"] = None
+    max_gpu_bytes: Annotated[
+        int | None, Integer(0, MAX_INTEGER), "Most bytes on the client's GPU (section 6.2)"
+    ] = None
+    gpu_vertex_bytes: Annotated[
+        int | None,
+        Integer(1, MAX_GPU_ELEMENT_BYTES),
+        "Bytes of a vertex in the client's buffers; absent means 24",
+    ] = None
+    gpu_face_bytes: Annotated[
+        int | None,
+        Integer(1, MAX_GPU_ELEMENT_BYTES),
+        "Bytes of a triangle's three indices in them; absent means 6",
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)

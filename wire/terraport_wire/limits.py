@@ -18,6 +18,7 @@ __all__ = [
     "MAX_DEADLINE_MS",
     "MAX_DEPTH",
     "MAX_FRAME_BYTES",
+    "MAX_GPU_ELEMENT_BYTES",
     "MAX_GROUP_MEMBERS",
     "MAX_GROUP_NAME",
     "MAX_HEADER_BYTES",
@@ -39,6 +40,9 @@ MAX_INTEGER = 2**53 - 1
 
 MAX_FRAME_BYTES = 128 * 1024
 """Largest payload frame, header included: a supersede takes effect within one frame."""
+
+MAX_GPU_ELEMENT_BYTES = 4096
+"""Most bytes that a client may say one vertex, or a triangle's indices, take on its GPU."""
 
 HEADER_BYTES = 24
 """Payload header of version 1; a receiver reads the header's own `header_bytes` instead."""

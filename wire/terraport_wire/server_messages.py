@@ -200,8 +200,13 @@ class Plan(ServerMessage):
     ]
     omitted_by: Annotated[
         str | None,
-        Choice("max_triangles", "max_bytes", "max_segments"),
+        Choice("max_triangles", "max_bytes", "max_segments", "max_gpu_bytes"),
         "Budget that the first omitted segment would exceed; absent if none was omitted",
+    ] = None
+    total_gpu_bytes: Annotated[
+        int | None,
+        Integer(0, MAX_INTEGER),
+        "GPU bytes of load, keep and nearby; present where hello bounds them",
     ] = None
     blocks: Blocks = None
 

@@ -108,6 +108,7 @@ def connect(
     max_triangles: int | None = None,
     max_bytes: int | None = None,
     max_segments: int | None = None,
+    max_gpu_mebibytes: int | None = None,
     cache_bytes: int = DEFAULT_CACHE_BYTES,
     cache_dir: str | Path | None = None,
     disk_bytes: int = DEFAULT_DISK_BYTES,
@@ -130,6 +131,9 @@ def connect(
     max_triangles, max_bytes, max_segments : int, optional
         Hard budgets of every landing: nearest first until the next segment would exceed one.
         Without `max_bytes`, a landing is bounded by `cache_bytes`.
+    max_gpu_mebibytes : int, optional
+        Likewise, of what a landing takes on a GPU, MiB: what a device that shows it has left for
+        one landing.
     cache_bytes : int
         Payload bytes kept in memory beside what is visible or on its way.
     cache_dir : Path, optional
@@ -174,6 +178,7 @@ def connect(
         max_triangles=max_triangles,
         max_bytes=cache_bytes if max_bytes is None else max_bytes,
         max_segments=max_segments,
+        max_gpu_bytes=None if max_gpu_mebibytes is None else max_gpu_mebibytes << 20,
         credit_bytes=credit_bytes,
         release_factor=release_factor,
         pull=delivery == "pull",

@@ -37,7 +37,9 @@ class SessionOptions:
     max_triangles: int | None = None
     max_bytes: int | None = None
     max_segments: int | None = None
-    """Hard bounds of every landing; None leaves one out."""
+    max_gpu_bytes: int | None = None
+    """Hard bounds of every landing; None leaves one out. GPU bytes: vertices of 24 bytes, indices
+    of 2 or 4, textures with their mips as a device keeps them."""
     credit_bytes: int = 16 * 1024 * 1024
     """Payload bytes under way at most. Half of it is granted back at a time: a larger one saves
     messages (the server allows 60 per second), a smaller one bounds what lies in buffers when a
@@ -64,6 +66,7 @@ class SessionOptions:
                 max_triangles=self.max_triangles,
                 max_bytes=self.max_bytes,
                 max_segments=self.max_segments,
+                max_gpu_bytes=self.max_gpu_bytes,
             ),
             credit_bytes=self.credit_bytes,
             release_factor=self.release_factor,

@@ -16,9 +16,9 @@ namespace Terraport.Unity.Editor
             CheckBuild(findings);
             TerraportSettings settings = scene.Settings;
             DeviceBudgets bounds = settings.ActualBudgets;
-            if (bounds.creditMebibytes > bounds.maxMebibytes * 4)
+            if (bounds.creditMebibytes > bounds.maxGpuMebibytes)
             {
-                findings.Add("The credit is more than four landings' payload: a landing that is given up will cost much.");
+                findings.Add("The credit is more than everything that can be shown: a landing that is given up will cost much.");
             }
             // At 72 to 90 frames a second: two eyes are to be drawn in the same time.
             if (settings.frameBudgetMs > 5 && settings.ActualProfile == DeviceProfile.Headset)

@@ -12,10 +12,13 @@ namespace Terraport.Unity
         [Tooltip("Triangles of a landing at most. More: a larger sharp circle. Fewer: more frames per second.")]
         public int maxTriangles = 6000000;
 
-        /// <summary>Payload of a landing at most, MiB.</summary>
-        [Min(1)]
-        [Tooltip("Payload of a landing at most, MiB. More: denser surveys and photographs. Less: shorter waits, less memory.")]
-        public int maxMebibytes = 96;
+        /// <summary>
+        /// Graphics memory of everything, MiB: base, what is shown, what is coming, what an aim brought; textures with their mips.
+        /// </summary>
+        [Min(16)]
+        [Tooltip("Graphics memory of everything, MiB, textures with their mips. More: denser surveys and photographs. Never more than a "
+                 + "quarter of what the device has.")]
+        public int maxGpuMebibytes = 1024;
 
         /// <summary>Segments of a landing at most; each in view is a draw call.</summary>
         [Min(1)]
@@ -43,11 +46,6 @@ namespace Terraport.Unity
         [Tooltip("Payload under way at most, MiB. More: long links are used in full. Less: a landing that is given up costs less.")]
         public int creditMebibytes = 16;
 
-        /// <summary>Graphics memory of segments that nothing shows or waits for, MiB.</summary>
-        [Min(1)]
-        [Tooltip("Graphics memory of segments that nothing shows or waits for (loaded ahead by an aim), MiB.")]
-        public int spareGpuMebibytes = 256;
-
         /// <summary>The bounds of a class of devices; a copy. Auto and Custom give those of a desktop.</summary>
         public static DeviceBudgets For(DeviceProfile profile)
         {
@@ -57,25 +55,23 @@ namespace Terraport.Unity
             {
                 // An app that takes more than a few hundred MiB is closed by the phone's system, graphics memory included.
                 budgets.maxTriangles = 1500000;
-                budgets.maxMebibytes = 32;
                 budgets.maxSegments = 1024;
                 budgets.radiusM = 40;
                 budgets.cacheMebibytes = 48;
                 budgets.diskMebibytes = 256;
                 budgets.creditMebibytes = 4;
-                budgets.spareGpuMebibytes = 64;
+                budgets.maxGpuMebibytes = 256;
             }
             else if (profile == DeviceProfile.Headset)
             {
                 // Two eyes, 72 times a second, on a phone's graphics: triangles are scarce, and draw calls; memory less so.
                 budgets.maxTriangles = 900000;
-                budgets.maxMebibytes = 32;
                 budgets.maxSegments = 512;
                 budgets.radiusM = 40;
                 budgets.cacheMebibytes = 96;
                 budgets.diskMebibytes = 512;
                 budgets.creditMebibytes = 8;
-                budgets.spareGpuMebibytes = 96;
+                budgets.maxGpuMebibytes = 512;
             }
             return budgets;
         }

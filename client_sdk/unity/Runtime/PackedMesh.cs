@@ -1,4 +1,5 @@
 using System;
+using System.Runtime.InteropServices;
 
 namespace Terraport.Unity
 {
@@ -16,6 +17,9 @@ namespace Terraport.Unity
     {
         /// <summary>Linear light of ground that has neither colour nor texture: the viewer's grey, 65535 is 1.</summary>
         private const ushort PlainRed = 17254, PlainGreen = 17254, PlainBlue = 15916;
+
+        /// <summary>Bytes of a vertex on the GPU, of either kind.</summary>
+        public static readonly int VertexBytes = Math.Max(Marshal.SizeOf(typeof(TintedVertex)), Marshal.SizeOf(typeof(PhotoVertex)));
 
         /// <summary>Whether <see cref="Photographed"/> holds the vertices; else <see cref="Tinted"/>.</summary>
         public bool IsPhotographed { get; private set; }

@@ -305,7 +305,7 @@ namespace Terraport.Unity
             decoders = Platform.MakeDecoders(settings, PackedMesh.PackOnto);
             StageOptions options = new StageOptions();
             options.AutoShow = settings.autoShow;
-            options.SpareGpuBytes = (long)budgets.spareGpuMebibytes << 20;
+            options.SpareGpuBytes = Budgets.SpareOf(GpuShareBytes);
             options.BaseBlockFaces = BaseBlockFaces;
             Stage = new SceneStage(Stream, Files, ground, decoders, options);
             Stage.DecodeFailed += (segment, error) => Fault(error);
@@ -316,6 +316,17 @@ namespace Terraport.Unity
                     Swapped(swap);
                 }
             };
+        }
+
+        /// <summary>What is stated, or a quarter of what the device has: engine and app need the rest.</summary>
+        private long GpuShareBytes
+        {
+            get {
+                long stated = budgets.maxGpuMebibytes;
+                // 0 where the system does not tell.
+                long device = SystemInfo.graphicsMemorySize / 4;
+                return (device > 0 && device < stated ? device : stated) << 20;
+            }
         }
 
         private StreamOptions OptionsOf()
@@ -329,8 +340,9 @@ namespace Terraport.Unity
             Budgets bounds = new Budgets();
             // Sent to the server, which then cuts the plan: nothing is sent that would not be shown.
             bounds.MaxTriangles = budgets.maxTriangles;
-            bounds.MaxBytes = (long)budgets.maxMebibytes << 20;
             bounds.MaxSegments = budgets.maxSegments;
+            bounds.MaxGpuBytes = Budgets.LandingOf(GpuShareBytes, Files.Base);
+            bounds.GpuVertexBytes = PackedMesh.VertexBytes;
             options.Budgets = bounds;
             options.CacheBytes = (long)budgets.cacheMebibytes << 20;
             options.DiskFolder = Platform.DiskFolder;

@@ -5,7 +5,8 @@
  * bundler takes names out of a JSON file.
  */
 
-import { readdirSync, readFileSync, writeFileSync } from "node:fs";
+import { copyFileSync, mkdirSync, readdirSync, readFileSync, writeFileSync } from "node:fs";
+import { prepareTranscoder } from "./transcoder.js";
 
 const dist = new URL("../dist/", import.meta.url);
 const { version } = JSON.parse(readFileSync(new URL("../package.json", import.meta.url), "utf8"));
@@ -18,4 +19,11 @@ for (const name of readdirSync(dist, { recursive: true, encoding: "utf8" })) {
     .replaceAll(/(new URL\("\.\/[\w-]+\.worker)\.ts"/g, '$1.js"')
     .replace(/^import \{ version \} from "[./]*package\.json";$/m, `const version = ${JSON.stringify(version)};`);
   if (right !== text) writeFileSync(file, right);
+}
+
+// What no compiler takes along.
+prepareTranscoder();
+mkdirSync(new URL("core/transcoder/", dist), { recursive: true });
+for (const name of ["basis_transcoder.js", "basis_transcoder.wasm"]) {
+  copyFileSync(new URL(`../src/core/transcoder/${name}`, import.meta.url), new URL(`core/transcoder/${name}`, dist));
 }

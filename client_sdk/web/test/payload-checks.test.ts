@@ -2,6 +2,7 @@
 
 import { readFileSync } from "node:fs";
 import { beforeAll, expect, it } from "vitest";
+import { gpuBytesOf } from "../src/core/gpu-budget.ts";
 import { prepareDecoders } from "../src/core/payload/engines.ts";
 import { decodeGlb } from "../src/core/payload/glb.ts";
 import { splitGlb } from "../src/core/payload/glb-container.ts";
@@ -43,9 +44,13 @@ it("an image that does not open is a fault of the payload", async () => {
   await expect(decodeGlb(payload("good-jpeg.glb"), 0, fails)).rejects.toThrow("does not decode");
 });
 
-it("a KTX2 image is not handed to the browser", async () => {
-  const mesh = await decodeGlb(payload("good-ktx2.glb"), 0, () => Promise.reject(new Error("asked")));
-  expect([mesh.image, mesh.uvs === null]).toEqual([null, false]);
+it("a KTX2 image is handed over as what it is, and comes as the GPU keeps it", async () => {
+  const compressed = { width: 16, height: 8, form: 0x9275, extension: "e", levels: [new Uint8Array(64)] };
+  const mesh = await decodeGlb(payload("good-ktx2.glb"), 0, (_, mediaType) =>
+    mediaType === "image/ktx2" ? Promise.resolve(compressed) : Promise.reject(new Error(mediaType)),
+  );
+  expect(mesh.image).toEqual({ mediaType: "image/ktx2", width: 16, height: 8, pixels: compressed });
+  expect(gpuBytesOf(mesh)).toBe(gpuBytesOf({ ...mesh, image: null }) + 64);
 });
 
 it("what is decoded belongs to the caller, and the payload stays as it was", async () => {

@@ -17,6 +17,7 @@ from terraport_pipeline.cli.edge import watching
 from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.errors import PipelineError
+from terraport_pipeline.profiles import PROFILES, Profile, texture_options
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.published.scene_model import SceneModel
 from terraport_pipeline.published.work_directory import default_work_directory
@@ -39,8 +40,25 @@ def register(app: typer.Typer) -> None:
     app.command("build")(command_of(build))
 
 
+def _take_profile(context: typer.Context, profile: Profile | None) -> Profile | None:
+    """Make a profile's values the defaults of the command's other options."""
+    if profile is not None:
+        context.default_map = {**(context.default_map or {}), **PROFILES[profile]}
+    return profile
+
+
 def build(
     options: BuildOptions,
+    profile: Annotated[
+        Profile | None,
+        typer.Option(
+            is_eager=True,
+            callback=_take_profile,
+            help="What the scene is for: sizes of segments and texels, and the form of textures, "
+            "that fit what such devices hold. What is stated beside it counts. headset, phone: "
+            "textures that stay compressed on the GPU (ktx2). desktop: as without.",
+        ),
+    ] = None,
     report: Annotated[
         bool, typer.Option(help="Write SCENE/report.html and report.pdf afterwards.")
     ] = True,
@@ -78,6 +96,8 @@ def build(
     """
     console = Console(stderr=True, soft_wrap=True)
     of_project = None if options.texture is not None else project_texturing(options.inputs)
+    if of_project is not None and profile is not None:
+        of_project = replace(of_project, options=texture_options(profile, of_project.options))
     if of_project is not None and options.base_texture:
         options = replace(options, texture=of_project)
         if not quiet:

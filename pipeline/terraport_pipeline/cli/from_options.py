@@ -50,7 +50,12 @@ def command_of(function: Callable[..., None]) -> Callable[..., None]:
     def command(context: typer.Context, **given: Any) -> None:
         with reporting_errors(Console(stderr=True, soft_wrap=True)):
             sources = {key: context.get_parameter_source(key) for key in given}
-            stated = {key for key, source in sources.items() if source and source.name != "DEFAULT"}
+            # A profile's defaults are defaults: they alone make no dataclass that is None without.
+            stated = {
+                key
+                for key, source in sources.items()
+                if source and source.name not in {"DEFAULT", "DEFAULT_MAP"}
+            }
             own = {name: given[name] for name in hints if name not in classes}
             dataclasses = {name: _make(held, given, stated) for name, held in classes.items()}
             function(**own, **dataclasses)

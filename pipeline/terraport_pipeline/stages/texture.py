@@ -84,9 +84,9 @@ class Options:
     finer than a photo's pixel; coarser where a segment would not fit."""
     kind: Annotated[ImageFormat, Option(flags=("--texture-format",))] = "jpeg"
     """How images are packed. jpeg: every loader reads it. webp: a quarter smaller. png: without
-    loss. ktx2: small on the GPU; needs the program basisu."""
+    loss. ktx2: an eighth on the GPU, encoded by Node."""
     quality: Annotated[int, Option(flags=("--texture-quality",), least=1, most=100)] = 85
-    """Quality of jpeg and webp: higher is larger and truer."""
+    """Quality of jpeg, webp and ktx2: higher is larger and truer."""
     max_side: int = 2048
     """Longest side of a segment's image."""
     base_side: int = 2048

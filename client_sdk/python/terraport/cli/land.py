@@ -104,6 +104,10 @@ def land(
     max_bytes: Annotated[
         int | None, typer.Option(min=0, help="Budget: payload bytes, nearest first.")
     ] = None,
+    max_gpu_mebibytes: Annotated[
+        int | None,
+        typer.Option(min=0, help="Budget: MiB on a GPU, textures with their mips, nearest first."),
+    ] = None,
     cache_dir: Annotated[
         Path | None, typer.Option(help="Keep segments here from one run to the next.")
     ] = None,
@@ -169,6 +173,7 @@ def land(
     options: dict[str, Any] = {
         "max_triangles": max_triangles,
         "max_bytes": max_bytes,
+        "max_gpu_mebibytes": max_gpu_mebibytes,
         "cache_dir": cache_dir,
         "timeouts": Timeouts(plan_s=timeout),
         "group": group,

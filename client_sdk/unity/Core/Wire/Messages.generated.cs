@@ -51,6 +51,9 @@ namespace Terraport.Wire
         /// <summary>Max frame bytes.</summary>
         public const int MaxFrameBytes = 131072;
 
+        /// <summary>Max gpu element bytes.</summary>
+        public const int MaxGpuElementBytes = 4096;
+
         /// <summary>Max group members.</summary>
         public const int MaxGroupMembers = 1024;
 
@@ -176,6 +179,9 @@ namespace Terraport.Wire
             new Field("max_triangles", false, new IntegerKind(0L, 9007199254740991L)),
             new Field("max_bytes", false, new IntegerKind(0L, 9007199254740991L)),
             new Field("max_segments", false, new IntegerKind(0L, 9007199254740991L)),
+            new Field("max_gpu_bytes", false, new IntegerKind(0L, 9007199254740991L)),
+            new Field("gpu_vertex_bytes", false, new IntegerKind(1L, 4096L)),
+            new Field("gpu_face_bytes", false, new IntegerKind(1L, 4096L)),
         };
 
         /// <summary>Most triangles. Null where absent.</summary>
@@ -186,6 +192,15 @@ namespace Terraport.Wire
 
         /// <summary>Most segments. Null where absent.</summary>
         public long? MaxSegments { get; set; }
+
+        /// <summary>Most bytes on the client's GPU (section 6.2). Null where absent.</summary>
+        public long? MaxGpuBytes { get; set; }
+
+        /// <summary>Bytes of a vertex in the client's buffers; absent means 24. Null where absent.</summary>
+        public int? GpuVertexBytes { get; set; }
+
+        /// <summary>Bytes of a triangle's three indices in them; absent means 6. Null where absent.</summary>
+        public int? GpuFaceBytes { get; set; }
 
         internal override Field[] Fields
         {
@@ -199,6 +214,9 @@ namespace Terraport.Wire
                 case 0: return MaxTriangles.HasValue ? (object)(long)MaxTriangles.Value : null;
                 case 1: return MaxBytes.HasValue ? (object)(long)MaxBytes.Value : null;
                 case 2: return MaxSegments.HasValue ? (object)(long)MaxSegments.Value : null;
+                case 3: return MaxGpuBytes.HasValue ? (object)(long)MaxGpuBytes.Value : null;
+                case 4: return GpuVertexBytes.HasValue ? (object)(long)GpuVertexBytes.Value : null;
+                case 5: return GpuFaceBytes.HasValue ? (object)(long)GpuFaceBytes.Value : null;
             }
             throw NoField(field);
         }
@@ -210,6 +228,9 @@ namespace Terraport.Wire
                 case 0: MaxTriangles = value == null ? (long?)null : (long)(long)value; return;
                 case 1: MaxBytes = value == null ? (long?)null : (long)(long)value; return;
                 case 2: MaxSegments = value == null ? (long?)null : (long)(long)value; return;
+                case 3: MaxGpuBytes = value == null ? (long?)null : (long)(long)value; return;
+                case 4: GpuVertexBytes = value == null ? (int?)null : (int)(long)value; return;
+                case 5: GpuFaceBytes = value == null ? (int?)null : (int)(long)value; return;
             }
             throw NoField(field);
         }
@@ -1425,7 +1446,8 @@ namespace Terraport.Wire
             new Field("total_bytes", true, new IntegerKind(0L, 9007199254740991L)),
             new Field("total_triangles", true, new IntegerKind(0L, 9007199254740991L)),
             new Field("omitted_segments", true, new IntegerKind(0L, 4294967295L)),
-            new Field("omitted_by", false, new ChoiceKind("max_triangles", "max_bytes", "max_segments")),
+            new Field("omitted_by", false, new ChoiceKind("max_triangles", "max_bytes", "max_segments", "max_gpu_bytes")),
+            new Field("total_gpu_bytes", false, new IntegerKind(0L, 9007199254740991L)),
             new Field("blocks", false, new IdsKind(16384)),
         };
 
@@ -1480,6 +1502,9 @@ namespace Terraport.Wire
         /// <summary>Budget that the first omitted segment would exceed; absent if none was omitted. Null where absent.</summary>
         public string OmittedBy { get; set; }
 
+        /// <summary>GPU bytes of load, keep and nearby; present where hello bounds them. Null where absent.</summary>
+        public long? TotalGpuBytes { get; set; }
+
         /// <summary>With <c>pull</c>: where the payload of each row begins in the pack, in blocks of 64 bytes. Null where absent.</summary>
         public uint[] Blocks { get; set; }
 
@@ -1507,7 +1532,8 @@ namespace Terraport.Wire
                 case 12: return (long)TotalTriangles;
                 case 13: return (long)OmittedSegments;
                 case 14: return OmittedBy;
-                case 15: return Blocks;
+                case 15: return TotalGpuBytes.HasValue ? (object)(long)TotalGpuBytes.Value : null;
+                case 16: return Blocks;
             }
             throw NoField(field);
         }
@@ -1531,7 +1557,8 @@ namespace Terraport.Wire
                 case 12: TotalTriangles = (long)(long)value; return;
                 case 13: OmittedSegments = (uint)(long)value; return;
                 case 14: OmittedBy = (string)value; return;
-                case 15: Blocks = (uint[])value; return;
+                case 15: TotalGpuBytes = value == null ? (long?)null : (long)(long)value; return;
+                case 16: Blocks = (uint[])value; return;
             }
             throw NoField(field);
         }

@@ -107,6 +107,8 @@ namespace UnityEngine
     {
         public static int processorCount => Environment.ProcessorCount;
 
+        public static int graphicsMemorySize => 4096;
+
         public static bool SupportsVertexAttributeFormat(Rendering.VertexAttributeFormat format, int dimension) { return true; }
     }
 

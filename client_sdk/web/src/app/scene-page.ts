@@ -1,9 +1,9 @@
 /** One scene: loaded, shown, and loaded anew where the service publishes another version of it. */
 
-import { budgetsFor, loadSceneInWorker, openStream } from "../core/index.ts";
+import { loadSceneInWorker, openStream, sharesOf } from "../core/index.ts";
 import { sceneUrlOf } from "../core/scene/urls.ts";
 import type { SceneFiles } from "../core/types.ts";
-import { deviceClass } from "./device.ts";
+import { deviceBudgets } from "./device.ts";
 import { h, setText } from "./dom.ts";
 import { loadFailure } from "./failures.ts";
 import { formatBytes } from "./format.ts";
@@ -76,12 +76,12 @@ export function createScenePage(shell: Shell, id: string, firstRoute: Route): Sc
 
   function open(files: SceneFiles): void {
     // Its first event says of which version it is; the stage compares that with the files (wire protocol, 2.5).
-    const budgets = budgetsFor(deviceClass());
+    const budgets = deviceBudgets();
     const { token } = shell.token;
     const stream = openStream({
       sceneUrl,
       ...(token === undefined ? {} : { token }),
-      budgets,
+      budgets: sharesOf(budgets, files).budgets,
       cacheBytes: budgets.cacheBytes,
       diskBytes: budgets.diskBytes,
       creditBytes: budgets.creditBytes,

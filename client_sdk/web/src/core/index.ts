@@ -10,6 +10,7 @@ export { type DirectParts, openDirectStream } from "./client/direct-stream.ts";
 export { type LoadSceneOptions, loadSceneInWorker } from "./client/load-scene.ts";
 export { openStream } from "./client/open-stream.ts";
 export { CoverCounters } from "./cover.ts";
+export { type GpuShares, sharesOf } from "./gpu-budget.ts";
 export type * from "./group-types.ts";
 export { Residency } from "./residency.ts";
 export { StreamError } from "./scene/errors.ts";

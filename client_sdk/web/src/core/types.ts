@@ -30,6 +30,10 @@ export interface Budgets {
   readonly maxTriangles?: number;
   readonly maxBytes?: number;
   readonly maxSegments?: number;
+  /** On the client's GPU; with it what a vertex and a triangle's indices take there (wire protocol, section 6.2). */
+  readonly maxGpuBytes?: number;
+  readonly gpuVertexBytes?: number;
+  readonly gpuFaceBytes?: number;
 }
 
 /** One survey attribute of a mesh: value = offset + step * code; 65535 means "no value". */
@@ -46,7 +50,18 @@ export interface MeshImage {
   readonly mediaType: string;
   readonly width: number;
   readonly height: number;
-  readonly bitmap: ImageBitmap;
+  readonly pixels: ImageBitmap | CompressedImage;
+}
+
+/** An image as a GPU keeps it, all levels down to 1 x 1. */
+export interface CompressedImage {
+  readonly width: number;
+  readonly height: number;
+  /** WebGL's number of the form, sRGB. */
+  readonly form: number;
+  /** WebGL extension that knows the form; null where none is needed. */
+  readonly extension: string | null;
+  readonly levels: readonly Uint8Array<ArrayBuffer>[];
 }
 
 /**

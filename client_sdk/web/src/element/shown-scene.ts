@@ -3,7 +3,7 @@
 import { Color, PerspectiveCamera, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
-import { type DeviceBudgets, openStream } from "../core/index.ts";
+import { type DeviceBudgets, openStream, sharesOf } from "../core/index.ts";
 import { defaultRadiusM, waitingOf } from "../core/landing-defaults.ts";
 import { StreamError } from "../core/scene/errors.ts";
 import type { LandOptions, LinkState, SceneFiles, Stream, StreamEvent, Token, Vec3 } from "../core/types.ts";
@@ -86,10 +86,11 @@ export class ShownScene {
     this.#renderer = new WebGLRenderer({ canvas, alpha: true, antialias: true });
     // What lies behind the ground is the page's.
     this.#renderer.setClearColor(new Color(0), 0);
+    const shares = sharesOf(budgets, files);
     this.#stream = openStream({
       sceneUrl,
       ...(token === undefined ? {} : { token }),
-      budgets,
+      budgets: shares.budgets,
       cacheBytes: budgets.cacheBytes,
       diskBytes: budgets.diskBytes,
       creditBytes: budgets.creditBytes,
@@ -99,7 +100,7 @@ export class ShownScene {
       renderer: this.#renderer,
       stream: this.#stream,
       files,
-      spareGpuBytes: budgets.spareGpuBytes,
+      spareGpuBytes: shares.spareGpuBytes,
     });
     this.#scene.add(this.stage.object);
     this.#controls = new OrbitControls(this.camera, canvas);

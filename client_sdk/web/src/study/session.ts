@@ -3,11 +3,11 @@
 import { Euler, Frustum, Matrix4, type PerspectiveCamera, Vector3 } from "three";
 
 import { version } from "../../package.json";
-import { deviceClass } from "../app/device.ts";
+import { deviceBudgets } from "../app/device.ts";
 import type { Shell } from "../app/shell.ts";
 import { createViewer } from "../app/viewer/viewer.ts";
 import type { DrawnFrame } from "../app/viewer/viewer-options.ts";
-import { budgetsFor, loadSceneInWorker, openStream } from "../core/index.ts";
+import { loadSceneInWorker, openStream, sharesOf } from "../core/index.ts";
 import { defaultRadiusM } from "../core/landing-defaults.ts";
 import { sceneUrlOf } from "../core/scene/urls.ts";
 import { HeadStream } from "./head-stream.ts";
@@ -37,14 +37,14 @@ export async function openSession(shell: Shell, settings: StudySettings, root: H
   const { token } = shell.token;
   const access = token === undefined ? {} : { token };
   const files = await loadSceneInWorker(sceneUrl, access);
-  const ofDevice = budgetsFor(deviceClass());
+  const ofDevice = deviceBudgets();
   const radiusM = settings.radiusM ?? defaultRadiusM(files.manifest, ofDevice);
   const budgets = { ...ofDevice, radiusM };
   // Nothing is kept on disk: a participant's second session must not have what the first one loaded.
   const inner = openStream({
     sceneUrl,
     ...access,
-    budgets,
+    budgets: sharesOf(budgets, files).budgets,
     cacheBytes: budgets.cacheBytes,
     diskBytes: 0,
     creditBytes: budgets.creditBytes,

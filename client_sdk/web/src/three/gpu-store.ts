@@ -2,6 +2,9 @@
 
 import type { WebGLRenderer } from "three";
 
+import { imageBytes } from "../core/gpu-budget.ts";
+import type { CompressedImage, MeshImage } from "../core/types.ts";
+
 /** A buffer and its size; `null` once freed. */
 export interface GpuBuffer {
   readonly buffer: WebGLBuffer;
@@ -81,14 +84,20 @@ export class GpuStore {
     this.freedBytes += target.bytes;
   }
 
-  /** An empty texture of sRGB colours with all its mips. */
-  createTexture(width: number, height: number): GpuTexture {
+  /** An empty texture of sRGB colours with all its mips, in the image's own form. */
+  createTexture(image: MeshImage): GpuTexture {
     const gl = this.#gl;
+    const { width, height, pixels } = image;
+    let form: GLenum = gl.SRGB8_ALPHA8;
+    if ("levels" in pixels) {
+      ({ form } = pixels);
+      if (pixels.extension !== null) gl.getExtension(pixels.extension); // Its forms are unknown before.
+    }
     const texture = gl.createTexture();
     const anisotropy = gl.getExtension("EXT_texture_filter_anisotropic"); // Lost with the context, so asked for each time.
     const levels = Math.floor(Math.log2(Math.max(width, height))) + 1;
     this.#withTexture(texture, () => {
-      gl.texStorage2D(gl.TEXTURE_2D, levels, gl.SRGB8_ALPHA8, width, height);
+      gl.texStorage2D(gl.TEXTURE_2D, levels, form, width, height);
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
       gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
@@ -97,7 +106,7 @@ export class GpuStore {
         gl.texParameteri(gl.TEXTURE_2D, anisotropy.TEXTURE_MAX_ANISOTROPY_EXT, ANISOTROPY);
       }
     });
-    const bytes = textureBytes(width, height);
+    const bytes = imageBytes(image);
     this.textureBytes += bytes;
     this.createdBytes += bytes;
     return { texture, width, height, bytes };
@@ -109,6 +118,23 @@ export class GpuStore {
     this.#withTexture(target.texture, () => {
       this.#withUnpack(top, () => {
         gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, top, target.width, rows, gl.RGBA, gl.UNSIGNED_BYTE, image);
+      });
+    });
+  }
+
+  /** Write one level of an image that comes as a GPU keeps it. */
+  writeTextureLevel(target: GpuTexture, image: CompressedImage, level: number): void {
+    const gl = this.#gl;
+    const width = Math.max(target.width >> level, 1);
+    const height = Math.max(target.height >> level, 1);
+    const data = image.levels[level]!;
+    this.#withTexture(target.texture, () => {
+      this.#withUnpack(0, () => {
+        if (image.extension === null) {
+          gl.texSubImage2D(gl.TEXTURE_2D, level, 0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+        } else {
+          gl.compressedTexSubImage2D(gl.TEXTURE_2D, level, 0, 0, width, height, image.form, data);
+        }
       });
     });
   }
@@ -144,16 +170,5 @@ export class GpuStore {
     state.pixelStorei(gl.UNPACK_SKIP_ROWS, skipRows);
     act();
     state.pixelStorei(gl.UNPACK_SKIP_ROWS, 0); // The one that three.js takes for granted.
-  }
-}
-
-/** Bytes of a texture with mips, as the store counts them: what drivers really take they do not say. */
-export function textureBytes(width: number, height: number): number {
-  let bytes = 0;
-  for (let w = width, h = height; ; w = Math.max(w >> 1, 1), h = Math.max(h >> 1, 1)) {
-    bytes += w * h * 4;
-    if (w === 1 && h === 1) {
-      return bytes;
-    }
   }
 }

@@ -2,8 +2,8 @@
 
 import { type BufferAttribute, BufferGeometry, ExternalTexture, GLBufferAttribute, Sphere, Vector3 } from "three";
 
-import type { MeshData, MeshImage } from "../core/types.ts";
-import { type GpuBuffer, type GpuStore, type GpuTexture, textureBytes } from "./gpu-store.ts";
+import type { CompressedImage, MeshData, MeshImage } from "../core/types.ts";
+import type { GpuBuffer, GpuStore, GpuTexture } from "./gpu-store.ts";
 
 /** Bytes of one slice: about 0.1 ms on a desktop, so a frame's budget is kept to within that. */
 export const SLICE_BYTES = 131_072;
@@ -22,12 +22,6 @@ interface UploadArray {
   readonly array: VertexArray | Uint32Array;
   readonly itemSize: number;
   readonly normalised: boolean;
-}
-
-/** Bytes that a mesh takes on the GPU. */
-export function gpuBytesOf(data: MeshData): number {
-  const buffers = arraysOf(data, true).reduce((sum, upload) => sum + upload.array.byteLength, 0);
-  return buffers + (data.image ? textureBytes(data.image.width, data.image.height) : 0);
 }
 
 /** Buffers and texture of a mesh. `step` until `isDone`; `free` once. */
@@ -73,13 +67,15 @@ export class MeshUpload {
       return 0;
     }
     if (!this.#texture) {
-      this.#texture = this.#store.createTexture(image.width, image.height);
+      this.#texture = this.#store.createTexture(image);
       return SLICE_BYTES;
     }
+    const { pixels } = image;
+    if ("levels" in pixels) return this.#stepLevel(this.#texture, pixels);
     if (this.#row < image.height) {
       // Whole rows, as WebGL writes rectangles; one at least, however wide the image is.
       const rows = Math.min(Math.max(Math.floor(SLICE_BYTES / (image.width * 4)), 1), image.height - this.#row);
-      this.#store.writeTextureRows(this.#texture, image.bitmap, this.#row, rows);
+      this.#store.writeTextureRows(this.#texture, pixels, this.#row, rows);
       this.#row += rows;
       return rows * image.width * 4;
     }
@@ -113,9 +109,21 @@ export class MeshUpload {
 
   #closeImage(): void {
     if (!this.#isBase) {
-      this.#image?.bitmap.close();
+      closeImage(this.#image);
     }
     this.#image = null;
+  }
+
+  /** A level at a time, the largest first: 1024 x 1024 compressed is 0.5 MB, less than its rows uncompressed. */
+  #stepLevel(texture: GpuTexture, pixels: CompressedImage): number {
+    const data = pixels.levels[this.#row]!;
+    this.#store.writeTextureLevel(texture, pixels, this.#row);
+    this.#row += 1;
+    if (this.#row === pixels.levels.length) {
+      this.map = new ExternalTexture(texture.texture);
+      this.#finish();
+    }
+    return data.byteLength;
   }
 
   #stepBuffer(upload: UploadArray): number {
@@ -146,6 +154,11 @@ export class MeshUpload {
       this.attributes.set(upload.name, attribute);
     }
   }
+}
+
+/** Give back what an image holds outside the collector's sight. */
+export function closeImage(image: MeshImage | null): void {
+  if (image && "close" in image.pixels) image.pixels.close();
 }
 
 /** A geometry over attributes on the GPU, in the scene's frame: `data.bounds` decides whether it is in view. */

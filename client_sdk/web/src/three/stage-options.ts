@@ -20,7 +20,7 @@ export interface StageOptions {
 }
 
 const DEFAULT_GPU_BYTES = 128 * 1024 * 1024;
-/** Segments decoded ahead of their upload. Small ones need many, since each takes two frames; textures take 22 MB each. */
+/** Segments decoded ahead of their upload. Small ones need many, since each takes two frames; textures take up to 22 MB each. */
 const MAX_IN_FLIGHT = 16;
 const MAX_IN_FLIGHT_BYTES = 64 * 1024 * 1024;
 

@@ -7,6 +7,7 @@
 
 import { Group, PerspectiveCamera, type WebGLRenderer } from "three";
 
+import { gpuBytesOf } from "../core/gpu-budget.ts";
 import type { Residency } from "../core/residency.ts";
 import type {
   Bounds,
@@ -25,7 +26,7 @@ import { GroundMaterial } from "./ground-material.ts";
 import { castGround, groundOnVertical, type Pickable, pickableBase, type ShownGround } from "./ground-picking.ts";
 import { GroundSet } from "./ground-set.ts";
 import { statusOf } from "./landing-status.ts";
-import { gpuBytesOf } from "./mesh-upload.ts";
+import { closeImage } from "./mesh-upload.ts";
 import { regionColour, segmentColour, toCss } from "./palette.ts";
 import { StageLooks, type Theme } from "./stage-looks.ts";
 import { passOn, residencyOf, type StageOptions } from "./stage-options.ts";
@@ -376,7 +377,7 @@ export class Stage implements Landings {
   #onMesh(segment: number, data: MeshData, epoch: number): void {
     // The bitmap is this side's to close wherever the mesh is not taken: memory of images is not collected in time.
     if (this.#isDisposed || !this.#residency.decoded(segment, epoch, gpuBytesOf(data))) {
-      data.image?.bitmap.close();
+      closeImage(data.image);
       return;
     }
     this.#grounds.add(segment, data);

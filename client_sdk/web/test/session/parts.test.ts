@@ -153,12 +153,13 @@ test("the pace is one that the server's own bucket never finds too fast (12)", (
   }
 });
 
-test("every bound of every device is a positive number, and a landing fits into its cache and GPU", () => {
+test("every bound of every device is a positive number, and less where there is little memory", () => {
   for (const device of ["desktop", "phone", "headset"] as const) {
     const budgets = budgetsFor(device);
     for (const value of Object.values(budgets)) expect(value).toBeGreaterThan(0);
-    expect(budgets.cacheBytes).toBeGreaterThanOrEqual(budgets.maxBytes);
     expect(budgets.maxSegments).toBeLessThanOrEqual(16_384);
+    expect(budgetsFor(device, 1).maxGpuBytes).toBe(128 * 1024 * 1024);
+    expect(budgetsFor(device, 64)).toEqual(budgets);
   }
 });
 

@@ -1,6 +1,7 @@
 #include "TerraportSession.h"
 
 #include "GameFramework/Actor.h"
+#include "HAL/PlatformMemory.h"
 #include "HAL/PlatformTime.h"
 #include "MaterialDomain.h"
 #include "Materials/Material.h"
@@ -23,6 +24,8 @@ constexpr std::size_t MaxPumpBytes = 512 * 1024;
 constexpr double FirstRetryS = 1.0;
 constexpr double MaxRetryS = 30.0;
 constexpr uint64 Mebibyte = 1024 * 1024;
+/** Of the share of the graphics, for segments that an aim brings ahead. */
+constexpr uint64 SparePart = 8;
 
 double NowMilliseconds()
 {
@@ -305,12 +308,12 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 		Host->OnOpened();
 		return;
 	}
-	if (!MakeStream(Result.SceneUrl))
+	if (!MakeStream(Result))
 	{
 		return;
 	}
 	terraport::StageOptions Options;
-	Options.spareGpuBytes = std::size_t(std::max(Budgets.SpareMeshMiB, 1)) * Mebibyte;
+	Options.spareGpuBytes = std::size_t(GpuShareBytes() / SparePart);
 	Options.baseBlockFaces = BaseBlockFaces;
 	Options.autoShow = Host->IsAutoShow();
 	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Ground, *Decodes, Options);
@@ -323,10 +326,10 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 	Host->OnOpened();
 }
 
-bool FTerraportSession::MakeStream(const std::string& SceneUrl)
+bool FTerraportSession::MakeStream(const FTerraportFilesResult& Files)
 {
 	terraport::Result<std::unique_ptr<terraport::SceneStream>> NewStream =
-		terraport::SceneStream::make(StreamOptionsOf(SceneUrl), std::make_shared<FTerraportWebSockets>());
+		terraport::SceneStream::make(StreamOptionsOf(Files), std::make_shared<FTerraportWebSockets>());
 	if (!NewStream.isOk())
 	{
 		ReportFailure(NewStream.status().code(), NewStream.status().text(), 0, true);
@@ -337,14 +340,27 @@ bool FTerraportSession::MakeStream(const std::string& SceneUrl)
 	return true;
 }
 
-terraport::StreamOptions FTerraportSession::StreamOptionsOf(const std::string& SceneUrl) const
+/** What is stated, or an eighth of the device's memory: what a mesh keeps beside the graphics' copy lies there, too. */
+uint64 FTerraportSession::GpuShareBytes() const
+{
+	const uint64 Stated = uint64(std::max(Budgets.MaxGpuMebibytes, 1)) * Mebibyte;
+	const uint64 Device = FPlatformMemory::GetConstants().TotalPhysical / 8;
+	return Device > 0 ? std::min(Stated, Device) : Stated;
+}
+
+terraport::StreamOptions FTerraportSession::StreamOptionsOf(const FTerraportFilesResult& Files) const
 {
 	terraport::StreamOptions Options;
-	Options.sceneUrl = SceneUrl;
+	Options.sceneUrl = Files.SceneUrl;
 	Options.token = Token;
 	Options.tokenProvider = TokenProvider;
 	Options.budgets.maxTriangles = uint64(std::max<int64>(Budgets.MaxTriangles, 1));
-	Options.budgets.maxBytes = uint64(std::max(Budgets.MaxPayloadMiB, 1)) * Mebibyte;
+	// The base, an eighth for what an aim brings, and two landings: one that is shown, and one that replaces it.
+	const uint64 Share = GpuShareBytes();
+	const uint64 Taken = Share / SparePart + Renderer->gpuBytesOf(Files.Files->base);
+	Options.budgets.maxGpuBytes = Share > Taken ? (Share - Taken) / 2 : 0;
+	Options.budgets.gpuVertexBytes = uint32(Backend->BytesOf(1, 0));
+	Options.budgets.gpuFaceBytes = uint32(Backend->BytesOf(0, 3));
 	Options.budgets.maxSegments = uint64(std::max(Budgets.MaxSegments, 1));
 	Options.cacheBytes = uint64(std::max(Budgets.CacheMiB, 0)) * Mebibyte;
 	// The cache has a thread of its own; a path of the engine's is relative to its binaries.

@@ -82,14 +82,15 @@ private:
 	void PollLoading(double NowMs);
 	void RetryLater(double NowMs);
 	void TakeFiles(FTerraportFilesResult& Result, double NowMs);
-	bool MakeStream(const std::string& SceneUrl);
+	bool MakeStream(const FTerraportFilesResult& Files);
 	void Draw(double NowMs, double EndMs);
 	void ReportSwaps();
 	void ReportPresentable();
 	void Report(const terraport::StreamEvent& Event);
 	void ReportLink(const terraport::LinkState& Link);
 	void ReportFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal);
-	terraport::StreamOptions StreamOptionsOf(const std::string& SceneUrl) const;
+	uint64 GpuShareBytes() const;
+	terraport::StreamOptions StreamOptionsOf(const FTerraportFilesResult& Files) const;
 	FTerraportMaterials MaterialsOf(const FTerraportMaterials& Chosen) const;
 
 	AActor& Owner;

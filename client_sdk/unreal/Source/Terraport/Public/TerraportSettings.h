@@ -9,11 +9,11 @@
 UENUM(BlueprintType)
 enum class ETerraportDevice : uint8
 {
-	/** 6 million triangles, 96 MiB, 4,096 segments a landing. */
+	/** 6 million triangles, 4,096 segments a landing; 1,024 MiB on the graphics in all. */
 	Desktop,
-	/** 900,000 triangles, 32 MiB, 512 segments a landing: two eyes on a phone's graphics. */
+	/** 900,000 triangles, 512 segments a landing; 512 MiB in all: two eyes on a phone's graphics. */
 	Headset,
-	/** 1.5 million triangles, 32 MiB, 1,024 segments a landing; little memory beside. */
+	/** 1.5 million triangles, 1,024 segments a landing; 256 MiB in all. */
 	Phone,
 	/** What CustomBudgets says. */
 	Custom,
@@ -30,9 +30,10 @@ struct TERRAPORT_API FTerraportBudgets
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1000"))
 	int64 MaxTriangles = 6000000;
 
-	/** MiB of payload of a landing. More: denser surveys and photographs. Less: shorter waits, less memory. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1", ClampMax = "4096"))
-	int32 MaxPayloadMiB = 96;
+	/** MiB of everything on the graphics: base, what is shown, what is coming, what an aim brought; textures with their mips,
+	 * and what a mesh keeps in main memory beside. Lowered to an eighth of the device's memory where that is less. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "16", ClampMax = "65536"))
+	int32 MaxGpuMebibytes = 1024;
 
 	/** Segments of a landing; each in view is a draw call. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1"))
@@ -50,10 +51,6 @@ struct TERRAPORT_API FTerraportBudgets
 	/** MiB of payload under way at most. More: long links are used in full. Less: a landing that is given up costs less. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1", ClampMax = "256"))
 	int32 CreditMiB = 16;
-
-	/** MiB of meshes that are ready and neither shown nor waited for: what an aim brought. */
-	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "1", ClampMax = "4096"))
-	int32 SpareMeshMiB = 256;
 
 	/** The bounds of a class of devices; for Custom those of a desktop. */
 	static FTerraportBudgets For(ETerraportDevice Device);

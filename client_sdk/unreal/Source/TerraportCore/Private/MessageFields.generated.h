@@ -18,7 +18,10 @@ struct FieldsOf<BudgetsPart> {
   static bool visit(Visitor& visitor, Message& message) {
     return visitor.field("max_triangles", message.maxTriangles, IntegerKind{0, 9007199254740991}) &&
            visitor.field("max_bytes", message.maxBytes, IntegerKind{0, 9007199254740991}) &&
-           visitor.field("max_segments", message.maxSegments, IntegerKind{0, 9007199254740991});
+           visitor.field("max_segments", message.maxSegments, IntegerKind{0, 9007199254740991}) &&
+           visitor.field("max_gpu_bytes", message.maxGpuBytes, IntegerKind{0, 9007199254740991}) &&
+           visitor.field("gpu_vertex_bytes", message.gpuVertexBytes, IntegerKind{1, 4096}) &&
+           visitor.field("gpu_face_bytes", message.gpuFaceBytes, IntegerKind{1, 4096});
   }
 };
 
@@ -295,7 +298,8 @@ struct FieldsOf<PlanMessage> {
            visitor.field("total_bytes", message.totalBytes, IntegerKind{0, 9007199254740991}) &&
            visitor.field("total_triangles", message.totalTriangles, IntegerKind{0, 9007199254740991}) &&
            visitor.field("omitted_segments", message.omittedSegments, IntegerKind{0, 4294967295}) &&
-           visitor.field("omitted_by", message.omittedBy, choiceOf("max_triangles", "max_bytes", "max_segments")) &&
+           visitor.field("omitted_by", message.omittedBy, choiceOf("max_triangles", "max_bytes", "max_segments", "max_gpu_bytes")) &&
+           visitor.field("total_gpu_bytes", message.totalGpuBytes, IntegerKind{0, 9007199254740991}) &&
            visitor.field("blocks", message.blocks, RowsKind{16384});
   }
 };

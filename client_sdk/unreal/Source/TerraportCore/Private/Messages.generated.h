@@ -31,6 +31,7 @@ constexpr double kMaxCoordinateM = 10000000.0;
 constexpr std::uint64_t kMaxDeadlineMs = 600000;
 constexpr std::uint64_t kMaxDepth = 16;
 constexpr std::uint64_t kMaxFrameBytes = 131072;
+constexpr std::uint64_t kMaxGpuElementBytes = 4096;
 constexpr std::uint64_t kMaxGroupMembers = 1024;
 constexpr std::uint64_t kMaxGroupName = 64;
 constexpr std::uint64_t kMaxHeaderBytes = 1024;
@@ -76,6 +77,12 @@ struct BudgetsPart {
   std::optional<std::uint64_t> maxBytes;
   /// Most segments.
   std::optional<std::uint64_t> maxSegments;
+  /// Most bytes on the client's GPU (section 6.2).
+  std::optional<std::uint64_t> maxGpuBytes;
+  /// Bytes of a vertex in the client's buffers; absent means 24.
+  std::optional<std::uint32_t> gpuVertexBytes;
+  /// Bytes of a triangle's three indices in them; absent means 6.
+  std::optional<std::uint32_t> gpuFaceBytes;
 };
 
 /// Which scene is served.
@@ -362,6 +369,8 @@ struct PlanMessage {
   std::uint32_t omittedSegments = 0;
   /// Budget that the first omitted segment would exceed; absent if none was omitted.
   std::optional<std::string> omittedBy;
+  /// GPU bytes of load, keep and nearby; present where hello bounds them.
+  std::optional<std::uint64_t> totalGpuBytes;
   /// With `pull`: where the payload of each row begins in the pack, in blocks of 64 bytes.
   std::optional<std::vector<std::uint32_t>> blocks;
 };

@@ -17,6 +17,9 @@ HelloMessage helloMessage(const SessionOptions& options, std::vector<HeldRow> ro
   hello.budgets.maxTriangles = options.budgets.maxTriangles;
   hello.budgets.maxBytes = options.budgets.maxBytes;
   hello.budgets.maxSegments = options.budgets.maxSegments;
+  hello.budgets.maxGpuBytes = options.budgets.maxGpuBytes;
+  hello.budgets.gpuVertexBytes = options.budgets.gpuVertexBytes;
+  hello.budgets.gpuFaceBytes = options.budgets.gpuFaceBytes;
   hello.creditBytes = options.creditBytes;
   hello.releaseFactor = options.releaseFactor;
   hello.held = std::move(rows);

@@ -101,6 +101,10 @@ Status Transfers::onPlan(const PlanMessage& plan) {
   }
   TERRAPORT_RETURN_IF_ERROR(
       expectWithinBudgets(plan.totalBytes, plan.totalTriangles, plan.load.size() + plan.keep.size() + plan.nearby.size()));
+  // A server that does not know the bound says nothing of it.
+  if (plan.totalGpuBytes.value_or(0) > budgets_.maxGpuBytes.value_or(plan.totalGpuBytes.value_or(0))) {
+    return violation("got more GPU bytes than the budgets of hello allow (6.2)");
+  }
   const Landing landing = unplanned_.front();
   unplanned_.erase(unplanned_.begin());
   endCurrent(landing->number);

@@ -1,5 +1,6 @@
 /** The viewer of one scene: makes its modules, gives each what it needs, and draws. */
 
+import { sharesOf } from "../../core/gpu-budget.ts";
 import { listScenes } from "../../core/scene/load.ts";
 import type { SceneFiles, Vec3 } from "../../core/types.ts";
 
@@ -97,8 +98,8 @@ export function createViewer(options: ViewerOptions): Viewer {
     contextLost: () => contextLost(),
     contextRestored: () => contextRestored(),
   });
-  // A fourth of the GPU's share for what nothing shows, or no more; the rest is for two landings, one coming and one going.
-  const stage = new Stage({ renderer: world.renderer, stream, files, spareGpuBytes: options.budgets.spareGpuBytes });
+  const { spareGpuBytes } = sharesOf(options.budgets, files);
+  const stage = new Stage({ renderer: world.renderer, stream, files, spareGpuBytes });
   const markers = createMarkers();
   const brushLines = createBrushLines();
   world.scene.add(stage.object, markers.object, brushLines.object);

@@ -1,13 +1,16 @@
 /** Pictures inside payloads, decoded where this runs. */
 
 import type { DecodeImage } from "../payload/glb.ts";
+import { decodeBasis } from "./basis-decoder.ts";
 
 /** The platform's decoder, giving the picture's own values; undefined where there is none (Node). */
 export function imageDecoder(): DecodeImage | undefined {
   if (typeof createImageBitmap !== "function") return undefined;
   return (bytes, mediaType) =>
-    createImageBitmap(new Blob([bytes], { type: mediaType }), {
-      colorSpaceConversion: "none",
-      premultiplyAlpha: "none",
-    });
+    mediaType === "image/ktx2"
+      ? decodeBasis(bytes)
+      : createImageBitmap(new Blob([bytes], { type: mediaType }), {
+          colorSpaceConversion: "none",
+          premultiplyAlpha: "none",
+        });
 }

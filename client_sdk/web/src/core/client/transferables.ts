@@ -1,12 +1,12 @@
 /** What of a value is handed over to another thread instead of being copied. */
 
-import type { MeshData, SceneFiles } from "../types.ts";
+import type { MeshData, MeshImage, SceneFiles } from "../types.ts";
 
 /** The buffers, and the picture, of a mesh: each once. */
 export function transferablesOfMesh(mesh: MeshData): Transferable[] {
   const arrays = [mesh.positions, mesh.normals, mesh.colours, mesh.uvs, mesh.regionIds, mesh.indices];
   for (const attribute of mesh.attributes) arrays.push(attribute.codes);
-  return [...buffersOf(arrays), ...(mesh.image === null ? [] : [mesh.image.bitmap])];
+  return [...buffersOf(arrays), ...(mesh.image === null ? [] : pixelsOf(mesh.image))];
 }
 
 /** The buffers of a scene's base mesh and cover. */
@@ -21,4 +21,8 @@ function buffersOf(arrays: readonly (ArrayBufferView | null)[]): Transferable[] 
     if (array !== null && array.buffer instanceof ArrayBuffer) buffers.add(array.buffer);
   }
   return [...buffers];
+}
+
+function pixelsOf({ pixels }: MeshImage): Transferable[] {
+  return "levels" in pixels ? pixels.levels.map((level) => level.buffer) : [pixels];
 }

@@ -1,6 +1,6 @@
 /** GLB payloads and the base mesh to what the GPU is given (scene format, section 9). */
 
-import type { AttributeCodes, Bounds, MeshData, MeshImage } from "../types.ts";
+import type { AttributeCodes, Bounds, CompressedImage, MeshData, MeshImage } from "../types.ts";
 import { AccessorReader, BYTE, FLOAT, UNSIGNED_SHORT } from "./accessors.ts";
 import { PayloadError } from "./errors.ts";
 import { splitGlb } from "./glb-container.ts";
@@ -20,8 +20,8 @@ import {
 } from "./json-values.ts";
 import { boundsOf, checkIndices, checkNormals, largest } from "./mesh-checks.ts";
 
-/** Decodes an image file; `createImageBitmap` in a browser. */
-export type DecodeImage = (bytes: Uint8Array<ArrayBuffer>, mediaType: string) => Promise<ImageBitmap>;
+/** Decodes an image file; in a browser by `createImageBitmap`, KTX2 by a transcoder. */
+export type DecodeImage = (bytes: Uint8Array<ArrayBuffer>, mediaType: string) => Promise<ImageBitmap | CompressedImage>;
 
 const KNOWN: ReadonlySet<unknown> = new Set([
   "KHR_mesh_quantization",
@@ -41,7 +41,7 @@ const MAX_BASE_SIDE = 4096;
 /**
  * Decode one GLB payload; arrays stay quantised. Needs `prepareDecoders`. `bytes` are only read.
  *
- * The mesh has no image without `decodeImage`, nor where the image is KTX2, which no browser opens by itself.
+ * The mesh has no image without `decodeImage`.
  *
  * @param segment Segment id; -1 for the base mesh.
  * @throws PayloadError For anything that is not a whole GLB of the profile.
@@ -52,7 +52,7 @@ export async function decodeGlb(
   decodeImage?: DecodeImage,
 ): Promise<MeshData> {
   const { mesh, image } = readGlb(bytes, segment);
-  if (image === null || decodeImage === undefined || image.header.mediaType === "image/ktx2") return mesh;
+  if (image === null || decodeImage === undefined) return mesh;
   return { ...mesh, image: await openImage(image, decodeImage) };
 }
 
@@ -233,15 +233,15 @@ function readImage(reader: AccessorReader, texture: TextureReference, segment: n
 }
 
 async function openImage({ header, bytes }: ImageFile, decodeImage: DecodeImage): Promise<MeshImage> {
-  let bitmap: ImageBitmap;
+  let pixels: ImageBitmap | CompressedImage;
   try {
-    bitmap = await decodeImage(bytes, header.mediaType);
+    pixels = await decodeImage(bytes, header.mediaType);
   } catch {
     throw new PayloadError(`image does not decode, expected a whole ${header.mediaType}`);
   }
-  if (bitmap.width !== header.width || bitmap.height !== header.height) {
-    bitmap.close();
-    throw new PayloadError(`image of ${bitmap.width} x ${bitmap.height} pixels, its header says otherwise`);
+  if (pixels.width !== header.width || pixels.height !== header.height) {
+    if ("close" in pixels) pixels.close();
+    throw new PayloadError(`image of ${pixels.width} x ${pixels.height} pixels, its header says otherwise`);
   }
-  return { ...header, bitmap };
+  return { ...header, pixels };
 }

@@ -22,6 +22,7 @@ export const LIMITS = {
   MAX_DEADLINE_MS: 600000,
   MAX_DEPTH: 16,
   MAX_FRAME_BYTES: 131072,
+  MAX_GPU_ELEMENT_BYTES: 4096,
   MAX_GROUP_MEMBERS: 1024,
   MAX_GROUP_NAME: 64,
   MAX_HEADER_BYTES: 1024,
@@ -65,6 +66,12 @@ export interface BudgetsPart {
   readonly max_bytes?: number | undefined;
   /** Most segments. */
   readonly max_segments?: number | undefined;
+  /** Most bytes on the client's GPU (section 6.2). */
+  readonly max_gpu_bytes?: number | undefined;
+  /** Bytes of a vertex in the client's buffers; absent means 24. */
+  readonly gpu_vertex_bytes?: number | undefined;
+  /** Bytes of a triangle's three indices in them; absent means 6. */
+  readonly gpu_face_bytes?: number | undefined;
 }
 
 /** Which scene is served. */
@@ -366,7 +373,9 @@ export interface PlanMessage {
   /** Segments within radius_m that a budget left out. */
   readonly omitted_segments: number;
   /** Budget that the first omitted segment would exceed; absent if none was omitted. */
-  readonly omitted_by?: "max_triangles" | "max_bytes" | "max_segments" | undefined;
+  readonly omitted_by?: "max_triangles" | "max_bytes" | "max_segments" | "max_gpu_bytes" | undefined;
+  /** GPU bytes of load, keep and nearby; present where hello bounds them. */
+  readonly total_gpu_bytes?: number | undefined;
   /** With `pull`: where the payload of each row begins in the pack, in blocks of 64 bytes. */
   readonly blocks?: readonly number[] | undefined;
 }
@@ -552,6 +561,9 @@ export const PARTS = {
     { name: "max_triangles", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
     { name: "max_bytes", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
     { name: "max_segments", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
+    { name: "max_gpu_bytes", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
+    { name: "gpu_vertex_bytes", required: false, kind: { name: "integer", low: 1, high: 4096 } },
+    { name: "gpu_face_bytes", required: false, kind: { name: "integer", low: 1, high: 4096 } },
   ],
   sceneinfo: [
     { name: "id", required: true, kind: { name: "text", shortest: 1, longest: 128, pattern: null } },
@@ -699,7 +711,8 @@ export const MESSAGES: MessageTable = {
       { name: "total_bytes", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
       { name: "total_triangles", required: true, kind: { name: "integer", low: 0, high: 9007199254740991 } },
       { name: "omitted_segments", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
-      { name: "omitted_by", required: false, kind: { name: "choice", options: ["max_triangles", "max_bytes", "max_segments"] } },
+      { name: "omitted_by", required: false, kind: { name: "choice", options: ["max_triangles", "max_bytes", "max_segments", "max_gpu_bytes"] } },
+      { name: "total_gpu_bytes", required: false, kind: { name: "integer", low: 0, high: 9007199254740991 } },
       { name: "blocks", required: false, kind: { name: "ids", most: 16384 } },
     ],
     prefetch: [

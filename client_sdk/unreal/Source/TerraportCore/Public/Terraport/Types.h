@@ -67,6 +67,10 @@ struct Budgets {
   /// Payload bytes.
   std::optional<std::uint64_t> maxBytes;
   std::optional<std::uint64_t> maxSegments;
+  /// On the client's GPU; with it what a vertex and a triangle's indices take there (wire protocol, section 6.2).
+  std::optional<std::uint64_t> maxGpuBytes;
+  std::optional<std::uint32_t> gpuVertexBytes;
+  std::optional<std::uint32_t> gpuFaceBytes;
 };
 
 /// How long a landing may take before its inner part is acceptable (wire protocol, 6.4, rule 3).

@@ -1,0 +1,2 @@
+/** Write `src/core/transcoder/` where it is not there. */
+export function prepareTranscoder(): void;
