@@ -50,27 +50,31 @@ def missing() -> str | None:
 
 def build() -> Engine:
     """Compile the library and lay out the project with it, once for all test processes."""
-    own = [path for path in sorted(GODOT.rglob("*")) if path.is_file() and "bin" not in path.parts]
-    core = cores.UNREAL / "Source"
-    sources = [path for path in sorted(core.rglob("*")) if path.suffix in {".h", ".cpp"}]
+    native = [GODOT / "CMakeLists.txt", *sorted((GODOT / "src").iterdir())]
+    core = sorted((cores.UNREAL / "Source").rglob("*"))
+    sources = [path for path in core if path.suffix in {".h", ".cpp"}]
 
-    def make(folder: Path) -> None:
-        project = folder / "project"
-        shutil.copytree(GODOT, project, ignore=shutil.ignore_patterns(*NO_PART))
+    def compile_library(folder: Path) -> None:
         configure = ["cmake", "-S", str(GODOT), "-B", str(folder / "build")]
-        cores.run_logged(
-            [
-                *configure,
-                f"-DCMAKE_INSTALL_PREFIX={project}",
-                "-DCMAKE_UNITY_BUILD=ON",
-                "-DCMAKE_UNITY_BUILD_BATCH_SIZE=20",
-                "-DCMAKE_CXX_FLAGS_RELEASE=-O1",
-            ]
-        )
+        options = [
+            f"-DCMAKE_INSTALL_PREFIX={folder}",
+            "-DCMAKE_UNITY_BUILD=ON",
+            "-DCMAKE_UNITY_BUILD_BATCH_SIZE=20",
+            "-DCMAKE_CXX_FLAGS_RELEASE=-O1",
+        ]
+        cores.run_logged([*configure, *options])
         cores.run_logged(["cmake", "--build", str(folder / "build"), "-j", str(os.cpu_count())])
         cores.run_logged(["cmake", "--install", str(folder / "build")])
 
-    return Engine(cores.built("godot", [*own, *sources], make) / "project")
+    library = cores.built("godot-library", [*native, *sources], compile_library)
+    own = [path for path in sorted(GODOT.rglob("*")) if path.is_file() and "bin" not in path.parts]
+
+    def lay_out(folder: Path) -> None:
+        project = folder / "project"
+        shutil.copytree(GODOT, project, ignore=shutil.ignore_patterns(*NO_PART))
+        shutil.copytree(library / "addons", project / "addons", dirs_exist_ok=True)
+
+    return Engine(cores.built("godot", [*own, *sources], lay_out) / "project")
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,7 @@ class Engine:
         width: int = 256,
         height: int = 144,
         magenta: bool = False,
+        fov_deg: float = 60.0,
         renderer: str = "GLES3",
         **properties: object,
     ) -> Visit:
@@ -100,6 +105,8 @@ class Engine:
             Of the window, pixels.
         magenta
             Clear to a colour that no ground has.
+        fov_deg
+            Of the camera, upright.
         renderer
             ``GLES3`` or ``GLES2``.
         **properties
@@ -111,6 +118,7 @@ class Engine:
                 "width": width,
                 "height": height,
                 "magenta": magenta,
+                "fov": fov_deg,
                 "properties": {"scene_url": scene_url, **properties},
                 "steps": [["open"], *steps],
             }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import time
 from pathlib import Path
@@ -130,3 +131,30 @@ def test_aims_picks_and_rays(godot: Engine, server: Service) -> None:
     assert 0 < collided["shapes"] < 25
     for hit, other in zip(hits[1:4], collided["hits"][1:4], strict=True):
         assert other[1] == pytest.approx(hit[1], abs=0.001)
+
+
+@pytest.mark.parametrize("example", ["first_landing", "first_landing_xr"])
+def test_the_examples_land_and_teleport(
+    godot: Engine, server: Service, example: str, tmp_path: Path
+) -> None:
+    """Without a line of code; the ground is swapped and the feet are moved in one frame."""
+    out = tmp_path / "out.json"
+    output = godot.run(
+        ["-s", "res://tests/example.gd"],
+        {
+            "TERRAPORT_EXAMPLE": f"res://example/{example}.tscn",
+            "TERRAPORT_URL": f"{server.url}/scenes/grid",
+            "TERRAPORT_OUT": str(out),
+        },
+    )
+    assert re.findall(r"^.*(?:ERROR|WARNING|leaked).*$", output, re.MULTILINE) == [], output[-4000:]
+    told = json.loads(out.read_text())
+    assert (told["stayed"], told["auto_show"]) == ([], True)
+    assert told["first"] != told["second"] != []
+    x, y, z = told["head"]
+    assert (x, z) == pytest.approx((42.0, 17.0), abs=0.01)
+    assert y - told["ground_m"] == pytest.approx(1.7, abs=0.01)
+    assert {name for name, _ in told["frames"]} == {"shown", "teleported"}
+    frames = [frame for _, frame in told["frames"]]
+    assert max(frames) - min(frames) <= 1
+    assert ("no headset was found" in output) == example.endswith("xr")

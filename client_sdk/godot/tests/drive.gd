@@ -180,7 +180,7 @@ func step_pause(step: Array):
 	return true
 
 
-# ["look", x, y, z, yaw, pitch, file]: draw from there; yaw 0 looks north, degrees.
+# ["look", x, y, z, yaw, pitch, file]: draw from there; yaw 0 looks north, 90 east, degrees.
 func step_look(step: Array):
 	var image = yield(draw(step), "completed")
 	image.save_png(step[6])
@@ -188,7 +188,7 @@ func step_look(step: Array):
 
 
 func draw(step: Array):
-	camera.transform = Transform(Basis(Vector3(deg2rad(step[5]), deg2rad(step[4]), 0)), vector(step, 1))
+	camera.transform = Transform(Basis(Vector3(deg2rad(step[5]), deg2rad(-step[4]), 0)), vector(step, 1))
 	yield(self, "idle_frame")
 	yield(VisualServer, "frame_post_draw")
 	var image := root.get_texture().get_data()

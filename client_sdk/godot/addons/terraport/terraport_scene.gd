@@ -191,7 +191,8 @@ func regions() -> Array:
 	return _client.regions() if _client != null else []
 
 
-# Segments shown, ascending; and what is drawn as one text, equal to the viewer's where the same is drawn.
+# Segments shown, ascending; and what is drawn as one text: segments, their hash, hidden faces of the base, their hash. It is
+# the viewer's where the same is drawn, but for the last part: the base's faces stand in an order of their own here.
 func visible_segments() -> PoolIntArray:
 	return _client.visible() if _client != null else PoolIntArray()
 
