@@ -22,6 +22,8 @@ uniform float push_m = 0.0;
 uniform float segment = -1.0;
 
 varying vec3 tilt;
+// Linear light: mixed over a face as the viewer mixes it.
+varying vec3 tint;
 varying flat float region;
 
 vec3 to_linear(vec3 c) {
@@ -42,6 +44,7 @@ vec3 hue_of(float number) {
 
 void vertex() {
 	tilt = NORMAL;
+	tint = to_linear(COLOR.rgb);
 	region = UV2.x;
 	vec3 away = (MODELVIEW_MATRIX * vec4(VERTEX, 1.0)).xyz;
 	VERTEX = away + push_m * away / max(length(away), 0.001);
@@ -59,7 +62,7 @@ void fragment() {
 		}
 		strength *= map_of_points ? 0.35 : 0.0;
 	} else if (has_tint) {
-		own = to_linear(COLOR.rgb);
+		own = tint;
 		strength *= 0.35;
 	}
 	vec3 colour = own;
