@@ -166,6 +166,10 @@ class ThreadedProxy:
     def url(self) -> str:
         return self.proxy.url
 
+    def cut(self) -> None:
+        """Cut every connection now."""
+        self._call(self.proxy.cut)
+
     def __enter__(self) -> Self:
         self._thread.start()
         self._call(self.proxy.__aenter__)

@@ -19,7 +19,7 @@ ROOT: Final = Path(__file__).resolve().parents[2]
 PAGE: Final = ROOT / "docs" / "topics" / "clients.md"
 BEGIN: Final = "<!-- generated: matrix -->"
 END: Final = "<!-- end -->"
-CLIENTS: Final = ("Python SDK", "viewer (web)", "Unity (C#)", "Unreal (C++)")
+CLIENTS: Final = ("Python SDK", "viewer (web)", "Unity (C#)", "Unreal (C++)", "Godot (C++)")
 
 WEB: Final = "client_sdk/web/test"
 LAND: Final = "tests/engines/test_landings.py"
@@ -235,11 +235,41 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
 }
 
 
+VISITS: Final = "tests/godot/test_visits.py"
+HOP: Final = "test_a_landing_a_hop_and_a_return"
+GODOT: Final[dict[str, Claim]] = {
+    "visible sets of a walk as the Python SDK": Yes(VISITS, HOP),
+    "a second visit costs no bytes": Yes(VISITS, HOP),
+    "a newer landing supersedes": Yes(VISITS, "test_a_newer_landing_supersedes_the_older"),
+    "aims fetch ahead": Yes(VISITS, "test_aims_picks_and_rays"),
+    "picks": Yes(VISITS, "test_aims_picks_and_rays"),
+    "a cut line is mended, nothing comes twice": Yes(VISITS, "test_a_cut_line_is_mended"),
+    "tokens; a refused one is not repeated": Yes(VISITS, "test_a_token_opens"),
+    "tokens that a function renews": No("`reconnect` with another"),
+    "base hidden by the cover, swap at once": Yes(VISITS, HOP),
+    "ground under feet and pointers, of what is shown": Yes(VISITS, "test_aims_picks_and_rays"),
+    "axes, winding and V of the engine": Yes(
+        "tests/browser/test_godot_pictures.py", "test_landings_look_as_in_the_viewer"
+    ),
+    "decoding allocates nothing in the steady state": No("new arrays each time"),
+    "drawn in a headset": Yes(
+        VISITS, "test_the_examples_land_and_teleport", "on a screen, without a headset"
+    ),
+}
+"""What Godot shows in the engine itself; all else is the core's that Unreal has too."""
+
+
+def claims_of(feature: str) -> tuple[Claim, ...]:
+    """Return the claims of a row, one for each of `CLIENTS`."""
+    claims = FEATURES[feature]
+    return (*claims, GODOT.get(feature, claims[3]))
+
+
 def missing_tests() -> list[str]:
     """Return the claims whose file or test is not there."""
     missing = []
-    for feature, claims in FEATURES.items():
-        for client, claim in zip(CLIENTS, claims, strict=True):
+    for feature in FEATURES:
+        for client, claim in zip(CLIENTS, claims_of(feature), strict=True):
             if isinstance(claim, No):
                 continue
             path = ROOT / claim.file
@@ -256,8 +286,8 @@ def matrix() -> str:
         "|  | " + " | ".join(CLIENTS) + " |",
         "| -- " * (len(CLIENTS) + 1) + "|",
     ]
-    for feature, claims in FEATURES.items():
-        cells = [_cell(claim) for claim in claims]
+    for feature in FEATURES:
+        cells = [_cell(claim) for claim in claims_of(feature)]
         lines.append(f"| {feature} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
 

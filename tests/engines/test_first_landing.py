@@ -13,7 +13,10 @@ from terraport_pipeline.demo_scenes import QUARRY_ID, SHIPPED_ID
 PLACES = (
     cores.ROOT / "docs" / "how-to" / "unity.md",
     cores.ROOT / "docs" / "how-to" / "unreal.md",
+    cores.ROOT / "docs" / "how-to" / "godot.md",
     cores.UNITY / "Samples~" / "FirstLanding" / "Walker.prefab",
+    cores.ROOT / "client_sdk" / "godot" / "example" / "first_landing.tscn",
+    cores.ROOT / "client_sdk" / "godot" / "example" / "first_landing_xr.tscn",
 )
 
 
@@ -24,5 +27,5 @@ def test_the_address_is_that_of_the_demo(path: Path) -> None:
 
 
 def test_the_demo_is_told_that_port() -> None:
-    for path in PLACES[:2]:  # by itself it takes a free one
+    for path in PLACES[:3]:  # by itself it takes a free one
         assert "`terraport demo --port 8080`" in path.read_text()

@@ -1,0 +1,191 @@
+#include "Events.h"
+
+#include <algorithm>
+
+namespace terraport::godot {
+
+namespace {
+
+Variant number(std::uint64_t value) {
+  return Variant(static_cast<std::int64_t>(value));
+}
+
+const char* nameOf(LinkPhase phase) {
+  switch (phase) {
+    case LinkPhase::Connecting:
+      return "connecting";
+    case LinkPhase::Open:
+      return "open";
+    case LinkPhase::Waiting:
+      return "waiting";
+    case LinkPhase::Closed:
+      return "closed";
+  }
+  return "";
+}
+
+const char* nameOf(LandingPhase phase) {
+  switch (phase) {
+    case LandingPhase::None:
+      return "none";
+    case LandingPhase::Planning:
+      return "planning";
+    case LandingPhase::Loading:
+      return "loading";
+    case LandingPhase::PresentableDegraded:
+      return "presentable_degraded";
+    case LandingPhase::Presentable:
+      return "presentable";
+    case LandingPhase::ShownDegraded:
+      return "shown_degraded";
+    case LandingPhase::Shown:
+      return "shown";
+    case LandingPhase::Refused:
+      return "refused";
+  }
+  return "";
+}
+
+void fillPick(Dictionary& facts, const PickHit& hit) {
+  Dictionary attributes;
+  for (const auto& [name, value] : hit.attributes) attributes.set(name.c_str(), value);
+  facts.set("position", hit.position)
+      .set("normal", hit.normal)
+      .set("segment", number(hit.segment))
+      .set("region", number(hit.region))
+      .set("label", hit.label ? Variant(*hit.label) : Variant())
+      .set("height_m", hit.heightM)
+      .set("attributes", attributes.variant());
+}
+
+}  // namespace
+
+void EventList::add(const char* name, const Dictionary& facts) {
+  List event;
+  event.add(name);
+  event.add(facts.variant());
+  list_.add(event.variant());
+}
+
+void EventList::failed(const std::string& code, const std::string& message, std::int64_t landing, bool isFinal) {
+  Dictionary facts;
+  facts.set("code", code).set("message", message).set("landing", landing).set("final", isFinal);
+  add("failed", facts);
+}
+
+void EventList::add(const StreamEvent& event) {
+  Dictionary facts;
+  facts.set("landing", event.landing);
+  switch (event.kind) {
+    case EventKind::Link:
+      facts.set("state", nameOf(event.link.phase))
+          .set("attempt", number(event.link.attempt))
+          .set("retry_in_ms", event.link.retryInMs)
+          .set("close_code", event.link.closeCode)
+          .set("code", event.link.code)
+          .set("message", event.link.message);
+      return add("link", facts);
+    case EventKind::Planned:
+      facts.set("radius_m", event.plan.radiusM)
+          .set("effective_radius_m", event.plan.effectiveRadiusM)
+          .set("load_segments", number(event.plan.load.size()))
+          .set("kept_segments", number(event.plan.keep.size()))
+          .set("load_bytes", number(event.plan.loadBytes))
+          .set("triangles", number(event.plan.totalTriangles))
+          .set("omitted_segments", number(event.plan.omittedSegments))
+          .set("omitted_by", event.plan.omittedBy);
+      return add("planned", facts);
+    case EventKind::Ready:
+      facts.set("segments", number(event.segments.size()))
+          .set("missing", number(event.missing.size()))
+          .set("elapsed_ms", event.elapsedMs)
+          .set("payload_bytes", number(event.payloadBytes));
+      return add("ready", facts);
+    case EventKind::Degraded:
+      return add("degraded", facts);
+    case EventKind::Superseded:
+      facts.set("by", event.by);
+      return add("superseded", facts);
+    case EventKind::Prefetched:
+      facts.set("segments", number(event.segmentCount)).set("payload_bytes", number(event.payloadBytes));
+      return add("prefetched", facts);
+    case EventKind::Refused:
+      // What ends a connection is told by the link event that follows, which also says whether it is for good.
+      if (!event.fatal) failed(event.code, event.message, event.landing, false);
+      return;
+    case EventKind::Picked:
+      facts.set("request", number(event.request)).set("hit", event.hit.has_value());
+      if (event.hit) fillPick(facts, *event.hit);
+      return add("picked", facts);
+    case EventKind::PickRefused:
+      return failed(event.code, event.message, kNoLanding, false);
+    default:
+      return;
+  }
+}
+
+void EventList::add(const SceneSwap& swap) {
+  Dictionary facts;
+  facts.set("landing", swap.landing)
+      .set("degraded", swap.degraded)
+      .set("shown", number(swap.shown.size()))
+      .set("hidden", number(swap.hidden.size()))
+      .set("base_blocks", number(swap.baseBlocks.size()));
+  add("shown", facts);
+}
+
+Variant describe(const LandingStatus& status) {
+  Dictionary facts;
+  facts.set("phase", nameOf(status.phase))
+      .set("landing", status.landing)
+      .set("position", status.position)
+      .set("radius_m", status.radiusM)
+      .set("effective_radius_m", status.effectiveRadiusM)
+      .set("fraction", status.fraction)
+      .set("missing", number(status.missing.size()))
+      .set("refusal", status.refusal)
+      .set("ready_ms", status.readyMs)
+      .set("presentable_ms", status.presentableMs)
+      .set("payload_bytes", number(status.payloadBytes));
+  return facts.variant();
+}
+
+Variant describe(const SceneManifest& manifest) {
+  List attributes;
+  for (const AttributeInfo& attribute : manifest.attributes) {
+    Dictionary facts;
+    facts.set("name", attribute.name)
+        .set("min", attribute.min ? Variant(*attribute.min) : Variant())
+        .set("max", attribute.max ? Variant(*attribute.max) : Variant());
+    attributes.add(facts.variant());
+  }
+  Dictionary facts;
+  facts.set("id", manifest.id)
+      .set("name", manifest.name)
+      .set("version", manifest.version)
+      .set("crs", manifest.crs ? Variant(manifest.crs->name) : Variant())
+      .set("bounds_min", manifest.boundsMin)
+      .set("bounds_max", manifest.boundsMax)
+      .set("segments", number(manifest.segmentCount))
+      .set("detail_faces", number(manifest.detailFaces))
+      .set("base_faces", number(manifest.baseFaces))
+      .set("attributes", attributes.variant());
+  return facts.variant();
+}
+
+Variant describe(const std::vector<RegionFacts>& regions) {
+  List list;
+  for (const RegionFacts& region : regions) {
+    Dictionary facts;
+    facts.set("id", number(region.id))
+        .set("label", region.label ? Variant(*region.label) : Variant())
+        .set("area_m2", region.areaM2 ? Variant(*region.areaM2) : Variant())
+        .set("mean_colour", region.meanColour ? Variant(*region.meanColour) : Variant())
+        .set("slope_deg", region.slopeDeg ? Variant(*region.slopeDeg) : Variant())
+        .set("centroid", region.centroid ? Variant(*region.centroid) : Variant());
+    list.add(facts.variant());
+  }
+  return list.variant();
+}
+
+}  // namespace terraport::godot
