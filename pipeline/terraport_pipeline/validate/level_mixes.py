@@ -33,7 +33,7 @@ from terraport_pipeline.published.scene_model import load_scene_model
 from terraport_pipeline.validate.handoff_judge import Judge, Meetings
 from terraport_store import Scene
 
-__all__ = ["LevelMixReport", "check_level_mixes"]
+__all__ = ["DEFAULT_MIXES", "LevelMixReport", "check_level_mixes"]
 
 DEFAULT_RAYS: Final = 1_000_000
 DEFAULT_MIXES: Final = 24
@@ -227,9 +227,10 @@ class _Prover:
         places = self._judge.hit_places(met, rows)
         alone_t = self._all_coarse.closest(met.rays.origins[rows], met.rays.directions[rows])
         due = places.distance(self._all_coarse, alone_t, _REACH_M)
-        is_gap = ~(now <= due + tolerance_m * 1e-2)
-        # Where neither has any: smoothed away, unless there is no ground at any height.
-        is_gap |= ~np.isfinite(now) & ~places.meets_vertical(mixed)
+        # Further than the reach lies what is behind the place: then the level by itself has nothing
+        # here, and what it smooths is no gap while there is ground at any height.
+        is_gap = (due <= _REACH_M) & ~(now <= due + tolerance_m * 1e-2)
+        is_gap |= (now > _REACH_M) & ~places.meets_vertical(mixed)
         return int(np.count_nonzero(is_gap))
 
     def _on_borders(self, count: int) -> Float64:
@@ -257,5 +258,9 @@ def _borders(model: HandOffModel) -> Int64:
     )
     faces = place.reshape(-1)[model.detail_faces]
     keyed = faces.astype(np.int64) + model.segment_of_face[:, None].astype(np.int64) * len(first)
-    edges: Int64 = first[odd_edges(keyed) % len(first)]
+    ends, owners = np.unique(
+        np.sort(odd_edges(keyed) % len(first), axis=1), axis=0, return_counts=True
+    )
+    # At the scene's own border a line through the place just misses any surface, or does not.
+    edges: Int64 = first[ends[owners > 1]]
     return edges
