@@ -93,8 +93,8 @@ class Deliveries:
         """Ids offered by hello that were not accepted."""
 
     @property
-    def segment_count(self) -> int:
-        """Segments of the scene: ids are below it."""
+    def payload_count(self) -> int:
+        """Payloads of the scene, of every level: ids are below it."""
         return len(self._table)
 
     @property

@@ -59,6 +59,7 @@ def make_welcome(
 ) -> Welcome:
     """Return the answer to an accepted ``hello``."""
     rows = 0 if hello.held is None else len(hello.held)
+    table = scene.encodings[hello.encoding]
     return Welcome(
         protocol=(PROTOCOL[0], min(hello.protocol[1], PROTOCOL[1])),
         server=limits.server,
@@ -67,7 +68,8 @@ def make_welcome(
             id=scene.id,
             version=scene.version,
             name=scene.name,
-            segment_count=deliveries.segment_count,
+            segment_count=table.segment_count,
+            levels=None if table.levels == 1 else table.levels,
         ),
         limits=ServerLimits(
             max_radius_m=limits.max_radius_m,

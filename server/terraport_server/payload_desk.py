@@ -145,7 +145,7 @@ class PayloadDesk:
         Its hash is compared, in a thread, unless that was done. Raises as :meth:`fetch`.
         """
         scene, encoding = self._scene, "glb"
-        length = int(scene.index.length[segment])
+        length = int(scene.rows.length[segment])
         where = scene.payload_range(segment, encoding, 0, length)
         if where is not None:
             if not scene.is_verified(segment, encoding):

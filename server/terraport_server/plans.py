@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, UInt32
+from terraport_payload import box_distances_m
+from terraport_payload.types import AnyArray, Float64, Int64, UInt32
 from terraport_server.actions import PullView, SceneView, SessionLimits
 from terraport_server.id_set import IdSet
 from terraport_server.selection import (
@@ -46,10 +47,18 @@ class Planner:
 
     def choose(self, wanted: Land | Aim, held: IdSet) -> tuple[Selection, int]:
         """Return the plan's segments, and how many were looked at to choose them."""
-        release_radius_m = wanted.radius_m * self.release_factor
-        near = self._within(wanted.position, wanted.radius_m)
+        release_radius_m = outer_release_m = wanted.radius_m * self.release_factor
+        coarse = None
+        if wanted.coarse_radius_m is not None and self.table.levels > 1:
+            outer_release_m = wanted.coarse_radius_m * self.release_factor
+            coarse = (wanted.coarse_radius_m, outer_release_m)
+            around = self._within(wanted.position, wanted.coarse_radius_m)
+            is_near = self._distances_m(around, wanted) <= wanted.radius_m
+            near = np.concatenate([around[is_near], around[~is_near] + self.table.segment_count])
+        else:
+            near = self._within(wanted.position, wanted.radius_m)
         candidates, is_held = find_candidates(
-            self.table, near, held, wanted.position, release_radius_m
+            self.table, near, held, wanted.position, outer_release_m
         )
         chosen = select(
             self.table,
@@ -59,9 +68,13 @@ class Planner:
             release_radius_m=release_radius_m,
             inner_radius_m=wanted.inner_radius_m if isinstance(wanted, Land) else None,
             held=is_held,
+            coarse=coarse,
             budgets=self._budgets,
         )
         return chosen, len(near) + len(held)
+
+    def _distances_m(self, segments: Int64, wanted: Land | Aim) -> Float64:
+        return box_distances_m(self.table.bounds[segments], wanted.position)
 
     def plan(self, land: Land, chosen: Selection) -> Plan:
         """Return the ``plan`` of a landing, its table in the order in which segments are sent.

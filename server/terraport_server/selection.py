@@ -31,7 +31,10 @@ __all__ = [
 
 @dataclass(frozen=True, slots=True)
 class SegmentTable:
-    """What planning needs to know about S segments of one scene in one payload encoding."""
+    """What planning needs to know about S segments of one scene in one payload encoding.
+
+    Rows 0 to S - 1 are the segments at full detail, S to 2 S - 1 those at the coarser level.
+    """
 
     bounds: Float32
     """(S, 6) min x, y, z, max x, y, z; metres, scene frame."""
@@ -45,10 +48,17 @@ class SegmentTable:
     """(S,) vertices."""
     texture_bytes: UInt64
     """(S,) bytes of the texture on a GPU, mips included; 0 without one."""
+    levels: int = 1
+    """Rows of each segment."""
 
     def __len__(self) -> int:
-        """Return the number of segments, S."""
+        """Return the number of rows."""
         return len(self.lengths)
+
+    @property
+    def segment_count(self) -> int:
+        """S."""
+        return len(self.lengths) // self.levels
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,13 +136,13 @@ def find_candidates(
     table
         The scene's S segments.
     near
-        Every id within the load radius, ascending.
+        Every row that is to be shown, ascending.
     held
         What the client holds.
     centre
         Landing, metres, scene frame.
     release_radius_m
-        Keep within it; at least the load radius.
+        Keep within it; at least the largest load radius.
 
     Returns
     -------
@@ -170,11 +180,13 @@ def select(
     inner_radius_m: float | None,
     held: Bool,
     budgets: Budgets = NO_BUDGETS,
+    coarse: tuple[float, float] | None = None,
 ) -> Selection:
     """Choose the segments of one landing.
 
-    The plan is everything within ``radius_m``; of what is held, everything further within
-    ``release_radius_m`` is kept nearby. The budgets cut a strict prefix of both in the order
+    The plan is everything within ``radius_m``, and beyond it the coarser level of everything within
+    ``coarse``; of what is held, everything further within a level's release radius is kept nearby.
+    The budgets cut a strict prefix of both in the order
     (distance, id), so what is nearby goes first.
     spec/wire-protocol.md, sections 6.1 to 6.3.
 
@@ -183,8 +195,8 @@ def select(
     table
         The scene's S segments.
     candidates
-        Unique ids that include every segment within ``radius_m``, and every held one within
-        ``release_radius_m`` (a superset is fine).
+        Unique rows that include every one to be shown, and every held one within its level's
+        release radius (a superset is fine).
     centre
         Landing, metres, scene frame.
     radius_m
@@ -197,6 +209,9 @@ def select(
         True for each of ``candidates`` whose payload the client holds.
     budgets
         Hard bounds.
+    coarse
+        Radius and release radius of the coarser level, each at least that of the detail; ``None`` =
+        it is not asked for.
 
     Returns
     -------
@@ -211,32 +226,39 @@ def select(
     O(C log C) in the number of candidates; never of the whole scene. Where a budget of segments
     cuts most of it off, O(C) and the sorting of what it leaves.
     """
-    # What is wanted: near, or held and not yet far.
+    # What is wanted: near, or held and not yet far. Each segment is near at one level alone.
     ids = np.asarray(candidates, dtype=np.int64)
     distances = box_distances_m(table.bounds[ids], centre)
     in_radius = distances <= radius_m
-    wanted = np.flatnonzero(in_radius | (held & (distances <= release_radius_m)))
+    is_kept = ~in_radius & (distances <= release_radius_m)
+    if coarse is not None or table.levels > 1:
+        coarse_m, coarse_release_m = coarse or (-1.0, -1.0)
+        coarser = ids >= table.segment_count
+        in_ring = ~in_radius & (distances <= coarse_m)
+        is_kept[coarser] = ((distances > coarse_m) & (distances <= coarse_release_m))[coarser]
+        in_radius[coarser] = in_ring[coarser]
+    wanted = np.flatnonzero(in_radius | (held & is_kept))
 
     # What is wanted is a prefix of the order: what comes behind the budget of segments need not be
     # sorted.
     omitted = 0
-    most = budgets.max_segments
-    if most is not None and len(wanted) > 2 * (most + 1):
-        last_m = np.partition(distances[wanted], most)[most]
-        head = distances[wanted] <= last_m
-        omitted = int(np.count_nonzero(in_radius[wanted[~head]]))
-        wanted = wanted[head]
+    most, inside = budgets.max_segments, np.flatnonzero(in_radius)
+    if most is not None and len(inside) > 2 * (most + 1):
+        head = distances[inside] <= np.partition(distances[inside], most)[most]
+        omitted = int(np.count_nonzero(~head))
+        wanted = inside[head]
 
-    # The order, and the longest prefix that keeps every budget.
-    order = wanted[np.lexsort((ids[wanted], distances[wanted]))]
+    # The order, and the longest prefix that keeps every budget. What is to be shown comes first: of
+    # what is kept some may be nearer than the ring.
+    order = wanted[np.lexsort((ids[wanted], distances[wanted], ~in_radius[wanted]))]
     ids, distances, in_radius, held = ids[order], distances[order], in_radius[order], held[order]
     count, omitted_by = _budget_prefix(table, ids, budgets)
 
-    # Whatever is within the radius is nearer than all that is nearby: in the order it comes first.
     within = int(np.count_nonzero(in_radius))
     nearby = ids[within:count]
     omitted += max(within - count, 0)
-    effective_radius_m = float(radius_m if within <= count else distances[count])
+    outer_m = radius_m if coarse is None else coarse[0]
+    effective_radius_m = float(outer_m if within <= count else distances[count])
 
     # Both halves of the plan.
     count = min(within, count)

@@ -73,7 +73,7 @@ class ServedScene:
         self.names = names
         """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
         self.version = scene.manifest.version
-        index = scene.index
+        index = scene.rows
         self.view = SceneView(
             id=scene_id,
             version=self.version,
@@ -86,6 +86,7 @@ class ServedScene:
                     faces=index.face_count,
                     vertices=index.vertex_count,
                     texture_bytes=gpu_texture_bytes(index.texture),
+                    levels=scene.manifest.levels,
                 )
                 for encoding in scene.manifest.encodings
             },
@@ -233,7 +234,7 @@ def _pull_view(scene: Scene, base: str) -> PullView | None:
     """Return where clients fetch a scene's payloads; None where the wire has no number for it."""
     manifest = scene.manifest
     pack = manifest.files[manifest.encodings["glb"].pack]
-    offsets = scene.index.offset
+    offsets = scene.rows.offset
     if int(offsets[-1]) // BLOCK_BYTES >= 1 << 32 or (offsets % BLOCK_BYTES).any():
         return None
     info = PullInfo(base=base, pack=pack.path, pack_bytes=pack.bytes)

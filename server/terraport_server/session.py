@@ -352,8 +352,8 @@ class Session:
             self._out.fatal(ErrorCode.OUT_OF_ORDER, wrong)
 
     def _on_reject(self, reject: Reject, deliveries: Deliveries, now_s: float) -> None:
-        if reject.segment >= deliveries.segment_count:
-            text = f"got segment {reject.segment}, expected one below {deliveries.segment_count}"
+        if reject.segment >= deliveries.payload_count:
+            text = f"got segment {reject.segment}, expected one below {deliveries.payload_count}"
             self._out.fatal(ErrorCode.INVALID_FIELD, f"reject.segment: {text}")
             return
         deliveries.reject(reject, now_s)
@@ -384,8 +384,10 @@ class Session:
             text = f"got {message.TYPE} while the server goes away, expected a new connection"
             self._out.fatal(ErrorCode.DRAINING, text, generation=message.generation)
             return False
-        if message.radius_m > most_m:
-            text = f"{message.TYPE}.radius_m: got {message.radius_m:g}, expected at most {most_m:g}"
+        name = "radius_m" if message.coarse_radius_m is None else "coarse_radius_m"
+        largest_m: float = getattr(message, name)
+        if largest_m > most_m:
+            text = f"{message.TYPE}.{name}: got {largest_m:g}, expected at most {most_m:g}"
             self._out.error(ErrorCode.RADIUS_TOO_LARGE, text, generation=message.generation)
             return False
         return True

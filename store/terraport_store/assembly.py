@@ -54,6 +54,8 @@ class SceneInfo:
     has_colour: bool = True
     """Whether every segment has vertex colours, and the base those or a texture."""
     textures: TextureInfo | None = None
+    levels: int = 1
+    """Payloads of each segment; the index has all of the first level, then all of the next."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +87,7 @@ def assemble_manifest(
     info : SceneInfo
         What the files do not say.
     index : SegmentIndex
-        Of the payloads; at least one segment.
+        Of the payloads of all levels; at least one segment.
     base : MeshShape
         Of the base mesh.
     files : mapping of str to FileInfo
@@ -101,8 +103,9 @@ def assemble_manifest(
     pydantic.ValidationError
         When a field of *info* is out of range.
     """
-    boxes = np.vstack([index.bounds, np.array([base.bounds], dtype="<f4")]).astype(float)
-    sides = index.bounds[:, 3:].astype(float) - index.bounds[:, :3]
+    detail = index.first(len(index) // info.levels)
+    boxes = np.vstack([detail.bounds, np.array([base.bounds], dtype="<f4")]).astype(float)
+    sides = detail.bounds[:, 3:].astype(float) - detail.bounds[:, :3]
     unnamed = Manifest(
         version="0" * 32,
         name=info.name,
@@ -121,13 +124,14 @@ def assemble_manifest(
             points=info.points,
             base_vertices=base.vertices,
             base_faces=base.faces,
-            detail_vertices=int(index.vertex_count.sum(dtype=np.uint64)),
-            detail_faces=int(index.face_count.sum(dtype=np.uint64)),
-            segments=len(index),
+            detail_vertices=int(detail.vertex_count.sum(dtype=np.uint64)),
+            detail_faces=int(detail.face_count.sum(dtype=np.uint64)),
+            segments=len(detail),
             regions=info.regions,
         ),
         has_colour=info.has_colour,
         textures=info.textures,
+        levels=info.levels,
         hand_off=info.hand_off,
         limits=Limits(
             max_segment_bytes=int(index.length.max()),

@@ -40,7 +40,7 @@ _OPTIONAL: Final = "texture"
 
 @dataclass(frozen=True, slots=True)
 class SegmentIndex:
-    """One row per segment; S segments, numbered 0 to S - 1 in pack order.
+    """One row per payload, in pack order: of S segments, 0 to S - 1, then of their coarser levels.
 
     Raises
     ------
@@ -93,6 +93,14 @@ class SegmentIndex:
 
     def __len__(self) -> int:
         return len(self.bounds)
+
+    def first(self, count: int) -> SegmentIndex:
+        """Return the index of the first payloads alone; views of the same arrays."""
+        if count == len(self):
+            return self
+        return SegmentIndex(
+            **{field.name: getattr(self, field.name)[:count] for field in fields(self)}
+        )
 
     @property
     def payload_bytes(self) -> int:

@@ -19,6 +19,7 @@ __all__ = [
     "MANIFEST_NAME",
     "MAX_INDEX_BYTES",
     "MAX_LABELS_BYTES",
+    "MAX_LEVELS",
     "MAX_MANIFEST_BYTES",
     "MAX_PAYLOAD_BYTES",
     "MAX_REGIONS_BYTES",
@@ -72,6 +73,9 @@ BASE: Final = "base.glb"
 OVERVIEW: Final = "overview.glb"
 COVER: Final = "base.cover"
 REGIONS: Final = "regions.json"
+
+MAX_LEVELS: Final = 2
+"""Payloads of a segment: its detail, and one coarser level."""
 
 ENCODING: Final = "glb"
 """How payloads are encoded that are written."""

@@ -15,7 +15,7 @@ import pydantic
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
 from terraport_store.errors import DamagedSceneError
-from terraport_store.layout import FORMAT_VERSION, MANIFEST_NAME, MAX_MANIFEST_BYTES
+from terraport_store.layout import FORMAT_VERSION, MANIFEST_NAME, MAX_LEVELS, MAX_MANIFEST_BYTES
 
 __all__ = [
     "AttributeInfo",
@@ -196,6 +196,8 @@ class Manifest(_Frozen):
     """Whether every segment has vertex colours, and the base those or a texture; false, too, where
     textures stand in the segments' place."""
     textures: TextureInfo | None = None
+    levels: Annotated[int, Field(ge=1, le=MAX_LEVELS)] = 1
+    """Payloads of each segment: the detail, then coarser ones."""
     hand_off: HandOff
     limits: Limits
     build: BuildInfo
@@ -214,10 +216,12 @@ class Manifest(_Frozen):
         return self.files["base.glb"].path.partition("/")[0]
 
     def _document(self) -> dict[str, Any]:
-        """Give the plain values; scenes in metres have the bytes that they had before units."""
+        """Give the plain values; what a scene does not use changes none of its bytes."""
         document = self.model_dump(mode="json")
         if document["survey_units"] is None:
             del document["survey_units"]
+        if document["levels"] == 1:
+            del document["levels"]
         return document
 
     def digest(self) -> str:

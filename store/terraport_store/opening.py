@@ -184,13 +184,13 @@ def open_pack(
 
 def check_agreement(manifest: Manifest, indexes: dict[str, SegmentIndex], cover: Cover) -> None:
     """Check that manifest, indexes and cover count the same segments."""
-    segments = manifest.counts.segments
+    segments, levels = manifest.counts.segments, manifest.levels
     for name, index in indexes.items():
-        if len(index) != segments:
+        if len(index) != segments * levels:
             key = manifest.encodings[name].index
             raise DamagedSceneError(
                 manifest.files[key].path,
-                f"{len(index)} segments, expected {segments} by scene.json",
+                f"{len(index)} segments, expected {segments * levels} by scene.json",
             )
     path = manifest.files[COVER].path
     if len(cover.segments) and int(cover.segments.max()) >= segments:

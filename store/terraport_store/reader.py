@@ -1,7 +1,7 @@
 """Open a published scene and read from it.
 
 Opening reads the manifest, index and cover (checked by their hashes) and opens the packs; payloads
-are read one at a time, so memory use does not grow with the scene but for the index: 58 bytes per
+are read one at a time, so memory use does not grow with the scene but for the index: 64 bytes per
 segment, and 29 for the R-tree.
 """
 
@@ -72,8 +72,11 @@ class Scene:
         The scene directory; for a scene in object storage a local folder with base, cover and
         regions, but no packs, that goes when this is closed.
     manifest : Manifest
+    rows : SegmentIndex
+        Of the ``glb`` encoding, payloads of all levels: that of segment s at level k is row
+        ``k * S + s``. Bounds and counts are the same in all encodings.
     index : SegmentIndex
-        Of the ``glb`` encoding: bounds and counts are the same in all.
+        The S segments at full detail: the first of ``rows``.
     cover : Cover
         Segments over each base face.
     """
@@ -90,7 +93,8 @@ class Scene:
         self.files = files
         self.path = copy.path
         self.manifest = manifest
-        self.index = indexes["glb"]
+        self.rows = indexes["glb"]
+        self.index = self.rows.first(manifest.counts.segments)
         self.cover = cover
         self._indexes = indexes
         self._sources = sources
@@ -252,7 +256,7 @@ class Scene:
         Parameters
         ----------
         segment_id : int
-            0 to S - 1.
+            0 to S - 1; from S on, rows of coarser levels.
         encoding : str, optional
             Key of ``manifest.encodings``.
         verify : bool, optional

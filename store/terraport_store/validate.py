@@ -145,7 +145,7 @@ class _SceneCheck:
 
         Invariant: a finding never ends the check, except where nothing is left to compare with.
         """
-        manifest, index = scene.manifest, scene.index
+        manifest, index, rows = scene.manifest, scene.index, scene.rows
         if len(index) == 0:
             self.out.error("count", MANIFEST_NAME, "no segment, expected at least one")
             return
@@ -176,7 +176,7 @@ class _SceneCheck:
                 counts.detail_faces,
                 int(index.face_count.sum(dtype=np.uint64)),
             ),
-            ("limits.max_segment_faces", limits.max_segment_faces, int(index.face_count.max())),
+            ("limits.max_segment_faces", limits.max_segment_faces, int(rows.face_count.max())),
             ("limits.max_segment_bytes", limits.max_segment_bytes, longest),
             ("limits.max_extent_m", limits.max_extent_m, float(sides)),
         ):
@@ -204,7 +204,7 @@ class _SceneCheck:
                 "region_count",
                 "texture",
             ):
-                if not np.array_equal(getattr(other, column), getattr(index, column)):
+                if not np.array_equal(getattr(other, column), getattr(rows, column)):
                     path = manifest.files[info.index].path
                     self.out.error(
                         "index-agreement",
@@ -212,25 +212,42 @@ class _SceneCheck:
                         f"{column} differ from the glb index, expected equal",
                     )
             self.padding(scene, name)
-        # (4) Regions: names, and that the index uses none beyond them.
+        # (4) Each level has the boxes of the segments.
+        self.levels(scene)
+        # (5) Regions: names, and that the index uses none beyond them.
         self.names(scene)
-        regions = np.flatnonzero(index.region >= counts.regions)
+        regions = np.flatnonzero(rows.region >= counts.regions)
         if len(regions):
             self.out.error(
                 "region",
                 manifest.files[manifest.encodings["glb"].index].path,
-                f"region {int(index.region[regions[0]])}, expected below {counts.regions}",
+                f"region {int(rows.region[regions[0]])}, expected below {counts.regions}",
                 segment=int(regions[0]),
             )
-        # (5) Every payload, decoded; the next ones are fetched meanwhile.
-        for segment in range(len(index)):
+        # (6) Every payload, decoded; the next ones are fetched meanwhile.
+        for segment in range(len(rows)):
             if segment % _AHEAD == 0:
-                coming = range(segment, min(segment + 2 * _AHEAD, len(index)))
+                coming = range(segment, min(segment + 2 * _AHEAD, len(rows)))
                 for name in manifest.encodings:
                     scene.expect(coming, name)
             check_segment(self.out, scene, segment)
             if progress is not None:
-                progress(segment + 1, len(index))
+                progress(segment + 1, len(rows))
+
+    def levels(self, scene: Scene) -> None:
+        """Check that what decides which level is shown is the same for all of a segment's."""
+        manifest, count = scene.manifest, len(scene.index)
+        path = manifest.files[manifest.encodings["glb"].index].path
+        for level in range(1, manifest.levels):
+            boxes = scene.rows.bounds[level * count : (level + 1) * count]
+            for segment in np.flatnonzero((boxes != scene.index.bounds).any(axis=1)):
+                self.out.error(
+                    "level-bounds",
+                    path,
+                    f"box {boxes[segment].tolist()} at level {level}, expected the segment's, "
+                    f"{scene.index.bounds[segment].tolist()}",
+                    segment=int(segment),
+                )
 
     def names(self, scene: Scene) -> None:
         """Check region ids, stable ids and labels."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from terraport_payload import PayloadError, SegmentMesh, decode_glb
 from terraport_payload.grid import grid_codes
-from terraport_payload.types import Float32
+from terraport_payload.types import Float32, Float64
 from terraport_store.errors import CorruptPayloadError, RangeError
 from terraport_store.findings import Findings
 from terraport_store.layout import MAX_SEGMENT_SIDE
@@ -14,7 +14,7 @@ from terraport_store.manifest import AttributeInfo, Manifest
 from terraport_store.opening import largest_texture
 from terraport_store.reader import Scene
 
-__all__ = ["box_of", "check_mesh_fits", "check_segment"]
+__all__ = ["border_of", "box_of", "check_mesh_fits", "check_segment"]
 
 
 def check_segment(out: Findings, scene: Scene, segment: int) -> None:
@@ -27,9 +27,9 @@ def check_segment(out: Findings, scene: Scene, segment: int) -> None:
     scene : Scene
         Open.
     segment : int
-        Segment id.
+        Segment id, or the row of a coarser level.
     """
-    manifest, index = scene.manifest, scene.index
+    manifest, index = scene.manifest, scene.rows
     file = manifest.files[manifest.encodings["glb"].pack].path
     mesh = _decoded(out, scene, segment)
     if mesh is None:
@@ -44,25 +44,30 @@ def check_segment(out: Findings, scene: Scene, segment: int) -> None:
             f"expected {expected[0]} and {expected[1]} by the index",
             segment=segment,
         )
-    if not np.array_equal(box_of(mesh), index.bounds[segment]):
+    box, is_coarser = box_of(mesh), segment >= len(scene.index)
+    stated = index.bounds[segment]
+    inside = (box[:3] >= stated[:3]).all() and (box[3:] <= stated[3:]).all()
+    if not (inside if is_coarser else np.array_equal(box, stated)):
         out.error(
             "payload-bounds",
             file,
-            f"box {box_of(mesh).tolist()}, expected {index.bounds[segment].tolist()} by the index",
+            f"box {box.tolist()}, expected {stated.tolist()} by the index",
             segment=segment,
         )
     image = mesh.texture
     texture = (0, 0, 0) if image is None else (image.width, image.height, image.bits)
-    stated = tuple(index.texture[segment].tolist())
+    said = tuple(index.texture[segment].tolist())
     # An index that does not say it is read as if every texture were as large as the largest.
-    if stated not in (texture, largest_texture(manifest)):
+    if said not in (texture, largest_texture(manifest)):
         out.error(
             "payload-texture",
             file,
             f"texture of {texture[0]} x {texture[1]} pixels and {texture[2]} bits a texel, "
-            f"expected {stated} by the index",
+            f"expected {said} by the index",
             segment=segment,
         )
+    if is_coarser:
+        _check_level(out, scene, mesh, file, segment)
     if mesh.region_ids is not None:
         ids = np.unique(mesh.region_ids)
         if len(ids) != int(index.region_count[segment]) or int(index.region[segment]) not in ids:
@@ -74,6 +79,39 @@ def check_segment(out: Findings, scene: Scene, segment: int) -> None:
                 segment=segment,
             )
     check_mesh_fits(out, manifest, mesh, file, segment)
+
+
+def _check_level(out: Findings, scene: Scene, mesh: SegmentMesh, file: str, row: int) -> None:
+    """Check that a coarser level has the border of its segment, bit for bit."""
+    detail = _decoded(out, scene, row % len(scene.index))
+    if detail is not None and not np.array_equal(border_of(detail), border_of(mesh)):
+        out.error(
+            "level-border",
+            file,
+            "another border than at full detail, expected the same edges, bit for bit",
+            segment=row,
+        )
+
+
+def border_of(mesh: SegmentMesh) -> Float64:
+    """Find the edges that an odd number of faces use, by their ends' positions.
+
+    Two surfaces with equal borders close the same gap: next to any third one neither opens.
+
+    Returns
+    -------
+    ndarray of shape (E, 6), float64
+        x, y, z of both ends, metres; ordered, so that equal sets are equal arrays.
+    """
+    positions, place = np.unique(mesh.positions, axis=0, return_inverse=True)
+    faces = place.reshape(-1)[mesh.faces.astype(np.int64)]
+    a, b, c = faces.T
+    faces = faces[(a != b) & (b != c) & (c != a)]
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    edges, counts = np.unique(np.sort(ends, axis=1), axis=0, return_counts=True)
+    odd = positions[edges[counts % 2 == 1]].astype(np.float64).reshape(-1, 6)
+    ordered: Float64 = np.unique(odd, axis=0)
+    return ordered
 
 
 def check_mesh_fits(

@@ -5,6 +5,7 @@
     with SceneWriter(directory) as writer:
         for glb in payloads:                       # in Morton or Hilbert order
             writer.add_segment(glb, region=region)
+        # where there are two levels, the coarser one of each segment now, in the same order
         writer.set_base(base_glb, cover)
         writer.set_regions(facts)
         manifest = writer.publish(info)
@@ -255,9 +256,15 @@ class SceneWriter:
                 f"{len(self._shapes)} segments and {'no' if self._base is None else 'a'} base, "
                 "expected at least one segment and a base"
             )
-        if self._last_covering >= len(self._shapes):
+        segments, over = divmod(len(self._shapes), info.levels)
+        if over:
             raise PublishError(
-                f"cover names segment {self._last_covering}, expected below {len(self._shapes)}"
+                f"{len(self._shapes)} payloads, expected one of each segment for {info.levels} "
+                "levels"
+            )
+        if self._last_covering >= segments:
+            raise PublishError(
+                f"cover names segment {self._last_covering}, expected below {segments}"
             )
         if REGIONS not in self._files:
             self.set_regions({"regions": []})

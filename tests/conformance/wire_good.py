@@ -59,7 +59,13 @@ def _nested() -> Iterator[Case]:
     without = m.Picked(request=met.request, hit=nameless)
     yield good(without, "null_name_is_absent", pack({**picked, "hit": unnamed}))
     land = plain(full["land"])
-    whole = {**land, "radius_m": 60, "inner_radius_m": 20, "position": [12, -3, 0]}
+    whole = {
+        **land,
+        "radius_m": 60,
+        "inner_radius_m": 20,
+        "coarse_radius_m": 180,
+        "position": [12, -3, 0],
+    }
     numbers = m.Land(
         generation=77,
         position=(12, -3, 0),
@@ -67,6 +73,7 @@ def _nested() -> Iterator[Case]:
         inner_radius_m=20,
         deadline_ms=1500,
         stall_ms=400,
+        coarse_radius_m=180,
     )
     yield good(numbers, "integers_as_numbers", pack(whole))
     deepest: Any = 1

@@ -19,6 +19,7 @@ from terraport_payload import (
     encode_glb,
     gltf_attribute_name,
 )
+from terraport_pipeline.engines.coarser import coarser
 from terraport_store import (
     AttributeInfo,
     BuildInfo,
@@ -81,10 +82,12 @@ def write_grid_scene(
     name: str = "grid",
     stable_ids: tuple[int, ...] | None = None,
     survey_units: SurveyUnits | None = None,
+    levels: int = 1,
 ) -> GridScene:
     """Publish a grid of SIDE x SIDE segments; another seed is another version.
 
-    With three ``stable_ids`` the regions have them, and the next one is 10.
+    With three ``stable_ids`` the regions have them, and the next one is 10. With two ``levels`` the
+    payloads of the coarser one stand behind those of the segments.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     meshes = [
@@ -94,16 +97,30 @@ def write_grid_scene(
         encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES, compress=compress)
         for mesh in meshes
     ]
+    payloads += [
+        encode_glb(coarser(mesh), step_m=STEP_M, attribute_scales=SCALES, compress=compress)
+        for mesh in meshes * (levels - 1)
+    ]
     base = tile_mesh(0, 0, SIDE, seed=seed, tiles=SIDE)
     with SceneWriter(path) as writer:
         for number, glb in enumerate(payloads):
-            writer.add_segment(glb, region=number // SIDE % 3)
+            segment = number % len(meshes)
+            box = decode_glb(payloads[segment]).positions
+            mesh = decode_glb(glb)
+            writer.add_segment(
+                glb,
+                region=segment // SIDE % 3,
+                bounds=[*box.min(axis=0), *box.max(axis=0)],
+                vertices=len(mesh.positions),
+                faces=len(mesh.faces),
+            )
         writer.set_base(
             encode_glb(base, step_m=STEP_M, attribute_scales=SCALES, keep_face_order=True),
             _cover(),
         )
         writer.set_regions(_regions(stable_ids))
-        manifest = writer.publish(replace(_info(name, seed), survey_units=survey_units))
+        info = replace(_info(name, seed), survey_units=survey_units, levels=levels)
+        manifest = writer.publish(info)
     return GridScene(path, manifest, payloads, [decode_glb(glb) for glb in payloads])
 
 

@@ -383,6 +383,59 @@ def test_inner_is_what_of_the_plan_lies_within_the_inner_radius() -> None:
     assert run(row_of_boxes(5), 45.0).inner.tolist() == []
 
 
+@settings(max_examples=200)
+@given(
+    scene=scenes(),
+    radius_m=st.floats(0, 40),
+    further_m=st.floats(0, 40),
+    held=st.sets(st.integers(0, 200)),
+    most=st.none() | st.integers(0, 12),
+)
+def test_each_segment_is_planned_at_the_level_of_its_distance(
+    scene: SegmentTable, radius_m: float, further_m: float, held: set[int], most: int | None
+) -> None:
+    """By loops: full within the radius, coarser in the ring, what is held a little further kept."""
+    count, coarse_m, centre = len(scene), radius_m + further_m, (0.0, 0.0, 0.0)
+    table = SegmentTable(
+        bounds=np.concatenate([scene.bounds] * 2),
+        lengths=np.concatenate([scene.lengths, scene.lengths // 3]),
+        hashes=np.arange(2 * count, dtype=np.uint64),
+        faces=np.concatenate([scene.faces, scene.faces // 5]),
+        vertices=np.concatenate([scene.vertices] * 2),
+        levels=2,
+    )
+    held_rows = {row for row in held if row < 2 * count}
+    chosen = select(
+        table,
+        np.arange(2 * count),
+        centre,
+        radius_m,
+        release_radius_m=radius_m * 1.25,
+        inner_radius_m=None,
+        held=mask(2 * count, held_rows),
+        budgets=Budgets(max_segments=most),
+        coarse=(coarse_m, coarse_m * 1.25),
+    )
+    shown, kept = [], []
+    for segment in range(count):
+        distance = float(box_distances_m(scene.bounds[segment : segment + 1], centre)[0])
+        if distance <= coarse_m:
+            shown.append((distance, segment + count * (distance > radius_m)))
+        if segment in held_rows and radius_m < distance <= radius_m * 1.25:
+            kept.append((distance, segment))
+        if segment + count in held_rows and coarse_m < distance <= coarse_m * 1.25:
+            kept.append((distance, segment + count))
+    order = [row for _, row in sorted(shown)]
+    wanted = (order + [row for _, row in sorted(kept)])[:most]
+    assert chosen.order.tolist() == wanted[: len(order)]
+    assert chosen.nearby.tolist() == sorted(wanted[len(order) :])
+    assert chosen.load.tolist() == [row for row in wanted[: len(order)] if row not in held_rows]
+    assert chosen.omitted_segments == max(0, len(order) - len(wanted))
+    if len(wanted) >= len(order):
+        assert chosen.effective_radius_m == coarse_m
+    assert len({row % count for row in chosen.order.tolist()}) == len(chosen.order)
+
+
 def test_nothing_near() -> None:
     chosen = run(row_of_boxes(2), 5.0, centre=(0.0, 900.0, 0.0), held_ids={1})
     assert chosen.load.size == 0

@@ -29,6 +29,7 @@ CPP = ROOT / "client_sdk/unreal/Source/TerraportCore/Private"
 _BEYOND_SCHEMA = frozenset(
     {
         "box_inverted",
+        "coarse_below_radius",
         "deadline_without_inner",
         "stall_without_inner",
         "direction_zero",
@@ -165,7 +166,7 @@ def test_the_typescript_names_every_message_field_and_rule() -> None:
             assert f"export interface {message.__name__}Message {{" in text
             for field in fields_of(message):
                 assert f'{{ name: "{field.name}", required: ' in text
-    assert 'export type MessageWithRule = "land" | "gather" | "plan" | "prefetch";' in text
+    assert 'export type MessageWithRule = "aim" | "land" | "gather" | "plan" | "prefetch";' in text
 
 
 def test_the_specification_has_a_table_for_every_message_and_part() -> None:

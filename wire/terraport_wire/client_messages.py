@@ -45,6 +45,11 @@ Centre = Annotated[
 Radius = Annotated[
     float, Number(0.0, MAX_RADIUS_M, low_excluded=True), "Radius in metres around the centre"
 ]
+CoarseRadius = Annotated[
+    float | None,
+    Number(0.0, MAX_RADIUS_M, low_excluded=True),
+    "Radius in metres of the coarser level: beyond radius_m up to it; at least radius_m",
+]
 
 
 class ClientMessage(Message):
@@ -126,6 +131,11 @@ class Aim(ClientMessage):
     generation: Generation
     position: Centre
     radius_m: Radius
+    coarse_radius_m: CoarseRadius = None
+
+    def contradiction(self) -> tuple[str, str] | None:
+        """Check the coarser level's radius against the radius."""
+        return _coarse_radius_problem(self.coarse_radius_m, self.radius_m)
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -152,9 +162,13 @@ class Land(ClientMessage):
         Integer(1, MAX_DEADLINE_MS),
         "Milliseconds without progress after which it is, too; needs inner_radius_m",
     ] = None
+    coarse_radius_m: CoarseRadius = None
 
     def contradiction(self) -> tuple[str, str] | None:
-        """Check the inner radius against the radius, and the deadlines against both."""
+        """Check the other radii against the radius, and the deadlines against both."""
+        problem = _coarse_radius_problem(self.coarse_radius_m, self.radius_m)
+        if problem is not None:
+            return problem
         if self.inner_radius_m is None:
             for name in ("deadline_ms", "stall_ms"):
                 if getattr(self, name) is not None:
@@ -225,6 +239,15 @@ class Bye(ClientMessage):
     """The client ends the session; the server closes with 1000."""
 
     TYPE: ClassVar[str] = "bye"
+
+
+def _coarse_radius_problem(
+    coarse_radius_m: float | None, radius_m: float
+) -> tuple[str, str] | None:
+    if coarse_radius_m is None or coarse_radius_m >= radius_m:
+        return None
+    text = f"got {coarse_radius_m:g}, expected at least radius_m {radius_m:g}"
+    return ("coarse_radius_m", text)
 
 
 def inner_radius_problem(inner_radius_m: float, radius_m: float) -> tuple[str, str] | None:

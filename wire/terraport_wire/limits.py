@@ -24,6 +24,7 @@ __all__ = [
     "MAX_HEADER_BYTES",
     "MAX_HELD_SEGMENTS",
     "MAX_INTEGER",
+    "MAX_LEVELS",
     "MAX_PLAN_SEGMENTS",
     "MAX_RADIUS_M",
     "MAX_RELEASE_FACTOR",
@@ -37,6 +38,9 @@ BLOCK_BYTES = 64
 
 MAX_INTEGER = 2**53 - 1
 """Largest integer in a message: beyond it a JavaScript number is no longer exact."""
+
+MAX_LEVELS = 2
+"""Levels of a segment: its detail, and one coarser one."""
 
 MAX_FRAME_BYTES = 128 * 1024
 """Largest payload frame, header included: a supersede takes effect within one frame."""

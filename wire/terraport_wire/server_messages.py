@@ -14,6 +14,7 @@ from .limits import (
     MAX_ATTRIBUTES,
     MAX_HELD_SEGMENTS,
     MAX_INTEGER,
+    MAX_LEVELS,
     MAX_PLAN_SEGMENTS,
     MAX_RADIUS_M,
     MAX_RELEASE_FACTOR,
@@ -64,7 +65,14 @@ class SceneInfo(Part):
     id: Annotated[str, Text(128, shortest=1), "Id of the scene in URLs"]
     version: Annotated[str, Text(64, shortest=1), "Version; changes whenever any byte does"]
     name: Annotated[str, Text(256), "Name for people"]
-    segment_count: Annotated[int, Integer(0, _U32), "Segments of the scene: ids are below it"]
+    segment_count: Annotated[
+        int,
+        Integer(0, _U32),
+        "Segments of the scene: ids are below it, those of coarser levels above (section 6.1)",
+    ]
+    levels: Annotated[
+        int | None, Integer(1, MAX_LEVELS), "Levels of every segment; absent means 1"
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -173,7 +181,7 @@ class Plan(ServerMessage):
     effective_radius_m: Annotated[
         float,
         Number(0.0, MAX_RADIUS_M),
-        "Everything nearer than this is shown: radius_m, or less where a budget cut",
+        "Everything nearer than this is shown: the largest radius, or less where a budget cut",
     ]
     inner_count: Annotated[
         int, Integer(0, MAX_PLAN_SEGMENTS), "Segments of the plan within inner_radius_m"

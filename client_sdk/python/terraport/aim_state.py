@@ -6,6 +6,7 @@ PURE: no I/O, no clock. Section numbers are those of ``spec/wire-protocol.md``.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from terraport.options import checked, point
 from terraport_wire import Aim
@@ -28,7 +29,9 @@ class AimState:
         """Whether an aim is to be sent."""
         return self._noted is not None
 
-    def note(self, position: Sequence[float], radius_m: float) -> None:
+    def note(
+        self, position: Sequence[float], radius_m: float, coarse_radius_m: float | None = None
+    ) -> None:
         """Note the newest one, in place of any that waits.
 
         Raises
@@ -37,14 +40,18 @@ class AimState:
             A number that the protocol does not allow.
         """
         centre = point(position)
-        self._noted = checked(lambda: Aim(generation=0, position=centre, radius_m=radius_m))
+        self._noted = checked(
+            lambda: Aim(
+                generation=0, position=centre, radius_m=radius_m, coarse_radius_m=coarse_radius_m
+            )
+        )
 
     def take(self, generation: int) -> Aim:
         """Return the message to send now, under a generation of this connection."""
         aim = self._noted
         assert aim is not None
         self._noted, self._sent, self._generation = None, aim, generation
-        return Aim(generation=generation, position=aim.position, radius_m=aim.radius_m)
+        return replace(aim, generation=generation)
 
     def clear(self) -> None:
         """Forget it: the user has landed."""

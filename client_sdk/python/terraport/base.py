@@ -25,13 +25,17 @@ class BaseMesh:
     """Segments over each face, as stored."""
     counters: CoverCounters
     """The incremental form of the cover; its state is whatever was shown last."""
+    segment_count: int | None = None
+    """Segments of the scene; None where all ids are segments, since there is one level."""
 
     def __repr__(self) -> str:
         """Say what it holds, not its arrays."""
         return f"<BaseMesh of version {self.version[:12]}: {self.mesh!r}, {self.cover!r}>"
 
     @classmethod
-    def of(cls, version: str, glb: bytes, cover: bytes) -> BaseMesh:
+    def of(
+        cls, version: str, glb: bytes, cover: bytes, segment_count: int | None = None
+    ) -> BaseMesh:
         """Decode what the server gives as ``base.glb`` and ``base.cover``.
 
         Raises
@@ -44,7 +48,7 @@ class BaseMesh:
             rows = Cover.from_bytes(cover, len(mesh.faces))
         except PayloadError as error:
             raise ProtocolViolationError(f"base mesh: {error}") from error
-        return cls(version, mesh, rows, CoverCounters.of(rows))
+        return cls(version, mesh, rows, CoverCounters.of(rows), segment_count)
 
     def hidden_faces(self, loaded: Iterable[int]) -> Bool:
         """Return which faces must not be drawn while these segments are shown.
@@ -54,11 +58,13 @@ class BaseMesh:
         Parameters
         ----------
         loaded : iterable of int
-            Ids of all segments that are shown.
+            Ids of all segments that are shown, each at one level, whichever.
 
         Returns
         -------
         ndarray of shape (B,), bool
             A copy. True iff at least one segment lies over the face and all of those are loaded.
         """
-        return self.counters.show(loaded).copy()
+        segments = self.segment_count
+        shown = loaded if segments is None else (row % segments for row in loaded)
+        return self.counters.show(shown).copy()

@@ -112,10 +112,12 @@ class SceneHttp:
         ProtocolViolationError
             What came does not have the manifest's hash, or cannot be decoded.
         """
-        files = (await self.manifest(version)).get("files", {})
+        manifest = await self.manifest(version)
+        files, counts = manifest.get("files", {}), manifest.get("counts", {})
         glb = await self._file("base.glb", version, files, disk)
         cover = await self._file("base.cover", version, files, disk)
-        return await asyncio.to_thread(BaseMesh.of, version, glb, cover)
+        segments = counts.get("segments") if manifest.get("levels", 1) != 1 else None
+        return await asyncio.to_thread(BaseMesh.of, version, glb, cover, segments)
 
     async def places(self, version: str) -> tuple[Place, ...]:
         """Return the named regions of a version, under the names that they have now.

@@ -27,6 +27,7 @@ class LandingState:
     inner_radius_m: float | None
     deadline_ms: int | None
     stall_ms: int | None = None
+    coarse_radius_m: float | None = None
     generation: int = -1
     """Generation on the present connection; -1 before it was sent there."""
     plan: Plan | None = None
@@ -66,6 +67,7 @@ class LandingState:
             inner_radius_m=self.inner_radius_m,
             deadline_ms=self.deadline_ms,
             stall_ms=self.stall_ms,
+            coarse_radius_m=self.coarse_radius_m,
         )
 
     def begin(self, plan: Plan) -> None:

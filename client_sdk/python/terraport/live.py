@@ -215,6 +215,7 @@ class Session:
         position: Sequence[float],
         radius_m: float = 60.0,
         *,
+        coarse_radius_m: float | None = None,
         inner_radius_m: float | None = None,
         deadline_s: float | None = None,
         stall_s: float | None = None,
@@ -231,6 +232,10 @@ class Session:
             Metres, scene frame (x east, y up, z south of the origin).
         radius_m : float
             Everything whose box comes within it; the server's ``limits.max_radius_m`` bounds it.
+        coarse_radius_m : float, optional
+            Beyond `radius_m` everything within this comes at its coarser level, where the scene has
+            one (``scene.levels``): a third of the bytes. At least `radius_m`; three times as far is
+            a good ring.
         inner_radius_m, deadline_s : float, optional
             After `deadline_s` the segments within `inner_radius_m` alone are presentable; see
             :meth:`Landing.presentable`.
@@ -267,6 +272,7 @@ class Session:
             inner_radius_m=inner_radius_m,
             deadline_ms=_milliseconds(deadline_s),
             stall_ms=_milliseconds(stall_s),
+            coarse_radius_m=coarse_radius_m,
         )
         # Nothing is sent before `pump`: the record is there when the first event of it comes.
         record = self._intake.waiting.begin_landing(number)
@@ -278,7 +284,13 @@ class Session:
             record.outside_m = await self._warn_outside(plan.position, plan.radius_m)
         return landing
 
-    def aim(self, position: Sequence[float], radius_m: float = 60.0) -> None:
+    def aim(
+        self,
+        position: Sequence[float],
+        radius_m: float = 60.0,
+        *,
+        coarse_radius_m: float | None = None,
+    ) -> None:
         """Tell where the user points, so that a landing there finds its segments held.
 
         Returns at once; may be called for every frame: at most ten a second are sent, the newest
@@ -292,7 +304,7 @@ class Session:
             The session has ended.
         """
         self._require_open()
-        self._state.aim(position, radius_m)
+        self._state.aim(position, radius_m, coarse_radius_m)
         self._link.pump()
 
     async def pick(

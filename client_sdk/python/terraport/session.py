@@ -253,6 +253,7 @@ class ClientSession:
         inner_radius_m: float | None = None,
         deadline_ms: int | None = None,
         stall_ms: int | None = None,
+        coarse_radius_m: float | None = None,
     ) -> int:
         """Ask for a landing; it supersedes every one before that is not ready.
 
@@ -268,7 +269,13 @@ class ClientSession:
             A number that the protocol does not allow; nothing has changed.
         """
         landing = LandingState(
-            self._landings + 1, point(position), radius_m, inner_radius_m, deadline_ms, stall_ms
+            self._landings + 1,
+            point(position),
+            radius_m,
+            inner_radius_m,
+            deadline_ms,
+            stall_ms,
+            coarse_radius_m,
         )
         checked(lambda: landing.message(0))
         self._landings += 1
@@ -279,7 +286,9 @@ class ClientSession:
             self._queue(landing)
         return landing.number
 
-    def aim(self, position: Sequence[float], radius_m: float) -> None:
+    def aim(
+        self, position: Sequence[float], radius_m: float, coarse_radius_m: float | None = None
+    ) -> None:
         """Note where the user points; only the newest is kept until :meth:`flush_aim`.
 
         Raises
@@ -287,7 +296,7 @@ class ClientSession:
         UsageError
             A number that the protocol does not allow; nothing has changed.
         """
-        self._aim.note(position, radius_m)
+        self._aim.note(position, radius_m, coarse_radius_m)
 
     def flush_aim(self) -> None:
         """Send the newest aim, if there is one and the connection is open."""

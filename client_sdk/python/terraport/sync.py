@@ -117,6 +117,7 @@ class Session:
         position: Sequence[float],
         radius_m: float = 60.0,
         *,
+        coarse_radius_m: float | None = None,
         inner_radius_m: float | None = None,
         deadline_s: float | None = None,
         stall_s: float | None = None,
@@ -127,6 +128,7 @@ class Session:
             self._open.land(
                 position,
                 radius_m,
+                coarse_radius_m=coarse_radius_m,
                 inner_radius_m=inner_radius_m,
                 deadline_s=deadline_s,
                 stall_s=stall_s,
@@ -135,12 +137,18 @@ class Session:
         )
         return Landing(landing, self._wait)
 
-    def aim(self, position: Sequence[float], radius_m: float = 60.0) -> None:
+    def aim(
+        self,
+        position: Sequence[float],
+        radius_m: float = 60.0,
+        *,
+        coarse_radius_m: float | None = None,
+    ) -> None:
         """Tell where the user points; see :meth:`terraport.Session.aim`."""
         session = self._open
 
         async def aim() -> None:
-            session.aim(position, radius_m)
+            session.aim(position, radius_m, coarse_radius_m=coarse_radius_m)
 
         self._wait(aim())
 

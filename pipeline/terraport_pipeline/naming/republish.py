@@ -13,13 +13,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from terraport_payload import AttributeScale, SegmentMesh, decode_glb, encode_glb
-from terraport_payload.types import Float32, Int32, Int64, UInt8
+from terraport_payload.types import Bool, Float32, Int32, Int64, UInt8
+from terraport_pipeline.engines.coarser import levels_of
 from terraport_pipeline.engines.overview import overview_payload
 from terraport_pipeline.geometry.mesh.face_measures import main_labels
 from terraport_pipeline.geometry.regions.base_regions import base_regions
 from terraport_pipeline.naming.recut import Recut
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.published.ground import Ground
+from terraport_pipeline.stages.pack import encode_payload
 from terraport_store import Manifest, Scene, SceneBusyError, change_labels, read_manifest
 from terraport_store.writer import SceneInfo, SceneWriter
 
@@ -105,6 +107,8 @@ def _publish(
                 faces=int(index.face_count[segment]),
             )
             progress.advance(1)
+        for row in range(len(index), len(scene.rows)):
+            _add_level(out, scene, row, new, changed, starts, scales)
         progress.done({"changed": int(np.count_nonzero(changed))})
         base = _base(scene, ground, new, scales, starts)
         out.set_base(base, scene.cover, overview_payload(base, before.step_m))
@@ -123,8 +127,41 @@ def _publish(
                 attributes=before.attributes,
                 has_colour=before.has_colour,
                 textures=before.textures,
+                levels=before.levels,
             )
         )
+
+
+def _add_level(
+    out: SceneWriter,
+    scene: Scene,
+    row: int,
+    new: Recut,
+    changed: Bool,
+    starts: Int64,
+    scales: dict[str, AttributeScale],
+) -> None:
+    """Write a coarser level as it is, or, of a segment whose regions changed, of its new detail."""
+    rows, segment = scene.rows, row % len(changed)
+    glb, region = bytes(scene.payload(row)), int(rows.region[row])
+    region_count, vertices = int(rows.region_count[row]), int(rows.vertex_count[row])
+    faces = int(rows.face_count[row])
+    if changed[segment]:
+        regions = new.regions[starts[segment] : starts[segment + 1]]
+        *_, mesh = levels_of(
+            with_regions(decode_glb(scene.payload(segment)), regions), 1 + row // len(changed)
+        )
+        packed = encode_payload(mesh, scene.manifest.step_m, scales)
+        glb, region, region_count = packed.glb, packed.region, packed.region_count
+        vertices, faces = packed.vertices, packed.faces
+    out.add_segment(
+        glb,
+        region=region,
+        region_count=region_count,
+        bounds=rows.bounds[row].tolist(),
+        vertices=vertices,
+        faces=faces,
+    )
 
 
 def with_regions(mesh: SegmentMesh, regions: Int32) -> SegmentMesh:

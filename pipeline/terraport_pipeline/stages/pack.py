@@ -17,6 +17,7 @@ from terraport_payload import (
     snap,
 )
 from terraport_payload.types import Bool, Float64, Int32, Int64, UInt16
+from terraport_pipeline.engines.coarser import levels_of
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.mesh.uv import split_wedges
 from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
@@ -33,6 +34,7 @@ __all__ = [
     "Options",
     "Packed",
     "Payload",
+    "encode_levels",
     "encode_payload",
     "in_order",
     "kept_faces",
@@ -53,6 +55,8 @@ class Options:
 
     name: str
     """The scene's name for people."""
+    levels: int = 1
+    """Payloads of each segment."""
 
     def __post_init__(self) -> None:
         if not 1 <= len(self.name) <= 200:
@@ -91,6 +95,9 @@ class Payload:
     bounds: tuple[float, ...]
     vertices: int
     faces: int
+    region: int = 0
+    """The one with most faces, the lower of equals."""
+    region_count: int = 1
 
 
 def split_segments(
@@ -207,7 +214,23 @@ def encode_payload(mesh: SegmentMesh, step_m: float, scales: dict[str, Attribute
         bounds=tuple(snap(corners, step_m).ravel().tolist()),
         vertices=len(mesh.positions),
         faces=len(mesh.faces),
+        **_regions_of(mesh),
     )
+
+
+def _regions_of(mesh: SegmentMesh) -> dict[str, int]:
+    if mesh.region_ids is None:
+        return {}
+    faces = np.bincount(mesh.region_ids[mesh.faces[:, 0]])
+    return {"region": int(faces.argmax()), "region_count": int(np.count_nonzero(faces))}
+
+
+def encode_levels(
+    mesh: SegmentMesh, step_m: float, scales: dict[str, AttributeScale], levels: int
+) -> list[Payload]:
+    """Encode a segment at every level, the finest first; all have its box."""
+    payloads = [encode_payload(one, step_m, scales) for one in levels_of(mesh, levels)]
+    return [replace(payload, bounds=payloads[0].bounds) for payload in payloads]
 
 
 def pack_counts(manifest: Manifest, payload_bytes: list[int]) -> dict[str, Json]:

@@ -56,6 +56,7 @@ from terraport_pipeline.workflow.texture_step import (
 from terraport_pipeline.workflow.tile_ground import TileOptions
 from terraport_pipeline.workflow.workdir import WorkDirectory
 from terraport_store.errors import StoreError
+from terraport_store.layout import MAX_LEVELS
 from terraport_store.manifest import CrsInfo
 
 __all__ = [
@@ -113,6 +114,9 @@ class BuildOptions:
     segment: Annotated[segment.Options, Section("Regions and segments")] = field(
         default_factory=segment.Options
     )
+    levels: Annotated[int, Option(heading="Regions and segments", least=1, most=MAX_LEVELS)] = 1
+    """Levels of every segment. 2 adds a coarser one with the same borders, a third of the bytes:
+    clients that ask for it show it in a ring around the full detail, before the base begins."""
     texture: Annotated[Texturing | None, Section("Textures")] = None
     """Textures instead of vertex colours, from photos or for comparison from the colours."""
     base_texture: Annotated[int, Option(heading="Textures", unit="pixels")] = 2048
@@ -186,7 +190,7 @@ class BuildOptions:
     def pack_options(self) -> pack.Options:
         """Options of the pack stage, made from the scene's name."""
         name = self.scene.absolute().name if self.name is None else self.name
-        return pack.Options(name)
+        return pack.Options(name, self.levels)
 
     def recorded(self) -> dict[str, Any]:
         """Options that change the published bytes, as the manifest records them."""
@@ -201,6 +205,7 @@ class BuildOptions:
             "reconstruct": asdict(self.reconstruct),
             "segment": asdict(self.segment),
             "base_texture": self.base_texture,
+            **({} if self.levels == 1 else {"levels": self.levels}),
         }
 
 
@@ -347,6 +352,11 @@ def _check(options: BuildOptions) -> SurveyFiles | MeshInput:
             )
     check_scene_path(options.scene, options.inputs, is_default=options.output is None)
     if options.texture is not None and options.texture.options.kind == "ktx2":
+        if options.levels > 1:
+            raise OptionError(
+                f"--levels {options.levels} with KTX2 textures, which nothing here makes smaller; "
+                "expected --levels 1, or JPEG, WebP or PNG"
+            )
         require_encoder()
     return given
 

@@ -103,6 +103,7 @@ def publish_tiles(
                         context,
                         None if textures is None else textures.tile(tile),
                         heights[tile],
+                        options.levels,
                     ),
                 ),
                 [
@@ -116,7 +117,7 @@ def publish_tiles(
                     for tile in range(tiles.count)
                 ],
                 segmented.scene.faces,
-                options=scales.recorded(),
+                options={**scales.recorded(), "levels": options.levels},
                 bytes_per_unit=tiled_pack.ENCODE_BYTES_PER_FACE,
                 numbers=tile_numbers(tiles),
             )

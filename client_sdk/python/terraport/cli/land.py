@@ -78,6 +78,14 @@ def land(
             show_default=False,
         ),
     ] = None,
+    coarse_radius: Annotated[
+        float | None,
+        typer.Option(
+            help="Metres to which the coarser level is shown around that, where the scene has one "
+            "(build --levels 2).",
+            show_default=False,
+        ),
+    ] = None,
     region: Annotated[
         str | None,
         typer.Option(
@@ -160,6 +168,8 @@ def land(
     group_options = None if group is None else GroupOptions(group, guide, member_name, members)
     if region is not None and (x is not None or crs or ground):
         raise UsageError("got --region with X Y Z, --crs or --ground, expected one of them")
+    if coarse_radius is not None and group is not None:
+        raise UsageError("got --coarse-radius with --group, whose landings have one radius")
     is_led = group_options is not None and not group_options.guide
     if region is not None and is_led:
         raise UsageError("got --region as a member of a group, expected none: the guide says")
@@ -185,6 +195,7 @@ def land(
             url,
             coordinates,
             radius,
+            coarse_radius_m=coarse_radius,
             region=region,
             group_options=group_options,
             crs=crs,
@@ -217,6 +228,7 @@ async def _land(
     coordinates: tuple[float, float, float] | None,
     asked_radius_m: float | None,
     *,
+    coarse_radius_m: float | None,
     region: str | None,
     group_options: GroupOptions | None,
     crs: bool,
@@ -277,7 +289,7 @@ async def _land(
         else:
             position = await target()
             for number in range(1, repeat + 1):
-                landing = await session.land(position, radius_m)
+                landing = await session.land(position, radius_m, coarse_radius_m=coarse_radius_m)
                 traces.append(landing.trace)
                 await _watch(landing, number, timeout_s)
                 landing_facts.append(_facts(landing))

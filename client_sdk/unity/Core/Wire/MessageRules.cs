@@ -10,11 +10,14 @@ namespace Terraport.Wire
         internal static void Check(WireMessage message)
         {
             // Messages without rules between their fields fall through.
+            var aim = message as AimMessage;
             var land = message as LandMessage;
             var gather = message as GatherMessage;
             var plan = message as PlanMessage;
             var prefetch = message as PrefetchMessage;
-            if (land != null)
+            if (aim != null)
+                CheckCoarse(aim.CoarseRadiusM, aim.RadiusM);
+            else if (land != null)
                 CheckLand(land);
             else if (gather != null)
                 CheckInner(gather.InnerRadiusM, gather.RadiusM);
@@ -26,6 +29,7 @@ namespace Terraport.Wire
 
         private static void CheckLand(LandMessage land)
         {
+            CheckCoarse(land.CoarseRadiusM, land.RadiusM);
             // A deadline without an inner set could show nothing early (6.4, rule 3).
             if (!land.InnerRadiusM.HasValue && (land.DeadlineMs.HasValue || land.StallMs.HasValue))
             {
@@ -33,6 +37,14 @@ namespace Terraport.Wire
                     "got a deadline without inner_radius_m, expected both", land.DeadlineMs.HasValue ? "deadline_ms" : "stall_ms");
             }
             CheckInner(land.InnerRadiusM, land.RadiusM);
+        }
+
+        private static void CheckCoarse(double? coarseRadiusM, double radiusM)
+        {
+            if (coarseRadiusM.HasValue && coarseRadiusM.Value < radiusM)
+            {
+                throw new RefusedException("got " + coarseRadiusM.Value + ", expected at least radius_m " + radiusM, "coarse_radius_m");
+            }
         }
 
         private static void CheckInner(double? innerRadiusM, double radiusM)

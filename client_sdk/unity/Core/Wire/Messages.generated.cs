@@ -69,6 +69,9 @@ namespace Terraport.Wire
         /// <summary>Max integer.</summary>
         public const long MaxInteger = 9007199254740991;
 
+        /// <summary>Max levels.</summary>
+        public const int MaxLevels = 2;
+
         /// <summary>Max plan segments.</summary>
         public const int MaxPlanSegments = 16384;
 
@@ -245,6 +248,7 @@ namespace Terraport.Wire
             new Field("version", true, new TextKind(1, 64, null)),
             new Field("name", true, new TextKind(0, 256, null)),
             new Field("segment_count", true, new IntegerKind(0L, 4294967295L)),
+            new Field("levels", false, new IntegerKind(1L, 2L)),
         };
 
         /// <summary>Id of the scene in URLs.</summary>
@@ -256,8 +260,11 @@ namespace Terraport.Wire
         /// <summary>Name for people.</summary>
         public string Name { get; set; }
 
-        /// <summary>Segments of the scene: ids are below it.</summary>
+        /// <summary>Segments of the scene: ids are below it, those of coarser levels above (section 6.1).</summary>
         public uint SegmentCount { get; set; }
+
+        /// <summary>Levels of every segment; absent means 1. Null where absent.</summary>
+        public int? Levels { get; set; }
 
         internal override Field[] Fields
         {
@@ -272,6 +279,7 @@ namespace Terraport.Wire
                 case 1: return Version;
                 case 2: return Name;
                 case 3: return (long)SegmentCount;
+                case 4: return Levels.HasValue ? (object)(long)Levels.Value : null;
             }
             throw NoField(field);
         }
@@ -284,6 +292,7 @@ namespace Terraport.Wire
                 case 1: Version = (string)value; return;
                 case 2: Name = (string)value; return;
                 case 3: SegmentCount = (uint)(long)value; return;
+                case 4: Levels = value == null ? (int?)null : (int)(long)value; return;
             }
             throw NoField(field);
         }
@@ -711,6 +720,7 @@ namespace Terraport.Wire
             new Field("generation", true, new IntegerKind(0L, 4294967295L)),
             new Field("position", true, new PositionKind(10000000.0, false)),
             new Field("radius_m", true, new NumberKind(0.0, 1000000.0, true)),
+            new Field("coarse_radius_m", false, new NumberKind(0.0, 1000000.0, true)),
         };
 
         /// <inheritdoc/>
@@ -728,6 +738,9 @@ namespace Terraport.Wire
         /// <summary>Radius in metres around the centre.</summary>
         public double RadiusM { get; set; }
 
+        /// <summary>Radius in metres of the coarser level: beyond radius_m up to it; at least radius_m. Null where absent.</summary>
+        public double? CoarseRadiusM { get; set; }
+
         internal override Field[] Fields
         {
             get { return Table; }
@@ -740,6 +753,7 @@ namespace Terraport.Wire
                 case 0: return (long)Generation;
                 case 1: return Position;
                 case 2: return RadiusM;
+                case 3: return CoarseRadiusM;
             }
             throw NoField(field);
         }
@@ -751,6 +765,7 @@ namespace Terraport.Wire
                 case 0: Generation = (uint)(long)value; return;
                 case 1: Position = (Vec3)value; return;
                 case 2: RadiusM = (double)value; return;
+                case 3: CoarseRadiusM = value == null ? (double?)null : (double)value; return;
             }
             throw NoField(field);
         }
@@ -767,6 +782,7 @@ namespace Terraport.Wire
             new Field("inner_radius_m", false, new NumberKind(0.0, 1000000.0, true)),
             new Field("deadline_ms", false, new IntegerKind(1L, 600000L)),
             new Field("stall_ms", false, new IntegerKind(1L, 600000L)),
+            new Field("coarse_radius_m", false, new NumberKind(0.0, 1000000.0, true)),
         };
 
         /// <inheritdoc/>
@@ -793,6 +809,9 @@ namespace Terraport.Wire
         /// <summary>Milliseconds without progress after which it is, too; needs inner_radius_m. Null where absent.</summary>
         public int? StallMs { get; set; }
 
+        /// <summary>Radius in metres of the coarser level: beyond radius_m up to it; at least radius_m. Null where absent.</summary>
+        public double? CoarseRadiusM { get; set; }
+
         internal override Field[] Fields
         {
             get { return Table; }
@@ -808,6 +827,7 @@ namespace Terraport.Wire
                 case 3: return InnerRadiusM;
                 case 4: return DeadlineMs.HasValue ? (object)(long)DeadlineMs.Value : null;
                 case 5: return StallMs.HasValue ? (object)(long)StallMs.Value : null;
+                case 6: return CoarseRadiusM;
             }
             throw NoField(field);
         }
@@ -822,6 +842,7 @@ namespace Terraport.Wire
                 case 3: InnerRadiusM = value == null ? (double?)null : (double)value; return;
                 case 4: DeadlineMs = value == null ? (int?)null : (int)(long)value; return;
                 case 5: StallMs = value == null ? (int?)null : (int)(long)value; return;
+                case 6: CoarseRadiusM = value == null ? (double?)null : (double)value; return;
             }
             throw NoField(field);
         }
@@ -1469,7 +1490,7 @@ namespace Terraport.Wire
         /// <summary>Radius in metres within which held segments are kept.</summary>
         public double ReleaseRadiusM { get; set; }
 
-        /// <summary>Everything nearer than this is shown: radius_m, or less where a budget cut.</summary>
+        /// <summary>Everything nearer than this is shown: the largest radius, or less where a budget cut.</summary>
         public double EffectiveRadiusM { get; set; }
 
         /// <summary>Segments of the plan within inner_radius_m.</summary>

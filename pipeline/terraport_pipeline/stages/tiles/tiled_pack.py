@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 import xxhash
@@ -38,8 +38,7 @@ from terraport_pipeline.stages.pack import (
     About,
     Options,
     Packed,
-    Payload,
-    encode_payload,
+    encode_levels,
     in_order,
     kept_faces,
     pack_counts,
@@ -49,6 +48,11 @@ from terraport_pipeline.stages.pack import (
 from terraport_pipeline.stages.region_ids import CarriedNumbers, Surface, number_regions
 from terraport_pipeline.stages.survey_change import TileHeights
 from terraport_pipeline.stages.texture_set import TextureSet
+from terraport_pipeline.stages.tiles.payload_rows import (
+    PayloadFiles,
+    hashes_of,
+    payloads_by_number,
+)
 from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, TiledScene
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented, renumbered
 from terraport_store import DamagedSceneError, Scene, SceneNotFoundError
@@ -168,14 +172,6 @@ def _fits(scale: AttributeScale, value_range: AttributeRange) -> bool:
     )
 
 
-class PayloadFiles(Protocol):
-    """Access to the encoded payloads of every tile, in the work directory."""
-
-    def __call__(self, tile: int) -> Stored:
-        """Give what :func:`encode` made of one tile; arrays may be mapped."""
-        ...
-
-
 def scales_of(extents: Extents) -> Scales:
     """Choose the quantisation that all payloads of a scene share."""
     return Scales(
@@ -195,6 +191,7 @@ def encode(
     context: Context,
     textures: TextureSet | None = None,
     heights: TileHeights | None = None,
+    levels: int = 1,
 ) -> Stored:
     """Encode one tile's segments.
 
@@ -211,13 +208,15 @@ def encode(
     heights : TileHeights, optional
         How far the ground's height changed: an attribute of the segments in which it did. Those of
         all others have the bytes that they would have without.
+    levels : int
+        Payloads of each segment.
 
     Returns
     -------
     Stored
-        ``glb``: payloads one after the other in order of the segments, with their
-        lengths and hashes; boxes and counts of the segments; value ``height_change``: least and
-        greatest height difference, where any was written.
+        ``glb``: payloads one after the other in order of the segments, those of a coarser level
+        behind them, with their lengths and hashes; boxes and counts; value ``height_change``: least
+        and greatest height difference, where any was written.
     """
     attributes, values = scales.attributes, {}
     if heights is not None:
@@ -226,13 +225,14 @@ def encode(
             values["height_change"] = [float(np.nanmin(dz_m)), float(np.nanmax(dz_m))]
             attributes = {**attributes, HEIGHT_CHANGE: HEIGHT_CHANGE_SCALE}
             mesh = replace(mesh, attributes={**mesh.attributes, HEIGHT_CHANGE: dz_m})
-    payloads = list(
+    pieces = list(
         in_order(
-            lambda piece: encode_payload(piece, scales.step_m, attributes),
+            lambda piece: encode_levels(piece, scales.step_m, attributes, levels),
             _without_empty(split_segments(mesh, segments, regions, textures)),
             context.threads,
         )
     )
+    payloads = [piece[level] for level in range(levels) for piece in pieces]
     arrays: dict[str, AnyArray] = {
         "bounds": np.array([payload.bounds for payload in payloads], np.float64),
         "vertices": np.array([payload.vertices for payload in payloads], np.int64),
@@ -243,6 +243,9 @@ def encode(
             [xxhash.xxh3_64_intdigest(payload.glb) for payload in payloads], np.uint64
         ),
     }
+    if levels > 1:  # of the detail the segments tell
+        arrays["region"] = np.array([payload.region for payload in payloads], np.int64)
+        arrays["region_count"] = np.array([payload.region_count for payload in payloads], np.int64)
     return Stored(arrays, values)
 
 
@@ -318,12 +321,12 @@ def publish(
     with SceneWriter(scene_dir, expected_bytes=expected) as writer:
         # (2) Payloads in order of segment numbers, whichever tile holds them; the writer's lock is
         # held since (1), so the version before stays what it is.
-        hashes = _hashes(segmented, payloads)
+        hashes = hashes_of(segmented, payloads)
         ids, held = carry_segment_ids(hashes, _hashes_before(scene_dir))
         segmented = renumbered(segmented, ids)
         progress.start("pack: segments", float(count), "segments")
         payload_bytes = []
-        for number, payload in enumerate(_by_number(segmented, payloads)):
+        for number, payload in enumerate(payloads_by_number(segmented, payloads)):
             writer.add_segment(
                 payload.glb,
                 region=int(segmented.main_region[number]),
@@ -334,6 +337,16 @@ def publish(
             )
             payload_bytes.append(len(payload.glb))
             progress.advance(1)
+        for level in range(1, options.levels):
+            for payload in payloads_by_number(segmented, payloads, level):
+                writer.add_segment(
+                    payload.glb,
+                    region=payload.region,
+                    region_count=payload.region_count,
+                    bounds=payload.bounds,
+                    vertices=payload.vertices,
+                    faces=payload.faces,
+                )
         progress.done({})
         # (3) The base; its faces keep their order, because the cover names them by number.
         progress.start("pack: base", None, "faces")
@@ -370,21 +383,13 @@ def publish(
                 ),
                 has_colour=about.has_colour and (info is None or info.segments == 0),
                 textures=info,
+                levels=options.levels,
             )
         )
         progress.done({"version": manifest.version[:12]})
     counts = pack_counts(manifest, payload_bytes) | numbered.counts
     counts["segments_kept"] = int(np.count_nonzero(held))
     return Packed(manifest, Facts(counts, numbered.warnings))
-
-
-def _hashes(segmented: TiledSegmented, payloads: PayloadFiles) -> UInt64:
-    """Look up the hash of every payload, in order of the segments, (S,)."""
-    hashes = np.empty(len(segmented.tile), np.uint64)
-    for tile in np.unique(segmented.tile).tolist():
-        rows = segmented.tile == tile
-        hashes[rows] = payloads(tile).arrays["glb_xxh3"][segmented.within[rows]]
-    return hashes
 
 
 def _hashes_before(scene_dir: Path) -> UInt64:
@@ -394,25 +399,6 @@ def _hashes_before(scene_dir: Path) -> UInt64:
             return opened.index.xxh3.astype(np.uint64)
     except (SceneNotFoundError, DamagedSceneError):
         return np.zeros(0, np.uint64)
-
-
-def _by_number(segmented: TiledSegmented, payloads: PayloadFiles) -> Iterator[Payload]:
-    """Read every payload in the order of the scene's segments."""
-    tables: dict[int, tuple[Mapping[str, AnyArray], dict[str, AnyArray]]] = {}
-    for tile, within in zip(segmented.tile.tolist(), segmented.within.tolist(), strict=True):
-        if tile not in tables:
-            arrays = payloads(tile).arrays
-            small = {name: np.array(arrays[name]) for name in ("bounds", "vertices", "faces")}
-            small["starts"] = np.concatenate([[0], np.cumsum(arrays["glb_length"])])
-            tables[tile] = arrays, small
-        arrays, small = tables[tile]
-        begin, end = small["starts"][within : within + 2]
-        yield Payload(
-            glb=arrays["glb"][begin:end].tobytes(),
-            bounds=tuple(small["bounds"][within].tolist()),
-            vertices=int(small["vertices"][within]),
-            faces=int(small["faces"][within]),
-        )
 
 
 def _attribute_infos(

@@ -33,7 +33,8 @@ struct FieldsOf<SceneInfoPart> {
     return visitor.field("id", message.id, TextKind{1, 128, TextPattern::Any}) &&
            visitor.field("version", message.version, TextKind{1, 64, TextPattern::Any}) &&
            visitor.field("name", message.name, TextKind{0, 256, TextPattern::Any}) &&
-           visitor.field("segment_count", message.segmentCount, IntegerKind{0, 4294967295});
+           visitor.field("segment_count", message.segmentCount, IntegerKind{0, 4294967295}) &&
+           visitor.field("levels", message.levels, IntegerKind{1, 2});
   }
 };
 
@@ -131,7 +132,8 @@ struct FieldsOf<AimMessage> {
   static bool visit(Visitor& visitor, Message& message) {
     return visitor.field("generation", message.generation, IntegerKind{0, 4294967295}) &&
            visitor.field("position", message.position, PositionKind{10000000.0, false}) &&
-           visitor.field("radius_m", message.radiusM, NumberKind{0.0, 1000000.0, true});
+           visitor.field("radius_m", message.radiusM, NumberKind{0.0, 1000000.0, true}) &&
+           visitor.field("coarse_radius_m", message.coarseRadiusM, NumberKind{0.0, 1000000.0, true});
   }
 };
 
@@ -145,7 +147,8 @@ struct FieldsOf<LandMessage> {
            visitor.field("radius_m", message.radiusM, NumberKind{0.0, 1000000.0, true}) &&
            visitor.field("inner_radius_m", message.innerRadiusM, NumberKind{0.0, 1000000.0, true}) &&
            visitor.field("deadline_ms", message.deadlineMs, IntegerKind{1, 600000}) &&
-           visitor.field("stall_ms", message.stallMs, IntegerKind{1, 600000});
+           visitor.field("stall_ms", message.stallMs, IntegerKind{1, 600000}) &&
+           visitor.field("coarse_radius_m", message.coarseRadiusM, NumberKind{0.0, 1000000.0, true});
   }
 };
 

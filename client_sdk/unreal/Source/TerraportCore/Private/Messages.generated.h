@@ -37,6 +37,7 @@ constexpr std::uint64_t kMaxGroupName = 64;
 constexpr std::uint64_t kMaxHeaderBytes = 1024;
 constexpr std::uint64_t kMaxHeldSegments = 32768;
 constexpr std::uint64_t kMaxInteger = 9007199254740991;
+constexpr std::uint64_t kMaxLevels = 2;
 constexpr std::uint64_t kMaxPlanSegments = 16384;
 constexpr double kMaxRadiusM = 1000000.0;
 constexpr double kMaxReleaseFactor = 4.0;
@@ -93,8 +94,10 @@ struct SceneInfoPart {
   std::string version;
   /// Name for people.
   std::string name;
-  /// Segments of the scene: ids are below it.
+  /// Segments of the scene: ids are below it, those of coarser levels above (section 6.1).
   std::uint32_t segmentCount = 0;
+  /// Levels of every segment; absent means 1.
+  std::optional<std::uint32_t> levels;
 };
 
 /// What this server allows on this connection.
@@ -207,6 +210,8 @@ struct AimMessage {
   Vec3 position;
   /// Radius in metres around the centre.
   double radiusM = 0;
+  /// Radius in metres of the coarser level: beyond radius_m up to it; at least radius_m.
+  std::optional<double> coarseRadiusM;
 };
 
 /// The user teleports: answer with one plan, send its segments, say ready.
@@ -223,6 +228,8 @@ struct LandMessage {
   std::optional<std::uint32_t> deadlineMs;
   /// Milliseconds without progress after which it is, too; needs inner_radius_m.
   std::optional<std::uint32_t> stallMs;
+  /// Radius in metres of the coarser level: beyond radius_m up to it; at least radius_m.
+  std::optional<double> coarseRadiusM;
 };
 
 /// Grant more payload bytes.
@@ -347,7 +354,7 @@ struct PlanMessage {
   double radiusM = 0;
   /// Radius in metres within which held segments are kept.
   double releaseRadiusM = 0;
-  /// Everything nearer than this is shown: radius_m, or less where a budget cut.
+  /// Everything nearer than this is shown: the largest radius, or less where a budget cut.
   double effectiveRadiusM = 0;
   /// Segments of the plan within inner_radius_m.
   std::uint32_t innerCount = 0;

@@ -74,6 +74,11 @@ bool checkFacts(const SegmentFacts& row, Refusal& refusal) {
   return true;
 }
 
+bool checkCoarseRadius(const std::optional<double>& coarseRadiusM, double radiusM, Refusal& refusal) {
+  if (!coarseRadiusM || *coarseRadiusM >= radiusM) return true;
+  return refuse(refusal, "got " + std::to_string(*coarseRadiusM) + ", expected at least radius_m", "coarse_radius_m");
+}
+
 bool checkInnerRadius(const std::optional<double>& innerRadiusM, double radiusM, Refusal& refusal) {
   if (!innerRadiusM || *innerRadiusM <= radiusM) return true;
   return refuse(refusal, "got " + std::to_string(*innerRadiusM) + ", expected at most radius_m", "inner_radius_m");
@@ -218,7 +223,12 @@ bool checkValue(const std::vector<SegmentFacts>& value, const RowsKind& kind, Re
   return std::all_of(value.begin(), value.end(), [&refusal](const SegmentFacts& row) { return checkFacts(row, refusal); });
 }
 
+bool checkRules(const AimMessage& aim, Refusal& refusal) {
+  return checkCoarseRadius(aim.coarseRadiusM, aim.radiusM, refusal);
+}
+
 bool checkRules(const LandMessage& land, Refusal& refusal) {
+  if (!checkCoarseRadius(land.coarseRadiusM, land.radiusM, refusal)) return false;
   if (!land.innerRadiusM) {
     const char* field = land.deadlineMs ? "deadline_ms" : land.stallMs ? "stall_ms" : nullptr;
     if (field != nullptr) return refuse(refusal, "got a deadline without inner_radius_m, expected both", field);

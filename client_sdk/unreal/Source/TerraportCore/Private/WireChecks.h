@@ -42,6 +42,7 @@ template <typename Message>
 bool checkRules(const Message&, Refusal&) {
   return true;
 }
+bool checkRules(const AimMessage& aim, Refusal& refusal);
 bool checkRules(const LandMessage& land, Refusal& refusal);
 bool checkRules(const GatherMessage& gather, Refusal& refusal);
 bool checkRules(const PlanMessage& plan, Refusal& refusal);

@@ -28,6 +28,7 @@ export const LIMITS = {
   MAX_HEADER_BYTES: 1024,
   MAX_HELD_SEGMENTS: 32768,
   MAX_INTEGER: 9007199254740991,
+  MAX_LEVELS: 2,
   MAX_PLAN_SEGMENTS: 16384,
   MAX_RADIUS_M: 1000000.0,
   MAX_RELEASE_FACTOR: 4.0,
@@ -82,8 +83,10 @@ export interface SceneInfoPart {
   readonly version: string;
   /** Name for people. */
   readonly name: string;
-  /** Segments of the scene: ids are below it. */
+  /** Segments of the scene: ids are below it, those of coarser levels above (section 6.1). */
   readonly segment_count: number;
+  /** Levels of every segment; absent means 1. */
+  readonly levels?: number | undefined;
 }
 
 /** What this server allows on this connection. */
@@ -198,6 +201,8 @@ export interface AimMessage {
   readonly position: Vec3;
   /** Radius in metres around the centre. */
   readonly radius_m: number;
+  /** Radius in metres of the coarser level: beyond radius_m up to it; at least radius_m. */
+  readonly coarse_radius_m?: number | undefined;
 }
 
 /** The user teleports: answer with one plan, send its segments, say ready. */
@@ -215,6 +220,8 @@ export interface LandMessage {
   readonly deadline_ms?: number | undefined;
   /** Milliseconds without progress after which it is, too; needs inner_radius_m. */
   readonly stall_ms?: number | undefined;
+  /** Radius in metres of the coarser level: beyond radius_m up to it; at least radius_m. */
+  readonly coarse_radius_m?: number | undefined;
 }
 
 /** Grant more payload bytes. */
@@ -352,7 +359,7 @@ export interface PlanMessage {
   readonly radius_m: number;
   /** Radius in metres within which held segments are kept. */
   readonly release_radius_m: number;
-  /** Everything nearer than this is shown: radius_m, or less where a budget cut. */
+  /** Everything nearer than this is shown: the largest radius, or less where a budget cut. */
   readonly effective_radius_m: number;
   /** Segments of the plan within inner_radius_m. */
   readonly inner_count: number;
@@ -553,7 +560,7 @@ export type ServerMessage =
   | GatheredMessage;
 
 /** Messages with a rule between fields, which no table can say. */
-export type MessageWithRule = "land" | "gather" | "plan" | "prefetch";
+export type MessageWithRule = "aim" | "land" | "gather" | "plan" | "prefetch";
 
 /** Fields of the maps that stand inside messages. */
 export const PARTS = {
@@ -570,6 +577,7 @@ export const PARTS = {
     { name: "version", required: true, kind: { name: "text", shortest: 1, longest: 64, pattern: null } },
     { name: "name", required: true, kind: { name: "text", shortest: 0, longest: 256, pattern: null } },
     { name: "segment_count", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
+    { name: "levels", required: false, kind: { name: "integer", low: 1, high: 2 } },
   ],
   serverlimits: [
     { name: "max_radius_m", required: true, kind: { name: "number", low: 0.0, high: 1000000.0, lowExcluded: true } },
@@ -631,6 +639,7 @@ export const MESSAGES: MessageTable = {
       { name: "generation", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
       { name: "position", required: true, kind: { name: "position", bound: 10000000.0, nonzero: false } },
       { name: "radius_m", required: true, kind: { name: "number", low: 0.0, high: 1000000.0, lowExcluded: true } },
+      { name: "coarse_radius_m", required: false, kind: { name: "number", low: 0.0, high: 1000000.0, lowExcluded: true } },
     ],
     land: [
       { name: "generation", required: true, kind: { name: "integer", low: 0, high: 4294967295 } },
@@ -639,6 +648,7 @@ export const MESSAGES: MessageTable = {
       { name: "inner_radius_m", required: false, kind: { name: "number", low: 0.0, high: 1000000.0, lowExcluded: true } },
       { name: "deadline_ms", required: false, kind: { name: "integer", low: 1, high: 600000 } },
       { name: "stall_ms", required: false, kind: { name: "integer", low: 1, high: 600000 } },
+      { name: "coarse_radius_m", required: false, kind: { name: "number", low: 0.0, high: 1000000.0, lowExcluded: true } },
     ],
     credit: [
       { name: "bytes", required: true, kind: { name: "integer", low: 1, high: 9007199254740991 } },

@@ -1,6 +1,7 @@
 /** Rules between the fields of one message, which no table can say (wire protocol, sections 6 and 13). */
 
 import type {
+  AimMessage,
   GatherMessage,
   LandMessage,
   MessageWithRule,
@@ -19,7 +20,12 @@ export function checkRules(type: string, values: object): void {
 }
 
 const RULES: Readonly<Record<MessageWithRule, (values: never) => void>> = {
+  aim(aim: AimMessage) {
+    checkCoarseRadius(aim);
+  },
+
   land(land: LandMessage) {
+    checkCoarseRadius(land);
     for (const name of ["deadline_ms", "stall_ms"] as const) {
       if (land.inner_radius_m === undefined && land[name] !== undefined) {
         throw new Refused("got a deadline without inner_radius_m, expected both", name);
@@ -51,6 +57,11 @@ const RULES: Readonly<Record<MessageWithRule, (values: never) => void>> = {
     expectSum("bytes", prefetch.bytes, sum(prefetch.segments, "length"));
   },
 };
+
+function checkCoarseRadius({ coarse_radius_m, radius_m }: AimMessage | LandMessage): void {
+  if (coarse_radius_m === undefined || coarse_radius_m >= radius_m) return;
+  throw new Refused(`got ${coarse_radius_m}, expected at least radius_m ${radius_m}`, "coarse_radius_m");
+}
 
 function checkInnerRadius({ inner_radius_m, radius_m }: LandMessage | GatherMessage): void {
   if (inner_radius_m === undefined || inner_radius_m <= radius_m) return;
