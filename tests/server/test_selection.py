@@ -402,6 +402,7 @@ def test_each_segment_is_planned_at_the_level_of_its_distance(
         hashes=np.arange(2 * count, dtype=np.uint64),
         faces=np.concatenate([scene.faces, scene.faces // 5]),
         vertices=np.concatenate([scene.vertices] * 2),
+        texture_bytes=np.concatenate([scene.texture_bytes] * 2),
         levels=2,
     )
     held_rows = {row for row in held if row < 2 * count}

@@ -103,7 +103,13 @@ def _consistent(part_type: type[m.Part]) -> Callable[[dict[str, Any]], dict[str,
     def prefetch(fields: dict[str, Any]) -> dict[str, Any]:
         return {**fields, "bytes": int(fields["segments"]["length"].sum(dtype="u8"))}
 
+    def aim(fields: dict[str, Any]) -> dict[str, Any]:
+        if "coarse_radius_m" in fields:
+            fields["coarse_radius_m"] = max(fields["coarse_radius_m"], fields["radius_m"])
+        return fields
+
     def land(fields: dict[str, Any]) -> dict[str, Any]:
+        aim(fields)
         if "inner_radius_m" in fields:
             fields["inner_radius_m"] = min(fields["inner_radius_m"], fields["radius_m"])
         else:
@@ -116,7 +122,7 @@ def _consistent(part_type: type[m.Part]) -> Callable[[dict[str, Any]], dict[str,
             fields["inner_radius_m"] = min(fields["inner_radius_m"], fields["radius_m"])
         return fields
 
-    return {m.Plan: plan, m.Prefetch: prefetch, m.Land: land, m.Gather: gather}.get(
+    return {m.Plan: plan, m.Prefetch: prefetch, m.Aim: aim, m.Land: land, m.Gather: gather}.get(
         part_type, lambda fields: fields
     )
 

@@ -14,6 +14,7 @@ from . import (
     limits,
     messages,
     server_messages,
+    welcome_parts,
 )
 from .client_messages import *  # noqa: F403 - a message is named where it is defined, nowhere else
 from .codec import *  # noqa: F403
@@ -24,6 +25,7 @@ from .limits import *  # noqa: F403
 from .messages import *  # noqa: F403
 from .server_messages import *  # noqa: F403
 from .tables import HELD_DTYPE, ID_DTYPE, LOAD_DTYPE
+from .welcome_parts import *  # noqa: F403
 
 __all__ = ["HELD_DTYPE", "ID_DTYPE", "LOAD_DTYPE"]
 __all__ += client_messages.__all__
@@ -34,3 +36,4 @@ __all__ += group_messages.__all__
 __all__ += limits.__all__
 __all__ += messages.__all__
 __all__ += server_messages.__all__
+__all__ += welcome_parts.__all__

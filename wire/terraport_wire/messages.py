@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 
-from . import client_messages, group_messages, server_messages
+from . import client_messages, group_messages, server_messages, welcome_parts
 from .message import Direction, Message, Part
 
 __all__ = ["MESSAGES", "PARTS", "Direction", "Message", "Part", "Unknown"]
 
 _CLASSES: list[type] = [
     value
-    for module in (client_messages, server_messages, group_messages)
+    for module in (client_messages, welcome_parts, server_messages, group_messages)
     for value in vars(module).values()
     if isinstance(value, type) and value.__module__ == module.__name__
 ]

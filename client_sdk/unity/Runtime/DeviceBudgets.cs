@@ -17,7 +17,7 @@ namespace Terraport.Unity
         /// </summary>
         [Min(16)]
         [Tooltip("Graphics memory of everything, MiB, textures with their mips. More: denser surveys and photographs. Never more than a "
-                 + "quarter of what the device has.")]
+            + "quarter of what the device has.")]
         public int maxGpuMebibytes = 1024;
 
         /// <summary>Segments of a landing at most; each in view is a draw call.</summary>
