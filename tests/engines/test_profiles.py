@@ -9,12 +9,11 @@ from engines.cores import UNITY, UNREAL
 
 NAMES: Final = {
     "maxTriangles": "MaxTriangles",
-    "maxMebibytes": "MaxPayloadMiB",
+    "maxGpuMebibytes": "MaxGpuMebibytes",
     "maxSegments": "MaxSegments",
     "cacheMebibytes": "CacheMiB",
     "diskMebibytes": "DiskMiB",
     "creditMebibytes": "CreditMiB",
-    "spareGpuMebibytes": "SpareMeshMiB",
 }
 """Fields of Unity's budgets, and what they are called in Unreal's."""
 
