@@ -114,7 +114,7 @@ def test_the_help_has_headings_types_ranges_and_defaults() -> None:
     assert "--no-resume" in words["Machine"]
 
 
-def test_build_shows_nine_options_first_and_the_rest_under_headings() -> None:
+def test_build_shows_ten_options_first_and_the_rest_under_headings() -> None:
     app = typer.Typer(add_completion=False)
     register(app)
     command: Any = typer.main.get_command(app)
@@ -126,7 +126,7 @@ def test_build_shows_nine_options_first_and_the_rest_under_headings() -> None:
     ]
     assert first == [
         "--output", "--name", "--max-points", "--photos", "--cameras", "--resume", "--max-memory",
-        "--report", "--quiet",
+        "--profile", "--report", "--quiet",
     ]  # fmt: skip
     headings = {getattr(parameter, "rich_help_panel", None) for parameter in command.params}
     assert {"Surface", "Regions and segments", "Textures", "Machine and tiles"} < headings

@@ -9,12 +9,17 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from terraport_payload.types import Bool, Float64, Int32, Int64
 
 __all__ = ["BoxClip", "clip_to_box"]
+
+_SNAP_M: Final = 1e-10
+"""A vertex that lies so near an edge of the box lies on it: one that another edge made may miss
+its place there by rounding, and would get a twin."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,6 +63,7 @@ def clip_to_box(values: Float64, faces: Int32, box: tuple[float, float, float, f
     >>> float(cut.values[:, 2].max()), len(cut.faces)
     (2.0, 2)
     """
+    values = values.copy()
     triangles, origin = faces.astype(np.int64), np.arange(len(faces), dtype=np.int64)
     for axis, limit, sign in (
         (0, box[0], 1.0),
@@ -65,6 +71,7 @@ def clip_to_box(values: Float64, faces: Int32, box: tuple[float, float, float, f
         (0, box[2], -1.0),
         (2, box[3], -1.0),
     ):
+        values[np.abs(values[:, axis] - limit) <= _SNAP_M, axis] = limit
         inside = sign * (values[:, axis] - limit) >= 0
         kept = inside[triangles].sum(axis=1)
         if (kept == 3).all():
