@@ -68,6 +68,9 @@ OF_ENGINES: Final = "Regions: of one engine each"
 
 _SIZES_ACROSS: Final = 8.0
 """A scene not this many of the default region size wide is a small thing looked at closely."""
+_MOST_SIZES_ACROSS: Final = 100.0
+"""One wider than this many has larger regions: all its cells are united at once, and of these
+there are 4 million at most, 3 GB. It depends on the scene alone, not on the machine's memory."""
 _LEAST_SIZE_M: Final = 0.05
 """Cells of a twentieth of it are finer than any survey."""
 MOST_SCALE: Final = 1e6
@@ -88,7 +91,9 @@ class EngineOptions:
             most=1e4,
             unit="m",
             unset=f"{BorderSegmenter().region_size_m:g}; of a scene less than "
-            f"{_SIZES_ACROSS * BorderSegmenter().region_size_m:g} m wide an eighth of its width",
+            f"{_SIZES_ACROSS * BorderSegmenter().region_size_m:g} m wide an eighth of its width, "
+            f"of one over {_MOST_SIZES_ACROSS * BorderSegmenter().region_size_m / 1000:g} km a "
+            "hundredth",
         ),
     ] = None
     """borders: width of the ground that a region is looked for on, as 15m (or cm, km, ft), however
@@ -264,11 +269,14 @@ _Sized = TypeVar("_Sized", bound=RegionOptions)
 
 
 def sized(options: _Sized, width_m: float) -> _Sized:
-    """Return options with a region size, where none is stated, that suits a scene so wide."""
+    """Return options with a region size, where none is stated, that suits a scene so wide.
+
+    `width_m` is the root of its surface's area.
+    """
     if options.engine != "borders" or options.borders_size_m is not None:
         return options
-    largest = BorderSegmenter().region_size_m
-    size_m = max(min(largest, width_m / _SIZES_ACROSS), _LEAST_SIZE_M)
+    usual = BorderSegmenter().region_size_m
+    size_m = max(min(usual, width_m / _SIZES_ACROSS), width_m / _MOST_SIZES_ACROSS, _LEAST_SIZE_M)
     return replace(options, borders_size_m=size_m)
 
 

@@ -20,7 +20,7 @@ from pipeline.one_piece import (
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh, Survey
 from terraport_pipeline.stages import reconstruct, segment
-from terraport_pipeline.stages.region_engine import ENGINES, make_segmenter
+from terraport_pipeline.stages.region_engine import ENGINES, make_segmenter, sized
 from terraport_pipeline.stages.tiles import tiled_segment
 
 SMALL = segment.Options(min_faces=150, max_faces=900)
@@ -111,6 +111,17 @@ def test_two_materials_are_two_regions(meshes: Meshes, result: Labelled) -> None
     assert sizes[-2:].sum() > 0.99 * len(result.regions)
     assert len(set(east.tolist())) == len(set(west.tolist())) == 1
     assert east[0] != west[0]
+
+
+@pytest.mark.parametrize(
+    ("width_m", "size_m"), [(0.1, 0.05), (8.0, 1.0), (120.0, 15.0), (1500.0, 15.0), (4000.0, 40.0)]
+)
+def test_the_size_of_regions_suits_the_scene_unless_it_is_stated(
+    width_m: float, size_m: float
+) -> None:
+    assert sized(segment.Options(), width_m).borders_size_m == pytest.approx(size_m)
+    stated = segment.Options(borders_size_m=2.0)
+    assert sized(stated, width_m) == stated
 
 
 def test_no_region_by_borders_holds_two_materials(meshes: Meshes) -> None:
