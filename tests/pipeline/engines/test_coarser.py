@@ -30,7 +30,7 @@ def through_the_codec(mesh: SegmentMesh) -> SegmentMesh:
     return decode_glb(encode_glb(mesh, step_m=STEP_M, attribute_scales=SCALES))
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(cells=st.integers(3, 40), seed=st.integers(0, 99), share=st.floats(0.01, 1.0))
 def test_the_border_is_the_same_bit_for_bit_once_decoded(
     cells: int, seed: int, share: float
