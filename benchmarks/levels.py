@@ -7,6 +7,7 @@ square of the colours' differences (sRGB, 0..255, sky counts as a colour); each 
 with the bytes that one level takes for its error, between two radii by interpolation.
 
     python benchmarks/levels.py SCENE [--places 4] [--share 0.3]
+    python benchmarks/levels.py --smoke
 
 With --share the coarser level is made here, so that a scene of one level will do.
 """
@@ -14,6 +15,9 @@ With --share the coarser level is made here, so that a scene of one level will d
 from __future__ import annotations
 
 import argparse
+import subprocess
+import sys
+import tempfile
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -28,6 +32,7 @@ from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.geometry.cover.handoff_rays import hidden_base_faces
 from terraport_store import Scene
 
+SURVEY: Final = Path(__file__).resolve().parents[1] / "data" / "sample_quarry_60k.laz"
 EYE_M: Final = 1.7
 WIDTH, HEIGHT = 192, 108
 OVERSAMPLING: Final = 2
@@ -168,18 +173,37 @@ def _pixels(rays: Any) -> Any:
 
 
 def main() -> None:
-    """Measure, and print tables."""
+    """Make a scene where that is asked for, and measure."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scene", type=Path)
+    parser.add_argument("scene", type=Path, nargs="?", help="with colours at its vertices")
     parser.add_argument("--places", type=int, default=4)
     parser.add_argument("--share", type=float)
+    parser.add_argument("--smoke", action="store_true", help="one place of a small quarry")
     options = parser.parse_args()
+    if options.smoke:
+        with tempfile.TemporaryDirectory(prefix="benchmark-levels-") as folder:
+            scene = Path(folder) / "scene"
+            terraport = str(Path(sys.executable).with_name("terraport"))
+            subprocess.run(
+                [terraport, "build", str(SURVEY), "-o", str(scene), "--max-points", "10k",
+                 "--levels", "2", "--no-report", "--quiet"],
+                check=True,
+            )  # fmt: skip
+            measure(scene, 1, None)
+    elif options.scene is None:
+        parser.error("a scene is wanted, or --smoke")
+    else:
+        measure(options.scene, options.places, options.share)
+
+
+def measure(scene_dir: Path, places: int, share: float | None) -> None:
+    """Compare landings of both levels with such of one, and print tables."""
     rng, started_s = np.random.default_rng(24), time.process_time()
-    with Scene.open(options.scene) as scene:
-        bench = Bench(scene, options.share)
+    with Scene.open(scene_dir) as scene:
+        bench = Bench(scene, share)
     full, coarse = (part.sum() for part in bench.lengths)
     faces = [len(level.corners) for level in bench.levels]
-    print(f"{options.scene.name}: {len(bench.bounds)} segments, {faces[0]} and {faces[1]} faces")
+    print(f"{scene_dir.name}: {len(bench.bounds)} segments, {faces[0]} and {faces[1]} faces")
     print(
         f"coarser level: {coarse / full:.3f} of the bytes, {faces[1] / faces[0]:.3f} of the faces"
     )
@@ -188,7 +212,7 @@ def main() -> None:
     inner = np.argsort(np.linalg.norm(middle - np.median(middle, axis=0), axis=1))
     totals: dict[tuple[float, float], list[tuple[int, float]]] = {}
     everything = 1e9
-    for segment in rng.choice(inner[: max(1, len(inner) // 2)], options.places, replace=False):
+    for segment in rng.choice(inner[: max(1, len(inner) // 2)], places, replace=False):
         above = middle[segment] + [0, 200, 0]
         t = bench.ground.intersect([above], [[0, -1, 0]]).t[0]
         eye = above + np.array([0, EYE_M - t, 0])
