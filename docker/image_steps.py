@@ -20,9 +20,9 @@ import shutil
 import subprocess
 import sys
 import tempfile
-import time
 from pathlib import Path
 
+from commands import say
 from dockerfile import Stage, read_stages
 
 HERE = Path(__file__).resolve().parent
@@ -31,12 +31,6 @@ PACKAGES = "python3,python3-venv,python3-pip,ca-certificates"
 IGNORED = shutil.ignore_patterns("__pycache__", ".env", "node_modules")
 BUILT_PAGE = Path("server/terraport_server/page")
 """As Dockerfile.dockerignore has it: the image builds its own."""
-BEGAN_S = time.monotonic()
-
-
-def say(text: str) -> None:
-    """Print a line with the time since the start."""
-    print(f"{time.monotonic() - BEGAN_S:6.1f} s  {text}", flush=True)
 
 
 def run(*command: str) -> str:

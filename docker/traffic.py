@@ -10,6 +10,7 @@ from collections.abc import Callable
 from typing import Any
 
 import httpx
+from commands import say
 from containers import Container
 from websockets.asyncio.client import connect as connect_websocket
 
@@ -20,8 +21,6 @@ __all__ = ["check_groups", "check_landings", "check_restart", "check_survivor"]
 
 CENTRE = (30.0, 1.0, 30.0)
 SEGMENTS = 36
-
-Say = Callable[[str], None]
 
 
 def _payloads() -> list[bytes]:
@@ -45,7 +44,7 @@ def _opened(server: Container) -> list[dict[str, Any]]:
     return [line for line in lines if line["event"] == "session opened"]
 
 
-async def check_landings(url: str, token: str, servers: list[Container], say: Say) -> None:
+async def check_landings(url: str, token: str, servers: list[Container]) -> None:
     """Eight clients, each with the whole scene: byte-equal, spread over the replicas."""
     payloads = _payloads()
 
@@ -67,7 +66,7 @@ async def check_landings(url: str, token: str, servers: list[Container], say: Sa
     say(f"ok: 8 landings over wss, byte-equal; sessions by replica: {list(map(len, opened))}")
 
 
-async def check_groups(url: str, token: str, servers: list[Container], say: Say) -> None:
+async def check_groups(url: str, token: str, servers: list[Container]) -> None:
     """All connections of one group reach one replica, whatever the name; groups spread."""
     address = url.replace("https", "wss") + "/scenes/big/stream?group="
     hello = encode(
@@ -118,7 +117,7 @@ async def _land_until(url: str, token: str, number: int, over: asyncio.Event) ->
 
 
 async def check_restart(
-    url: str, token: str, servers: list[Container], is_ready: Callable[[Container], bool], say: Say
+    url: str, token: str, servers: list[Container], is_ready: Callable[[Container], bool]
 ) -> None:
     """Restart all replicas, one after the other, under clients that land all the time."""
     over = asyncio.Event()
@@ -145,7 +144,7 @@ async def check_restart(
 
 
 async def check_survivor(
-    url: str, token: str, servers: list[Container], is_ready: Callable[[Container], bool], say: Say
+    url: str, token: str, servers: list[Container], is_ready: Callable[[Container], bool]
 ) -> None:
     """Kill a replica in the middle of a landing: another one finishes it."""
     payloads = _payloads()
