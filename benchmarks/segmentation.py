@@ -29,23 +29,24 @@ import json
 import multiprocessing
 import platform
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import Any, Final
 
 import numba
 import numpy as np
+from parts.coloured_terrain import SEED, write_terrain
 from parts.mesh_facts import region_facts
 from parts.plain_pools import plain_pools
+from parts.segmentation_bars import ONE, PLAIN, PLAIN_SHUFFLED, SHUFFLED, show, verdict
+from parts.stage_clock import Clock, resident_mib
 from parts.work_arrays import read_base, read_tiles, welded
 
-from terraport_payload.types import AnyArray, Float32, Float64, Int32
+from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.geometry.cover.cover import build_cover
 from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
-from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
 from terraport_pipeline.geometry.regions.kmeans_1d import kmeans_1d
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh, segmenter_by_name
 from terraport_pipeline.geometry.regions.triangle_pool import (
@@ -70,112 +71,14 @@ from terraport_pipeline.stages.tiles import tiled_pack, tiled_segment
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
 from terraport_store.manifest import BuildInfo
 
-SEED: Final = 7
 SIZES: Final = (500_000, 1_000_000, 2_000_000, 5_000_000, 12_000_000)
 SMOKE_FACES: Final = 20_000
 BASE_SHARE: Final = 15
 MANY_BASE_FACES: Final = 2_000_000
 TOLERANCE_M: Final = 0.1
 CHAIN: Final = ("adjacency", "TPA regions and fine", "merge and split", "cover", "packing")
-BARS: Final = (
-    ("TPA, 12 M faces, arrays to labels", 11_500_000, "TPA, arrays to labels", "s", 20.0),
-    ("the same, stretch", 11_500_000, "TPA, arrays to labels", "s", 10.0),
-    ("peak memory of it", 11_500_000, "TPA, arrays to labels", "MiB", 2048.0),
-    ("graph, 5 M faces, arrays to labels", 4_900_000, "graph, arrays to labels", "s", 60.0),
-    ("whole chain, 5 M faces", 4_900_000, "whole chain", "s", 120.0),
-)
-ONE, SHUFFLED = "TPA, one thread", "TPA, one thread, shuffled"
-PLAIN, PLAIN_SHUFFLED = "plain NumPy and SciPy", "plain NumPy and SciPy, shuffled"
 MOST_PLAIN_FACES: Final = 5_200_000
 """Beyond it the plain version alone takes more memory than all stages together."""
-THESIS: Final = "thesis, table 5.4: 12 M faces took 22 h on ten cores"
-
-T = TypeVar("T")
-Arrays = dict[str, AnyArray]
-
-
-def terrain(n_faces: int, *, detail: bool, noise: float, side_m: float) -> Arrays:
-    """Coloured grid terrain; base and detail are the same hills, the detail with small bumps."""
-    rng = np.random.default_rng(SEED)
-    n = int(np.sqrt(n_faces / 2)) + 1
-    axis = np.linspace(0.0, side_m, n)
-    x, z = np.meshgrid(axis, axis, indexing="ij")
-    y, field = np.zeros_like(x), np.zeros_like(x)
-    for octave in range(5):
-        wave = 2.0**octave * 2.0 * np.pi / side_m
-        a, b, c, d = rng.uniform(0.0, 2.0 * np.pi, 4)
-        y += side_m / 20.0 / 2.0**octave * np.sin(wave * x + a) * np.cos(wave * z + b)
-        field += np.sin(0.7 * wave * x + c + 0.3 * wave * z) * np.cos(wave * z + d) / 1.5**octave
-    if detail:
-        y += 0.05 * np.sin(2.0 * x) * np.cos(2.3 * z)
-    material = np.digitize(field, [-0.6, 0.3, 0.9]).ravel()
-    palette = np.array([[60, 80, 50], [140, 120, 95], [190, 175, 150], [90, 90, 95]], np.float64)
-    colours = palette[material] + rng.normal(0.0, noise, (n * n, 3))
-    i, j = np.divmod(np.arange((n - 1) ** 2), n - 1)
-    corner = i * n + j
-    faces = np.stack(
-        [corner, corner + 1, corner + n, corner + n, corner + 1, corner + n + 1], axis=1
-    )
-    return {
-        "vertices": np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1).astype(np.float32),
-        "faces": faces.reshape(-1, 3).astype(np.int32),
-        "colours": np.clip(colours, 0, 255).astype(np.uint8),
-    }
-
-
-def make(folder: Path, n_faces: int, noise: float, base_faces: int) -> None:
-    """Write the arrays of a terrain and its base as a build's work directory holds them."""
-    side_m = float(np.sqrt(n_faces * 0.02))
-    none = np.zeros(0, np.int64)
-    for name, prefix, mesh in (
-        (
-            "tile-00000",
-            "",
-            {"border-rows": none, "border-shared": none}
-            | terrain(n_faces, detail=True, noise=noise, side_m=side_m),
-        ),
-        ("base", "base-", terrain(base_faces, detail=False, noise=noise, side_m=side_m)),
-    ):
-        mesh["normals"] = vertex_normals(mesh["vertices"], mesh["faces"])
-        (folder / name).mkdir(exist_ok=True)
-        for array, values in mesh.items():
-            np.save(folder / name / f"{prefix}{array}.npy", values)
-    (folder / "settle").mkdir(exist_ok=True)
-    np.save(folder / "settle" / "ids.npy", none)  # one tile shares nothing
-    np.save(folder / "settle" / "ids-starts.npy", np.zeros(2, np.int64))
-
-
-class Clock:
-    """Wall seconds, CPU seconds and peak memory of named stages."""
-
-    def __init__(self) -> None:
-        self.stages: dict[str, dict[str, float]] = {}
-
-    def __call__(self, stage: str, work: Callable[[], T]) -> T:
-        """Do the work and note what it cost."""
-        _reset_peak()
-        wall, cpu = time.perf_counter(), time.process_time()
-        result = work()
-        self.stages[stage] = {
-            "s": round(time.perf_counter() - wall, 3),
-            "cpu_s": round(time.process_time() - cpu, 3),
-            "MiB": _status_mib("VmHWM"),
-        }
-        return result
-
-
-def _status_mib(field: str) -> int:
-    for line in Path("/proc/self/status").read_text(encoding="ascii").splitlines():
-        if line.startswith(field + ":"):
-            return int(line.split()[1]) // 1024
-    return 0
-
-
-def _reset_peak() -> None:
-    try:
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-    except OSError:
-        return  # the figure is then the largest so far
 
 
 def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) -> dict[str, Any]:
@@ -183,7 +86,7 @@ def measure(folder: Path, threads: int, many_base: Path | None, *, whole: bool) 
     clock = Clock()
     detail, base = welded(read_tiles(folder)), read_base(folder)
     mesh = (detail.vertices, detail.faces)
-    inputs_mib = _status_mib("VmRSS")
+    inputs_mib = resident_mib()
     # (1) the bar: nothing known but the arrays
     tpa = clock(
         "TPA, arrays to labels",
@@ -419,54 +322,6 @@ def measured(
     return measurements
 
 
-def show(result: dict[str, Any], title: str) -> None:
-    print(f"\n{title}: {result['faces']:,} faces, {result['threads']} threads")
-    print(f"  {'':<34}{'wall s':>9}{'CPU s':>9}{'ns/face':>9}{'peak MiB':>10}")
-    for stage, cost in result["stages"].items():
-        per_face = 1e9 * cost["s"] / result["faces"]
-        seconds = f"{cost['s']:>9.2f}{cost['cpu_s']:>9.2f}{per_face:>9.0f}"
-        print(f"  {stage:<34}{seconds}{cost['MiB']:>10.0f}")
-    for name, value in result.items():
-        if name not in ("stages", "faces", "threads"):
-            print(f"  {name}: {value}")
-
-
-def verdict(results: list[dict[str, Any]]) -> None:
-    """Say which bars are met: each at the nearest size that was measured, the worst of its runs."""
-    print(f"\n{'bar':<40}{'measured':>12}{'allowed':>10}")
-    for name, size, stage, unit, allowed in BARS:
-        near = [r for r in results if size <= r["faces"] < 1.2 * size and stage in r["stages"]]
-        if near:
-            worst = max(r["stages"][stage][unit] for r in near)
-            say(name, worst, allowed, unit)
-    by_size = sorted((r for r in results if r["noise"] == results[0]["noise"]), key=_faces)
-    if len(by_size) > 1 and by_size[-1]["faces"] > 20 * by_size[0]["faces"]:
-        per_face = [r["stages"]["TPA, arrays to labels"]["s"] / r["faces"] for r in by_size]
-        say("time per face, largest over smallest", per_face[-1] / per_face[0], 1.3, "x")
-        cpu = [r["stages"]["TPA, arrays to labels"]["cpu_s"] / r["faces"] for r in by_size]
-        say("the same in CPU seconds", cpu[-1] / cpu[0], 1.3, "x")
-    # Shuffled against in order; and what compiled kernels have over a page of NumPy.
-    for result in by_size:
-        cpu_s = {name: cost["cpu_s"] for name, cost in result["stages"].items()}
-        size = f"{result['faces']:,} faces"
-        ratio = cpu_s[SHUFFLED] / max(cpu_s[ONE], 1e-3)
-        say(f"{size}: shuffled over in order, CPU", ratio, 2.0, "x")
-        if PLAIN in cpu_s:
-            for plain, ours in ((PLAIN, ONE), (PLAIN_SHUFFLED, SHUFFLED)):
-                times = cpu_s[plain] / max(cpu_s[ours], 1e-3)
-                print(f"  {size}, {plain}: {cpu_s[plain]:.2f} CPU s, {times:.1f} x TPA")
-    print(f"({THESIS}; a plain version on one core is the fairer comparison)")
-
-
-def _faces(result: dict[str, Any]) -> int:
-    return int(result["faces"])
-
-
-def say(name: str, value: float, allowed: float, unit: str) -> None:
-    met = "met" if value <= allowed else "MISSED"
-    print(f"{name:<40}{value:>8.2f} {unit:<3}{allowed:>7.4g} {unit:<4}{met}")
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("--faces", type=int, nargs="+", default=list(SIZES))
@@ -489,10 +344,12 @@ def main() -> None:
         for directory in (tiny, folder, many):
             directory.mkdir()
         # Kernels compile on a tiny mesh first, outside of what is measured.
-        make(tiny, 2_000, 6.0, 500)
+        write_terrain(tiny, 2_000, 6.0, 500)
         # Do threads change the bytes? Nothing else is measured then.
         if arguments.bytes:
-            in_fresh_process(make, folder, arguments.bytes, 6.0, arguments.bytes // BASE_SHARE)
+            in_fresh_process(
+                write_terrain, folder, arguments.bytes, 6.0, arguments.bytes // BASE_SHARE
+            )
             digests = {measured(folder, threads, tiny)["digest"] for threads in (1, 2, 2)}
             print(f"{arguments.bytes:,} faces, 1, 2 and 2 threads: {sorted(digests)}")
             raise SystemExit(0 if len(digests) == 1 else "the bytes differ")
@@ -502,10 +359,10 @@ def main() -> None:
             show(measurements, real.name)
         for n_faces in [] if arguments.mesh else sizes:
             for noise in arguments.noise:
-                in_fresh_process(make, folder, n_faces, noise, n_faces // BASE_SHARE)
+                in_fresh_process(write_terrain, folder, n_faces, noise, n_faces // BASE_SHARE)
                 with_many = n_faces >= 2 * MANY_BASE_FACES
                 if with_many:
-                    in_fresh_process(make, many, n_faces, noise, MANY_BASE_FACES)
+                    in_fresh_process(write_terrain, many, n_faces, noise, MANY_BASE_FACES)
                 result = measured(
                     folder, arguments.threads, tiny,
                     many=many if with_many else None, whole=not arguments.no_pack,
