@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 import json
 from collections import OrderedDict
-from collections.abc import AsyncIterator, Callable, Hashable
+from collections.abc import Callable, Hashable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -36,9 +36,6 @@ newest stays whatever it has."""
 _MAX_KEPT_TAUGHT: Final = 2
 """Scenes whose `taught.json` is kept."""
 
-_PIECE_BYTES: Final = 64 << 10
-"""Of an answer that are put together at a time."""
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class KeptStrokes:
@@ -55,18 +52,13 @@ class KeptStrokes:
         """Of the file, about."""
         return sum(map(len, self.rows.values()))
 
-    async def told_to(self, who: str) -> AsyncIterator[bytes]:
-        """Write the answer to somebody, a piece at a time: who reads slowly holds no copy of it."""
-        piece, size = [b'{"strokes":['], 0
+    def told_to(self, who: str) -> Iterator[bytes]:
+        """Write the answer to somebody, a piece for each stroke."""
+        yield b'{"strokes":['
         for number, (stroke, row) in enumerate(self.rows.items()):
             yours = b"true" if stroke.who == who else b"false"
-            piece.append(b'%b%b,"yours":%b}' % (b"," if number else b"", row, yours))
-            size += len(row)
-            if size >= _PIECE_BYTES:
-                yield b"".join(piece)
-                piece, size = [], 0
-        piece.append(b'],"revision":%b}' % json.dumps(self.strokes.revision).encode())
-        yield b"".join(piece)
+            yield b'%b%b,"yours":%b}' % (b"," if number else b"", row, yours)
+        yield b'],"revision":%b}' % json.dumps(self.strokes.revision).encode()
 
 
 class KeptTaught(NamedTuple):

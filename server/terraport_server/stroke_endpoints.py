@@ -22,6 +22,7 @@ from terraport_server.http_answers import (
     CHECK,
     SceneOfRequest,
     ServiceOfRequest,
+    in_turns,
     is_unchanged,
     token_of,
 )
@@ -93,7 +94,8 @@ async def get_strokes(
     }
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    return StreamingResponse(kept.told_to(painter.name), media_type=_JSON, headers=headers)
+    pieces = in_turns(kept.told_to(painter.name), service.turns)
+    return StreamingResponse(pieces, media_type=_JSON, headers=headers)
 
 
 @stroke_routes.post("/scenes/{scene_id}/strokes", summary="Paint a stroke", status_code=201)
