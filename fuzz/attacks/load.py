@@ -19,6 +19,7 @@ from collections import deque
 from typing import Final
 
 import msgpack
+from attacks.holders import HOLDER_ATTACKS
 from attacks.peers import BINARY, Answers, HangError, HostilePeer, frame
 from attacks.plans import PLAN_ATTACKS
 from attacks.requests import REQUEST_ATTACKS
@@ -92,6 +93,7 @@ ATTACKS: Final[dict[str, Attack]] = {
     **REQUEST_ATTACKS,
     **SEAT_ATTACKS,
     **TABLE_ATTACKS,
+    **HOLDER_ATTACKS,
 }
 
 

@@ -9,7 +9,6 @@ from hashlib import sha256
 from http import HTTPStatus
 from typing import Annotated, Any
 
-import xxhash
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.responses import JSONResponse, PlainTextResponse
@@ -42,7 +41,6 @@ from terraport_server.session import INTERNAL_TEXT
 from terraport_server.stroke_endpoints import may_paint, stroke_routes
 from terraport_server.tile_endpoints import tile_routes
 from terraport_store import OriginError
-from terraport_store.labels import encode_labels
 from terraport_store.layout import OVERVIEW, PREVIEW, REPORT, REPORT_PDF
 from terraport_wire import ErrorCode
 
@@ -145,17 +143,13 @@ def get_regions(
 
 
 @_router.get("/scenes/{scene_id}/labels.json", summary="What people call the regions")
-def get_labels(request: Request, served: SceneOfRequest) -> Response:
+async def get_labels(request: Request, served: SceneOfRequest) -> Response:
     """Return the labels by stable id, as they are now: they belong to no version."""
-    data = encode_labels(served.names.labels)
-    headers = {
-        "ETag": f'"{xxhash.xxh3_64_hexdigest(data)}"',
-        "Cache-Control": CHECK,
-        "Vary": "Authorization",
-    }
+    kept = served.kept_labels
+    headers = {"ETag": kept.etag, "Cache-Control": CHECK, "Vary": "Authorization"}
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    return Response(data, media_type="application/json", headers=headers)
+    return Response(kept.data, media_type="application/json", headers=headers)
 
 
 @_router.get("/scenes/{scene_id}/report", summary="The build's report, where there is one")

@@ -40,6 +40,8 @@ class GroupDesk:
         self._routing = routing
         self._names: frozenset[str] = frozenset()
         self._timer: asyncio.TimerHandle | None = None
+        self._due_s: float | None = None
+        """When that fires; None = there is none."""
 
     def door(
         self,
@@ -85,10 +87,13 @@ class GroupDesk:
         if self.changed is not None and (names := self.groups.names) is not self._names:
             self._names = names
             self.changed(names)
+        due_s = self.groups.wake_at_s()
+        if due_s == self._due_s:
+            return
         if self._timer is not None:
             self._timer.cancel()
-        due_s = self.groups.wake_at_s()
         loop = asyncio.get_running_loop()
+        self._due_s = due_s
         self._timer = None if due_s is None else loop.call_at(due_s, self._tick)
 
     def stop(self) -> None:
@@ -97,7 +102,7 @@ class GroupDesk:
             self._timer.cancel()
 
     def _tick(self) -> None:
-        self._timer = None
+        self._timer = self._due_s = None
         self.groups.tick(asyncio.get_running_loop().time())
         self.hand_out()
 

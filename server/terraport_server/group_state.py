@@ -73,6 +73,9 @@ class Group:
     roster_due_s: float | None = None
     """When changes are told; None = none."""
     roster_told_s: float = float("-inf")
+    gathering_due_s: float | None = None
+    """When the newest gathering is told; None = it was."""
+    gathering_told_s: float = float("-inf")
 
     def seat_of(self, secret: str | None) -> Seat | None:
         """Return the seat of a secret."""

@@ -32,9 +32,9 @@ from terraport_wire import (
 
 __all__ = ["Groups"]
 
-_ROSTER_PERIOD_S: Final = 0.25
-"""Between two rosters of a group: a member that joins and leaves as fast as it may costs each of
-the others four messages a second."""
+_NEWS_PERIOD_S: Final = 0.25
+"""Between two rosters of a group, and between two gatherings: a member that joins and leaves, or a
+guide that gathers, as fast as it may costs each of the others four messages a second."""
 
 
 class Groups:
@@ -53,6 +53,9 @@ class Groups:
         """Group and number by connection."""
         self._posts: list[tuple[Hashable, Message]] = []
         self._names: frozenset[str] | None = frozenset()
+        self._due_s: dict[tuple[str, str], float] = {}
+        """When each group has something to do; of those that have. Kept, as what one member says
+        must not cost a look at the seats of all groups."""
 
     @property
     def group_count(self) -> int:
@@ -78,18 +81,7 @@ class Groups:
 
     def wake_at_s(self) -> float | None:
         """When :meth:`tick` has something to do at the latest; None = never."""
-        times = []
-        for group in self._groups.values():
-            if group.roster_due_s is not None:
-                times.append(group.roster_due_s)
-            if group.barrier is not None and not group.barrier.is_open:
-                times.append(group.barrier.deadline_s)
-            times += [
-                seat.lost_s + self._limits.group_absence_s
-                for seat in group.seats.values()
-                if seat.key is None
-            ]
-        return min(times, default=None)
+        return min(self._due_s.values(), default=None)
 
     def join(
         self,
@@ -169,6 +161,7 @@ class Groups:
         self._changed(group, now_s)
         if group.barrier is not None:
             self._posts.append((key, _gathering(group.barrier, now_s)))
+        self._note_due(group)
         return None
 
     def leave(self, key: Hashable, now_s: float) -> None:
@@ -185,6 +178,7 @@ class Groups:
             del self._memberships[key]
             seat.key, seat.lost_s = None, now_s
             self._changed(group, now_s)
+            self._note_due(group)
 
     def gather(self, key: Hashable, gather: Gather, now_s: float) -> str | None:
         """Land the group (16.2); return why not."""
@@ -198,7 +192,10 @@ class Groups:
         wait_s = most_s if gather.deadline_ms is None else min(most_s, gather.deadline_ms / 1000.0)
         number = 1 if group.barrier is None else group.barrier.number + 1
         group.barrier = Barrier(number, seat.number, gather, now_s + wait_s)
-        self._tell(group, _gathering(group.barrier, now_s))
+        group.gathering_due_s = max(now_s, group.gathering_told_s + _NEWS_PERIOD_S)
+        if group.gathering_due_s <= now_s:
+            self._tell_gathering(group, now_s)
+        self._note_due(group)
         return None
 
     def arrived(self, key: Hashable, number: int, state: str) -> None:
@@ -214,15 +211,20 @@ class Groups:
 
     def tick(self, now_s: float) -> None:
         """Act on what time alone decides: seats lost for too long, deadlines, rosters."""
-        for group in list(self._groups.values()):
+        for group in [self._groups[key] for key, due_s in self._due_s.items() if due_s <= now_s]:
             for seat in list(group.seats.values()):
                 if seat.key is None and now_s >= seat.lost_s + self._limits.group_absence_s:
                     self._remove(group, seat, now_s)
             barrier = group.barrier
-            if barrier is not None and not barrier.is_open and now_s >= barrier.deadline_s:
+            is_late = barrier is not None and now_s >= barrier.deadline_s
+            if group.gathering_due_s is not None and (is_late or now_s >= group.gathering_due_s):
+                self._tell_gathering(group, now_s)
+                self._open_if_all_are_there(group)
+            if barrier is not None and is_late and not barrier.is_open:
                 self._open(group, barrier)
             if group.roster_due_s is not None and now_s >= group.roster_due_s:
                 self._tell_roster(group, now_s)
+            self._note_due(group)
 
     def _refusal(
         self,
@@ -311,19 +313,24 @@ class Groups:
         if not group.seats:
             del self._groups[group.id]
             self._names = None
+            self._note_due(group)
             return
         if group.barrier is not None:
             group.barrier.states.pop(seat.number, None)
         self._changed(group, now_s)
         self._open_if_all_are_there(group)
+        self._note_due(group)
 
     def _open_if_all_are_there(self, group: Group) -> None:
         """Open the barrier where everybody is ready or will not come (16.3)."""
         barrier = group.barrier
+        if group.gathering_due_s is not None:
+            return  # nobody hears that it is over before that it began
         if barrier is not None and not barrier.is_open:
             states = [barrier.states.get(number) for number in group.seats]
             if all(state in {"ready", "declined"} for state in states):
                 self._open(group, barrier)
+                self._note_due(group)
 
     def _open(self, group: Group, barrier: Barrier) -> None:
         barrier.is_open = True
@@ -341,11 +348,16 @@ class Groups:
 
     def _changed(self, group: Group, now_s: float) -> None:
         """Tell all of a change, at once or as soon as the period allows."""
-        due_s = max(now_s, group.roster_told_s + _ROSTER_PERIOD_S)
+        due_s = max(now_s, group.roster_told_s + _NEWS_PERIOD_S)
         if due_s <= now_s:
             self._tell_roster(group, now_s)
         else:
             group.roster_due_s = due_s
+
+    def _tell_gathering(self, group: Group, now_s: float) -> None:
+        assert group.barrier is not None
+        group.gathering_due_s, group.gathering_told_s = None, now_s
+        self._tell(group, _gathering(group.barrier, now_s))
 
     def _tell_roster(self, group: Group, now_s: float) -> None:
         group.roster_due_s, group.roster_told_s = None, now_s
@@ -354,6 +366,22 @@ class Groups:
             for seat in group.seats.values()
         )
         self._tell(group, Roster(group=group.id[1], members=members))
+
+    def _note_due(self, group: Group) -> None:
+        """Look at when a group has something to do, after whatever changed it."""
+        news = group.roster_due_s, group.gathering_due_s
+        times = [due_s for due_s in news if due_s is not None]
+        if group.barrier is not None and not group.barrier.is_open:
+            times.append(group.barrier.deadline_s)
+        times += [
+            seat.lost_s + self._limits.group_absence_s
+            for seat in group.seats.values()
+            if seat.key is None
+        ]
+        if times and group.seats:
+            self._due_s[group.id] = min(times)
+        else:
+            self._due_s.pop(group.id, None)
 
     def _tell(self, group: Group, message: Message) -> None:
         self._posts += [

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import AsyncIterator, Iterable
 from pathlib import Path
 from typing import Annotated, Final
 
@@ -15,16 +16,19 @@ from terraport_server.byte_ranges import is_match
 from terraport_server.errors import AccessError
 from terraport_server.served_scene import ServedScene
 from terraport_server.service import Service
+from terraport_server.turns import Rank, Turns
 from terraport_store import open_inside, path_inside
 
 __all__ = [
     "CHECK",
     "FOREVER",
+    "PIECE_BYTES",
     "PRIVATE_FOREVER",
     "OpenFileResponse",
     "SceneOfRequest",
     "ServiceOfRequest",
     "caching_headers",
+    "in_turns",
     "is_unchanged",
     "token_of",
 ]
@@ -33,6 +37,9 @@ FOREVER: Final = "public, max-age=31536000, immutable"
 PRIVATE_FOREVER: Final = "private, max-age=31536000, immutable"
 CHECK: Final = "no-cache"
 """Keep it, and ask each time whether it is still the same."""
+
+PIECE_BYTES: Final = 64 << 10
+"""Of a long answer that are sent at a time."""
 
 _HAS_DESCRIPTORS: Final = Path("/dev/fd").is_dir()
 """Whether an open file can be opened again by its number; Windows has no such folder."""
@@ -121,6 +128,35 @@ class OpenFileResponse(FileResponse):
             await super().__call__(scope, receive, send)
         finally:
             os.close(self._descriptor)
+
+
+async def in_turns(pieces: Iterable[bytes], turns: Turns) -> AsyncIterator[bytes]:
+    """Write a long answer as it is read, so much at a time: nobody holds a copy of all of it.
+
+    One piece of all such answers is put together in a step of the event loop, however many there
+    are.
+
+    Parameters
+    ----------
+    pieces
+        Made when they are asked for; put together until they have `PIECE_BYTES`.
+    turns
+        Of all that is sent.
+    """
+    gathered: list[bytes] = []
+    size = 0
+    for piece in pieces:
+        gathered.append(piece)
+        size += len(piece)
+        if size >= PIECE_BYTES:
+            await turns.take(Rank.LANDING, _nothing_yet)
+            yield b"".join(gathered)
+            gathered, size = [], 0
+    yield b"".join(gathered)
+
+
+def _nothing_yet() -> None:
+    """Be the turn: what is sent is sent by whoever waited for it."""
 
 
 def is_unchanged(request: Request, etag: str) -> bool:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Literal
@@ -20,7 +20,7 @@ from typing import Literal
 from terraport_server.errors import UnknownSceneError
 from terraport_server.logs import log
 from terraport_server.scene_roots import FolderRoot, Look, SceneRoot
-from terraport_server.served_scene import ServedScene
+from terraport_server.served_scene import KeptLabels, ServedScene
 from terraport_store import (
     OriginError,
     SceneBuilding,
@@ -69,7 +69,7 @@ class SceneRegistry:
         self._retired: list[ServedScene] = []
         self._stamps: dict[str, Hashable] = {}
         self._label_stamps: dict[str, Hashable | None] = {}
-        self._labels: dict[str, Mapping[int, str]] = {}
+        self._labels: dict[str, KeptLabels] = {}
 
     def ids(self) -> list[str]:
         """Ids of the scenes that are served, ascending."""
@@ -140,7 +140,9 @@ class SceneRegistry:
                     del self._stamps[scene_id]
                 log("scene not opened", level=logging.ERROR, scene=scene_id, reason=str(error))
                 continue
-            served.names = served.names.with_labels(self._labels.get(scene_id, {}))
+            labels = self._labels.get(scene_id)
+            if labels is not None:
+                served.use_labels(labels)
             self._take(served)
         for scene_id in (self._stamps.keys() | self._current.keys()) - looks.keys():
             self._stamps.pop(scene_id, None)
@@ -201,15 +203,15 @@ class SceneRegistry:
             return
         self._label_stamps[scene_id] = seen.labels
         try:
-            labels = await asyncio.to_thread(read_labels, seen.files)
+            kept = await asyncio.to_thread(lambda: KeptLabels.of(read_labels(seen.files)))
         except (StoreError, OSError) as error:
             # Once per change; the labels read before stay.
             if isinstance(error, OriginError):
                 del self._label_stamps[scene_id]
             log("labels not read", level=logging.ERROR, scene=scene_id, reason=str(error))
             return
-        self._labels[scene_id] = labels
-        log("labels read", scene=scene_id, labels=len(labels))
+        self._labels[scene_id] = kept
+        log("labels read", scene=scene_id, labels=len(kept.labels))
         for served in [*self._current.values(), *self._retired]:
             if served.id == scene_id:
-                served.names = served.names.with_labels(labels)
+                served.use_labels(kept)

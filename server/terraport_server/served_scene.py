@@ -5,10 +5,14 @@ from __future__ import annotations
 import asyncio
 import logging
 import time
+from collections.abc import Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Final, Literal
+from typing import Final, Literal, Self
 from urllib.parse import quote
+
+import xxhash
 
 from terraport_payload.texture import gpu_texture_bytes
 from terraport_server.actions import PullView, SceneView
@@ -22,13 +26,33 @@ from terraport_store import (
     SceneFiles,
     StoreError,
 )
+from terraport_store.labels import encode_labels
 from terraport_wire import BLOCK_BYTES, Hit, PullInfo
 
-__all__ = ["ServedScene"]
+__all__ = ["KeptLabels", "ServedScene"]
 
 _FAILURES_PER_MINUTE: Final = 6
 """Lines about segments of a scene that cannot be read: of a pack that is gone they are all the
 same, and each landing meets some of them."""
+
+
+@dataclass(frozen=True, slots=True)
+class KeptLabels:
+    """Labels of users by stable id, and the answer to who asks for them."""
+
+    labels: Mapping[int, str]
+    data: bytes
+    etag: str
+    """Quotes included."""
+
+    @classmethod
+    def of(cls, labels: Mapping[int, str]) -> Self:
+        """Write the answer; of as many as there may be it takes long: call it in a thread."""
+        data = encode_labels(labels)
+        return cls(labels, data, f'"{xxhash.xxh3_64_hexdigest(data)}"')
+
+
+_NO_LABELS: Final = KeptLabels.of({})
 
 
 class ServedScene:
@@ -72,6 +96,8 @@ class ServedScene:
         """Its payloads, for all clients."""
         self.names = names
         """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
+        self.kept_labels = _NO_LABELS
+        """What ``labels.json`` answers: written once for all who ask."""
         self.version = scene.manifest.version
         index = scene.rows
         self.view = SceneView(
@@ -206,6 +232,11 @@ class ServedScene:
                 reason=str(error) or repr(error),
                 lines_left_out=left_out or None,
             )
+
+    def use_labels(self, kept: KeptLabels) -> None:
+        """Take these labels in place of those before."""
+        self.kept_labels = kept
+        self.names = self.names.with_labels(kept.labels)
 
     def hold(self) -> None:
         """Keep the scene open until :meth:`release`."""

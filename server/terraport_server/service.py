@@ -28,6 +28,7 @@ from terraport_server.scenes import SceneRegistry
 from terraport_server.sender import LARGEST_BATCH_BYTES, Sender, SenderLimits
 from terraport_server.served_scene import ServedScene
 from terraport_server.settings import Settings
+from terraport_server.stroke_desk import StrokeDesk
 from terraport_server.tile_desk import TileDesk
 from terraport_server.turns import Turns
 from terraport_server.viewer_page import BUILT_PAGE, ViewerPage
@@ -80,6 +81,7 @@ class Service:
             pull_base_url=settings.pull_base_url,
         )
         self.tiles = TileDesk()
+        self.strokes = StrokeDesk()
         self.painters = RatesByName(settings.max_strokes_per_s)
         # Bounds of every session, taken from the settings once.
         self.session_limits = settings.session_limits(server_name())
@@ -183,6 +185,7 @@ class Service:
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
+        self.strokes.stop()
         # Threads read from the scenes: they end first, each within its own time bound.
         await asyncio.to_thread(self._picks.shutdown, wait=True)
         self.registry.close()

@@ -6,7 +6,6 @@ Nothing is learned here: a program beside the service reads the strokes and writ
 
 from __future__ import annotations
 
-import asyncio
 import json
 import logging
 import secrets
@@ -14,9 +13,8 @@ import time
 from datetime import UTC, datetime
 from typing import Annotated, Any
 
-import xxhash
 from fastapi import APIRouter, Depends, Request, Response
-from fastapi.responses import JSONResponse
+from fastapi.responses import JSONResponse, StreamingResponse
 
 from terraport_server.auth import TokenPass, origin_is_allowed
 from terraport_server.errors import AccessError, RequestError
@@ -24,6 +22,7 @@ from terraport_server.http_answers import (
     CHECK,
     SceneOfRequest,
     ServiceOfRequest,
+    in_turns,
     is_unchanged,
     token_of,
 )
@@ -35,9 +34,6 @@ from terraport_store import (
     Stroke,
     StrokeError,
     Strokes,
-    change_strokes,
-    read_strokes,
-    read_taught,
 )
 from terraport_wire import ErrorCode
 
@@ -83,21 +79,23 @@ Painter = Annotated[TokenPass, Depends(_painter)]
 
 
 @stroke_routes.get("/scenes/{scene_id}/strokes", summary="What was painted on the ground")
-async def get_strokes(request: Request, served: SceneOfRequest, painter: Painter) -> Response:
+async def get_strokes(
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest, painter: Painter
+) -> Response:
     """List the strokes, with who painted them and when."""
     try:
-        strokes = await asyncio.to_thread(read_strokes, served.scene.path)
+        kept = await service.strokes.read(served.scene.path)
     except (StoreError, OSError) as error:
         raise _unavailable(served, error) from None
     headers = {
-        "ETag": f'"{strokes.revision or "none"}"',
+        "ETag": f'"{kept.strokes.revision or "none"}"',
         "Cache-Control": CHECK,
         "Vary": "Authorization",
     }
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    rows = [_row(stroke, painter) for stroke in strokes.strokes]
-    return JSONResponse({"strokes": rows, "revision": strokes.revision}, headers=headers)
+    pieces = in_turns(kept.told_to(painter.name), service.turns)
+    return StreamingResponse(pieces, media_type=_JSON, headers=headers)
 
 
 @stroke_routes.post("/scenes/{scene_id}/strokes", summary="Paint a stroke", status_code=201)
@@ -121,7 +119,7 @@ async def post_stroke(
         raise RequestError(400, ErrorCode.INVALID_FIELD, f"got {error}") from None
     except (ValueError, RecursionError):
         raise RequestError(400, ErrorCode.INVALID_FIELD, "got no JSON, expected a stroke") from None
-    strokes = await _changed(served, lambda strokes: strokes.with_one(stroke))
+    strokes = await _changed(service, served, lambda strokes: strokes.with_one(stroke))
     log("stroke painted", scene=served.id, who=painter.name, stroke=stroke.id)
     answer = {"stroke": _row(stroke, painter), "revision": strokes.revision}
     return JSONResponse(answer, status_code=201)
@@ -144,32 +142,34 @@ async def delete_stroke(
             raise RequestError(403, ErrorCode.FORBIDDEN, text)
         return strokes.without(stroke_id)
 
-    strokes = await _changed(served, without)
+    strokes = await _changed(service, served, without)
     log("stroke taken back", scene=served.id, who=painter.name, stroke=stroke_id)
     return JSONResponse({"revision": strokes.revision})
 
 
 @stroke_routes.get("/scenes/{scene_id}/taught", summary="What the strokes have taught")
-async def get_taught(request: Request, served: SceneOfRequest) -> Response:
+async def get_taught(
+    request: Request, served: SceneOfRequest, service: ServiceOfRequest
+) -> Response:
     """Return taught.json; 204 where nobody has taught anything yet."""
     headers = {"Cache-Control": CHECK, "Vary": "Authorization"}
     if served.fetchers is not None:
         return Response(status_code=204, headers=headers)
     try:
-        data = await asyncio.to_thread(read_taught, served.scene.path)
+        taught = await service.strokes.taught(served.scene.path)
     except (StoreError, OSError) as error:
         raise _unavailable(served, error) from None
-    if data is None:
+    if taught.data is None:
         return Response(status_code=204, headers=headers)
-    headers["ETag"] = f'"{xxhash.xxh3_64_hexdigest(data)}"'
+    headers["ETag"] = taught.etag
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    return Response(data, media_type=_JSON, headers=headers)
+    return Response(taught.data, media_type=_JSON, headers=headers)
 
 
-async def _changed(served: ServedScene, change: Any) -> Strokes:
+async def _changed(service: Service, served: ServedScene, change: Any) -> Strokes:
     try:
-        return await asyncio.to_thread(change_strokes, served.scene.path, change)
+        return await service.strokes.change(served.scene.path, change)
     except StrokeError as error:
         raise RequestError(409, ErrorCode.TOO_MANY, f"got one more, but {error}") from None
     except (StoreError, OSError) as error:

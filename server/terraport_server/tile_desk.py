@@ -9,46 +9,42 @@ from __future__ import annotations
 import asyncio
 from collections import OrderedDict
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, TypeVar
 
-import orjson
 import xxhash
 
 from terraport_server.served_scene import ServedScene
 from terraport_store import read_names
-from terraport_store.tiles.placing import Placing, place_scene
+from terraport_store.tiles.placing import place_scene
 from terraport_store.tiles.scene_tiles import SceneTiles
 from terraport_store.tiles.tile_glb import TileFacts
-from terraport_store.tiles.tileset import Cell, tileset_document
+from terraport_store.tiles.tileset import Tileset
 
-__all__ = ["MAX_KEPT_BYTES", "MAX_KEPT_TILESETS", "ServedTiles", "TileDesk"]
+__all__ = ["MAX_KEPT_BYTES", "ServedTiles", "TileDesk"]
 
 _Made = TypeVar("_Made")
 
 MAX_KEPT_BYTES: Final = 128 << 20
-"""Parts of bases in memory, least recently asked for out first; those of the newest scene stay."""
-
-MAX_KEPT_TILESETS: Final = 4
-"""Of one scene, for one radius each: up to 40 MB for 100,000 segments, and a second to write."""
+"""Parts of bases and tilesets in memory, least recently asked for out first; those of the newest
+scene stay."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ServedTiles:
     """What is served of one version of a scene."""
 
-    cells: list[Cell]
-    placing: Placing
-    names: list[str]
-    """Of the parts, by number: the hash of their bytes, so that an address has one content."""
+    tileset: Tileset
+    """For all radii; up to 25 MB for 100,000 segments, and a second to write."""
+    digest: str
+    """Of it, without a radius."""
     parts: dict[str, bytes]
-    tilesets: OrderedDict[float | None, bytes] = field(default_factory=OrderedDict)
-    """By radius, least recently asked for first."""
+    """By the hash of their bytes, so that an address has one content."""
 
     @property
     def bytes(self) -> int:
-        """Of all parts."""
-        return sum(len(part) for part in self.parts.values())
+        """Of all parts and the tileset."""
+        return self.tileset.size_bytes + sum(len(part) for part in self.parts.values())
 
 
 class TileDesk:
@@ -58,18 +54,13 @@ class TileDesk:
         self._kept: OrderedDict[tuple[str, str], ServedTiles] = OrderedDict()
         self._turn = asyncio.Lock()
 
-    async def tileset(self, served: ServedScene, radius_m: float | None) -> bytes:
-        """Return ``tileset.json``; raises as :meth:`part`."""
+    async def tiles(self, served: ServedScene) -> ServedTiles:
+        """Return the tiles of a scene; raises as :meth:`part`."""
+        tiles = self._kept.get((served.id, served.version))
+        if tiles is not None:
+            return tiles
         async with self._turn:
-            tiles = await self._tiles(served)
-            tileset = tiles.tilesets.get(radius_m)
-            if tileset is None:
-                tileset = await self._in_thread(served, lambda: _tileset(served, tiles, radius_m))
-                tiles.tilesets[radius_m] = tileset
-                if len(tiles.tilesets) > MAX_KEPT_TILESETS:
-                    tiles.tilesets.popitem(last=False)
-            tiles.tilesets.move_to_end(radius_m)
-            return tileset
+            return await self._tiles(served)
 
     async def part(self, served: ServedScene, name: str) -> bytes | None:
         """Return a part of the base by its name; None where there is none of it.
@@ -81,11 +72,7 @@ class TileDesk:
         ModuleNotFoundError
             When pyproj or Pillow is not installed.
         """
-        tiles = self._kept.get((served.id, served.version))
-        if tiles is None:
-            async with self._turn:
-                tiles = await self._tiles(served)
-        return tiles.parts.get(name)
+        return (await self.tiles(served)).parts.get(name)
 
     async def _tiles(self, served: ServedScene) -> ServedTiles:
         """Find or make what is served; its caller has the turn."""
@@ -126,19 +113,16 @@ def _make(served: ServedScene) -> ServedTiles:
     facts = TileFacts.of(scene.manifest, regions["regions"])
     parts = list(tiles.encode_parts(facts))
     names = [xxhash.xxh3_64_hexdigest(part) for part in parts]
-    by_name = dict(zip(names, parts, strict=True))
-    return ServedTiles(tiles.cells, place_scene(scene.manifest), names, by_name)
-
-
-def _tileset(served: ServedScene, tiles: ServedTiles, radius_m: float | None) -> bytes:
     query = f"?v={served.version}"
-    document = tileset_document(
+    tileset = Tileset.of(
         tiles.cells,
-        served.scene.index.bounds,
-        tiles.placing,
+        scene.index.bounds,
+        place_scene(scene.manifest),
         segment_uri=lambda number: f"segments/{number}.glb{query}",
-        part_uri=lambda number: f"tiles/{tiles.names[number]}.glb{query}",
+        part_uri=lambda number: f"tiles/{names[number]}.glb{query}",
         version=served.version,
-        radius_m=radius_m,
     )
-    return orjson.dumps(document)
+    digest = xxhash.xxh3_64()
+    for piece in tileset.pieces():
+        digest.update(piece)
+    return ServedTiles(tileset, digest.hexdigest(), dict(zip(names, parts, strict=True)))

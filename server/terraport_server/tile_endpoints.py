@@ -8,8 +8,8 @@ from __future__ import annotations
 import logging
 from typing import Annotated
 
-import xxhash
 from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import StreamingResponse
 
 from terraport_payload import PayloadError
 from terraport_server.errors import RequestError
@@ -18,6 +18,7 @@ from terraport_server.http_answers import (
     SceneOfRequest,
     ServiceOfRequest,
     caching_headers,
+    in_turns,
     is_unchanged,
 )
 from terraport_server.logs import log
@@ -38,18 +39,19 @@ async def get_tileset(
 ) -> Response:
     """Return the tileset; with ``radius_m`` full detail is asked for within that of the eye."""
     try:
-        data = await service.tiles.tileset(served, radius_m)
+        tiles = await service.tiles.tiles(served)
     except (PayloadError, StoreError, OSError, ModuleNotFoundError) as error:
         raise _unavailable(served, error) from None
     # Not for ever: another release of the service may cut the base in another way.
     headers = {
-        "ETag": f'"{xxhash.xxh3_64_hexdigest(data)}"',
+        "ETag": f'"{tiles.digest}{"" if radius_m is None else f"-{radius_m!r}"}"',
         "Cache-Control": CHECK,
         "Vary": "Authorization",
     }
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
-    return Response(data, media_type="application/json", headers=headers)
+    pieces = in_turns(tiles.tileset.pieces(radius_m), service.turns)
+    return StreamingResponse(pieces, media_type="application/json", headers=headers)
 
 
 @tile_routes.get("/scenes/{scene_id}/tiles/{name}.glb", summary="A part of the base")

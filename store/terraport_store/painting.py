@@ -33,8 +33,14 @@ __all__ = ["change_strokes", "read_strokes", "read_taught", "write_taught"]
 _MODE: Final = 0o644
 
 
-def read_strokes(scene_dir: Path) -> Strokes:
+def read_strokes(scene_dir: Path, before: Strokes | None = None) -> Strokes:
     """Read what was painted on a scene; none where there is no file.
+
+    Parameters
+    ----------
+    scene_dir : Path
+    before : Strokes, optional
+        Of an earlier reading: what is still the same is not read anew.
 
     Raises
     ------
@@ -48,10 +54,12 @@ def read_strokes(scene_dir: Path) -> Strokes:
         data = FolderFiles(scene_dir).read(STROKES, MAX_STROKES_BYTES)
     except FileNotFoundError:
         return Strokes()
-    return Strokes.parsed(data, manifest)
+    return Strokes.parsed(data, manifest, before)
 
 
-def change_strokes(scene_dir: Path, change: Callable[[Strokes], Strokes]) -> Strokes:
+def change_strokes(
+    scene_dir: Path, change: Callable[[Strokes], Strokes], before: Strokes | None = None
+) -> Strokes:
     """Change what was painted on a scene, all or nothing.
 
     Parameters
@@ -59,6 +67,8 @@ def change_strokes(scene_dir: Path, change: Callable[[Strokes], Strokes]) -> Str
     scene_dir : Path
     change : callable
         Makes the strokes before into those to be; what it raises leaves them as they are.
+    before : Strokes, optional
+        As of :func:`read_strokes`.
 
     Returns
     -------
@@ -76,9 +86,10 @@ def change_strokes(scene_dir: Path, change: Callable[[Strokes], Strokes]) -> Str
     """
     with _locked(scene_dir):
         manifest = read_manifest(scene_dir)
-        data = change(read_strokes(scene_dir)).encoded(manifest)
+        changed = change(read_strokes(scene_dir, before))
+        data = changed.encoded(manifest)
         _replace(scene_dir, STROKES, data)
-        return Strokes.parsed(data, manifest)
+        return Strokes.parsed(data, manifest, changed)
 
 
 def read_taught(scene_dir: Path) -> bytes | None:

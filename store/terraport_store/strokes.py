@@ -11,8 +11,8 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Container, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any, Final, Self
 
 import xxhash
@@ -38,6 +38,10 @@ _MAX_REACH_M: Final = 1e7
 
 _DIGITS: Final = 3
 """Of coordinates in the file: millimetres, or thousandths of a foot."""
+
+_OPENING: Final = b', "features": [\n'
+_BETWEEN: Final = b",\n"
+_CLOSING: Final = b"\n]}\n"
 
 _COLOUR: Final = re.compile(r"#[0-9a-f]{6}")
 _ID: Final = re.compile(r"[0-9a-f]{16}")
@@ -70,13 +74,13 @@ class Stroke:
         fault = label_fault(self.name)
         if fault is not None:
             raise StrokeError(f"name: {fault}")
-        for field, form, expected in (
+        for name, form, expected in (
             ("id", _ID, "16 hexadecimal digits"),
             ("colour", _COLOUR, "# and six hexadecimal digits"),
             ("when", _WHEN, "a time in UTC"),
         ):
-            if not form.fullmatch(getattr(self, field)):
-                raise StrokeError(f"{field} {getattr(self, field)[:64]!r}, expected {expected}")
+            if not form.fullmatch(getattr(self, name)):
+                raise StrokeError(f"{name} {getattr(self, name)[:64]!r}, expected {expected}")
         if not MIN_WIDTH_M <= self.width_m <= MAX_WIDTH_M:
             raise StrokeError(
                 f"width_m {self.width_m:g}, expected {MIN_WIDTH_M:g} to {MAX_WIDTH_M:g}"
@@ -141,6 +145,11 @@ class Strokes:
     """Features that are no strokes: somebody drew them in a GIS."""
     revision: str = ""
     """XXH3-64 of the file; empty where there is none."""
+    lines: Mapping[Stroke, bytes] = field(default_factory=dict, repr=False, compare=False)
+    """The lines of the file that were read, by stroke: none is read or written anew that is known.
+    """
+    frame: tuple[float, float, float] | None = field(default=None, repr=False, compare=False)
+    """Of these lines: easting and northing of the scene's origin, metres of a unit."""
 
     def with_one(self, stroke: Stroke) -> Strokes:
         """Add a stroke.
@@ -172,25 +181,27 @@ class Strokes:
         if manifest.crs is not None and manifest.crs.epsg is not None:
             name = f"urn:ogc:def:crs:EPSG::{manifest.crs.epsg}"
             document["crs"] = {"type": "name", "properties": {"name": name}}
-        east, north, unit_m = _plan_frame(manifest)
-        features: list[Mapping[str, Any]] = []
+        east, north, unit_m = frame = _plan_frame(manifest)
+        known = self.lines if self.frame == frame else {}
+        lines: list[bytes] = []
         for stroke in self.strokes:
-            properties = stroke.document()
-            coordinates = [
-                [round((east + x) / unit_m, _DIGITS), round((north - z) / unit_m, _DIGITS)]
-                for x, z in properties.pop("line")
-            ]
-            features.append(
-                {
-                    "type": "Feature",
-                    "properties": properties,
-                    "geometry": {"type": "LineString", "coordinates": coordinates},
-                }
-            )
-        features += self.others
-        lines = ",\n".join(json.dumps(feature, ensure_ascii=False) for feature in features)
-        head = json.dumps(document)[:-1]
-        data = f'{head}, "features": [\n{lines}\n]}}\n'.encode()
+            line = known.get(stroke)
+            if line is None:
+                properties = stroke.document()
+                coordinates = [
+                    [round((east + x) / unit_m, _DIGITS), round((north - z) / unit_m, _DIGITS)]
+                    for x, z in properties.pop("line")
+                ]
+                line = _line(
+                    {
+                        "type": "Feature",
+                        "properties": properties,
+                        "geometry": {"type": "LineString", "coordinates": coordinates},
+                    }
+                )
+            lines.append(line)
+        lines += map(_line, self.others)
+        data = _line(document)[:-1] + _OPENING + _BETWEEN.join(lines) + _CLOSING
         if len(data) > MAX_STROKES_BYTES:
             raise StrokeError(
                 f"{len(data):,} bytes of strokes, expected at most {MAX_STROKES_BYTES:,}",
@@ -199,8 +210,15 @@ class Strokes:
         return data
 
     @classmethod
-    def parsed(cls, data: bytes, manifest: Manifest) -> Self:
-        """Read strokes.geojson.
+    def parsed(cls, data: bytes, manifest: Manifest, before: Strokes | None = None) -> Self:
+        """Read strokes.geojson; of a file that :meth:`encoded` wrote, line by line.
+
+        Parameters
+        ----------
+        data : bytes
+        manifest : Manifest
+        before : Strokes, optional
+            Of an earlier reading: lines that it has are not read anew.
 
         Raises
         ------
@@ -209,25 +227,62 @@ class Strokes:
         """
         if len(data) > MAX_STROKES_BYTES:
             raise _damaged(f"{len(data)} bytes, expected at most {MAX_STROKES_BYTES}")
-        try:
-            document = json.loads(data)
-        except (ValueError, RecursionError) as error:
-            raise _damaged(f"does not parse as JSON: {error}") from None
-        features = document.get("features") if isinstance(document, dict) else None
-        if not isinstance(features, list):
-            raise _damaged("no list of features, expected a FeatureCollection")
         frame = _plan_frame(manifest)
+        known: dict[bytes, Stroke] = {}
+        if before is not None and before.frame == frame:
+            known = {line: stroke for stroke, line in before.lines.items()}
         strokes: list[Stroke] = []
         others: list[Mapping[str, Any]] = []
+        lines: dict[Stroke, bytes] = {}
         seen: set[str] = set()
-        for feature in features:
-            stroke = _stroke(feature, frame)
+        for line, feature in _features(data, known):
+            stroke = known[line] if line in known else _stroke(feature, frame)
             if stroke is not None and stroke.id not in seen and len(strokes) < MAX_STROKES:
                 seen.add(stroke.id)
                 strokes.append(stroke)
+                if line:
+                    lines[stroke] = line
             else:
-                others.append(feature)
-        return cls(tuple(strokes), tuple(others), xxhash.xxh3_64_hexdigest(data))
+                others.append(json.loads(line) if feature is None else feature)
+        revision = xxhash.xxh3_64_hexdigest(data)
+        return cls(tuple(strokes), tuple(others), revision, lines, frame)
+
+
+def _line(value: Mapping[str, Any]) -> bytes:
+    return json.dumps(value, ensure_ascii=False).encode()
+
+
+def _features(data: bytes, known: Container[bytes]) -> Iterator[tuple[bytes, Any]]:
+    """Return each feature with its line of the file; of a known line, None in its place.
+
+    One JSON text of 16 MB keeps the interpreter for a tenth of a second, whatever thread reads it;
+    lines of a few kilobytes do not. Of a file in another form all lines are empty.
+
+    Raises
+    ------
+    DamagedSceneError
+        It is no FeatureCollection.
+    """
+    head, opening, rest = data.partition(_OPENING)
+    if opening and rest.endswith(_CLOSING):
+        lines = rest[: -len(_CLOSING)].split(_BETWEEN)
+        try:
+            # Of pieces that are each an object, the whole is a list of them and nothing else.
+            is_ours = isinstance(json.loads(head + b"}"), dict)
+            features = [None if line in known else json.loads(line) for line in lines if line]
+        except (ValueError, RecursionError):
+            is_ours = False
+        if is_ours and all(feature is None or isinstance(feature, dict) for feature in features):
+            yield from zip((line for line in lines if line), features, strict=True)
+            return
+    try:
+        document = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise _damaged(f"does not parse as JSON: {error}") from None
+    features = document.get("features") if isinstance(document, dict) else None
+    if not isinstance(features, list):
+        raise _damaged("no list of features, expected a FeatureCollection")
+    yield from ((b"", feature) for feature in features)
 
 
 def _plan_frame(manifest: Manifest) -> tuple[float, float, float]:

@@ -216,6 +216,25 @@ def test_who_comes_late_is_told_where_the_group_is() -> None:
     assert of(hall.hear(), Gathering)["b"].left_ms is None
 
 
+def test_however_often_a_guide_gathers_members_hear_of_it_four_times_a_second() -> None:
+    hall, _ = filled("a", "b")
+    heard = list[int]()
+    for _ in range(100):
+        hall.groups.gather("g", gather_request(), hall.now_s)
+        heard += [m.gathering for m in of(hall.wait(0.01), Gathering).values()]
+    assert 4 * 3 <= len(heard) <= 5 * 3, "of each of three, in a second"
+    heard += [m.gathering for m in of(hall.wait(0.25), Gathering).values()]
+    assert heard[-1] == 100, "the newest is told in the end"
+
+
+def test_nobody_hears_that_a_gathering_is_over_before_that_it_began() -> None:
+    hall, _ = filled("a")
+    for _ in range(2):
+        hall.groups.gather("g", gather_request(deadline_ms=50), hall.now_s)
+    hall.hear()
+    assert [type(m) for m in hall.wait(0.06)["a"]] == [Gathering, Gathered]
+
+
 def test_a_newer_gathering_ends_the_older_one() -> None:
     hall, _ = filled("a")
     for _ in range(2):
@@ -223,6 +242,7 @@ def test_a_newer_gathering_ends_the_older_one() -> None:
     hall.groups.arrived("g", 1, "ready")
     hall.groups.arrived("a", 1, "ready")
     assert of(hall.hear(), Gathered) == {}
+    assert of(hall.wait(0.25), Gathering)["a"].gathering == 2
     hall.groups.arrived("g", 2, "ready")
     hall.groups.arrived("a", 2, "ready")
     assert of(hall.hear(), Gathered)["a"].gathering == 2

@@ -15,7 +15,7 @@ import pytest
 from terraport_payload.glb_container import split_glb
 from terraport_server import BackgroundServer, tile_desk
 from terraport_server.served_scene import ServedScene
-from terraport_server.tile_desk import MAX_KEPT_BYTES, MAX_KEPT_TILESETS, TileDesk
+from terraport_server.tile_desk import MAX_KEPT_BYTES, TileDesk
 from terraport_store import Scene
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
@@ -125,7 +125,7 @@ def test_parts_that_are_too_many_go(monkeypatch: pytest.MonkeyPatch) -> None:
             scenes = [ServedScene.open(name, SAMPLE, "file", pool) for name in ("a", "b")]
             made = []
             for served in (*scenes, scenes[1]):
-                made.append(await desk.tileset(served, None))
+                made.append(b"".join((await desk.tiles(served)).tileset.pieces(None)))
                 assert list(desk._kept) == [(served.id, served.version)]
             assert made[0] == made[1] == made[2]
             for served in scenes:
@@ -135,26 +135,24 @@ def test_parts_that_are_too_many_go(monkeypatch: pytest.MonkeyPatch) -> None:
     asyncio.run(work())
 
 
-def test_a_tileset_is_written_once_a_radius(monkeypatch: pytest.MonkeyPatch) -> None:
-    written: list[float | None] = []
-    write = tile_desk._tileset
+def test_a_tileset_is_written_once_for_all_radii(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else whoever asks for another each time has a second of work done for it, and 40 MB kept."""
+    written: list[str] = []
+    write = tile_desk._make
 
-    def counted(served: ServedScene, tiles: tile_desk.ServedTiles, radius_m: float | None) -> bytes:
-        written.append(radius_m)
-        return write(served, tiles, radius_m)
+    def counted(served: ServedScene) -> tile_desk.ServedTiles:
+        written.append(served.id)
+        return write(served)
 
-    monkeypatch.setattr(tile_desk, "_tileset", counted)
-
-    async def work() -> None:
-        desk = TileDesk()
-        with ThreadPoolExecutor(1) as pool:
-            served = ServedScene.open("a", SAMPLE, "file", pool)
-            radii = [10.0 + number for number in range(MAX_KEPT_TILESETS + 1)]
-            for radius_m in [None, None, *radii, radii[-1]]:
-                assert await desk.tileset(served, radius_m)
-            assert written == [None, *radii]
-            kept = desk._kept[served.id, served.version].tilesets
-            assert list(kept) == radii[-MAX_KEPT_TILESETS:]
-            served.retire()
-
-    asyncio.run(work())
+    monkeypatch.setattr(tile_desk, "_make", counted)
+    with (
+        BackgroundServer(SAMPLE) as running,
+        httpx.Client(base_url=f"{running.url}/scenes/sample_scene/") as client,
+    ):
+        answers = [client.get(f"tileset.json?radius_m={radius}") for radius in range(10, 30)]
+        assert len({answer.content for answer in answers}) == len(answers)
+        assert len({answer.headers["etag"] for answer in answers}) == len(answers)
+        again = {"If-None-Match": answers[3].headers["etag"]}
+        assert client.get("tileset.json?radius_m=13", headers=again).status_code == 304
+        assert client.get("tileset.json?radius_m=14", headers=again).status_code == 200
+    assert written == ["sample_scene"]

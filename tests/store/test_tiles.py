@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import json
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from terraport_store.tiles.cells import CELL_RADIUS_M, CELL_SEGMENTS, cells_of, 
 from terraport_store.tiles.placing import place_scene
 from terraport_store.tiles.scene_tiles import SceneTiles
 from terraport_store.tiles.tile_glb import TileFacts, encode_tile
-from terraport_store.tiles.tileset import tile_coordinates, tileset_document
+from terraport_store.tiles.tileset import Tileset, tile_coordinates
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
 
@@ -40,15 +41,16 @@ class Tiled:
         self.parts = list(self.tiles.encode_parts(self.facts))
 
     def document(self, **options: Any) -> dict[str, Any]:
-        return tileset_document(
+        tileset = Tileset.of(
             self.tiles.cells,
             self.bounds,
-            options.pop("placing", None) or place_scene(self.manifest),
+            options.get("placing") or place_scene(self.manifest),
             segment_uri="segments/{}.glb".format,
             part_uri="base/{}.glb".format,
             version=self.manifest.version,
-            **options,
         )
+        document: dict[str, Any] = json.loads(b"".join(tileset.pieces(options.get("radius_m"))))
+        return document
 
     def content(self, uri: str) -> SegmentMesh:
         folder, number = uri.removesuffix(".glb").split("/")

@@ -14,15 +14,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
 
-import orjson
-
 from terraport_payload import decode_glb
 from terraport_pipeline.progress import Progress
 from terraport_store import Scene, read_names
 from terraport_store.tiles.placing import place_scene
 from terraport_store.tiles.scene_tiles import SceneTiles
 from terraport_store.tiles.tile_glb import TileFacts, encode_tile
-from terraport_store.tiles.tileset import tileset_document
+from terraport_store.tiles.tileset import Tileset
 
 __all__ = ["ARCHIVE", "FOLDER_HOLDS", "write_tiles"]
 
@@ -72,21 +70,20 @@ def write_tiles(
     tiles = SceneTiles.of(
         scene.base_path.read_bytes(), scene.cover, scene.index.bounds, deviation_m
     )
-    document = tileset_document(
+    tileset = Tileset.of(
         tiles.cells,
         scene.index.bounds,
         placing,
         segment_uri="segments/{}.glb".format,
         part_uri="base/{}.glb".format,
         version=manifest.version,
-        radius_m=radius_m,
     )
     names, _ = read_names(scene.files)
     labels = [names.label(region) or "" for region in range(manifest.counts.regions)]
     facts = TileFacts.of(manifest, scene.regions["regions"], labels)
 
     def files() -> Iterator[tuple[str, bytes]]:
-        yield "tileset.json", orjson.dumps(document)
+        yield "tileset.json", b"".join(tileset.pieces(radius_m))
         for number, data in enumerate(tiles.encode_parts(facts)):
             yield f"base/{number}.glb", data
         for segment in range(len(scene.index)):
