@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import Float64, Int32, Int64
+from terraport_payload.types import Float64, Int32, Int64, UInt32
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE
 from terraport_pipeline.geometry.regions.region_match import Overlaps, carry_ids, match_regions
@@ -24,7 +24,7 @@ from terraport_pipeline.geometry.regions.region_totals import (
 from terraport_pipeline.naming.views import best_views
 from terraport_pipeline.published.ground import Ground
 
-__all__ = ["MAX_REGIONS", "Cut", "Recut", "recut"]
+__all__ = ["DRAWN", "MAX_REGIONS", "Cut", "Recut", "recut"]
 
 MAX_REGIONS: Final = 65_536
 """Numbers of regions are 16 bits in a payload."""
@@ -32,7 +32,11 @@ MAX_REGIONS: Final = 65_536
 _LEAST_M2: Final = 1e-9
 """What a face without area counts."""
 
-_OF_NAMES: Final = ("label", "class", "confidence")
+DRAWN: Final = "drawn"
+"""What regions.json says of a region that a plan or strokes have cut and named: a build over the
+scene brings it again (``carried.py``)."""
+
+_OF_NAMES: Final = ("label", "class", "confidence", DRAWN)
 """What regions.json says of a region's name."""
 
 _OF_SHARES: Final = ("cut_m3", "fill_m3", "area_m2", "uncertainty_m3")
@@ -48,6 +52,8 @@ class Cut:
     """What pieces are called, by number."""
     facts: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     """What regions.json says of pieces beyond their measures, by number."""
+    stable_ids: Mapping[int, int] = field(default_factory=dict)
+    """Of pieces that had one in an earlier version, by number."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +111,8 @@ def recut(ground: Ground, cut: Cut) -> Recut:
     ids, first_free = carry_ids(
         count, (new, old), ground.names.stable_ids, ground.names.next_stable_id
     )
+    ids = _held(ids, numbers, cut.stable_ids)
+    first_free = max(first_free, *(number + 1 for number in cut.stable_ids.values()), 0)
     region_of_piece = _numbered(count, new, old)
     regions = region_of_piece[pieces]
     # (3) Facts.
@@ -118,6 +126,7 @@ def recut(ground: Ground, cut: Cut) -> Recut:
         given, number, was = int(numbers[piece]), int(ids[piece]), int(old_of_piece[piece])
         row["stable_id"] = number
         name = cut.names.get(given)
+        is_drawn = name is not None
         if name is None:
             name = None if was < 0 else ground.names.label(was)
         elif name == called.get(number):
@@ -134,6 +143,8 @@ def recut(ground: Ground, cut: Cut) -> Recut:
             if name != called.get(number):
                 row["label"] = name
         row.update(cut.facts.get(given, {}))
+        if is_drawn:
+            row[DRAWN] = True
     # (4) Where to see them from; a region that is as it was keeps its place.
     open_ = [n for n, row in enumerate(rows) if row["stable_id"] in labels and "place" not in row]
     for region, place in best_views(ground, regions, open_).items():
@@ -153,6 +164,17 @@ def _overlaps(pieces: Int32, before: Int32, area: Float64) -> Overlaps:
     both = np.bincount(pieces, area)[new] + np.bincount(before, area)[old]
     similarity = np.minimum(shared / np.maximum(both - shared, 0.5 * both), 1.0)
     return Overlaps(new.astype(np.int32), old.astype(np.int32), shared, similarity)
+
+
+def _held(ids: UInt32, numbers: Int64, held: Mapping[int, int]) -> UInt32:
+    """Give pieces the stable ids that they had; who had been given one of these takes theirs."""
+    ids = ids.copy()
+    place = {number: at for at, number in enumerate(numbers.tolist())}
+    for number, stable_id in held.items():
+        at = place[number]
+        ids[ids == stable_id] = ids[at]
+        ids[at] = stable_id
+    return ids
 
 
 def _numbered(count: int, new: Int32, old: Int32) -> Int32:
