@@ -55,7 +55,7 @@ class NamedGround:
     """``name``, ``stable_id``, and what regions.json said of it besides."""
 
 
-def note_names(scene: Path, note: Path, progress: Progress) -> None:
+def note_names(scene: Path, note: Path, progress: Progress) -> list[str]:
     """Write down what people have drawn or taught on a published scene; nothing where they have not.
 
     Parameters
@@ -66,17 +66,29 @@ def note_names(scene: Path, note: Path, progress: Progress) -> None:
         :data:`NOTE_NAME` of the work directory. A note that is there is of a build that was killed
         after publishing: it stays, since the scene has not got its names back yet.
     progress : Progress
+
+    Returns
+    -------
+    list of str
+        That names will be lost, and why.
     """
     if note.exists():
-        return
+        return []
+    has_drawn = False
     try:
         with Scene.open(scene) as opened:
-            if not any(_is_drawn(row) for row in opened.regions.get("regions", [])):
-                return
+            has_drawn = any(_is_drawn(row) for row in opened.regions.get("regions", []))
+            if not has_drawn:
+                return []
             ground = read_ground(opened, progress)
             crs, origin = _crs(opened), np.array(opened.manifest.origin)
-    except (StoreError, PipelineError):
-        return  # no scene, or none that can be read: the build says so where it reads it
+    except (StoreError, PipelineError) as error:
+        if not has_drawn:
+            return []  # no scene, or none that can be read: the build says so where it reads it
+        return [
+            f"names that were drawn or taught are not brought to this version ({error}): bring "
+            "the plan again, or teach it"
+        ]
     rows, number = [], np.full(len(ground.document["regions"]), -1, np.int32)
     for region, row in enumerate(ground.document["regions"]):
         name = ground.names.label(region)
@@ -85,7 +97,7 @@ def note_names(scene: Path, note: Path, progress: Progress) -> None:
             facts = {key: row[key] for key in _KEPT if key in row}
             rows.append({"name": name, "stable_id": row["stable_id"], "facts": facts})
     if not rows:
-        return
+        return []
     about = {
         "version": ground.version, "crs": crs, "regions": rows,
         "reach_m": _REACH * float(np.sqrt(2.0 * ground.area.mean())),
@@ -99,6 +111,7 @@ def note_names(scene: Path, note: Path, progress: Progress) -> None:
             about=np.frombuffer(json.dumps(about).encode(), np.uint8),
         )
     beside.replace(note)
+    return []
 
 
 def bring_names(scene: Path, note: Path, progress: Progress) -> tuple[list[str], str | None]:
@@ -189,10 +202,8 @@ def _cut(ground: Ground, named: NamedGround, before: Int32) -> Cut:
 
 def _said(named: NamedGround, before: Int32, done: Republished) -> list[str]:
     there = np.unique(before[before >= 0])
-    said = [
-        f"{len(there)} regions that were drawn or taught were brought from version "
-        f"{named.version[:12]}: version {done.version[:12]}"
-    ]
+    versions = f"{named.version[:12]}: version {done.version[:12]}"
+    said = [f"{len(there)} regions that were drawn or taught were brought from version {versions}"]
     if len(there) < len(named.regions):
         said.append(_gone(named, before))
     return said

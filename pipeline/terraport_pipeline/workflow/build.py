@@ -261,9 +261,10 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
         try:
             # What people drew or taught would be lost under the engine's regions.
             note = runner.work.path / NOTE_NAME
-            note_names(scene, note, watcher)
+            unnamed = note_names(scene, note, watcher)
             version_of, published, files = _run_stages(runner, given, scene, options)
             said, with_names = bring_names(scene, note, watcher)
+            said = [*unnamed, *said]
             if said:
                 packed = runner.reports[-1]
                 facts = replace(packed.facts, warnings=(*packed.facts.warnings, *said))

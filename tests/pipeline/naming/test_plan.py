@@ -262,11 +262,14 @@ def written(path: Path, features) -> Path:
     return path
 
 
+PIT_RING = PIT["coordinates"][0]
 OPEN_RING = {"type": "Polygon", "coordinates": [PIT["coordinates"][0][:-1]]}
 FAR = {"type": "Polygon", "coordinates": [[*PIT["coordinates"][0][:-1], (1e308, NORTH)]]}
 BOW = {
     "type": "Polygon",
-    "coordinates": [[(EAST + x, NORTH + y) for x, y in ((10, -60), (70, -10), (70, -60), (10, -10))]],
+    "coordinates": [
+        [(EAST + x, NORTH + y) for x, y in ((10, -60), (70, -10), (70, -60), (10, -10))]
+    ],
 }
 
 
@@ -280,7 +283,7 @@ BOW = {
         (PIT, ["pit", "north"], "pit, north", 1.0),
         (BOW, "bow", "bow", 0.5),  # both of its triangles
         (
-            {"type": "MultiPolygon", "coordinates": [[*PIT["coordinates"], PILE["coordinates"][0]]]},
+            {"type": "MultiPolygon", "coordinates": [[PIT_RING, PILE["coordinates"][0]]]},
             "holed", "holed", 1.0 - 225 / 3000,
         ),
         (
