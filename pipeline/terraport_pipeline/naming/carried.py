@@ -56,7 +56,7 @@ class NamedGround:
 
 
 def note_names(scene: Path, note: Path, progress: Progress) -> list[str]:
-    """Write down what people have drawn or taught on a published scene; nothing where they have not.
+    """Write down what people drew or taught on a published scene; nothing where they did not.
 
     Parameters
     ----------
@@ -85,11 +85,10 @@ def note_names(scene: Path, note: Path, progress: Progress) -> list[str]:
     except (StoreError, PipelineError) as error:
         if not has_drawn:
             return []  # no scene, or none that can be read: the build says so where it reads it
-        return [
-            f"names that were drawn or taught are not brought to this version ({error}): bring "
-            "the plan again, or teach it"
-        ]
-    rows, number = [], np.full(len(ground.document["regions"]), -1, np.int32)
+        said = f"names that were drawn or taught are not brought to this version ({error})"
+        return [f"{said}: bring the plan again, or teach it"]
+    rows: list[dict[str, Any]] = []
+    number = np.full(len(ground.document["regions"]), -1, np.int32)
     for region, row in enumerate(ground.document["regions"]):
         name = ground.names.label(region)
         if name is not None and _is_drawn(row):
@@ -137,10 +136,8 @@ def bring_names(scene: Path, note: Path, progress: Progress) -> tuple[list[str],
     with Scene.open(scene) as opened:
         if named.crs != _crs(opened):
             note.unlink()
-            return [
-                "the scene before is in another coordinate reference system: the names that were "
-                "drawn or taught on it were not brought; give them again"
-            ], None
+            said = "the scene before is in another coordinate reference system: the names that were"
+            return [f"{said} drawn or taught on it were not brought; give them again"], None
         ground = read_ground(opened, progress)
         before = _nearest(named, _places(ground, np.array(opened.manifest.origin)))
         if not (before >= 0).any():

@@ -190,9 +190,8 @@ def _keep(
 
 def _is_of(record: StageRecord, manifest: Manifest) -> bool:
     """Whether a build published this version, or the one whose regions were cut anew since."""
-    return (
-        record.values["version"] == manifest.version
-        or record.values.get("build") == _digest(manifest.build)
+    return record.values["version"] == manifest.version or record.values.get("build") == _digest(
+        manifest.build
     )
 
 

@@ -9,6 +9,7 @@ from itertools import pairwise
 from pathlib import Path
 
 import ezdxf
+import laspy
 import numpy as np
 import pyogrio.raw
 import pytest
@@ -321,3 +322,17 @@ def test_outlines_with_an_empty_name_are_told(scene, tmp_path) -> None:
     said = label(scene, plan, crs="EPSG:32633")
     assert any("1 of 2 outlines are empty in 'name'" in text for text in said)
     assert said[-1] == "left out: 1 features without geometry"
+
+
+def test_a_copy_of_the_survey_has_what_ground_is_called_as_classes(scene, tmp_path) -> None:
+    plan = write_geojson(tmp_path / "p.geojson", [("Water", PIT), ("pile", PILE)])
+    label(scene, plan)
+    export_scene(scene, ExportRequest(tmp_path / "pit.las"))
+    points = laspy.read(tmp_path / "pit.las")
+    x, y = np.asarray(points.x) - EAST, np.asarray(points.y) - NORTH
+    in_pit = (x > 10) & (x < 70) & (y > -60) & (y < -10)
+    in_pile = (x > 30) & (x < 45) & (y > -50) & (y < -35)
+    expected = np.where(in_pile, 64, np.where(in_pit, 9, 0))  # 9 is LAS's water
+    assert (np.asarray(points.classification) == expected).mean() > 0.99
+    (lookup,) = points.header.vlrs.get("ClassificationLookupVlr")
+    assert lookup.lookups == {9: "Water", 64: "pile"}

@@ -48,7 +48,14 @@ from terraport_pipeline.geometry.regions.mean_scale import ColourTotals, axis_in
 from terraport_pipeline.geometry.regions.pool_refine import number_by_first
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
 
-__all__ = ["BorderCut", "BorderSegmenter", "Evidence", "RegionsBefore", "coarser_unions", "compared_steps"]
+__all__ = [
+    "BorderCut",
+    "BorderSegmenter",
+    "Evidence",
+    "RegionsBefore",
+    "coarser_unions",
+    "compared_steps",
+]
 
 _CELLS: Final = 20
 """Cells across the region size."""

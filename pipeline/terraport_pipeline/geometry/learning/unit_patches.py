@@ -168,9 +168,12 @@ def _cells(
 def _measured(patch: Int32, area: Float64, values: Float64) -> tuple[Float64, Float64]:
     """Mean and deviation of every column over every patch."""
     count = int(patch.max()) + 1
-    whole = np.bincount(patch, area, count)
-    mean = np.stack([np.bincount(patch, area * v, count) for v in values.T], axis=1)
-    mean /= whole[:, None]
-    square = np.stack([np.bincount(patch, area * v * v, count) for v in values.T], axis=1)
-    variance = np.maximum(square / whole[:, None] - mean * mean, 0.0)
-    return mean, np.sqrt(variance)
+
+    def mean_of(columns: Float64) -> Float64:
+        sums = np.stack([np.bincount(patch, area * column, count) for column in columns.T], axis=1)
+        means: Float64 = sums / np.bincount(patch, area, count)[:, None]
+        return means
+
+    mean = mean_of(values)
+    deviation: Float64 = np.sqrt(np.maximum(mean_of(values * values) - mean * mean, 0.0))
+    return mean, deviation
