@@ -1,11 +1,12 @@
 """Teaching: how much ground gets its right name from three strokes per name, and how fast.
 
-Truth: pieces of real surveys with regions drawn by hand (``tests/pipeline/geometry/truth``, every
-drawn region a name of its own; where ``../shared/data`` holds them), and the true surface of
+Truth: pieces of real surveys with regions drawn by hand (``tests/pipeline/geometry/truth``; where
+``../shared/data`` holds them), and the true surface of
 procedural quarries, each face with its material (boulders, nobody's region, are not scored;
 grassland, bushes and trees are one). *visible*: materials that differ in colour, as in
 ``synth/truth_regions.py``. *forms*: all of them, so that road, bench and rock face, of nearly one
-colour, have to be told apart by form.
+colour, have to be told apart by form. Of drawn pieces *places* gives every drawn region a name of
+its own, *kinds* leaves out of its name where it lies: lawn_west and lawn_east are lawn.
 
 A stroke is a line between two places of one name, at most 16 squares long, four wide. Each draw has
 other strokes. Accuracy is the share of the area with truth that lies in a region of its name.
@@ -14,10 +15,11 @@ level of noise, named by the model of the first, without strokes.
 
     python benchmarks/teaching.py
     python benchmarks/teaching.py --faces 5M --only speed
+    python benchmarks/teaching.py --only drawn --pieces churo_river red_rocks_meadow --strokes 10
     python benchmarks/teaching.py --smoke
 
-Squares, surroundings and rounds of averaging were chosen on quarries of seeds 3 and 4, which are
-not among those here; nothing was chosen on drawn pieces. Prints Markdown; seconds are CPU seconds
+Chosen was on quarries of seeds 3 and 4, which are not among those here, and on pieces apaxco_pit
+and churo_fields, marked +. Prints Markdown; seconds are CPU seconds
 of all threads.
 """
 
@@ -27,9 +29,10 @@ import argparse
 import itertools
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import shapely
@@ -52,6 +55,37 @@ from terraport_store import RegionNames
 DRAWS = 5
 STROKES = 3
 SEEDS = (11, 12)
+CHOSEN_ON = ("apaxco_pit", "churo_fields")
+WHERE = frozenset(
+    [
+        "west",
+        "east",
+        "north",
+        "south",
+        "n",
+        "s",
+        "e",
+        "w",
+        "nw",
+        "ne",
+        "se",
+        "sw",
+        "mid",
+        "corner",
+        "far",
+        "low",
+        "w1",
+        "w2",
+        "w3",
+        "southwest",
+        "southeast",
+        "northeast",
+        "northwest",
+        "inner",
+        "outer",
+    ]
+)
+"""Words of a drawn region's name that say where it lies."""
 THREADS = 2
 
 
@@ -72,12 +106,15 @@ def ground_of(mesh: Mesh) -> Ground:
     return Ground("", {"regions": [{}]}, RegionNames(), mesh, none, none)
 
 
-def drawn_pieces() -> Iterator[Piece]:
-    """Pieces of real surveys, those that are there: the ground of each one's box alone."""
+def drawn_pieces(wanted: Sequence[str] = ()) -> Iterator[Piece]:
+    """Pieces of real surveys, those that are there: the ground of each one's box alone.
+
+    Each under both truths; `wanted` of them, or all.
+    """
     sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/pipeline/geometry/truth"))
     import pieces
 
-    for name in pieces.PIECES:
+    for name in wanted or pieces.PIECES:
         drawn = pieces.Piece(name)
         survey = pieces.load_survey(drawn.survey)
         if survey is None:
@@ -100,7 +137,30 @@ def drawn_pieces() -> Iterator[Piece]:
         truth = np.full(len(faces), -1, np.int32)
         for number, kind in enumerate(kinds):
             truth[of_face == kind] = number
-        yield Piece(name, ground_of(mesh), truth, tuple(f"region {kind}" for kind in kinds))
+        title = f"{name} +" if name in CHOSEN_ON else name
+        places = tuple(region_names(drawn.drawings)[kind] for kind in kinds)
+        ground = ground_of(mesh)
+        yield Piece(f"{title}, places", ground, truth, places)
+        called = [kind_of(place) for place in places]
+        merged = tuple(sorted(set(called)))
+        if 1 < len(merged) < len(places):
+            of_place = np.array([*(merged.index(kind) for kind in called), -1], np.int32)
+            yield Piece(f"{title}, kinds", ground, of_place[truth], merged)
+
+
+def region_names(drawings: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Names of a piece's regions, in the order in which its rasters number them."""
+    names: dict[str, None] = {}
+    for drawing in drawings:
+        for feature in drawing["features"]:
+            if feature["properties"]["region"] is not None:
+                names[feature["properties"]["region"]] = None
+    return list(names)
+
+
+def kind_of(place: str) -> str:
+    """Name of a region but for where it lies."""
+    return "_".join(word for word in place.split("_") if word not in WHERE) or place
 
 
 def quarry_mesh(seed: int, edge_m: float) -> tuple[Mesh, Int32]:
@@ -129,13 +189,15 @@ def quarry_pieces(seeds: tuple[int, ...], edge_m: float) -> Iterator[Piece]:
             yield Piece(f"quarry {seed}, {title}", ground, truth, names)
 
 
-def strokes_on(piece: Piece, cell_m: float, rng: np.random.Generator) -> list[Drawing]:
-    """Three strokes per name: both ends of each lie on ground of that name."""
+def strokes_on(
+    piece: Piece, cell_m: float, rng: np.random.Generator, strokes: int = STROKES
+) -> list[Drawing]:
+    """Three strokes per name, or so many: both ends of each lie on ground of that name."""
     plan = piece.ground.centres[:, [0, 2]]
     drawn = []
     for kind, name in enumerate(piece.names):
         faces = np.flatnonzero(piece.truth == kind)
-        for _ in range(STROKES):
+        for _ in range(strokes):
             start = plan[rng.choice(faces)]
             near = faces[np.linalg.norm(plan[faces] - start, axis=1) < 16 * cell_m]
             line = shapely.LineString([start, plan[rng.choice(near)]])
@@ -160,23 +222,25 @@ def accuracy(piece: Piece, teacher: Teacher, answer_names: list[str], pieces: In
     return float(area[kind[known] == piece.truth[known]].sum() / area.sum())
 
 
-def scored(pieces: Iterator[Piece], draws: int) -> None:
+def scored(pieces: Iterator[Piece], draws: int, strokes: int = STROKES) -> None:
     """Print accuracy of every piece."""
     print("| piece | faces | names | draws | mean | worst | next survey, of the first's |")
     print("| -- | -- | -- | -- | -- | -- | -- |")
     every: list[float] = []
     ratios: list[float] = []
+    teacher: Teacher | None = None
     for piece in pieces:
-        teacher = Teacher(piece.ground, threads=THREADS)
-        again = Teacher(
-            flown_again(piece.ground, np.random.default_rng(99)),
-            cell_m=teacher.cell_m,
-            threads=THREADS,
-        )
+        if teacher is None or teacher.ground is not piece.ground:
+            teacher = Teacher(piece.ground, threads=THREADS)
+            again = Teacher(
+                flown_again(piece.ground, np.random.default_rng(99)),
+                cell_m=teacher.cell_m,
+                threads=THREADS,
+            )
         found, found_again = [], []
         for draw in range(draws):
-            strokes = strokes_on(piece, teacher.cell_m, np.random.default_rng(draw))
-            model, _ = teacher.learn(strokes)
+            drawn = strokes_on(piece, teacher.cell_m, np.random.default_rng(draw), strokes)
+            model, _ = teacher.learn(drawn)
             for one, list_ in ((teacher, found), (again, found_again)):
                 cut = one.cut(one.answer(model))
                 names = [cut.names[number] for number in range(len(cut.names))]
@@ -217,7 +281,7 @@ def timed(faces: int) -> None:
     tick("")
     _ = ground.pairs, ground.area, ground.centres
     tick("neighbours, areas")
-    _ = teacher.features, teacher.pairs
+    _ = teacher.features
     tick("features")
     model, _ = teacher.learn(strokes)
     tick("forest")
@@ -249,6 +313,9 @@ def main() -> None:
     )
     parser.add_argument("--only", choices=("drawn", "quarries", "speed"))
     parser.add_argument("--faces", default="1M")
+    parser.add_argument("--pieces", nargs="*", default=(), help="of the drawn ones")
+    parser.add_argument("--strokes", type=int, default=STROKES, help="per name")
+    parser.add_argument("--draws", type=int, default=DRAWS)
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     if arguments.smoke:
@@ -256,9 +323,9 @@ def main() -> None:
         timed(20_000)
         return
     if arguments.only in (None, "drawn"):
-        scored(drawn_pieces(), DRAWS)
+        scored(drawn_pieces(arguments.pieces), arguments.draws, arguments.strokes)
     if arguments.only in (None, "quarries"):
-        scored(quarry_pieces(SEEDS, 2.6), DRAWS)
+        scored(quarry_pieces(SEEDS, 2.6), arguments.draws, arguments.strokes)
     if arguments.only in (None, "speed"):
         timed(parse_count(arguments.faces))
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
@@ -133,6 +134,59 @@ def test_what_is_painted_is_learned_shown_and_published(
     page.locator("[data-action='brush-undo']").click()
     expect(page.locator("#brush-count")).to_have_text("5 strokes, 5 of them yours.")
     eventually(lambda: len(read_strokes(pit).strokes) == 5, 20)
+    shows_names(viewer)
+
+
+def shows_names(viewer: DrivenViewer) -> None:
+    """The published names are a look: a colour each, and a legend that adds them up."""
+    page = viewer.page
+    viewer.open("&mode=names")
+    viewer.look(EYE, 0.0, -89.9)
+    page.get_by_role("button", name="Panel").click()
+    page.get_by_role("tab", name="Look").click()
+    rows = page.locator("#legend li[data-name]")
+    expect(rows).to_have_count(2)
+    expect(rows.first).to_contain_text("limestone")  # the larger one
+    viewer.look(EYE, 0.0, -89.9)
+    shown = np.asarray(Image.open(io.BytesIO(save_shot(page, "brush-names"))).convert("RGB"), float)
+    for name, x, z in (("tailings", 35, 40), ("limestone", 20, 70)):
+        swatch = page.locator(f"#legend li[data-name='{name}'] .swatch")
+        css = swatch.evaluate("element => getComputedStyle(element).backgroundColor")
+        colour = np.array([float(n) for n in re.findall(r"[\d.]+", css)[:3]])
+        at = pixel(viewer, x, z)
+        ground = shown[int(at[1]) - 2 : int(at[1]) + 3, int(at[0]) - 2 : int(at[0]) + 3]
+        mean = ground.mean(axis=(0, 1))
+        cosine = mean @ colour / np.linalg.norm(mean) / np.linalg.norm(colour)
+        assert cosine > 0.99, (name, mean, colour)
+
+
+def test_ground_that_looks_like_two_names_is_striped(
+    service: Service, open_page: OpenPage, pit: Path, teacher: subprocess.Popen[bytes]
+) -> None:
+    viewer = opened(service, open_page, ANNA)
+    page = viewer.page
+    viewer.look(EYE, 0.0, -89.9)
+    page.locator("[data-tool='brush']").click()
+    plain = np.asarray(Image.open(io.BytesIO(page.screenshot())).convert("RGB"), float)
+    # Dark ground has one name; pale ground, all of one look, is said to be two.
+    paint(viewer, "tailings", *DARK)
+    paint(viewer, "limestone", PALE[0], PALE[2])
+    paint(viewer, "bench", PALE[1], ((60, 75), (75, 78)))
+    expect(page.locator("#brush-legend li")).to_have_count(3)
+    expect(page.locator("#brush-status")).to_contain_text("Learned")
+    page.wait_for_timeout(1000)
+    taught = np.asarray(
+        Image.open(io.BytesIO(save_shot(page, "brush-unsure"))).convert("RGB"), float
+    )
+    changed = np.abs(taught - plain).max(axis=2) > 12
+
+    def coloured(x0: float, z0: float, x1: float, z1: float) -> float:
+        left, top = pixel(viewer, x0, z0)
+        right, bottom = pixel(viewer, x1, z1)
+        return float(changed[int(top) : int(bottom), int(left) : int(right)].mean())
+
+    assert coloured(30, 35, 40, 45) > 0.95  # sure: the colour of its name without a gap
+    assert 0.2 < coloured(5, 5, 15, 80) < 0.97  # unsure: every other stripe shows the ground
 
 
 def test_two_paint_and_each_takes_back_their_own(

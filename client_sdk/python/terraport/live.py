@@ -199,7 +199,7 @@ class Session:
         """Return the coarser pieces that a region is part of, finest first: farm, then valley.
 
         ``await session.coarser(hit.region)`` goes on from a pick. Regions of engine ``borders``
-        have them; others, and regions that people have cut, have none.
+        have them, those too that people have cut since; others have none.
 
         Raises
         ------

@@ -19,6 +19,7 @@ from terraport_pipeline.errors import EngineError
 from terraport_pipeline.export.pieces import Piece, read_pieces
 from terraport_pipeline.export.selection import SelectedScene, choose_segments
 from terraport_pipeline.progress import Progress
+from terraport_store import RegionNames, read_labels
 
 __all__ = ["write_points"]
 
@@ -41,10 +42,15 @@ _STANDARD: Final = {
     "ground": 2, "low vegetation": 3, "medium vegetation": 4, "high vegetation": 5, "vegetation": 5,
     "building": 6, "buildings": 6, "water": 9, "rail": 10, "road": 11, "roads": 11,
 }  # fmt: skip
-"""Names that ground may be taught which LAS 1.4 has a class for; all others are the user's own."""
+"""Names that ground may have which LAS 1.4 has a class for; all others are the user's own."""
 
 _FIRST_OWN: Final = 64
 """LAS 1.4 leaves classes from here to 255 to its users."""
+
+_LAST: Final = 255
+
+_OTHERS: Final = "others"
+"""What the last class is called where more names than it share it."""
 
 _LOOKUP_NAME: Final = 15
 """ASCII bytes of a name in the table of classes."""
@@ -83,7 +89,7 @@ def write_points(path: Path, selected: SelectedScene, progress: Progress) -> dic
     header.add_extra_dims(dimensions)
     if frame.crs is not None:
         header.add_crs(frame.crs, keep_compatibility=False)
-    taught, class_names = _taught_classes(selected)
+    named, class_names = _named_classes(selected)
     if class_names:
         lookup = ClassificationLookupVlr()
         for code, name in class_names.items():
@@ -94,7 +100,7 @@ def write_points(path: Path, selected: SelectedScene, progress: Progress) -> dic
     total = done = 0
     with laspy.open(path, mode="w", header=header) as file:
         for piece in read_pieces(selected, segments):
-            file.write_points(_points(piece, selected, header, extra, taught))
+            file.write_points(_points(piece, selected, header, extra, named))
             total += len(piece.faces)
             reached = int(np.searchsorted(segments, piece.segment)) + 1
             progress.advance(reached - done)
@@ -102,7 +108,7 @@ def write_points(path: Path, selected: SelectedScene, progress: Progress) -> dic
     kinds = ["from the survey"] if _CLASS in names else []
     if class_names:
         listed = ", ".join(f"{code} {name}" for code, name in sorted(class_names.items()))
-        kinds.insert(0, f"as taught ({listed})")
+        kinds.insert(0, f"by name ({listed})")
     facts = {"points": f"{total:,}", "class": ", else ".join(kinds) or "none"}
     progress.done(facts)
     return facts
@@ -113,7 +119,7 @@ def _points(
     selected: SelectedScene,
     header: laspy.LasHeader,
     extra: dict[str, str],
-    taught: UInt8,
+    named: UInt8,
 ) -> laspy.ScaleAwarePointRecord:
     record = laspy.ScaleAwarePointRecord.zeros(len(piece.faces), header=header)
     centres = selected.frame.to_survey(piece.positions[piece.faces].mean(axis=1))
@@ -127,8 +133,8 @@ def _points(
             record[name] = colours[:, channel].astype(np.uint16) * 257
     if _CLASS in piece.attributes:
         record.classification = _classes(piece.attributes[_CLASS][piece.faces])
-    if len(taught):
-        code = np.append(taught, 0).astype(np.uint8)[piece.regions]  # -1: none
+    if len(named):
+        code = np.append(named, 0).astype(np.uint8)[piece.regions]  # -1: none
         record.classification = np.where(code > 0, code, np.asarray(record.classification))
     for attribute, dimension in extra.items():
         values = piece.attributes.get(attribute)
@@ -140,28 +146,34 @@ def _points(
     return record
 
 
-def _taught_classes(selected: SelectedScene) -> tuple[UInt8, dict[int, str]]:
-    """Give the names that regions were taught codes.
+def _named_classes(selected: SelectedScene) -> tuple[UInt8, dict[int, str]]:
+    """Give what regions are called codes: by a table, a plan or strokes.
 
     Returns
     -------
     codes : ndarray of shape (R,), uint8
-        By region; 0 of one that was taught none. Empty where none was.
+        By region; 0 of one without a name. Empty where none has any.
     names : dict of int to str
         By code.
     """
-    rows = selected.scene.regions.get("regions", [])
-    kinds = [row.get("class") if isinstance(row, dict) else None for row in rows]
-    wanted = sorted({kind for kind in kinds if isinstance(kind, str)})
+    scene = selected.scene
+    names = RegionNames.of(scene.regions).with_labels(read_labels(scene.files))
+    kinds = [names.label(region) for region in range(len(scene.regions.get("regions", [])))]
+    wanted = sorted({kind for kind in kinds if kind is not None})
     own = [name for name in wanted if name.casefold() not in _STANDARD]
     code_of = {
-        name: min(_FIRST_OWN + own.index(name), 255) if name in own else _STANDARD[name.casefold()]
+        name: min(_FIRST_OWN + own.index(name), _LAST)
+        if name in own
+        else _STANDARD[name.casefold()]
         for name in wanted
     }
     if not code_of:
         return np.zeros(0, np.uint8), {}
-    codes = [code_of.get(kind, 0) if isinstance(kind, str) else 0 for kind in kinds]
-    return np.array(codes, np.uint8), {code: name for name, code in code_of.items()}
+    codes = [0 if kind is None else code_of[kind] for kind in kinds]
+    called = {code: name for name, code in code_of.items()}
+    if len(own) > _LAST - _FIRST_OWN + 1:
+        called[_LAST] = _OTHERS
+    return np.array(codes, np.uint8), called
 
 
 def _classes(corners: AnyFloat) -> UInt8:

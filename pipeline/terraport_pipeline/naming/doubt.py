@@ -147,7 +147,7 @@ def next_places(teacher: Teacher, answer: Answer) -> list[NextPlace]:
 
 def _around(teacher: Teacher, doubt: Any) -> Any:
     """Mean doubt of a unit and what touches it."""
-    one, other = teacher.pairs.T
+    one, other = teacher.patches.pairs.T
     count = teacher.units.count
     total = doubt + np.bincount(one, doubt[other], count) + np.bincount(other, doubt[one], count)
     return total / (1.0 + np.bincount(one, minlength=count) + np.bincount(other, minlength=count))

@@ -5,6 +5,7 @@ GDAL reads the files (pyogrio): GeoJSON, Shapefile, GeoPackage, DXF, and whateve
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,6 +39,9 @@ _WIDTH_FIELD: Final = "width_m"
 _LISTED: Final = 8
 
 _DEGREES: Final = (180.0, 90.0)
+
+_FARTHEST_M: Final = 1e8
+"""Farther from the scene's origin nothing of the Earth is, however wrong its CRS."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,16 +110,20 @@ def read_drawings(
     # (1) The file as GDAL reads it.
     chosen = _layer(path, layer)
     try:
-        meta, _, geometry, columns = pyogrio.raw.read(
-            path, layer=chosen, force_2d=True, max_features=MAX_FEATURES + 1
-        )
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Non closed ring")  # closed below
+            meta, _, geometry, columns = pyogrio.raw.read(
+                path, layer=chosen, force_2d=True, max_features=MAX_FEATURES + 1
+            )
     except (pyogrio.errors.DataSourceError, pyogrio.errors.DataLayerError, ValueError) as error:
         raise PlanError(path, f"GDAL cannot read it ({error})", "save it anew as GeoJSON") from None
     if geometry is None or len(geometry) == 0:
         raise PlanError(path, "no feature in it, expected outlines", "choose another layer or file")
     if len(geometry) > MAX_FEATURES:
         raise PlanError(path, f"more than {MAX_FEATURES:,} features", "leave out what is smallest")
-    shapes = shapely.from_wkb(geometry)
+    # Rings that do not close, as hand-written GeoJSON has them, are closed; what is beyond that
+    # (two corners) counts as without geometry.
+    shapes = shapely.from_wkb(geometry, on_invalid="fix")
     if shapely.get_num_coordinates(shapes).sum() > MAX_CORNERS:
         raise PlanError(
             path, f"more than {MAX_CORNERS:,} corners", "simplify the outlines, or split the file"
@@ -134,6 +142,13 @@ def read_drawings(
             empty += 1
             continue
         in_scene = shapely.transform(shape, convert)
+        if not np.abs(shapely.get_coordinates(in_scene)).max() <= _FARTHEST_M:
+            raise PlanError(
+                path,
+                f"feature {number} has a corner that is no number, or more than "
+                f"{_FARTHEST_M:,.0f} m from the scene",
+                "take it out, or check --crs",
+            )
         moved = in_scene if points and _is_points(shape) else _outlined(in_scene)
         if moved is None:
             left += 1
@@ -191,13 +206,22 @@ def _name_field(path: Path, fields: Sequence[str], wanted: str | None) -> str | 
 def _name(path: Path, number: int, value: object) -> str | None:
     if value is None or (isinstance(value, float) and np.isnan(value)):
         return None
-    text = str(value).strip()
+    text = _text(value).strip()
     if not text:
         return None
     fault = label_fault(text)
     if fault is not None:
         raise PlanError(path, f"feature {number}: {fault}", "shorten or retype it")
     return text
+
+
+def _text(value: object) -> str:
+    """Name as people read it: 8 of a column of numbers that are 8.0, and lists by commas."""
+    if isinstance(value, float | np.floating):
+        return f"{value:.15g}"
+    if isinstance(value, list | tuple | np.ndarray):
+        return ", ".join(_text(one) for one in value)
+    return str(value)
 
 
 def _width(value: object) -> float | None:

@@ -19,6 +19,7 @@ from terraport_pipeline.errors import PlanError
 from terraport_pipeline.export.output import writing_beside
 from terraport_pipeline.geometry.learning.forest import Forest, forest_fault
 from terraport_pipeline.geometry.learning.ground_units import feature_names
+from terraport_pipeline.geometry.learning.unit_patches import PATCH_NAMES
 from terraport_store.labels import label_fault
 
 __all__ = ["MAX_CLASSES", "MAX_MODEL_BYTES", "GroundModel", "read_model", "write_model"]
@@ -75,7 +76,9 @@ class GroundModel:
     @property
     def features(self) -> tuple[str, ...]:
         """Names of the columns."""
-        return feature_names(self.cell_m, self.attributes)
+        names = feature_names(self.cell_m, self.attributes)
+        attributes = len(names) - 2 * len(self.attributes)
+        return (*names[:attributes], *PATCH_NAMES, *names[attributes:])
 
 
 def write_model(path: Path, model: GroundModel, *, force: bool) -> None:
@@ -88,7 +91,7 @@ def write_model(path: Path, model: GroundModel, *, force: bool) -> None:
     """
     document = {
         "format": FORMAT,
-        "format_version": "1.0",
+        "format_version": "1.1",
         "names": list(model.names),
         "cell_m": model.cell_m,
         "attributes": list(model.attributes),

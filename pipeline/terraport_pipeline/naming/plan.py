@@ -74,6 +74,13 @@ def label_by_plan(
     ]
     if drawings.name_field is None:
         said.append("warning: no property name, label or layer: nothing was named (--name-field)")
+    else:
+        nameless = sum(d.name is None for d in areas)
+        if nameless:
+            said.append(
+                f"warning: {nameless} of {len(areas)} outlines are empty in "
+                f"{drawings.name_field!r}: they became regions without a name"
+            )
     if frame.crs is None:
         said.append("warning: the scene states no CRS: coordinates were taken as they are")
     if outlined.shared_m2 > 0:

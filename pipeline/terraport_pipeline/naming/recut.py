@@ -24,7 +24,7 @@ from terraport_pipeline.geometry.regions.region_totals import (
 from terraport_pipeline.naming.views import best_views
 from terraport_pipeline.published.ground import Ground
 
-__all__ = ["MAX_REGIONS", "Cut", "Recut", "recut"]
+__all__ = ["DRAWN", "MAX_REGIONS", "Cut", "Recut", "carried_unions", "recut"]
 
 MAX_REGIONS: Final = 65_536
 """Numbers of regions are 16 bits in a payload."""
@@ -32,7 +32,11 @@ MAX_REGIONS: Final = 65_536
 _LEAST_M2: Final = 1e-9
 """What a face without area counts."""
 
-_OF_NAMES: Final = ("label", "class", "confidence")
+DRAWN: Final = "drawn"
+"""What regions.json says of a region that a plan or strokes have cut and named: a build over the
+scene brings it again (``carried.py``)."""
+
+_OF_NAMES: Final = ("label", "class", "confidence", DRAWN)
 """What regions.json says of a region's name."""
 
 _OF_SHARES: Final = ("cut_m3", "fill_m3", "area_m2", "uncertainty_m3")
@@ -48,6 +52,8 @@ class Cut:
     """What pieces are called, by number."""
     facts: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     """What regions.json says of pieces beyond their measures, by number."""
+    stable_ids: Mapping[int, int] = field(default_factory=dict)
+    """Of pieces that had one in an earlier version, by number."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -105,6 +111,8 @@ def recut(ground: Ground, cut: Cut) -> Recut:
     ids, first_free = carry_ids(
         count, (new, old), ground.names.stable_ids, ground.names.next_stable_id
     )
+    ids = _held(ids, numbers, cut.stable_ids)
+    first_free = max(first_free, *(number + 1 for number in cut.stable_ids.values()), 0)
     region_of_piece = _numbered(count, new, old)
     regions = region_of_piece[pieces]
     # (3) Facts.
@@ -118,6 +126,7 @@ def recut(ground: Ground, cut: Cut) -> Recut:
         given, number, was = int(numbers[piece]), int(ids[piece]), int(old_of_piece[piece])
         row["stable_id"] = number
         name = cut.names.get(given)
+        is_drawn = name is not None
         if name is None:
             name = None if was < 0 else ground.names.label(was)
         elif name == called.get(number):
@@ -134,14 +143,71 @@ def recut(ground: Ground, cut: Cut) -> Recut:
             if name != called.get(number):
                 row["label"] = name
         row.update(cut.facts.get(given, {}))
+        if is_drawn:
+            row[DRAWN] = True
     # (4) Where to see them from; a region that is as it was keeps its place.
     open_ = [n for n, row in enumerate(rows) if row["stable_id"] in labels and "place" not in row]
     for region, place in best_views(ground, regions, open_).items():
         rows[region]["place"] = place
-    # What unites regions was of those before; a cut by people has no costs.
-    kept_facts = {key: value for key, value in ground.document.items() if key != "unions"}
-    document = {**kept_facts, "next_stable_id": first_free, "regions": rows}
+    # (5) What they are part of: what unites the regions before, from those that they lie in.
+    document = {**ground.document, "next_stable_id": first_free, "regions": rows}
+    if "unions" in document:
+        document["unions"] = carried_unions(
+            ground.document["unions"], len(ground.names.stable_ids), _home(regions, before, weight)
+        )
     return Recut(regions, document, labels, len(new))
+
+
+def carried_unions(unions: Any, count: int, home: Int64) -> list[list[float]]:
+    """Say what unites regions that were cut anew, by what united those before.
+
+    Parameters
+    ----------
+    unions : list of [one, other, cost]
+        Of the regions before, as regions.json has them; what follows one that cannot be is left
+        out.
+    count : int
+        Regions before.
+    home : ndarray of shape (R,), int64
+        Region before that most of each region's ground lies in.
+
+    Returns
+    -------
+    list of [one, other, cost]
+        What one region was is united first, at cost 1: people parted it. The rest goes on as
+        before; what has no ground any more is left out.
+    """
+    first = len(home)
+    united: list[list[float]] = []
+    now: dict[int, int] = {}
+    for region, old in enumerate(home.tolist()):
+        if old in now:
+            united.append([*sorted((now[old], region)), 1.0])
+            now[old] = first + len(united) - 1
+        else:
+            now[old] = region
+    for place, union in enumerate(unions if isinstance(unions, list) else []):
+        if not isinstance(union, list) or len(union) != 3:
+            break
+        one, other, cost = union
+        ends = [end for end in (now.pop(one, None), now.pop(other, None)) if end is not None]
+        if len(ends) == 2:
+            united.append([*sorted(ends), cost])
+            ends = [first + len(united) - 1]
+        if ends:
+            now[count + place] = ends[0]
+    return united
+
+
+def _home(regions: Int32, before: Int32, area: Float64) -> Int64:
+    """Region before in which most of every region's ground lies, (R,)."""
+    span = int(before.max()) + 1
+    keys, row = np.unique(regions.astype(np.int64) * span + before, return_inverse=True)
+    new, old = np.divmod(keys, span)
+    order = np.lexsort((-np.bincount(row, area), new))
+    _, first = np.unique(new[order], return_index=True)
+    home: Int64 = old[order[first]]
+    return home
 
 
 def _overlaps(pieces: Int32, before: Int32, area: Float64) -> Overlaps:
@@ -153,6 +219,17 @@ def _overlaps(pieces: Int32, before: Int32, area: Float64) -> Overlaps:
     both = np.bincount(pieces, area)[new] + np.bincount(before, area)[old]
     similarity = np.minimum(shared / np.maximum(both - shared, 0.5 * both), 1.0)
     return Overlaps(new.astype(np.int32), old.astype(np.int32), shared, similarity)
+
+
+def _held(ids: Int64, numbers: Int32, held: Mapping[int, int]) -> Int64:
+    """Give pieces the stable ids that they had; who had been given one of these takes theirs."""
+    ids = ids.copy()
+    place = {number: at for at, number in enumerate(numbers.tolist())}
+    for number, stable_id in held.items():
+        at = place[number]
+        ids[ids == stable_id] = ids[at]
+        ids[at] = stable_id
+    return ids
 
 
 def _numbered(count: int, new: Int32, old: Int32) -> Int32:

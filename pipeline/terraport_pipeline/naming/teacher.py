@@ -21,7 +21,8 @@ from terraport_pipeline.geometry.learning.ground_units import (
     ground_features,
     ground_units,
 )
-from terraport_pipeline.geometry.learning.unit_votes import averaged, unit_pairs
+from terraport_pipeline.geometry.learning.unit_patches import Patches, unit_patches
+from terraport_pipeline.geometry.learning.unit_votes import evened_out
 from terraport_pipeline.geometry.mesh.adjacency import components
 from terraport_pipeline.geometry.regions.pool_refine import join_nearest
 from terraport_pipeline.geometry.regions.small_pieces import absorb_small
@@ -131,15 +132,34 @@ class Teacher:
 
     @cached_property
     def features(self) -> Float32:
-        """(U, K) see ``feature_names``."""
-        ground, mesh = self.ground, self.ground.mesh
+        """(U, K) see ``GroundModel.features``."""
         if self._same_units():
             assert self._before is not None
             return self._before.features
+        attributes = self._measured.shape[1] - 2 * len(self.attributes)
+        parts = np.split(self._measured, [attributes], axis=1)
+        return np.concatenate([parts[0], self.patches.features, parts[1]], axis=1)
+
+    @cached_property
+    def _measured(self) -> Float32:
+        ground, mesh = self.ground, self.ground.mesh
         return ground_features(
             self.units, mesh.faces, mesh.colours, ground.centres, ground.area, self.slope_deg,
             {name: mesh.attributes[name] for name in self.attributes},
         )  # fmt: skip
+
+    @cached_property
+    def patches(self) -> Patches:
+        """Pieces of ground between borders."""
+        if self._same_units():
+            assert self._before is not None
+            return self._before.patches
+        ground, mesh, units = self.ground, self.ground.mesh, self.units
+        faces = np.bincount(units.of_face, minlength=units.count)
+        heights = np.bincount(units.of_face, ground.centres[:, 1], units.count) / faces
+        return unit_patches(
+            units, mesh.vertices, mesh.faces, mesh.colours, ground.pairs, self._measured, heights
+        )
 
     def _same_units(self) -> bool:
         before, units = self._before, self.units
@@ -149,11 +169,6 @@ class Teacher:
             and np.array_equal(before.units.square, units.square)
             and np.array_equal(before.units.steep, units.steep)
         )
-
-    @cached_property
-    def pairs(self) -> Int64:
-        """(P, 2) units that touch."""
-        return unit_pairs(self.units, self.ground.pairs[0])
 
     @cached_property
     def _finder(self) -> PlaceFinder:
@@ -208,7 +223,7 @@ class Teacher:
     def answer(self, model: GroundModel) -> Answer:
         """Say of all ground what a model calls it."""
         likely = model.forest.predict(model.aligned(self.features), threads=self.threads)
-        votes = averaged(likely, self.features, self.pairs)
+        votes = evened_out(likely, self.patches.hold)
         best = votes.argmax(axis=1).astype(np.int32)
         of_face = self.units.of_face
         return Answer(model.names, votes, best[of_face], votes.max(axis=1)[of_face])
@@ -263,9 +278,9 @@ def stroke_areas(drawings: Sequence[Drawing], width_m: float) -> tuple[Drawing, 
 
 def _grown(rows: Float32, kinds: Int64, threads: int) -> Forest:
     """Grow a forest with scikit-learn and take its arrays."""
-    from sklearn.ensemble import RandomForestClassifier
+    from sklearn.ensemble import ExtraTreesClassifier
 
-    grower: Any = RandomForestClassifier(
+    grower: Any = ExtraTreesClassifier(
         _TREES,
         min_samples_leaf=_LEAST_LEAF,
         class_weight="balanced",

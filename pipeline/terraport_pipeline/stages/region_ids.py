@@ -126,6 +126,8 @@ class _Before:
     """Region before that most of a region's ground lies in, by its number now."""
     given: RegionNames = field(default_factory=RegionNames)
     """Names that the version before gave."""
+    drawn: frozenset[int] = frozenset()
+    """Stable ids of regions that people cut: they are brought after publication."""
     warnings: list[str] = field(default_factory=list)
 
 
@@ -193,7 +195,9 @@ def number_regions(
     }
     gone = set(before.ids.tolist()) - set(ids.tolist())
     lost = [
-        f"{label!r} ({n})" for n, label in before.labels.items() if n in gone and label not in heirs
+        f"{label!r} ({n})"
+        for n, label in before.labels.items()
+        if n in gone and n not in before.drawn and label not in heirs
     ]
     if lost:
         more = len(lost) - _LISTED_LABELS
@@ -229,6 +233,11 @@ def _before(
             if names.stable_ids is not None:
                 before.first_free, before.ids = names.next_stable_id, names.stable_ids
                 before.given = names
+                before.drawn = frozenset(
+                    row["stable_id"]
+                    for row in opened.regions["regions"]
+                    if isinstance(row, dict) and row.get("drawn") is True
+                )
                 if not _same_crs(opened.manifest.crs, surface.crs):
                     before.warnings.append(
                         "the scene published before is in another coordinate reference system: all "

@@ -74,7 +74,7 @@ def find_before(work: WorkDirectory, scene: Path, survey: str) -> Before | None:
     published, before = work.path / "published", work.path / "before"
     _note_publication(work, manifest)
     record = _about(published)
-    if record is not None and record.values["version"] != manifest.version:
+    if record is not None and not _is_of(record, manifest):
         record = None  # somebody else published here since
     if record is not None and record.values["survey"] != survey:
         # Not atomic with the next line, and need not be: killed in between, all is built anew.
@@ -87,7 +87,8 @@ def find_before(work: WorkDirectory, scene: Path, survey: str) -> Before | None:
     versions = {manifest.version, None if record is None else record.values["before"]}
     source = manifest.build.input
     is_this_survey = source is not None and source.xxh3 == survey[:16]
-    if about.values["version"] not in versions and not is_this_survey:
+    goes_on = about.values["version"] in versions or _is_of(about, manifest)
+    if not goes_on and not is_this_survey:
         return None
     return Before(WorkDirectory(before), about.values["version"], about.values["decisions"])
 
@@ -126,7 +127,6 @@ def _note_publication(work: WorkDirectory, manifest: Manifest) -> None:
         return
     if noted is None or noted.values["version"] != manifest.version:
         values = {**record.values, "version": manifest.version}
-        values.pop("build", None)
         WorkDirectory(prepared).save(_ABOUT, "", Stored({}, values), Facts(), Cost(0.0, 0))
         shutil.rmtree(published, ignore_errors=True)
         prepared.rename(published)
@@ -138,6 +138,7 @@ def remember(
     decisions: Mapping[str, str],
     *,
     version: str,
+    build: BuildInfo,
     survey: str,
     before: Before | None,
 ) -> None:
@@ -152,12 +153,15 @@ def remember(
         See :class:`Before`.
     version : str
         What was published.
+    build : BuildInfo
+        As the manifest has it: versions that ``label`` and ``teach`` make of the same ground keep
+        it, and are this build's too.
     survey : str
         Digest of the survey as read.
     before : Before or None
         What the build went by.
     """
-    values = {**_values(decisions, survey, before), "version": version}
+    values = {**_values(decisions, survey, before), "build": _digest(build), "version": version}
     record = _about(work.path / "published")
     if record is None or dict(record.values) != values:
         _keep(work, "published", names, values)
@@ -182,6 +186,13 @@ def _keep(
             # Results are never changed in place, only replaced: a link keeps what is there now.
             shutil.copytree(work.path / result, folder / kept_name, copy_function=link_or_copy)
         kept.save(_ABOUT, "", Stored({}, values), Facts(), Cost(0.0, 0))
+
+
+def _is_of(record: StageRecord, manifest: Manifest) -> bool:
+    """Whether a build published this version, or the one whose regions were cut anew since."""
+    return record.values["version"] == manifest.version or record.values.get("build") == _digest(
+        manifest.build
+    )
 
 
 def _digest(build: BuildInfo) -> str:

@@ -20,6 +20,7 @@ from terraport_pipeline.extent import Extent
 from terraport_pipeline.free_memory import MEMORY_SHARE, default_memory_bytes
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.mesh_statement import MeshStatement
+from terraport_pipeline.naming.carried import NOTE_NAME, bring_names, note_names
 from terraport_pipeline.option import (
     BYTES,
     COMMON,
@@ -258,10 +259,19 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
             max_memory_bytes=options.max_memory_bytes or default_memory_bytes(),
         )
         try:
+            # What people drew or taught would be lost under the engine's regions.
+            note = runner.work.path / NOTE_NAME
+            unnamed = note_names(scene, note, watcher)
             version_of, published, files = _run_stages(runner, given, scene, options)
+            said, with_names = bring_names(scene, note, watcher)
+            said = [*unnamed, *said]
+            if said:
+                packed = runner.reports[-1]
+                facts = replace(packed.facts, warnings=(*packed.facts.warnings, *said))
+                runner.reports[-1] = replace(packed, facts=facts)
             report = BuildReport(
                 scene,
-                version_of,
+                with_names or version_of,
                 published,
                 tuple(runner.reports),
                 time.monotonic() - started,
@@ -329,7 +339,7 @@ def _run_stages(
         brought.change,
         prepare=partial(runner.prepare, about.build, source.digest, survey=brought.worked_on),
     )  # fmt: skip
-    runner.remember(version, source.digest, survey=brought.worked_on)
+    runner.remember(version, about.build, source.digest, survey=brought.worked_on)
     return version, published, dict(brought.inputs)
 
 

@@ -286,20 +286,25 @@ class Runner:
         names, decisions = self._to_remember(survey)
         prepare(self.work, names, decisions, build=build, survey=read, before=self.before)
 
-    def remember(self, version: str, read: str, *, survey: str) -> None:
+    def remember(self, version: str, build: BuildInfo, read: str, *, survey: str) -> None:
         """Keep what the next survey over the scene goes by.
 
         Parameters
         ----------
         version : str
             What was published.
+        build : BuildInfo
+            As the manifest has it.
         read : str
             Digest of the survey as read.
         survey : str
             Name of the result that holds the survey that was worked on.
         """
         names, decisions = self._to_remember(survey)
-        remember(self.work, names, decisions, version=version, survey=read, before=self.before)
+        remember(
+            self.work, names, decisions, version=version, build=build, survey=read,
+            before=self.before,
+        )  # fmt: skip
 
     def _to_remember(self, survey: str) -> tuple[dict[str, str], dict[str, str]]:
         """Names of results by the name that they are kept under, and keys of decisions."""

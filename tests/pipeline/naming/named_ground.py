@@ -30,7 +30,9 @@ def is_dark(x: np.ndarray, z: np.ndarray) -> np.ndarray:
     return (np.hypot(x - 35, z - 40) < 18) | (z > 85)
 
 
-def write_named_ground(path: Path, *, seed: int = 0, gain: float = 1.0) -> Path:
+def write_named_ground(
+    path: Path, *, seed: int = 0, gain: float = 1.0, facts: dict[str, Any] = FACTS
+) -> Path:
     """Publish it; another seed has other noise, as the next survey has."""
     detail, base = build_terrain(160), build_terrain(21, -2.5, 102.5)
     rng = np.random.default_rng(seed)
@@ -40,7 +42,7 @@ def write_named_ground(path: Path, *, seed: int = 0, gain: float = 1.0) -> Path:
     colours = np.where(dark[:, None], (70, 80, 95), (175, 160, 120)) * gain
     colours = np.clip(colours + rng.normal(0, 4, colours.shape), 0, 255).astype(np.uint8)
     shown = replace(detail, vertices=vertices, colours=colours)
-    return publish_scene(path, build_model(shown, base), shown, base, regions=FACTS)
+    return publish_scene(path, build_model(shown, base), shown, base, regions=facts)
 
 
 def ground_at(path: Path) -> Ground:

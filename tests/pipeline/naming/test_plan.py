@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import re
 import shutil
 from itertools import pairwise
 from pathlib import Path
 
 import ezdxf
+import laspy
 import numpy as np
 import pyogrio.raw
 import pytest
@@ -249,3 +251,88 @@ def test_a_hole_is_none_of_the_region_and_facts_are_written(scene, tmp_path) -> 
     shape = shapely.from_wkb(geometry[0])
     assert shape.area == pytest.approx(60 * 50 - 15 * 15, rel=0.01)
     assert not shape.contains(shapely.Point(EAST + 37, NORTH - 42))
+
+
+def feature(geometry, **properties):
+    return {"type": "Feature", "properties": properties, "geometry": geometry}
+
+
+def written(path: Path, features) -> Path:
+    """GeoJSON of features as they stand, in degrees or with `--crs`."""
+    path.write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    return path
+
+
+PIT_RING = PIT["coordinates"][0]
+OPEN_RING = {"type": "Polygon", "coordinates": [PIT["coordinates"][0][:-1]]}
+FAR = {"type": "Polygon", "coordinates": [[*PIT["coordinates"][0][:-1], (1e308, NORTH)]]}
+BOW = {
+    "type": "Polygon",
+    "coordinates": [
+        [(EAST + x, NORTH + y) for x, y in ((10, -60), (70, -10), (70, -60), (10, -10))]
+    ],
+}
+
+
+@pytest.mark.parametrize(
+    ("geometry", "name", "called", "share"),
+    [
+        (OPEN_RING, "pit", "pit", 1.0),  # closed
+        (PIT, 7, "7", 1.0),
+        (PIT, 8.0, "8", 1.0),
+        (PIT, 8.25, "8.25", 1.0),
+        (PIT, ["pit", "north"], "pit, north", 1.0),
+        (BOW, "bow", "bow", 0.5),  # both of its triangles
+        (
+            {"type": "MultiPolygon", "coordinates": [[PIT_RING, PILE["coordinates"][0]]]},
+            "holed", "holed", 1.0 - 225 / 3000,
+        ),
+        (
+            {"type": "Polygon", "coordinates": [[(*at, 250.0) for at in PIT["coordinates"][0]]]},
+            "high", "high", 1.0,
+        ),
+    ],
+)  # fmt: skip
+def test_odd_outlines_are_what_a_person_means(
+    scene, tmp_path, geometry, name, called, share
+) -> None:
+    label(
+        scene,
+        written(tmp_path / "odd.geojson", [feature(geometry, name=name)]),
+        crs="EPSG:32633",
+    )
+    names, ground = names_by_face(scene), ground_at(scene)
+    inside = within(ground, 10, -60, 70, -10)
+    assert set(names[~inside]) == {""}
+    of_name = np.array([one == called for one in names[inside]])
+    assert of_name.mean() == pytest.approx(share, abs=0.02)
+
+
+def test_a_corner_that_is_nowhere_is_refused(scene, tmp_path) -> None:
+    far = written(tmp_path / "far.geojson", [feature(PILE, name="a"), feature(FAR, name="b")])
+    with pytest.raises(PlanError, match="feature 2 has a corner that is no number, or more than"):
+        label(scene, far, crs="EPSG:32633")
+
+
+def test_outlines_with_an_empty_name_are_told(scene, tmp_path) -> None:
+    plan = written(
+        tmp_path / "e.geojson",
+        [feature(PIT, name="pit"), feature(PILE, name="  "), feature(None, name="lost")],
+    )
+    said = label(scene, plan, crs="EPSG:32633")
+    assert any("1 of 2 outlines are empty in 'name'" in text for text in said)
+    assert said[-1] == "left out: 1 features without geometry"
+
+
+def test_a_copy_of_the_survey_has_what_ground_is_called_as_classes(scene, tmp_path) -> None:
+    plan = write_geojson(tmp_path / "p.geojson", [("Water", PIT), ("pile", PILE)])
+    label(scene, plan)
+    export_scene(scene, ExportRequest(tmp_path / "pit.las"))
+    points = laspy.read(tmp_path / "pit.las")
+    x, y = np.asarray(points.x) - EAST, np.asarray(points.y) - NORTH
+    in_pit = (x > 10) & (x < 70) & (y > -60) & (y < -10)
+    in_pile = (x > 30) & (x < 45) & (y > -50) & (y < -35)
+    expected = np.where(in_pile, 64, np.where(in_pit, 9, 0))  # 9 is LAS's water
+    assert (np.asarray(points.classification) == expected).mean() > 0.99
+    (lookup,) = points.header.vlrs.get("ClassificationLookupVlr")
+    assert lookup.lookups == {9: "Water", 64: "pile"}

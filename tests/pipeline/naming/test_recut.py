@@ -13,7 +13,7 @@ from terraport_payload import SegmentMesh
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE
 from terraport_pipeline.naming import recut as module
-from terraport_pipeline.naming.recut import Cut, recut
+from terraport_pipeline.naming.recut import Cut, carried_unions, recut
 from terraport_pipeline.naming.republish import with_regions
 
 
@@ -101,3 +101,15 @@ def test_splitting_and_joining_again_gives_the_same_vertices() -> None:
     joined = with_regions(split, np.zeros(len(faces), np.int32))
     assert len(joined.positions) == used
     assert (joined.colours[joined.faces] == mesh.colours[faces]).all()
+
+
+def test_what_was_parted_is_united_first_and_goes_on_as_before() -> None:
+    # Before: 0 and 1 are a farm, that and 2 the valley. Now 0 is cut in two (0 and 3), a pit (1)
+    # lies mostly in 2, of which 2 is left; of 1 nothing is.
+    unions = [[0, 1, 1.5], [2, 3, 4.0]]
+    home = np.array([0, 2, 2, 0])
+    assert carried_unions(unions, 3, home) == [[1, 2, 1.0], [0, 3, 1.0], [4, 5, 4.0]]
+    # As it was: nothing changes.
+    assert carried_unions(unions, 3, np.arange(3)) == unions
+    # What cannot be ends it.
+    assert carried_unions([[0, 1, 1.5], "x"], 3, np.arange(3)) == [[0, 1, 1.5]]

@@ -75,7 +75,7 @@ def test_strokes_name_all_ground_and_the_next_survey_needs_none(scene, strokes, 
         assert row["place"]["radius_m"] >= 20.0
     # A copy of the survey has the names as classes, the user's own from 64 on.
     done = export_scene(scene, ExportRequest(tmp_path / "pit.las"))
-    assert done.facts["class"] == "as taught (64 limestone, 65 tailings)"
+    assert done.facts["class"] == "by name (64 limestone, 65 tailings)"
     points = laspy.read(tmp_path / "pit.las")
     east, north = np.array(points.x), np.array(points.y)
     dark = is_dark(east - 500_000.0, 6_000_000.0 - north)

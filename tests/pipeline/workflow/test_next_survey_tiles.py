@@ -104,7 +104,7 @@ def build(
         prepare=partial(runner.prepare, about.build, survey * 16, survey="segment"),
     )  # fmt: skip
     if not killed:
-        runner.remember(version, survey * 16, survey="segment")
+        runner.remember(version, about.build, survey * 16, survey="segment")
     return runner
 
 

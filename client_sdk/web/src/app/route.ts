@@ -41,7 +41,7 @@ export type RouteMode =
   | Exclude<ViewMode, { readonly kind: "attribute" }>
   | { readonly kind: "attribute"; readonly name: string; readonly range: readonly [number, number] | null };
 
-const PLAIN_MODES = ["colour", "vertex-colour", "regions", "segments", "slope"] as const;
+const PLAIN_MODES = ["colour", "vertex-colour", "regions", "names", "segments", "slope"] as const;
 
 /** Coordinates and radii beyond these are not valid on the wire either. */
 const MAX_COORDINATE_M = 1e7;

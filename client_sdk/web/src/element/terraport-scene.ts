@@ -1,7 +1,7 @@
 /** `<terraport-scene src token at radius mode>`: a scene in any page, walked by clicks. */
 
 import { budgetsFor, loadSceneInWorker, StreamError } from "../core/index.ts";
-import type { LandOptions, SceneManifest, Token, Vec3 } from "../core/types.ts";
+import type { LandOptions, RegionFacts, SceneManifest, Token, Vec3 } from "../core/types.ts";
 import type { LandingStatus, Stage } from "../three/index.ts";
 import { keyOfMode, modeOfKey, modesOf } from "../three/view-modes.ts";
 import { ShownScene } from "./shown-scene.ts";
@@ -53,6 +53,7 @@ export class TerraportScene extends HTMLElement {
   readonly #sight: IntersectionObserver;
   #shown: ShownScene | null = null;
   #manifest: SceneManifest | null = null;
+  #regions: readonly RegionFacts[] = [];
   #opening: AbortController | null = null;
   #remarkTimer: number | null = null;
   #tokenSource: (() => string | Promise<string>) | null = null;
@@ -157,6 +158,7 @@ export class TerraportScene extends HTMLElement {
       canvas.part.add("canvas");
       this.#root.prepend(canvas);
       this.#manifest = files.manifest;
+      this.#regions = files.regions;
       this.#shown = new ShownScene(
         {
           canvas,
@@ -222,9 +224,9 @@ export class TerraportScene extends HTMLElement {
   #setMode(): void {
     const [key, manifest] = [this.getAttribute("mode"), this.#manifest];
     if (this.#shown === null || manifest === null) return;
-    const mode = modeOfKey(key ?? "colour", manifest);
+    const mode = modeOfKey(key ?? "colour", manifest, this.#regions);
     if (mode === null) {
-      const there = modesOf(manifest).map((choice) => keyOfMode(choice.mode));
+      const there = modesOf(manifest, this.#regions).map((choice) => keyOfMode(choice.mode));
       this.#fail(new StreamError("invalid_attribute", `received mode="${key}", expected one of ${there.join(", ")}`));
       return;
     }

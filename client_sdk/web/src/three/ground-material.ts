@@ -15,7 +15,17 @@ import {
 
 import type { RegionFacts, SceneManifest, TaughtPicture, Vec3 } from "../core/types.ts";
 import { FRAGMENT_SHADER, MODE_NUMBER, TINT_RELIEF, VERTEX_SHADER } from "./ground-shader.ts";
-import { attributeRamp, NO_VALUE, PLAIN, RAMP_STOPS, type Rgb, regionColour, slopeRamp, toByte } from "./palette.ts";
+import {
+  attributeRamp,
+  NO_VALUE,
+  nameColours,
+  PLAIN,
+  RAMP_STOPS,
+  type Rgb,
+  regionColour,
+  slopeRamp,
+  toByte,
+} from "./palette.ts";
 import { TaughtLook } from "./taught-look.ts";
 import type { ViewMode } from "./types.ts";
 
@@ -54,13 +64,15 @@ export class GroundMaterial {
   #gridM: number;
   readonly #uniforms;
   #regionColours: DataTexture;
+  #nameColours: DataTexture;
   readonly #ramps = rampTexture();
   readonly #taught = new TaughtLook();
   #freshShare = 0;
 
   constructor(manifest: SceneManifest, regions: readonly RegionFacts[]) {
     this.#gridM = Math.max(manifest.stepM, EYE_GRID_M);
-    this.#regionColours = regionTexture(regions);
+    this.#regionColours = regionTexture(regions, ownColour);
+    this.#nameColours = nameTexture(regions);
     this.#uniforms = {
       translation: { value: new Vector3() },
       stepM: { value: 1 },
@@ -106,6 +118,7 @@ export class GroundMaterial {
   setMode(mode: ViewMode, theme: "light" | "dark"): void {
     this.#uniforms.mode.value = MODE_NUMBER[mode.kind];
     this.#uniforms.noValue.value.copy(linear(NO_VALUE[theme]));
+    this.#uniforms.regionColours.value = mode.kind === "names" ? this.#nameColours : this.#regionColours;
     if (mode.kind === "attribute") {
       this.#uniforms.measureRange.value.set(mode.min, mode.max);
     }
@@ -178,13 +191,17 @@ export class GroundMaterial {
     this.#gridM = Math.max(manifest.stepM, EYE_GRID_M);
     this.#uniforms.mapRelief.value = mapRelief(manifest);
     // Owned here: the material only refers to it.
+    const showsNames = this.#uniforms.regionColours.value === this.#nameColours;
     this.#regionColours.dispose();
-    this.#regionColours = regionTexture(regions);
-    this.#uniforms.regionColours.value = this.#regionColours;
+    this.#nameColours.dispose();
+    this.#regionColours = regionTexture(regions, ownColour);
+    this.#nameColours = nameTexture(regions);
+    this.#uniforms.regionColours.value = showsNames ? this.#nameColours : this.#regionColours;
   }
 
   dispose(): void {
     this.#regionColours.dispose();
+    this.#nameColours.dispose();
     this.#ramps.dispose();
     this.#taught.dispose();
     this.material.dispose();
@@ -213,13 +230,23 @@ function rampTexture(): DataTexture {
   return texture;
 }
 
-function regionTexture(regions: readonly RegionFacts[]): DataTexture {
+function ownColour(region: RegionFacts): Rgb {
+  return regionColour(region.stableId ?? region.id);
+}
+
+function nameTexture(regions: readonly RegionFacts[]): DataTexture {
+  const colours = nameColours(regions);
+  return regionTexture(regions, ({ label }) => colours.get(label ?? "") ?? null);
+}
+
+/** A texel for every region; clear where it has no colour. */
+function regionTexture(regions: readonly RegionFacts[], colourOf: (region: RegionFacts) => Rgb | null): DataTexture {
   const maxId = regions.reduce((id, region) => Math.max(id, region.id), 0);
   const rows = Math.floor(maxId / REGION_TEXTURE_SIDE) + 1;
   const texels = new Uint8Array(REGION_TEXTURE_SIDE * rows * 4).fill(255);
   for (const region of regions) {
-    const colour = regionColour(region.stableId ?? region.id);
-    texels.set(colour.map(toByte), region.id * 4);
+    const colour = colourOf(region);
+    texels.set(colour === null ? [0, 0, 0, 0] : colour.map(toByte), region.id * 4);
   }
   const texture = new DataTexture(texels, REGION_TEXTURE_SIDE, rows, RGBAFormat);
   texture.colorSpace = SRGBColorSpace;

@@ -10,6 +10,7 @@ export const MODE_NUMBER = {
   segments: 3,
   attribute: 4,
   slope: 5,
+  names: 6,
 } as const;
 
 /** How much of the shape's light is laid over the survey's own colours. */
@@ -158,12 +159,13 @@ void main() {
       colour = vTint;
       strength *= ${TINT_RELIEF};
     }
-  } else if (mode == ${MODE_NUMBER.regions}) {
+  } else if (mode == ${MODE_NUMBER.regions} || mode == ${MODE_NUMBER.names}) {
     colour = paled();
     ivec2 size = textureSize(regionColours, 0);
     int id = int(vRegion + 0.5);
     if (hasRegion && id / size.x < size.y) {
-      colour = texelFetch(regionColours, ivec2(id % size.x, id / size.x), 0).rgb;
+      vec4 own = texelFetch(regionColours, ivec2(id % size.x, id / size.x), 0);
+      colour = own.a > 0.5 ? own.rgb : colour;
     }
   } else if (mode == ${MODE_NUMBER.segments}) {
     colour = side < 1 ? paled() : segmentColour;

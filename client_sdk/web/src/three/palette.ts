@@ -102,6 +102,16 @@ export function regionColour(stableId: number): Rgb {
   return fromOklch(REGION_LIGHTNESS[stableId % 3]!, 0.115, 40 + stableId * GOLDEN_ANGLE_DEG);
 }
 
+/**
+ * Colours of what regions are called, by name: all regions of one name have one. In the order of the alphabet, as stable ids
+ * have theirs: names next to each other differ, and the legend that stands beside says which is which.
+ */
+export function nameColours(regions: Iterable<{ readonly label: string | null }>): ReadonlyMap<string, Rgb> {
+  const names = new Set<string>();
+  for (const { label } of regions) if (label !== null) names.add(label);
+  return new Map([...names].sort().map((name, place) => [name, regionColour(place)]));
+}
+
 /** Colour of a segment by its id: paler than regions, and neighbours along the pack's curve differ. */
 export function segmentColour(segment: number): Rgb {
   return fromOklch(SEGMENT_LIGHTNESS[segment % 3]!, 0.085, 200 + segment * GOLDEN_ANGLE_DEG);

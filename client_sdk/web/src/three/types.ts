@@ -7,6 +7,7 @@ export type ViewMode =
   | { readonly kind: "colour" }
   | { readonly kind: "vertex-colour" }
   | { readonly kind: "regions" }
+  | { readonly kind: "names" }
   | { readonly kind: "segments" }
   | { readonly kind: "attribute"; readonly name: string; readonly min: number; readonly max: number }
   | { readonly kind: "slope" };

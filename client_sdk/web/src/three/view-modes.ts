@@ -1,6 +1,6 @@
 /** The ways to colour a scene's ground, and their names in text. PURE. */
 
-import type { SceneManifest } from "../core/types.ts";
+import type { RegionFacts, SceneManifest } from "../core/types.ts";
 import type { ViewMode } from "./types.ts";
 
 /** A way to colour the ground. */
@@ -11,8 +11,8 @@ export interface ViewModeChoice {
   readonly hint: string;
 }
 
-/** The modes that a scene has. */
-export function modesOf(manifest: SceneManifest): readonly ViewModeChoice[] {
+/** The modes that a scene has; by name only where some region has one. */
+export function modesOf(manifest: SceneManifest, regions: readonly RegionFacts[] = []): readonly ViewModeChoice[] {
   const isPhotographed = manifest.texturesOf === "photos";
   const isGrey = manifest.texturesOf === null && !manifest.hasColour;
   const choices: ViewModeChoice[] = [
@@ -26,6 +26,9 @@ export function modesOf(manifest: SceneManifest): readonly ViewModeChoice[] {
     choices.push({ mode: { kind: "vertex-colour" }, name: "Point colours", hint: "without photographs" });
   }
   choices.push({ mode: { kind: "regions" }, name: "Regions", hint: "what the ground is" });
+  if (regions.some(({ label }) => label !== null)) {
+    choices.push({ mode: { kind: "names" }, name: "Names", hint: "what people call it" });
+  }
   for (const { name, min, max } of manifest.attributes) {
     choices.push({ mode: attributeMode(name, min, max), name, hint: "measured" });
   }
@@ -47,6 +50,6 @@ export function keyOfMode(mode: ViewMode): string {
 }
 
 /** The scene's mode of that text; null where it has none such. */
-export function modeOfKey(key: string, manifest: SceneManifest): ViewMode | null {
-  return modesOf(manifest).find(({ mode }) => keyOfMode(mode) === key)?.mode ?? null;
+export function modeOfKey(key: string, manifest: SceneManifest, regions: readonly RegionFacts[] = []): ViewMode | null {
+  return modesOf(manifest, regions).find(({ mode }) => keyOfMode(mode) === key)?.mode ?? null;
 }

@@ -48,7 +48,14 @@ from terraport_pipeline.geometry.regions.mean_scale import ColourTotals, axis_in
 from terraport_pipeline.geometry.regions.pool_refine import number_by_first
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
 
-__all__ = ["BorderCut", "BorderSegmenter", "RegionsBefore", "coarser_unions", "compared_steps"]
+__all__ = [
+    "BorderCut",
+    "BorderSegmenter",
+    "Evidence",
+    "RegionsBefore",
+    "coarser_unions",
+    "compared_steps",
+]
 
 _CELLS: Final = 20
 """Cells across the region size."""
@@ -102,6 +109,38 @@ class BorderCut:
     """(M, 2) what unites regions to coarser pieces, as :func:`coarser_unions`."""
     union_costs: Float64
     """(M,)"""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """What is seen at cells and between them."""
+
+    near: Float64
+    """(U, 7) features of what is near, weighed; see ``evidence.FEATURES``."""
+    wide: Float64
+    """(U, 7) the same of what is around."""
+    steepness: Float64
+    """(E,) of every pair."""
+    around: Float64
+    """(U,) contrast around every cell."""
+
+    def units(self, cells: CellGraph, held: Float64) -> Units:
+        """Make of cells what ``unions.py`` unites; `held` (E,) says what stood before."""
+        features = np.column_stack([self.near[:, :3], self.wide[:, 3], self.near[:, 4:]])
+        area = cells.sums[:, :1] / _SQUARE_MM
+        length = cells.border / LENGTH_STEPS
+        low, high = cells.pairs.T
+        step = features[low] - features[high]
+        return Units(
+            np.column_stack([area, area * features]),
+            np.column_stack([area[:, 0] * self.around, cells.sums[:, 5:8] / _SQUARE_MM]),
+            np.zeros((cells.count, 2)),
+            cells.pairs,
+            np.column_stack(
+                [length, length * self.steepness, length * held, length[:, None] * step]
+            ),
+            np.arange(cells.count, dtype=np.int32),
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,34 +257,27 @@ class BorderSegmenter:
         return _cut(seed_of, of_seed, tree, pools)
 
     def _units(self, cells: CellGraph, before: RegionsBefore | None) -> Units:
-        weights = self.weights
-        if not cells.sums[:, 1:4].any():
-            weights = replace(weights, slope=_BARE_SLOPE)
-        near, wide = cell_features(cells, weights, self.cell_m)
-        steepness = gradients(cells, near, wide)
-        features = np.column_stack([near[:, :3], wide[:, 3], near[:, 4:]])
-        area = cells.sums[:, :1] / _SQUARE_MM
-        seen = np.delete(near, 3, axis=1)  # texture is no colour
-        around = contrast(
-            seen, area[:, 0], cells.middles(self.cell_m), cells.keys, _AROUND * self.region_size_m
-        )
-        length = cells.border / LENGTH_STEPS
+        evidence = self.evidence(cells, cells.middles(self.cell_m))
         low, high = cells.pairs.T
-        step = features[low] - features[high]
-        held = np.zeros(len(length))
+        held = np.zeros(len(cells.pairs))
         if before is not None and len(before.points):
             distance, nearest = cKDTree(before.points).query(cells.middles(self.cell_m))
             region = before.regions[nearest]
             known = distance <= _REACH_CELLS * self.cell_m
             held = np.where(region[low] == region[high], -1.0, 1.0) * (known[low] & known[high])
-        return Units(
-            np.column_stack([area, area * features]),
-            np.column_stack([area[:, 0] * around, cells.sums[:, 5:8] / _SQUARE_MM]),
-            np.zeros((cells.count, 2)),
-            cells.pairs,
-            np.column_stack([length, length * steepness, length * held, length[:, None] * step]),
-            np.arange(cells.count, dtype=np.int32),
+        return evidence.units(cells, held)
+
+    def evidence(self, cells: CellGraph, middles: Float64) -> Evidence:
+        """Measure cells that are `cell_m` wide and lie at `middles`, (U, 3) metres, Y up."""
+        weights = self.weights
+        if not cells.sums[:, 1:4].any():
+            weights = replace(weights, slope=_BARE_SLOPE)
+        near, wide = cell_features(cells, weights, self.cell_m)
+        seen = np.delete(near, 3, axis=1)  # texture is no colour
+        around = contrast(
+            seen, cells.sums[:, 0] / _SQUARE_MM, middles, cells.keys, _AROUND * self.region_size_m
         )
+        return Evidence(near, wide, gradients(cells, near, wide), around)
 
 
 COST_OF_A_BORDER: Final = 4.0

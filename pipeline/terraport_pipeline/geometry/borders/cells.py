@@ -28,6 +28,7 @@ __all__ = [
     "cells_of_faces",
     "joined_cells",
     "length_steps",
+    "summed_pairs",
 ]
 
 LAB_STEPS: Final = 64.0
@@ -124,7 +125,7 @@ def cells_of_faces(
     neighbours, edges = pairs
     ends = vertices.astype(np.float64)[edges]
     steps = length_steps(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))
-    return CellGraph(labels, numbered, sums, *_summed_pairs(labels[neighbours], steps, count))
+    return CellGraph(labels, numbered, sums, *summed_pairs(labels[neighbours], steps, count))
 
 
 def joined_cells(
@@ -157,12 +158,12 @@ def joined_cells(
     border = np.concatenate([*(tile.border for tile in tiles), across_steps])
     graph = CellGraph(
         np.zeros(0, np.int32), keys, sums,
-        *_summed_pairs(np.concatenate(pairs), border, len(keys)),
+        *summed_pairs(np.concatenate(pairs), border, len(keys)),
     )  # fmt: skip
     return graph, np.split(found.astype(np.int32), starts[1:-1])
 
 
-def _summed_pairs(pairs: AnyInt, steps: Int64, count: int) -> tuple[Int32, Int64]:
+def summed_pairs(pairs: AnyInt, steps: Int64, count: int) -> tuple[Int32, Int64]:
     """Sort pairs of cells, leave out those of one cell, add up the lengths of equal ones."""
     low, high = np.sort(pairs, axis=1).T.astype(np.int64)
     apart = low != high

@@ -1,66 +1,66 @@
-"""Probabilities of units, averaged along the ground with those that look alike. PURE."""
+"""Probabilities of units, evened out along the ground up to the next border. PURE.
+
+Each unit keeps to what its own looks say and is drawn to its neighbours, the more the stronger they
+hang together: the least of the sum of both is a random walk that starts at a unit, goes on to a
+neighbour or ends, and asks where it ends (L. Grady, "Multilabel Random Walker Image Segmentation
+Using Prior Models", CVPR 2005).
+"""
 
 from __future__ import annotations
 
 from typing import Final
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from terraport_payload.types import Float32, Float64, Int32, Int64
-from terraport_pipeline.geometry.learning.ground_units import GroundUnits
+from terraport_payload.types import Float32, Float64
 
-__all__ = ["averaged", "unit_pairs"]
+__all__ = ["evened_out"]
 
-_ROUNDS: Final = 16
-"""A vote reaches so many units; where a border is, one."""
+_ENDS: Final = 0.05
+"""How readily a walk ends, where 1 is how readily it goes on to a neighbour of the same looks."""
 
-_COLOUR: Final = 6.0
-"""CIELAB units by which neighbours differ where their votes count .6 for each other."""
+_ROUNDS: Final = 30
+"""Of conjugate gradients at most; each takes a product with the neighbours for every name."""
 
-_SLOPE_DEG: Final = 12.0
-
-
-def unit_pairs(units: GroundUnits, face_pairs: Int32) -> Int64:
-    """Find units that touch, (P, 2), each pair once, lower first."""
-    one, other = units.of_face[face_pairs[:, 0]], units.of_face[face_pairs[:, 1]]
-    apart = one != other
-    low = np.minimum(one[apart], other[apart]).astype(np.int64)
-    high = np.maximum(one[apart], other[apart]).astype(np.int64)
-    keys = np.unique(low * units.count + high)
-    return np.stack(np.divmod(keys, units.count), axis=1)
+_EXACT: Final = 0.01
+"""Largest error of a probability at which they end earlier."""
 
 
-def averaged(votes: Float32, features: Float32, pairs: Int64) -> Float64:
-    """Average votes with those of neighbours of like colour and slope, round by round.
+def evened_out(votes: Float32, hold: csr_array) -> Float64:
+    """Even out votes along the ground.
 
     Parameters
     ----------
     votes : ndarray of shape (U, C), float32
-        Probabilities of every class.
-    features : ndarray of shape (U, K), float32
-        From ``ground_features``: lightness, a, b first, then deviation and slope.
-    pairs : ndarray of shape (P, 2), int64
-        From :func:`unit_pairs`.
+        Probabilities of every class; rows add up to 1.
+    hold : sparse array of shape (U, U)
+        Symmetric; how strongly neighbours hang together, from ``unit_patches``.
 
     Returns
     -------
     ndarray of shape (U, C), float64
-        Rows add up to 1. What one unit alone says against all around it is outvoted; across a
-        border, where colour or slope change, hardly anything passes.
+        Not below 0; rows add up to 1. What one unit alone says against all around it is outvoted;
+        across a border hardly anything passes.
     """
-    one, other = pairs.T
-    lab = features[:, :3].astype(np.float64)
-    colour = ((lab[one] - lab[other]) ** 2).sum(axis=1) / (2 * _COLOUR**2)
-    slope = (features[one, 4] - features[other, 4]).astype(np.float64) ** 2 / (2 * _SLOPE_DEG**2)
-    weight = np.exp(-colour - slope)
-    count = len(votes)
-    total = 1.0 + np.bincount(one, weight, count) + np.bincount(other, weight, count)
-    result: Float64 = votes.astype(np.float64)
+    own = votes.astype(np.float64)
+    diagonal = _ENDS + np.asarray(hold.sum(axis=1)).reshape(-1, 1)
+    # Conjugate gradients with the diagonal taken out, all classes side by side.
+    result = own.copy()
+    rest = _ENDS * own - (diagonal * result - hold @ result)
+    scaled = rest / diagonal
+    way = scaled.copy()
+    size = (rest * scaled).sum(axis=0)
     for _ in range(_ROUNDS):
-        summed = result.copy()
-        for kind in range(votes.shape[1]):
-            column = result[:, kind]
-            summed[:, kind] += np.bincount(one, weight * column[other], count)
-            summed[:, kind] += np.bincount(other, weight * column[one], count)
-        result = summed / total[:, None]
-    return result
+        if np.abs(rest).max(initial=0.0) <= _EXACT * _ENDS:
+            break
+        image = diagonal * way - hold @ way
+        step = size / np.maximum((way * image).sum(axis=0), 1e-300)
+        result += step * way
+        rest -= step * image
+        scaled = rest / diagonal
+        before, size = size, (rest * scaled).sum(axis=0)
+        way = scaled + (size / np.maximum(before, 1e-300)) * way
+    np.maximum(result, 0.0, out=result)
+    evened: Float64 = result / np.maximum(result.sum(axis=1, keepdims=True), 1e-300)
+    return evened

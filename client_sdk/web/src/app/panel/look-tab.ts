@@ -1,7 +1,7 @@
 /** How the ground is coloured, and what the colours mean. */
 
 import type { RegionFacts } from "../../core/types.ts";
-import { attributeLegend, type LegendStop, slopeLegend } from "../../three/palette.ts";
+import { attributeLegend, type LegendStop, nameColours, slopeLegend, toCss } from "../../three/palette.ts";
 import type { ViewMode } from "../../three/types.ts";
 import { attributeMode, keyOfMode, modesOf } from "../../three/view-modes.ts";
 import { fill, h, setAttribute } from "../dom.ts";
@@ -19,7 +19,7 @@ const LISTED_REGIONS = 40;
 
 /** Build the tab; legends are made anew where the mode changes, not for every state. */
 export function createLookTab(store: ViewerStore, sources: LookSources): HTMLElement {
-  const choices = modesOf(store.get().manifest);
+  const choices = modesOf(store.get().manifest, sources.regions);
   // The modes of a scene version never change: the radio buttons are made once.
   const inputs = choices.map((choice) => {
     const input = h("input", {
@@ -71,6 +71,7 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
   function drawLegend(state: ViewerState): void {
     const { mode } = state;
     if (mode.kind === "regions") drawRegions(state);
+    else if (mode.kind === "names") drawNames();
     else if (mode.kind === "attribute") drawAttribute(mode);
     else if (mode.kind === "slope") {
       fill(
@@ -116,6 +117,34 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
       hiddenCount > 0 && more,
     );
     markHighlighted(state.highlightedRegion);
+  }
+
+  /** One row a name, largest area first; what has none is pale on the ground, and last here. */
+  function drawNames(): void {
+    const groups = groupsByName(sources.regions);
+    const colours = nameColours(sources.regions);
+    const whole = groups.reduce((sum, { areaM2 }) => sum + areaM2, 0);
+    fill(
+      legend,
+      h("h2", { id: "names-title" }, "Names"),
+      h(
+        "ul",
+        { class: "regions", "aria-labelledby": "names-title" },
+        ...groups.map(({ name, count, areaM2 }) => {
+          const colour = colours.get(name ?? "");
+          const swatch = h("span", { class: "swatch", "aria-hidden": "true" });
+          if (colour !== undefined) swatch.style.background = toCss(colour);
+          const share = whole > 0 ? `, ${((100 * areaM2) / whole).toFixed(1)} %` : "";
+          return h(
+            "li",
+            { class: "region", "data-name": name ?? "" },
+            swatch,
+            h("span", { class: "region-name" }, name ?? "without a name"),
+            h("span", { class: "faint number" }, `${count} × · ${formatArea(areaM2)}${share}`),
+          );
+        }),
+      ),
+    );
   }
 
   function regionRow(region: RegionFacts): HTMLElement {
@@ -213,6 +242,20 @@ export function createLookTab(store: ViewerStore, sources: LookSources): HTMLEle
   store.subscribe(show);
   show(store.get());
   return element;
+}
+
+/** Regions by what they are called, largest area first; those without a name (null) last. */
+export function groupsByName(
+  regions: readonly RegionFacts[],
+): readonly { readonly name: string | null; readonly count: number; readonly areaM2: number }[] {
+  const groups = new Map<string | null, { name: string | null; count: number; areaM2: number }>();
+  for (const { label, areaM2 } of regions) {
+    const group = groups.get(label) ?? { name: label, count: 0, areaM2: 0 };
+    group.count += 1;
+    group.areaM2 += areaM2 ?? 0;
+    groups.set(label, group);
+  }
+  return [...groups.values()].sort((a, b) => Number(a.name === null) - Number(b.name === null) || b.areaM2 - a.areaM2);
 }
 
 /** What a region is called. */

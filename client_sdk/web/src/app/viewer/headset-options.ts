@@ -1,6 +1,7 @@
 /** What the headset is given of the page. */
 
 import { waitingOf } from "../../core/landing-defaults.ts";
+import type { RegionFacts } from "../../core/types.ts";
 import type { Stage } from "../../three/stage.ts";
 import type { Landings } from "../../three/types.ts";
 import { modesOf } from "../../three/view-modes.ts";
@@ -28,6 +29,7 @@ export interface PageForHeadset {
   /** The address of what is shown. */
   readonly routeNow: () => Route;
   readonly keptPlaces: () => readonly Bookmark[];
+  readonly regions: readonly RegionFacts[];
 }
 
 /**
@@ -35,8 +37,8 @@ export interface PageForHeadset {
  * does is noted here, so that the page is where the user is when he takes it off.
  */
 export function headsetOptions(page: PageForHeadset): HeadsetOptions {
-  const { store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces } = page;
-  const modes = modesOf(store.get().manifest).map(({ name, mode }) => ({ label: name, mode }));
+  const { store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces, regions } = page;
+  const modes = modesOf(store.get().manifest, regions).map(({ name, mode }) => ({ label: name, mode }));
   const pageBudgetMs = stage.uploadBudgetMs;
 
   /** The page's own record of a landing that the headset made. */
