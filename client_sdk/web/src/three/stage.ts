@@ -141,8 +141,8 @@ export class Stage implements Landings {
     return landing;
   }
 
-  aim(position: Vec3, radiusM: number): void {
-    this.#stream.aim(position, radiusM);
+  aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void {
+    this.#stream.aim(position, radiusM, coarseRadiusM);
   }
 
   /** Pass every event of the stream on. */
