@@ -57,6 +57,10 @@ def test_a_landing_has_a_ring_and_the_base_gives_way_to_both(
     assert int(hidden.sum()) == 2 * len(full | coarse)
     reach = [shown["plan"][key] for key in ("effectiveRadiusM", "coarseRadiusM")]
     assert reach == [RADIUS_M, 3 * RADIUS_M]
+    # What is told of as sharp is full detail alone.
+    two.until("terraport.state.gain !== null")
+    gain = two.run("terraport.state.gain")
+    assert (gain["detailFaces"], gain["baseFaces"]) == (len(full) * 2 * 12**2, len(full) * 2)
     two.look((30.0, 60.0, 30.0), 0.0, -90.0)
     save_shot(two.page, "levels")
 
@@ -109,5 +113,6 @@ def test_the_ring_is_a_choice_of_who_looks(page: Page, grids: Service) -> None:
 
     viewer = DrivenViewer(page, grids.url, "one")
     viewer.open()
+    page.get_by_role("button", name="Panel").click()
     expect(page.get_by_label("Take me to the ground where I land")).to_be_visible()
     expect(ring).to_be_hidden()

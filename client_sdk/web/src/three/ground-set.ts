@@ -123,6 +123,11 @@ export class GroundSet {
     for (const [segment, ground] of this.#shown) ground.isFresh = segments.has(segment);
   }
 
+  /** What is shown, and not at a coarser level, by segment. */
+  get shownAtFullDetail(): ReadonlyMap<number, SegmentGround> {
+    return new Map([...this.#shown].filter(([id, ground]) => id === ground.segment));
+  }
+
   /** Faces of what is shown. */
   get shownFaces(): number {
     let faces = 0;
