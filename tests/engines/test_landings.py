@@ -64,7 +64,7 @@ def test_a_scene_of_two_levels_is_landed_in_at_full_detail(
     assert (landed.exit_code, landed.failure) == (0, None), landed.output
     assert [ready["visible"] for ready in landed.landings] == visible
     assert max(max(shown) for shown in visible) < 36
-    same_arrays(landed.segments, meshes)
+    same_arrays({segment: landed.segments[segment] for segment in visible[-1]}, meshes)
     assert landed.landings[2]["payload_bytes"] == 0
 
 
