@@ -6,10 +6,13 @@ with one level, once with the coarser level in a ring between the two. The error
 square of the colours' differences (sRGB, 0..255, sky counts as a colour); each ring is compared
 with the bytes that one level takes for its error, between two radii by interpolation.
 
-    python benchmarks/levels.py SCENE [--places 4] [--share 0.3]
+    python benchmarks/levels.py SCENE [--places 4] [--share 0.3] [--what-if]
     python benchmarks/levels.py --smoke
 
-With --share the coarser level is made here, so that a scene of one level will do.
+With --share the coarser level is made here, so that a scene of one level will do. With --what-if
+each ring is drawn four more times: with the colours of the base's image along the same rays, with
+full detail's own colours, with its normals, and with both. That bounds what a finer image of the
+level, or a map of normals, could gain, whatever it cost.
 """
 
 from __future__ import annotations
@@ -68,6 +71,38 @@ def soup(meshes: list[SegmentMesh]) -> Soup:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What R rays meet."""
+
+    colours: Any
+    """(R, 3) sRGB; NaN: sky."""
+    normals: Any
+    """(R, 3)."""
+    is_coarse: Any
+    """(R,) whether it is the coarser level."""
+
+    def picture(self) -> Any:
+        """Draw it, lit."""
+        out = np.tile(SKY, (len(self.colours), 1))
+        met = ~np.isnan(self.colours[:, 0])
+        light = 0.45 + 0.55 * np.maximum(self.normals[met] @ LIGHT, 0)
+        out[met] = self.colours[met] * light[:, None]
+        return _pixels(out)
+
+    def with_ring_of(self, *, colours: Seen | None = None, normals: Seen | None = None) -> Seen:
+        """Give the coarser level what others see along the same rays."""
+        c, n = self.colours.copy(), self.normals.copy()
+        for mine, other in (
+            (c, colours and colours.colours),
+            (n, normals and normals.normals),
+        ):
+            if other is not None:
+                there = self.is_coarse & ~np.isnan(other[:, 0])
+                mine[there] = other[there]
+        return Seen(c, n, self.is_coarse)
+
+
 class Bench:
     """One scene, all its levels in memory."""
 
@@ -109,13 +144,14 @@ class Bench:
         size = sum(int(n[w].sum()) for n, w in zip(self.lengths, wanted, strict=True))
         return parts, size
 
-    def picture(self, parts: list[Soup], eye: Any, directions: Any) -> Any:
-        """Draw what lies along the rays, (R, 3) sRGB."""
+    def seen(self, parts: list[Soup], eye: Any, directions: Any) -> Seen:
+        """Find what lies along the rays."""
         corners = np.concatenate([part.corners for part in parts])
         hits = RayScene(*_indexed(corners)).intersect(
             np.tile(eye, (len(directions), 1)), directions
         )
-        out = np.tile(SKY, (len(directions), 1))
+        colours, normals = np.full((2, len(directions), 3), np.nan)
+        is_coarse = np.zeros(len(directions), np.bool_)
         first = 0
         for number, part in enumerate(parts):
             rows = np.flatnonzero((hits.face >= first) & (hits.face < first + len(part.corners)))
@@ -127,8 +163,8 @@ class Bench:
                 value = _sampled(self.image, value)
             normal = (part.normals[face] * weight[:, :, None]).sum(axis=1)
             normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-6)
-            out[rows] = value * (0.45 + 0.55 * np.maximum(normal @ LIGHT, 0))[:, None]
-        return _pixels(out)
+            colours[rows], normals[rows], is_coarse[rows] = value, normal, number == 1
+        return Seen(colours, normals, is_coarse)
 
 
 def _indexed(corners: Any) -> tuple[Any, Any]:
@@ -178,6 +214,7 @@ def main() -> None:
     parser.add_argument("scene", type=Path, nargs="?", help="with colours at its vertices")
     parser.add_argument("--places", type=int, default=4)
     parser.add_argument("--share", type=float)
+    parser.add_argument("--what-if", action="store_true")
     parser.add_argument("--smoke", action="store_true", help="one place of a small quarry")
     options = parser.parse_args()
     if options.smoke:
@@ -189,14 +226,14 @@ def main() -> None:
                  "--levels", "2", "--no-report", "--quiet"],
                 check=True,
             )  # fmt: skip
-            measure(scene, 1, None)
+            measure(scene, 1, None, what_if=True)
     elif options.scene is None:
         parser.error("a scene is wanted, or --smoke")
     else:
-        measure(options.scene, options.places, options.share)
+        measure(options.scene, options.places, options.share, what_if=options.what_if)
 
 
-def measure(scene_dir: Path, places: int, share: float | None) -> None:
+def measure(scene_dir: Path, places: int, share: float | None, *, what_if: bool) -> None:
     """Compare landings of both levels with such of one, and print tables."""
     rng, started_s = np.random.default_rng(24), time.process_time()
     with Scene.open(scene_dir) as scene:
@@ -210,18 +247,29 @@ def measure(scene_dir: Path, places: int, share: float | None) -> None:
     directions = _rays()
     middle = bench.bounds.reshape(-1, 2, 3).mean(axis=1)
     inner = np.argsort(np.linalg.norm(middle - np.median(middle, axis=0), axis=1))
-    totals: dict[tuple[float, float], list[tuple[int, float]]] = {}
+    totals: dict[tuple[float, float, str], list[tuple[int, float]]] = {}
     everything = 1e9
     for segment in rng.choice(inner[: max(1, len(inner) // 2)], places, replace=False):
         above = middle[segment] + [0, 200, 0]
         t = bench.ground.intersect([above], [[0, -1, 0]]).t[0]
         eye = above + np.array([0, EYE_M - t, 0])
-        truth = bench.picture(bench.shown(eye, everything, everything)[0], eye, directions)
-        for radii in [(r, r) for r in RADII_M] + list(RINGS):
-            parts, size = bench.shown(eye, *radii)
-            seen = bench.picture(parts, eye, directions)
-            error = float(np.mean((seen - truth) ** 2))
-            totals.setdefault(radii, []).append((size, error))
+        whole = bench.seen(bench.shown(eye, everything, everything)[0], eye, directions)
+        base = bench.seen(bench.shown(eye, -1.0, -1.0)[0], eye, directions)
+        truth = whole.picture()
+        for full_m, ring_m in [(r, r) for r in RADII_M] + list(RINGS):
+            parts, size = bench.shown(eye, full_m, ring_m)
+            own = bench.seen(parts, eye, directions)
+            looks = {"": own}
+            if what_if and ring_m > full_m:
+                looks |= {
+                    "base's colours": own.with_ring_of(colours=base),
+                    "true colours": own.with_ring_of(colours=whole),
+                    "true normals": own.with_ring_of(normals=whole),
+                    "both true": own.with_ring_of(colours=whole, normals=whole),
+                }
+            for name, look in looks.items():
+                error = float(np.mean((look.picture() - truth) ** 2))
+                totals.setdefault((full_m, ring_m, name), []).append((size, error))
     rows = {
         radii: (
             float(np.mean([size for size, _ in some])),
@@ -229,14 +277,14 @@ def measure(scene_dir: Path, places: int, share: float | None) -> None:
         )
         for radii, some in totals.items()
     }
-    plain = [(error, size) for (r, c), (size, error) in rows.items() if r == c]
+    plain = [(error, size) for (r, c, _), (size, error) in rows.items() if r == c]
     plain.sort()
     print(f"{'full m':>7} {'ring m':>7} {'kB':>8} {'error':>7} {'kB, one level':>14} {'share':>6}")
-    for (r, c), (mean_bytes, rms) in rows.items():
+    for (r, c, name), (mean_bytes, rms) in rows.items():
         text = f"{r:7g} {c if c > r else 0:7g} {mean_bytes / 1e3:8.0f} {rms:7.3f}"
         if c > r:
             due = float(np.interp(rms, [e for e, _ in plain], [s for _, s in plain]))
-            text += f" {due / 1e3:14.0f} {mean_bytes / due:6.2f}"
+            text += f" {due / 1e3:14.0f} {mean_bytes / due:6.2f} {name}"
         print(text)
     print(f"CPU {time.process_time() - started_s:.0f} s")
 

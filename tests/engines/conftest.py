@@ -63,9 +63,10 @@ def client(request: pytest.FixtureRequest) -> Client:
 
 @pytest.fixture(scope="session")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with `grid` and `tiny` (small), `big` (10 MB), `axes`."""
+    """A folder with `grid`, `levels` (two of them) and `tiny` (small), `big` (10 MB), `axes`."""
     root = tmp_path_factory.mktemp("scenes")
     write_grid_scene(root / "grid")
+    write_grid_scene(root / "levels", levels=2)
     write_grid_scene(root / "big", cells=80, compress=False, name="big")
     write_axes_scene(root / "axes")
     write_tiny_scene(root / "tiny")

@@ -55,6 +55,7 @@ def both(file: str, test: str) -> tuple[Claim, Claim]:
 SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return")
 SDK_LAND = "tests/socket/test_sdk_sessions.py"
 NO_GROUPS = No("skips what it is told of groups")
+NO_RING = No("shows full detail alone")
 
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
@@ -215,6 +216,18 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         No("new arrays each time"),
         No("new arrays each time: they go to the GPU"),
         *both("tests/engines/test_decoding.py", "test_nothing_is_allocated_in_the_steady_state"),
+    ),
+    "a coarser level in a ring, where the scene has one": (
+        Yes(
+            "tests/socket/test_levels.py",
+            "test_a_ring_comes_at_the_coarser_level_and_hides_the_base",
+        ),
+        Yes(
+            "tests/browser/test_levels.py",
+            "test_a_landing_has_a_ring_and_the_base_gives_way_to_both",
+        ),
+        NO_RING,
+        NO_RING,
     ),
     "lands groups": (
         Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),

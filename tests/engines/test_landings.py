@@ -53,6 +53,21 @@ def test_assembled_segments_are_those_of_the_python_sdk(
     assert [event["state"] for event in landed.of("link")][:2] == ["connecting", "open"]
 
 
+def test_a_scene_of_two_levels_is_landed_in_at_full_detail(
+    client: Client, server: Service, tmp_path: Path
+) -> None:
+    """The engines ask for no ring: what they show is that of the same scene with one level."""
+    walk = [(5, 1, 5, 12), (55, 1, 55, 30), (5, 1, 5, 12)]
+    visible, meshes = land_with_sdk(f"{server.url}/scenes/grid", walk)
+    orders = [f"land:{x},{y},{z},{radius}" for x, y, z, radius in walk]
+    landed = client.land(f"{server.url}/scenes/levels", *orders, dump=tmp_path)
+    assert (landed.exit_code, landed.failure) == (0, None), landed.output
+    assert [ready["visible"] for ready in landed.landings] == visible
+    assert max(max(shown) for shown in visible) < 36
+    same_arrays({segment: landed.segments[segment] for segment in visible[-1]}, meshes)
+    assert landed.landings[2]["payload_bytes"] == 0
+
+
 @pytest.mark.parametrize("scene", ["axes", "tiny"])
 def test_textures_colours_and_attributes_are_those_of_the_python_sdk(
     client: Client, server: Service, scene: str, tmp_path: Path

@@ -16,6 +16,7 @@ function manifest(texturesOf: SceneManifest["texturesOf"], hasColour: boolean): 
     bounds: [0, 0, 0, 1, 1, 1],
     attributes: [],
     segmentCount: 1,
+    levels: 1,
     detailFaces: 1,
     hasColour,
     texturesOf,

@@ -22,6 +22,7 @@ export function plan(
     position: [0, 0, 0],
     radiusM: 60,
     effectiveRadiusM: 60,
+    coarseRadiusM: null,
     load: load.map(facts),
     keep,
     nearby,

@@ -17,6 +17,7 @@ from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.engines.gltf_validator import PACKAGE
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.validate.handoff_report import HandOffOptions, HandOffReport
+from terraport_pipeline.validate.level_mixes import LevelMixReport
 from terraport_pipeline.validate.validation import ValidationOptions, ValidationResult, validate
 from terraport_pipeline.validate.worst_place import describe, to_survey
 from terraport_store import is_url
@@ -39,7 +40,13 @@ def validate_command(
             help="Scene directory, or a scene's address (s3://...).", show_default=False
         ),
     ],
-    rays: Annotated[int, typer.Option(help="Rays that look for holes; 0: none.")] = 1_000_000,
+    rays: Annotated[
+        int,
+        typer.Option(
+            help="Rays that look for holes; 0: none. Of a scene with two levels as many again look "
+            "at mixes of them."
+        ),
+    ] = 1_000_000,
     subsets: Annotated[int, typer.Option(help="Random sets of loaded segments.")] = 100,
     seed: Annotated[int, typer.Option(help="Same seed, same rays.")] = 0,
     khronos: Annotated[
@@ -63,7 +70,8 @@ def validate_command(
     """Check a scene: every hash and payload, holes between base and detail, the glTF.
 
     The hand-off is proved by rays: straight down, oblique, and from eye height, at random sets of
-    loaded segments. A ray that meets the full detail must meet what a client would show.
+    loaded segments. A ray that meets the full detail must meet what a client would show. Of a scene
+    with two levels a second proof takes each segment at either.
 
     Exit code 0: nothing found. 1: something is wrong. 2: wrong options.
 
@@ -117,6 +125,11 @@ def _show(console: Console, result: ValidationResult, seconds: float) -> None:
     else:
         line = _hand_off_line(report) + f"; {_rate(result):,.0f} rays/s"
         table.add_row("hand-off", _verdict(report.holes), line)
+    levels = result.levels
+    if levels is not None:
+        table.add_row("levels", _verdict(levels.holes), _levels_line(levels))
+    elif result.manifest is not None and result.manifest.levels > 1:
+        table.add_row("levels", Text("not run", "yellow"), result.levels_not_run)
     gltf = result.gltf
     if gltf.not_run:
         table.add_row("glTF (Khronos)", Text("not run", "yellow"), gltf.not_run)
@@ -150,6 +163,16 @@ def _hand_off_line(report: HandOffReport) -> str:
         f"{holes} in {report.hits:,} rays over {report.subsets} subsets{windows}; "
         f"distance p50 {distance['p50']:.3g} m, p99 {distance['p99']:.3g} m, "
         f"p99.9 {distance['p99.9']:.3g} m, tolerance {report.tolerance_m:.3g} m"
+    )
+
+
+def _levels_line(report: LevelMixReport) -> str:
+    distance = report.distance_m
+    where = ", ".join(f"({x:.2f}, {y:.2f}, {z:.2f})" for x, y, z in report.hole_places)
+    return (
+        f"{report.holes:,} holes in {report.hits:,} rays over {report.mixes} mixes of levels and "
+        f"base{f', at {where} scene m' if where else ''}; the coarser level lies p50 "
+        f"{distance['p50']:.3g} m, p99 {distance['p99']:.3g} m from the detail"
     )
 
 
@@ -221,6 +244,10 @@ def _plain(result: ValidationResult) -> dict[str, Any]:
         },
         "picture": None if result.picture is None else str(result.picture),
         "hand_off_not_run": result.hand_off_not_run,
+        "levels": None
+        if result.levels is None
+        else {**asdict(result.levels), "distance_m": _finite(result.levels.distance_m)},
+        "levels_not_run": result.levels_not_run,
         "gltf": asdict(result.gltf),
     }
 

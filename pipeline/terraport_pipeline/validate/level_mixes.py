@@ -7,6 +7,8 @@ not loaded is judged as there. In one that is shown at its coarser level it find
 mix has no surface at the place on the ray, the normal or the vertical: within the tolerance, or as
 near as the coarser level by itself is, without any mix. So what the level smooths is no hole, and a
 gap beside it is one, however narrow: the lines have no width.
+
+A scene larger than memory is looked at in windows, as for the hand-off (:mod:`.scene_windows`).
 """
 
 from __future__ import annotations
@@ -31,12 +33,19 @@ from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.published.mixed_model import HandOffModel
 from terraport_pipeline.published.scene_model import load_scene_model
 from terraport_pipeline.validate.handoff_judge import Judge, Meetings
+from terraport_pipeline.validate.scene_windows import scene_windows
 from terraport_store import Scene
 
 __all__ = ["DEFAULT_MIXES", "LevelMixReport", "check_level_mixes"]
 
 DEFAULT_RAYS: Final = 1_000_000
 DEFAULT_MIXES: Final = 24
+
+_LEAST_MIXES: Final = 6
+"""Of a window: none loaded, all, and one of each random sort but one."""
+
+MAX_HOLE_PLACES: Final = 16
+"""Places of holes that a report names."""
 
 _REACH_M: Final = 2.0
 """How far the coarser level is looked for around a place."""
@@ -51,9 +60,11 @@ class LevelMixReport:
     hits: int
     """Rays that meet the full detail."""
     holes: int
+    hole_places: tuple[tuple[float, float, float], ...]
+    """Where rays that found a hole meet the full detail, metres; the first few."""
     distance_m: dict[str, float]
     """Percentiles of the distance from where a ray meets the full detail to the mix, in segments
-    that are shown at the coarser level."""
+    that are shown at the coarser level; ``inf`` where there were none."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +79,16 @@ class _Tally:
     hits: int = 0
     holes: int = 0
     rays: int = 0
+    mixes: int = 0
+    places: list[tuple[float, float, float]] = field(default_factory=list)
     distances: list[Float32] = field(default_factory=list)
+
+    def add_holes(self, met: Meetings, rows: AnyInt) -> None:
+        self.holes += len(rows)
+        rows = rows[: MAX_HOLE_PLACES - len(self.places)]
+        rays, t = met.rays, met.detail[0][rows]
+        points = rays.origins[rows] + rays.directions[rows] * t[:, None]
+        self.places += [(float(x), float(y), float(z)) for x, y, z in points]
 
 
 class _Mixed:
@@ -101,9 +121,10 @@ def check_level_mixes(
     Parameters
     ----------
     scene : Scene
-        Open, with two levels; held in memory whole.
+        Open, with two levels.
     rays, mixes : int
-        In all; rays are shared evenly.
+        In all; rays are shared evenly. Every window of a scene larger than memory gets a few mixes,
+        and rays by its faces.
     seed : int
     progress : Progress, optional
         Advances by rays.
@@ -121,31 +142,54 @@ def check_level_mixes(
     if scene.manifest.levels < 2:
         raise OptionError("the scene has one level; expected two, to mix them")
     watcher = progress or NullProgress()
-    model = load_scene_model(scene).hand_off_model()
-    prover = _Prover(model, _load_level(scene, 1), np.random.default_rng(seed))
+    windows = scene_windows(scene)
+    faces = [int(scene.index.face_count[window].sum(dtype=np.int64)) for window in windows]
+    rng = np.random.default_rng(seed)
     watcher.start("levels: rays", float(rays), "rays")
     tally = _Tally()
-    loaded = random_subsets(prover.centres, mixes, prover.rng)
+    for number, segments in enumerate(windows):
+        before, behind = sum(faces[:number]), sum(faces[: number + 1])
+        here = rays * behind // sum(faces) - rays * before // sum(faces)
+        few = mixes if len(windows) == 1 else max(_LEAST_MIXES, mixes // len(windows))
+        _look_at_window(scene, segments, min(few, here), here, tally, rng, watcher)
+    watcher.done({"holes": tally.holes})
+    distances = np.concatenate([*tally.distances, np.empty(0, np.float32)])
+    marks = [np.inf] * 4
+    if len(distances):
+        marks = np.percentile(distances, [50, 99, 99.9, 100], method="lower").tolist()
+    return LevelMixReport(
+        tally.rays,
+        tally.mixes,
+        tally.hits,
+        tally.holes,
+        tuple(tally.places),
+        dict(zip(("p50", "p99", "p99.9", "max"), marks, strict=True)),
+    )
+
+
+def _look_at_window(
+    scene: Scene,
+    segments: Int64,
+    mixes: int,
+    rays: int,
+    tally: _Tally,
+    rng: np.random.Generator,
+    watcher: Progress,
+) -> None:
+    """Cast rays at mixes of some segments, as if there were no others."""
+    model = load_scene_model(scene, segments=segments).hand_off_model(segments)
+    prover = _Prover(model, _load_level(scene, 1, segments), rng)
+    loaded = random_subsets(prover.centres, max(mixes, 1), rng)
     loaded[::3] = True
     for mix in range(mixes):
         count = rays // mixes + (mix < rays % mixes)
         prover.look(tally, loaded[mix], prover.levels_of(mix), count)
         watcher.advance(count)
-    watcher.done({"holes": tally.holes})
-    distances = np.concatenate(tally.distances)
-    marks = np.percentile(distances, [50, 99, 99.9, 100], method="lower")
-    return LevelMixReport(
-        tally.rays,
-        mixes,
-        tally.hits,
-        tally.holes,
-        dict(zip(("p50", "p99", "p99.9", "max"), marks.tolist(), strict=True)),
-    )
 
 
-def _load_level(scene: Scene, level: int) -> _Level:
-    count = len(scene.index)
-    meshes = [decode_glb(scene.payload(level * count + segment)) for segment in range(count)]
+def _load_level(scene: Scene, level: int, segments: Int64) -> _Level:
+    start = level * len(scene.index)
+    meshes = [decode_glb(scene.payload(start + segment)) for segment in segments.tolist()]
     starts = np.cumsum([0, *(len(mesh.positions) for mesh in meshes)])
     return _Level(
         np.concatenate([mesh.positions for mesh in meshes]),
@@ -155,7 +199,7 @@ def _load_level(scene: Scene, level: int) -> _Level:
                 for mesh, at in zip(meshes, starts[:-1], strict=True)
             ]
         ),
-        np.repeat(np.arange(count), [len(mesh.faces) for mesh in meshes]).astype(np.int32),
+        np.repeat(np.arange(len(segments)), [len(mesh.faces) for mesh in meshes]).astype(np.int32),
     )
 
 
@@ -209,13 +253,14 @@ class _Prover:
         tally.rays += len(rays.kind)
         tally.hits += len(rows)
         at = model.segment_of_face[met.detail[1][rows]]
-        tally.holes += len(self._judge.holes(met, mixed, mixed_t, rows[~loaded[at]])[0])
-        tally.holes += self._count_gaps(met, mixed, mixed_t, rows[loaded[at]], tally)
+        tally.mixes += 1
+        tally.add_holes(met, self._judge.holes(met, mixed, mixed_t, rows[~loaded[at]])[0])
+        tally.add_holes(met, self._gaps(met, mixed, mixed_t, rows[loaded[at]], tally))
 
-    def _count_gaps(
+    def _gaps(
         self, met: Meetings, mixed: _Mixed, mixed_t: Float32, rows: AnyInt, tally: _Tally
-    ) -> int:
-        """Count holes in what is loaded, at whichever level."""
+    ) -> AnyInt:
+        """Find holes in what is loaded, at whichever level: rows of rays."""
         places = self._judge.hit_places(met, rows)
         now = places.distance(mixed, mixed_t[rows], _REACH_M)
         tally.distances.append(now)
@@ -231,7 +276,7 @@ class _Prover:
         # here, and what it smooths is no gap while there is ground at any height.
         is_gap = (due <= _REACH_M) & ~(now <= due + tolerance_m * 1e-2)
         is_gap |= (now > _REACH_M) & ~places.meets_vertical(mixed)
-        return int(np.count_nonzero(is_gap))
+        return rows[is_gap]
 
     def _on_borders(self, count: int) -> Float64:
         chosen = self._edges[self.rng.integers(len(self._edges), size=count)]

@@ -1,7 +1,8 @@
 """``terraport validate``: is a scene whole, does its cover leave holes, is its glTF good.
 
-Three checks of which each can be left out: the store's own (hashes, sizes, counts, every payload
-decoded), the proof of the hand-off by rays, and the Khronos validator on a sample.
+Checks of which each can be left out: the store's own (hashes, sizes, counts, every payload
+decoded), the proofs of the hand-off and of mixes of levels by rays, and the Khronos validator on a
+sample.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.published.scene_model import WHOLE_FACES, load_scene_model
 from terraport_pipeline.validate.handoff import check_hand_off
 from terraport_pipeline.validate.handoff_report import HandOffOptions, HandOffReport
+from terraport_pipeline.validate.level_mixes import LevelMixReport, check_level_mixes
 from terraport_pipeline.validate.scene_windows import prove_in_windows, segments_around
 from terraport_pipeline.validate.worst_place import compare_at
 from terraport_store import Manifest, Scene, SceneFiles, StoreError, read_manifest, scene_files
@@ -38,7 +40,7 @@ class ValidationOptions:
     """Which checks run beyond the files, and with how many samples."""
 
     hand_off: HandOffOptions | None = field(default_factory=HandOffOptions)
-    """None leaves the rays out."""
+    """None leaves the rays out. Of a scene with two levels as many are cast again, at mixes."""
     khronos: bool = False
     """Whether the Khronos validator must run; it may fetch its npm package over the network."""
     gltf_sample: int = GLTF_SAMPLE
@@ -64,12 +66,17 @@ class ValidationResult:
     """Wall time of the rays and their judgement alone."""
     picture: Path | None = None
     """Where the picture of the worst place lies; None when none was drawn."""
+    levels: LevelMixReport | None = None
+    """What rays at mixes of levels found; None of a scene with one, or where they were not cast."""
+    levels_not_run: str = ""
+    """Why those of a scene with two levels were not cast; empty when they were."""
 
     @property
     def problems(self) -> int:
         """Everything that makes the scene fail; warnings do not."""
         broken = sum(finding.severity == "error" for finding in self.findings)
         holes = self.hand_off.holes if self.hand_off else 0
+        holes += self.levels.holes if self.levels else 0
         missing = int(self.gltf_required and bool(self.gltf.not_run))
         return broken + holes + self.gltf.errors + missing
 
@@ -117,8 +124,10 @@ def validate(
         findings = tuple(validate_scene(files, progress=_by_segment(watcher)))
         watcher.done({"findings": len(findings)})
         proof = _Proof(None, "left out")
+        levels, levels_not_run = None, "left out"
         if chosen.hand_off is not None:
             proof = _look(files, chosen.hand_off, chosen.picture, watcher)
+            levels, levels_not_run = _look_at_levels(files, chosen.hand_off, watcher)
         gltf = GltfCheck(0, not_run="only with --khronos")
         if chosen.khronos:
             gltf = _judge(files, chosen.gltf_sample, watcher, announce)
@@ -138,6 +147,8 @@ def validate(
         chosen.khronos,
         proof.seconds,
         proof.picture,
+        levels,
+        levels_not_run,
     )
 
 
@@ -186,6 +197,21 @@ def _look(
         return _Proof(report, "", seconds)
     save_png(compare_at(model, report.worst, detail_rays=detail, base_rays=base), picture)
     return _Proof(report, "", seconds, picture)
+
+
+def _look_at_levels(
+    files: SceneFiles, options: HandOffOptions, watcher: Progress
+) -> tuple[LevelMixReport | None, str]:
+    """Cast rays at mixes of levels, where there are two; why not, where not."""
+    try:
+        with Scene.open(files) as scene:
+            if scene.manifest.levels < 2:
+                return None, ""
+            return check_level_mixes(
+                scene, rays=options.rays, seed=options.seed, progress=watcher
+            ), ""
+    except (StoreError, PipelineError) as error:
+        return None, str(error)
 
 
 def _look_in_windows(

@@ -9,9 +9,10 @@ import pytest
 from server.grid_scene import GridScene, write_grid_scene
 
 import terraport_pipeline.validate.level_mixes as level_mixes
-from terraport_payload.types import Bool, Float64
+from terraport_payload.types import Bool, Float64, Int64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.validate.level_mixes import check_level_mixes
+from terraport_pipeline.validate.scene_windows import scene_windows
 from terraport_store import Scene
 
 
@@ -43,8 +44,8 @@ def test_a_gap_beside_the_coarser_level_is_found(
     """The coarser level of one segment, without the faces along one of its sides."""
     load = level_mixes._load_level
 
-    def without_a_strip(scene: Scene, level: int) -> level_mixes._Level:
-        whole = load(scene, level)
+    def without_a_strip(scene: Scene, level: int, segments: Int64) -> level_mixes._Level:
+        whole = load(scene, level, segments)
         x = whole.vertices[whole.faces][:, :, 0]
         kept = ~((whole.segment_of_face == 14) & (x.min(axis=1) < 20.05))
         return level_mixes._Level(whole.vertices, whole.faces[kept], whole.segment_of_face[kept])
@@ -52,7 +53,23 @@ def test_a_gap_beside_the_coarser_level_is_found(
     monkeypatch.setattr(level_mixes, "_load_level", without_a_strip)
     with Scene.open(two.path) as scene:
         assert scene.index.bounds[14, 0] == np.float32(20)
-        assert check_level_mixes(scene, rays=40_000, mixes=12).holes > 0
+        report = check_level_mixes(scene, rays=40_000, mixes=12)
+    assert report.holes > 0
+    assert len(report.hole_places) == min(report.holes, level_mixes.MAX_HOLE_PLACES)
+    assert all(20 <= x <= 30 and 20 <= z <= 30 for x, _, z in report.hole_places)
+
+
+def test_a_scene_larger_than_memory_is_looked_at_in_windows(
+    two: GridScene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Scene.open(two.path) as scene:
+        windows = scene_windows(scene, int(scene.index.face_count.sum()) // 3)
+        assert len(windows) > 2
+        monkeypatch.setattr(level_mixes, "scene_windows", lambda _: windows)
+        report = check_level_mixes(scene, rays=10_000, mixes=12)
+    assert (report.rays, report.holes) == (10_000, 0)
+    assert report.mixes == len(windows) * max(6, 12 // len(windows))
+    assert report.hits > 7_000
 
 
 def test_a_scene_of_one_level_has_no_mixes(tmp_path: Path) -> None:

@@ -15,6 +15,8 @@ from terraport_pipeline.naming.republish import republish
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.published.ground import read_ground
 from terraport_pipeline.stages import reconstruct, segment
+from terraport_pipeline.validate.handoff_report import HandOffOptions
+from terraport_pipeline.validate.validation import ValidationOptions, validate
 from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_store import Scene
 from terraport_store.validate import validate_scene
@@ -70,6 +72,18 @@ def test_other_regions_keep_both_levels(built: Path, tmp_path: Path) -> None:
         same = (scene.rows.xxh3 == before).reshape(2, -1)
     assert 0 < int(np.count_nonzero(~same[0])) == done.segments_changed < same.shape[1]
     assert not (same[0] & ~same[1]).any()
+
+
+def test_validate_casts_rays_at_mixes_of_levels(built: Path) -> None:
+    quick = ValidationOptions(HandOffOptions(20_000, 20))
+    one, two = validate(built / "one", quick), validate(built / "two", quick)
+    assert (one.levels, one.levels_not_run) == (None, "")
+    assert two.levels is not None
+    assert (two.levels.rays, two.levels.holes, two.levels.hole_places) == (20_000, 0, ())
+    assert two.levels.hits > 15_000
+    assert two.problems == 0
+    unseen = validate(built / "two", ValidationOptions(None))
+    assert (unseen.levels, unseen.levels_not_run) == (None, "left out")
 
 
 @pytest.mark.parametrize("levels", [0, 3])

@@ -71,6 +71,18 @@ export function formatRadius(metres: number | null | undefined): string {
   return `${metres < 10 ? trimmed(metres, 1) : COUNT.format(Math.round(metres))} m`;
 }
 
+/** How far detail reaches: `60 m`, or `60 m, coarser to 180 m`. */
+export function formatReach({
+  effectiveRadiusM,
+  coarseRadiusM,
+}: {
+  readonly effectiveRadiusM: number;
+  readonly coarseRadiusM: number | null;
+}): string {
+  const full = formatRadius(effectiveRadiusM);
+  return coarseRadiusM === null ? full : `${full}, coarser to ${formatRadius(coarseRadiusM)}`;
+}
+
 /** `1,240 m²`; from ten hectares on `12.4 ha`. */
 export function formatArea(squareMetres: number | null | undefined): string {
   if (!isNumber(squareMetres)) return "–";

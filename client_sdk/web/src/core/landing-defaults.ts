@@ -45,12 +45,22 @@ const DEADLINE_MS = 12_000;
 /** In a headset the user stands in a place that he wanted to leave: he waits less. */
 const HEADSET_DEADLINE_MS = 6000;
 const INNER_PART = 0.35;
+/** Times the radius: as far as the coarser level is worth its bytes (benchmarks/results/2026-11-24-levels.md). */
+const COARSE_REACH = 3;
 
 /** How long a landing waits before its inner part is shown alone. */
-export function waitingOf(radiusM: number, inHeadset: boolean): Required<LandOptions> {
+export function waitingOf(
+  radiusM: number,
+  inHeadset: boolean,
+): Required<Pick<LandOptions, "innerRadiusM" | "deadlineMs" | "stallMs">> {
   return {
     innerRadiusM: radiusM * INNER_PART,
     deadlineMs: inHeadset ? HEADSET_DEADLINE_MS : DEADLINE_MS,
     stallMs: STALL_MS,
   };
+}
+
+/** How far a landing shows the coarser level; undefined for a scene that has none. */
+export function coarseRadiusOf(radiusM: number, { levels }: Pick<SceneManifest, "levels">): number | undefined {
+  return levels > 1 ? radiusM * COARSE_REACH : undefined;
 }

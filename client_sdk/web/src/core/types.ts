@@ -71,7 +71,7 @@ export interface CompressedImage {
  * the step 1.
  */
 export interface MeshData {
-  /** Segment id; -1 for the base mesh. */
+  /** Segment of the scene, at whichever level; -1 for the base mesh. */
   readonly segment: number;
   readonly vertexCount: number;
   readonly faceCount: number;
@@ -124,6 +124,8 @@ export interface SceneManifest {
   readonly bounds: Bounds;
   readonly attributes: readonly AttributeInfo[];
   readonly segmentCount: number;
+  /** Levels of every segment: 1, or 2 with a coarser one. */
+  readonly levels: number;
   readonly detailFaces: number;
   /** Whether every segment has vertex colours, and the base those or a texture. */
   readonly hasColour: boolean;
@@ -285,8 +287,16 @@ export interface PickHit {
   readonly attributes: Readonly<Record<string, number>>;
 }
 
-/** How long a landing may take before its inner part is shown: the wire protocol, 6.3, says how they work together. */
+/**
+ * A ring of the coarser level, and how long a landing may take before its inner part is shown: the wire protocol, 6.1 and
+ * 6.3, says how they work together.
+ */
 export interface LandOptions {
+  /**
+   * Beyond the radius, up to here, segments come at their coarser level, where the scene has one; at most what the service
+   * allows: more is cut to it.
+   */
+  readonly coarseRadiusM?: number;
   readonly innerRadiusM?: number;
   readonly deadlineMs?: number;
   readonly stallMs?: number;
@@ -297,7 +307,10 @@ export interface PlanFacts {
   readonly landing: number;
   readonly position: Vec3;
   readonly radiusM: number;
+  /** How far full detail reaches: the radius, or less where a budget cut. */
   readonly effectiveRadiusM: number;
+  /** How far the coarser level reaches beyond it; null where there is none of it. */
+  readonly coarseRadiusM: number | null;
   readonly load: readonly SegmentFacts[];
   readonly keep: readonly number[];
   /** Held beyond the radius: kept ready for a hop back, not shown. */
@@ -424,7 +437,7 @@ export interface Stream {
   /** Ask for a landing; it supersedes any that is not ready. Returns its number in the events. */
   land(position: Vec3, radiusM: number, options?: LandOptions): number;
   /** Tell where the user points; only the newest counts, sent at most ten times a second. */
-  aim(position: Vec3, radiusM: number): void;
+  aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void;
   /** Resolves with null where nothing is met; rejects with StreamError where refused. */
   pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null>;
   /** Decode a held segment; rejects with StreamError where it is not held, or is not a valid payload. */

@@ -4,7 +4,7 @@ import { Color, PerspectiveCamera, Raycaster, Scene, Vector2, Vector3, WebGLRend
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 
 import { type DeviceBudgets, openStream, sharesOf } from "../core/index.ts";
-import { defaultRadiusM, waitingOf } from "../core/landing-defaults.ts";
+import { coarseRadiusOf, defaultRadiusM, waitingOf } from "../core/landing-defaults.ts";
 import { StreamError } from "../core/scene/errors.ts";
 import type { LandOptions, LinkState, SceneFiles, Stream, StreamEvent, Token, Vec3 } from "../core/types.ts";
 import { type LandingStatus, Stage } from "../three/index.ts";
@@ -132,7 +132,12 @@ export class ShownScene {
   ): Promise<LandingStatus> {
     const { goes = true, ...landOptions } = options;
     return new Promise((resolve, reject) => {
-      const landing = this.stage.land(position, radiusM, { ...waitingOf(radiusM, false), ...landOptions });
+      const coarseRadiusM = coarseRadiusOf(radiusM, this.#options.files.manifest);
+      const landing = this.stage.land(position, radiusM, {
+        ...waitingOf(radiusM, false),
+        ...(coarseRadiusM !== undefined && { coarseRadiusM }),
+        ...landOptions,
+      });
       this.#waiting?.reject(
         new StreamError("superseded", `landing ${this.#waiting.landing} was superseded by ${landing}`),
       );

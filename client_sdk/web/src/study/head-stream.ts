@@ -135,8 +135,8 @@ export class HeadStream implements Stream {
     }
   }
 
-  aim(position: Vec3, radiusM: number): void {
-    this.#inner.aim(position, radiusM);
+  aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void {
+    this.#inner.aim(position, radiusM, coarseRadiusM);
   }
 
   pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null> {

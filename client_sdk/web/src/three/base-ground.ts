@@ -115,17 +115,18 @@ export class BaseGround {
     return this.#files.base.faceCount;
   }
 
-  /** Make the back list ready for these segments; `step` does the work. */
-  prepare(segments: readonly number[], revision: number): void {
+  /** Make the back list ready for the segments of these payloads, at whichever level; `step` does the work. */
+  prepare(ids: readonly number[], revision: number): void {
     if (revision === this.#targetRevision) {
       return;
     }
     this.#targetRevision = revision;
     this.#preparedRevision = -1;
     // From where the counters are, not from what is drawn: a preparation that was cut short is not undone.
-    const target = new Set(segments);
+    const { segmentCount } = this.#files.manifest;
+    const target = new Set(ids.map((id) => id % segmentCount));
     this.#toRemove = [...this.#counters.shown].filter((segment) => !target.has(segment));
-    this.#toAdd = segments.filter((segment) => !this.#counters.shown.has(segment));
+    this.#toAdd = [...target].filter((segment) => !this.#counters.shown.has(segment));
   }
 
   /**

@@ -1,6 +1,6 @@
 /** What a landing has made sharper, in numbers. PURE. */
 
-import type { MeshData } from "../core/types.ts";
+import type { Cover, MeshData } from "../core/types.ts";
 
 /** Full detail and the base that it stands for. */
 export interface Gain {
@@ -14,6 +14,19 @@ export interface Gain {
 /** Metres from one point of a surface to the next: a surface of triangles has about half as many points as faces. */
 export function pointSpacingM(areaM2: number, faces: number): number {
   return Math.sqrt((2 * areaM2) / faces);
+}
+
+/**
+ * Faces of the base that are hidden under full detail alone: one byte each. What is hidden under the coarser level gained
+ * less, and would be told as if it lay at one's feet.
+ *
+ * @param isFull - whether a segment is shown at full detail.
+ */
+export function underFullDetail(hidden: Uint8Array, cover: Cover, isFull: (segment: number) => boolean): Uint8Array {
+  const { offsets, segments } = cover;
+  return hidden.map((isHidden, face) =>
+    isHidden === 1 && segments.subarray(offsets[face]!, offsets[face + 1]!).every(isFull) ? 1 : 0,
+  );
 }
 
 /**

@@ -59,7 +59,7 @@ export class GroundSet {
 
   /** A decoded mesh that the residency took. */
   add(segment: number, data: MeshData): void {
-    this.#grounds.set(segment, new SegmentGround(this.#store, data, this.#material, this.#measureName));
+    this.#grounds.set(segment, new SegmentGround(this.#store, segment, data, this.#material, this.#measureName));
   }
 
   /** Upload one slice of the most urgent segment. Returns its bytes, or 0 where this frame can do no more. */
@@ -74,7 +74,7 @@ export class GroundSet {
     if (ground.mesh) {
       this.#parent.add(ground.mesh);
       this.#warming.push(ground);
-      this.#residency.uploaded(ground.segment);
+      this.#residency.uploaded(ground.id);
     }
     return bytes;
   }
@@ -83,7 +83,7 @@ export class GroundSet {
   endWarming(): void {
     for (const ground of this.#warming) {
       ground.endWarming();
-      this.#residency.warmed(ground.segment);
+      this.#residency.warmed(ground.id);
     }
     this.#warming = [];
   }
@@ -121,6 +121,11 @@ export class GroundSet {
   /** Mark these of what is shown as fresh, and no others. */
   markFresh(segments: ReadonlySet<number>): void {
     for (const [segment, ground] of this.#shown) ground.isFresh = segments.has(segment);
+  }
+
+  /** What is shown, and not at a coarser level, by segment. */
+  get shownAtFullDetail(): ReadonlyMap<number, SegmentGround> {
+    return new Map([...this.#shown].filter(([id, ground]) => id === ground.segment));
   }
 
   /** Faces of what is shown. */

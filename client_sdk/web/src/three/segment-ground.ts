@@ -12,6 +12,9 @@ import { segmentColour } from "./palette.ts";
 
 /** A segment's mesh. `step` until `mesh` is there; `free` once. */
 export class SegmentGround {
+  /** Of the payload: which segment, and at which level. */
+  readonly id: number;
+  /** Of the scene, at whichever level. */
   readonly segment: number;
   readonly faceCount: number;
   /** For picking; keeps positions, indices and region ids of the decoded mesh, and nothing else of it. */
@@ -25,7 +28,8 @@ export class SegmentGround {
   #measureName: string | null;
   #meshData: MeshData | null;
 
-  constructor(store: GpuStore, data: MeshData, material: GroundMaterial, measureName: string | null) {
+  constructor(store: GpuStore, id: number, data: MeshData, material: GroundMaterial, measureName: string | null) {
+    this.id = id;
     this.segment = data.segment;
     this.faceCount = data.faceCount;
     this.bounds = data.bounds;
@@ -64,7 +68,7 @@ export class SegmentGround {
       // On the GPU: picking keeps positions and indices, everything else may be collected.
       this.#meshData = null;
       this.#facts.map = this.#upload.map;
-      this.mesh.name = `segment ${this.segment}`;
+      this.mesh.name = `segment ${this.id}`;
       this.mesh.matrixAutoUpdate = false;
       this.mesh.raycast = () => undefined;
       this.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => this.#material.bind(this.#facts, camera);

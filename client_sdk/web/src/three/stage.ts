@@ -20,7 +20,7 @@ import type {
   Vec3,
 } from "../core/types.ts";
 import { BaseGround } from "./base-ground.ts";
-import { type Gain, gainOf } from "./gain.ts";
+import { type Gain, gainOf, underFullDetail } from "./gain.ts";
 import { GpuStore } from "./gpu-store.ts";
 import { GroundMaterial } from "./ground-material.ts";
 import { castGround, groundOnVertical, type Pickable, pickableBase, type ShownGround } from "./ground-picking.ts";
@@ -141,8 +141,8 @@ export class Stage implements Landings {
     return landing;
   }
 
-  aim(position: Vec3, radiusM: number): void {
-    this.#stream.aim(position, radiusM);
+  aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void {
+    this.#stream.aim(position, radiusM, coarseRadiusM);
   }
 
   /** Pass every event of the stream on. */
@@ -233,10 +233,18 @@ export class Stage implements Landings {
     this.#looks.split = share;
   }
 
-  /** What the landing that is shown has made sharper; null without one. Walks the base: once per landing. */
+  /** What full detail of the landing that is shown has made sharper; null without any. Walks the base: once per landing. */
   gain(): Gain | null {
     const { hidden } = this.#base;
-    return hidden === undefined ? null : gainOf(this.#files.base, hidden, this.#grounds.shownFaces);
+    if (hidden === undefined) return null;
+    const full = this.#grounds.shownAtFullDetail;
+    const { base, cover } = this.#files;
+    const faces = [...full.values()].reduce((sum, ground) => sum + ground.faceCount, 0);
+    return gainOf(
+      base,
+      underFullDetail(hidden, cover, (segment) => full.has(segment)),
+      faces,
+    );
   }
 
   /** Lay what strokes have taught over the ground; null takes it away. */

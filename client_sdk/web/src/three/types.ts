@@ -102,7 +102,7 @@ export type VisibleDigest = string;
 export interface Landings {
   readonly status: LandingStatus;
   land(position: Vec3, radiusM: number, options?: LandOptions): number;
-  aim(position: Vec3, radiusM: number): void;
+  aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void;
   /** Show the presentable set: visibility flags only, within one frame. Null where nothing is presentable. */
   swap(): SwapReport | null;
   /** First point of what is shown along a ray. `direction` need not be a unit vector. */

@@ -30,6 +30,7 @@ function planOf(landing: number, load: readonly SegmentFacts[]): PlanFacts {
     position: [0, 0, 0],
     radiusM: 10,
     effectiveRadiusM: 10,
+    coarseRadiusM: null,
     load,
     keep: [],
     nearby: [],

@@ -3,7 +3,7 @@
 import { expect, test } from "vitest";
 import { gainText } from "../../src/app/viewer/compare.ts";
 import type { MeshData } from "../../src/core/types.ts";
-import { gainOf, pointSpacingM } from "../../src/three/gain.ts";
+import { gainOf, pointSpacingM, underFullDetail } from "../../src/three/gain.ts";
 
 /** Two triangles of a square of 2 m, in steps of half a metre, and a third beside it. */
 const BASE = {
@@ -14,6 +14,16 @@ const BASE = {
 
 test("counts what is hidden, and its area", () => {
   expect(gainOf(BASE, Uint8Array.from([1, 1, 0]), 800)).toEqual({ detailFaces: 800, baseFaces: 2, areaM2: 4 });
+});
+
+test("counts of what is hidden only what lies under full detail", () => {
+  // Under segment 0; under 0 and 1; under 2, which is not hidden.
+  const cover = { offsets: Uint32Array.of(0, 1, 3, 4), segments: Uint32Array.of(0, 0, 1, 2) };
+  const under = (...full: number[]) =>
+    underFullDetail(Uint8Array.from([1, 1, 0]), cover, (segment) => full.includes(segment));
+  expect(under(0, 1)).toEqual(Uint8Array.from([1, 1, 0]));
+  expect(under(0)).toEqual(Uint8Array.from([1, 0, 0]));
+  expect(under(1)).toEqual(new Uint8Array(3));
 });
 
 test("is none where nothing is hidden", () => {

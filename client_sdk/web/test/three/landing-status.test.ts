@@ -10,6 +10,7 @@ const PLAN: PlanFacts = {
   position: [1, 2, 3],
   radiusM: 60,
   effectiveRadiusM: 60,
+  coarseRadiusM: null,
   load: [SEGMENT],
   keep: [],
   nearby: [],

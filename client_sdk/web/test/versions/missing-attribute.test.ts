@@ -44,7 +44,7 @@ describe("height_change_m in view", () => {
 
 async function uploaded(file: string, material: GroundMaterial): Promise<SegmentGround> {
   const data = await decodeGlb(new Uint8Array(readFileSync(new URL(file, PAYLOADS))), 3);
-  const ground = new SegmentGround(new GpuStore(fakeRenderer()), data, material, NAME);
+  const ground = new SegmentGround(new GpuStore(fakeRenderer()), data.segment, data, material, NAME);
   for (let step = 0; step < 100 && ground.mesh === null; step += 1) ground.step();
   return ground;
 }

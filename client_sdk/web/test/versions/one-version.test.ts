@@ -255,6 +255,7 @@ class Page {
         position: ORIGIN,
         radiusM: 10,
         effectiveRadiusM: 10,
+        coarseRadiusM: null,
         load: facts,
         keep: [],
         nearby: [],

@@ -76,6 +76,7 @@ function landAtAll(stage: Stage): void {
       position: [0, 0, 0],
       radiusM: 10,
       effectiveRadiusM: 10,
+      coarseRadiusM: null,
       load,
       keep: [],
       nearby: [],

@@ -1,7 +1,8 @@
 /** Where the user landed, how far the detail reaches, and how the next landing is made. */
 
+import { coarseRadiusOf } from "../../core/landing-defaults.ts";
 import { fill, h, setShown, setText } from "../dom.ts";
-import { formatBytes, formatCount, formatMs, formatPercent, formatRadius } from "../format.ts";
+import { formatBytes, formatCount, formatMs, formatPercent, formatRadius, formatReach } from "../format.ts";
 import { icon } from "../icons.ts";
 import { gainText } from "../viewer/compare.ts";
 import type { ViewerState, ViewerStore } from "../viewer/state.ts";
@@ -89,6 +90,13 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     type: "checkbox",
     on: { change: () => store.set({ bringsCamera: brings.checked }) },
   });
+  const coarse = h("input", {
+    id: "shows-coarse",
+    type: "checkbox",
+    on: { change: () => store.set({ showsCoarse: coarse.checked }) },
+  });
+  const coarseText = h("span", {});
+  const coarseChoice = h("label", { class: "choice", for: "shows-coarse" }, coarse, coarseText);
   const copy = h(
     "button",
     { type: "button", class: "button wide", "data-action": "copy-link", on: { click: actions.copyLink } },
@@ -118,6 +126,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
       slider,
       hint,
     ),
+    coarseChoice,
     h("label", { class: "choice", for: "brings-camera" }, brings, "Take me to the ground where I land"),
     copy,
     picture,
@@ -136,7 +145,7 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
     setShown(cancelButton, aim !== null);
     setShown(aimButton, aim === null);
 
-    facts.set("radius", landed === null ? "" : formatRadius(landed.effectiveRadiusM));
+    facts.set("radius", landed === null ? "" : formatReach(landed));
     facts.set("segments", landed === null ? "" : formatCount(landed.segments));
     facts.set("triangles", landed === null ? "" : formatCount(landed.triangles));
     facts.set("bytes", landed === null ? "" : landed.bytes === 0 ? "nothing, all was here" : formatBytes(landed.bytes));
@@ -158,6 +167,11 @@ export function createLandingTab(store: ViewerStore, actions: LandingActions): H
         : `Detail is shown within this distance. The service allows ${formatRadius(state.maxRadiusM)}.`,
     );
     brings.checked = state.bringsCamera;
+    const coarseM = coarseRadiusOf(state.radiusM, state.manifest);
+    setShown(coarseChoice, coarseM !== undefined);
+    coarse.checked = state.showsCoarse;
+    const reachM = Math.min(coarseM ?? 0, maxOf(state));
+    setText(coarseText, `Coarser detail around it, to ${formatRadius(reachM)}`);
   }
 
   store.subscribe(show);
@@ -187,9 +201,11 @@ function cutTexts({ landed }: ViewerState): string[] {
   const texts: string[] = [];
   if (landed.omittedBy !== null) {
     const budget = BUDGET_NAMES[landed.omittedBy] ?? landed.omittedBy;
-    texts.push(
-      `Detail ends at ${formatRadius(landed.effectiveRadiusM)} instead of ${formatRadius(landed.radiusM)}: this device's budget of ${budget} is used up. `,
-    );
+    const ends =
+      landed.coarseRadiusM === null
+        ? `Detail ends at ${formatRadius(landed.effectiveRadiusM)} instead of ${formatRadius(landed.radiusM)}`
+        : `The coarser detail ends at ${formatRadius(landed.coarseRadiusM)}`;
+    texts.push(`${ends}: this device's budget of ${budget} is used up. `);
   }
   if (landed.missing > 0) {
     texts.push(

@@ -7,6 +7,7 @@
 
 import type { Stage } from "../../three/stage.ts";
 import type { Landings, SwapReport } from "../../three/types.ts";
+import { coarseRadiusIn } from "./land-options.ts";
 import type { ViewerStore } from "./state.ts";
 
 /** Counts changes of what is visible, those outside a swap apart. */
@@ -32,7 +33,7 @@ export function watchComfort(stage: Stage, store: ViewerStore, onSwap: (report: 
         return stage.bounds;
       },
       land: (position, radiusM, options) => stage.land(position, radiusM, options),
-      aim: (position, radiusM) => stage.aim(position, radiusM),
+      aim: (position, radiusM) => stage.aim(position, radiusM, coarseRadiusIn(store.get(), radiusM)),
       cast: (origin, direction, maxDistanceM) => stage.cast(origin, direction, maxDistanceM),
       groundAt: (x, z, fromY) => stage.groundAt(x, z, fromY),
       swap() {

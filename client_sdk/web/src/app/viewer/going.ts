@@ -6,7 +6,7 @@ import type { Stage } from "../../three/stage.ts";
 import type { Announcer } from "../announcer.ts";
 import { prefersLessMotion } from "../device.ts";
 import { outsideNotice, steepNotice } from "../failures.ts";
-import { formatBytes, formatCount, formatMs, formatRadius } from "../format.ts";
+import { formatBytes, formatCount, formatMs, formatReach } from "../format.ts";
 import { isSameLanding, type Look, type Place, type Route } from "../route.ts";
 import type { CameraDesk } from "./camera-desk.ts";
 import type { FrameLoop } from "./frame-loop.ts";
@@ -232,7 +232,7 @@ function isLooked(place: Place): boolean {
 
 /** A landing that was shown, in words. */
 function landedText(landed: Landed, isCompletion: boolean): string {
-  const size = `${formatCount(landed.triangles)} triangles within ${formatRadius(landed.effectiveRadiusM)}`;
+  const size = `${formatCount(landed.triangles)} triangles within ${formatReach(landed)}`;
   if (landed.degraded) return "The connection is slow: the middle of the landing is shown, the rest follows.";
   if (isCompletion) return `The landing is complete: ${size}.`;
   const bytes = landed.bytes === 0 ? "nothing had to be loaded" : `${formatBytes(landed.bytes)} loaded`;

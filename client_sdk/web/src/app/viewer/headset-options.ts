@@ -1,6 +1,5 @@
 /** What the headset is given of the page. */
 
-import { waitingOf } from "../../core/landing-defaults.ts";
 import type { RegionFacts } from "../../core/types.ts";
 import type { Stage } from "../../three/stage.ts";
 import type { Landings } from "../../three/types.ts";
@@ -10,6 +9,7 @@ import type { Bookmark } from "../bookmarks.ts";
 import { parseRoute, type Route } from "../route.ts";
 import type { CameraDesk } from "./camera-desk.ts";
 import type { FrameLoop } from "./frame-loop.ts";
+import { landOptionsIn } from "./land-options.ts";
 import type { Markers } from "./markers.ts";
 import type { PlaceLink } from "./place-link.ts";
 import type { ViewerStore } from "./state.ts";
@@ -51,6 +51,7 @@ export function headsetOptions(page: PageForHeadset): HeadsetOptions {
         place: status.position,
         radiusM: status.radiusM,
         effectiveRadiusM,
+        coarseRadiusM: plan?.coarseRadiusM ?? null,
         segments: stage.visible.length,
         triangles: plan?.totalTriangles ?? 0,
         bytes: status.payloadBytes,
@@ -72,7 +73,7 @@ export function headsetOptions(page: PageForHeadset): HeadsetOptions {
     camera: world.camera,
     landings,
     radiusM: () => store.get().radiusM,
-    landOptions: () => waitingOf(store.get().radiusM, true),
+    landOptions: () => landOptionsIn(store.get(), store.get().radiusM, true),
     start() {
       const { landed, view } = store.get();
       // From an orbit nobody is put in the air: he stands where he landed, or below where he looked.

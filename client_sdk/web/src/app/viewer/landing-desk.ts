@@ -1,9 +1,9 @@
 /** Aims and landings of the page: from a click to the swap, and what is said about it. */
 
-import { waitingOf } from "../../core/landing-defaults.ts";
 import type { LandOptions, StreamEvent, Vec3 } from "../../core/types.ts";
 import type { LandingStatus, Landings } from "../../three/types.ts";
 import type { Look } from "../route.ts";
+import { coarseRadiusIn, landOptionsIn } from "./land-options.ts";
 import type { Landed, ViewerStore } from "./state.ts";
 
 /** The part of the drawn scene that is used. */
@@ -68,6 +68,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
       place: statusBefore.position,
       radiusM: statusBefore.radiusM,
       effectiveRadiusM: plan?.effectiveRadiusM ?? statusBefore.radiusM,
+      coarseRadiusM: plan?.coarseRadiusM ?? null,
       segments: plan === null ? report.shown.length : plan.load.length + plan.keep.length - statusBefore.missing.length,
       triangles: plan?.totalTriangles ?? 0,
       bytes: statusBefore.payloadBytes,
@@ -85,7 +86,7 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
     aim(position, radiusM) {
       aimBytes = { done: 0, total: 0 };
       store.set({ aim: { place: position, radiusM, fraction: null, bytes: 0 } });
-      stage.aim(position, radiusM);
+      stage.aim(position, radiusM, coarseRadiusIn(store.get(), radiusM));
     },
     cancelAim() {
       store.set({ aim: null });
@@ -94,7 +95,10 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
       order = next;
       hasArrived = false;
       store.set({ aim: null });
-      const landing = stage.land(next.position, next.radiusM, { ...waitingOf(next.radiusM, false), ...options });
+      const landing = stage.land(next.position, next.radiusM, {
+        ...landOptionsIn(store.get(), next.radiusM, false),
+        ...options,
+      });
       store.set({ landing: stage.status });
       return landing;
     },

@@ -20,6 +20,7 @@ export function firstState({ files, budgets, route }: ViewerOptions): ViewerStat
     mode: modeOf(route.mode, manifest),
     highlightedRegion: null,
     radiusM: route.place?.radiusM ?? defaultRadiusM(manifest, budgets),
+    showsCoarse: true,
     maxRadiusM: null,
     landing: null,
     landed: null,

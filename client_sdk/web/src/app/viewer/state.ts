@@ -36,7 +36,10 @@ export interface Picked {
 export interface Landed {
   readonly place: Vec3;
   readonly radiusM: number;
+  /** Of full detail. */
   readonly effectiveRadiusM: number;
+  /** How far the coarser level is shown beyond it; null where none is. */
+  readonly coarseRadiusM: number | null;
   readonly segments: number;
   readonly triangles: number;
   readonly bytes: number;
@@ -56,6 +59,8 @@ export interface ViewerState {
   readonly mode: ViewMode;
   readonly highlightedRegion: number | null;
   readonly radiusM: number;
+  /** Whether landings show the coarser level around that, where the scene has one. */
+  readonly showsCoarse: boolean;
   /** Of the service; null until it said so. */
   readonly maxRadiusM: number | null;
   readonly landing: LandingStatus | null;

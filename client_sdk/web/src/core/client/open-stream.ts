@@ -42,7 +42,7 @@ export function openStream(options: StreamOptions): Stream {
   const stream: Stream = {
     onEvent: () => {},
     land: (position, radiusM, landOptions) => page.land(position, radiusM, landOptions),
-    aim: (position, radiusM) => page.aim(position, radiusM),
+    aim: (position, radiusM, coarseRadiusM) => page.aim(position, radiusM, coarseRadiusM),
     pick: (origin, direction) => page.pick(origin, direction),
     mesh: (segment) => page.mesh(segment),
     stats: () => page.stats(),
@@ -104,9 +104,9 @@ class PageStream {
     return number;
   }
 
-  aim(position: Vec3, radiusM: number): void {
-    checkAim(position, radiusM);
-    this.send({ type: "aim", position, radiusM });
+  aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void {
+    checkAim(position, radiusM, coarseRadiusM);
+    this.send({ type: "aim", position, radiusM, coarseRadiusM });
   }
 
   async pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null> {

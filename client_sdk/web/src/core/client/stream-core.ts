@@ -15,6 +15,7 @@ import type {
   LinkState,
   MeshData,
   PickHit,
+  PlanFacts,
   StreamEvent,
   StreamOptions,
   StreamStats,
@@ -103,8 +104,8 @@ export class StreamCore {
     return number;
   }
 
-  aim(position: Vec3, radiusM: number): void {
-    this.#session.aim(position, radiusM);
+  aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void {
+    this.#session.aim(position, radiusM, coarseRadiusM);
     this.#link.pump();
   }
 
@@ -132,7 +133,7 @@ export class StreamCore {
     const entry = this.#session.holdings.peek(segment);
     if (entry === undefined) throw new StreamError("not_held", `segment ${segment} is not held`);
     try {
-      return await this.#platform.decode(entry.payload, segment);
+      return await this.#platform.decode(entry.payload, segment % this.#session.segmentCount);
     } catch (error) {
       throw asStreamError(error);
     }
@@ -248,12 +249,14 @@ export class StreamCore {
   }
 }
 
-function planFacts(landing: number, plan: PlanMessage) {
+function planFacts(landing: number, plan: PlanMessage): PlanFacts {
+  const reachM = plan.effective_radius_m;
   return {
     landing,
     position: plan.position,
     radiusM: plan.radius_m,
-    effectiveRadiusM: plan.effective_radius_m,
+    effectiveRadiusM: Math.min(reachM, plan.radius_m),
+    coarseRadiusM: reachM > plan.radius_m ? reachM : null,
     load: plan.load,
     keep: plan.keep,
     nearby: plan.nearby,

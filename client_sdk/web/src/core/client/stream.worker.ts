@@ -100,7 +100,7 @@ function execute(command: StreamCommand): void {
     const number = core.land(command.position, command.radiusM, command.options, command.askedMs);
     // The page has told its number to whoever asked; another one here would answer the wrong landing.
     if (number !== command.number) throw new Error(`landing ${command.number} of the page is ${number} here`);
-  } else if (command.type === "aim") core.aim(command.position, command.radiusM);
+  } else if (command.type === "aim") core.aim(command.position, command.radiusM, command.coarseRadiusM);
   else if (command.type === "group") core.group(command.command);
   else if (command.type === "token") takeToken(command);
   else if (command.type === "reconnect") core.reconnect(command.token);

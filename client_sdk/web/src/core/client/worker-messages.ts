@@ -32,7 +32,12 @@ export type StreamCommand =
       readonly options: LandOptions;
       readonly askedMs: number;
     }
-  | { readonly type: "aim"; readonly position: Vec3; readonly radiusM: number }
+  | {
+      readonly type: "aim";
+      readonly position: Vec3;
+      readonly radiusM: number;
+      readonly coarseRadiusM: number | undefined;
+    }
   | { readonly type: "group"; readonly command: GroupCommand }
   | { readonly type: "reconnect"; readonly token: string | undefined }
   | { readonly type: "close" }

@@ -85,6 +85,7 @@ function readManifest(json: JsonObject, id: string): CheckedManifest {
     bounds: readBounds(json.bounds),
     attributes: expectList(json.attributes, "attributes").map(readAttribute),
     segmentCount: expectWhole(counts.segments, "counts.segments", 1),
+    levels: expectWhole(json.levels ?? 1, "levels", 1),
     detailFaces: expectWhole(counts.detail_faces, "counts.detail_faces", 1),
     hasColour: expectFlag(json.has_colour, "has_colour"),
     texturesOf: texturesOf(json.textures),

@@ -6,10 +6,12 @@
 
 import type { Vec3 } from "../types.ts";
 import type { AimMessage } from "../wire/messages.generated.ts";
+import { ringOf } from "./landing-state.ts";
 
 interface Aim {
   readonly position: Vec3;
   readonly radiusM: number;
+  readonly coarseRadiusM: number | undefined;
 }
 
 /** Where the user points. Older aims are forgotten; so are all once the user lands. */
@@ -24,18 +26,23 @@ export class AimState {
   }
 
   /** Note the newest one, in place of any that waits. */
-  note(position: Vec3, radiusM: number): void {
-    this.#unsent = { position, radiusM };
+  note(position: Vec3, radiusM: number, coarseRadiusM: number | undefined): void {
+    this.#unsent = { position, radiusM, coarseRadiusM };
   }
 
-  /** The message to send now, under a generation of this connection; null where none waits. */
-  take(generation: number): AimMessage | null {
+  /**
+   * The message to send now, under a generation of this connection, whose server allows so large a radius; null where none
+   * waits.
+   */
+  take(generation: number, maxRadiusM: number): AimMessage | null {
     const aim = this.#unsent;
     if (aim === null) return null;
     this.#unsent = null;
     this.#sent = aim;
     this.#generation = generation;
-    return { type: "aim", generation, position: aim.position, radius_m: aim.radiusM };
+    const { position, radiusM, coarseRadiusM } = aim;
+    const coarse_radius_m = ringOf(radiusM, coarseRadiusM, maxRadiusM);
+    return { type: "aim", generation, position, radius_m: radiusM, coarse_radius_m };
   }
 
   /** Forget it: the user has landed. */

@@ -17,8 +17,8 @@ export function checkLand(position: Vec3, radiusM: number, options: LandOptions)
 }
 
 /** @throws RangeError on a number that the protocol does not allow. */
-export function checkAim(position: Vec3, radiusM: number): void {
-  check({ type: "aim", generation: 0, position, radius_m: radiusM });
+export function checkAim(position: Vec3, radiusM: number, coarseRadiusM: number | undefined): void {
+  check({ type: "aim", generation: 0, position, radius_m: radiusM, coarse_radius_m: coarseRadiusM });
 }
 
 /** @throws RangeError on a number that the protocol does not allow. */

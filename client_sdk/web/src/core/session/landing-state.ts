@@ -46,9 +46,9 @@ export class LandingState {
     this.options = options;
   }
 
-  /** The message that asks for it under a generation. */
-  message(generation: number): LandMessage {
-    return landMessage(generation, this.position, this.radiusM, this.options);
+  /** The message that asks for it under a generation, of a server that allows so large a radius. */
+  message(generation: number, maxRadiusM: number): LandMessage {
+    return landMessage(generation, this.position, this.radiusM, this.options, maxRadiusM);
   }
 
   /** Take the plan of a generation, in place of any before. */
@@ -97,14 +97,28 @@ export function prefetchState(prefetch: PrefetchMessage): PrefetchState {
 }
 
 /** The message that asks for a landing. */
-export function landMessage(generation: number, position: Vec3, radiusM: number, options: LandOptions): LandMessage {
+export function landMessage(
+  generation: number,
+  position: Vec3,
+  radiusM: number,
+  options: LandOptions,
+  maxRadiusM = Number.POSITIVE_INFINITY,
+): LandMessage {
   return {
     type: "land",
     generation,
     position,
     radius_m: radiusM,
+    coarse_radius_m: ringOf(radiusM, options.coarseRadiusM, maxRadiusM),
     inner_radius_m: options.innerRadiusM,
     deadline_ms: options.deadlineMs,
     stall_ms: options.stallMs,
   };
+}
+
+/** The ring's radius, cut to what the server allows: a landing with less coarse ground is better than none. */
+export function ringOf(radiusM: number, coarseRadiusM: number | undefined, maxRadiusM: number): number | undefined {
+  // One below the radius stays: it is a mistake, and is to be told.
+  if (coarseRadiusM === undefined || coarseRadiusM < radiusM) return coarseRadiusM;
+  return Math.max(radiusM, Math.min(coarseRadiusM, maxRadiusM));
 }

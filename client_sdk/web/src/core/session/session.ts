@@ -36,6 +36,8 @@ export class ClientSession {
   readonly options: SessionOptions;
   /** Scene version of the newest connection. */
   version: string | null = null;
+  /** Segments of that version: ids from here on are those of their coarser levels (6.1). */
+  segmentCount = Number.POSITIVE_INFINITY;
   readonly holdings: Holdings;
   #events: SessionEvent[] = [];
   #outbox: ClientMessage[] = [];
@@ -47,6 +49,8 @@ export class ClientSession {
   #open = false;
   #greeting = false;
   #generation = 0;
+  /** Of the newest connection. */
+  #maxRadiusM = Number.POSITIVE_INFINITY;
   #landings = 0;
   #requests = 0;
   /** The landing whose `land` is still in the outbox. */
@@ -219,9 +223,9 @@ export class ClientSession {
    *
    * @throws RangeError on a number that the protocol does not allow; nothing has changed.
    */
-  aim(position: Vec3, radiusM: number): void {
-    checkAim(position, radiusM);
-    this.#aim.note(position, radiusM);
+  aim(position: Vec3, radiusM: number, coarseRadiusM?: number): void {
+    checkAim(position, radiusM, coarseRadiusM);
+    this.#aim.note(position, radiusM, coarseRadiusM);
   }
 
   /** Send the newest aim, if there is one and the connection is open. */
@@ -229,7 +233,7 @@ export class ClientSession {
     if (!this.hasAim) return;
     this.#sendEvictions();
     this.#generation += 1;
-    const message = this.#aim.take(this.#generation);
+    const message = this.#aim.take(this.#generation, this.#maxRadiusM);
     if (message !== null) this.#outbox.push(message);
   }
 
@@ -303,6 +307,8 @@ export class ClientSession {
     const { scene, limits, session } = welcome;
     const changed = this.version !== null && this.version !== scene.version;
     this.version = scene.version;
+    this.segmentCount = scene.segment_count;
+    this.#maxRadiusM = limits.max_radius_m;
     // Visible ids meant segments of the version before (5.4).
     if (changed) this.#transfers.hideAll();
     // Granted in halves: the server never runs dry while a grant is on its way (8).
@@ -358,7 +364,7 @@ export class ClientSession {
     this.#generation += 1;
     landing.generation = this.#generation;
     this.#transfers.ask(landing);
-    this.#outbox.push(landing.message(this.#generation));
+    this.#outbox.push(landing.message(this.#generation, this.#maxRadiusM));
     this.#unsent = landing;
   }
 

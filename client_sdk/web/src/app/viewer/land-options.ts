@@ -1,0 +1,18 @@
+/** What the page asks for with a landing, by what the user has chosen. PURE. */
+
+import { coarseRadiusOf, waitingOf } from "../../core/landing-defaults.ts";
+import type { LandOptions } from "../../core/types.ts";
+import type { ViewerState } from "./state.ts";
+
+type Chosen = Pick<ViewerState, "manifest" | "showsCoarse">;
+
+/** How far a landing of this radius shows the coarser level; undefined where the scene has none, or nobody wants it. */
+export function coarseRadiusIn({ manifest, showsCoarse }: Chosen, radiusM: number): number | undefined {
+  return showsCoarse ? coarseRadiusOf(radiusM, manifest) : undefined;
+}
+
+/** Options of a landing of this radius. */
+export function landOptionsIn(state: Chosen, radiusM: number, inHeadset: boolean): LandOptions {
+  const coarseRadiusM = coarseRadiusIn(state, radiusM);
+  return { ...waitingOf(radiusM, inHeadset), ...(coarseRadiusM !== undefined && { coarseRadiusM }) };
+}
