@@ -6,7 +6,7 @@ import type { Pointer } from "./inputs.ts";
 import { createMenu, type MenuMeeting } from "./menu.ts";
 import type { MenuAction, MenuModel } from "./menu-layout.ts";
 import { createRibbon } from "./ribbon.ts";
-import type { HeadsetBookmark, HeadsetMenu } from "./types.ts";
+import type { HeadsetBookmark, HeadsetMenu, HeadsetTools } from "./types.ts";
 
 /** How often an open menu looks whether something of it has changed. */
 const REFRESH_MS = 250;
@@ -23,6 +23,9 @@ export interface MenuState {
   /** Land at a bookmark; its radius is already set. */
   readonly visit: (bookmark: HeadsetBookmark) => void;
   readonly leave: () => void;
+  readonly tools: HeadsetTools | undefined;
+  /** Null where the scene has no model. */
+  readonly openOverview: (() => void) | null;
 }
 
 export interface MenuDesk {
@@ -58,6 +61,9 @@ export function createMenuDesk(state: MenuState): MenuDesk {
     turnDeg,
     bookmarks: state.menu?.bookmarks().map((each) => each.label) ?? [],
     page,
+    tool: state.tools?.tool() ?? null,
+    hasMarks: (state.tools?.picked() ?? state.tools?.measured() ?? null) !== null,
+    hasOverview: state.openOverview !== null,
     status: state.status(),
   });
   const hide = (): void => {
@@ -84,6 +90,13 @@ export function createMenuDesk(state: MenuState): MenuDesk {
         }
         state.visit(bookmark);
       }
+    } else if (action.kind === "tool") {
+      state.tools?.setTool(action.tool);
+    } else if (action.kind === "clear") {
+      state.tools?.clear();
+    } else if (action.kind === "overview") {
+      hide();
+      state.openOverview?.();
     } else if (action.kind === "close") {
       hide();
     } else {

@@ -224,6 +224,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   const help = createHelpDialog();
   const { landings } = comfort;
   const { routeNow } = going;
+  const { regions } = files;
   const keptPlaces = () => panel.keptPlaces();
   const actions = createActions({
     store,
@@ -239,7 +240,20 @@ export function createViewer(options: ViewerOptions): Viewer {
     tools,
     canvas: world.canvas,
     headsetOptions: () =>
-      headsetOptions({ store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces }),
+      headsetOptions({
+        store,
+        world,
+        stage,
+        camera,
+        markers,
+        loop,
+        link,
+        landings,
+        routeNow,
+        keptPlaces,
+        tools,
+        regions,
+      }),
     reload,
     panel: () => panel,
     brush: () => brush,
