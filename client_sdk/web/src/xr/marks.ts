@@ -22,6 +22,8 @@ const OVER = 0.03;
 /** Points of a measured path that are drawn: its newest. */
 const MAX_POINTS = 64;
 const DOT_PER_M = 0.006;
+/** A path is no ray of a hand: it is seen from its first point on. */
+const PATH_FADE_M = 0.01;
 
 export interface Marks {
   readonly objects: readonly Object3D[];
@@ -34,7 +36,7 @@ export interface Marks {
 export function createMarks(): Marks {
   const picked = createLabel("picked-label", "#8fd3ff");
   const measured = createLabel("measured-label", "#ff7ac1");
-  const path = createRibbon(MAX_POINTS, 804);
+  const path = createRibbon(MAX_POINTS, 804, PATH_FADE_M);
   const points = new Float32Array(3 * MAX_POINTS);
   return {
     objects: [...picked.objects, ...measured.objects, path.object],

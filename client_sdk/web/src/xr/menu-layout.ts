@@ -122,9 +122,9 @@ export function pagesOf(bookmarks: number): number {
 }
 
 const TOOLS: readonly (readonly [HeadsetTool, string, number])[] = [
-  ["land", "Land", 130],
-  ["pick", "Pick", 130],
-  ["measure", "Measure", 190],
+  ["land", "Land", 120],
+  ["pick", "Pick", 110],
+  ["measure", "Measure", 220],
 ];
 
 function addTools(items: MenuItem[], chosen: HeadsetTool, hasMarks: boolean, y: number): void {

@@ -17,28 +17,35 @@ import {
   type Object3D,
   PlaneGeometry,
   RingGeometry,
+  SphereGeometry,
 } from "three";
 import type { Vec3 } from "../core/types.ts";
 import type { GroundHit, Landings, MiniaturePose } from "../three/types.ts";
 import type { Pointer } from "./inputs.ts";
 import { miniatureBefore, onModel, rayOverGround } from "./overview-place.ts";
 import { createPanel, drawPlate, FONT } from "./panel.ts";
+import { panelBefore } from "./panel-place.ts";
 import { createRibbon } from "./ribbon.ts";
 
 const HINT_WIDTH = 1500;
 const HINT_HEIGHT = 150;
-const HINT_FONT = 60;
-/** The hint stands over the model's far side, metres. */
-const HINT_ABOVE_M = 0.32;
-const HINT_BEYOND_M = 0.3;
+export const HINT_FONT = 62;
+/** The hint stands over the model, a little below the eyes and so far away. */
+export const HINT_AWAY_M = 1.2;
+const HINT_BELOW_M = 0.2;
 /** What is drawn on the model: after it, by the depth that it left. */
 const ON_MODEL = 890;
 const AFTER_PANELS = 940;
+/** The model is within the arm's reach: a ray is short. */
+const RAY_FADE_M = 0.2;
 /** A ring smaller than this cannot be seen in the hand, metres. */
 const LEAST_RING_M = 0.012;
 
 /** As far as there can be ground, metres. */
 const SIGHT_M = 1e6;
+
+/** Masts over the model, metres. */
+const MAST_M = 0.05;
 
 const HERE = new Color(0xffb02e);
 const THERE = new Color(0x8fd3ff);
@@ -73,7 +80,7 @@ export function createOverview(
   setMiniature: (pose: MiniaturePose | null) => void,
 ): Overview {
   const marks = createMarks();
-  const ray = createRibbon(2, AFTER_PANELS);
+  const ray = createRibbon(2, AFTER_PANELS, RAY_FADE_M);
   const ends = new Float32Array(6);
   const hint = createPanel("overview-hint", HINT_WIDTH, HINT_HEIGHT);
   hint.draw(drawHint);
@@ -86,12 +93,7 @@ export function createOverview(
   const place = (eye: Vec3, facingRad: number): void => {
     pose = miniatureBefore(landings.bounds, eye, facingRad);
     setMiniature(pose);
-    const [x, y, z] = pose.at;
-    hint.moveTo({
-      centre: [x - Math.sin(facingRad) * HINT_BEYOND_M, y + HINT_ABOVE_M, z - Math.cos(facingRad) * HINT_BEYOND_M],
-      yawRad: facingRad,
-      leanRad: 0.2,
-    });
+    hint.moveTo(panelBefore(eye, facingRad, HINT_AWAY_M, HINT_BELOW_M));
     marks.place(pose, landings.bounds);
   };
   const hide = (): void => {
@@ -179,8 +181,9 @@ function createMarks(): Marks {
   const plateMaterial = new MeshBasicMaterial({ color: 0x10141a, fog: false, depthFunc: AlwaysDepth, side: 2 });
   const geometries = {
     cone: new ConeGeometry(0.009, 0.035, 12).rotateX(-Math.PI / 2).translate(0, 0, -0.005),
-    mast: new CylinderGeometry(0.0015, 0.0015, 1, 6).translate(0, 0.5, 0),
-    ring: new RingGeometry(0.84, 1, 48).rotateX(-Math.PI / 2),
+    mast: new CylinderGeometry(0.002, 0.002, 1, 6).translate(0, 0.5, 0),
+    head: new SphereGeometry(0.007, 12, 8).translate(0, MAST_M, 0),
+    ring: new RingGeometry(0.94, 1, 64).rotateX(-Math.PI / 2),
     plate: new PlaneGeometry(1, 1).rotateX(-Math.PI / 2),
     north: new BoxGeometry(0.008, 0.004, 0.05),
   };
@@ -195,7 +198,7 @@ function createMarks(): Marks {
   const north = make("north", thereMaterial, ON_MODEL);
   const [hereMast, here] = [make("mast", hereMaterial, ON_MODEL), make("cone", hereMaterial, ON_MODEL)];
   const [mast, ring] = [make("mast", thereMaterial, ON_MODEL), make("ring", thereMaterial, ON_MODEL)];
-  const MAST_M = 0.05;
+  const head = make("head", thereMaterial, ON_MODEL);
   hereMast.scale.y = MAST_M;
   mast.scale.y = MAST_M;
   return {
@@ -215,9 +218,11 @@ function createMarks(): Marks {
     },
     point(on, ringM) {
       mast.visible = on !== null;
+      head.visible = on !== null;
       ring.visible = on !== null;
       if (on === null) return;
       mast.position.set(...on);
+      head.position.set(...on);
       ring.position.set(on[0], on[1] + 0.004, on[2]);
       ring.scale.set(ringM, 1, ringM);
     },

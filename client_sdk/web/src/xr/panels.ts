@@ -14,6 +14,9 @@ const REFRESH_MS = 250;
 /** The ray ends on the panel and is drawn over it. */
 const AFTER_PANELS = 940;
 
+/** Panels hang within the arm's reach: their ray is short. */
+const RAY_FADE_M = 0.2;
+
 export interface MenuState {
   readonly menu: HeadsetMenu | undefined;
   readonly radiusM: () => number;
@@ -47,7 +50,7 @@ export interface MenuDesk {
 /** A menu, closed. */
 export function createMenuDesk(state: MenuState): MenuDesk {
   const menu = createMenu();
-  const ray = createRibbon(2, AFTER_PANELS);
+  const ray = createRibbon(2, AFTER_PANELS, RAY_FADE_M);
   const ends = new Float32Array(6);
   let page = 0;
   let turnDeg = 30;
