@@ -45,7 +45,7 @@ try:
     from faults.service import Service
     from parts.shaped_line import ShapedLine, shaped_line
     from parts.viewer_places import corners, random_place
-    from playwright.sync_api import Browser, BrowserContext, Page, sync_playwright
+    from playwright.sync_api import Browser, BrowserContext, Page, Request, sync_playwright
 except ImportError as error:
     print(f"skipped: {error}")
     sys.exit(0)
@@ -161,7 +161,13 @@ class Bench:
         with self._proxy(protocol) as port, self._line(port) as line:
             context = self._context()
             requests: list[str] = []
-            context.on("request", lambda request: requests.append(request.url))
+
+            def asked_for(request: Request) -> None:
+                # The browser's own doing: it asks for the icon with each entry of the history.
+                if "/assets/icon" not in request.url and "favicon" not in request.url:
+                    requests.append(request.url)
+
+            context.on("request", asked_for)
             page = context.new_page()
             # A page that cannot begin would be waited for; here it says why.
             page.on("pageerror", lambda error: print(f"the page: {error}", flush=True))

@@ -29,6 +29,7 @@ tiles.addEventListener("load-error", ({ url, error }) => failures.push(`${url}: 
 const placed = new Matrix4();
 let isPlaced = false;
 let isSettled = false;
+let landing = null;
 
 function frame() {
   requestAnimationFrame(frame);
@@ -38,6 +39,10 @@ function frame() {
     tiles.group.matrixAutoUpdate = false;
     tiles.group.matrix.copy(placed).invert();
     tiles.group.updateMatrixWorld(true);
+    // The base everywhere: the root has no content, so it must be refined, and its children need not be.
+    const baseErrorM = Math.max(...tiles.root.children.map((cell) => cell.geometricError));
+    const everywhere = new Sphere(new Vector3().applyMatrix4(placed), 1e6);
+    regions.addRegion(new SphereRegion({ sphere: everywhere, errorTarget: baseErrorM }));
     isPlaced = true;
   }
   camera.updateMatrixWorld(true);
@@ -59,9 +64,9 @@ window.peer = {
   },
   land(place, radiusM) {
     const sphere = new Sphere(eastNorthUp(place).applyMatrix4(placed), radiusM);
-    const region = new SphereRegion({ sphere, errorTarget: 1e-3 });
-    regions.clearRegions();
-    regions.addRegion(region);
+    if (landing !== null) regions.removeRegion(landing);
+    landing = new SphereRegion({ sphere, errorTarget: 1e-3 });
+    regions.addRegion(landing);
     isSettled = false;
   },
   get isPlaced() {

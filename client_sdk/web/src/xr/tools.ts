@@ -95,7 +95,13 @@ export function createToolDesk(
     hideProbe: probe.hide,
     update(pointers, eye, stood, facingRad) {
       overview.update(pointers, eye, stood, facingRad);
-      marks.update(tools?.picked() ?? null, tools?.measured() ?? null, eye);
+      // Labels stand at their places and may lie over each other: that of the tool in hand is read.
+      const tool = tools?.tool();
+      marks.update(
+        tool === "measure" ? null : (tools?.picked() ?? null),
+        tool === "pick" ? null : (tools?.measured() ?? null),
+        eye,
+      );
     },
     dispose() {
       probe.dispose();
