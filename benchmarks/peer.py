@@ -187,8 +187,7 @@ class Bench:
                     before, asked = line.down_bytes, len(requests)
                     hop = land(place)
                     hops.append(
-                        hop
-                        | {"bytes": line.down_bytes - before, "requests": len(requests) - asked}
+                        hop | {"bytes": line.down_bytes - before, "requests": len(requests) - asked}
                     )
                 self._print(who, protocol, heat, hops)
             context.close()

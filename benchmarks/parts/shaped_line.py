@@ -108,9 +108,7 @@ class ShapedLine:
 
 
 @contextlib.contextmanager
-def shaped_line(
-    target: tuple[str, int], mbit: float, round_trip_ms: float
-) -> Iterator[ShapedLine]:
+def shaped_line(target: tuple[str, int], mbit: float, round_trip_ms: float) -> Iterator[ShapedLine]:
     """Relay to a server until the block ends."""
     line = ShapedLine(target, mbit, round_trip_ms)
     is_up, is_over = threading.Event(), threading.Event()
