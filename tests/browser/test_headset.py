@@ -254,6 +254,127 @@ def test_a_hand_teleports_by_pinching(headset: EmulatedHeadset) -> None:
     assert math.dist(before, after) > 2
 
 
+MENU: dict[str, tuple[float, float]] = {
+    "overview": (635, 60),
+    "pick": (515, 388),
+    "measure": (690, 388),
+    "leave": (500, 808),
+}
+"""Middles of buttons on the menu: its units, from its upper left corner (xr/menu-layout.ts)."""
+MENU_SIZE = (1000, 880)
+HEAD = (0.3, 1.65, 0.2)
+
+
+def _open_menu(headset: EmulatedHeadset) -> None:
+    headset.press("right", "a-button", 1)
+    headset.frames(2)
+    headset.press("right", "a-button", 0)
+    headset.frames(2)
+
+
+def _point_at_menu(headset: EmulatedHeadset, button: str) -> None:
+    """Point from the head at a button: the menu hangs 0.75 m ahead of it and 0.22 m below."""
+    x, y = MENU[button]
+    lean = math.atan2(0.22, 0.75)
+    right, up = (x - MENU_SIZE[0] / 2) * 0.0005, (MENU_SIZE[1] / 2 - y) * 0.0005
+    away, height = 0.75 + up * math.sin(lean), up * math.cos(lean) - 0.22
+    yaw = math.degrees(math.atan2(-right, away))
+    pitch = math.degrees(math.atan2(height, math.hypot(right, away)))
+    headset.point("right", pitch=pitch, yaw=yaw, at=HEAD)
+    headset.frames(2)
+
+
+def _click(headset: EmulatedHeadset) -> None:
+    headset.press("right", "trigger", 1)
+    headset.frames(2)
+    headset.press("right", "trigger", 0)
+    headset.frames(2)
+
+
+def _choose(headset: EmulatedHeadset, button: str) -> None:
+    _open_menu(headset)
+    _point_at_menu(headset, button)
+    _click(headset)
+
+
+def test_the_overview_lands_far_away_in_one_teleport(headset: EmulatedHeadset) -> None:
+    page = headset.page
+    headset.enter()
+    before, _ = headset.standpoint()
+    digest = page.evaluate("terraport.visibleDigest")
+    _choose(headset, "overview")
+    headset.head(*HEAD, pitch=-30)
+    # A corner of the model, 0.85 m ahead and 0.6 m below the eyes; the ground's place there.
+    x0, y0, z0, x1, y1, z1 = page.evaluate("[...terraport.state.manifest.bounds]")
+    scale = 0.9 / max(x1 - x0, z1 - z0)
+    east, south = 0.3 * (x1 - x0), -0.3 * (z1 - z0)
+    middle = [(x0 + x1) / 2, y0, (z0 + z1) / 2]
+    ground = _ground(headset, [middle[0] + east, y1, middle[2] + south])
+    # On the model, seen from the head, which looks north.
+    on = (scale * east, scale * (ground - y0) - 0.6, scale * south - 0.85)
+    headset.point(
+        "right",
+        pitch=math.degrees(math.atan2(on[1], math.hypot(on[0], on[2]))),
+        yaw=math.degrees(math.atan2(-on[0], -on[2])),
+        at=HEAD,
+    )
+    headset.frames(3)
+    save_shot(page, "headset-overview")
+    # A model is no ground: nothing of what is visible has changed.
+    assert page.evaluate("terraport.visibleDigest") == digest
+    assert page.evaluate("terraport.status.phase") == "idle"
+    headset.trace()
+    _click(headset)
+    headset.until("terraport.status.phase === 'shown'")
+    headset.until("terraport.headset.stats().phase === 'idle'")
+    frames = headset.traced()
+    changes = [k for k, (a, b) in enumerate(pairwise(frames), 1) if a["digest"] != b["digest"]]
+    assert len(changes) == 1
+    assert frames[changes[0]]["most"] <= BLACK
+    after, _ = headset.standpoint()
+    wanted = (middle[0] + east, middle[2] + south)
+    # Where one can stand beside the place, within 12 m of it.
+    assert math.dist((after[0], after[2]), wanted) < 12.5
+    assert math.dist(before, after) > 40
+    assert after[1] == pytest.approx(_ground(headset, after), abs=0.01)
+    assert page.evaluate("terraport.state.strayChanges") == 0
+    save_shot(page, "headset-overview-landed")
+
+
+def test_picks_and_measures_by_the_trigger(headset: EmulatedHeadset) -> None:
+    page = headset.page
+    headset.enter()
+    _choose(headset, "pick")
+    assert page.evaluate("terraport.state.tool") == "pick"
+    save_shot(page, "headset-menu-tools")
+    _open_menu(headset)
+    headset.point("right", pitch=-14, yaw=4)
+    headset.press("right", "trigger", 1)
+    headset.frames(3)
+    save_shot(page, "headset-probe")
+    landing = page.evaluate("terraport.status.landing")
+    headset.press("right", "trigger", 0)
+    headset.until("terraport.state.picked?.answer")
+    picked = page.evaluate("terraport.state.picked.place")
+    assert picked[1] == pytest.approx(_ground(headset, picked), abs=0.05)
+    headset.frames(3)
+    save_shot(page, "headset-picked")
+
+    _choose(headset, "measure")
+    _open_menu(headset)
+    for pitch, yaw in ((-18, 20), (-9, -10)):
+        headset.point("right", pitch=pitch, yaw=yaw)
+        headset.frames(2)
+        _click(headset)
+    measured = page.evaluate("terraport.state.measured")
+    assert len(measured) == 2
+    assert math.dist(*measured) > 1
+    # Whoever picks and measures goes nowhere.
+    assert page.evaluate("terraport.status.landing") == landing
+    headset.frames(2)
+    save_shot(page, "headset-measured")
+
+
 def test_the_page_gets_its_camera_back(headset: EmulatedHeadset) -> None:
     page = headset.page
     size = page.evaluate(CANVAS_SIZE)
@@ -262,17 +383,12 @@ def test_the_page_gets_its_camera_back(headset: EmulatedHeadset) -> None:
     _land(headset)
     position, azimuth = headset.standpoint()
     digest = page.evaluate("terraport.visibleDigest")
-    # Out by the menu, as a user would: the last button of the panel, 0.75 m ahead.
-    headset.press("right", "a-button", 1)
-    headset.frames(3)
-    headset.press("right", "a-button", 0)
-    headset.frames(2)
+    # Out by the menu, as a user would.
+    _open_menu(headset)
     headset.point("right", pitch=-12, at=(0.3, 1.45, 0.2))
     headset.frames(3)
     save_shot(page, "headset-menu")
-    below = math.degrees(math.atan2(0.22 + 0.16, 0.75))
-    headset.point("right", pitch=-below, at=(0.3, 1.65, 0.2))
-    headset.frames(2)
+    _point_at_menu(headset, "leave")
     headset.press("right", "trigger", 1)
     headset.until("terraport.headset === null")
     headset.until("terraport.state.presenting === false")

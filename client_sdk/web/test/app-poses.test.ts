@@ -1,7 +1,7 @@
 /** Orbiting and walking: where the eye is. */
 
 import { describe, expect, test } from "vitest";
-import { EYE_HEIGHT_M, isSettling, placed, type WalkInput, walkEye, walked } from "../src/app/walk-pose.ts";
+import { EYE_HEIGHT_M, isSettling, openYaw, placed, type WalkInput, walkEye, walked } from "../src/app/walk-pose.ts";
 import type { Bounds } from "../src/core/types.ts";
 import { farthest, framing, type OrbitPose, orbitEye, panned, turned, zoomed } from "../src/three/orbit-pose.ts";
 
@@ -66,6 +66,26 @@ describe("an orbit", () => {
       }
     }
     expect(pose.distanceM).toBeLessThan(farthest(BOUNDS));
+  });
+});
+
+describe("who comes down", () => {
+  test("looks as before where there is a view", () => {
+    expect(openYaw(30, () => Number.POSITIVE_INFINITY)).toBe(30);
+    expect(openYaw(30, () => 5)).toBe(30);
+  });
+
+  test("turns away from a wall, as little as shows something", () => {
+    // A wall to the north, from north-west to north-east.
+    const sightM = (yawDeg: number) => (Math.cos((yawDeg * Math.PI) / 180) > 0.5 ? 0.8 : 40);
+    expect(openYaw(0, sightM)).toBe(90);
+    expect(sightM(openYaw(350, sightM))).toBe(40);
+  });
+
+  test("looks along the longest way in a pit", () => {
+    expect(openYaw(0, (yawDeg) => (yawDeg === 180 || yawDeg === -180 ? 3 : 1))).toSatisfy(
+      (yawDeg: number) => Math.abs(yawDeg) === 180,
+    );
   });
 });
 

@@ -12,6 +12,9 @@ const model: MenuModel = {
   turnDeg: 30,
   bookmarks: ["Gate", "Crusher", "Pond", "Bench 4", "Rim"],
   page: 0,
+  tool: "land",
+  hasMarks: true,
+  hasOverview: true,
   status: "Landed, 60 m around.",
 };
 

@@ -42,6 +42,26 @@ const KERB_M = 1.2;
 /** How fast the eye takes on the ground's height: quick enough to stay above it, slow enough not to shake. */
 const SETTLE_PER_S = 14;
 
+/** With so much free before the eyes one sees where one is. */
+const CLEAR_M = 5;
+/** Turns that are tried, the smallest first. */
+const TURNS_DEG = [0, 45, -45, 90, -90, 135, -135, 180] as const;
+
+/**
+ * Which way somebody looks who comes down from above: as he looked, unless he would stand with his nose at a wall; then as near
+ * to it as there is a view. `sightM` is how far one sees at a yaw, metres, infinite into the sky.
+ */
+export function openYaw(yawDeg: number, sightM: (yawDeg: number) => number): number {
+  let best = { yawDeg, sightM: -1 };
+  for (const turnDeg of TURNS_DEG) {
+    const candidate = wrapped(yawDeg + turnDeg);
+    const freeM = sightM(candidate);
+    if (freeM >= CLEAR_M) return candidate;
+    if (freeM > best.sightM) best = { yawDeg: candidate, sightM: freeM };
+  }
+  return best.yawDeg;
+}
+
 /** One frame of walking. `dtS` is bounded: after a pause the user is not thrown across the scene. */
 export function walked(pose: WalkPose, input: WalkInput, dtS: number, ground: GroundHeight): WalkPose {
   const dt = Math.min(dtS, 0.1);

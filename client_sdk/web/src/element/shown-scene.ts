@@ -149,6 +149,14 @@ export class ShownScene {
     });
   }
 
+  /** Base and cover are here, where it was made of the overview. False where they belong to another version. */
+  complete(files: SceneFiles): boolean {
+    if (files.manifest.version !== this.#options.files.manifest.version) return false;
+    this.stage.replaceFiles(files);
+    this.draw();
+    return true;
+  }
+
   /** The canvas has another size. */
   resize(): void {
     const { clientWidth: width, clientHeight: height } = this.#options.canvas;

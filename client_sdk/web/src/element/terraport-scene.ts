@@ -1,14 +1,14 @@
 /** `<terraport-scene src token at radius mode>`: a scene in any page, walked by clicks. */
 
 import { budgetsFor, loadSceneInWorker, StreamError } from "../core/index.ts";
-import type { LandOptions, RegionFacts, SceneManifest, Token, Vec3 } from "../core/types.ts";
+import type { LandOptions, RegionFacts, SceneFiles, SceneManifest, Token, Vec3 } from "../core/types.ts";
 import type { LandingStatus, Stage } from "../three/index.ts";
 import { keyOfMode, modeOfKey, modesOf } from "../three/view-modes.ts";
 import { ShownScene } from "./shown-scene.ts";
 
 /** Events of the element: none of them bubbles. */
 export interface TerraportSceneEventMap {
-  /** The base is there: one can look around, and land. */
+  /** The base is there, or an overview in its place until it is: one can look around, and land. */
   opened: CustomEvent<SceneManifest>;
   /** A landing is shown whole. */
   landed: CustomEvent<LandingStatus>;
@@ -138,58 +138,81 @@ export class TerraportScene extends HTMLElement {
     this.#opening = opening;
     const { signal } = opening;
     const token: Token | undefined = this.#tokenSource ?? this.getAttribute("token") ?? undefined;
-    const loadFiles = async (version?: string) =>
+    const loadFiles = async (version?: string, onOverview?: (files: SceneFiles) => void) =>
       loadSceneInWorker(src, {
         token: typeof token === "function" ? await token() : token,
         version,
         signal,
+        onOverview,
         onProgress: (done, total) => {
           if (this.#shown === null) this.#say(`Opening: ${Math.round((100 * done) / Math.max(1, total))} %`);
         },
       });
     this.#say("Opening");
-    try {
-      const files = await loadFiles();
+    const show = (files: SceneFiles): void => {
       if (signal.aborted) return;
-      const canvas = document.createElement("canvas");
-      canvas.tabIndex = 0;
-      canvas.setAttribute("role", "application");
-      canvas.setAttribute("aria-label", `Ground of ${files.manifest.name}`);
-      canvas.part.add("canvas");
-      this.#root.prepend(canvas);
-      this.#manifest = files.manifest;
-      this.#regions = files.regions;
-      this.#shown = new ShownScene(
-        {
-          canvas,
-          sceneUrl: src,
-          token,
-          files,
-          budgets: budgetsFor(matchMedia("(pointer: coarse)").matches ? "phone" : "desktop"),
-          loadFiles,
-          isStill: () => matchMedia("(prefers-reduced-motion: reduce)").matches,
-          radiusM: () => this.#radiusM,
-        },
-        {
-          link: (link) => {
-            if (link.state === "open") this.#say("");
-            else if (link.state === "waiting") this.#say("No connection: trying again");
-            else if (link.state === "closed") this.#fail(new StreamError(link.code, link.message));
-          },
-          landing: ({ phase, fraction }) => {
-            if (phase === "planning" || phase === "streaming") this.#say(`Landing: ${Math.round(100 * fraction)} %`);
-            else this.#say("");
-          },
-          landed: (status) => this.dispatchEvent(new CustomEvent("landed", { detail: status })),
-          refused: (code, message) => this.#fail(new StreamError(code, message)),
-          missed: () => this.#remark("There is no ground. Click where you want to land."),
-        },
-      );
+      try {
+        this.#show(src, token, files, loadFiles);
+      } catch (error) {
+        opening.abort();
+        this.#clear();
+        this.#fail(new StreamError("no_webgl", String(error)));
+      }
+    };
+    try {
+      // The overview first, where the scene has one: the base takes its place, and a landing asked for meanwhile goes on.
+      const files = await loadFiles(undefined, show);
+      // Published anew in between: its base does not belong to the overview that is shown.
+      if (!signal.aborted && this.#shown?.complete(files) !== true) show(files);
     } catch (error) {
-      if (!signal.aborted)
-        this.#fail(error instanceof StreamError ? error : new StreamError("no_webgl", String(error)));
-      return;
+      if (signal.aborted) return;
+      this.#clear();
+      this.#fail(error instanceof StreamError ? error : new StreamError("worker_failed", String(error)));
     }
+  }
+
+  /** Show a scene, in the place of what is shown. Throws where the browser has no WebGL 2. */
+  #show(
+    src: string,
+    token: Token | undefined,
+    files: SceneFiles,
+    loadFiles: (version: string) => Promise<SceneFiles>,
+  ): void {
+    this.#clear();
+    const canvas = document.createElement("canvas");
+    canvas.tabIndex = 0;
+    canvas.setAttribute("role", "application");
+    canvas.setAttribute("aria-label", `Ground of ${files.manifest.name}`);
+    canvas.part.add("canvas");
+    this.#root.prepend(canvas);
+    this.#manifest = files.manifest;
+    this.#regions = files.regions;
+    this.#shown = new ShownScene(
+      {
+        canvas,
+        sceneUrl: src,
+        token,
+        files,
+        budgets: budgetsFor(matchMedia("(pointer: coarse)").matches ? "phone" : "desktop"),
+        loadFiles,
+        isStill: () => matchMedia("(prefers-reduced-motion: reduce)").matches,
+        radiusM: () => this.#radiusM,
+      },
+      {
+        link: (link) => {
+          if (link.state === "open") this.#say("");
+          else if (link.state === "waiting") this.#say("No connection: trying again");
+          else if (link.state === "closed") this.#fail(new StreamError(link.code, link.message));
+        },
+        landing: ({ phase, fraction }) => {
+          if (phase === "planning" || phase === "streaming") this.#say(`Landing: ${Math.round(100 * fraction)} %`);
+          else this.#say("");
+        },
+        landed: (status) => this.dispatchEvent(new CustomEvent("landed", { detail: status })),
+        refused: (code, message) => this.#fail(new StreamError(code, message)),
+        missed: () => this.#remark("There is no ground. Click where you want to land."),
+      },
+    );
     this.#say("");
     this.#setMode();
     this.dispatchEvent(new CustomEvent("opened", { detail: this.#manifest }));
@@ -200,6 +223,11 @@ export class TerraportScene extends HTMLElement {
     this.#forget();
     this.#opening?.abort();
     this.#opening = null;
+    this.#clear();
+  }
+
+  /** Take away what is shown. */
+  #clear(): void {
     this.#shown?.dispose();
     this.#shown = null;
     this.#manifest = null;

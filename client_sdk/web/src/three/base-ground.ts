@@ -13,9 +13,18 @@ import type { GpuBuffer, GpuStore } from "./gpu-store.ts";
 import { type DrawFacts, type GroundMaterial, linear } from "./ground-material.ts";
 import { asAttribute, geometryOf, MeshUpload, wrap } from "./mesh-upload.ts";
 import { PLAIN } from "./palette.ts";
+import type { MiniaturePose } from "./types.ts";
 
 /** Faces that are written at once: 48 KB of indices. */
 const BLOCK_FACES = 4096;
+/** The model of the scene is drawn after the ground, over which it stands, and before whatever points at it. */
+const MINIATURE_ORDER = 880;
+
+/** Every face, drawn beside what is shown: the buffer is freed with the mesh. */
+interface Whole {
+  readonly mesh: Mesh;
+  readonly buffer: GpuBuffer;
+}
 
 /** One of the two index lists: the front one is drawn, the back one is made ready for the coming set. */
 interface Side {
@@ -43,7 +52,10 @@ export class BaseGround {
   readonly #facts: DrawFacts;
   readonly #material: GroundMaterial;
   /** All faces, drawn while base and detail are compared; null at any other time. */
-  #whole: { readonly mesh: Mesh; readonly buffer: GpuBuffer } | null = null;
+  #compared: Whole | null = null;
+  /** All faces, as the model of the scene; null at any other time. */
+  #miniature: Whole | null = null;
+  #miniaturePose: MiniaturePose | null = null;
   #sides: readonly [Side, Side] | null = null;
   #front: 0 | 1 = 0;
   #toAdd: number[] = [];
@@ -164,15 +176,51 @@ export class BaseGround {
 
   /** Draw all of it beside what is shown, or not; at once. False where it is not on the GPU yet. */
   setCompared(isCompared: boolean): boolean {
-    if (isCompared === (this.#whole !== null)) return true;
-    if (this.#whole !== null) {
-      this.#whole.mesh.removeFromParent();
-      this.#whole.mesh.geometry.dispose();
-      this.#store.freeBuffer(this.#whole.buffer);
-      this.#whole = null;
+    if (isCompared === (this.#compared !== null)) return true;
+    if (this.#compared !== null) {
+      this.#freeWhole(this.#compared);
+      this.#compared = null;
       return true;
     }
     if (!this.mesh.visible) return false;
+    const facts: DrawFacts = { ...this.#facts, side: -1 };
+    this.#compared = this.#makeWhole("whole base");
+    this.#compared.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => {
+      facts.measure = this.#facts.measure;
+      this.#material.bind(facts, camera);
+    };
+    return true;
+  }
+
+  /** Draw all of it once more as a model of the scene, or not; at once. Nothing where it is not on the GPU yet. */
+  setMiniature(pose: MiniaturePose | null): void {
+    this.#miniaturePose = pose;
+    if (pose === null || !this.mesh.visible) {
+      if (this.#miniature !== null) this.#freeWhole(this.#miniature);
+      this.#miniature = null;
+      return;
+    }
+    if (this.#miniature !== null) return;
+    this.#miniature = this.#makeWhole("miniature");
+    const { mesh } = this.#miniature;
+    mesh.material = this.#material.miniature;
+    mesh.renderOrder = MINIATURE_ORDER;
+    // Its sphere is that of the ground.
+    mesh.frustumCulled = false;
+    mesh.onBeforeRender = (renderer, _scene, camera: Camera) => {
+      // Before the ground that it stands in, wherever that is nearer; in itself it still hides what lies behind.
+      renderer.clearDepth();
+      if (this.#miniaturePose !== null) this.#material.bindMiniature(this.#facts, camera, this.#miniaturePose);
+    };
+  }
+
+  #freeWhole({ mesh, buffer }: Whole): void {
+    mesh.removeFromParent();
+    mesh.geometry.dispose();
+    this.#store.freeBuffer(buffer);
+  }
+
+  #makeWhole(name: string): Whole {
     const { indices } = this.#files.base;
     const buffer = this.#store.createBuffer(indices.byteLength, "indices");
     this.#store.writeBuffer(buffer, 0, new Uint8Array(indices.buffer, indices.byteOffset, indices.byteLength));
@@ -180,19 +228,13 @@ export class BaseGround {
       geometryOf(this.#upload, wrap(buffer.buffer, indices, 1, false), this.#files.base),
       this.#material.material,
     );
-    const facts: DrawFacts = { ...this.#facts, side: -1 };
-    mesh.name = "whole base";
+    mesh.name = name;
     mesh.matrixAutoUpdate = false;
     mesh.renderOrder = this.mesh.renderOrder;
     mesh.raycast = () => undefined;
-    mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => {
-      facts.measure = this.#facts.measure;
-      this.#material.bind(facts, camera);
-    };
     setMeasure(mesh.geometry, this.#measure);
     this.mesh.parent?.add(mesh);
-    this.#whole = { mesh, buffer };
-    return true;
+    return { mesh, buffer };
   }
 
   /** Show an attribute of the survey, or none. */
@@ -203,11 +245,14 @@ export class BaseGround {
     for (const side of this.#sides ?? []) {
       setMeasure(this.#geometryOf(side), this.#measure);
     }
-    if (this.#whole) setMeasure(this.#whole.mesh.geometry, this.#measure);
+    for (const whole of [this.#compared, this.#miniature]) {
+      if (whole !== null) setMeasure(whole.mesh.geometry, this.#measure);
+    }
   }
 
   dispose(): void {
     this.setCompared(false);
+    this.setMiniature(null);
     for (const side of this.#sides ?? []) {
       side.geometry?.dispose();
       this.#store.freeBuffer(side.buffer);

@@ -27,7 +27,7 @@ import {
   toByte,
 } from "./palette.ts";
 import { TaughtLook } from "./taught-look.ts";
-import type { ViewMode } from "./types.ts";
+import type { MiniaturePose, ViewMode } from "./types.ts";
 
 /** What differs between two draws. */
 export interface DrawFacts {
@@ -61,6 +61,8 @@ const EYE_GRID_M = 0.0625;
 /** Material and its uniforms. `bind` is called for each draw, once per eye. */
 export class GroundMaterial {
   readonly material: ShaderMaterial;
+  /** For the model of the scene: the same uniforms, and another way from a place to its pixel. */
+  readonly miniature: ShaderMaterial;
   #gridM: number;
   readonly #uniforms;
   #regionColours: DataTexture;
@@ -100,17 +102,19 @@ export class GroundMaterial {
       fresh: { value: 0 },
       splitX: { value: 0 },
       side: { value: 0 },
+      modelScale: { value: 1 },
       ...this.#taught.uniforms,
     };
-    this.material = new ShaderMaterial({
-      name: "ground",
+    const program = {
       glslVersion: GLSL3,
       vertexShader: VERTEX_SHADER,
       fragmentShader: FRAGMENT_SHADER,
       uniforms: this.#uniforms,
       side: DoubleSide,
       toneMapped: false,
-    });
+    };
+    this.material = new ShaderMaterial({ ...program, name: "ground" });
+    this.miniature = new ShaderMaterial({ ...program, name: "miniature", defines: { MINIATURE: "" } });
     this.setMode({ kind: "colour" }, "light");
   }
 
@@ -157,6 +161,22 @@ export class GroundMaterial {
 
   /** Set what differs, and where this eye is. three.js calls it (onBeforeRender) with the eye's own camera. */
   bind(facts: DrawFacts, camera: Camera): void {
+    const { elements } = camera.matrixWorld;
+    this.#bind(facts, elements[12]!, elements[13]!, elements[14]!);
+    // One material for all meshes: three.js would take the uniforms for those of the draw before.
+    this.material.uniformsNeedUpdate = true;
+  }
+
+  /** As `bind`, for {@link miniature}: the eye is as far from the scene's middle as from the model's, in metres of the ground. */
+  bindMiniature(facts: DrawFacts, camera: Camera, { middle, at, scale }: MiniaturePose): void {
+    const { elements } = camera.matrixWorld;
+    const [x, y, z] = [0, 1, 2].map((axis) => middle[axis]! + (elements[12 + axis]! - at[axis]!) / scale);
+    this.#uniforms.modelScale.value = scale;
+    this.#bind(facts, x!, y!, z!);
+    this.miniature.uniformsNeedUpdate = true;
+  }
+
+  #bind(facts: DrawFacts, x: number, y: number, z: number): void {
     const u = this.#uniforms;
     u.translation.value.set(...facts.translation);
     u.stepM.value = facts.stepM;
@@ -173,8 +193,6 @@ export class GroundMaterial {
     u.side.value = facts.side;
     // The eye in two parts. The coarse one lies on the grid of the codes, so the shader's difference to it is exact in
     // float32; the fine one is small. One number for both would shake by millimetres far from the origin.
-    const worldMatrix = camera.matrixWorld.elements;
-    const [x, y, z] = [worldMatrix[12]!, worldMatrix[13]!, worldMatrix[14]!];
     const grid = this.#gridM;
     const coarse = u.eyeCoarse.value.set(
       Math.round(x / grid) * grid,
@@ -182,8 +200,6 @@ export class GroundMaterial {
       Math.round(z / grid) * grid,
     );
     u.eyeFine.value.set(x - coarse.x, y - coarse.y, z - coarse.z);
-    // One material for all meshes: three.js would take the uniforms for those of the draw before.
-    this.material.uniformsNeedUpdate = true;
   }
 
   /** Grid and regions of another version. */
@@ -205,6 +221,7 @@ export class GroundMaterial {
     this.#ramps.dispose();
     this.#taught.dispose();
     this.material.dispose();
+    this.miniature.dispose();
   }
 }
 

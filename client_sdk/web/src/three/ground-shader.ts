@@ -42,6 +42,9 @@ uniform int mode;
 uniform bool hasMap;
 uniform sampler2D map;
 uniform vec2 measureScale;
+#ifdef MINIATURE
+uniform float modelScale;
+#endif
 
 out vec3 vTilt;
 out vec3 vTint;
@@ -55,7 +58,12 @@ invariant gl_Position;
 void main() {
   vec3 place = translation + stepM * code.xyz;
   vec3 away = (place - eyeCoarse) - eyeFine;
+#ifdef MINIATURE
+  // Seen from the eye that the model's scale and place make of the real one; nothing stands before it to be pushed behind.
+  away *= modelScale;
+#else
   away += pushM * away / max(length(away), 0.001);
+#endif
   gl_Position = projectionMatrix * vec4(mat3(viewMatrix) * away, 1.0);
   if (gl_Position.w > 0.0) {
 #ifdef USE_REVERSED_DEPTH_BUFFER

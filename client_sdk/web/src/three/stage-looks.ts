@@ -5,7 +5,7 @@ import type { WebGLRenderer } from "three";
 import type { BaseGround } from "./base-ground.ts";
 import type { GroundMaterial } from "./ground-material.ts";
 import type { GroundSet } from "./ground-set.ts";
-import type { ViewMode } from "./types.ts";
+import type { MiniaturePose, ViewMode } from "./types.ts";
 
 /** Light or dark page: decides the grey of "no value" alone. */
 export type Theme = "light" | "dark";
@@ -23,6 +23,8 @@ export class StageLooks {
   #freshSinceMs: number | null = null;
   /** Where base and detail are compared, as a share of the picture's width; null where they are not. */
   split: number | null = null;
+  /** Where a model of the scene stands; null where there is none. */
+  miniature: MiniaturePose | null = null;
 
   constructor(material: GroundMaterial, grounds: GroundSet) {
     this.#material = material;
@@ -67,6 +69,7 @@ export class StageLooks {
     const share = renderer.xr.isPresenting ? null : this.split;
     const isCompared = base.setCompared(share !== null) && share !== null;
     this.#material.setSplit(isCompared ? share * renderer.domElement.width : null);
+    base.setMiniature(this.miniature);
   }
 
   #fade(nowMs: number): void {

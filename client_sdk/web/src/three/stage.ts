@@ -31,7 +31,16 @@ import { regionColour, segmentColour, toCss } from "./palette.ts";
 import { StageLooks, type Theme } from "./stage-looks.ts";
 import { passOn, residencyOf, type StageOptions } from "./stage-options.ts";
 import { StreamCounters, stageStats } from "./stage-stats.ts";
-import type { GroundHit, LandingStatus, Landings, StageStats, SwapReport, ViewMode, VisibleDigest } from "./types.ts";
+import type {
+  GroundHit,
+  LandingStatus,
+  Landings,
+  MiniaturePose,
+  StageStats,
+  SwapReport,
+  ViewMode,
+  VisibleDigest,
+} from "./types.ts";
 import { UploadBudget } from "./upload-budget.ts";
 
 export type { StageOptions, Theme };
@@ -231,6 +240,14 @@ export class Stage implements Landings {
   /** Draw the base alone left of this share of the picture's width, what is shown right of it; null ends it. */
   setSplit(share: number | null): void {
     this.#looks.split = share;
+  }
+
+  /**
+   * Draw the whole base once more, small, as a model of the scene, from the next `update` on; null takes it away. It is no part
+   * of what is visible: nothing meets it, and it counts in no digest.
+   */
+  setMiniature(pose: MiniaturePose | null): void {
+    this.#looks.miniature = pose;
   }
 
   /** What full detail of the landing that is shown has made sharper; null without any. Walks the base: once per landing. */

@@ -60,6 +60,17 @@ export interface LandingStatus {
   readonly refusal: string | null;
 }
 
+/**
+ * Where a model of the scene stands, and how small: the scene's point `middle` is at `at`, both in the scene's frame, metres.
+ * It is never turned: what lies north in the scene lies north of the model's middle.
+ */
+export interface MiniaturePose {
+  readonly middle: Vec3;
+  readonly at: Vec3;
+  /** Metres of the model for a metre of the ground. */
+  readonly scale: number;
+}
+
 /** What one swap changed. */
 export interface SwapReport {
   readonly landing: number;

@@ -5,7 +5,7 @@ import type { Vec3 } from "../core/types.ts";
 import { judgeFooting, newStand } from "../three/footing.ts";
 import type { Landings } from "../three/types.ts";
 import { ARC_DEFAULTS, castArc, cutShort, newArc, pointsAway, throwArc } from "./arc.ts";
-import type { Pointer } from "./inputs.ts";
+import { isHand, type Pointer } from "./inputs.ts";
 import { newReadiness, type Readiness, readinessOf, resetReadiness } from "./readiness.ts";
 import { createRibbon } from "./ribbon.ts";
 import { createRing } from "./ring.ts";
@@ -121,8 +121,7 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       ring.show(fraction >= 1 ? "ready" : "aim", fraction);
     },
     aimed(pointer, nowMs) {
-      const pinches = pointer.source.targetRayMode === "transient-pointer" || isHand(pointer.source);
-      const position = targetBefore(trail, nowMs, pinches ? BEFORE_MS : 0);
+      const position = targetBefore(trail, nowMs, isHand(pointer.source) ? BEFORE_MS : 0);
       return position === null ? null : { position, normal: [...stand.normal], turnRad };
     },
     hide() {
@@ -135,10 +134,6 @@ export function createAiming(landings: Landings, radiusM: () => number): Aiming 
       ring.dispose();
     },
   };
-}
-
-function isHand(source: XRInputSource): boolean {
-  return source.hand !== undefined && source.hand !== null;
 }
 
 function distance(a: Vec3, b: Vec3): number {

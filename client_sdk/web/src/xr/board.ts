@@ -7,10 +7,12 @@ import { panelBefore } from "./panel-place.ts";
 import { wrapAngle } from "./pose.ts";
 import type { Tone } from "./types.ts";
 
-const WIDTH = 1200;
-const HEIGHT = 330;
+const WIDTH = 1600;
+const HEIGHT = 440;
+export const BOARD_FONT = 76;
+const LINE = 96;
 /** Ahead, and a little above the eyes: below them hangs the menu, and there is the ring. */
-const AWAY_M = 1.5;
+export const BOARD_AWAY_M = 1.5;
 const BELOW_M = -0.12;
 /** How long a message stays that does not stay. */
 const LASTS_MS = 5000;
@@ -49,7 +51,7 @@ export function createBoard(): Board {
       const isBeside = Math.abs(wrapAngle(facingRad - hungFacingRad)) > BESIDE_RAD;
       // It hangs still while it is read: only news brings it round, and only where the user looks elsewhere.
       if (due && (panel.pose === null || isBeside)) {
-        panel.moveTo(panelBefore(eye, facingRad, AWAY_M, BELOW_M));
+        panel.moveTo(panelBefore(eye, facingRad, BOARD_AWAY_M, BELOW_M));
         hungFacingRad = facingRad;
       }
       due = false;
@@ -66,13 +68,13 @@ function drawBoard(context: CanvasRenderingContext2D, text: string, tone: Tone):
   context.textBaseline = "middle";
   context.textAlign = "left";
   context.fillStyle = tone === "warning" ? "#ff8a3c" : "#8fd3ff";
-  context.font = `700 88px ${FONT}`;
+  context.font = `700 110px ${FONT}`;
   context.fillText(tone === "warning" ? "!" : "i", 64, HEIGHT / 2);
   context.fillStyle = "#f2f5f8";
-  context.font = `500 54px ${FONT}`;
+  context.font = `500 ${BOARD_FONT}px ${FONT}`;
   const lines = wrapText(text, WIDTH - 220, (line) => context.measureText(line).width).slice(0, 4);
-  const top = HEIGHT / 2 - ((lines.length - 1) * 68) / 2;
+  const top = HEIGHT / 2 - ((lines.length - 1) * LINE) / 2;
   for (const [k, line] of lines.entries()) {
-    context.fillText(line, 150, top + k * 68, WIDTH - 200);
+    context.fillText(line, 150, top + k * LINE, WIDTH - 200);
   }
 }

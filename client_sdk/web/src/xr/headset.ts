@@ -34,6 +34,7 @@ import {
   shown,
   type Target,
 } from "./teleport.ts";
+import { createToolDesk } from "./tools.ts";
 import type { HeadsetOptions, HeadsetSession } from "./types.ts";
 import { createVeil } from "./veil.ts";
 import { createWands } from "./wands.ts";
@@ -41,10 +42,13 @@ import { createWands } from "./wands.ts";
 export { headsetSupported } from "./session.ts";
 export type {
   HeadsetBookmark,
+  HeadsetMark,
   HeadsetMenu,
   HeadsetOptions,
   HeadsetSession,
   HeadsetStats,
+  HeadsetTool,
+  HeadsetTools,
   Standpoint,
 } from "./types.ts";
 
@@ -124,17 +128,24 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   const layWaiting = (position: Vec3, normal: Vec3, turnRad: number): void => {
     waiting.lay(position, normal, stance.eye, stance.facingRad + turnRad);
   };
+  const landAt = (place: Vec3, facingRad: number | null): void => {
+    land({ position: place, turnRad: 0, facingRad });
+    layWaiting(place, [0, 1, 0], 0);
+  };
   const snap = (sign: 1 | -1): void => askTurn(turn, sign * desk.turnDeg * DEGREE, nowMs);
+  const tools = createToolDesk(options, landings, {
+    land: (place) => landAt(place, null),
+    say: (text) => board.show(text, "warning", false, nowMs),
+  });
   const desk = createMenuDesk({
     menu: options.menu,
     radiusM: options.radiusM,
     maxRadiusM: () => maxRadiusM,
     status: () => statusLine(landings.status, announced.linkLost),
     snap,
-    visit: ({ place, yawDeg }) => {
-      land({ position: place, turnRad: 0, facingRad: yawDeg === null ? null : yawOfAzimuth(yawDeg) });
-      layWaiting(place, [0, 1, 0], 0);
-    },
+    visit: ({ place, yawDeg }) => landAt(place, yawDeg === null ? null : yawOfAzimuth(yawDeg)),
+    tools: options.tools,
+    openOverview: options.setMiniature === undefined ? null : () => tools.openOverview(stance.eye, stance.facingRad),
     leave: () => {
       session.end().catch(() => undefined);
     },
@@ -142,18 +153,26 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
 
   // (4) Inputs. One pointer aims at a time (`teleport.aimBy`); the others press and turn.
   const endAim = (by: number | null): void => {
+    tools.cancel(by);
     if (cancelAim(teleport, by)) {
       aiming.hide();
+      tools.hideProbe();
     }
   };
   const startAim = (pointer: Pointer, byStick: boolean): void => {
     if (beginAim(teleport, pointer.key)) {
       aimsByStick = byStick;
-      aiming.begin();
+      if (!tools.begin()) {
+        aiming.begin();
+      }
     }
   };
   const letGo = (pointer: Pointer): void => {
     if (!releaseAim(teleport, pointer.key)) {
+      return;
+    }
+    if (tools.probes) {
+      tools.use(pointer, nowMs);
       return;
     }
     const aimed = aiming.aimed(pointer, nowMs);
@@ -169,11 +188,15 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     session,
     {
       selectStart(pointer) {
-        if (usable() && !desk.press(pointer)) {
+        if (usable() && !desk.press(pointer) && !tools.press(pointer)) {
           startAim(pointer, false);
         }
       },
       selectEnd(pointer, completed) {
+        if (completed && tools.release(pointer)) {
+          return;
+        }
+        tools.cancel(pointer.key);
         if (teleport.aimBy === pointer.key && !aimsByStick) {
           if (completed) {
             letGo(pointer);
@@ -191,10 +214,18 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     () => ({ space, rig: stance.pose }),
   );
 
+  /** One thing before the eyes at a time: the button that opened the menu closes the overview. */
+  const toggleMenu = (): void => {
+    if (tools.overviewOpen) {
+      tools.closeOverview();
+    } else {
+      desk.toggle(stance.eye, stance.facingRad);
+    }
+  };
   const readControls = (pointer: Pointer): void => {
     const button = inputs.pressed(pointer);
     if (button === "menu") {
-      desk.toggle(stance.eye, stance.facingRad);
+      toggleMenu();
     } else if (button === "cancel") {
       endAim(null);
     }
@@ -210,7 +241,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     }
     const joints = pointer.source.handedness === "left" ? wands.jointsOf(pointer) : null;
     if (joints !== null && holdPalm(palm, palmTowards(joints, stance.head.position), nowMs)) {
-      desk.toggle(stance.eye, stance.facingRad);
+      toggleMenu();
     }
   };
 
@@ -236,6 +267,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       const towards = target.facingRad ?? stance.facingRad + target.turnRad;
       stance.stand(groundUnder(target.position), towards);
       desk.hide();
+      tools.closeOverview();
       board.moved();
       options.landed?.(stance.standpoint());
       // The page was told, and may have moved the rig with its own camera: put back before this frame is drawn.
@@ -265,11 +297,14 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
   };
   const drawGuides = (): void => {
     const pointer = inputs.pointers.find((each) => each.key === teleport.aimBy);
-    if (pointer?.hasRay === true) {
+    if (pointer?.hasRay === true && tools.probes) {
+      tools.aim(pointer, stance.eye, nowMs);
+    } else if (pointer?.hasRay === true) {
       aiming.update(pointer, stance.eye, stance.facingRad, nowMs);
     } else {
       aiming.hide();
     }
+    tools.update(inputs.pointers, stance.eye, stance.standpoint().place, stance.facingRad);
     if (nowMs < refusedUntilMs) {
       waiting.show("invalid", 0);
     } else if (teleport.pending !== null && !teleport.pending.moved) {
@@ -300,6 +335,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     board.panel.object,
     ...aiming.objects,
     ...desk.objects,
+    ...tools.objects,
   ];
   let resolveEnd: () => void = () => undefined;
   const ended = new Promise<void>((resolve) => {
@@ -311,7 +347,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
     inputs.dispose();
     scene.remove(...headsetObjects);
     rig.remove(wands.object);
-    for (const each of [sky, veil, waiting, board.panel, aiming, desk, wands]) {
+    for (const each of [sky, veil, waiting, board.panel, aiming, desk, tools, wands]) {
       each.dispose();
     }
     space.removeEventListener("reset", stance.recentred);
@@ -373,6 +409,7 @@ export async function enterHeadset(options: HeadsetOptions): Promise<HeadsetSess
       if (turnRad !== 0) {
         stance.turn(turnRad);
         desk.follow(stance.eye, stance.facingRad);
+        tools.follow(stance.eye, stance.facingRad);
       }
       // After the inputs, so that a release in this frame lands in it; before the guides, which show the outcome.
       step();

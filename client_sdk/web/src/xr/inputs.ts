@@ -140,6 +140,11 @@ export function listenInputs(
   };
 }
 
+/** Whether it points by a hand, seen or only felt: letting go moves it. */
+export function isHand({ hand, targetRayMode }: XRInputSource): boolean {
+  return targetRayMode === "transient-pointer" || (hand !== undefined && hand !== null);
+}
+
 function newPointer(key: number, source: XRInputSource): Pointer {
   return {
     key,

@@ -1,8 +1,10 @@
 /** What stands where on the menu: a list of rectangles in the panel's own units, without canvas or three.js. */
 
+import type { HeadsetTool } from "./types.ts";
+
 /** Panel units; one is half a millimetre. */
 export const MENU_WIDTH = 1000;
-export const MENU_HEIGHT = 780;
+export const MENU_HEIGHT = 880;
 
 /** Radii to choose from, metres. */
 export const RADII_M: readonly number[] = [10, 15, 20, 30, 40, 60, 80, 100, 150, 200];
@@ -17,6 +19,9 @@ export type MenuAction =
   | { readonly kind: "snap"; readonly sign: 1 | -1 }
   | { readonly kind: "bookmark"; readonly index: number }
   | { readonly kind: "page"; readonly page: number }
+  | { readonly kind: "tool"; readonly tool: HeadsetTool }
+  | { readonly kind: "clear" }
+  | { readonly kind: "overview" }
   | { readonly kind: "close" }
   | { readonly kind: "leave" };
 
@@ -40,6 +45,11 @@ export interface MenuModel {
   readonly turnDeg: number;
   readonly bookmarks: readonly string[];
   readonly page: number;
+  /** What the trigger does; null where it can only land. */
+  readonly tool: HeadsetTool | null;
+  /** Something is picked or measured. */
+  readonly hasMarks: boolean;
+  readonly hasOverview: boolean;
   /** One line on the landing and the link. */
   readonly status: string;
 }
@@ -52,10 +62,13 @@ const BUTTON = 80;
 /** The menu's items, from top to bottom. */
 export function layoutMenu(model: MenuModel): MenuItem[] {
   const items: MenuItem[] = [
-    item(LEFT, 28, 600, 64, "terraport", "title"),
+    item(LEFT, 28, 380, 64, "terraport", "title"),
     item(LEFT, 92, MENU_WIDTH - 2 * LEFT, 48, model.status, "status"),
     item(MENU_WIDTH - LEFT - 170, 28, 170, 64, "Close", "button", { kind: "close" }),
   ];
+  if (model.hasOverview) {
+    items.push(item(MENU_WIDTH - LEFT - 170 - 20 - 270, 28, 270, 64, "Overview", "button", { kind: "overview" }));
+  }
   let y = 156;
   items.push(item(LEFT, y, 280, BUTTON, "Radius", "label"));
   stepper(items, y, `${Math.round(model.radiusM)} m`, stepRadius(model, -1), stepRadius(model, 1));
@@ -70,6 +83,10 @@ export function layoutMenu(model: MenuModel): MenuItem[] {
       { kind: "mode", index: (model.modeIndex + count - 1) % count },
       { kind: "mode", index: (model.modeIndex + 1) % count },
     );
+  }
+  if (model.tool !== null) {
+    y += ROW;
+    addTools(items, model.tool, model.hasMarks, y);
   }
   y += ROW;
   items.push(item(LEFT, y, 280, BUTTON, "Turn", "label"));
@@ -102,6 +119,22 @@ export function itemAt(items: readonly MenuItem[], x: number, y: number): MenuIt
 /** Pages that so many bookmarks need; at least 1. */
 export function pagesOf(bookmarks: number): number {
   return Math.max(1, Math.ceil(bookmarks / PAGE));
+}
+
+const TOOLS: readonly (readonly [HeadsetTool, string, number])[] = [
+  ["land", "Land", 120],
+  ["pick", "Pick", 110],
+  ["measure", "Measure", 220],
+];
+
+function addTools(items: MenuItem[], chosen: HeadsetTool, hasMarks: boolean, y: number): void {
+  items.push(item(LEFT, y, 280, BUTTON, "Trigger", "label"));
+  let x = VALUE;
+  for (const [tool, text, width] of TOOLS) {
+    items.push(item(x, y, width, BUTTON, text, tool === chosen ? "chosen" : "button", { kind: "tool", tool }));
+    x += width + 10;
+  }
+  items.push(item(x, y, MENU_WIDTH - LEFT - x, BUTTON, "Clear", "button", hasMarks ? { kind: "clear" } : null));
 }
 
 function addBookmarks(items: MenuItem[], model: MenuModel, top: number): void {

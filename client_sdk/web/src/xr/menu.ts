@@ -8,6 +8,9 @@ import { meetPanel, panelBefore } from "./panel-place.ts";
 
 const AWAY_M = 0.75;
 const BELOW_M = 0.22;
+/** From the eyes, metres, and the smallest letters, units. */
+export const MENU_AWAY_M = Math.hypot(AWAY_M, BELOW_M);
+export const MENU_FONTS = { title: 52, status: 40, button: 42 } as const;
 
 export interface MenuMeeting {
   readonly item: MenuItem | null;
@@ -142,12 +145,12 @@ function drawMenu(context: CanvasRenderingContext2D, items: readonly MenuItem[])
 
 function fontOf(item: MenuItem): string {
   if (item.look === "title") {
-    return `700 52px ${FONT}`;
+    return `700 ${MENU_FONTS.title}px ${FONT}`;
   }
   if (item.look === "status") {
-    return `400 34px ${FONT}`;
+    return `400 ${MENU_FONTS.status}px ${FONT}`;
   }
-  return `500 42px ${FONT}`;
+  return `500 ${MENU_FONTS.button}px ${FONT}`;
 }
 
 /** Cut a text that is too long, with an ellipsis: squeezed letters are harder to read than few. */

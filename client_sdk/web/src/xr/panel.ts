@@ -12,7 +12,7 @@ import {
 } from "three";
 import type { PanelPose } from "./panel-place.ts";
 
-/** Letters of 30 units are 15 mm high: half a degree at the arm's length and a half where panels hang. */
+/** Capitals of 36 units are 13 mm high: a degree at three quarters of a metre. */
 export const METRES_PER_UNIT = 0.0005;
 export const FONT = "system-ui, sans-serif";
 
@@ -85,6 +85,12 @@ export function createPanel(name: string, width: number, height: number): Panel 
       material.dispose();
     },
   };
+}
+
+/** How high a font's capitals are in the eye, degrees, on a panel so far away; what is read is a degree at least. */
+export function capitalsDeg(fontUnits: number, awayM: number): number {
+  const capitalsM = 0.72 * fontUnits * METRES_PER_UNIT;
+  return (Math.atan2(capitalsM, awayM) * 180) / Math.PI;
 }
 
 /** A rounded plate over the whole canvas. */

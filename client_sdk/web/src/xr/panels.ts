@@ -6,13 +6,16 @@ import type { Pointer } from "./inputs.ts";
 import { createMenu, type MenuMeeting } from "./menu.ts";
 import type { MenuAction, MenuModel } from "./menu-layout.ts";
 import { createRibbon } from "./ribbon.ts";
-import type { HeadsetBookmark, HeadsetMenu } from "./types.ts";
+import type { HeadsetBookmark, HeadsetMenu, HeadsetTools } from "./types.ts";
 
 /** How often an open menu looks whether something of it has changed. */
 const REFRESH_MS = 250;
 
 /** The ray ends on the panel and is drawn over it. */
 const AFTER_PANELS = 940;
+
+/** Panels hang within the arm's reach: their ray is short. */
+const RAY_FADE_M = 0.2;
 
 export interface MenuState {
   readonly menu: HeadsetMenu | undefined;
@@ -23,6 +26,9 @@ export interface MenuState {
   /** Land at a bookmark; its radius is already set. */
   readonly visit: (bookmark: HeadsetBookmark) => void;
   readonly leave: () => void;
+  readonly tools: HeadsetTools | undefined;
+  /** Null where the scene has no model. */
+  readonly openOverview: (() => void) | null;
 }
 
 export interface MenuDesk {
@@ -44,7 +50,7 @@ export interface MenuDesk {
 /** A menu, closed. */
 export function createMenuDesk(state: MenuState): MenuDesk {
   const menu = createMenu();
-  const ray = createRibbon(2, AFTER_PANELS);
+  const ray = createRibbon(2, AFTER_PANELS, RAY_FADE_M);
   const ends = new Float32Array(6);
   let page = 0;
   let turnDeg = 30;
@@ -58,6 +64,9 @@ export function createMenuDesk(state: MenuState): MenuDesk {
     turnDeg,
     bookmarks: state.menu?.bookmarks().map((each) => each.label) ?? [],
     page,
+    tool: state.tools?.tool() ?? null,
+    hasMarks: (state.tools?.picked() ?? state.tools?.measured() ?? null) !== null,
+    hasOverview: state.openOverview !== null,
     status: state.status(),
   });
   const hide = (): void => {
@@ -84,6 +93,13 @@ export function createMenuDesk(state: MenuState): MenuDesk {
         }
         state.visit(bookmark);
       }
+    } else if (action.kind === "tool") {
+      state.tools?.setTool(action.tool);
+    } else if (action.kind === "clear") {
+      state.tools?.clear();
+    } else if (action.kind === "overview") {
+      hide();
+      state.openOverview?.();
     } else if (action.kind === "close") {
       hide();
     } else {

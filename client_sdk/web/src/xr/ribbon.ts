@@ -22,10 +22,11 @@ void main() {
 const FRAGMENT = /* glsl */ `
 uniform vec3 uColour;
 uniform bool uBroken;
+uniform float uFadeM;
 varying float vAlong;
 void main() {
   if (uBroken && fract(vAlong / 0.6) > 0.5) discard;
-  gl_FragColor = vec4(uColour, 0.85 * smoothstep(0.1, 0.8, vAlong));
+  gl_FragColor = vec4(uColour, 0.85 * smoothstep(0.125 * uFadeM, uFadeM, vAlong));
   #include <colorspace_fragment>
 }`;
 
@@ -37,8 +38,11 @@ export interface Ribbon {
   dispose(): void;
 }
 
-/** A ribbon for at most `maxPoints` points, hidden. `order`: three.js's order of drawing. */
-export function createRibbon(maxPoints: number, order = 802): Ribbon {
+/**
+ * A ribbon for at most `maxPoints` points, hidden. `order`: three.js's order of drawing; `fadeM`: it is wholly seen so far from its
+ * beginning.
+ */
+export function createRibbon(maxPoints: number, order = 802, fadeM = 0.8): Ribbon {
   const geometry = new BufferGeometry();
   const positions = new BufferAttribute(new Float32Array(maxPoints * 6), 3).setUsage(DynamicDrawUsage);
   const along = new BufferAttribute(new Float32Array(maxPoints * 2), 1).setUsage(DynamicDrawUsage);
@@ -49,7 +53,7 @@ export function createRibbon(maxPoints: number, order = 802): Ribbon {
   geometry.setAttribute("position", positions);
   geometry.setAttribute("along", along);
   geometry.setIndex(indices);
-  const uniforms = { uColour: { value: FIRM.clone() }, uBroken: { value: false } };
+  const uniforms = { uColour: { value: FIRM.clone() }, uBroken: { value: false }, uFadeM: { value: fadeM } };
   const material = new ShaderMaterial({
     uniforms,
     vertexShader: VERTEX,

@@ -2,7 +2,7 @@
 
 import type { Group, Object3D, PerspectiveCamera, WebGLRenderer } from "three";
 import type { LandOptions, StreamEvent, Vec3 } from "../core/types.ts";
-import type { Landings, ViewMode } from "../three/types.ts";
+import type { Landings, MiniaturePose, ViewMode } from "../three/types.ts";
 import type { TimeSummary } from "./frames.ts";
 import type { TeleportPhase } from "./teleport.ts";
 
@@ -31,6 +31,29 @@ export interface HeadsetMenu {
   readonly bookmarks: () => readonly HeadsetBookmark[];
 }
 
+/** What a trigger does on the ground. */
+export type HeadsetTool = "land" | "pick" | "measure";
+
+/** What stands in the world of a pick or a measurement: its label at the last of its points. Another object once it differs. */
+export interface HeadsetMark {
+  /** Scene frame, metres. */
+  readonly points: readonly Vec3[];
+  /** The first is its title; at most nine are shown. */
+  readonly lines: readonly string[];
+}
+
+/** The page's tools for the ground. Asked in every frame: what has not changed is the same object. */
+export interface HeadsetTools {
+  readonly tool: () => HeadsetTool;
+  readonly setTool: (tool: HeadsetTool) => void;
+  /** Use the tool on the ground along a ray. */
+  readonly use: (origin: Vec3, direction: Vec3) => void;
+  /** Take back what was measured and picked. */
+  readonly clear: () => void;
+  readonly picked: () => HeadsetMark | null;
+  readonly measured: () => HeadsetMark | null;
+}
+
 export interface HeadsetOptions {
   readonly renderer: WebGLRenderer;
   /** What is rendered; the arc, ring, panels and veil hang in it while the session lasts. Not moved, turned or scaled. */
@@ -51,6 +74,10 @@ export interface HeadsetOptions {
   readonly setUploadBudgetMs?: (budgetMs: number | null) => void;
   /** Without it the menu has only the turn angle and the way out. */
   readonly menu?: HeadsetMenu;
+  /** Without them a trigger lands, and nothing else. */
+  readonly tools?: HeadsetTools;
+  /** Draws the scene as a model; without it the menu offers no overview. */
+  readonly setMiniature?: (pose: MiniaturePose | null) => void;
 }
 
 export type Tone = "info" | "warning";

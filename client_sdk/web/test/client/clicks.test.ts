@@ -129,7 +129,7 @@ describe.skipIf(TERRAPORT_URL === undefined)("clicks on a real scene", () => {
       const orders: LandingOrder[] = [];
       const going = createGoing({
         store,
-        stage: { markFresh: nothing, status: { phase: "idle" } },
+        stage: { markFresh: nothing, status: { phase: "idle" }, cast: scene.ground.cast },
         camera,
         notices: { clear: nothing, show: nothing },
         link: { follow: nothing },

@@ -146,7 +146,8 @@ export function createActions(options: ActionOptions): Actions {
         // In the task of the click, or the browser refuses. From `presenting` on the session moves rig and camera.
         await headset.enter(options.headsetOptions());
         if (headset.session === null) return;
-        store.set({ presenting: true, aim: null });
+        // Who puts it on lands first; a tool of the page is chosen again in the headset's own menu.
+        store.set({ presenting: true, aim: null, tool: "land" });
         markers.setVisible(false);
         loop.request();
       } catch (error) {

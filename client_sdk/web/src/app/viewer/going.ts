@@ -8,6 +8,7 @@ import { prefersLessMotion } from "../device.ts";
 import { outsideNotice, steepNotice } from "../failures.ts";
 import { formatBytes, formatCount, formatMs, formatReach } from "../format.ts";
 import { isSameLanding, type Look, type Place, type Route } from "../route.ts";
+import { EYE_HEIGHT_M, openYaw } from "../walk-pose.ts";
 import type { CameraDesk } from "./camera-desk.ts";
 import type { FrameLoop } from "./frame-loop.ts";
 import type { LandingOrder } from "./landing-desk.ts";
@@ -56,6 +57,8 @@ export interface GoingOptions {
   readonly isBuried: (feet: Vec3) => boolean;
 }
 
+/** Who sees so far stands before no wall, metres. */
+const SIGHT_M = 50;
 /** Whoever comes down from above looks a little down. */
 const ARRIVAL_PITCH_DEG = -8;
 
@@ -128,10 +131,19 @@ export function createGoing(options: GoingOptions): Going {
       return false;
     }
     const isFromAbove = camera.view !== "walk";
-    const yawDeg = look?.yawDeg ?? camera.yawDeg;
+    const yawDeg = look?.yawDeg ?? (isFromAbove ? openYaw(camera.yawDeg, sightAt(at)) : camera.yawDeg);
     const pitchDeg = look?.pitchDeg ?? (isFromAbove ? ARRIVAL_PITCH_DEG : null);
     camera.moveTo(at, { view: "walk", yawDeg, pitchDeg, distanceM: null, focus: null }, glides && isFromAbove);
     return true;
+  }
+
+  /** How far one sees who stands there, by where he looks. */
+  function sightAt([x, y, z]: Vec3): (yawDeg: number) => number {
+    return (yawDeg) => {
+      const yaw = (yawDeg * Math.PI) / 180;
+      const ahead: Vec3 = [Math.sin(yaw), 0, -Math.cos(yaw)];
+      return stage.cast([x, y + EYE_HEIGHT_M, z], ahead, SIGHT_M)?.distanceM ?? Number.POSITIVE_INFINITY;
+    };
   }
 
   /** Look at a place as an address says. */

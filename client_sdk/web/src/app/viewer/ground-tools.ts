@@ -32,6 +32,8 @@ export interface GroundTools {
   pressMove(x: number, y: number): void;
   pressEnd(cancelled: boolean): void;
   undoPoint(): void;
+  /** Pick or measure along a ray, as the tool is; as `tap` for who points by hand. */
+  useRay(ray: Ray): void;
 }
 
 /** A click so near the target means the target. */
@@ -99,9 +101,15 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
     return true;
   }
 
+  function inspect(ray: Ray, hit: GroundHit): void {
+    const { tool, measured } = store.get();
+    if (tool === "pick") void pick(ray, hit);
+    else if (tool === "measure") store.set({ measured: [...measured, hit.position], tab: "inspect" });
+  }
+
   function tap(x: number, y: number): void {
     // On the target's own mark, whatever the ray behind it meets: it is what the user sees under the finger.
-    const { tool, aim: target, measured } = store.get();
+    const { tool, aim: target } = store.get();
     if (tool === "land" && target !== null && isOnTarget(x, y)) {
       land(target.place);
       return;
@@ -109,8 +117,7 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
     const rayHit = hitAt(x, y);
     if (rayHit === null) return;
     if (tool === "land") use(rayHit.hit, land);
-    else if (tool === "pick") void pick(rayHit.ray, rayHit.hit);
-    else if (tool === "measure") store.set({ measured: [...measured, rayHit.hit.position], tab: "inspect" });
+    else inspect(rayHit.ray, rayHit.hit);
   }
 
   function aimAt(x: number, y: number): boolean {
@@ -120,6 +127,10 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
 
   return {
     tap,
+    useRay(ray) {
+      const hit = cast(ray);
+      if (hit !== null) inspect(ray, hit);
+    },
     aimAt(x, y) {
       if (store.get().tool === "land") aimAt(x, y);
       else tap(x, y);

@@ -4,11 +4,14 @@ import type { RegionFacts } from "../../core/types.ts";
 import type { Stage } from "../../three/stage.ts";
 import type { Landings } from "../../three/types.ts";
 import { modesOf } from "../../three/view-modes.ts";
-import type { HeadsetOptions, Standpoint } from "../../xr/types.ts";
+import type { HeadsetBookmark, HeadsetOptions, Standpoint } from "../../xr/types.ts";
 import type { Bookmark } from "../bookmarks.ts";
+import { regionsToVisit } from "../region-places.ts";
 import { parseRoute, type Route } from "../route.ts";
 import type { CameraDesk } from "./camera-desk.ts";
 import type { FrameLoop } from "./frame-loop.ts";
+import type { GroundTools } from "./ground-tools.ts";
+import { headsetTools } from "./headset-tools.ts";
 import { landOptionsIn } from "./land-options.ts";
 import type { Markers } from "./markers.ts";
 import type { PlaceLink } from "./place-link.ts";
@@ -29,8 +32,12 @@ export interface PageForHeadset {
   /** The address of what is shown. */
   readonly routeNow: () => Route;
   readonly keptPlaces: () => readonly Bookmark[];
+  readonly tools: Pick<GroundTools, "useRay">;
   readonly regions: readonly RegionFacts[];
 }
+
+/** Named regions among the places of the menu, four to a page. */
+const MAX_REGIONS = 40;
 
 /**
  * Make the headset's options from the page's modules. While it is worn the page's camera and landing desk rest; what the session
@@ -39,6 +46,7 @@ export interface PageForHeadset {
 export function headsetOptions(page: PageForHeadset): HeadsetOptions {
   const { store, world, stage, camera, markers, loop, link, landings, routeNow, keptPlaces, regions } = page;
   const modes = modesOf(store.get().manifest, regions).map(({ name, mode }) => ({ label: name, mode }));
+  const named = regionsToVisit(store.get().manifest.id, regions, MAX_REGIONS).flatMap(bookmarkOf);
   const pageBudgetMs = stage.uploadBudgetMs;
 
   /** The page's own record of a landing that the headset made. */
@@ -111,11 +119,15 @@ export function headsetOptions(page: PageForHeadset): HeadsetOptions {
       },
       setMode: (mode) => store.set({ mode }),
       setRadiusM: (radiusM) => store.set({ radiusM }),
-      bookmarks: () =>
-        keptPlaces().flatMap(({ name, hash }) => {
-          const { place } = parseRoute(hash);
-          return place === null ? [] : [{ label: name, place: place.at, yawDeg: place.yawDeg, radiusM: place.radiusM }];
-        }),
+      bookmarks: () => [...keptPlaces().flatMap(bookmarkOf), ...named],
     },
+    tools: headsetTools({ store, tools: page.tools, regions }),
+    setMiniature: (pose) => stage.setMiniature(pose),
   };
+}
+
+/** A place to land at; none where the address names no landing. */
+function bookmarkOf({ name, hash }: Pick<Bookmark, "name" | "hash">): readonly HeadsetBookmark[] {
+  const { place } = parseRoute(hash);
+  return place === null ? [] : [{ label: name, place: place.at, yawDeg: place.yawDeg, radiusM: place.radiusM }];
 }

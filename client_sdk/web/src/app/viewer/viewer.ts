@@ -224,6 +224,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   const help = createHelpDialog();
   const { landings } = comfort;
   const { routeNow } = going;
+  const { regions } = files;
   const keptPlaces = () => panel.keptPlaces();
   const actions = createActions({
     store,
@@ -250,7 +251,8 @@ export function createViewer(options: ViewerOptions): Viewer {
         landings,
         routeNow,
         keptPlaces,
-        regions: files.regions,
+        tools,
+        regions,
       }),
     reload,
     panel: () => panel,
