@@ -24,7 +24,8 @@ std::int64_t GroupFollower::goThere(double nowMs) {
     // Less is no deadline that the protocol allows.
     options.deadlineMs = std::max<std::uint32_t>(1, there.leftMs.value_or(1));
   }
-  landing_ = stage_.land(there.position, there.radiusM, options, nowMs);
+  landing_ = lander_ ? lander_(there) : kNoLanding;
+  if (landing_ == kNoLanding) landing_ = stage_.land(there.position, there.radiusM, options, nowMs);
   gathering_ = there.number;
   isDegradedTold_ = false;
   return landing_;

@@ -7,8 +7,10 @@
 #include "Terraport/Types.h"
 
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
+#include <utility>
 
 namespace terraport {
 
@@ -24,6 +26,10 @@ class TERRAPORTCORE_API GroupFollower {
   /// Land where the guide does. Else the group is told that this member does not come, and `goThere` may still be called.
   void setFollows(bool follows) { follows_ = follows; }
   bool follows() const { return follows_; }
+
+  /// Lands there in place of the stage, with a teleport for instance; returns the landing's number, or kNoLanding where it cannot.
+  /// Null for the stage.
+  void setLander(std::function<std::int64_t(const GroupGathering&)> lander) { lander_ = std::move(lander); }
 
   /// The group as it is now; absent without a seat.
   const std::optional<GroupFacts>& group() const { return group_; }
@@ -48,6 +54,7 @@ class TERRAPORTCORE_API GroupFollower {
   SceneStage& stage_;
   std::optional<GroupFacts> group_;
   bool follows_ = true;
+  std::function<std::int64_t(const GroupGathering&)> lander_;
   /// The gathering that is landed for, and its landing; 0 where none is.
   std::uint32_t gathering_ = 0;
   std::int64_t landing_ = kNoLanding;
