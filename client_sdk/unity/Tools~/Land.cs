@@ -27,7 +27,8 @@ namespace Terraport.Tools
         private int ready;
         private int prefetched;
         private int picked;
-        // Of groups: seats had, landings told, barriers that opened.
+        // Of groups: who is there, seats had, landings told, barriers that opened.
+        private int people;
         private int joined;
         private int called;
         private int gathered;
@@ -108,7 +109,8 @@ namespace Terraport.Tools
                     stream.Gather(step.Position(0), step.Numbers[3]);
                     Until(step, () => called > calledBefore);
                     break;
-                case "there": Until(step, () => gathered >= step.Numbers[0] && (staged == null || staged.IsShown)); break;
+                case "people": Until(step, () => people >= step.Numbers[0]); break;
+                case "barrier": Until(step, () => gathered >= step.Numbers[0]); break;
                 case "follow": staged.Follows = step.Numbers[0] != 0; break;
                 case "stand": staged.Stand(step.Position(0)); break;
                 case "reconnect":
@@ -195,6 +197,7 @@ namespace Terraport.Tools
                     EventJson.Describe(picks, streamEvent);
                     break;
                 case StreamEventKind.GroupJoined: joined++; break;
+                case StreamEventKind.GroupRoster: people = streamEvent.Group.Members.Count; break;
                 case StreamEventKind.GroupCalled: called++; break;
                 case StreamEventKind.GroupGathered: gathered++; break;
                 case StreamEventKind.GroupRefused: refusedCode = streamEvent.Code; break;

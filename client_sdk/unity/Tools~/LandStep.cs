@@ -27,7 +27,7 @@ namespace Terraport.Tools
         /// <summary>As it was written.</summary>
         public string Text { get; private set; }
 
-        /// <summary>land, start, wait, aim, pick, stand, pause, reconnect, join, gather, follow, there, leave.</summary>
+        /// <summary>land, start, wait, aim, pick, stand, pause, reconnect, join, people, gather, follow, barrier, leave.</summary>
         public string Kind { get; private set; }
 
         /// <summary>What stands behind the colon.</summary>
@@ -55,7 +55,8 @@ namespace Terraport.Tools
                 case "pick":
                 case "stand": minNumbers = 3; break;
                 case "follow":
-                case "there":
+                case "people":
+                case "barrier":
                 case "pause": minNumbers = 1; break;
                 case "join":
                 case "leave":

@@ -126,8 +126,10 @@ class Visit {
         return;
       }
       until(step, [this, before] { return called_ > before; });
-    } else if (step.kind == "there") {
-      until(step, [this, &numbers] { return gathered_ >= numbers[0] && (!staged_ || staged_->isShown()); });
+    } else if (step.kind == "people") {
+      until(step, [this, &numbers] { return static_cast<double>(people_) >= numbers[0]; });
+    } else if (step.kind == "barrier") {
+      until(step, [this, &numbers] { return gathered_ >= numbers[0]; });
     } else if (step.kind == "follow" && staged_) {
       staged_->setFollows(numbers[0] != 0.0);
     } else if (step.kind == "stand" && staged_) {
@@ -220,6 +222,9 @@ class Visit {
       case EventKind::GroupJoined:
         ++joined_;
         break;
+      case EventKind::GroupRoster:
+        people_ = event.group->members.size();
+        break;
       case EventKind::GroupCalled:
         ++called_;
         break;
@@ -293,7 +298,8 @@ class Visit {
   std::int64_t ready_ = kNoLanding;
   int prefetched_ = 0;
   int picked_ = 0;
-  // Of groups: seats had, landings told, barriers that opened.
+  // Of groups: who is there, seats had, landings told, barriers that opened.
+  std::size_t people_ = 0;
   int joined_ = 0;
   int called_ = 0;
   int gathered_ = 0;

@@ -15,8 +15,8 @@ const char* const kUsage =
     "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
     "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
     "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n"
-    "       join:NAME,guide|member[,OWN_NAME]  (until there is a seat)    leave    follow:0|1  (staged)\n"
-    "       gather:X,Y,Z,RADIUS  (until told)    there:N  (until the barrier of N group landings has opened)\n"
+    "       join:NAME,guide|member[,OWN_NAME]  (until there is a seat)    people:N    leave    follow:0|1  (staged)\n"
+    "       gather:X,Y,Z,RADIUS  (until told)    barrier:N  (until the barrier of N group landings has opened)\n"
     "       stand:X,Y,Z  (staged: the height of the ground that is shown there, and its segment)\n";
 
 bool setOption(LandRequest& request, const std::string& name, const std::string& value) {
@@ -88,7 +88,7 @@ int numbersOf(const std::string& kind) {
   if (kind == "pick" || kind == "stand") {
     return 3;
   }
-  if (kind == "pause" || kind == "follow" || kind == "there") {
+  if (kind == "pause" || kind == "follow" || kind == "barrier" || kind == "people") {
     return 1;
   }
   return kind == "wait" || kind == "reconnect" || kind == "join" || kind == "leave" ? 0 : -1;
