@@ -5,7 +5,7 @@
     python benchmarks/godot_client.py                # all of it, on a small scene
     python benchmarks/godot_client.py --scenes FOLDER --scene sample --only frames
     python benchmarks/godot_client.py --keep FOLDER  # pictures side by side
-    python benchmarks/godot_client.py --only pictures --from 5 --count 5      # a part, for one sitting
+    python benchmarks/godot_client.py --only pictures --from 5 --count 5      # a part of them
     python benchmarks/godot_client.py --smoke                            # once, briefly
 
 The engine draws by the CPU (llvmpipe), so a frame takes what it takes there; told is our own work.
@@ -222,7 +222,10 @@ class Bench:
                         pixels += mixed.size
                         covered += int((base & detail).sum())
                         holes += background_in_ground(mixed, base, detail)
-        print(f"landings {part[0]} to {part[-1]} x 3 eyes: {pixels:,} pixels, {covered:,} covered by both")
+        print(
+            f"landings {part[0]} to {part[-1]} x 3 eyes: {pixels:,} pixels,"
+            f" {covered:,} covered by both"
+        )
         print(f"BACKGROUND {holes}")
         if holes:
             self.missed.append(f"{holes} pixels of background in the ground")

@@ -34,7 +34,11 @@ LICENSE: Final = SDK.parent / "LICENSE"
 UNITY_LEFT_OUT: Final = ("Tests", "Tests.meta", "Stubs~", "Tools~")
 UNREAL_TAKEN: Final = ("Terraport.uplugin", "README.md", "Content", "Source")
 GODOT_TAKEN: Final = ("CMakeLists.txt", "README.md", "addons", "example", "project.godot", "src")
-CORE_TAKEN: Final = ("CMakeLists.txt", "Source/TerraportCore/", "Source/Terraport/Private/TerraportBaseOrder.")
+CORE_TAKEN: Final = (
+    "CMakeLists.txt",
+    "Source/TerraportCore/",
+    "Source/Terraport/Private/TerraportBaseOrder.",
+)
 """Of the Unreal plugin, what Godot's library is compiled from too."""
 SKIPPED: Final = ("__pycache__", ".clang-format")
 
@@ -62,7 +66,7 @@ def unreal_files() -> dict[str, Path]:
 
 
 def godot_files() -> dict[str, Path]:
-    """Return the files of the zip by their names in it: the project, the core's sources beside it."""
+    """Return the files of the zip by their names in it: the project, and the core beside it."""
     own = {
         path.relative_to(SDK).as_posix(): path
         for path in _files(GODOT)

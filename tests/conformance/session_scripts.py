@@ -170,8 +170,8 @@ THEMES: Final[dict[str, str]] = {
     "refusals": f"{MOVES} far far aim flush connect impossible far",
     "strays": f"{MOVES} stray stray again again connect aim flush text",
     "groups": (
-        "land pump pump pump serve hear take lag join join leave gather gather arrive arrive other other other "
-        "cut connect connect long long no-such-group pick again"
+        "land pump pump pump serve hear take lag join join leave gather gather arrive arrive "
+        "other other other cut connect connect long long no-such-group pick again"
     ),
 }
 """What may happen in each, as often as it is named."""

@@ -266,9 +266,7 @@ GODOT: Final[dict[str, Claim]] = {
     "guides a group; who does not follow holds nobody up": Yes(
         VISITS, "test_a_group_goes_together"
     ),
-    "a group's components: seat, list of people, events": Yes(
-        VISITS, "test_a_group_goes_together"
-    ),
+    "a group's components: seat, list of people, events": Yes(VISITS, "test_a_group_goes_together"),
     "drawn in a headset": Yes(
         VISITS, "test_the_examples_land_and_teleport", "on a screen, without a headset"
     ),

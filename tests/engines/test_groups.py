@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import pytest
@@ -23,21 +23,10 @@ def steps(kind: str, place: tuple[float, ...]) -> str:
 
 def beside(work: Callable[[], Any], run: Callable[[], Landed]) -> tuple[Any, Landed]:
     """Run a program while something else happens; return what came of both."""
-    came: list[Any] = []
-
-    def collect() -> None:
-        try:
-            came.append(work())
-        except Exception as error:  # told below, by the test
-            came.append(error)
-
-    thread = threading.Thread(target=collect)
-    thread.start()
-    landed = run()
-    thread.join(WAIT_S)
-    assert came, "the other one did not end"
-    assert not isinstance(came[0], Exception), f"{came[0]!r}\n{landed.output}"
-    return came[0], landed
+    with ThreadPoolExecutor(1) as pool:
+        other = pool.submit(work)
+        landed = run()
+        return other.result(WAIT_S), landed
 
 
 @pytest.mark.parametrize("threaded", [0, 1], ids=["pumped", "threaded"])

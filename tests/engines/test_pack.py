@@ -105,7 +105,9 @@ def test_the_zip_of_godot_is_a_project_that_can_be_built(
     run_logged(["cmake", "-S", str(project), "-B", str(tmp_path / "build")])
 
 
-def test_the_same_sources_give_the_same_bytes(packed: tuple[Path, Path, Path], tmp_path: Path) -> None:
+def test_the_same_sources_give_the_same_bytes(
+    packed: tuple[Path, Path, Path], tmp_path: Path
+) -> None:
     run_logged([sys.executable, str(PACK), str(tmp_path)])
     for path in packed:
         assert (tmp_path / path.name).read_bytes() == path.read_bytes()

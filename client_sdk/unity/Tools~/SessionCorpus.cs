@@ -162,11 +162,11 @@ namespace Terraport.Tools
                 case StreamEventKind.PickRefused: return Row("pick refused", told.Request, Quoted(told.Code));
                 case StreamEventKind.Refused: return Row("refused", landing, Quoted(told.Code), Flag(told.IsFatal));
                 case StreamEventKind.Notice: return Row("notice", Quoted(told.Notice));
-                case StreamEventKind.GroupJoined:
-                    return Row("joined", Quoted(told.Group.Name), told.Group.Member, RoleOf(told.Group.Role));
+                case StreamEventKind.GroupJoined: return Row("joined", Quoted(told.Group.Name), told.Group.Member, RoleOf(told.Group.Role));
                 case StreamEventKind.GroupRoster:
-                    return Row("roster", List(told.Group.Members, one =>
-                        "[" + one.Member + "," + Quoted(one.Name) + "," + RoleOf(one.Role) + "," + Flag(one.IsPresent) + "]"));
+                    return Row("roster",
+                        List(told.Group.Members,
+                            one => "[" + one.Member + "," + Quoted(one.Name) + "," + RoleOf(one.Role) + "," + Flag(one.IsPresent) + "]"));
                 case StreamEventKind.GroupCalled: return Row("called", gathering.Number, gathering.Guide, Flag(!gathering.IsOver));
                 case StreamEventKind.GroupGathered:
                     return Row("gathered", gathering.Number, Ids(gathering.Ready), Ids(gathering.Degraded), Ids(gathering.Missing));

@@ -154,8 +154,8 @@ class Visit {
         failure_ = step.text + ": timeout";
         return;
       }
-      const bool isRefusable = step.kind == "land" || step.kind == "start" || step.kind == "wait" || step.kind == "join" ||
-          step.kind == "gather";
+      const bool isRefusable =
+          step.kind == "land" || step.kind == "start" || step.kind == "wait" || step.kind == "join" || step.kind == "gather";
       if (isRefusable && !refusedCode_.empty()) {
         failure_ = step.text + ": refused: " + refusedCode_;
         return;

@@ -93,7 +93,8 @@ void writeRow(const StreamEvent& event, JsonText& into) {
   const GroupFacts& group = *event.group;
   const GroupGathering& there = group.gathering;
   if (kind == EventKind::GroupJoined) row("joined").text(group.name).integer(group.member).text(nameOf(group.role)).close(']');
-  if (kind == EventKind::GroupCalled) row("called").integer(there.number).integer(there.guide).boolean(!there.isOver).close(']');
+  if (kind == EventKind::GroupCalled)
+    row("called").integer(there.number).integer(there.guide).boolean(!there.isOver).close(']');
   if (kind == EventKind::GroupGathered) {
     row("gathered").integer(there.number).integers(there.ready).integers(there.degraded).integers(there.missing).close(']');
   }

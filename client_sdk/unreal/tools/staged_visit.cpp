@@ -62,7 +62,9 @@ double solidHeight(const ShownGround& ground, const Vec3& place) {
 
 struct StagedVisit::Impl {
   Impl(ISceneStream& stream, SharedSceneFiles files)
-      : ground(renderer), decoders(kDecodeThreads), stage(stream, std::move(files), ground, decoders, smallBlocks()),
+      : ground(renderer),
+        decoders(kDecodeThreads),
+        stage(stream, std::move(files), ground, decoders, smallBlocks()),
         follower(stream, stage) {}
 
   RecordingRenderer renderer;

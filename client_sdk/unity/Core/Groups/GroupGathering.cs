@@ -7,10 +7,7 @@ namespace Terraport
     {
         private static readonly uint[] Nobody = new uint[0];
 
-        internal GroupGathering()
-        {
-            Ready = Degraded = Missing = Nobody;
-        }
+        internal GroupGathering() { Ready = Degraded = Missing = Nobody; }
 
         /// <summary>Rises from landing to landing of the group.</summary>
         public uint Number { get; internal set; }
@@ -46,8 +43,16 @@ namespace Terraport
         internal GroupGathering Over(uint[] ready, uint[] degraded, uint[] missing)
         {
             return new GroupGathering {
-                Number = Number, Guide = Guide, Position = Position, RadiusM = RadiusM, InnerRadiusM = InnerRadiusM,
-                LeftMs = null, IsOver = true, Ready = ready, Degraded = degraded, Missing = missing,
+                Number = Number,
+                Guide = Guide,
+                Position = Position,
+                RadiusM = RadiusM,
+                InnerRadiusM = InnerRadiusM,
+                LeftMs = null,
+                IsOver = true,
+                Ready = ready,
+                Degraded = degraded,
+                Missing = missing,
             };
         }
     }

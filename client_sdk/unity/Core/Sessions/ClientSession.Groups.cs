@@ -33,16 +33,16 @@ namespace Terraport.Sessions
 
         /// <summary>Say how this member's part of a group landing ended; nothing where a newer one has come.</summary>
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
-        public void Arrive(uint gathering, GroupArrival how)
-        {
-            group.Arrive(ArrivedOf(gathering, how));
-        }
+        public void Arrive(uint gathering, GroupArrival how) { group.Arrive(ArrivedOf(gathering, how)); }
 
         /// <exception cref="ArgumentException">A name that the protocol does not allow.</exception>
         internal static JoinMessage JoinOf(int request, string name, GroupRole role, string ownName)
         {
             var join = new JoinMessage {
-                Request = (uint)request, Group = name, Role = role == GroupRole.Guide ? "guide" : "member", Name = ownName,
+                Request = (uint)request,
+                Group = name,
+                Role = role == GroupRole.Guide ? "guide" : "member",
+                Name = ownName,
             };
             WireCodec.Check(join);
             return join;

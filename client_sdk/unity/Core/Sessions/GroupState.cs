@@ -114,8 +114,8 @@ namespace Terraport.Sessions
             var gathered = message as GatheredMessage;
             if (roster != null && roster.Group == join.Group)
             {
-                facts = facts.With(Array.ConvertAll(
-                    roster.Members, one => new GroupMember(one.Member, one.Name, RoleOf(one.Role), one.Present)));
+                facts = facts.With(
+                    Array.ConvertAll(roster.Members, one => new GroupMember(one.Member, one.Name, RoleOf(one.Role), one.Present)));
                 Report(StreamEventKind.GroupRoster);
             }
             else if (gathering != null)
@@ -140,7 +140,11 @@ namespace Terraport.Sessions
                 facts = new GroupFacts(joined.Group, joined.Member, RoleOf(joined.Role));
             }
             join = new JoinMessage {
-                Request = join.Request, Group = join.Group, Role = join.Role, Name = join.Name, Seat = joined.Seat,
+                Request = join.Request,
+                Group = join.Group,
+                Role = join.Role,
+                Name = join.Name,
+                Seat = joined.Seat,
             };
             Report(StreamEventKind.GroupJoined);
             // What was asked while the connection was away.
@@ -185,7 +189,11 @@ namespace Terraport.Sessions
         private void Refuse(uint request, string code, string message)
         {
             events.Enqueue(new StreamEvent {
-                Kind = StreamEventKind.GroupRefused, Group = facts, Request = (int)request, Code = code, Message = message,
+                Kind = StreamEventKind.GroupRefused,
+                Group = facts,
+                Request = (int)request,
+                Code = code,
+                Message = message,
             });
         }
 

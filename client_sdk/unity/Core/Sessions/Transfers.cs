@@ -32,8 +32,7 @@ namespace Terraport.Sessions
         private long payloadBytes;
         private long repeatedBytes;
 
-        internal Transfers(
-            Budgets budgets, Holdings holdings, PayloadPool pool, List<WireMessage> outbox, Queue<StreamEvent> events)
+        internal Transfers(Budgets budgets, Holdings holdings, PayloadPool pool, List<WireMessage> outbox, Queue<StreamEvent> events)
         {
             this.budgets = budgets ?? new Budgets();
             this.holdings = holdings;
@@ -142,7 +141,8 @@ namespace Terraport.Sessions
             // A server that does not know the bound says nothing of it.
             if (plan.TotalGpuBytes > budgets.MaxGpuBytes)
             {
-                throw new ProtocolViolationException("got " + plan.TotalGpuBytes + " GPU bytes, expected at most " + budgets.MaxGpuBytes + " (6.2)");
+                throw new ProtocolViolationException(
+                    "got " + plan.TotalGpuBytes + " GPU bytes, expected at most " + budgets.MaxGpuBytes + " (6.2)");
             }
             LandingState landing = awaitingPlan[0];
             awaitingPlan.RemoveAt(0);

@@ -38,7 +38,9 @@ namespace Terraport.Tests
         public void MoreGpuBytesThanAllowedAreAViolation()
         {
             var session = new ClientSession(new SessionOptions {
-                Client = "t", CreditBytes = 100, Budgets = new Budgets { MaxGpuBytes = 1000, GpuVertexBytes = 24 },
+                Client = "t",
+                CreditBytes = 100,
+                Budgets = new Budgets { MaxGpuBytes = 1000, GpuVertexBytes = 24 },
             });
             session.Connected();
             foreach (byte[] data in Answers(session, new StreamAnsweringServer(toy))) Give(session, data);

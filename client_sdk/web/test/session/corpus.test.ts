@@ -2,8 +2,8 @@
 
 import { readdirSync, readFileSync } from "node:fs";
 import { beforeAll, describe, expect, test } from "vitest";
-import { prepareDecoders, xxh3 } from "../../src/core/payload/engines.ts";
 import type { GroupEvent, GroupRole } from "../../src/core/group-types.ts";
+import { prepareDecoders, xxh3 } from "../../src/core/payload/engines.ts";
 import type { SessionEvent } from "../../src/core/session/events.ts";
 import { ClientSession } from "../../src/core/session/session.ts";
 import { ProtocolViolation } from "../../src/core/session/violation.ts";
@@ -118,8 +118,7 @@ function perform(session: ClientSession, [name, ...given]: Do, messages: readonl
   } else if (name === "arrived") {
     const [gathering, state] = given as [number, "ready"];
     session.group({ type: "arrive", gathering, state });
-  }
-  else throw new Error(`step ${name}`);
+  } else throw new Error(`step ${name}`);
   return [];
 }
 

@@ -76,7 +76,8 @@ void UTerraportGroupComponent::Leave()
 bool UTerraportGroupComponent::Gather(const FVector& WorldLocation, double RadiusM)
 {
 	FTerraportSession* Session = FindSession();
-	return Session != nullptr && Session->GetFollower()->group() && Session->Gather(TerraportPlaces::ScenePointOf(*Scene, WorldLocation), RadiusM);
+	return Session != nullptr && Session->GetFollower()->group() &&
+		Session->Gather(TerraportPlaces::ScenePointOf(*Scene, WorldLocation), RadiusM);
 }
 
 bool UTerraportGroupComponent::GoThere()
@@ -105,7 +106,8 @@ void UTerraportGroupComponent::TickComponent(
 	if (IsValid(User))
 	{
 		Session->GetFollower()->setLander([this](const terraport::GroupGathering& There) {
-			return User->TeleportTo(TerraportPlaces::WorldOf(*Scene, There.position)) ? Scene->GetStatus().Landing : terraport::kNoLanding;
+			return User->TeleportTo(TerraportPlaces::WorldOf(*Scene, There.position)) ? Scene->GetStatus().Landing
+																					  : terraport::kNoLanding;
 		});
 	}
 	else

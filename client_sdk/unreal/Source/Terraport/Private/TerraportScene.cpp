@@ -5,8 +5,8 @@
 #include "TerraportAxes.h"
 #include "TerraportDynamicBackend.h"
 #include "TerraportLog.h"
-#include "TerraportProceduralBackend.h"
 #include "TerraportPlaces.h"
+#include "TerraportProceduralBackend.h"
 #include "TerraportSession.h"
 #include "TerraportText.h"
 

@@ -82,8 +82,8 @@ DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportGroupEvent, const FTerrapo
 DECLARE_DYNAMIC_MULTICAST_DELEGATE_OneParam(FTerraportGroupRefusedEvent, const FString&, Message);
 
 /**
- * The user's part in a group that visits a scene together: joins by name, lands where the guide lands everybody, lands everybody
- * as the guide. Put it on the pawn, or on the scene's actor.
+ * The user's part in a group that visits a scene together: joins by name, lands where the guide lands everybody, lands
+ * everybody as the guide. Put it on the pawn, or on the scene's actor.
  */
 UCLASS(ClassGroup = "Terraport", meta = (BlueprintSpawnableComponent, DisplayName = "Terraport Group"))
 class TERRAPORT_API UTerraportGroupComponent : public UActorComponent

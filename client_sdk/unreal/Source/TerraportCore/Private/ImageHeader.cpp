@@ -114,7 +114,8 @@ Status readImageHeader(ByteSpan file, ImageHeader& header) {
     return {};
   }
   if (startsWith(file, kKtx2)) {
-    // Behind the identifier (12 bytes): vkFormat, typeSize, the two sides, depth, layers, faces, levels, supercompressionScheme.
+    // Behind the identifier (12 bytes): vkFormat, typeSize, the two sides, depth, layers, faces, levels,
+    // supercompressionScheme.
     if (file.size < 48) {
       return cutShort(file.size);
     }

@@ -14,8 +14,8 @@
 
 namespace terraport {
 
-/// Lands where a group's guide lands it, where that is wished, and tells the group how that went. Nobody is moved here: where the
-/// user stands is up to whoever listens.
+/// Lands where a group's guide lands it, where that is wished, and tells the group how that went. Nobody is moved here: where
+/// the user stands is up to whoever listens.
 ///
 /// Not thread-safe: of the stage's thread. Every event goes to `handle` behind the stage's, and `update` is called after the
 /// stage's. Stream and stage must outlive it.
@@ -27,8 +27,8 @@ class TERRAPORTCORE_API GroupFollower {
   void setFollows(bool follows) { follows_ = follows; }
   bool follows() const { return follows_; }
 
-  /// Lands there in place of the stage, with a teleport for instance; returns the landing's number, or kNoLanding where it cannot.
-  /// Null for the stage.
+  /// Lands there in place of the stage, with a teleport for instance; returns the landing's number, or kNoLanding where it
+  /// cannot. Null for the stage.
   void setLander(std::function<std::int64_t(const GroupGathering&)> lander) { lander_ = std::move(lander); }
 
   /// The group as it is now; absent without a seat.

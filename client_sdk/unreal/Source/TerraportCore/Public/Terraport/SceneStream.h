@@ -27,10 +27,10 @@ class TERRAPORTCORE_API ISceneStream : public LandingStream {
   /// Errors: `invalid_field`; `too_many` while 64 picks wait.
   virtual Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) = 0;
 
-  /// Take a seat in a group of this scene (1 to 64 of `A-Z a-z 0-9 _ . ~ -`); a seat held before is left. The connection is made
-  /// anew, to where the group is; nothing that is held comes again. A lost connection takes the seat again by itself. `ownName`
-  /// is what the others see; empty for none. Returns the number of the request in `GroupRefused`; else `GroupJoined` follows.
-  /// Error: `invalid_field`.
+  /// Take a seat in a group of this scene (1 to 64 of `A-Z a-z 0-9 _ . ~ -`); a seat held before is left. The connection is
+  /// made anew, to where the group is; nothing that is held comes again. A lost connection takes the seat again by itself.
+  /// `ownName` is what the others see; empty for none. Returns the number of the request in `GroupRefused`; else `GroupJoined`
+  /// follows. Error: `invalid_field`.
   virtual Result<std::uint64_t> joinGroup(const std::string& group, GroupRole role, const std::string& ownName) = 0;
 
   /// Give the seat in the group up; nothing where there is none.
