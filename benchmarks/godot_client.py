@@ -5,6 +5,7 @@
     python benchmarks/godot_client.py                # all of it, on a small scene
     python benchmarks/godot_client.py --scenes FOLDER --scene sample --only frames
     python benchmarks/godot_client.py --keep FOLDER  # pictures side by side
+    python benchmarks/godot_client.py --only pictures --from 5 --count 5      # a part of them
     python benchmarks/godot_client.py --smoke                            # once, briefly
 
 The engine draws by the CPU (llvmpipe), so a frame takes what it takes there; told is our own work.
@@ -72,6 +73,8 @@ def main() -> int:
     parser.add_argument("--scene", default=SMALL)
     parser.add_argument("--radius-m", type=float, default=60.0)
     parser.add_argument("--keep", type=Path, help="folder for pictures side by side")
+    parser.add_argument("--from", dest="first", type=int, default=0, help="first landing")
+    parser.add_argument("--count", type=int, help="landings; without it all of them")
     parser.add_argument("--only", default="pictures,background,frames")
     options = parser.parse_args()
     reason = engine.missing()
@@ -104,6 +107,8 @@ class Bench:
         self.radius_m: float = options.radius_m
         self.smoke: bool = options.smoke
         self.keep: Path | None = options.keep
+        self.first: int = options.first
+        self.count: int | None = options.count
         self.missed: list[str] = []
 
     def landings(self, count: int) -> list[tuple[float, float, float, float]]:
@@ -122,6 +127,13 @@ class Bench:
             for _ in range(count)
         ]
 
+    def part(self, count: int) -> range:
+        """Return the landings of this run, of so many."""
+        most = count if self.count is None else min(count, self.first + self.count)
+        if not 0 <= self.first < most:
+            raise SystemExit(f"--from is {self.first}, expected 0 to {count - 1}")
+        return range(self.first, most)
+
     def pictures(self) -> None:
         """Each landing in both, from the same eyes."""
         program = next(filter(None, map(shutil.which, PROGRAMS)), None)
@@ -130,12 +142,15 @@ class Bench:
             return
         places = self.landings(1 if self.smoke else 20)
         chance = random.Random(SEED)
+        # Of all, so that a part is the same in a part: chance goes from landing to landing.
         poses = [poses_around(place[:3], chance, place[3], 2) for place in places]
+        part = self.part(len(places))
         with tempfile.TemporaryDirectory() as name, sync_playwright() as driver:
             folder = Path(name)
             steps: list[list[Any]] = []
-            for number, place in enumerate(places):
-                steps += [["land", *place], *from_godot(poses[number], folder, str(number))]
+            for number in part:
+                steps.append(["land", *places[number]])
+                steps += from_godot(poses[number], folder, str(number))
             done = visit(self.godot, self.url, *steps)
             assert done.failure == "", done.failure
             browser = driver.chromium.launch(executable_path=program, args=list(FLAGS))
@@ -147,9 +162,10 @@ class Bench:
             viewer = DrivenViewer(context.new_page(), self.server_url, self.scene)
             viewer.open("&mode=colour")
             found = []
-            for number, (x, y, z, radius_m) in enumerate(places):
+            for at_step, number in enumerate(part):
+                x, y, z, radius_m = places[number]
                 landed = viewer.land((x, y, z), radius_m)
-                there = done.results[3 * number]["digest"].rpartition(":")[0]
+                there = done.results[3 * at_step]["digest"].rpartition(":")[0]
                 if landed["digest"].rpartition(":")[0] != there:
                     self.missed.append(f"landing {number}: another set is drawn")
                 for at, pose in enumerate(poses[number]):
@@ -168,7 +184,9 @@ class Bench:
                         self.missed.append(f"landing {number}, eye {at}: {difference}")
                     self._keep(f"pictures-{number}-{at}.png", drawn[0], seen[0])
             browser.close()
-        print(f"{len(places)} landings, {len(found)} pictures of {SIZE[0]} x {SIZE[1]}")
+        print(f"landings {part[0]} to {part[-1]}, {len(found)} pictures of {SIZE[0]} x {SIZE[1]}")
+        for one in found:
+            print(f"  {one.mean:.5f} {one.far:.5f} {one.uncovered:.5f}")
         for name in ("mean", "far", "uncovered"):
             values = [getattr(one, name) for one in found]
             print(f"  {name}: median {statistics.median(values):.5f}, most {max(values):.5f}")
@@ -179,10 +197,11 @@ class Bench:
         chance = random.Random(SEED)
         poses = [poses_around(place[:3], chance, place[3], 3) for place in places]
         pixels = covered = holes = 0
-        for first in range(0, len(places), BATCH):
+        part = self.part(len(places))
+        for first in range(part[0], part[-1] + 1, BATCH):
             with tempfile.TemporaryDirectory() as name:
                 folder = Path(name)
-                some = range(first, min(first + BATCH, len(places)))
+                some = range(first, min(first + BATCH, part[-1] + 1))
                 steps: list[list[Any]] = [["land", *places[first][:3], 499.0]]
                 for number in some:
                     steps += from_godot(poses[number], folder, f"detail-{number}")
@@ -203,7 +222,10 @@ class Bench:
                         pixels += mixed.size
                         covered += int((base & detail).sum())
                         holes += background_in_ground(mixed, base, detail)
-        print(f"{len(places)} landings x 3 eyes: {pixels:,} pixels, {covered:,} covered by both")
+        print(
+            f"landings {part[0]} to {part[-1]} x 3 eyes: {pixels:,} pixels,"
+            f" {covered:,} covered by both"
+        )
         print(f"BACKGROUND {holes}")
         if holes:
             self.missed.append(f"{holes} pixels of background in the ground")

@@ -1,10 +1,12 @@
-"""Pack what engines install: the Unity package as a tarball, the Unreal plugin as a zip.
+"""Pack what engines install: the Unity package as a tarball, Unreal's plugin and Godot's as zips.
 
     python client_sdk/pack.py [OUT] [--list]        OUT: dist
 
 Unity takes ``com.terraport.client-VERSION.tgz`` by *Package Manager > + > Add package from
-tarball*; ``terraport-unreal-VERSION.zip`` is unpacked in a project's ``Plugins``. The same sources
-give the same bytes. What only tests, stubs and tools need stays behind.
+tarball*; ``terraport-unreal-VERSION.zip`` is unpacked in a project's ``Plugins``;
+``terraport-godot-VERSION.zip`` holds a project, and what its library is compiled from (with the
+library where it was built before). The same sources give the same bytes. What only tests, stubs and
+tools need stays behind.
 """
 
 from __future__ import annotations
@@ -20,16 +22,24 @@ import zipfile
 from pathlib import Path
 from typing import Final
 
-__all__ = ["unity_files", "unity_tarball", "unreal_files", "unreal_zip"]
+__all__ = ["godot_files", "unity_files", "unity_tarball", "unreal_files", "write_zip"]
 
 SDK: Final = Path(__file__).resolve().parent
 UNITY: Final = SDK / "unity"
 UNREAL: Final = SDK / "unreal"
+GODOT: Final = SDK / "godot"
 
 LICENSE: Final = SDK.parent / "LICENSE"
 
 UNITY_LEFT_OUT: Final = ("Tests", "Tests.meta", "Stubs~", "Tools~")
 UNREAL_TAKEN: Final = ("Terraport.uplugin", "README.md", "Content", "Source")
+GODOT_TAKEN: Final = ("CMakeLists.txt", "README.md", "addons", "example", "project.godot", "src")
+CORE_TAKEN: Final = (
+    "CMakeLists.txt",
+    "Source/TerraportCore/",
+    "Source/Terraport/Private/TerraportBaseOrder.",
+)
+"""Of the Unreal plugin, what Godot's library is compiled from too."""
 SKIPPED: Final = ("__pycache__", ".clang-format")
 
 ZIP_EPOCH: Final = (1980, 1, 1, 0, 0, 0)
@@ -55,6 +65,22 @@ def unreal_files() -> dict[str, Path]:
     return {**files, "Terraport/LICENSE": LICENSE}
 
 
+def godot_files() -> dict[str, Path]:
+    """Return the files of the zip by their names in it: the project, and the core beside it."""
+    own = {
+        path.relative_to(SDK).as_posix(): path
+        for path in _files(GODOT)
+        if path.relative_to(GODOT).parts[0] in GODOT_TAKEN
+    }
+    core = {
+        path.relative_to(SDK).as_posix(): path
+        for path in _files(UNREAL)
+        if path.relative_to(UNREAL).as_posix().startswith(CORE_TAKEN)
+    }
+    files = {f"terraport-godot/{name}": path for name, path in (own | core).items()}
+    return {**files, "terraport-godot/LICENSE": LICENSE}
+
+
 def unity_tarball(out: Path) -> Path:
     """Write the tarball into a folder; returns its path."""
     version = json.loads((UNITY / "package.json").read_text("utf-8"))["version"]
@@ -70,12 +96,12 @@ def unity_tarball(out: Path) -> Path:
     return target
 
 
-def unreal_zip(out: Path) -> Path:
-    """Write the zip into a folder; returns its path."""
+def write_zip(out: Path, engine: str, files: dict[str, Path]) -> Path:
+    """Write an engine's zip into a folder; returns its path."""
     version = json.loads((UNREAL / "Terraport.uplugin").read_text("utf-8"))["VersionName"]
-    target = out / f"terraport-unreal-{version}.zip"
+    target = out / f"terraport-{engine}-{version}.zip"
     with zipfile.ZipFile(target, "w") as archive:
-        for name, path in sorted(unreal_files().items()):
+        for name, path in sorted(files.items()):
             entry = zipfile.ZipInfo(name, ZIP_EPOCH)
             entry.external_attr = 0o644 << 16
             archive.writestr(entry, path.read_bytes(), zipfile.ZIP_DEFLATED)
@@ -91,16 +117,20 @@ def _files(root: Path) -> list[Path]:
 
 
 def main() -> int:
-    """Pack both, and say what came of it."""
-    parser = argparse.ArgumentParser(description="Pack the Unity package and the Unreal plugin.")
+    """Pack all, and say what came of it."""
+    parser = argparse.ArgumentParser(description="Pack what Unity, Unreal and Godot install.")
     parser.add_argument("out", nargs="?", type=Path, default=Path("dist"), help="folder (dist)")
     parser.add_argument("--list", action="store_true", help="print the files, write nothing")
     options = parser.parse_args()
     if options.list:
-        print("\n".join(sorted([*unity_files(), *unreal_files()])))
+        print("\n".join(sorted([*unity_files(), *unreal_files(), *godot_files()])))
         return 0
     options.out.mkdir(parents=True, exist_ok=True)
-    for path in (unity_tarball(options.out), unreal_zip(options.out)):
+    for path in (
+        unity_tarball(options.out),
+        write_zip(options.out, "unreal", unreal_files()),
+        write_zip(options.out, "godot", godot_files()),
+    ):
         content = path.read_bytes()
         print(f"{path}  {len(content):,} bytes  sha256 {hashlib.sha256(content).hexdigest()}")
     return 0

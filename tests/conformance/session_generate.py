@@ -169,9 +169,14 @@ def text_of(rows: Iterator[dict[str, Any]]) -> str:
 
 
 def corpus_files(themes: Iterable[str] = THEMES) -> dict[str, str]:
-    """Return name -> text of every file; of the first themes alone where these are given."""
+    """Return name -> text of every file; of these themes alone where they are given."""
     seen: set[tuple[str, ...]] = set()
-    files = {f"{theme}.jsonl": text_of(histories(theme, seen)) for theme in themes}
+    # What groups show is theirs alone: a rule of theirs that changes leaves the other files be.
+    alone: set[tuple[str, ...]] = set()
+    files = {
+        f"{theme}.jsonl": text_of(histories(theme, alone if theme == "groups" else seen))
+        for theme in themes
+    }
     return files | {"named.jsonl": text_of(named_histories())}
 
 

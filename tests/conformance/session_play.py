@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 import numpy as np
+from conformance.session_groups import GroupHall
 from conformance.session_steps import Step, ToldSession
 from sdk.pairing import Pair, ToyScene
 
@@ -66,6 +67,10 @@ def _situation(session: ClientSession) -> str:
         "n": len(transfers._nearby) > 0,
         "i": len(transfers._inner) > 0,
         "q": session._queued is not None,
+        "s": session.group._seated,
+        "j": session.group._join is not None,
+        "h": len(session.group._gathers) > 0,
+        "c": session.group._arrived is not None,
     }
     return "".join(letter for letter, holds in facts.items() if holds)
 
@@ -121,6 +126,7 @@ class World(Pair):
         self.heard: list[bytes] = []
         self.spoilt = 0
         self.failing: set[int] = set()
+        self.hall = GroupHall()
         self.spoil = self._spoil
 
     def _spoil(self, frame: PayloadFrame) -> bytes:
@@ -136,6 +142,18 @@ class World(Pair):
             self.server.payload_failed(action, self.now_s)
             return
         super()._carry_out(action)
+
+    def connect(self) -> None:
+        self.groups = self.hall.door()
+        super().connect()
+
+    def disconnect(self) -> None:
+        self.hall.lost(self.now_s)
+        super().disconnect()
+
+    def serve(self) -> bool:
+        self.hall.hand_out(self.server)
+        return super().serve()
 
     def hear(self) -> None:
         """What the client finds wrong ends the connection."""
@@ -187,6 +205,7 @@ class World(Pair):
 
     def do_wait(self, seconds: float) -> None:
         self.now_s += seconds
+        self.hall.groups.tick(self.now_s)
         if self.server is not None:
             self.server.tick(self.now_s)
 
@@ -197,6 +216,9 @@ class World(Pair):
     def do_drain(self) -> None:
         if self.server is not None:
             self.server.drain(self.now_s, 5.0)
+
+    def do_other(self, *what: Any) -> None:
+        self.hall.other(self.now_s, *what)
 
     def do_call(self, *do: Any) -> None:
         self.client.perform(*do)

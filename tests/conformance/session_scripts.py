@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 from collections.abc import Callable, Iterator, Sequence
+from itertools import product
 from random import Random
 from typing import Any, Final
 
@@ -43,6 +44,45 @@ def _far_aim(chance: Random) -> Operation:
 
 def _pick(chance: Random) -> Operation:
     return ("call", "pick", [1, 2, 3], chance.choice((None, [0, -1, 0])))
+
+
+def _join(chance: Random) -> Operation:
+    group = chance.choice(("tour", "tour", "tour", "walk"))
+    name = chance.choice((None, "Bo"))
+    return ("call", "join", group, chance.choice(("guide", "member", "member")), name)
+
+
+def _gather(chance: Random) -> Operation:
+    bounds = chance.choice(((None, None), (None, 500), (1.5, None)))
+    return ("call", "gather", _place(chance), chance.choice((1.5, 2.5, 2.5, 9.5)), *bounds)
+
+
+def _arrive(chance: Random) -> Operation:
+    state = chance.choice(("ready", "ready", "degraded", "declined"))
+    return ("call", "arrived", chance.choice((1, 1, 2, 3)), state)
+
+
+def _other(chance: Random) -> Operation:
+    did: tuple[tuple[Any, ...], ...] = (
+        ("join", chance.choice(("guide", "guide", "member"))),
+        ("gather", _place(chance), chance.choice((1.5, 2.5)), chance.choice((None, 0.5))),
+        ("gather", _place(chance), 2.5, None),
+        ("arrived", chance.choice((1, 1, 2, 3)), chance.choice(("ready", "ready", "declined"))),
+        ("leave",),
+    )
+    return ("other", *chance.choice(did))
+
+
+def _impossible_group(chance: Random) -> Operation:
+    given: tuple[tuple[Any, ...], ...] = (
+        ("join", "a tour", "member", None),
+        ("gather", [0, "nan", 0], 1, None, None),
+        ("gather", [0, 0, 0], 0, None, None),
+        ("gather", [0, 0, 0], 1, 2, None),
+        ("gather", [0, 0, 0], 1, None, 0),
+        ("arrived", 0, "ready"),
+    )
+    return ("call", *chance.choice(given))
 
 
 def _impossible(chance: Random) -> Operation:
@@ -107,6 +147,13 @@ OPERATIONS: Final[dict[str, Make]] = {
     "stray": _stray,
     "text": lambda _: ("text", "{}"),
     "again": _made("again", range(1, 9)),
+    "join": _join,
+    "leave": lambda _: ("call", "leave"),
+    "gather": _gather,
+    "arrive": _arrive,
+    "other": _other,
+    "no-such-group": _impossible_group,
+    "long": _made("wait", (0.3, 1.1, 2.1)),
 }
 
 MOVES: Final = "land land pump pump pump serve hear take lag"
@@ -122,6 +169,10 @@ THEMES: Final[dict[str, str]] = {
     "picks": f"{MOVES} pick pick pick connect impossible cut",
     "refusals": f"{MOVES} far far aim flush connect impossible far",
     "strays": f"{MOVES} stray stray again again connect aim flush text",
+    "groups": (
+        "land pump pump pump serve hear take lag join join leave gather gather arrive arrive "
+        "other other other cut connect connect long long no-such-group pick again"
+    ),
 }
 """What may happen in each, as often as it is named."""
 
@@ -158,10 +209,56 @@ NAMED: Final[dict[str, tuple[Operation, ...]]] = {
 """What chance seldom makes, by name; each with a cache of nothing and with one of everything."""
 
 
+_JOIN: Final = ("call", "join", "tour", "member", "Bo")
+_GUIDE: Final = (("other", "join", "guide"), ("pump", 3), _JOIN, ("pump", 5))
+_CALLED: Final = (*_GUIDE, ("other", "gather", [0, 0, 0], 2.5, None), ("pump", 5))
+_LEAD: Final = (("call", "join", "tour", "guide", None), ("pump", 5))
+_LATER: Final = (("wait", 0.3), ("pump", 5))
+
+NAMED_GROUPS: Final[dict[str, tuple[Operation, ...]]] = {
+    "a seat is taken again by its secret": (*_GUIDE, *_AGAIN, ("pump", 5), *_LATER),
+    "a seat that was forgotten meanwhile is a new one":
+        (*_CALLED, ("call", "arrived", 1, "ready"), ("pump", 3), ("other", "leave"), ("cut",),
+         ("wait", 1.2), ("other", "join", "guide"), ("connect", True, 0), ("pump", 5),
+         ("other", "gather", [2, 0, 0], 2.5, None), ("pump", 5), ("call", "arrived", 1, "ready")),
+    "who has arrived says so again where a cut swallowed it":
+        (*_CALLED, ("call", "arrived", 1, "ready"), *_AGAIN, ("pump", 8),
+         ("other", "arrived", 1, "ready"), ("pump", 5)),
+    "nothing is said again of a barrier that is open":
+        (*_CALLED, ("call", "arrived", 1, "ready"), ("other", "arrived", 1, "ready"), ("pump", 5),
+         *_AGAIN, ("pump", 8)),
+    "a newer gathering ends what was said of the older":
+        (*_CALLED, ("call", "arrived", 1, "degraded"), ("other", "gather", [2, 0, 0], 2.5, None),
+         ("pump", 5), ("call", "arrived", 1, "ready"), *_AGAIN, ("pump", 8)),
+    "what crosses a leave is skipped":
+        (*_GUIDE, ("other", "gather", [0, 0, 0], 2.5, None), ("serve", 3), ("call", "leave"),
+         ("hear", 9), ("pump", 5)),
+    "what crosses a join elsewhere is skipped":
+        (*_GUIDE, ("other", "gather", [0, 0, 0], 2.5, None), ("serve", 3),
+         ("call", "join", "walk", "guide", None), ("hear", 9), ("pump", 9)),
+    "a gather waits for the seat":
+        (*_LEAD, ("cut",), ("call", "gather", [0, 0, 0], 2.5, None, 900), ("connect", True, 0),
+         ("pump", 9), ("call", "arrived", 1, "ready"), ("pump", 5)),
+    "more gathers than may wait":
+        (*_LEAD, ("cut",), *[("call", "gather", [0, 0, 0], 2.5, None, None)] * 17,
+         ("connect", True, 0), ("pump", 40)),
+    "two guides": (("other", "join", "guide"), *_LEAD, *_AGAIN, ("pump", 5)),
+    "a gather that only the guide may": (*_GUIDE, ("call", "gather", [0, 0, 0], 2.5, None, None),
+        ("pump", 5), ("call", "gather", [0, 0, 0], 9.5, None, None), ("pump", 5)),
+    "a landing of the group with a landing of its own":
+        (*_CALLED, _HERE, ("pump", 40), ("call", "arrived", 1, "ready"), ("pump", 5),
+         ("other", "arrived", 1, "declined"), ("pump", 5)),
+}  # fmt: skip
+"""Of groups, by name."""
+
+
 def named_scripts() -> Iterator[tuple[str, Script]]:
     """Return what somebody thought of."""
-    for name, operations in NAMED.items():
-        for cache_bytes, credit_bytes in ((0, 50), (0, 10_000), (10_000, 50)):
+    for names, bounds in (
+        (NAMED, ((0, 50), (0, 10_000), (10_000, 50))),
+        (NAMED_GROUPS, ((0, 50),)),
+    ):
+        for (name, operations), (cache_bytes, credit_bytes) in product(names.items(), bounds):
             options = {
                 "cache_bytes": cache_bytes,
                 "credit_bytes": credit_bytes,
@@ -191,6 +288,8 @@ def make_script(theme: str, seed: int) -> Script:
         "max_held_segments": chance.choice((0, 1, 5, 1000, 1000)),
         "max_credit_bytes": chance.choice((30, 1 << 20)),
     }
+    if theme == "groups":
+        limits["groups"] = chance.choice(("here", "here", "here", "query", "none"))
     words = THEMES[theme].split()
     count = chance.randrange(4, 24)
     moves = (OPERATIONS[chance.choice(words)](chance) for _ in range(count))

@@ -101,6 +101,20 @@ class ToldSession:
             session.pick(numbers(given[0]), None if given[1] is None else numbers(given[1]))
         elif name == "bye":
             session.bye()
+        elif name == "join":
+            session.group.join(*given)
+        elif name == "leave":
+            session.group.leave()
+        elif name == "gather":
+            position, radius_m, inner_radius_m, deadline_ms = given
+            session.group.gather(
+                numbers(position),
+                float(radius_m),
+                inner_radius_m=inner_radius_m,
+                deadline_ms=deadline_ms,
+            )
+        elif name == "arrived":
+            session.group.arrived(*given)
         else:
             raise ValueError(f"got the step {name!r}, expected one of the README's")
         return []
@@ -157,6 +171,19 @@ def event_row(event: told.Event) -> list[Any] | None:
             return ["refused", event.landing, event.code, event.fatal]
         case told.Noticed():
             return ["notice", event.kind]
+        case told.GroupJoined():
+            return ["joined", event.group, event.member, event.role]
+        case told.GroupRoster():
+            members = [[one.member, one.name, one.role, one.present] for one in event.members]
+            return ["roster", members]
+        case told.GroupCalled():
+            called = event.gathering
+            return ["called", called.gathering, called.guide, called.left_ms is not None]
+        case told.GroupGathered():
+            ready, degraded, missing = map(list, (event.ready, event.degraded, event.missing))
+            return ["gathered", event.gathering, ready, degraded, missing]
+        case told.GroupRefused():
+            return ["group refused", event.request, event.code]
         case _:
             return None
 

@@ -25,6 +25,7 @@ WEB: Final = "client_sdk/web/test"
 LAND: Final = "tests/engines/test_landings.py"
 FAULT: Final = "tests/engines/test_faults.py"
 CORPUS: Final = "tests/engines/test_corpora.py"
+GROUPS: Final = "tests/engines/test_groups.py"
 LAYER: Final = "tests/engines/test_engine_layers.py"
 
 
@@ -54,7 +55,6 @@ def both(file: str, test: str) -> tuple[Claim, Claim]:
 
 SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return")
 SDK_LAND = "tests/socket/test_sdk_sessions.py"
-NO_GROUPS = No("skips what it is told of groups")
 NO_RING = No("shows full detail alone")
 
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
@@ -229,11 +229,21 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         NO_RING,
         NO_RING,
     ),
-    "lands groups": (
+    "goes along with a group": (
         Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),
         Yes("tests/browser/test_groups.py", "test_who_guides_takes_the_others_along"),
-        NO_GROUPS,
-        NO_GROUPS,
+        *both(GROUPS, "test_who_follows_shows_what_the_guide_shows"),
+    ),
+    "guides a group; who does not follow holds nobody up": (
+        Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),
+        Yes("tests/browser/test_groups.py", "test_who_guides_takes_the_others_along"),
+        *both(GROUPS, "test_who_guides_takes_the_sdk_along"),
+    ),
+    "a group's components: seat, list of people, events": (
+        No("no components"),
+        Yes("tests/browser/test_groups.py", "test_who_guides_takes_the_others_along"),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
     ),
     "drawn in a headset": (
         No("no renderer"),
@@ -265,6 +275,11 @@ GODOT: Final[dict[str, Claim]] = {
         "tests/browser/test_godot_pictures.py", "test_landings_look_as_in_the_viewer"
     ),
     "decoding allocates nothing in the steady state": No("new arrays each time"),
+    "goes along with a group": Yes(VISITS, "test_a_group_goes_together"),
+    "guides a group; who does not follow holds nobody up": Yes(
+        VISITS, "test_a_group_goes_together"
+    ),
+    "a group's components: seat, list of people, events": Yes(VISITS, "test_a_group_goes_together"),
     "drawn in a headset": Yes(
         VISITS, "test_the_examples_land_and_teleport", "on a screen, without a headset"
     ),

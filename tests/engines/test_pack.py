@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
 import sys
 import tarfile
 import zipfile
@@ -16,16 +18,17 @@ PACK: Final = ROOT / "client_sdk" / "pack.py"
 
 
 @pytest.fixture(scope="module")
-def packed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
-    """Tarball and zip, as the command makes them."""
+def packed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, Path]:
+    """Tarball and zips, as the command makes them."""
     out = tmp_path_factory.mktemp("dist")
     run_logged([sys.executable, str(PACK), str(out)])
     (tarball,) = out.glob("com.terraport.client-*.tgz")
     (archive,) = out.glob("terraport-unreal-*.zip")
-    return tarball, archive
+    (godot,) = out.glob("terraport-godot-*.zip")
+    return tarball, archive, godot
 
 
-def test_the_tarball_is_a_package_of_unity(packed: tuple[Path, Path]) -> None:
+def test_the_tarball_is_a_package_of_unity(packed: tuple[Path, Path, Path]) -> None:
     """All below ``package``, what is imported with its .meta, and nothing that only tests need."""
     with tarfile.open(packed[0]) as tar:
         assert all(member.isfile() for member in tar)
@@ -63,7 +66,7 @@ def test_the_tarball_is_a_package_of_unity(packed: tuple[Path, Path]) -> None:
     assert "package/Samples~/FirstLanding/FirstLanding.unity" in names
 
 
-def test_the_zip_is_a_plugin_of_unreal(packed: tuple[Path, Path]) -> None:
+def test_the_zip_is_a_plugin_of_unreal(packed: tuple[Path, Path, Path]) -> None:
     with zipfile.ZipFile(packed[1]) as archive:
         names = set(archive.namelist())
         plugin = json.loads(archive.read("Terraport/Terraport.uplugin"))
@@ -85,13 +88,32 @@ def test_the_zip_is_a_plugin_of_unreal(packed: tuple[Path, Path]) -> None:
     assert sources <= names
 
 
-def test_the_same_sources_give_the_same_bytes(packed: tuple[Path, Path], tmp_path: Path) -> None:
+def test_the_zip_of_godot_is_a_project_that_can_be_built(
+    packed: tuple[Path, Path, Path], tmp_path: Path
+) -> None:
+    """What the scenes and the addon name is there, and CMake finds every source of the library."""
+    with zipfile.ZipFile(packed[2]) as archive:
+        archive.extractall(tmp_path)
+    project = tmp_path / "terraport-godot" / "godot"
+    assert (tmp_path / "terraport-godot" / "LICENSE").is_file()
+    assert not (project / "tests").exists()
+    for path in [*project.rglob("*.tscn"), *project.rglob("*.gd"), project / "project.godot"]:
+        for name in re.findall(r'"res://([^"]+)"', path.read_text(encoding="utf-8")):
+            assert (project / name).exists(), f"{path.name} names {name}"
+    if shutil.which("cmake") is None:
+        pytest.skip("no CMake")
+    run_logged(["cmake", "-S", str(project), "-B", str(tmp_path / "build")])
+
+
+def test_the_same_sources_give_the_same_bytes(
+    packed: tuple[Path, Path, Path], tmp_path: Path
+) -> None:
     run_logged([sys.executable, str(PACK), str(tmp_path)])
     for path in packed:
         assert (tmp_path / path.name).read_bytes() == path.read_bytes()
 
 
-def test_the_docs_install_what_is_made(packed: tuple[Path, Path]) -> None:
+def test_the_docs_install_what_is_made(packed: tuple[Path, Path, Path]) -> None:
     """No address that nobody has: the file's name, the folder's, and a path to a clone."""
     for page in (UNITY / "README.md", ROOT / "docs" / "how-to" / "unity.md"):
         text = page.read_text(encoding="utf-8")
@@ -101,3 +123,4 @@ def test_the_docs_install_what_is_made(packed: tuple[Path, Path]) -> None:
         assert "HOST/terraport.git" not in text
     for page in (UNREAL / "README.md", ROOT / "docs" / "how-to" / "unreal.md"):
         assert packed[1].name in page.read_text(encoding="utf-8")
+    assert packed[2].name in (ROOT / "docs" / "how-to" / "godot.md").read_text(encoding="utf-8")

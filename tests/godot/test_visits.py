@@ -133,6 +133,45 @@ def test_aims_picks_and_rays(godot: Engine, server: Service) -> None:
         assert other[1] == pytest.approx(hit[1], abs=0.001)
 
 
+def test_a_group_goes_together(godot: Engine, server: Service) -> None:
+    """Godot follows a guide of the Python SDK; then it guides another group itself."""
+    url = f"{server.url}/scenes/grid"
+    told: dict[str, list[int]] = {}
+
+    def lead() -> None:
+        with terraport.sync.connect(url) as session:
+            group = session.join_group("tour", role="guide", name="Ada")
+            group.members_present(2, timeout_s=120)
+            there = group.land_group(HERE[:3], HERE[3])
+            there.land().ready()
+            told["followed"] = sorted(there.all_there(timeout_s=120).ready)
+            told["visible"] = sorted(session.visible)
+
+    visit = godot.visit(
+        url,
+        ["join", "tour", False, "Bo"],
+        ["people", 2],
+        ["there", 1],
+        ["join", "walk", True, ""],
+        ["gather", *THERE],
+        meanwhile=lead,
+    )
+    is_clean(visit)
+    seat, people, followed, own, gathered = visit.results
+    number = seat["member"]
+    assert [(one["name"], one["role"]) for one in people["members"]] in (
+        [("Ada", "guide"), ("Bo", "member")],
+        [("Bo", "member"), ("Ada", "guide")],
+    )
+    assert number in told["followed"]
+    assert len(told["followed"]) == 2
+    assert followed["visible"] == told["visible"]
+    assert gathered["group"]["ready"] == [own["member"]]
+    called = visit.of("group_called")
+    assert [facts["radius_m"] for facts in called] == [HERE[3], THERE[3]]
+    assert called[1]["position"] == pytest.approx(THERE[:3])
+
+
 @pytest.mark.parametrize("example", ["first_landing", "first_landing_xr"])
 def test_the_examples_land_and_teleport(
     godot: Engine, server: Service, example: str, tmp_path: Path

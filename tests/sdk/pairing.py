@@ -17,6 +17,7 @@ from terraport.session import ClientSession, SessionOptions
 from terraport_payload import encode_glb
 from terraport_server.actions import (
     Close,
+    GroupPort,
     MakePlan,
     RunPick,
     SceneView,
@@ -144,10 +145,14 @@ class Pair:
         self.closed: Close | None = None
         self.now_s = 0.0
         self.hit: Hit | None = None
+        self.groups: GroupPort | None = None
+        """The next connection's way to the groups."""
 
     def connect(self) -> None:
         """Begin a connection; nothing flows before :meth:`step`."""
-        self.server = ServerSession(self.scene.view, self.limits, session_id="s", now_s=self.now_s)
+        self.server = ServerSession(
+            self.scene.view, self.limits, session_id="s", now_s=self.now_s, groups=self.groups
+        )
         self.closed = None
         self.client.connected(offer_held=self.offer_held)
 

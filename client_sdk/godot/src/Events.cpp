@@ -46,6 +46,29 @@ const char* nameOf(LandingPhase phase) {
   return "";
 }
 
+const char* nameOf(EventKind kind) {
+  switch (kind) {
+    case EventKind::GroupCalled:
+      return "group_called";
+    case EventKind::GroupGathered:
+      return "group_gathered";
+    case EventKind::GroupRefused:
+      return "group_refused";
+    default:
+      return "group_changed";
+  }
+}
+
+const char* nameOf(GroupRole role) {
+  return role == GroupRole::Guide ? "guide" : "member";
+}
+
+Variant numbers(const std::vector<std::uint32_t>& values) {
+  List list;
+  for (const std::uint32_t value : values) list.add(number(value));
+  return list.variant();
+}
+
 void fillPick(Dictionary& facts, const PickHit& hit) {
   Dictionary attributes;
   for (const auto& [name, value] : hit.attributes) attributes.set(name.c_str(), value);
@@ -119,6 +142,18 @@ void EventList::add(const StreamEvent& event) {
       return add("picked", facts);
     case EventKind::PickRefused:
       return failed(event.code, event.message, kNoLanding, false);
+    case EventKind::GroupJoined:
+    case EventKind::GroupRoster:
+    case EventKind::GroupCalled:
+    case EventKind::GroupGathered:
+    case EventKind::GroupRefused: {
+      const std::optional<GroupFacts>& group = event.group;
+      if (event.kind == EventKind::GroupCalled) {
+        facts.set("position", group->gathering.position).set("radius_m", group->gathering.radiusM);
+      }
+      facts.set("group", describe(group)).set("code", event.code).set("message", event.message);
+      return add(nameOf(event.kind), facts);
+    }
     default:
       return;
   }
@@ -147,6 +182,29 @@ Variant describe(const LandingStatus& status) {
       .set("ready_ms", status.readyMs)
       .set("presentable_ms", status.presentableMs)
       .set("payload_bytes", number(status.payloadBytes));
+  return facts.variant();
+}
+
+Variant describe(const std::optional<GroupFacts>& group) {
+  if (!group) return Variant();
+  List members;
+  for (const GroupMember& one : group->members) {
+    Dictionary facts;
+    facts.set("member", number(one.member)).set("name", one.name).set("role", nameOf(one.role)).set("present", one.isPresent);
+    members.add(facts.variant());
+  }
+  const GroupGathering& there = group->gathering;
+  Dictionary facts;
+  facts.set("name", group->name)
+      .set("member", number(group->member))
+      .set("role", nameOf(group->role))
+      .set("members", members.variant())
+      .set("gathering", number(there.number))
+      .set("guide", number(there.guide))
+      .set("over", there.isOver)
+      .set("ready", numbers(there.ready))
+      .set("degraded", numbers(there.degraded))
+      .set("missing", numbers(there.missing));
   return facts.variant();
 }
 

@@ -1,6 +1,7 @@
 // What happened, and what is known, as the engine's lists and dictionaries.
 #pragma once
 
+#include <optional>
 #include <string>
 
 #include "Godot.h"
@@ -26,6 +27,8 @@ class EventList {
 
 Variant describe(const LandingStatus& status);
 Variant describe(const SceneManifest& manifest);
+/// Nil without a seat.
+Variant describe(const std::optional<GroupFacts>& group);
 Variant describe(const std::vector<RegionFacts>& regions);
 
 }  // namespace terraport::godot

@@ -121,6 +121,24 @@ const ScriptMethod kMethods[] = {
         [](Client& client, Arguments given) {
           return with(client, [&](Session& session) { return session.reconnect(given[0].toText()), true; });
         }},
+    {"join_group", 3,
+        [](Client& client, Arguments given) {
+          return with(client,
+              [&](Session& session) { return session.joinGroup(given[0].toText(), given[1].toBool(), given[2].toText()); });
+        }},
+    {"leave_group", 0,
+        [](Client& client, Arguments) { return with(client, [](Session& session) { return session.leaveGroup(), true; }); }},
+    {"gather", 2,
+        [](Client& client, Arguments given) {
+          return with(client, [&](Session& session) { return session.gather(given[0].toVec3(), given[1].toReal()); });
+        }},
+    {"go_to_group", 0,
+        [](Client& client, Arguments) { return with(client, [](Session& session) { return session.goToGroup(); }); }},
+    {"set_follows_group", 1,
+        [](Client& client, Arguments given) {
+          return with(client, [&](Session& session) { return session.setFollowsGroup(given[0].toBool()), true; });
+        }},
+    {"group", 0, [](Client& client, Arguments) { return with(client, [](Session& session) { return session.group(); }); }},
     {"cast", 3,
         [](Client& client, Arguments given) {
           return with(

@@ -136,10 +136,8 @@ void Renderer::free(std::uint32_t segment) {
 }
 
 std::size_t Renderer::gpuBytesOf(const SegmentMesh& mesh) const {
-  // Four bytes a pixel, and a third more for the mips.
-  const std::size_t pixels = std::size_t(mesh.image.width) * mesh.image.height;
   const std::size_t indexBytes = mesh.maxIndex < 65536 ? 2 : 4;
-  return mesh.vertexCount * (kVertexBytes + (mesh.hasUvs ? 8 : 0)) + mesh.indices.size() * indexBytes + pixels * 16 / 3;
+  return mesh.vertexCount * (kVertexBytes + (mesh.hasUvs ? 8 : 0)) + mesh.indices.size() * indexBytes + mesh.image.gpuBytes();
 }
 
 void Renderer::beginBase(const SceneFiles& files) {

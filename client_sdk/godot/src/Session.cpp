@@ -45,6 +45,7 @@ Session::~Session() {
   // The thread that sockets belong to ends first: they tell `receiver_` of themselves.
   if (stream_) stream_->close();
   loading_.reset();
+  follower_.reset();
   stage_.reset();
   stream_.reset();
   decodes_.reset();
@@ -59,6 +60,7 @@ Variant Session::update(double budgetMs) {
   if (stage_) {
     stage_->setAutoShow(autoShow_);
     stage_->update([] { return nowMs(); }, std::max(startMs + budgetMs - nowMs(), 0.0));
+    follower_->update();
   }
   // What is not urgent has the rest of the frame, one piece at least.
   bool hasMore = true;
@@ -82,6 +84,7 @@ void Session::takeEvents(EventList& events) {
       event.changed = event.changed || streamVersion_ != stage_->files().manifest.version;
     }
     stage_->handle(event);
+    follower_->handle(event, nowMs());
     // Once for each connection that needs them: files that are damaged are not asked for again with every segment.
     if (event.kind == EventKind::Opened && stage_->needsFiles() && !loading_) {
       loadAttempt_ = 0;
@@ -152,6 +155,8 @@ void Session::take(LoadResult& result, double nowMs, EventList& events) {
     options.autoShow = autoShow_;
     stage_ = std::make_unique<SceneStage>(*stream_, result.files, *renderer_, *decodes_, options);
     stage_->onSwap([this](const SceneSwap& swap) { swaps_.push_back(swap); });
+    follower_ = std::make_unique<GroupFollower>(*stream_, *stage_);
+    follower_->setFollows(followsGroup_);
     if (pending_) stage_->land(pending_->position, pending_->radiusM, pending_->options, nowMs);
     pending_.reset();
   }
@@ -212,6 +217,32 @@ void Session::reconnect(const std::string& token) {
     loadAttempt_ = 0;
     startLoading();
   }
+}
+
+bool Session::joinGroup(const std::string& name, bool asGuide, const std::string& ownName) {
+  const GroupRole role = asGuide ? GroupRole::Guide : GroupRole::Member;
+  return follower_ && follower_->join(name, role, ownName).isOk();
+}
+
+void Session::leaveGroup() {
+  if (follower_) follower_->leave();
+}
+
+bool Session::gather(const Vec3& position, double radiusM) {
+  return follower_ && follower_->group() && stream_->gather(position, radiusM, std::nullopt, std::nullopt).isOk();
+}
+
+std::int64_t Session::goToGroup() {
+  return follower_ ? std::max<std::int64_t>(follower_->goThere(nowMs()), 0) : 0;
+}
+
+void Session::setFollowsGroup(bool follows) {
+  followsGroup_ = follows;
+  if (follower_) follower_->setFollows(follows);
+}
+
+Variant Session::group() const {
+  return follower_ ? describe(follower_->group()) : Variant();
 }
 
 Variant Session::cast(const Vec3& origin, const Vec3& direction, double maxM) const {

@@ -13,6 +13,7 @@
 #include "Loading.h"
 #include "Renderer.h"
 #include "Terraport/DecodeThreads.h"
+#include "Terraport/GroupFollower.h"
 #include "Terraport/SceneStage.h"
 #include "Terraport/StreamThread.h"
 
@@ -57,6 +58,16 @@ class Session {
   bool show();
   void setAutoShow(bool autoShow);
   void reconnect(const std::string& token);
+  /// Before the base is here nobody can join; false then, and where a name cannot be.
+  bool joinGroup(const std::string& name, bool asGuide, const std::string& ownName);
+  void leaveGroup();
+  /// Land the group. False without a seat, and where a number cannot be.
+  bool gather(const Vec3& position, double radiusM);
+  /// Land where the group is, though that was not followed; the landing's number, 0 where the group is nowhere.
+  std::int64_t goToGroup();
+  void setFollowsGroup(bool follows);
+  /// Nil without a seat.
+  Variant group() const;
   /// Facts of where a ray meets what is shown; nil where it does not.
   Variant cast(const Vec3& origin, const Vec3& direction, double maxM) const;
   Variant status() const;
@@ -96,6 +107,7 @@ class Session {
   std::unique_ptr<Loading> loading_;
   std::unique_ptr<StreamThread> stream_;
   std::unique_ptr<SceneStage> stage_;
+  std::unique_ptr<GroupFollower> follower_;
   std::optional<Pending> pending_;
   std::vector<SceneSwap> swaps_;
   /// Version that the connection serves; empty before it is open.
@@ -103,6 +115,7 @@ class Session {
   int loadAttempt_ = 0;
   double retryAtMs_ = 0.0;
   bool autoShow_;
+  bool followsGroup_ = true;
   std::int64_t toldPresentable_ = kNoLanding;
   bool toldInFull_ = false;
   double longestUpdateMs_ = 0.0;

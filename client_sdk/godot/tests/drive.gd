@@ -33,7 +33,7 @@ func run() -> void:
 	for name in order.get("properties", {}):
 		scene.set(name, order.properties[name])
 	for name in ["opened", "planned", "landed", "degraded", "presentable", "shown", "superseded", "prefetched", "picked",
-			"link_changed", "failed"]:
+			"link_changed", "failed", "group_changed", "group_called", "group_gathered", "group_refused"]:
 		scene.connect(name, self, "_note", [name])
 	root.add_child(scene)
 	var failure := ""
@@ -138,6 +138,49 @@ func step_pick(step: Array):
 	var before := count_of("picked")
 	scene.pick(vector(step, 1))
 	return yield(until_more("picked", before), "completed")
+
+
+# ["join", group, as guide, own name]: until there is a seat, or none.
+func step_join(step: Array):
+	yield(self, "idle_frame")
+	var before := count_of("group_changed") + count_of("group_refused")
+	var end := OS.get_ticks_msec() + TIMEOUT_MS
+	if not scene.join_group(step[1], step[2], step[3]):
+		return "it cannot join"
+	while count_of("group_changed") + count_of("group_refused") <= before:
+		if OS.get_ticks_msec() > end:
+			return "no seat"
+		yield(self, "idle_frame")
+	return scene.group()
+
+
+# ["people", count]: until so many are in the group.
+func step_people(step: Array):
+	yield(self, "idle_frame")
+	var end := OS.get_ticks_msec() + TIMEOUT_MS
+	while scene.group() == null or scene.group().members.size() < step[1]:
+		if OS.get_ticks_msec() > end:
+			return "nobody else: " + to_json(scene.group())
+		yield(self, "idle_frame")
+	return scene.group()
+
+
+# ["gather", x, y, z, radius]: until everybody is there, or nobody waits.
+func step_gather(step: Array):
+	var before := count_of("group_gathered")
+	scene.gather(vector(step, 1), step[4])
+	return yield(until_more("group_gathered", before), "completed")
+
+
+# ["there", count]: until so many landings of the group are over, and what is drawn then.
+func step_there(step: Array):
+	yield(self, "idle_frame")
+	var end := OS.get_ticks_msec() + TIMEOUT_MS
+	while count_of("group_gathered") < step[1]:
+		if OS.get_ticks_msec() > end:
+			return "not there: " + to_json(scene.group())
+		yield(self, "idle_frame")
+	return {"visible": Array(scene.visible_segments()), "group": scene.group()}
 
 
 # ["cast", [[x, y, z, dx, dy, dz], ...]]

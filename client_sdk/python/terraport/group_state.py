@@ -6,6 +6,8 @@ PURE: no I/O, no clock. Section numbers are those of ``spec/wire-protocol.md``.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Final
 
 from terraport.events import (
     Event,
@@ -30,6 +32,9 @@ from terraport_wire import (
 )
 
 __all__ = ["GroupState"]
+
+_MOST_GATHERS: Final = 16
+"""Gathers that wait for an answer; beyond it the oldest is refused here."""
 
 
 class GroupState:
@@ -73,13 +78,12 @@ class GroupState:
         UsageError
             A name or role that the protocol does not allow.
         """
-        request = self._take_request()
-        join = checked(lambda: Join(request=request, group=group, role=role, name=name))
+        join = checked(lambda: Join(request=0, group=group, role=role, name=name))
         self.leave()  # also where the new seat is refused: the caller has given the old one up
-        self._join = join
+        self._join = join = replace(join, request=self._take_request())
         if self._is_open():
             self._say(join)
-        return request
+        return join.request
 
     def leave(self) -> None:
         """Give the seat up."""
@@ -102,16 +106,22 @@ class GroupState:
         UsageError
             A number that the protocol does not allow.
         """
-        request = self._take_request()
-        self._gathers[request] = gather = checked(
+        gather = checked(
             lambda: Gather(
-                request=request,
+                request=0,
                 position=point(position),
                 radius_m=radius_m,
                 inner_radius_m=inner_radius_m,
                 deadline_ms=deadline_ms,
             )
         )
+        request = self._take_request()
+        self._gathers[request] = gather = replace(gather, request=request)
+        if len(self._gathers) > _MOST_GATHERS:
+            oldest = next(iter(self._gathers))
+            del self._gathers[oldest]
+            text = f"{_MOST_GATHERS} gathers wait for an answer already"
+            self._report(GroupRefused(oldest, "too_many", text))
         if self._seated:
             self._say(gather)
         return request
@@ -125,10 +135,17 @@ class GroupState:
         if self._seated:
             self._say(arrived)
 
-    def connected(self) -> None:
-        """Take the seat again, on a connection that is open."""
-        if self._join is not None:
-            self._say(self._join)
+    def connected(self, groups: str | None) -> None:
+        """Take the seat again, on a connection that is open; `groups` is what its limits say."""
+        join = self._join
+        if join is None:
+            return
+        if groups in {"here", "query"}:
+            self._say(join)
+            return
+        self._reset()
+        text = "no groups are served at this address"
+        self._report(GroupRefused(join.request, "group_refused", text))
 
     def connection_lost(self) -> None:
         """Note that the connection is gone; the seat is taken again on the next one."""
@@ -156,11 +173,11 @@ class GroupState:
                 self._on_joined(message, join)
         elif not self._seated:
             return
-        elif isinstance(message, Roster):
+        elif isinstance(message, Roster) and message.group == join.group:
             self._report(GroupRoster(message.members))
         elif isinstance(message, Gathering):
             self._on_gathering(message)
-        elif isinstance(message, Gathered):
+        elif isinstance(message, Gathered) and message.gathering == self._newest:
             self._report(
                 GroupGathered(
                     message.gathering,

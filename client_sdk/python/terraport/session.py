@@ -423,7 +423,7 @@ class ClientSession:
         if untold:
             self._events.append(Dropped(tuple(untold), ()))
         self._outbox.extend(self._picks.waiting())
-        self.group.connected()
+        self.group.connected(welcome.limits.groups)
         if self._queued is not None:
             landing, self._queued = self._queued, None
             self._send_landing(landing)

@@ -59,10 +59,10 @@ namespace Terraport
         /// <summary>Superseded: the newer landing.</summary>
         public int By;
 
-        /// <summary>Refused, PickRefused: code of the wire protocol.</summary>
+        /// <summary>Refused, PickRefused, GroupRefused: code of the wire protocol.</summary>
         public string Code;
 
-        /// <summary>Refused, PickRefused: for people.</summary>
+        /// <summary>Refused, PickRefused, GroupRefused: for people.</summary>
         public string Message;
 
         /// <summary>Refused: the session is over.</summary>
@@ -74,10 +74,13 @@ namespace Terraport
         /// <summary>Notice: when to reconnect, milliseconds; null where it says nothing.</summary>
         public int? ReconnectAfterMs;
 
-        /// <summary>Picked, PickRefused: number that Pick returned.</summary>
+        /// <summary>Picked, PickRefused, GroupRefused: number that Pick, JoinGroup or Gather returned.</summary>
         public int Request;
 
         /// <summary>Picked: null where nothing was met.</summary>
         public PickHit Hit;
+
+        /// <summary>Of a group: as it is now; null where the seat is gone.</summary>
+        public GroupFacts Group;
     }
 }

@@ -47,5 +47,20 @@ namespace Terraport
 
         /// <summary>A pick was refused: code and message.</summary>
         PickRefused,
+
+        /// <summary>The session has a seat in its group, or has it again after a reconnect: <see cref="StreamEvent.Group"/>.</summary>
+        GroupJoined,
+
+        /// <summary>Who is in the group: its members.</summary>
+        GroupRoster,
+
+        /// <summary>The guide lands the group: its gathering. Land there, or do not, and say so by Arrive.</summary>
+        GroupCalled,
+
+        /// <summary>The barrier of the gathering is open: who has arrived.</summary>
+        GroupGathered,
+
+        /// <summary>A join or gather was refused: request, code and message; no group where the seat is gone.</summary>
+        GroupRefused,
     }
 }

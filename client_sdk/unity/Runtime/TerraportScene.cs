@@ -169,6 +169,11 @@ namespace Terraport.Unity
         /// <summary>Files of the version that is served now; null until they are here.</summary>
         public SceneFiles Files => session == null ? null : session.Files;
 
+        /// <summary>Null until the files are here: for what goes with a scene, as <see cref="TerraportGroup"/>.</summary>
+        internal SceneStage Stage => session == null ? null : session.Stage;
+
+        internal ISceneStream Stream => session == null ? null : session.Stream;
+
         /// <summary>Where the connection stands.</summary>
         public LinkState Link => link;
 

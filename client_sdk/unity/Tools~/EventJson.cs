@@ -1,4 +1,5 @@
 using System.Collections.Generic;
+using System.Text.RegularExpressions;
 
 namespace Terraport.Tools
 {
@@ -46,6 +47,11 @@ namespace Terraport.Tools
                     json.Key("request").Value((long)streamEvent.Request);
                     DescribeHit(json, streamEvent.Hit);
                     break;
+                case StreamEventKind.GroupJoined:
+                case StreamEventKind.GroupRoster:
+                case StreamEventKind.GroupCalled:
+                case StreamEventKind.GroupGathered: DescribeGroup(json, streamEvent.Group); break;
+                case StreamEventKind.GroupRefused:
                 case StreamEventKind.PickRefused:
                     json.Key("request").Value((long)streamEvent.Request).Key("code").Value(streamEvent.Code);
                     break;
@@ -64,7 +70,30 @@ namespace Terraport.Tools
 
         private static string Name(StreamEventKind kind)
         {
-            return kind == StreamEventKind.PickRefused ? "pick_refused" : kind.ToString().ToLowerInvariant();
+            return Regex.Replace(kind.ToString(), "(?<=[a-z])[A-Z]", "_$0").ToLowerInvariant();
+        }
+
+        private static void DescribeGroup(JsonText json, GroupFacts group)
+        {
+            json.Key("group").Value(group.Name).Key("member").Value((long)group.Member);
+            json.Key("role").Value(group.Role.ToString().ToLowerInvariant()).Key("members").Open('[');
+            foreach (GroupMember one in group.Members)
+            {
+                json.Open('[').Value((long)one.Member).Value(one.Name).Value(one.Role.ToString().ToLowerInvariant());
+                json.Value(one.IsPresent).Close(']');
+            }
+            json.Close(']').Key("gathering");
+            GroupGathering gathering = group.Gathering;
+            if (gathering == null)
+            {
+                json.Null();
+                return;
+            }
+            json.Open('{').Key("number").Value((long)gathering.Number).Key("guide").Value((long)gathering.Guide);
+            DescribePosition(json, gathering.Position);
+            json.Key("radius_m").Value(gathering.RadiusM).Key("over").Value(gathering.IsOver);
+            json.Key("ready").Values(gathering.Ready).Key("degraded").Values(gathering.Degraded);
+            json.Key("missing").Values(gathering.Missing).Close('}');
         }
 
         private static void DescribeLink(JsonText json, LinkState link)

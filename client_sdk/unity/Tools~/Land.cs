@@ -27,6 +27,11 @@ namespace Terraport.Tools
         private int ready;
         private int prefetched;
         private int picked;
+        // Of groups: who is there, seats had, landings told, barriers that opened.
+        private int people;
+        private int joined;
+        private int called;
+        private int gathered;
         private string refusedCode;
         private string closedCode;
         private string failure;
@@ -91,6 +96,22 @@ namespace Terraport.Tools
                     double end = Now() + step.Numbers[0];
                     Until(step, () => Now() >= end);
                     break;
+                case "join":
+                    string[] fields = step.Argument.Split(',');
+                    GroupRole role = fields.Length > 1 && fields[1] == "guide" ? GroupRole.Guide : GroupRole.Member;
+                    int joinedBefore = joined;
+                    stream.JoinGroup(fields[0], role, fields.Length > 2 ? fields[2] : null);
+                    Until(step, () => joined > joinedBefore);
+                    break;
+                case "leave": stream.LeaveGroup(); break;
+                case "gather":
+                    int calledBefore = called;
+                    stream.Gather(step.Position(0), step.Numbers[3]);
+                    Until(step, () => called > calledBefore);
+                    break;
+                case "people": Until(step, () => people >= step.Numbers[0]); break;
+                case "barrier": Until(step, () => gathered >= step.Numbers[0]); break;
+                case "follow": staged.Follows = step.Numbers[0] != 0; break;
                 case "stand": staged.Stand(step.Position(0)); break;
                 case "reconnect":
                     closedCode = null;
@@ -147,6 +168,7 @@ namespace Terraport.Tools
 
         private string WhyOver(LandStep step)
         {
+            if (step.IsOfGroup && refusedCode != null) return "refused: " + refusedCode;
             if (Now() > request.TimeoutS * 1000) return "timeout";
             if (step.IsLanding && refusedCode != null) return "refused: " + refusedCode;
             return step.Kind != "pause" && closedCode != null ? "closed: " + closedCode : null;
@@ -174,6 +196,11 @@ namespace Terraport.Tools
                     picked++;
                     EventJson.Describe(picks, streamEvent);
                     break;
+                case StreamEventKind.GroupJoined: joined++; break;
+                case StreamEventKind.GroupRoster: people = streamEvent.Group.Members.Count; break;
+                case StreamEventKind.GroupCalled: called++; break;
+                case StreamEventKind.GroupGathered: gathered++; break;
+                case StreamEventKind.GroupRefused: refusedCode = streamEvent.Code; break;
                 case StreamEventKind.Link: closedCode = streamEvent.Link.Phase == LinkPhase.Closed ? streamEvent.Link.Code : null; break;
             }
         }

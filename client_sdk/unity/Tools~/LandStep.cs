@@ -27,7 +27,7 @@ namespace Terraport.Tools
         /// <summary>As it was written.</summary>
         public string Text { get; private set; }
 
-        /// <summary>land, start, wait, aim, pick, stand, pause, reconnect.</summary>
+        /// <summary>land, start, wait, aim, pick, stand, pause, reconnect, join, people, gather, follow, barrier, leave.</summary>
         public string Kind { get; private set; }
 
         /// <summary>What stands behind the colon.</summary>
@@ -38,6 +38,9 @@ namespace Terraport.Tools
         /// <summary>Whether it waits for a landing.</summary>
         public bool IsLanding => Kind == "land" || Kind == "start" || Kind == "wait";
 
+        /// <summary>Whether it waits for an answer of the group's.</summary>
+        public bool IsOfGroup => Kind == "join" || Kind == "gather";
+
         /// <summary>Read a step; null where there is no such one.</summary>
         public static LandStep Parse(string text)
         {
@@ -47,10 +50,16 @@ namespace Terraport.Tools
             {
                 case "land":
                 case "start":
+                case "gather":
                 case "aim": minNumbers = 4; break;
                 case "pick":
                 case "stand": minNumbers = 3; break;
+                case "follow":
+                case "people":
+                case "barrier":
                 case "pause": minNumbers = 1; break;
+                case "join":
+                case "leave":
                 case "wait":
                 case "reconnect": minNumbers = 0; break;
                 default: return null;

@@ -122,6 +122,12 @@ namespace Terraport.Tools
                 case "flush": session.FlushAim(); break;
                 case "pick": session.Pick(Point(given[1]), given[2].IsNull ? (Vec3?)null : Point(given[2])); break;
                 case "bye": session.Bye(); break;
+                case "join":
+                    session.Join(given[1].Text, given[2].Text == "guide" ? GroupRole.Guide : GroupRole.Member, given[3].Text);
+                    break;
+                case "leave": session.Leave(); break;
+                case "gather": session.Gather(Point(given[1]), Number(given[2]), Real(given[3]), (int?)Integer(given[4])); break;
+                case "arrived": session.Arrive((uint)Integer(given[1]).Value, ArrivalOf(given[2].Text)); break;
                 default: throw new InvalidDataException("step " + given[0].Text);
             }
             return List(sent, data => Array.IndexOf(messages, Convert.ToBase64String(data)).ToString());
@@ -131,13 +137,16 @@ namespace Terraport.Tools
 
         private static LandOptions OptionsOf(JsonValue inner, JsonValue deadline)
         {
-            return new LandOptions { InnerRadiusM = inner.IsNull ? (double?)null : Number(inner), DeadlineMs = (int?)Integer(deadline) };
+            return new LandOptions { InnerRadiusM = Real(inner), DeadlineMs = (int?)Integer(deadline) };
         }
+
+        private static GroupArrival ArrivalOf(string state) { return (GroupArrival)Enum.Parse(typeof(GroupArrival), state, true); }
 
         /// <summary>An event as the corpus tells it; null for those that clients name in their own ways.</summary>
         private static string RowOf(StreamEvent told)
         {
             string landing = told.Landing.HasValue ? told.Landing.ToString() : "null";
+            GroupGathering gathering = told.Group == null ? null : told.Group.Gathering;
             switch (told.Kind)
             {
                 case StreamEventKind.Opened: return Row("opened", Flag(told.IsChanged), told.HeldCount);
@@ -150,14 +159,27 @@ namespace Terraport.Tools
                 case StreamEventKind.Superseded: return Row("superseded", landing, told.By);
                 case StreamEventKind.Prefetched: return Row("prefetched", told.Count, told.Bytes);
                 case StreamEventKind.Picked: return Row("picked", told.Request, told.Hit == null ? "null" : told.Hit.Segment.ToString());
-                case StreamEventKind.PickRefused: return Row("pick refused", told.Request, "\"" + told.Code + "\"");
-                case StreamEventKind.Refused: return Row("refused", landing, "\"" + told.Code + "\"", Flag(told.IsFatal));
-                case StreamEventKind.Notice: return Row("notice", "\"" + told.Notice + "\"");
+                case StreamEventKind.PickRefused: return Row("pick refused", told.Request, Quoted(told.Code));
+                case StreamEventKind.Refused: return Row("refused", landing, Quoted(told.Code), Flag(told.IsFatal));
+                case StreamEventKind.Notice: return Row("notice", Quoted(told.Notice));
+                case StreamEventKind.GroupJoined: return Row("joined", Quoted(told.Group.Name), told.Group.Member, RoleOf(told.Group.Role));
+                case StreamEventKind.GroupRoster:
+                    return Row("roster",
+                        List(told.Group.Members,
+                            one => "[" + one.Member + "," + Quoted(one.Name) + "," + RoleOf(one.Role) + "," + Flag(one.IsPresent) + "]"));
+                case StreamEventKind.GroupCalled: return Row("called", gathering.Number, gathering.Guide, Flag(!gathering.IsOver));
+                case StreamEventKind.GroupGathered:
+                    return Row("gathered", gathering.Number, Ids(gathering.Ready), Ids(gathering.Degraded), Ids(gathering.Missing));
+                case StreamEventKind.GroupRefused: return Row("group refused", told.Request, Quoted(told.Code));
                 default: return null;
             }
         }
 
         private static string Row(string name, params object[] values) { return "[\"" + name + "\"," + string.Join(",", values) + "]"; }
+
+        private static string Quoted(string text) { return text == null ? "null" : "\"" + text + "\""; }
+
+        private static string RoleOf(GroupRole role) { return Quoted(role.ToString().ToLowerInvariant()); }
 
         private static string Flag(bool flag) { return flag ? "true" : "false"; }
 
@@ -177,6 +199,8 @@ namespace Terraport.Tools
             long integer;
             return value.TryInteger(out integer) ? integer : (long?)null;
         }
+
+        private static double? Real(JsonValue value) { return value.IsNull ? (double?)null : Number(value); }
 
         /// <summary>JSON has no word for NaN and infinity, a text has.</summary>
         private static double Number(JsonValue value)

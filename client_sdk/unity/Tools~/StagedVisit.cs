@@ -19,6 +19,7 @@ namespace Terraport.Tools
         private readonly DecodeThreads decoders;
         private readonly SceneStage stage;
         private readonly ShownGround ground;
+        private readonly GroupFollower follower;
         private readonly JsonText feet = new JsonText();
         private readonly List<float> solid = new List<float>();
 
@@ -29,6 +30,7 @@ namespace Terraport.Tools
             decoders = new DecodeThreads(2);
             ground = new ShownGround(renderer);
             stage = new SceneStage(stream, files, ground, decoders, new StageOptions { BaseBlockFaces = 16 });
+            follower = new GroupFollower(stream, stage);
         }
 
         /// <summary>Whether the newest landing is what is drawn.</summary>
@@ -36,10 +38,26 @@ namespace Terraport.Tools
 
         public int Land(Vec3 position, double radiusM, LandOptions options) { return stage.Land(position, radiusM, options); }
 
-        public void Handle(StreamEvent streamEvent) { stage.Handle(ref streamEvent); }
+        /// <summary>Whether landings of the group are followed.</summary>
+        public bool Follows
+        {
+            set {
+                follower.Follows = value;
+            }
+        }
+
+        public void Handle(StreamEvent streamEvent)
+        {
+            stage.Handle(ref streamEvent);
+            follower.Handle(ref streamEvent);
+        }
 
         /// <summary>One frame of the engine.</summary>
-        public void Frame() { stage.Update(FrameMs); }
+        public void Frame()
+        {
+            stage.Update(FrameMs);
+            follower.Update();
+        }
 
         /// <summary>Stand at a place: notes the height of the ground and its segment there; null where there is none.</summary>
         public void Stand(Vec3 position)

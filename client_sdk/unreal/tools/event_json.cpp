@@ -52,6 +52,30 @@ void describePlan(JsonText& json, const PlanFacts& plan) {
   }
 }
 
+const char* nameOf(GroupRole role) {
+  return role == GroupRole::Guide ? "guide" : "member";
+}
+
+void describeGroup(JsonText& json, const GroupFacts& group) {
+  json.key("group").text(group.name).key("member").integer(group.member).key("role").text(nameOf(group.role));
+  json.key("members").open('[');
+  for (const GroupMember& one : group.members) {
+    json.open('[').integer(one.member);
+    (one.name.empty() ? json.null() : json.text(one.name)).text(nameOf(one.role)).boolean(one.isPresent).close(']');
+  }
+  json.close(']').key("gathering");
+  const GroupGathering& gathering = group.gathering;
+  if (gathering.number == 0) {
+    json.null();
+    return;
+  }
+  json.open('{').key("number").integer(gathering.number).key("guide").integer(gathering.guide);
+  describeVector(json, "position", gathering.position);
+  json.key("radius_m").number(gathering.radiusM).key("over").boolean(gathering.isOver);
+  json.key("ready").integers(gathering.ready).key("degraded").integers(gathering.degraded);
+  json.key("missing").integers(gathering.missing).close('}');
+}
+
 void describeHit(JsonText& json, const std::optional<PickHit>& hit) {
   json.key("hit");
   if (!hit) {
@@ -98,6 +122,16 @@ const char* nameOf(EventKind kind) {
       return "picked";
     case EventKind::PickRefused:
       return "pick_refused";
+    case EventKind::GroupJoined:
+      return "group_joined";
+    case EventKind::GroupRoster:
+      return "group_roster";
+    case EventKind::GroupCalled:
+      return "group_called";
+    case EventKind::GroupGathered:
+      return "group_gathered";
+    case EventKind::GroupRefused:
+      return "group_refused";
   }
   return "";
 }
@@ -155,6 +189,13 @@ void describeEvent(JsonText& json, const StreamEvent& event) {
       json.key("request").integer(static_cast<std::int64_t>(event.request));
       describeHit(json, event.hit);
       break;
+    case EventKind::GroupJoined:
+    case EventKind::GroupRoster:
+    case EventKind::GroupCalled:
+    case EventKind::GroupGathered:
+      describeGroup(json, *event.group);
+      break;
+    case EventKind::GroupRefused:
     case EventKind::PickRefused:
       json.key("request").integer(static_cast<std::int64_t>(event.request)).key("code").text(event.code);
       break;

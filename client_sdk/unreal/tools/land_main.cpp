@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <map>
 #include <memory>
+#include <sstream>
 #include <string>
 #include <thread>
 #include <utility>
@@ -106,6 +107,31 @@ class Visit {
         return;
       }
       until(step, [this, before] { return picked_ > before; });
+    } else if (step.kind == "join") {
+      std::vector<std::string> fields(3);
+      std::istringstream argument(step.argument);
+      for (std::string& field : fields) std::getline(argument, field, ',');
+      const int before = joined_;
+      if (!stream_->joinGroup(fields[0], fields[1] == "guide" ? GroupRole::Guide : GroupRole::Member, fields[2]).isOk()) {
+        failure_ = step.text + ": a name that cannot be";
+        return;
+      }
+      until(step, [this, before] { return joined_ > before; });
+    } else if (step.kind == "leave") {
+      stream_->leaveGroup();
+    } else if (step.kind == "gather") {
+      const int before = called_;
+      if (!stream_->gather(position(0), numbers[3], std::nullopt, std::nullopt).isOk()) {
+        failure_ = step.text + ": numbers that cannot be";
+        return;
+      }
+      until(step, [this, before] { return called_ > before; });
+    } else if (step.kind == "people") {
+      until(step, [this, &numbers] { return static_cast<double>(people_) >= numbers[0]; });
+    } else if (step.kind == "barrier") {
+      until(step, [this, &numbers] { return gathered_ >= numbers[0]; });
+    } else if (step.kind == "follow" && staged_) {
+      staged_->setFollows(numbers[0] != 0.0);
     } else if (step.kind == "stand" && staged_) {
       staged_->stand(position(0));
     } else if (step.kind == "pause") {
@@ -128,8 +154,9 @@ class Visit {
         failure_ = step.text + ": timeout";
         return;
       }
-      const bool isLanding = step.kind == "land" || step.kind == "start" || step.kind == "wait";
-      if (isLanding && !refusedCode_.empty()) {
+      const bool isRefusable =
+          step.kind == "land" || step.kind == "start" || step.kind == "wait" || step.kind == "join" || step.kind == "gather";
+      if (isRefusable && !refusedCode_.empty()) {
         failure_ = step.text + ": refused: " + refusedCode_;
         return;
       }
@@ -191,6 +218,21 @@ class Visit {
       case EventKind::PickRefused:
         ++picked_;
         describeEvent(picks_, event);
+        break;
+      case EventKind::GroupJoined:
+        ++joined_;
+        break;
+      case EventKind::GroupRoster:
+        people_ = event.group->members.size();
+        break;
+      case EventKind::GroupCalled:
+        ++called_;
+        break;
+      case EventKind::GroupGathered:
+        ++gathered_;
+        break;
+      case EventKind::GroupRefused:
+        refusedCode_ = event.code;
         break;
       case EventKind::Link:
         closedCode_ = event.link.phase == LinkPhase::Closed ? event.link.code : "";
@@ -256,6 +298,11 @@ class Visit {
   std::int64_t ready_ = kNoLanding;
   int prefetched_ = 0;
   int picked_ = 0;
+  // Of groups: who is there, seats had, landings told, barriers that opened.
+  std::size_t people_ = 0;
+  int joined_ = 0;
+  int called_ = 0;
+  int gathered_ = 0;
   std::string refusedCode_;
   std::string closedCode_;
   std::string failure_;

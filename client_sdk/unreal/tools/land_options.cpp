@@ -15,6 +15,8 @@ const char* const kUsage =
     "steps: land:X,Y,Z,RADIUS[,INNER,DEADLINE_MS]  (until ready)    start:X,Y,Z,RADIUS  (until planned)\n"
     "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
     "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n"
+    "       join:NAME,guide|member[,OWN_NAME]  (until there is a seat)    people:N    leave    follow:0|1  (staged)\n"
+    "       gather:X,Y,Z,RADIUS  (until told)    barrier:N  (until the barrier of N group landings has opened)\n"
     "       stand:X,Y,Z  (staged: the height of the ground that is shown there, and its segment)\n";
 
 bool setOption(LandRequest& request, const std::string& name, const std::string& value) {
@@ -80,16 +82,16 @@ Step parseStep(const std::string& text) {
 
 /// How many numbers a kind of step takes, at least; -1 for a kind that there is not.
 int numbersOf(const std::string& kind) {
-  if (kind == "land" || kind == "start" || kind == "aim") {
+  if (kind == "land" || kind == "start" || kind == "aim" || kind == "gather") {
     return 4;
   }
   if (kind == "pick" || kind == "stand") {
     return 3;
   }
-  if (kind == "pause") {
+  if (kind == "pause" || kind == "follow" || kind == "barrier" || kind == "people") {
     return 1;
   }
-  return kind == "wait" || kind == "reconnect" ? 0 : -1;
+  return kind == "wait" || kind == "reconnect" || kind == "join" || kind == "leave" ? 0 : -1;
 }
 
 }  // namespace

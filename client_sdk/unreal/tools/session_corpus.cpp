@@ -87,6 +87,24 @@ void writeRow(const StreamEvent& event, JsonText& into) {
   if (kind == EventKind::PickRefused) row("pick refused").integer(count(event.request)).text(event.code).close(']');
   if (kind == EventKind::Refused) ofLanding("refused").text(event.code).boolean(event.fatal).close(']');
   if (kind == EventKind::Notice) row("notice").text(event.noticeKind).close(']');
+  if (kind == EventKind::GroupRefused) row("group refused").integer(count(event.request)).text(event.code).close(']');
+  if (!event.group) return;
+  const auto nameOf = [](GroupRole role) { return role == GroupRole::Guide ? "guide" : "member"; };
+  const GroupFacts& group = *event.group;
+  const GroupGathering& there = group.gathering;
+  if (kind == EventKind::GroupJoined) row("joined").text(group.name).integer(group.member).text(nameOf(group.role)).close(']');
+  if (kind == EventKind::GroupCalled)
+    row("called").integer(there.number).integer(there.guide).boolean(!there.isOver).close(']');
+  if (kind == EventKind::GroupGathered) {
+    row("gathered").integer(there.number).integers(there.ready).integers(there.degraded).integers(there.missing).close(']');
+  }
+  if (kind != EventKind::GroupRoster) return;
+  row("roster").open('[');
+  for (const GroupMember& one : group.members) {
+    into.open('[').integer(one.member);
+    (one.name.empty() ? into.null() : into.text(one.name)).text(nameOf(one.role)).boolean(one.isPresent).close(']');
+  }
+  into.close(']').close(']');
 }
 
 /// Do one step; messages that are taken to be sent go to `sent`.
@@ -119,6 +137,25 @@ Status perform(ClientSession& session, const std::vector<JsonValue>& given, cons
     session.pick(point(given[1]), direction);
   }
   if (name == "bye") session.bye();
+  const auto word = [&given](std::size_t at) { return std::string(given[at].text().value_or("")); };
+  if (name == "join") {
+    const GroupRole role = word(2) == "guide" ? GroupRole::Guide : GroupRole::Member;
+    TERRAPORT_RETURN_IF_ERROR(checkJoin(word(1), role, word(3)));
+    session.join(word(1), role, word(3));
+  }
+  if (name == "leave") session.leave();
+  if (name == "gather") {
+    const auto inner = given[3].isNothing() ? std::nullopt : std::optional<double>(number(given[3]));
+    const auto deadline = given[4].isNothing() ? std::nullopt : std::optional<std::uint32_t>(*integer(given[4]));
+    TERRAPORT_RETURN_IF_ERROR(checkGather(point(given[1]), number(given[2]), inner, deadline));
+    session.gather(point(given[1]), number(given[2]), inner, deadline);
+  }
+  if (name == "arrived") {
+    const GroupArrival how = word(2) == "ready" ? GroupArrival::Ready
+        : word(2) == "degraded"                 ? GroupArrival::Degraded
+                                                : GroupArrival::Declined;
+    return session.arrive(static_cast<std::uint32_t>(*integer(given[1])), how);
+  }
   return Status::ok();
 }
 

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "Terraport/DecodeThreads.h"
+#include "Terraport/GroupFollower.h"
 #include "Terraport/SceneLoader.h"
 #include "Terraport/SceneStage.h"
 #include "Terraport/ShownGround.h"
@@ -60,18 +61,22 @@ double solidHeight(const ShownGround& ground, const Vec3& place) {
 }  // namespace
 
 struct StagedVisit::Impl {
-  Impl(LandingStream& stream, SharedSceneFiles files)
-      : ground(renderer), decoders(kDecodeThreads), stage(stream, std::move(files), ground, decoders, smallBlocks()) {}
+  Impl(ISceneStream& stream, SharedSceneFiles files)
+      : ground(renderer),
+        decoders(kDecodeThreads),
+        stage(stream, std::move(files), ground, decoders, smallBlocks()),
+        follower(stream, stage) {}
 
   RecordingRenderer renderer;
   ShownGround ground;
   DecodeThreads decoders;
   SceneStage stage;
+  GroupFollower follower;
   JsonText feet;
 };
 
 std::unique_ptr<StagedVisit> StagedVisit::make(
-    LandingStream& stream, const std::string& sceneUrl, const std::string& token, std::string& failure) {
+    ISceneStream& stream, const std::string& sceneUrl, const std::string& token, std::string& failure) {
   PlainHttp http;
   SceneLoadOptions options;
   options.token = token;
@@ -95,10 +100,16 @@ std::int64_t StagedVisit::land(const Vec3& position, double radiusM, const LandO
 
 void StagedVisit::handle(const StreamEvent& event) {
   impl_->stage.handle(event);
+  impl_->follower.handle(event, clockMs());
 }
 
 void StagedVisit::frame() {
   impl_->stage.update(clockMs, kFrameMs);
+  impl_->follower.update();
+}
+
+void StagedVisit::setFollows(bool follows) {
+  impl_->follower.setFollows(follows);
 }
 
 bool StagedVisit::isShown() const {

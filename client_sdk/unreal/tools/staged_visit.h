@@ -3,7 +3,7 @@
 #include <memory>
 #include <string>
 
-#include "Terraport/LandingStream.h"
+#include "Terraport/SceneStream.h"
 #include "Terraport/Types.h"
 
 namespace terraport::tools {
@@ -14,13 +14,15 @@ class StagedVisit {
  public:
   /// Null, and `failure` set, where the scene cannot be loaded.
   static std::unique_ptr<StagedVisit> make(
-      LandingStream& stream, const std::string& sceneUrl, const std::string& token, std::string& failure);
+      ISceneStream& stream, const std::string& sceneUrl, const std::string& token, std::string& failure);
   ~StagedVisit();
 
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs);
   void handle(const StreamEvent& event);
   /// One frame of the engine.
   void frame();
+  /// Whether landings of the group are followed; they are without this.
+  void setFollows(bool follows);
   /// Whether the newest landing is what is drawn.
   bool isShown() const;
   /// Stand at a place: notes the height of the ground and its segment there; null where there is none.

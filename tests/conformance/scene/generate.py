@@ -29,10 +29,12 @@ from store.tiny_scene import SCALES, STEP_M, lattice_mesh, sunken, textured, wri
 
 from terraport_payload import (
     SegmentMesh,
+    Texture,
     decode_glb,
     encode_glb,
 )
 from terraport_payload.glb_container import join_glb, split_glb
+from terraport_payload.texture import gpu_texture_bytes
 from terraport_store.labels import encode_labels
 from terraport_store.layout import LABELS
 
@@ -165,6 +167,11 @@ def write_bad_textures() -> None:
         put(f"bad-{name}", data, {"good": False, "error": error})
 
 
+def _gpu_bytes(texture: Texture) -> int:
+    kept = np.array([[texture.width, texture.height, texture.bits]], np.uint16)
+    return int(gpu_texture_bytes(kept)[0])
+
+
 def described(mesh: SegmentMesh) -> dict[str, Any]:
     """Everything that a decoder should find, NaN as null."""
     texture: dict[str, Any] = {}
@@ -176,6 +183,7 @@ def described(mesh: SegmentMesh) -> dict[str, Any]:
                 "width": mesh.texture.width,
                 "height": mesh.texture.height,
                 "sha256": hashlib.sha256(mesh.texture.data).hexdigest(),
+                "gpu_bytes": _gpu_bytes(mesh.texture),
             },
         }
     return {

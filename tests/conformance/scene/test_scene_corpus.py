@@ -14,6 +14,7 @@ import pytest
 from conformance.scene.axes_scene import NAMES, board_picture
 
 from terraport_payload import Cover, PayloadError, decode_glb
+from terraport_payload.texture import gpu_texture_bytes
 from terraport_store import DamagedSceneError, Scene, read_names, validate_scene
 
 HERE = Path(__file__).resolve().parent
@@ -197,6 +198,8 @@ def test_payload(path: Path) -> None:
         sides = (texture["media_type"], texture["width"], texture["height"])
         assert (mesh.texture.media_type, mesh.texture.width, mesh.texture.height) == sides
         assert hashlib.sha256(mesh.texture.data).hexdigest() == texture["sha256"]
+        kept = np.array([[mesh.texture.width, mesh.texture.height, mesh.texture.bits]], np.uint16)
+        assert int(gpu_texture_bytes(kept)[0]) == texture["gpu_bytes"]
     assert set(mesh.attributes) == set(expected["attributes"])
     for name, values in expected["attributes"].items():
         decoded = [None if np.isnan(value) else float(value) for value in mesh.attributes[name]]

@@ -24,6 +24,12 @@ signal prefetched(facts)
 signal picked(facts)
 # connecting, open, waiting to connect again, closed for good.
 signal link_changed(facts)
+# A group that visits the scene together: who is in it has changed (`group`, null without a seat); its guide lands it at
+# `position` within `radius_m`; everybody is there, or nobody waits any longer; a join or gather was refused.
+signal group_changed(facts)
+signal group_called(facts)
+signal group_gathered(facts)
+signal group_refused(facts)
 # With a code of the wire protocol, or of the client; what is shown stays.
 signal failed(facts)
 
@@ -52,6 +58,8 @@ export var land_on_open := true
 export var landing_at_start := Vector3.ZERO
 # Show a landing as soon as it can be; else `show_landing` does, in the dark of a fade for instance.
 export var auto_show := true setget set_auto_show
+# Land where the guide of the group does; else the group is told that this one does not come.
+export var follows_group := true setget set_follows_group
 export(Look) var look := Look.COLOUR setget set_look
 # Name of an attribute of the survey; its values come with what is loaded from the next `open` on.
 export var attribute := ""
@@ -109,6 +117,7 @@ func open() -> void:
 	for name in settings:
 		_client.configure(name, settings[name])
 	_client.open()
+	_client.set_follows_group(follows_group)
 	_client.set_parameter("relief", 0.0 if lit else 1.0)
 	_client.set_parameter("ramp", _ramp().get_rid())
 	set_look(look)
@@ -164,6 +173,32 @@ func pick(from: Vector3, direction := Vector3.DOWN) -> int:
 	return _client.pick(to_local(from), global_transform.basis.xform_inv(direction))
 
 
+# Take a seat in a group of this scene (1 to 64 of A-Z a-z 0-9 _ . ~ -); one held before is left. The guide lands the group.
+# False before the scene is open. Names and groups come from other people: show them as such.
+func join_group(name: String, as_guide := false, own_name := "") -> bool:
+	return _client != null and _client.join_group(name, as_guide, own_name)
+
+
+func leave_group() -> void:
+	if _client != null:
+		_client.leave_group()
+
+
+# Land everybody there, as the guide. False without a seat.
+func gather(position: Vector3, radius := 0.0) -> bool:
+	return _client != null and _client.gather(to_local(position), radius if radius > 0.0 else radius_m)
+
+
+# Land where the group is, though that was not followed. 0 where it is nowhere.
+func go_to_group() -> int:
+	return _client.go_to_group() if _client != null else 0
+
+
+# Name, own number and role, members, and who was there of the newest landing; null without a seat.
+func group():
+	return _client.group() if _client != null else null
+
+
 # Connect now, perhaps with another token.
 func reconnect(new_token := "") -> void:
 	if new_token != "":
@@ -216,6 +251,12 @@ func set_auto_show(value: bool) -> void:
 		_client.set_auto_show(value)
 
 
+func set_follows_group(value: bool) -> void:
+	follows_group = value
+	if _client != null:
+		_client.set_follows_group(value)
+
+
 func set_look(value: int) -> void:
 	look = value
 	if _client == null:
@@ -249,6 +290,8 @@ func _process(_delta: float) -> void:
 				land(to_global(landing_at_start))
 		if name == "picked":
 			facts = _to_world(facts)
+		elif name == "group_called":
+			facts["position"] = to_global(facts["position"])
 		emit_signal(SIGNALS.get(name, name), facts)
 		# A listener may have closed the scene.
 		if _client == null:

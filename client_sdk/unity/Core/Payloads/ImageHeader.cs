@@ -9,6 +9,8 @@ namespace Terraport
     {
         private const int MaxBaseSide = 4096;
         private const int MaxSegmentSide = 2048;
+        private const int UncompressedBits = 32;
+        private const int BasisLz = 1; // The scheme of ETC1S; UASTC has others.
         private static readonly byte[] JpegStart = { 0xFF, 0xD8, 0xFF };
         private static readonly byte[] PngStart = { 0x89, 0x50, 0x4E, 0x47, 0x0D, 0x0A, 0x1A, 0x0A };
         private static readonly byte[] KtxStart = { 0xAB, 0x4B, 0x54, 0x58, 0x20, 0x32, 0x30, 0xBB, 0x0D, 0x0A, 0x1A, 0x0A };
@@ -26,11 +28,14 @@ namespace Terraport
         /// <summary>Pixels.</summary>
         internal uint Height;
 
+        /// <summary>What a GPU keeps of a texel: 4 (ETC1S), 8 (UASTC) or 32 (whatever GPUs cannot read).</summary>
+        internal int TexelBits;
+
         /// <summary>Read a header; safe on hostile bytes. Sides are not checked.</summary>
         /// <exception cref="PayloadException">The first bytes are of no known type, or the header is cut short.</exception>
         internal static ImageHeader Read(byte[] bytes, int start, int length)
         {
-            var header = new ImageHeader { bytes = bytes, start = start, length = length };
+            var header = new ImageHeader { bytes = bytes, start = start, length = length, TexelBits = UncompressedBits };
             if (header.StartsWith(JpegStart))
             {
                 header.MediaType = "image/jpeg";
@@ -50,9 +55,10 @@ namespace Terraport
             else if (header.StartsWith(KtxStart))
             {
                 header.MediaType = "image/ktx2";
-                // Behind the identifier (12 bytes): vkFormat, typeSize, then the two sides.
+                // Behind the identifier (12 bytes): vkFormat, typeSize, the two sides, depth, layers, faces, levels, scheme.
                 header.Width = header.LittleEndian(20, 4);
                 header.Height = header.LittleEndian(24, 4);
+                header.TexelBits = header.LittleEndian(44, 4) == BasisLz ? 4 : 8;
             }
             else if (length >= 12 && header.HasAscii(0, "RIFF") && header.HasAscii(8, "WEBP"))
             {

@@ -20,6 +20,27 @@ namespace Terraport
         /// <summary>Pixels, by the file's header: a power of two.</summary>
         public int Height { get; internal set; }
 
+        /// <summary>What a GPU keeps of a texel: 4 (ETC1S), 8 (UASTC) or 32 (whatever GPUs cannot read).</summary>
+        public int TexelBits { get; internal set; }
+
+        /// <summary>Bytes of its texture on a GPU with all mips (wire protocol, section 6.2); 0 where there is none.</summary>
+        public long GpuBytes
+        {
+            get {
+                if (MediaType == null) return 0;
+                long total = 0;
+                long w = Width, h = Height;
+                for (;;)
+                {
+                    // Compressed forms keep blocks of 4 x 4 texels, also of smaller levels.
+                    total += TexelBits == 32 ? w * h * 4 : (w + 3) / 4 * ((h + 3) / 4) * 2 * TexelBits;
+                    if (w <= 1 && h <= 1) return total;
+                    w = Math.Max(w / 2, 1);
+                    h = Math.Max(h / 2, 1);
+                }
+            }
+        }
+
         /// <summary>A copy of an image file whose header was checked.</summary>
         internal void Set(byte[] bytes, int start, int length, ImageHeader header)
         {
@@ -29,6 +50,7 @@ namespace Terraport
             MediaType = header.MediaType;
             Width = (int)header.Width;
             Height = (int)header.Height;
+            TexelBits = header.TexelBits;
         }
 
         /// <summary>No image; the buffer stays.</summary>

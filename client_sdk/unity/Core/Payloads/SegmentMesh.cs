@@ -89,7 +89,7 @@ namespace Terraport
         public object EngineData { get; set; }
 
         /// <summary>
-        /// Bytes that it takes on a GPU: vertices and indices as they are here, and the image uncompressed with its mips.
+        /// Bytes that it takes on a GPU: vertices and indices as they are here, and the image with its mips in the form that GPUs keep.
         /// </summary>
         public long GpuBytes
         {
@@ -100,9 +100,8 @@ namespace Terraport
                 vertex += HasTexture ? 4 : 0;
                 vertex += HasRegionIds ? 4 : 0;
                 vertex += 4L * attributes.Count;
-                long texels = HasTexture ? (long)Image.Width * Image.Height : 0;
-                // 16 / 3: four bytes a texel, and a third more for the mips.
-                return vertex * VertexCount + (HasShortIndices ? 6L : 12L) * FaceCount + texels * 16 / 3;
+                long image = HasTexture ? Image.GpuBytes : 0;
+                return vertex * VertexCount + (HasShortIndices ? 6L : 12L) * FaceCount + image;
             }
         }
 

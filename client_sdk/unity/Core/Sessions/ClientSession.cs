@@ -11,10 +11,9 @@ namespace Terraport.Sessions
     /// <remarks>
     /// Whoever holds it calls <see cref="Connected"/>, <see cref="Receive"/>, <see cref="ConnectionLost"/> as the connection
     /// lives and dies, and <see cref="Land"/>, <see cref="Aim"/>, <see cref="Pick"/> for its user; after each of them it takes
-    /// <see cref="TryNextEvent"/> and <see cref="TakeMessages"/>. Groups are skipped: this client takes no seat. Section
-    /// numbers in comments are those of spec/wire-protocol.md.
+    /// <see cref="TryNextEvent"/> and <see cref="TakeMessages"/>. Section numbers in comments are those of spec/wire-protocol.md.
     /// </remarks>
-    public sealed class ClientSession
+    public sealed partial class ClientSession
     {
         private readonly SessionOptions options;
         private readonly Queue<StreamEvent> events = new Queue<StreamEvent>();
@@ -25,6 +24,7 @@ namespace Terraport.Sessions
         private readonly AimState aim = new AimState();
         private readonly HeldOffer offer = new HeldOffer();
         private readonly PickState picks;
+        private readonly GroupState group;
         // hello is on its way, and no welcome has come.
         private bool isGreeting;
         // Generation of the newest land or aim, counted over all connections.
@@ -48,8 +48,9 @@ namespace Terraport.Sessions
             this.options = options;
             Cache = new SegmentCache(options.CacheBytes);
             holdings = new Holdings(Cache);
-            transfers = new Transfers(holdings, Pool, outbox, events);
+            transfers = new Transfers(options.Budgets, holdings, Pool, outbox, events);
             picks = new PickState(events);
+            group = new GroupState(outbox, events);
         }
 
         /// <summary>Where the payloads' buffers come from.</summary>
@@ -131,7 +132,7 @@ namespace Terraport.Sessions
 
         /// <summary>
         /// Note that the connection is gone. The newest landing that is not ready waits for the next connection, and so do the
-        /// newest aim after it and picks. Parts of segments are forgotten (10.2).
+        /// newest aim after it, picks and the seat in a group. Parts of segments are forgotten (10.2).
         /// </summary>
         public void ConnectionLost()
         {
@@ -144,6 +145,7 @@ namespace Terraport.Sessions
             aim.ConnectionLost(transfers.CompletedAimGeneration);
             LandingState landing = transfers.ConnectionLost();
             if (landing != null) AwaitWelcome(landing);
+            group.ConnectionLost();
         }
 
         /// <summary>Take one whole WebSocket message; nothing refers to its bytes afterwards.</summary>
@@ -270,6 +272,7 @@ namespace Terraport.Sessions
                 case "picked": picks.Answered((PickedMessage)message); break;
                 case "held_checked": Drop(((HeldCheckedMessage)message).Dropped); break;
                 case "notice": OnNotice((NoticeMessage)message); break;
+                default: group.OnMessage(message); break;
             }
         }
 
@@ -302,6 +305,7 @@ namespace Terraport.Sessions
             // A server that takes no table cannot be told: what it does not know of is not held (10.2).
             Drop(notOffered.ConvertAll(row => row.Segment).ToArray());
             picks.Resend(outbox);
+            group.Connected(Limits.Groups);
             LandingState landing = queued;
             queued = null;
             if (landing != null) SendLanding(landing);
@@ -317,8 +321,8 @@ namespace Terraport.Sessions
 
         private void OnError(ErrorMessage error)
         {
-            // An error belongs to a pick, an aim, a landing, or to the session as a whole: asked in this order.
-            if (picks.Refused(error) && !error.Fatal) return;
+            // An error belongs to a pick, a group, an aim, a landing, or to the session as a whole: asked in this order.
+            if ((picks.Refused(error) || group.Refused(error)) && !error.Fatal) return;
             aim.Refused(error.Generation);
             LandingState refused = error.Fatal ? null : transfers.Refused(error.Generation);
             events.Enqueue(new StreamEvent {

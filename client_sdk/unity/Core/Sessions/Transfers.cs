@@ -11,6 +11,7 @@ namespace Terraport.Sessions
     /// </summary>
     internal sealed class Transfers
     {
+        private readonly Budgets budgets;
         private readonly Holdings holdings;
         private readonly List<WireMessage> outbox;
         private readonly Queue<StreamEvent> events;
@@ -31,8 +32,9 @@ namespace Terraport.Sessions
         private long payloadBytes;
         private long repeatedBytes;
 
-        internal Transfers(Holdings holdings, PayloadPool pool, List<WireMessage> outbox, Queue<StreamEvent> events)
+        internal Transfers(Budgets budgets, Holdings holdings, PayloadPool pool, List<WireMessage> outbox, Queue<StreamEvent> events)
         {
+            this.budgets = budgets ?? new Budgets();
             this.holdings = holdings;
             this.outbox = outbox;
             this.events = events;
@@ -135,6 +137,12 @@ namespace Terraport.Sessions
             {
                 string expected = awaitingPlan.Count == 0 ? "none" : awaitingPlan[0].Generation.ToString();
                 throw new ProtocolViolationException("got a plan of generation " + plan.Generation + ", expected " + expected);
+            }
+            // A server that does not know the bound says nothing of it.
+            if (plan.TotalGpuBytes > budgets.MaxGpuBytes)
+            {
+                throw new ProtocolViolationException(
+                    "got " + plan.TotalGpuBytes + " GPU bytes, expected at most " + budgets.MaxGpuBytes + " (6.2)");
             }
             LandingState landing = awaitingPlan[0];
             awaitingPlan.RemoveAt(0);

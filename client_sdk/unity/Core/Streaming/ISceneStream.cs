@@ -35,6 +35,37 @@ namespace Terraport
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
         int Pick(Vec3 origin, Vec3? direction = null);
 
+        /// <summary>
+        /// Take a seat in a group of this scene; a seat held before is left. The connection is made anew, to where the group is;
+        /// nothing that is held comes again. A lost connection takes the seat again by itself.
+        /// </summary>
+        /// <param name="group">1 to 64 of A-Z a-z 0-9 _ . ~ -.</param>
+        /// <param name="role">The guide lands the group; there is one at most.</param>
+        /// <param name="ownName">What the others see; null for none.</param>
+        /// <returns>
+        /// The request's number: one <see cref="StreamEventKind.GroupJoined"/> or <see cref="StreamEventKind.GroupRefused"/> follows.
+        /// </returns>
+        /// <exception cref="ArgumentException">A name that the protocol does not allow; nothing has changed.</exception>
+        int JoinGroup(string group, GroupRole role, string ownName = null);
+
+        /// <summary>Give the seat in the group up; nothing where there is none.</summary>
+        void LeaveGroup();
+
+        /// <summary>Land the group, as its guide, who is told of it like everybody: <see cref="StreamEventKind.GroupCalled"/>.</summary>
+        /// <param name="position">Where, metres of the scene frame.</param>
+        /// <param name="radiusM">Asked of everybody; each member's own bounds cut what it loads.</param>
+        /// <param name="innerRadiusM">What may be shown where time is short; null for nothing.</param>
+        /// <param name="deadlineMs">When nobody waits any longer; null takes the server's, which also bounds it.</param>
+        /// <returns>The request's number, for <see cref="StreamEventKind.GroupRefused"/>.</returns>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
+        int Gather(Vec3 position, double radiusM, double? innerRadiusM = null, int? deadlineMs = null);
+
+        /// <summary>
+        /// Say how the own part of a group landing ended; <see cref="GroupFollower"/> does it by itself. Nothing where a newer one has come.
+        /// </summary>
+        /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
+        void Arrive(uint gathering, GroupArrival how);
+
         /// <summary>Do everything that is due; call it once per frame. A stream with its own thread does nothing here.</summary>
         void Pump();
 

@@ -157,6 +157,19 @@ namespace Terraport
             Connect(nowMs);
         }
 
+        /// <summary>Connect to that address from now on, and now, unless it was closed for good.</summary>
+        internal void MoveTo(Uri url, double nowMs)
+        {
+            settings.Url = url;
+            if (isClosed || (transport == null && retryAtMs == Never)) return;
+            // What is to be said to the old one, a goodbye to its group for instance.
+            Flush(nowMs);
+            Detach(Closes.Normal, "");
+            Report(nowMs);
+            attempt = 0;
+            Connect(nowMs);
+        }
+
         /// <summary>Say goodbye and do not connect again.</summary>
         internal void Leave(double nowMs)
         {

@@ -18,6 +18,7 @@ namespace Terraport
         public const int MaxWaitingEvents = 8192;
 
         private readonly ClientSession session;
+        private readonly string streamUrl;
         private readonly Link link;
         // Null without a folder on disk.
         private readonly DiskShelf shelf;
@@ -48,9 +49,10 @@ namespace Terraport
                 ReleaseFactor = options.ReleaseFactor,
                 CacheBytes = options.CacheBytes,
             });
+            streamUrl = SceneUrl.Parse(options.SceneUrl).StreamUrl;
             link = new Link(session,
                 new LinkSettings {
-                    Url = new Uri(SceneUrl.Parse(options.SceneUrl).StreamUrl),
+                    Url = new Uri(streamUrl),
                     Token = options.Token,
                     TokenProvider = options.TokenProvider,
                     Transports = transports ?? new WebSocketTransportFactory(),
@@ -93,6 +95,42 @@ namespace Terraport
                 session.RefusePick(request, "too_many", MaxPicks + " picks wait for an answer already");
             Flush();
             return request;
+        }
+
+        /// <inheritdoc/>
+        public int JoinGroup(string group, GroupRole role, string ownName = null)
+        {
+            // Before anything changes: after an exception the stream is as it was.
+            ClientSession.JoinOf(0, group, role, ownName);
+            session.Leave();
+            // Where several processes serve, the address says where the group lives (wire protocol, 16.6). Always, so that there
+            // is one way; the seat is asked for with the next welcome.
+            if (!isClosed) link.MoveTo(new Uri(streamUrl + "?group=" + group), clockMs());
+            int request = session.Join(group, role, ownName);
+            Flush();
+            return request;
+        }
+
+        /// <inheritdoc/>
+        public void LeaveGroup()
+        {
+            session.Leave();
+            Flush();
+        }
+
+        /// <inheritdoc/>
+        public int Gather(Vec3 position, double radiusM, double? innerRadiusM = null, int? deadlineMs = null)
+        {
+            int request = session.Gather(position, radiusM, innerRadiusM, deadlineMs);
+            Flush();
+            return request;
+        }
+
+        /// <inheritdoc/>
+        public void Arrive(uint gathering, GroupArrival how)
+        {
+            session.Arrive(gathering, how);
+            Flush();
         }
 
         /// <inheritdoc/>

@@ -98,6 +98,34 @@ namespace Terraport
             return requests;
         }
 
+        /// <inheritdoc/>
+        public int JoinGroup(string group, GroupRole role, string ownName = null)
+        {
+            ClientSession.JoinOf(0, group, role, ownName);
+            requests++;
+            Command(() => stream.JoinGroup(group, role, ownName));
+            return requests;
+        }
+
+        /// <inheritdoc/>
+        public void LeaveGroup() { Command(stream.LeaveGroup); }
+
+        /// <inheritdoc/>
+        public int Gather(Vec3 position, double radiusM, double? innerRadiusM = null, int? deadlineMs = null)
+        {
+            ClientSession.GatherOf(0, position, radiusM, innerRadiusM, deadlineMs);
+            requests++;
+            Command(() => stream.Gather(position, radiusM, innerRadiusM, deadlineMs));
+            return requests;
+        }
+
+        /// <inheritdoc/>
+        public void Arrive(uint gathering, GroupArrival how)
+        {
+            ClientSession.ArrivedOf(gathering, how);
+            Command(() => stream.Arrive(gathering, how));
+        }
+
         /// <summary>Does nothing: the stream's own thread pumps.</summary>
         public void Pump() {}
 

@@ -61,6 +61,7 @@ namespace Terraport.Stubs
                 {
                     ShowByHand(new Vec3(middle.X, middle.Y, middle.Z - radiusM / 2), radiusM);
                     Teleport(new Vec3(middle.X - radiusM / 2, middle.Y, middle.Z), radiusM);
+                    GoTogether(middle, radiusM);
                 }
                 Rest();
                 if (Faults.Count == 0 && arguments.Length > 3 && arguments[3] == "changing")
@@ -171,6 +172,47 @@ namespace Terraport.Stubs
             Send(user, "OnDisable");
             UnityEngine.Object.DestroyImmediate(holder);
             UnityEngine.Object.DestroyImmediate(rig);
+        }
+
+        /// <summary>By the group's component: a seat, a landing of the group that is followed, and its barrier opens.</summary>
+        private static void GoTogether(Vec3 place, float radiusM)
+        {
+            TerraportGroup group = scene.gameObject.AddComponent<TerraportGroup>();
+            int called = 0, refused = 0;
+            GroupGathering gathered = null;
+            group.Called += (point, metres) => called += Math.Abs(scene.ToWorld(place).x - point.x) < 0.001f ? 1 : 100;
+            group.Gathered += gathering => gathered = gathering;
+            group.Refused += (code, why) => refused++;
+            Expect(0, group.Join("tour", GroupRole.Guide, "Ada") ? 1 : 0, "seats before the component is switched on");
+            Send(group, "OnEnable");
+            Expect(1, group.Join("tour", GroupRole.Guide, "Ada") ? 1 : 0, "seats asked for");
+            RunUntil(() => group.Members.Count == 1, "a list of who is there");
+            Expect(1, group.Members[0].Name == "Ada" && group.Members[0].Role == GroupRole.Guide ? 1 : 0, "guides by the name of Ada");
+            swaps = 0;
+            Expect(1, group.Gather(scene.ToWorld(place), radiusM) ? 1 : 0, "gathers");
+            RunUntil(
+                () =>
+                {
+                    Send(group, "LateUpdate");
+                    return gathered != null;
+                },
+                "everybody to be there");
+            Expect(1, called, "landings of the group that were told");
+            Expect(1, swaps, "swaps of a landing with the group");
+            Expect(1, gathered != null && gathered.Ready.Count == 1 && gathered.Ready[0] == group.Group.Member ? 1 : 0, "members there");
+            // Who does not follow stays, and holds nobody up.
+            group.Follows = false;
+            gathered = null;
+            swaps = 0;
+            Expect(1, group.GatherHere() ? 1 : 0, "gathers here");
+            RunUntil(() => gathered != null, "nobody to be waited for");
+            Expect(1, gathered != null && gathered.Missing.Count == 1 ? 1 : 0, "members that stay");
+            Expect(0, swaps, "swaps of who does not follow");
+            Expect(0, refused, "refusals");
+            group.Leave();
+            Expect(0, group.Members.Count, "members of a group that was left");
+            Send(group, "OnDisable");
+            UnityEngine.Object.DestroyImmediate(group);
         }
 
         /// <summary>Bodies stand where feet do: the ground is solid around them, wherever they have walked.</summary>

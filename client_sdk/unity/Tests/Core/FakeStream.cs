@@ -31,6 +31,17 @@ namespace Terraport.Tests
 
         public int Pick(Vec3 origin, Vec3? direction = null) { throw new NotSupportedException(); }
 
+        /// <summary>What was said of group landings, in order.</summary>
+        internal List<string> Arrivals { get; } = new List<string>();
+
+        public int JoinGroup(string group, GroupRole role, string ownName = null) { return 1; }
+
+        public void LeaveGroup() {}
+
+        public int Gather(Vec3 position, double radiusM, double? innerRadiusM = null, int? deadlineMs = null) { return 1; }
+
+        public void Arrive(uint gathering, GroupArrival how) { Arrivals.Add(gathering + " " + how); }
+
         public void Pump() {}
 
         public bool TryNextEvent(out StreamEvent next)

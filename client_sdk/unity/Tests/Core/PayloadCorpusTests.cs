@@ -116,6 +116,7 @@ namespace Terraport.Tests
                 Assert.AreEqual(texture["media_type"].Text, mesh.Image.MediaType, name);
                 Assert.AreEqual(Number(texture["width"]), mesh.Image.Width, name);
                 Assert.AreEqual(Number(texture["height"]), mesh.Image.Height, name);
+                Assert.AreEqual(Number(texture["gpu_bytes"]), mesh.Image.GpuBytes, name);
                 using (SHA256 digest = SHA256.Create())
                 {
                     byte[] hash = digest.ComputeHash(mesh.Image.Bytes, 0, mesh.Image.Length);

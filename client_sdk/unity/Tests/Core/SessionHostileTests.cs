@@ -35,6 +35,26 @@ namespace Terraport.Tests
         }
 
         [Test]
+        public void MoreGpuBytesThanAllowedAreAViolation()
+        {
+            var session = new ClientSession(new SessionOptions {
+                Client = "t",
+                CreditBytes = 100,
+                Budgets = new Budgets { MaxGpuBytes = 1000, GpuVertexBytes = 24 },
+            });
+            session.Connected();
+            foreach (byte[] data in Answers(session, new StreamAnsweringServer(toy))) Give(session, data);
+            session.Land(Corner, 1);
+            session.TakeMessages(new Queue<byte[]>());
+            PlanMessage plan = EmptyPlan();
+            plan.TotalGpuBytes = 1001;
+            var error = Assert.Throws<ProtocolViolationException>(() => Give(session, WireCodec.Encode(plan)));
+            StringAssert.Contains("1001 GPU bytes", error.Message);
+            plan.TotalGpuBytes = 1000;
+            Give(session, WireCodec.Encode(plan));
+        }
+
+        [Test]
         public void DeclaredLengthsReserveNothing()
         {
             // A plan of many segments of 64 MiB each, and one byte of every one of them.
@@ -71,6 +91,19 @@ namespace Terraport.Tests
             Assert.AreEqual(load.Length, session.PartialSegments);
             // Some 62 GiB are announced, 1000 bytes have come: a buffer grows with what comes.
             Assert.Less(GC.GetTotalMemory(true) - before, 16L * 1024 * 1024);
+        }
+
+        private static PlanMessage EmptyPlan()
+        {
+            return new PlanMessage {
+                Generation = 1,
+                RadiusM = 1,
+                ReleaseRadiusM = 1,
+                EffectiveRadiusM = 1,
+                Load = new SegmentFacts[0],
+                Keep = new uint[0],
+                Nearby = new uint[0],
+            };
         }
 
         [Test]

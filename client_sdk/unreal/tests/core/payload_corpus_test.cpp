@@ -87,6 +87,7 @@ void compareMesh(JsonValue expected, const SegmentMesh& mesh) {
     CHECK(texture.member("media_type").text().value_or("") == mediaTypeOf(mesh.image.type));
     CHECK(texture.member("width").integer().value_or(-1) == mesh.image.width);
     CHECK(texture.member("height").integer().value_or(-1) == mesh.image.height);
+    CHECK(static_cast<std::size_t>(texture.member("gpu_bytes").integer().value_or(-1)) == mesh.image.gpuBytes());
   }
   const JsonValue attributes = expected.member("attributes");
   CHECK(attributes.size() == mesh.attributeCount);

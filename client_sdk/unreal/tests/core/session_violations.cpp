@@ -77,6 +77,16 @@ TEST_CASE("session: a prefetch of no aim, and a plan beyond the budgets, are vio
   small.budgets.maxBytes = kToy.payloads[0].size() - 1;
   Landed bounded(small);
   CHECK(bounded.give(bounded.said[0]).message().find("budgets") != std::string::npos);
+  SessionOptions shared = sessionOptions();
+  shared.budgets.maxGpuBytes = 1000;
+  for (const std::uint64_t gpuBytes : {1000, 1001}) {
+    Landed drawn(shared);
+    PlanMessage plan;
+    plan.generation = 1;
+    plan.radiusM = plan.releaseRadiusM = plan.effectiveRadiusM = 1.0;
+    plan.totalGpuBytes = gpuBytes;
+    CHECK(drawn.give(messageOf(plan)).isOk() == (gpuBytes == 1000));
+  }
 }
 
 TEST_CASE("session: a server that sends the same wrong bytes for ever is left") {

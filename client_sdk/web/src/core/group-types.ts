@@ -46,13 +46,34 @@ export type GroupCommand =
   | { readonly type: "join"; readonly group: string; readonly role: GroupRole; readonly name: string | null }
   | { readonly type: "leave" }
   /** The guide alone may: land everybody there. */
-  | { readonly type: "gather"; readonly position: readonly [number, number, number]; readonly radiusM: number }
+  | {
+      readonly type: "gather";
+      readonly position: readonly [number, number, number];
+      readonly radiusM: number;
+      /** What may be shown where time is short. */
+      readonly innerRadiusM?: number | undefined;
+      /** When nobody waits any longer; the server's without it. */
+      readonly deadlineMs?: number | undefined;
+    }
   /** Tell how this session's own part of a gathering went. */
   | { readonly type: "arrive"; readonly gathering: number; readonly state: "ready" | "degraded" | "declined" };
 
-/** The group as it is now; null without a seat, and then perhaps why. Comes after every change. */
+/** What has changed of a group. */
+export type GroupNews = "joined" | "roster" | "called" | "gathered" | "left" | "refused";
+
+/** Why a join or gather came to nothing. */
+export interface GroupRefusal {
+  readonly request: number;
+  /** Of the wire protocol. */
+  readonly code: string;
+  readonly message: string;
+}
+
+/** The group as it is now; null without a seat. Comes after every change. */
 export interface GroupEvent {
   readonly type: "group";
+  readonly news: GroupNews;
   readonly group: GroupFacts | null;
-  readonly problem: string | null;
+  /** With `refused`. */
+  readonly refusal: GroupRefusal | null;
 }

@@ -2,6 +2,7 @@
 
 import { readdirSync, readFileSync } from "node:fs";
 import { beforeAll, describe, expect, test } from "vitest";
+import type { GroupEvent, GroupRole } from "../../src/core/group-types.ts";
 import { prepareDecoders, xxh3 } from "../../src/core/payload/engines.ts";
 import type { SessionEvent } from "../../src/core/session/events.ts";
 import { ClientSession } from "../../src/core/session/session.ts";
@@ -106,7 +107,18 @@ function perform(session: ClientSession, [name, ...given]: Do, messages: readonl
   else if (name === "flush") session.flushAim();
   else if (name === "pick") session.pick(numbers(given[0]), given[1] === null ? undefined : numbers(given[1]));
   else if (name === "bye") session.bye();
-  else throw new Error(`step ${name}`);
+  else if (name === "join") {
+    const [group, role, own] = given as [string, GroupRole, string | null];
+    session.group({ type: "join", group, role, name: own });
+  } else if (name === "leave") session.group({ type: "leave" });
+  else if (name === "gather") {
+    const [innerRadiusM, deadlineMs] = [given[2], given[3]].map((value) => (value as number | null) ?? undefined);
+    const [position, radiusM] = [numbers(given[0]), number(given[1])];
+    session.group({ type: "gather", position, radiusM, innerRadiusM, deadlineMs });
+  } else if (name === "arrived") {
+    const [gathering, state] = given as [number, "ready"];
+    session.group({ type: "arrive", gathering, state });
+  } else throw new Error(`step ${name}`);
   return [];
 }
 
@@ -142,5 +154,17 @@ function rowOf(event: SessionEvent): unknown[][] | null {
   if (event.type === "pick-refused") return [["pick refused", event.request, event.code]];
   if (event.type === "refused") return [["refused", event.landing, event.code, event.fatal]];
   if (event.type === "notice") return [["notice", event.kind]];
+  if (event.type === "group") return groupRow(event);
   return null;
+}
+
+function groupRow({ news, group, refusal }: GroupEvent): unknown[][] | null {
+  if (refusal !== null) return [["group refused", refusal.request, refusal.code]];
+  if (group === null) return null;
+  if (news === "joined") return [["joined", group.name, group.member, group.role]];
+  if (news === "roster") {
+    return [["roster", group.members.map((one) => [one.member, one.name, one.role, one.isPresent])]];
+  }
+  const { number, guide, isOver, ready, degraded, missing } = group.gathering!;
+  return news === "called" ? [["called", number, guide, !isOver]] : [["gathered", number, ready, degraded, missing]];
 }

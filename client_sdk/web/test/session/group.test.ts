@@ -2,7 +2,7 @@ import { beforeEach, expect, it } from "vitest";
 import type { GroupEvent } from "../../src/core/group-types.ts";
 import { checkGroup } from "../../src/core/session/checks.ts";
 import { GroupState } from "../../src/core/session/group-state.ts";
-import type { ServerLimitsPart } from "../../src/core/wire/messages.generated.ts";
+import type { ClientMessage, ServerLimitsPart } from "../../src/core/wire/messages.generated.ts";
 
 const LIMITS = { groups: "query" } as ServerLimitsPart;
 const JOIN = { type: "join", group: "tour", role: "member", name: "Anna" } as const;
@@ -25,78 +25,53 @@ const GATHERING = {
 } as const;
 
 let events: GroupEvent[];
+let sent: ClientMessage[];
 let state: GroupState;
 
 beforeEach(() => {
   events = [];
-  state = new GroupState((event) => events.push(event));
+  sent = [];
+  state = new GroupState({
+    send: (message) => sent.push(message),
+    report: (event) => events.push(event),
+    isOpen: () => true,
+  });
 });
 
 function joined(): void {
   state.take(JOIN, 7);
-  state.welcomed(LIMITS);
   state.onMessage(JOINED);
   state.onMessage(ROSTER);
 }
 
-it("asks for the seat with each welcome, and takes it again by its secret", () => {
-  expect(state.welcomed(LIMITS)).toBeNull();
-  expect(state.take(JOIN, 7)).toBeNull();
-  expect(state.welcomed(LIMITS)).toEqual({ type: "join", request: 7, group: "tour", role: "member", name: "Anna" });
-  state.onMessage(JOINED);
-  state.onMessage(ROSTER);
-  expect(state.welcomed(LIMITS)).toMatchObject({ type: "join", seat: "secret" });
-  // The seat is the same: who is there stays known until the next roster.
+// When what is said, skipped and said again: the session corpus.
+it("knows who is there over a lost connection, and nothing more of a seat that was given away", () => {
+  joined();
+  state.connectionLost();
+  state.connected(LIMITS);
+  expect(sent.at(-1)).toMatchObject({ type: "join", seat: "secret" });
   state.onMessage(JOINED);
   expect(events.at(-1)!.group!.members).toHaveLength(2);
-  // Another seat, after a server that forgot: nothing of the one before holds.
-  state.onMessage({ ...JOINED, member: 9 });
+  state.onMessage({ ...JOINED, member: 9, seat: "another" });
   expect(events.at(-1)!.group).toMatchObject({ member: 9, members: [], gathering: null });
 });
 
-it("tells of the gathering, and of who came once it is over", () => {
+it("tells where the gathering is, and who came once it is over", () => {
   joined();
   state.onMessage(GATHERING);
-  expect(events.at(-1)!.group!.gathering).toMatchObject({ number: 3, guide: 1, radiusM: 40, isOver: false });
-  // Of a gathering that a newer one has ended.
-  state.onMessage({ type: "gathered", gathering: 2, ready: [2], degraded: [], missing: [1] });
-  expect(events.at(-1)!.group!.gathering!.isOver).toBe(false);
+  const there = { number: 3, guide: 1, position: [1, 2, 3], radiusM: 40, isOver: false };
+  expect(events.at(-1)!.group!.gathering).toMatchObject(there);
   state.onMessage({ type: "gathered", gathering: 3, ready: [1], degraded: [2], missing: [] });
-  expect(events.at(-1)!.group!.gathering).toMatchObject({ isOver: true, ready: [1], degraded: [2] });
-  // Who comes late: nobody waits.
-  state.onMessage({ type: "gathering", gathering: 4, guide: 1, position: [1, 2, 3], radius_m: 40 });
-  expect(events.at(-1)!.group!.gathering).toMatchObject({ number: 4, isOver: true });
+  expect(events.at(-1)!.group!.gathering).toMatchObject({ ...there, isOver: true, ready: [1], degraded: [2] });
 });
 
-it("has no seat after a refusal, on a service without groups, and after leaving", () => {
-  const refusal = { type: "error", code: "group_refused", message: "the group has a guide", fatal: false } as const;
+it("says why there is no seat, and tells of one that is left", () => {
   state.take(JOIN, 7);
-  expect(state.refused({ ...refusal, request: 6 })).toBe(false);
-  expect(state.refused({ ...refusal, request: 7 })).toBe(true);
-  expect(events.at(-1)).toEqual({ type: "group", group: null, problem: "the group has a guide" });
-  expect(state.welcomed(LIMITS)).toBeNull();
-
-  state.take(JOIN, 8);
-  expect(state.welcomed({} as ServerLimitsPart)).toBeNull();
-  expect(events.at(-1)!.problem).toContain("no groups");
-
+  state.refused({ type: "error", code: "group_refused", message: "it has a guide", fatal: false, request: 7 });
+  expect(events.at(-1)).toMatchObject({ news: "refused", group: null, refusal: { message: "it has a guide" } });
   joined();
-  expect(state.take({ type: "leave" }, 9)).toEqual({ type: "leave" });
-  expect(events.at(-1)).toEqual({ type: "group", group: null, problem: null });
-  // It crossed.
-  state.onMessage(ROSTER);
-  expect(events.at(-1)!.group).toBeNull();
-  expect(state.take({ type: "leave" }, 10)).toBeNull();
-});
-
-it("keeps the seat where a gather is refused, and leaves one before it takes another", () => {
-  joined();
-  expect(state.take({ type: "gather", position: [0, 0, 0], radiusM: 5 }, 11)).toMatchObject({ radius_m: 5 });
-  const refusal = { type: "error", code: "group_refused", message: "only the guide may", fatal: false } as const;
-  expect(state.refused({ ...refusal, request: 11 })).toBe(true);
-  expect(events.at(-1)).toMatchObject({ group: { name: "tour" }, problem: "only the guide may" });
-  expect(state.take({ ...JOIN, group: "other" }, 12)).toEqual({ type: "leave" });
-  expect(state.welcomed(LIMITS)).toMatchObject({ group: "other", request: 12 });
+  state.take({ type: "leave" }, 8);
+  expect(events.at(-1)).toEqual({ type: "group", news: "left", group: null, refusal: null });
 });
 
 it("refuses names that the protocol does not allow, before anything is sent", () => {

@@ -134,9 +134,7 @@ void FTerraportRenderer::free(std::uint32_t Segment)
 
 std::size_t FTerraportRenderer::gpuBytesOf(const terraport::SegmentMesh& Mesh) const
 {
-	// Four bytes a pixel, and a third more for the mips.
-	const std::size_t Pixels = std::size_t(Mesh.image.width) * Mesh.image.height;
-	return std::size_t(Backend->BytesOf(int32(Mesh.vertexCount), int32(Mesh.indices.size()))) + Pixels * 16 / 3;
+	return std::size_t(Backend->BytesOf(int32(Mesh.vertexCount), int32(Mesh.indices.size()))) + Mesh.image.gpuBytes();
 }
 
 void FTerraportRenderer::swap(const terraport::SceneSwap& Change)

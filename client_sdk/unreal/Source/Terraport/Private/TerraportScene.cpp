@@ -5,6 +5,7 @@
 #include "TerraportAxes.h"
 #include "TerraportDynamicBackend.h"
 #include "TerraportLog.h"
+#include "TerraportPlaces.h"
 #include "TerraportProceduralBackend.h"
 #include "TerraportSession.h"
 #include "TerraportText.h"
@@ -15,23 +16,8 @@
 
 namespace
 {
-/** A world location in the scene's frame, metres. */
-terraport::Vec3 ScenePointOf(const AActor& Actor, const FVector& WorldLocation)
-{
-	const FVector Local = Actor.GetActorTransform().InverseTransformPosition(WorldLocation);
-	const double Unreal[3] = {Local.X, Local.Y, Local.Z};
-	double Scene[3];
-	TerraportAxes::PointToScene(Unreal, Scene);
-	return terraport::Vec3{Scene[0], Scene[1], Scene[2]};
-}
-
-FVector WorldOf(const AActor& Actor, const terraport::Vec3& ScenePoint)
-{
-	const double Scene[3] = {ScenePoint.x, ScenePoint.y, ScenePoint.z};
-	double Unreal[3];
-	TerraportAxes::PointToUnreal(Scene, Unreal);
-	return Actor.GetActorTransform().TransformPosition(FVector(Unreal[0], Unreal[1], Unreal[2]));
-}
+using TerraportPlaces::ScenePointOf;
+using TerraportPlaces::WorldOf;
 
 terraport::Vec3 DirectionOf(const AActor& Actor, const FVector& WorldDirection)
 {

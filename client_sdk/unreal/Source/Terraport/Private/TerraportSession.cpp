@@ -81,6 +81,7 @@ void FTerraportSession::End()
 		Stream->close();
 	}
 	Loading.reset();
+	Follower.reset();
 	Stage.reset();
 	Stream.reset();
 	Decodes.reset();
@@ -117,6 +118,7 @@ void FTerraportSession::Tick()
 				Event.changed = Event.changed || StreamVersion != Stage->files().manifest.version;
 			}
 			Stage->handle(Event);
+			NoteGroup(Event);
 			// Once for each connection that needs them: files that are damaged are not asked for again with every segment.
 			if (Event.kind == terraport::EventKind::Opened && Stage->needsFiles() && !Loading)
 			{
@@ -138,6 +140,7 @@ void FTerraportSession::Draw(double StartMs, double EndMs)
 	{
 		Stage->setAutoShow(Host->IsAutoShow());
 		Stage->update([]() { return NowMilliseconds(); }, std::max(EndMs - NowMilliseconds(), 0.0));
+		Follower->update();
 	}
 	Renderer->Step(EndMs / 1000.0);
 	MaxFrameMs = std::max(MaxFrameMs, NowMilliseconds() - StartMs);
@@ -318,6 +321,9 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 	Options.autoShow = Host->IsAutoShow();
 	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Ground, *Decodes, Options);
 	Stage->onSwap([this](const terraport::SceneSwap& Change) { Swaps.push_back(Change); });
+	Follower = std::make_unique<terraport::GroupFollower>(*Stream, *Stage);
+	// Before a component of groups has said so, nobody is taken anywhere.
+	Follower->setFollows(false);
 	if (Pending.IsSet())
 	{
 		Stage->land(Pending->Position, Pending->RadiusM, Pending->Options, NowMs);

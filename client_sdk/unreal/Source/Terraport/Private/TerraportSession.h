@@ -2,6 +2,7 @@
 
 #include "CoreMinimal.h"
 
+#include "Terraport/GroupFollower.h"
 #include "Terraport/SceneStage.h"
 #include "Terraport/SceneStream.h"
 #include "Terraport/ShownGround.h"
@@ -62,11 +63,18 @@ public:
 	/** Once a frame after Tick, where somebody walks: the ground around the feet is solid. */
 	void StepFeet(const terraport::Vec3& Place, double HalfM, int32 MaxFaces);
 	int64 Pick(const terraport::Vec3& Origin, const terraport::Vec3& Direction);
+	/** Land the group; false where a number cannot be. */
+	bool Gather(const terraport::Vec3& Position, double RadiusM);
+	/** The landing's number; 0 where the group is nowhere. */
+	int64 GoToGroup();
+	/** What happened in the group since this was asked last, the newest of it. */
+	std::vector<terraport::StreamEvent> TakeGroupNews();
 	bool Show();
 	void Reconnect(const std::string& NewToken);
 
 	/** Null before the scene is open. */
 	const terraport::SceneStage* GetStage() const { return Stage.get(); }
+	terraport::GroupFollower* GetFollower() const { return Follower.get(); }
 	const terraport::ShownGround* GetGround() const { return Ground.get(); }
 	FTerraportStats TakeStats();
 
@@ -84,6 +92,7 @@ private:
 	void TakeFiles(FTerraportFilesResult& Result, double NowMs);
 	bool MakeStream(const FTerraportFilesResult& Files);
 	void Draw(double NowMs, double EndMs);
+	void NoteGroup(const terraport::StreamEvent& Event);
 	void ReportSwaps();
 	void ReportPresentable();
 	void Report(const terraport::StreamEvent& Event);
@@ -116,6 +125,8 @@ private:
 	std::unique_ptr<FTerraportDecodes> Decodes;
 	std::unique_ptr<terraport::SceneStream> Stream;
 	std::unique_ptr<terraport::SceneStage> Stage;
+	std::unique_ptr<terraport::GroupFollower> Follower;
+	std::vector<terraport::StreamEvent> GroupNews;
 	/** What the renderer draws with, held for as long as it does. */
 	std::vector<UMaterialInterface*> KeptMaterials;
 	TOptional<FPending> Pending;

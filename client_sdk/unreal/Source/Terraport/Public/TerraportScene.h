@@ -248,6 +248,9 @@ public:
 	/** Draw meshes by another backend than the built-in ones; before Open. Null for the one that Meshes names. */
 	void SetMeshBackend(TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend);
 
+	/** For the plugin's own components; null while it is closed. */
+	FTerraportSession* GetSession() const { return Session.Get(); }
+
 	virtual void Tick(float DeltaSeconds) override;
 	virtual void BeginPlay() override;
 	virtual void EndPlay(const EEndPlayReason::Type EndPlayReason) override;

@@ -223,7 +223,7 @@ class GlbReading {
       return Status::damaged(
           std::string("image is ") + mediaTypeOf(header.type) + ", expected " + mediaTypeOf(texture.type) + " by mimeType");
     }
-    mesh_.image = {header.type, header.width, header.height, offset, file.size};
+    mesh_.image = {header.type, header.width, header.height, header.texelBits, offset, file.size};
     return {};
   }
 

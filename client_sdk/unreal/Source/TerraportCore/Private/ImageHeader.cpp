@@ -14,6 +14,8 @@ namespace {
 constexpr std::uint8_t kJpeg[] = {0xff, 0xd8, 0xff};
 constexpr std::uint8_t kPng[] = {0x89, 'P', 'N', 'G', '\r', '\n', 0x1a, '\n'};
 constexpr std::uint8_t kKtx2[] = {0xab, 'K', 'T', 'X', ' ', '2', '0', 0xbb, '\r', '\n', 0x1a, '\n'};
+/// The scheme of ETC1S; UASTC has others.
+constexpr std::uint32_t kBasisLz = 1;
 constexpr std::uint32_t kMaxSegmentSide = 2048;
 constexpr std::uint32_t kMaxBaseSide = 4096;
 
@@ -112,10 +114,12 @@ Status readImageHeader(ByteSpan file, ImageHeader& header) {
     return {};
   }
   if (startsWith(file, kKtx2)) {
-    if (file.size < 28) {
+    // Behind the identifier (12 bytes): vkFormat, typeSize, the two sides, depth, layers, faces, levels,
+    // supercompressionScheme.
+    if (file.size < 48) {
       return cutShort(file.size);
     }
-    header = {ImageType::Ktx2, readU32(file.data + 20), readU32(file.data + 24)};
+    header = {ImageType::Ktx2, readU32(file.data + 20), readU32(file.data + 24), readU32(file.data + 44) == kBasisLz ? 4U : 8U};
     return {};
   }
   if (file.size >= 12 && hasLetters(file, 0, "RIFF") && hasLetters(file, 8, "WEBP")) {

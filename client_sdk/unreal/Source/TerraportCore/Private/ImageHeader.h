@@ -14,6 +14,8 @@ struct ImageHeader {
   /// Pixels; not compared with any limit.
   std::uint32_t width = 0;
   std::uint32_t height = 0;
+  /// What a GPU keeps of a texel: 4 (ETC1S), 8 (UASTC) or 32 (whatever GPUs cannot read).
+  std::uint32_t texelBits = 32;
 };
 
 /// Read an image file's header without decoding it; safe on hostile bytes. Nobody may hand an image library fifty bytes that

@@ -4,6 +4,7 @@
 #include "WireErrors.h"
 
 #include <algorithm>
+#include <utility>
 
 namespace terraport {
 
@@ -55,6 +56,17 @@ void Link::reconnect(const std::string& token) {
   drop(kCloseNormal);
   attempt_ = 0;
   firstWaitMs_.reset();
+  connect();
+}
+
+void Link::moveTo(std::string url) {
+  context_.url = std::move(url);
+  if (isLeft_ || !isBegun_ || (transport_ == nullptr && !retryAtMs_)) return;
+  // What is to be said to the old one, a goodbye to its group for instance.
+  if (transport_ != nullptr) speak();
+  drop(kCloseNormal);
+  report();
+  attempt_ = 0;
   connect();
 }
 

@@ -45,6 +45,9 @@ class Link {
   /// Connect now, unless there is a connection already; another token makes a new one in any case.
   void reconnect(const std::string& token);
 
+  /// Connect to that address from now on, and now, unless it was closed for good.
+  void moveTo(std::string url);
+
   /// Say goodbye and do not connect again.
   void leave();
 

@@ -9,9 +9,7 @@ std::size_t SceneRenderer::gpuBytesOf(const SegmentMesh& mesh) const {
   vertex += mesh.hasRegionIds ? 4 : 0;
   vertex += 4 * mesh.attributeCount;
   const std::size_t index = mesh.maxIndex < 65536 ? 2 : 4;
-  // Uncompressed, with mips.
-  const std::size_t image = std::size_t{4} * mesh.image.width * mesh.image.height * 4 / 3;
-  return vertex * mesh.vertexCount + index * mesh.indices.size() + image;
+  return vertex * mesh.vertexCount + index * mesh.indices.size() + mesh.image.gpuBytes();
 }
 
 }  // namespace terraport

@@ -63,7 +63,8 @@ class Chance {
 
 struct SceneStream::Impl {
   Impl(const StreamOptions& options, std::string url, std::shared_ptr<TransportFactory> factory, std::function<double()> chance)
-      : transports(std::move(factory)),
+      : streamUrl(url),
+        transports(std::move(factory)),
         session(sessionOptions(options), &xxh3Hash64),
         link(Link::Context{session, *transports, std::move(url), Access(options.token, options.tokenProvider),
             std::move(chance), [this](SessionEvent& event) { handle(event); },
@@ -139,6 +140,8 @@ struct SceneStream::Impl {
     emit(std::move(event));
   }
 
+  /// Of no group.
+  std::string streamUrl;
   std::shared_ptr<TransportFactory> transports;
   ClientSession session;
   std::deque<StreamEvent> events;
@@ -216,6 +219,30 @@ Result<std::uint64_t> SceneStream::pick(const Vec3& origin, const std::optional<
     return Status::failed("too_many", std::to_string(kMaxPicks) + " picks wait for an answer already");
   }
   return std::uint64_t{impl_->session.pick(origin, direction)};
+}
+
+Result<std::uint64_t> SceneStream::joinGroup(const std::string& group, GroupRole role, const std::string& ownName) {
+  TERRAPORT_RETURN_IF_ERROR(checkJoin(group, role, ownName));
+  impl_->session.leave();
+  // Where several processes serve, the address says where the group lives (wire protocol, 16.6). Always, so that there is one
+  // way; the seat is asked for with the next welcome.
+  impl_->link.moveTo(impl_->streamUrl + "?group=" + group);
+  return std::uint64_t{impl_->session.join(group, role, ownName)};
+}
+
+void SceneStream::leaveGroup() {
+  impl_->session.leave();
+}
+
+Result<std::uint64_t> SceneStream::gather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
+    const std::optional<std::uint32_t>& deadlineMs) {
+  TERRAPORT_RETURN_IF_ERROR(checkGather(position, radiusM, innerRadiusM, deadlineMs));
+  return std::uint64_t{impl_->session.gather(position, radiusM, innerRadiusM, deadlineMs)};
+}
+
+void SceneStream::arrive(std::uint32_t gathering, GroupArrival how) {
+  const Status status = impl_->session.arrive(gathering, how);
+  if (!status.isOk()) impl_->refuse(status);
 }
 
 bool SceneStream::tryNextEvent(StreamEvent& event) {

@@ -53,6 +53,16 @@ const char* mediaTypeOf(ImageType type) {
   return "";
 }
 
+std::size_t PayloadImage::gpuBytes() const {
+  if (type == ImageType::None) return 0;
+  std::size_t total = 0;
+  for (std::size_t w = width, h = height;; w = std::max<std::size_t>(w / 2, 1), h = std::max<std::size_t>(h / 2, 1)) {
+    // Compressed forms keep blocks of 4 x 4 texels, also of smaller levels.
+    total += texelBits == 32 ? w * h * 4 : ((w + 3) / 4) * ((h + 3) / 4) * 2 * texelBits;
+    if (w <= 1 && h <= 1) return total;
+  }
+}
+
 std::uint8_t srgbOfLinear16(std::uint16_t code) {
   return srgbTable().levels[code];
 }

@@ -26,6 +26,26 @@ HelloMessage helloMessage(const SessionOptions& options, std::vector<HeldRow> ro
   return hello;
 }
 
+JoinMessage joinMessage(std::uint32_t request, const std::string& group, GroupRole role, const std::string& ownName) {
+  JoinMessage join;
+  join.request = request;
+  join.group = group;
+  join.role = role == GroupRole::Guide ? "guide" : "member";
+  if (!ownName.empty()) join.name = ownName;
+  return join;
+}
+
+GatherMessage gatherMessage(std::uint32_t request, const Vec3& position, double radiusM,
+    const std::optional<double>& innerRadiusM, const std::optional<std::uint32_t>& deadlineMs) {
+  GatherMessage gather;
+  gather.request = request;
+  gather.position = position;
+  gather.radiusM = radiusM;
+  gather.innerRadiusM = innerRadiusM;
+  gather.deadlineMs = deadlineMs;
+  return gather;
+}
+
 Status malformed(std::string text) {
   return Status::failed("malformed", std::move(text));
 }
@@ -55,11 +75,21 @@ Status checkPick(const Vec3& origin, const std::optional<Vec3>& direction) {
   return checkMessage(pick);
 }
 
+Status checkJoin(const std::string& group, GroupRole role, const std::string& ownName) {
+  return checkMessage(joinMessage(0, group, role, ownName));
+}
+
+Status checkGather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
+    const std::optional<std::uint32_t>& deadlineMs) {
+  return checkMessage(gatherMessage(0, position, radiusM, innerRadiusM, deadlineMs));
+}
+
 ClientSession::ClientSession(SessionOptions options, PayloadHash hash)
     : options_(std::move(options)),
       holdings_(options_.cacheBytes),
       transfers_(options_.budgets, holdings_, hash, outbox_, events_),
-      picks_(events_) {}
+      picks_(events_),
+      group_(outbox_, events_) {}
 
 std::int64_t ClientSession::unfinished() const {
   const Transfers::Landing landing = queued_ != nullptr ? queued_ : transfers_.unfinished();
@@ -102,6 +132,7 @@ void ClientSession::connectionLost() {
   ungrantedBytes_ = 0;
   aim_.connectionLost(transfers_.aimDone());
   queue(transfers_.connectionLost());
+  group_.connectionLost();
 }
 
 Status ClientSession::receive(ByteSpan data, bool isText) {
@@ -155,6 +186,28 @@ std::uint32_t ClientSession::pick(const Vec3& origin, const std::optional<Vec3>&
   return requests_;
 }
 
+std::uint32_t ClientSession::join(const std::string& group, GroupRole role, const std::string& ownName) {
+  requests_ += 1;
+  group_.join(joinMessage(requests_, group, role, ownName), isOpen_);
+  return requests_;
+}
+
+std::uint32_t ClientSession::gather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
+    const std::optional<std::uint32_t>& deadlineMs) {
+  requests_ += 1;
+  group_.gather(gatherMessage(requests_, position, radiusM, innerRadiusM, deadlineMs));
+  return requests_;
+}
+
+Status ClientSession::arrive(std::uint32_t gathering, GroupArrival how) {
+  ArrivedMessage arrived;
+  arrived.gathering = gathering;
+  arrived.state = how == GroupArrival::Ready ? "ready" : how == GroupArrival::Degraded ? "degraded" : "declined";
+  TERRAPORT_RETURN_IF_ERROR(checkMessage(arrived));
+  group_.arrive(arrived);
+  return Status::ok();
+}
+
 void ClientSession::bye() {
   if (isOpen_) outbox_.emplace_back(ByeMessage{});
 }
@@ -177,7 +230,7 @@ Status ClientSession::onMessage(const ServerMessage& message) {
   if (const auto* const picked = std::get_if<PickedMessage>(&message)) picks_.answered(*picked);
   if (const auto* const checked = std::get_if<HeldCheckedMessage>(&message)) onDropped(checked->dropped);
   if (const auto* const notice = std::get_if<NoticeMessage>(&message)) onNotice(*notice);
-  // Groups are skipped: this client takes no seat.
+  group_.onMessage(message);
   return Status::ok();
 }
 
@@ -208,6 +261,7 @@ Status ClientSession::onWelcome(const WelcomeMessage& welcome) {
   // A server that takes no table cannot learn of these: what it does not know of is not held (10.2).
   onDropped(untold);
   for (const PickMessage& pick : picks_.waiting()) outbox_.emplace_back(pick);
+  group_.connected(welcome.limits.groups);
   if (queued_ != nullptr) sendLanding(std::exchange(queued_, nullptr));
   return Status::ok();
 }
@@ -232,8 +286,9 @@ void ClientSession::onNotice(const NoticeMessage& notice) {
 }
 
 void ClientSession::onError(const ErrorMessage& error) {
-  const bool isOfPick = picks_.refused(error);
-  if (isOfPick && !error.fatal) return;
+  // A request's own answer: nothing else was refused, unless the connection ends with it.
+  const bool isAnswer = picks_.refused(error) || group_.refused(error);
+  if (isAnswer && !error.fatal) return;
   aim_.refused(error.generation);
   const Transfers::Landing refused = error.fatal ? nullptr : transfers_.refused(error.generation);
   SessionEvent event;

@@ -7,6 +7,7 @@
 #include "LandingState.h"
 #include "SessionAims.h"
 #include "SessionEvents.h"
+#include "SessionGroup.h"
 #include "SessionHoldings.h"
 #include "SessionOffer.h"
 #include "SessionPicks.h"
@@ -39,10 +40,13 @@ struct SessionOptions {
 /// Whether a session can be made of these. Error code: `invalid_field`.
 Status checkSessionOptions(const SessionOptions& options);
 
-/// Whether a landing may be asked for so, an aim, a pick. Error code: `invalid_field`.
+/// Whether a landing may be asked for so, an aim, a pick, a seat in a group, a landing of it. Error code: `invalid_field`.
 Status checkLand(const Vec3& position, double radiusM, const LandOptions& options);
 Status checkAim(const Vec3& position, double radiusM);
 Status checkPick(const Vec3& origin, const std::optional<Vec3>& direction);
+Status checkJoin(const std::string& group, GroupRole role, const std::string& ownName);
+Status checkGather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
+    const std::optional<std::uint32_t>& deadlineMs);
 
 /// The state machine. It outlives connections.
 class ClientSession {
@@ -85,7 +89,7 @@ class ClientSession {
   void connected(bool offersHeld = true);
 
   /// Note that the connection is gone. The newest landing that is not ready waits for the next connection, and so do the
-  /// newest aim after it and picks. Parts of segments are forgotten (10.2).
+  /// newest aim after it, picks and the seat in a group. Parts of segments are forgotten (10.2).
   void connectionLost();
 
   /// Take one whole WebSocket message. Error code: `malformed`, where the server sent what the protocol does not allow; the
@@ -109,6 +113,19 @@ class ClientSession {
 
   /// Forget all picks: their answers are skipped, a reconnect does not ask again. Returns their numbers.
   std::vector<std::uint32_t> dropPicks() { return picks_.dropAll(); }
+
+  /// Ask for a seat in a group; the one held before is left. Returns the request's number. Must have passed `checkJoin`.
+  std::uint32_t join(const std::string& group, GroupRole role, const std::string& ownName);
+
+  /// Give the seat in the group up; nothing where there is none.
+  void leave() { group_.leave(isOpen_); }
+
+  /// Land the group, as its guide; returns the request's number. Must have passed `checkGather`.
+  std::uint32_t gather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
+      const std::optional<std::uint32_t>& deadlineMs);
+
+  /// Say how this member's part of a group landing ended; nothing where a newer one has come. Error code: `invalid_field`.
+  Status arrive(std::uint32_t gathering, GroupArrival how);
 
   /// End the session politely.
   void bye();
@@ -135,6 +152,7 @@ class ClientSession {
   AimState aim_;
   HeldOffer offer_;
   PickState picks_;
+  GroupState group_;
   MessageReader reader_;
   bool isOpen_ = false;
   bool isGreeting_ = false;

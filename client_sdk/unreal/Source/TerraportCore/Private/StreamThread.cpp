@@ -42,10 +42,29 @@ struct PickCommand {
   std::optional<Vec3> direction;
   std::uint64_t request = 0;
 };
+struct JoinCommand {
+  std::string group;
+  GroupRole role = GroupRole::Member;
+  std::string ownName;
+  std::uint64_t request = 0;
+};
+struct LeaveCommand {};
+struct GatherCommand {
+  Vec3 position;
+  double radiusM = 0;
+  std::optional<double> innerRadiusM;
+  std::optional<std::uint32_t> deadlineMs;
+  std::uint64_t request = 0;
+};
+struct ArriveCommand {
+  std::uint32_t gathering = 0;
+  GroupArrival how = GroupArrival::Ready;
+};
 struct ReconnectCommand {
   std::string token;
 };
-using Command = std::variant<LandCommand, AimCommand, PickCommand, ReconnectCommand>;
+using Command = std::variant<LandCommand, AimCommand, PickCommand, JoinCommand, LeaveCommand, GatherCommand, ArriveCommand,
+    ReconnectCommand>;
 
 double nowMs() {
   using Milliseconds = std::chrono::duration<double, std::milli>;
@@ -121,6 +140,20 @@ struct StreamThread::Impl {
   void obey(const AimCommand& aim) { stream->aim(aim.position, aim.radiusM); }
   void obey(const ReconnectCommand& reconnect) { stream->reconnect(reconnect.token); }
 
+  void obey(const LeaveCommand&) { stream->leaveGroup(); }
+  void obey(const ArriveCommand& arrive) { stream->arrive(arrive.gathering, arrive.how); }
+
+  // Both were checked where they were asked for.
+  void obey(const JoinCommand& join) {
+    const Result<std::uint64_t> request = stream->joinGroup(join.group, join.role, join.ownName);
+    if (request.isOk()) groupRequestOf = {{request.value(), join.request}};
+  }
+  void obey(const GatherCommand& gather) {
+    const Result<std::uint64_t> request =
+        stream->gather(gather.position, gather.radiusM, gather.innerRadiusM, gather.deadlineMs);
+    if (request.isOk()) groupRequestOf[request.value()] = gather.request;
+  }
+
   void obey(const PickCommand& pick) {
     const Result<std::uint64_t> request = stream->pick(pick.origin, pick.direction);
     if (request.isOk()) {
@@ -148,7 +181,10 @@ struct StreamThread::Impl {
     answers.clear();
     StreamEvent event;
     while (deliveries.size() < capacity && stream->tryNextEvent(event)) {
-      if (event.kind == EventKind::Picked || event.kind == EventKind::PickRefused) renumber(event);
+      if (event.kind == EventKind::Picked || event.kind == EventKind::PickRefused) renumber(event, requestOf);
+      if (event.kind == EventKind::GroupRefused) renumber(event, groupRequestOf);
+      // Older gathers are answered by a newer landing of the group.
+      if (event.kind == EventKind::GroupCalled && groupRequestOf.size() > kMaxWaitingPicks) groupRequestOf.clear();
       deliveries.push_back(std::move(event));
       event = StreamEvent();
     }
@@ -172,17 +208,19 @@ struct StreamThread::Impl {
     return true;
   }
 
-  void renumber(StreamEvent& event) {
-    const auto entry = requestOf.find(event.request);
-    if (entry == requestOf.end()) return;
+  static void renumber(StreamEvent& event, std::map<std::uint64_t, std::uint64_t>& requests) {
+    const auto entry = requests.find(event.request);
+    if (entry == requests.end()) return;
     event.request = entry->second;
-    requestOf.erase(entry);
+    requests.erase(entry);
   }
 
   // Of the thread alone.
   std::unique_ptr<SceneStream> stream;
   /// Our number of a pick by the stream's.
   std::map<std::uint64_t, std::uint64_t> requestOf;
+  /// As that, of the newest join and the gathers after it.
+  std::map<std::uint64_t, std::uint64_t> groupRequestOf;
   std::vector<StreamEvent> answers;
 
   // Of the owner alone.
@@ -242,6 +280,29 @@ Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional
   impl_->requests += 1;
   impl_->enqueue(PickCommand{origin, direction, impl_->requests});
   return impl_->requests;
+}
+
+Result<std::uint64_t> StreamThread::joinGroup(const std::string& group, GroupRole role, const std::string& ownName) {
+  TERRAPORT_RETURN_IF_ERROR(checkJoin(group, role, ownName));
+  impl_->requests += 1;
+  impl_->enqueue(JoinCommand{group, role, ownName, impl_->requests});
+  return impl_->requests;
+}
+
+void StreamThread::leaveGroup() {
+  impl_->enqueue(LeaveCommand{});
+}
+
+Result<std::uint64_t> StreamThread::gather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
+    const std::optional<std::uint32_t>& deadlineMs) {
+  TERRAPORT_RETURN_IF_ERROR(checkGather(position, radiusM, innerRadiusM, deadlineMs));
+  impl_->requests += 1;
+  impl_->enqueue(GatherCommand{position, radiusM, innerRadiusM, deadlineMs, impl_->requests});
+  return impl_->requests;
+}
+
+void StreamThread::arrive(std::uint32_t gathering, GroupArrival how) {
+  impl_->enqueue(ArriveCommand{gathering, how});
 }
 
 bool StreamThread::tryNextEvent(StreamEvent& event) {

@@ -5,6 +5,7 @@
 //
 // With "late" something else has loaded the engine's WebSockets module before the plugin starts. A round of the module's thread
 // takes BUFFER_BYTES at most (32 KiB). Prints one line of JSON, and ends with 0 where everything was as it must be.
+#include "TerraportGroupComponent.h"
 #include "TerraportScene.h"
 #include "TerraportUserComponent.h"
 #include "engine_network.h"
@@ -95,6 +96,7 @@ public:
 		World.StubActor = &Scene;
 		User.StubWorld = &World;
 		User.StubOwner = &Pawn;
+		Group.StubWorld = &World;
 		Camera.SetRelativeLocation(FVector(30.0, 40.0, 170.0));
 		Pawn.StubFound = &Camera;
 		Scene.BeginPlay();
@@ -113,6 +115,7 @@ public:
 			const bool bBusy = EngineNetwork::Pump();
 			Scene.Tick(0.005f);
 			User.TickComponent(0.005f, LEVELTICK_All, nullptr);
+			Group.TickComponent(0.005f, LEVELTICK_All, nullptr);
 			if (bBusy)
 			{
 				Still = 0;
@@ -125,6 +128,7 @@ public:
 
 	ATerraportScene Scene;
 	UTerraportUserComponent User;
+	UTerraportGroupComponent Group;
 	AActor Pawn;
 	UCameraComponent Camera;
 	UWorld World;
@@ -132,6 +136,32 @@ public:
 	int64 LastShown = -1;
 	int Swaps = 0;
 };
+
+/// By the group's component: a seat, a landing of the group that is followed, and its barrier opens; then one that is not.
+void ExpectTogether(FVisit& Visit, const FVector& Place, double RadiusM)
+{
+	FTerraportGroup Called, Gathered;
+	Visit.Group.OnCalled.AddLambda([&Called](const FTerraportGroup& Group) { Called = Group; });
+	Visit.Group.OnGathered.AddLambda([&Gathered](const FTerraportGroup& Group) { Gathered = Group; });
+	Visit.Group.OnRefused.AddLambda([](const FString&) { Expect(false, "nothing of the group is refused"); });
+	Expect(!Visit.Group.Join(TEXT("a tour"), true, TEXT("Ada")), "a name that cannot be is refused at once");
+	Expect(Visit.Group.Join(TEXT("tour"), true, TEXT("Ada")), "a seat is asked for");
+	Expect(Visit.Until([&Visit] { return Visit.Group.GetGroup().Members.Num() == 1; }), "there is a list of who is there");
+	Expect(Visit.Group.GetGroup().bGuide && Visit.Group.GetGroup().Members[0].bPresent, "the guide is there");
+	Expect(Visit.Group.Gather(Place, RadiusM), "the group is landed");
+	Expect(Visit.Until([&Gathered] { return Gathered.Gathering == 1; }), "everybody is there");
+	Expect(Called.Gathering == 1 && Called.Location.Equals(Place, 0.5), "it was told where");
+	Expect(Gathered.Ready.Num() == 1 && Gathered.Ready[0] == Gathered.Member, "this one too");
+	Visit.Group.bFollow = false;
+	const int Swaps = Visit.Swaps;
+	Visit.Until([] { return true; });
+	Expect(Visit.Group.Gather(Place + FVector(500.0, 0.0, 0.0), RadiusM), "the group is landed elsewhere");
+	Visit.Group.TickComponent(0.005f, LEVELTICK_All, nullptr);
+	Expect(Visit.Until([&Gathered] { return Gathered.Gathering == 2; }), "nobody is waited for");
+	Expect(Gathered.Missing.Num() == 1 && Visit.Swaps == Swaps, "who does not follow stays");
+	Visit.Group.EndPlay(EEndPlayReason::Destroyed);
+	Expect(Visit.Group.GetGroup().Name.IsEmpty(), "the seat was given up");
+}
 
 /// What is drawn is what the stage says, to the triangle.
 void ExpectShown(FVisit& Visit, int64 Landing)
@@ -254,6 +284,8 @@ int main(int Count, char** Arguments)
 		"the feet are on the ground");
 
 	ExpectSolid(Visit);
+
+	ExpectTogether(Visit, Middle, RadiusM);
 
 	// 6. The survey's reference system.
 	FVector Survey, Back;

@@ -72,7 +72,7 @@ export function createGroupDesk({ store, stream, announcer, land }: GroupDeskOpt
   return {
     handle(event) {
       if (event.type !== "group") return;
-      store.set({ group: event.group, groupProblem: event.problem });
+      store.set({ group: event.group, groupProblem: event.refusal?.message ?? null });
       answer();
     },
     join(group, role, name) {

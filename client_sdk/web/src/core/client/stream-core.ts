@@ -8,6 +8,7 @@ import type { GroupCommand } from "../group-types.ts";
 import { prepareDecoders, xxh3 } from "../payload/engines.ts";
 import { StreamError } from "../scene/errors.ts";
 import { streamUrl } from "../scene/urls.ts";
+import { checkGroup } from "../session/checks.ts";
 import type { SessionEvent } from "../session/events.ts";
 import { ClientSession } from "../session/session.ts";
 import type {
@@ -110,10 +111,15 @@ export class StreamCore {
   }
 
   group(command: GroupCommand): void {
+    checkGroup(command);
+    if (command.type === "join") {
+      // The old seat is left where it is; where several processes serve, the address says where the new group lives (wire
+      // protocol, 16.6), and the seat is asked for with the next welcome.
+      this.#session.group({ type: "leave" });
+      this.#link.moveTo(streamUrl(this.#sceneUrl, command.group));
+    }
     this.#session.group(command);
-    // Where several processes serve, the address says where the group lives (wire protocol, 16.6).
-    if (command.type === "join") this.#link.moveTo(streamUrl(this.#sceneUrl, command.group));
-    else this.#link.pump();
+    this.#link.pump();
   }
 
   async pick(origin: Vec3, direction?: Vec3): Promise<PickHit | null> {

@@ -9,6 +9,7 @@ import type { LandOptions, Vec3 } from "../types.ts";
 import { encodeMessage } from "../wire/codec.ts";
 import { InvalidMessageError } from "../wire/errors.ts";
 import type { ClientMessage } from "../wire/messages.generated.ts";
+import { arrivedMessage, gatherMessage, joinMessage } from "./group-state.ts";
 import { landMessage } from "./landing-state.ts";
 
 /** @throws RangeError on a number that the protocol does not allow. */
@@ -28,12 +29,9 @@ export function checkPick(origin: Vec3, direction: Vec3 | undefined): void {
 
 /** @throws RangeError on a name or number that the protocol does not allow. */
 export function checkGroup(command: GroupCommand): void {
-  if (command.type === "join") {
-    const { group, role, name } = command;
-    check({ type: "join", request: 0, group, role, ...(name !== null && { name }) });
-  } else if (command.type === "gather") {
-    check({ type: "gather", request: 0, position: command.position, radius_m: command.radiusM });
-  }
+  if (command.type === "join") check(joinMessage(command, 0));
+  else if (command.type === "gather") check(gatherMessage(command, 0));
+  else if (command.type === "arrive") check(arrivedMessage(command));
 }
 
 /** @throws RangeError on a value that the protocol does not allow. */

@@ -4,12 +4,14 @@
  * PURE.
  */
 
-import type { Gathering, GroupCommand, GroupEvent, GroupFacts } from "../group-types.ts";
+import type { Gathering, GroupCommand, GroupEvent, GroupFacts, GroupNews, GroupRefusal } from "../group-types.ts";
 import type {
+  ArrivedMessage,
   ClientMessage,
   ErrorMessage,
   GatheredMessage,
   GatheringMessage,
+  GatherMessage,
   JoinedMessage,
   JoinMessage,
   RosterMessage,
@@ -19,126 +21,204 @@ import type {
 /** A message about groups. */
 export type GroupMessage = JoinedMessage | RosterMessage | GatheringMessage | GatheredMessage;
 
+/** Gathers that wait for an answer; beyond it the oldest is refused here. */
+const MOST_GATHERS = 16;
+
+/** What the state works with. */
+export interface GroupStateOptions {
+  /** Takes messages to send; called only while the connection is open. */
+  readonly send: (message: ClientMessage) => void;
+  readonly report: (event: GroupEvent) => void;
+  /** Whether the server has said welcome on the present connection. */
+  readonly isOpen: () => boolean;
+}
+
 /** What the session's user wants of groups, and what the server said of it. */
 export class GroupState {
-  readonly #report: (event: GroupEvent) => void;
+  readonly #send: GroupStateOptions["send"];
+  readonly #report: GroupStateOptions["report"];
+  readonly #isOpen: GroupStateOptions["isOpen"];
   /** As it is asked of each connection; null without a wish for a seat. */
   #join: JoinMessage | null = null;
+  #isSeated = false;
   #group: GroupFacts | null = null;
-  /** Requests that may be refused. */
-  #gather = -1;
+  /** That wait for an answer, by their requests, in the order asked for. */
+  readonly #gathers = new Map<number, GatherMessage>();
+  /** The newest gathering, and what was said of it. */
+  #newest = 0;
+  #arrived: ArrivedMessage | null = null;
 
-  constructor(report: (event: GroupEvent) => void) {
+  constructor({ send, report, isOpen }: GroupStateOptions) {
+    this.#send = send;
     this.#report = report;
+    this.#isOpen = isOpen;
   }
 
-  /** The message for a command, if any: a `join` is sent with the next welcome, and a seat that is held is left before. */
-  take(command: GroupCommand, request: number): ClientMessage | null {
-    switch (command.type) {
-      case "join": {
-        const hadSeat = this.#group !== null;
-        this.#group = null;
-        this.#join = {
-          type: "join",
-          request,
-          group: command.group,
-          role: command.role,
-          ...(command.name !== null && { name: command.name }),
-        };
-        return hadSeat ? { type: "leave" } : null;
-      }
-      case "leave":
-        if (this.#join === null) return null;
-        this.#end(null);
-        return { type: "leave" };
-      case "gather":
-        this.#gather = request;
-        return { type: "gather", request, position: command.position, radius_m: command.radiusM };
-      case "arrive":
-        return { type: "arrived", gathering: command.gathering, state: command.state };
+  /** Do what a command says; it was checked (`checks.ts`). */
+  take(command: GroupCommand, request: number): void {
+    if (command.type === "join") {
+      // Also where the new seat is refused: the caller has given the old one up.
+      this.#leave();
+      this.#join = joinMessage(command, request);
+      if (this.#isOpen()) this.#send(this.#join);
+    } else if (command.type === "leave") {
+      const hadWish = this.#join !== null;
+      this.#leave();
+      if (hadWish) this.#tell("left");
+    } else if (command.type === "gather") {
+      this.#gather(gatherMessage(command, request));
+    } else if (command.gathering === this.#newest) {
+      // Of an older one: a newer has come, and nobody waits.
+      this.#arrived = arrivedMessage(command);
+      if (this.#isSeated) this.#send(this.#arrived);
     }
   }
 
-  /** The server said welcome: what to ask of it. */
-  welcomed(limits: ServerLimitsPart): JoinMessage | null {
-    if (this.#join === null) return null;
-    if ((limits.groups ?? "none") !== "none") return this.#join;
-    this.#end("this service has no groups");
-    return null;
+  /** The server said welcome: the seat is taken again. */
+  connected(limits: ServerLimitsPart): void {
+    const join = this.#join;
+    if (join === null) return;
+    if ((limits.groups ?? "none") !== "none") {
+      this.#send(join);
+      return;
+    }
+    this.#reset();
+    const message = "no groups are served at this address";
+    this.#tell("refused", { request: join.request, code: "group_refused", message });
+  }
+
+  /** The seat is taken again on the next connection. */
+  connectionLost(): void {
+    this.#isSeated = false;
   }
 
   /** What is told of other groups, or crossed a `leave`, is skipped. */
   onMessage(message: GroupMessage): void {
-    if (this.#join === null) return;
+    const join = this.#join;
+    if (join === null) return;
     if (message.type === "joined") {
-      if (message.request !== this.#join.request) return;
-      const { group: name, member, role, seat } = message;
-      // Taken again by its secret after a lost connection: the same number, the same place at the barrier (16.1).
-      this.#join = { ...this.#join, seat };
-      const isSame = this.#group?.member === member;
-      this.#set({
-        members: [],
-        gathering: null,
-        ...(isSame && this.#group),
-        name,
-        member,
-        role,
-      });
-    } else if (this.#group !== null) {
-      this.#update(this.#group, message);
+      if (message.request === join.request) this.#onJoined(message, join);
+    } else if (this.#isSeated && this.#group !== null) {
+      if (message.type === "roster") this.#onRoster(message, this.#group);
+      else if (message.type === "gathering") this.#onGathering(message, this.#group);
+      else this.#onGathered(message, this.#group);
     }
   }
 
   /** Take an error; whether it was one of the group's. */
-  refused(error: ErrorMessage): boolean {
-    if (error.request === undefined) return false;
-    if (error.request === this.#gather) {
-      this.#gather = -1;
-      this.#report({ type: "group", group: this.#group, problem: error.message });
-      return true;
-    }
-    if (error.request !== this.#join?.request) return false;
-    this.#end(error.message);
+  refused({ request, code, message }: ErrorMessage): boolean {
+    if (request === undefined) return false;
+    if (request === this.#join?.request) this.#reset();
+    else if (!this.#gathers.delete(request)) return false;
+    this.#tell("refused", { request, code, message });
     return true;
   }
 
-  #update(group: GroupFacts, message: Exclude<GroupMessage, JoinedMessage>): void {
-    if (message.type === "roster") {
-      if (message.group !== group.name) return;
-      const members = message.members.map(({ member, name, role, present }) => ({
-        member,
-        name: name ?? null,
-        role,
-        isPresent: present,
-      }));
-      this.#set({ ...group, members });
-    } else if (message.type === "gathering") {
-      const { gathering: number, guide, position, radius_m: radiusM, left_ms: leftMs } = message;
-      const gathering: Gathering = {
-        number,
-        guide,
-        position,
-        radiusM,
-        isOver: leftMs === undefined,
-        ready: [],
-        degraded: [],
-        missing: [],
-      };
-      this.#set({ ...group, gathering });
-    } else if (message.gathering === group.gathering?.number) {
-      const { ready, degraded, missing } = message;
-      this.#set({ ...group, gathering: { ...group.gathering, isOver: true, ready, degraded, missing } });
+  #leave(): void {
+    if (this.#join !== null && this.#isOpen()) this.#send({ type: "leave" });
+    this.#reset();
+  }
+
+  #gather(gather: GatherMessage): void {
+    this.#gathers.set(gather.request, gather);
+    const [oldest] = this.#gathers.keys();
+    if (this.#gathers.size > MOST_GATHERS && oldest !== undefined) {
+      this.#gathers.delete(oldest);
+      const message = `${MOST_GATHERS} gathers wait for an answer already`;
+      this.#tell("refused", { request: oldest, code: "too_many", message });
     }
+    if (this.#isSeated) this.#send(gather);
   }
 
-  #set(group: GroupFacts): void {
-    this.#group = group;
-    this.#report({ type: "group", group, problem: null });
+  #onJoined({ group: name, member, role, seat }: JoinedMessage, join: JoinMessage): void {
+    this.#isSeated = true;
+    if (seat !== join.seat) {
+      // A new seat, perhaps on a new server: its gatherings count from 1 again.
+      this.#newest = 0;
+      this.#arrived = null;
+      this.#group = { name, member, role, members: [], gathering: null };
+    }
+    this.#join = { ...join, seat };
+    this.#tell("joined");
+    // What was asked while the connection was away.
+    for (const gather of this.#gathers.values()) this.#send(gather);
   }
 
-  #end(problem: string | null): void {
+  #onRoster(message: RosterMessage, group: GroupFacts): void {
+    if (message.group !== group.name) return;
+    const members = message.members.map(({ member, name, role, present }) => ({
+      member,
+      name: name ?? null,
+      role,
+      isPresent: present,
+    }));
+    this.#group = { ...group, members };
+    this.#tell("roster");
+  }
+
+  #onGathering(message: GatheringMessage, group: GroupFacts): void {
+    const { gathering: number, guide, position, radius_m: radiusM, left_ms: leftMs } = message;
+    if (number === this.#newest) {
+      if (this.#arrived !== null && leftMs !== undefined) this.#send(this.#arrived);
+      return;
+    }
+    // The guide's own request is answered by its gathering: requests are answered in order.
+    this.#newest = number;
+    this.#arrived = null;
+    this.#gathers.clear();
+    const isOver = leftMs === undefined;
+    const gathering: Gathering = { number, guide, position, radiusM, isOver, ready: [], degraded: [], missing: [] };
+    this.#group = { ...group, gathering };
+    this.#tell("called");
+  }
+
+  #onGathered({ gathering: number, ready, degraded, missing }: GatheredMessage, group: GroupFacts): void {
+    if (number !== this.#newest || group.gathering === null) return;
+    this.#group = { ...group, gathering: { ...group.gathering, isOver: true, ready, degraded, missing } };
+    this.#tell("gathered");
+  }
+
+  #reset(): void {
     this.#join = null;
+    this.#isSeated = false;
     this.#group = null;
-    this.#report({ type: "group", group: null, problem });
+    this.#gathers.clear();
+    this.#newest = 0;
+    this.#arrived = null;
   }
+
+  #tell(news: GroupNews, refusal: GroupRefusal | null = null): void {
+    this.#report({ type: "group", news, group: this.#group, refusal });
+  }
+}
+
+/** The message for a command. */
+export function joinMessage(
+  { group, role, name }: Extract<GroupCommand, { readonly type: "join" }>,
+  request: number,
+): JoinMessage {
+  return { type: "join", request, group, role, ...(name !== null && { name }) };
+}
+
+/** The message for a command. */
+export function gatherMessage(
+  { position, radiusM, innerRadiusM, deadlineMs }: Extract<GroupCommand, { readonly type: "gather" }>,
+  request: number,
+): GatherMessage {
+  return {
+    type: "gather",
+    request,
+    position,
+    radius_m: radiusM,
+    inner_radius_m: innerRadiusM,
+    deadline_ms: deadlineMs,
+  };
+}
+
+/** The message for a command. */
+export function arrivedMessage({
+  gathering,
+  state,
+}: Extract<GroupCommand, { readonly type: "arrive" }>): ArrivedMessage {
+  return { type: "arrived", gathering, state };
 }

@@ -74,9 +74,15 @@ export class ClientSession {
     this.holdings = new Holdings(new SegmentCache(cacheBytes));
     const report = (event: SessionEvent) => void this.#events.push(event);
     const send = (message: ClientMessage) => void this.#outbox.push(message);
-    this.#transfers = new Transfers({ holdings: this.holdings, xxh3, send, report });
+    this.#transfers = new Transfers({
+      holdings: this.holdings,
+      maxGpuBytes: options.budgets.maxGpuBytes,
+      xxh3,
+      send,
+      report,
+    });
     this.#picks = new PickState(report);
-    this.#group = new GroupState(report);
+    this.#group = new GroupState({ send, report, isOpen: () => this.#open });
   }
 
   /** Whether the server has said welcome on the present connection. */
@@ -163,8 +169,8 @@ export class ClientSession {
   /**
    * Note that the connection is gone.
    *
-   * The newest landing that is not ready waits for the next connection, and so do the newest aim after it and picks.
-   * Parts of segments are forgotten (10.2).
+   * The newest landing that is not ready waits for the next connection, and so do the newest aim after it, picks and the
+   * seat in a group. Parts of segments are forgotten (10.2).
    */
   connectionLost(): void {
     this.#open = false;
@@ -175,6 +181,7 @@ export class ClientSession {
     this.#takenBytes = 0;
     this.#aim.connectionLost(this.#transfers.aimDone);
     this.#queue(this.#transfers.connectionLost());
+    this.#group.connectionLost();
   }
 
   /**
@@ -256,15 +263,14 @@ export class ClientSession {
   }
 
   /**
-   * Do something in a group. A `join` goes out with the next welcome; without a connection the others mean nothing.
+   * Do something in a group. Without a connection a `join` and a `gather` wait for the next welcome.
    *
    * @throws RangeError on a value that the protocol does not allow; nothing has changed.
    */
   group(command: GroupCommand): void {
     checkGroup(command);
-    this.#requests += 1;
-    const message = this.#group.take(command, this.#requests);
-    if (message !== null && this.#open) this.#outbox.push(message);
+    if (command.type === "join" || command.type === "gather") this.#requests += 1;
+    this.#group.take(command, this.#requests);
   }
 
   /** Say `bye`, where there is a connection: the server then closes at once (5.6). */
@@ -322,8 +328,7 @@ export class ClientSession {
     // A server that takes no table cannot be told: what it does not know of is not held (10.2).
     this.#onDropped(unsendable.map((row) => row.segment));
     this.#outbox.push(...this.#picks.waiting());
-    const join = this.#group.welcomed(limits);
-    if (join !== null) this.#outbox.push(join);
+    this.#group.connected(limits);
     if (this.#queued !== null) {
       const landing = this.#queued;
       this.#queued = null;

@@ -30,6 +30,8 @@ const NOTHING: ReadonlySet<number> = new Set();
 export interface TransferOptions {
   /** What is held; kept up to date here. */
   readonly holdings: Holdings;
+  /** As `hello` says. */
+  readonly maxGpuBytes: number | undefined;
   /** XXH3-64 of a payload. */
   readonly xxh3: (bytes: Uint8Array) => bigint;
   /** Takes the messages to send, in order. */
@@ -143,6 +145,12 @@ export class Transfers {
     if (landing === undefined || landing.generation !== plan.generation) {
       const expected = landing === undefined ? "none" : landing.generation;
       throw new ProtocolViolation(`got a plan of generation ${plan.generation}, expected ${expected}`);
+    }
+    const { total_gpu_bytes: gpuBytes = 0 } = plan;
+    const mostGpuBytes = this.#options.maxGpuBytes ?? gpuBytes;
+    // A server that does not know the bound says nothing of it.
+    if (gpuBytes > mostGpuBytes) {
+      throw new ProtocolViolation(`got ${gpuBytes} GPU bytes, expected at most ${mostGpuBytes} (6.2)`);
     }
     this.#unplanned.shift();
     this.#endCurrent(landing.number);

@@ -27,6 +27,24 @@ class TERRAPORTCORE_API ISceneStream : public LandingStream {
   /// Errors: `invalid_field`; `too_many` while 64 picks wait.
   virtual Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) = 0;
 
+  /// Take a seat in a group of this scene (1 to 64 of `A-Z a-z 0-9 _ . ~ -`); a seat held before is left. The connection is
+  /// made anew, to where the group is; nothing that is held comes again. A lost connection takes the seat again by itself.
+  /// `ownName` is what the others see; empty for none. Returns the number of the request in `GroupRefused`; else `GroupJoined`
+  /// follows. Error: `invalid_field`.
+  virtual Result<std::uint64_t> joinGroup(const std::string& group, GroupRole role, const std::string& ownName) = 0;
+
+  /// Give the seat in the group up; nothing where there is none.
+  virtual void leaveGroup() = 0;
+
+  /// Land the group, as its guide, who is told of it like everybody: `GroupCalled`. Each member's own bounds cut what it loads.
+  /// `deadlineMs`: when nobody waits any longer; absent takes the server's, which also bounds it. Returns the number of the
+  /// request in `GroupRefused`. Error: `invalid_field`.
+  virtual Result<std::uint64_t> gather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
+      const std::optional<std::uint32_t>& deadlineMs) = 0;
+
+  /// Say how the own part of a group landing ended; `GroupFollower` does it by itself. Nothing where a newer one has come.
+  virtual void arrive(std::uint32_t gathering, GroupArrival how) = 0;
+
   /// The oldest event that was not taken, swapped into `event`; false where there is none. Events must be taken: while more
   /// than a bounded number waits, the stream takes nothing from the network.
   virtual bool tryNextEvent(StreamEvent& event) = 0;
@@ -69,6 +87,11 @@ class TERRAPORTCORE_API SceneStream final : public ISceneStream {
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options) override;
   void aim(const Vec3& position, double radiusM) override;
   Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
+  Result<std::uint64_t> joinGroup(const std::string& group, GroupRole role, const std::string& ownName) override;
+  void leaveGroup() override;
+  Result<std::uint64_t> gather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
+      const std::optional<std::uint32_t>& deadlineMs) override;
+  void arrive(std::uint32_t gathering, GroupArrival how) override;
   bool tryNextEvent(StreamEvent& event) override;
   SharedPayload payload(std::uint32_t segment) const override;
   StreamStats stats() const override;

@@ -39,9 +39,14 @@ struct PayloadImage {
   /// Pixels.
   std::uint32_t width = 0;
   std::uint32_t height = 0;
+  /// What a GPU keeps of a texel: 4 (ETC1S), 8 (UASTC) or 32 (whatever GPUs cannot read).
+  std::uint32_t texelBits = 32;
   /// Where the file lies in the payload, bytes.
   std::size_t offset = 0;
   std::size_t bytes = 0;
+
+  /// Bytes of its texture on a GPU with all mips (wire protocol, section 6.2); 0 where there is none.
+  TERRAPORTCORE_API std::size_t gpuBytes() const;
 };
 
 /// One attribute of the survey, one value per vertex.

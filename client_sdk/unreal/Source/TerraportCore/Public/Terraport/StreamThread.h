@@ -27,6 +27,11 @@ class TERRAPORTCORE_API StreamThread final : public ISceneStream {
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options) override;
   void aim(const Vec3& position, double radiusM) override;
   Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
+  Result<std::uint64_t> joinGroup(const std::string& group, GroupRole role, const std::string& ownName) override;
+  void leaveGroup() override;
+  Result<std::uint64_t> gather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
+      const std::optional<std::uint32_t>& deadlineMs) override;
+  void arrive(std::uint32_t gathering, GroupArrival how) override;
   bool tryNextEvent(StreamEvent& event) override;
   SharedPayload payload(std::uint32_t segment) const override;
   StreamStats stats() const override;

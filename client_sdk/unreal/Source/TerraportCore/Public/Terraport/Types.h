@@ -130,6 +130,67 @@ enum class LinkPhase : std::uint8_t {
   Closed,
 };
 
+enum class GroupRole : std::uint8_t {
+  Member,
+  /// Lands the group; there is one at most.
+  Guide,
+};
+
+/// How a member's part of a group landing ended.
+enum class GroupArrival : std::uint8_t {
+  /// Its landing can be shown, or is.
+  Ready,
+  /// Its inner part can be shown, the rest is coming.
+  Degraded,
+  /// It does not come: nobody waits for it.
+  Declined,
+};
+
+/// Somebody in a group.
+struct GroupMember {
+  /// Number in the group, never given again in it.
+  std::uint32_t member = 0;
+  /// What it calls itself: text from a stranger, to be shown as such. Empty where it has no name.
+  std::string name;
+  GroupRole role = GroupRole::Member;
+  /// False where its connection is lost and its seat is kept.
+  bool isPresent = false;
+};
+
+/// A landing of a whole group.
+struct GroupGathering {
+  /// Rises from landing to landing of the group, from 1; 0 before the first.
+  std::uint32_t number = 0;
+  /// Number of the member who asked for it.
+  std::uint32_t guide = 0;
+  Vec3 position;
+  /// What the guide asks everybody to load.
+  double radiusM = 0.0;
+  /// What may be shown first where time is short.
+  std::optional<double> innerRadiusM;
+  /// How long the others wait at most, as of when it was told; absent where nobody waits.
+  std::optional<std::uint32_t> leftMs;
+  /// The barrier is open: all have arrived, or nobody waits any more.
+  bool isOver = false;
+  /// Members that show their landing, that show the inner part alone, and that declined or said nothing in time; known once it
+  /// is over.
+  std::vector<std::uint32_t> ready;
+  std::vector<std::uint32_t> degraded;
+  std::vector<std::uint32_t> missing;
+};
+
+/// The group that a session has a seat in, as it was when an event told of it.
+struct GroupFacts {
+  std::string name;
+  /// Own number in the group, and own role.
+  std::uint32_t member = 0;
+  GroupRole role = GroupRole::Member;
+  /// Everybody, ascending number; empty until the first list has come.
+  std::vector<GroupMember> members;
+  /// The newest landing of the group.
+  GroupGathering gathering;
+};
+
 /// Where the connection stands.
 struct LinkState {
   LinkPhase phase = LinkPhase::Connecting;
@@ -187,6 +248,16 @@ enum class EventKind : std::uint8_t {
   Picked,
   /// `request`, `code`, `message`.
   PickRefused,
+  /// The session has a seat in its group, or has it again after a reconnect: `group`.
+  GroupJoined,
+  /// Who is in the group: `group`.
+  GroupRoster,
+  /// The guide lands the group: `group`, its gathering. Land there, or do not, and say so by `arrive`.
+  GroupCalled,
+  /// The barrier of the gathering is open: `group`.
+  GroupGathered,
+  /// A join or gather was refused: `request`, `code`, `message`; `group`, absent where the seat is gone.
+  GroupRefused,
 };
 
 /// An event of a stream. Which fields count is said at the kind. Landing numbers stay the same over reconnects.
@@ -218,6 +289,7 @@ struct StreamEvent {
   std::optional<double> reconnectAfterMs;
   std::uint64_t request = 0;
   std::optional<PickHit> hit;
+  std::optional<GroupFacts> group;
 };
 
 }  // namespace terraport
