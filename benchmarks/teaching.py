@@ -56,35 +56,11 @@ DRAWS = 5
 STROKES = 3
 SEEDS = (11, 12)
 CHOSEN_ON = ("apaxco_pit", "churo_fields")
-WHERE = frozenset(
-    [
-        "west",
-        "east",
-        "north",
-        "south",
-        "n",
-        "s",
-        "e",
-        "w",
-        "nw",
-        "ne",
-        "se",
-        "sw",
-        "mid",
-        "corner",
-        "far",
-        "low",
-        "w1",
-        "w2",
-        "w3",
-        "southwest",
-        "southeast",
-        "northeast",
-        "northwest",
-        "inner",
-        "outer",
-    ]
-)
+WHERE = frozenset({
+    "west", "east", "north", "south", "n", "s", "e", "w", "nw", "ne", "se", "sw", "mid", "corner",
+    "far", "low", "w1", "w2", "w3", "southwest", "southeast", "northeast", "northwest", "inner",
+    "outer",
+})  # fmt: skip
 """Words of a drawn region's name that say where it lies."""
 THREADS = 2
 

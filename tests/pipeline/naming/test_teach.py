@@ -262,7 +262,7 @@ def test_a_model_of_a_stranger_is_checked_number_by_number(
 
 
 def test_the_arrays_say_what_the_forest_says(scene) -> None:
-    from sklearn.ensemble import RandomForestClassifier
+    from sklearn.ensemble import ExtraTreesClassifier
 
     teacher = Teacher(ground_at(scene), threads=2)
     shapes = [
@@ -290,7 +290,7 @@ def test_the_arrays_say_what_the_forest_says(scene) -> None:
         )
         rows.append(teacher.features[units])
         kinds.append(np.full(len(units), kind))
-    grown = RandomForestClassifier(
+    grown = ExtraTreesClassifier(
         100, min_samples_leaf=2, class_weight="balanced", random_state=1
     ).fit(np.concatenate(rows), np.concatenate(kinds))
     assert votes == pytest.approx(grown.predict_proba(teacher.features), abs=1e-5)
