@@ -44,6 +44,7 @@ try:
     from browser.driven_viewer import DrivenViewer
     from browser.small_scenes import SMALL, small_scenes
     from faults.service import Service
+    from parts.heap_types import object_bytes
     from parts.viewer_holes import SIZE, count_holes
     from parts.viewer_places import corners, random_place
     from playwright.sync_api import Browser, sync_playwright
@@ -297,6 +298,7 @@ class Bench:
         gpu = stats["gpu"]
         return {
             "heap used": int(usage["usedSize"]),
+            "heap: scripts' objects": object_bytes(cdp),
             "array buffers": int(usage.get("backingStorageSize", 0)),
             "stage: buffers": gpu["bufferBytes"],
             "stage: textures": gpu["textureBytes"],

@@ -16,9 +16,11 @@ import pytest
 from browser.small_scenes import SMALL
 from browser.watched_page import Watch
 from faults.service import Service
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 WEB = Path(__file__).resolve().parents[2] / "client_sdk" / "web"
+
+SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
 
 _TEXT = "document.querySelector('terraport-scene').shadowRoot.querySelector('p').textContent"
 
@@ -153,6 +155,28 @@ def test_it_says_what_it_cannot_do(
     assert 'at="here"' in page.evaluate(_TEXT)
     rejected = page.evaluate(f"{host}.land([0, 0, 0], 1e5).catch((error) => error.code)")
     assert rejected == "radius_too_large"
+
+
+def test_the_overview_is_there_before_the_base(page: Page, example: str, tmp_path: Path) -> None:
+    """One can look and land while the base is held back; that landing is shown when it came."""
+    shutil.copytree(SAMPLE, tmp_path / "scenes" / SAMPLE.name)
+    held_back: list[Route] = []
+    page.context.route("**/base.glb*", lambda route: held_back.append(route))
+    with _serve(tmp_path / "scenes", example, token="sixteen-characters") as running:
+        _opened(page, example, f"{running.url}/scenes/{SAMPLE.name}", at="0 3 0", radius="6")
+        _told(page, "opened")
+        page.wait_for_function(
+            "document.querySelector('terraport-scene').stage.stats().visibleTriangles === 19999"
+        )
+        assert held_back
+        page.wait_for_function(
+            "document.querySelector('terraport-scene').stage.status.readyMs !== null"
+        )
+        assert not page.evaluate("told.some(([name]) => name === 'landed')")
+        for route in held_back:
+            route.continue_()
+        assert _told(page, "landed")["phase"] == "shown"
+        assert page.evaluate("told.filter(([name]) => name === 'opened').length") == 1
 
 
 def test_it_is_gone_when_it_is_taken_out(page: Page, example: str, service: Service) -> None:
