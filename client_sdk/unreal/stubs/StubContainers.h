@@ -111,6 +111,7 @@ public:
 	void Reset() { StubObject.reset(); }
 	T& operator*() const { return *StubObject; }
 	T* operator->() const { return StubObject.get(); }
+	T* Get() const { return StubObject.get(); }
 	std::unique_ptr<T> StubObject;
 };
 template <typename T, typename... Args>

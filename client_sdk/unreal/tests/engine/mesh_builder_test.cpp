@@ -1,11 +1,9 @@
 #include "TerraportDynamicBackend.h"
 #include "TerraportMeshBuilder.h"
-#include "TerraportProceduralBackend.h"
 #include "meshes.h"
 
 #include "Components/DynamicMeshComponent.h"
 #include "GameFramework/Actor.h"
-#include "ProceduralMeshComponent.h"
 
 #include <doctest/doctest.h>
 
@@ -50,29 +48,6 @@ TEST_CASE("a cut part draws the same faces with its own vertices alone")
 	}
 }
 
-TEST_CASE("the procedural backend makes one hidden section, and shows it by its flag")
-{
-	terraport::SegmentMesh Mesh;
-	MakeGrid(2, Mesh);
-	FTerraportMeshPart Part;
-	TerraportMeshBuilder::BuildPart(Mesh, ETerraportVertexColours::Srgb, Part);
-	FTerraportProceduralBackend Backend;
-	const TUniquePtr<FTerraportPreparedMesh> Prepared = Backend.Prepare(Part);
-	AActor Actor;
-	UPrimitiveComponent* Created = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
-	UProceduralMeshComponent* Component = static_cast<UProceduralMeshComponent*>(Created);
-	REQUIRE(Component != nullptr);
-	CHECK(Component->bStubRegistered);
-	CHECK_FALSE(Component->StubSection.bSectionVisible);
-	CHECK(Component->StubSection.ProcVertexBuffer.Num() == 9);
-	CHECK(Component->StubSection.ProcIndexBuffer.Num() == 24);
-	CHECK(Component->StubSection.SectionLocalBox.Max == FVector(200.0, 200.0, 0.0));
-	CHECK(Component->bStubVisible);
-	Backend.SetShown(*Component, true);
-	CHECK(Component->StubSection.bSectionVisible);
-	CHECK(Component->StubCollision == ECollisionEnabled::NoCollision);
-}
-
 TEST_CASE("the dynamic backend keeps faces that three share an edge with")
 {
 	FTerraportMeshPart Part;
@@ -90,14 +65,14 @@ TEST_CASE("the dynamic backend keeps faces that three share an edge with")
 	FTerraportDynamicBackend Backend;
 	const TUniquePtr<FTerraportPreparedMesh> Prepared = Backend.Prepare(Part);
 	AActor Actor;
-	UPrimitiveComponent* Created = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
-	UDynamicMeshComponent* Component = static_cast<UDynamicMeshComponent*>(Created);
+	const FTerraportPiece Created = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
+	UDynamicMeshComponent* Component = static_cast<UDynamicMeshComponent*>(Created.Component);
 	REQUIRE(Component != nullptr);
 	CHECK(Component->StubMesh.StubTriangles.size() == 3);
 	CHECK(Component->StubMesh.StubVertices.size() == 8);
 	CHECK(Component->StubMesh.Attributes()->PrimaryNormals()->StubElements.size() == 8);
 	CHECK(Component->StubMesh.Attributes()->PrimaryColors()->StubTriangles.size() == 3);
 	CHECK_FALSE(Component->bStubVisible);
-	Backend.SetShown(*Component, true);
+	Backend.SetShown(Created, true);
 	CHECK(Component->bStubVisible);
 }

@@ -42,18 +42,19 @@ public:
 		Mesh->Part = Part;
 		return Mesh;
 	}
-	virtual UPrimitiveComponent* Create(
+	virtual FTerraportPiece Create(
 		AActor&, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material, const FTerraportMeshSettings&) override
 	{
 		Components.push_back(std::make_unique<FFakeComponent>());
 		Components.back()->Part = static_cast<FFakeMesh&>(Prepared).Part;
 		Components.back()->SetMaterial(0, Material);
-		return Components.back().get();
+		return FTerraportPiece{Components.back().get(), int32(Components.size())};
 	}
-	virtual void SetShown(UPrimitiveComponent& Component, bool bShown) override
+	virtual void SetShown(const FTerraportPiece& Piece, bool bShown) override
 	{
-		static_cast<FFakeComponent&>(Component).bShown = bShown;
+		static_cast<FFakeComponent*>(Piece.Component)->bShown = bShown;
 	}
+	virtual void Remove(const FTerraportPiece& Piece) override { CHECK(Removed.insert(Piece.Index).second); }
 	virtual SIZE_T BytesOf(int32 Vertices, int32 Indices) const override { return SIZE_T(Vertices + Indices); }
 
 	/// Centres of the faces that are drawn, each as often as it is drawn.
@@ -85,6 +86,7 @@ public:
 		return Count;
 	}
 	std::vector<std::unique_ptr<FFakeComponent>> Components;
+	std::set<int32> Removed;
 };
 
 class FKeeper final : public ITerraportKeeper

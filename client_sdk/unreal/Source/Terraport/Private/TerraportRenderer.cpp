@@ -176,13 +176,16 @@ void FTerraportRenderer::swap(const terraport::SceneSwap& Change)
 
 bool FTerraportRenderer::Make(FDrawable& Drawable, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material)
 {
-	Drawable.Component = Backend->Create(Owner, Prepared, Material, Settings);
+	Drawable.Piece = Backend->Create(Owner, Prepared, Material, Settings);
 	Drawable.CreatedInFrame = GFrameCounter;
-	if (Drawable.Component == nullptr)
+	if (Drawable.Piece.Component == nullptr)
 	{
 		return false;
 	}
-	Keeper.Keep(Drawable.Component);
+	if (++PieceCounts[Drawable.Piece.Component] == 1)
+	{
+		Keeper.Keep(Drawable.Piece.Component);
+	}
 	return true;
 }
 
@@ -190,9 +193,9 @@ void FTerraportRenderer::Show(FDrawable& Drawable, bool bShown)
 {
 	// A block of the base whose faces are all hidden has no component, but counts as shown.
 	Drawable.bShown = bShown;
-	if (Drawable.Component != nullptr && IsValid(Drawable.Component))
+	if (Drawable.Piece.Component != nullptr && IsValid(Drawable.Piece.Component))
 	{
-		Backend->SetShown(*Drawable.Component, bShown);
+		Backend->SetShown(Drawable.Piece, bShown);
 	}
 }
 
@@ -202,7 +205,7 @@ void FTerraportRenderer::Discard(FDrawable& Drawable)
 	{
 		Show(Drawable, false);
 	}
-	if (Drawable.Component != nullptr || Drawable.Texture != nullptr)
+	if (Drawable.Piece.Component != nullptr || Drawable.Texture != nullptr)
 	{
 		ToDestroy.push_back(MoveTemp(Drawable));
 	}
@@ -224,14 +227,20 @@ void FTerraportRenderer::Leave(FDrawable& Drawable)
 
 void FTerraportRenderer::Destroy(FDrawable& Drawable)
 {
-	if (Drawable.Component != nullptr)
+	UPrimitiveComponent* const Component = Drawable.Piece.Component;
+	if (Component != nullptr)
 	{
-		// The level may have gone first, components and all; or the collector has found them together with the actor.
-		if (IsValid(Drawable.Component) && !Drawable.Component->IsUnreachable())
+		Backend->Remove(Drawable.Piece);
+		if (--PieceCounts[Component] == 0)
 		{
-			Drawable.Component->DestroyComponent();
+			PieceCounts.erase(Component);
+			// The level may have gone first, components and all; or the collector has found them together with the actor.
+			if (IsValid(Component) && !Component->IsUnreachable())
+			{
+				Component->DestroyComponent();
+			}
+			Keeper.Release(Component);
 		}
-		Keeper.Release(Drawable.Component);
 	}
 	if (Drawable.Texture != nullptr)
 	{

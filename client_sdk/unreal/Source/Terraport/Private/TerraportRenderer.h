@@ -67,7 +67,7 @@ public:
 private:
 	struct FDrawable
 	{
-		UPrimitiveComponent* Component = nullptr;
+		FTerraportPiece Piece;
 		UTexture2D* Texture = nullptr;
 		/** Frame in which it was made: its resources reach the render thread before the next one is drawn. */
 		uint64 CreatedInFrame = 0;
@@ -101,6 +101,8 @@ private:
 	const FTerraportMaterials Materials;
 	const FTerraportMeshSettings Settings;
 	std::unordered_map<uint32, FDrawable> Segments;
+	/** Pieces of each component that draws any: it is kept from the first to the last. */
+	std::unordered_map<UPrimitiveComponent*, int32> PieceCounts;
 	/** Segments and base of an earlier version, drawn until the new base is. */
 	std::vector<FDrawable> Leaving;
 	std::vector<FDrawable> ToDestroy;

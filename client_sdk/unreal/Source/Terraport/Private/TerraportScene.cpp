@@ -4,8 +4,8 @@
 #include "Materials/MaterialInterface.h"
 #include "TerraportAxes.h"
 #include "TerraportDynamicBackend.h"
+#include "TerraportGroundBackend.h"
 #include "TerraportLog.h"
-#include "TerraportProceduralBackend.h"
 #include "TerraportSession.h"
 #include "TerraportText.h"
 
@@ -196,13 +196,14 @@ void ATerraportScene::Open()
 	TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend = CustomBackend;
 	if (!Backend.IsValid())
 	{
-		if (Meshes == ETerraportMeshes::Dynamic)
+		// Packed meshes have nothing in main memory that collision could be cooked from.
+		if (Meshes == ETerraportMeshes::Dynamic || bCollision)
 		{
 			Backend = MakeShared<FTerraportDynamicBackend, ESPMode::ThreadSafe>();
 		}
 		else
 		{
-			Backend = MakeShared<FTerraportProceduralBackend, ESPMode::ThreadSafe>();
+			Backend = MakeShared<FTerraportGroundBackend, ESPMode::ThreadSafe>();
 		}
 	}
 	if (!GetActorScale3D().Equals(FVector(1.0, 1.0, 1.0)))

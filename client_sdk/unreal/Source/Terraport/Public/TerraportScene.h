@@ -81,10 +81,10 @@ public:
 
 	/** Which components draw the meshes. Counts when the scene is opened. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
-	ETerraportMeshes Meshes = ETerraportMeshes::Procedural;
+	ETerraportMeshes Meshes = ETerraportMeshes::Packed;
 
-	/** Cook collision for whatever is drawn, on task threads: for things that fall and roll. Teleports need none, see
-	 * CastGround. */
+	/** Cook collision for whatever is drawn, on task threads: for things that fall and roll. Draws by dynamic meshes. Teleports
+	 * need none, see CastGround; walking needs FeetOf alone. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
 	bool bCollision = false;
 

@@ -13,6 +13,7 @@
 #include "Engine/World.h"
 #include "Misc/ConfigCacheIni.h"
 #include "Modules/ModuleManager.h"
+#include "PrimitiveSceneProxy.h"
 #include "ProceduralMeshComponent.h"
 
 #include <algorithm>
@@ -21,6 +22,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
+#include <memory>
 #include <string>
 #include <thread>
 
@@ -54,24 +56,42 @@ void Expect(bool bHolds, const char* Rule)
 struct FDrawn
 {
 	int64 Triangles = 0;
+	int Pieces = 0;
 	int Components = 0;
 	int Alive = 0;
 };
 
+TArray<const FSceneView*> OneView()
+{
+	static const FSceneView Everything;
+	TArray<const FSceneView*> Views;
+	Views.Add(&Everything);
+	return Views;
+}
+
+/// What the render thread would draw, of every component that is there.
 FDrawn Drawn()
 {
 	FDrawn All;
-	for (const UProceduralMeshComponent* Component : UProceduralMeshComponent::StubAll)
+	const TArray<const FSceneView*> Views = OneView();
+	for (UPrimitiveComponent* Component : UPrimitiveComponent::StubAll)
 	{
-		if (!IsValid(Component))
+		if (!IsValid(Component) || !Component->bStubRegistered)
 		{
 			continue;
 		}
 		++All.Alive;
-		if (Component->bStubRegistered && Component->StubSection.bSectionVisible)
+		FMeshElementCollector Collector;
+		const std::unique_ptr<FPrimitiveSceneProxy> Proxy(Component->CreateSceneProxy());
+		if (Proxy)
 		{
-			++All.Components;
-			All.Triangles += Component->StubSection.ProcIndexBuffer.Num() / 3;
+			Proxy->GetDynamicMeshElements(Views, FSceneViewFamily(), 1, Collector);
+		}
+		All.Components += Collector.StubMeshes.empty() ? 0 : 1;
+		for (const auto& Mesh : Collector.StubMeshes)
+		{
+			++All.Pieces;
+			All.Triangles += Mesh.second->Elements[0].NumPrimitives;
 		}
 	}
 	return All;
@@ -226,6 +246,7 @@ int main(int Count, char** Arguments)
 	const int64 FirstBytes = Visit.Scene.TakeStats().PayloadBytes;
 	ExpectShown(Visit, First);
 	const FDrawn AtFirst = Drawn();
+	const int64 GpuAtFirst = FRenderResource::StubGpuBytes;
 
 	// 3. Two at once: the newer one counts, and the older one is never shown.
 	Visit.Scene.Land(Corner, RadiusM, FTerraportLandOptions());
@@ -265,14 +286,15 @@ int main(int Count, char** Arguments)
 	const FTerraportStats Stats = Visit.Scene.TakeStats();
 	Visit.Scene.EndPlay(EEndPlayReason::Destroyed);
 	Expect(Drawn().Alive == 0, "closing leaves no component");
+	Expect(FRenderResource::StubGpuBytes == 0, "closing leaves nothing on the graphics");
 	// Decodes that were under way end by themselves.
 	std::this_thread::sleep_for(std::chrono::milliseconds(300));
 	std::printf(
-		"{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"components\": %d}, \"last\": {\"triangles\": %lld, "
-		"\"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, \"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
+		"{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d, \"gpu_bytes\": %lld}, "
+		"\"last\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, \"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
 		"\"rounds\": %d, \"payload_bytes\": %lld, \"warnings\": %zu}}\n",
-		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Components, Last.Triangles, Last.Components,
-		UProceduralMeshComponent::StubAll.size(), Stats.PayloadBytes, After.FrameTimeS, After.Frames - Before.Frames,
+		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Pieces, AtFirst.Components, GpuAtFirst,
+		Last.Triangles, Last.Pieces, Last.Components, UPrimitiveComponent::StubAll.size(), Stats.PayloadBytes, After.FrameTimeS, After.Frames - Before.Frames,
 		After.Rounds - Before.Rounds, FirstBytes, Warnings);
 	return Faults == 0 ? 0 : 1;
 }
