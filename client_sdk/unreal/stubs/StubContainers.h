@@ -91,6 +91,7 @@ public:
 	}
 	bool IsSet() const { return StubValue.has_value(); }
 	T* operator->() { return &*StubValue; }
+	T& operator*() { return *StubValue; }
 	void Reset() { StubValue.reset(); }
 
 private:

@@ -142,6 +142,7 @@ struct FTransform
 		const double Angle = Degrees * 3.14159265358979323846 / 180.0;
 		return FVector(V.X * std::cos(Angle) - V.Y * std::sin(Angle), V.X * std::sin(Angle) + V.Y * std::cos(Angle), V.Z);
 	}
+	FRotator Rotator() const { return FRotator(0.0, YawDegrees, 0.0); }
 	FVector TransformPosition(const FVector& V) const { return Turned(V, YawDegrees) + StubLocation; }
 	FVector InverseTransformPosition(const FVector& V) const { return Turned(V - StubLocation, -YawDegrees); }
 	FVector TransformVectorNoScale(const FVector& V) const { return Turned(V, YawDegrees); }

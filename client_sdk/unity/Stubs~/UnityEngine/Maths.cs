@@ -25,6 +25,8 @@ namespace UnityEngine
             this.z = z;
         }
 
+        public float magnitude => (float)System.Math.Sqrt(x * x + y * y + z * z);
+
         public static Vector3 operator +(Vector3 a, Vector3 b) { return new Vector3(a.x + b.x, a.y + b.y, a.z + b.z); }
 
         public static Vector3 operator -(Vector3 a, Vector3 b) { return new Vector3(a.x - b.x, a.y - b.y, a.z - b.z); }

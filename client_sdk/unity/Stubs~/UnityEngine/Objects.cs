@@ -8,6 +8,7 @@ namespace UnityEngine
     {
         None = 0,
         DontSave = 52,
+        HideAndDontSave = 61,
     }
 
 #if UNITY_6000_3_OR_NEWER
@@ -218,7 +219,10 @@ namespace UnityEngine
 
     public static class Application
     {
-        public static bool isPlaying => true;
+        public static bool isPlaying => StubIsPlaying;
+
+        [StubsOwn]
+        public static bool StubIsPlaying { get; set; } = true;
 
         public static bool isMobilePlatform => false;
 

@@ -119,7 +119,7 @@ struct FStand
 		terraport::SegmentMesh Mesh;
 		MakeGrid(2, Mesh);
 		auto Data = std::make_unique<FTerraportSegmentData>();
-		Data->Build(Mesh, terraport::ByteSpan{}, *Backend, ETerraportVertexColours::Srgb);
+		Data->Build(Mesh, terraport::ByteSpan{}, *Backend, ETerraportVertexColours::Srgb, {});
 		Mesh.engineData = std::move(Data);
 		CHECK(Renderer->upload(Segment, Mesh, terraport::ByteSpan{}) == terraport::UploadState::Done);
 	}
@@ -299,7 +299,7 @@ TEST_CASE("a texture is made in a step of its own, and a payload that was not bu
 	MakeGrid(2, Mesh);
 	CHECK(Stand.Renderer->upload(1, Mesh, terraport::ByteSpan{}) == terraport::UploadState::Failed);
 	auto Data = std::make_unique<FTerraportSegmentData>();
-	Data->Build(Mesh, terraport::ByteSpan{}, *Stand.Backend, ETerraportVertexColours::Srgb);
+	Data->Build(Mesh, terraport::ByteSpan{}, *Stand.Backend, ETerraportVertexColours::Srgb, {});
 	Data->Pixels.Width = Data->Pixels.Height = 2;
 	Data->Pixels.Mips.resize(1);
 	Data->Pixels.Mips[0].SetNumUninitialized(16);

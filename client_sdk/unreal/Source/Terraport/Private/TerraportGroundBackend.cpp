@@ -43,7 +43,7 @@ FTerraportPiece FTerraportGroundBackend::Create(
 	const bool bNew = Component == nullptr;
 	if (bNew)
 	{
-		Component = NewObject<UTerraportGroundComponent>(&Owner, NAME_None, RF_Transient);
+		Component = NewObject<UTerraportGroundComponent>(&Owner, NAME_None, RF_Transient | RF_DuplicateTransient);
 		Component->SetCastShadow(Settings.bCastShadow);
 		Component->SetCollisionEnabled(ECollisionEnabled::NoCollision);
 		Component->SetupAttachment(Owner.GetRootComponent());

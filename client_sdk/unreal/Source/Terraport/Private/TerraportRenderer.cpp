@@ -46,9 +46,20 @@ FTerraportRenderer::~FTerraportRenderer()
 	}
 }
 
+terraport::ImageType FTerraportRenderer::TakeUnread()
+{
+	const terraport::ImageType Last = Unread;
+	Unread = terraport::ImageType::None;
+	return Last;
+}
+
 void FTerraportRenderer::SetBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> InBase)
 {
 	Base = InBase;
+	if (InBase->Unread != terraport::ImageType::None)
+	{
+		Unread = InBase->Unread;
+	}
 }
 
 void FTerraportRenderer::Step(double EndS)
@@ -90,6 +101,10 @@ terraport::UploadState FTerraportRenderer::upload(
 	if (Data == nullptr || !Data->Prepared.IsValid())
 	{
 		return terraport::UploadState::Failed;
+	}
+	if (Data->Unread != terraport::ImageType::None)
+	{
+		Unread = Data->Unread;
 	}
 	FDrawable& Drawable = Segments[Segment];
 	if (!Data->Pixels.IsEmpty())

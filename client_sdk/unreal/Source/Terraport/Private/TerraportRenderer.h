@@ -50,6 +50,9 @@ public:
 	/** The base that the next `beginBase` is of. */
 	void SetBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> Base);
 
+	/** Kind of an image that was not read, since the last call; None otherwise. Its ground is drawn in one colour. */
+	terraport::ImageType TakeUnread();
+
 	/** Once a frame: a slice of what is not urgent (the first components of the base, components to be destroyed), until
 	 * `EndS`, but one piece at least. */
 	void Step(double EndS);
@@ -108,6 +111,7 @@ private:
 	std::vector<FDrawable> ToDestroy;
 	TSharedPtr<FTerraportBase, ESPMode::ThreadSafe> Base;
 	std::vector<FBlock> Blocks;
+	terraport::ImageType Unread = terraport::ImageType::None;
 	UMaterialInterface* BaseMaterial = nullptr;
 	UTexture2D* BaseTexture = nullptr;
 	/** The next block that has no component yet. */

@@ -1,6 +1,7 @@
 #include "TerraportScene.h"
 
 #include "Components/SceneComponent.h"
+#include "Engine/World.h"
 #include "Materials/MaterialInterface.h"
 #include "TerraportAxes.h"
 #include "TerraportDynamicBackend.h"
@@ -129,7 +130,8 @@ FTerraportSessionSettings SettingsOf(const ATerraportScene& Scene)
 	Settings.Budgets = Scene.Device == ETerraportDevice::Custom ? Scene.CustomBudgets : FTerraportBudgets::For(Scene.Device);
 	Settings.DecodeTasks = Scene.DecodeTasks;
 	Settings.Mesh.bCollision = Scene.bCollision;
-	Settings.Mesh.bCastShadow = Scene.bCastShadows;
+	Settings.Mesh.bCastShadow = Scene.bCastShadows || Scene.bLit;
+	Settings.bLit = Scene.bLit;
 	Settings.Materials.Colour = Scene.ColourMaterial;
 	Settings.Materials.Texture = Scene.TextureMaterial;
 	Settings.Materials.BaseColour = Scene.BaseColourMaterial;
@@ -177,6 +179,16 @@ void ATerraportScene::BeginDestroy()
 void ATerraportScene::Tick(float DeltaSeconds)
 {
 	Super::Tick(DeltaSeconds);
+	const UWorld* World = GetWorld();
+	if (World != nullptr && !World->IsGameWorld())
+	{
+		TickPreview();
+	}
+	TickSession();
+}
+
+void ATerraportScene::TickSession()
+{
 	// Keeps the session alive: a listener may close the scene from within an event.
 	const TSharedPtr<FTerraportSession> Current = Session;
 	if (Current.IsValid())

@@ -62,6 +62,11 @@ TArray64<uint8> HalfOf(const TArray64<uint8>& From, int32 Width, int32 Height)
 }
 } // namespace
 
+uint16 LinearOf(uint8 Level)
+{
+	return LinearLevels()[Level];
+}
+
 void MakeMips(FTerraportPixels& Pixels)
 {
 	int32 Width = Pixels.Width, Height = Pixels.Height;

@@ -25,9 +25,12 @@ namespace TerraportTexture
 /**
  * Decode a payload's image and make its mips. For worker threads; the module ImageWrapper must have been loaded before (the
  * scene does that when it opens). Empty where there is no image, where its format is none that the engine reads (WebP, KTX2),
- * or where it is damaged: the ground is then drawn without.
+ * or where it is damaged: the ground is then drawn in its regions' mean colour.
  */
 FTerraportPixels Decode(const terraport::PayloadImage& Image, terraport::ByteSpan Payload);
+
+/** Linear light of a level of sRGB, in 16 bits. */
+uint16 LinearOf(uint8 Level);
 
 /** Mips of an image whose sides are powers of two, each pixel the mean of four in linear light. */
 void MakeMips(FTerraportPixels& Pixels);

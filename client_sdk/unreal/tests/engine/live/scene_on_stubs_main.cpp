@@ -191,6 +191,52 @@ double SolidHeight(const FVector& At)
 	return Highest;
 }
 
+/// An aim meets ground, unless something of the asked types stands before it.
+void ExpectObstacles(FVisit& Visit, const FVector& Above)
+{
+	FTerraportGroundHit Hit;
+	const FVector Down(0.2, 0.0, -1.0);
+	Visit.World.StubWallX = Above.X + 1.0;
+	Visit.World.StubWallType = ObjectTypeQuery2;
+	Expect(Visit.User.TryAim(Above, Down, 1.0e6, Hit), "without a mask nothing stops an aim");
+	Visit.User.Obstacles.Add(ObjectTypeQuery1);
+	Expect(Visit.User.TryAim(Above, Down, 1.0e6, Hit), "what is of another type does not stop it");
+	Visit.User.Obstacles.Add(ObjectTypeQuery2);
+	Expect(!Visit.User.TryAim(Above, Down, 1.0e6, Hit), "what is of that type does");
+	Visit.World.StubWallOf = &Visit.Scene;
+	Expect(Visit.User.TryAim(Above, Down, 1.0e6, Hit), "the scene's own bodies are ground");
+	Visit.User.Obstacles.Reset();
+}
+
+/// In the editor: base and landing below the viewport's camera, anew when it has moved, and gone when it is switched off.
+void ExpectPreview(FVisit& Visit, const FVector& Middle)
+{
+	Visit.World.bStubGame = false;
+	Visit.Scene.StubWorld = &Visit.World;
+	Visit.Scene.Close();
+	Visit.World.ViewLocationsRenderedLastFrame.Add(Middle + FVector(0.0, 0.0, 5.0e4));
+	Visit.Scene.Tick(0.005f);
+	Expect(!Visit.Scene.ShouldTickIfViewportsOnly() && Drawn().Alive == 0, "without the switch there is no preview");
+	Visit.Scene.bPreviewInEditor = true;
+	Visit.Scene.PreviewRadiusM = 15.0;
+	const int SwapsBefore = Visit.Swaps;
+	Expect(Visit.Scene.ShouldTickIfViewportsOnly(), "it ticks without play");
+	Expect(Visit.Until([&] { return Visit.Swaps > SwapsBefore && Visit.Scene.TakeStats().VisibleSegments > 0; }),
+		"the preview lands below the camera");
+	const int64 Landing = Visit.Scene.GetStatus().Landing;
+	Visit.World.ViewLocationsRenderedLastFrame[0] += FVector(100.0, 0.0, 0.0);
+	Visit.Scene.Tick(0.005f);
+	Expect(Visit.Scene.GetStatus().Landing == Landing, "a metre aside nothing is asked for");
+	Visit.World.ViewLocationsRenderedLastFrame[0] += FVector(900.0, 0.0, 0.0);
+	Visit.Scene.Tick(0.005f);
+	Expect(Visit.Scene.GetStatus().Landing == Landing + 1, "farther away it lands anew");
+	Visit.Scene.bPreviewInEditor = false;
+	FPropertyChangedEvent Event;
+	Visit.Scene.PostEditChangeProperty(Event);
+	Visit.Scene.Tick(0.005f);
+	Expect(Drawn().Alive == 0 && FRenderResource::StubGpuBytes == 0, "switched off, nothing of it is left");
+}
+
 /// Bodies stand where feet do: the ground is solid around them, wherever they have walked.
 void ExpectSolid(FVisit& Visit)
 {
@@ -275,6 +321,14 @@ int main(int Count, char** Arguments)
 		"the feet are on the ground");
 
 	ExpectSolid(Visit);
+	ExpectObstacles(Visit, Middle + FVector(0.0, 0.0, 1.0e5));
+	FTerraportPlace Place;
+	Expect(!Visit.Scene.FindPlace(TEXT("no such place"), Place) && !Visit.User.TeleportToPlace(TEXT("no such place")),
+		"a name that nobody gave is no place");
+	for (const FTerraportPlace& Each : Visit.Scene.GetPlaces())
+	{
+		Expect(Visit.Scene.FindPlace(Each.Label, Place) && Place.RadiusM > 0.0, "each place is found by its name");
+	}
 
 	// 6. The survey's reference system.
 	FVector Survey, Back;
@@ -287,6 +341,7 @@ int main(int Count, char** Arguments)
 	Visit.Scene.EndPlay(EEndPlayReason::Destroyed);
 	Expect(Drawn().Alive == 0, "closing leaves no component");
 	Expect(FRenderResource::StubGpuBytes == 0, "closing leaves nothing on the graphics");
+	ExpectPreview(Visit, Middle);
 	// Decodes that were under way end by themselves.
 	std::this_thread::sleep_for(std::chrono::milliseconds(300));
 	std::printf(
