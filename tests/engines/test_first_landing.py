@@ -15,6 +15,7 @@ PLACES = (
     cores.ROOT / "docs" / "how-to" / "unreal.md",
     cores.ROOT / "docs" / "how-to" / "godot.md",
     cores.UNITY / "Samples~" / "FirstLanding" / "Walker.prefab",
+    cores.UNITY / "Samples~" / "FirstLandingXR" / "XRWalker.prefab",
     cores.ROOT / "client_sdk" / "godot" / "example" / "first_landing.tscn",
     cores.ROOT / "client_sdk" / "godot" / "example" / "first_landing_xr.tscn",
 )

@@ -12,6 +12,7 @@ namespace UnityEngine
 
     public class Collider : Component
     {
+        public bool enabled { get; set; }
     }
 
     public class MeshCollider : Collider
