@@ -4,6 +4,7 @@
 #include <string>
 
 #include "Godot.h"
+#include "Terraport/Places.h"
 #include "Terraport/SceneFiles.h"
 #include "Terraport/SceneStage.h"
 #include "Terraport/Types.h"
@@ -27,5 +28,7 @@ class EventList {
 Variant describe(const LandingStatus& status);
 Variant describe(const SceneManifest& manifest);
 Variant describe(const std::vector<RegionFacts>& regions);
+Variant describe(const std::vector<Place>& places);
+Variant describe(const std::vector<CoarserPiece>& pieces);
 
 }  // namespace terraport::godot

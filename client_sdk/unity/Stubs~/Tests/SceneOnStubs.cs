@@ -172,6 +172,17 @@ namespace Terraport.Stubs
             Vector3 met;
             Ray down = new Ray(new Vector3(feet.x, feet.y + 50, feet.z), new Vector3(0, -1, 0));
             Expect(1, user.TryAim(down, out met) && Math.Abs(met.y - feet.y) < 0.001 ? 1 : 0, "aims that met the ground");
+            Physics.StubWallLayers = 6;
+            Physics.StubWallAtM = 10;
+            Expect(1, user.TryAim(down, out met) ? 1 : 0, "aims that nothing was asked to stop");
+            user.Obstacles = MaskOf(1);
+            Expect(1, user.TryAim(down, out met) ? 1 : 0, "aims past what is on another layer");
+            user.Obstacles = MaskOf(4);
+            Expect(0, user.TryAim(down, out met) ? 1 : 0, "aims through an obstacle");
+            Physics.StubWallAtM = 60;
+            Expect(1, user.TryAim(down, out met) ? 1 : 0, "aims at ground before an obstacle");
+            Physics.StubWallLayers = 0;
+            Expect(0, user.LandAtPlace("no such place") || teleport.TeleportToPlace("no such place") ? 1 : 0, "places that nobody named");
             WalkOnDetail(rig.transform);
             Send(teleport, "OnDisable");
             Send(user, "OnDisable");
@@ -209,6 +220,8 @@ namespace Terraport.Stubs
             Send(collider, "OnDisable");
             UnityEngine.Object.DestroyImmediate(collider);
         }
+
+        private static LayerMask MaskOf(int bits) { return new LayerMask { value = bits }; }
 
         private static float SolidHeight(Mesh mesh, Vector3 at)
         {

@@ -25,8 +25,15 @@ namespace UnityEngine
         public static bool Raycast(Ray ray, out RaycastHit hitInfo, float maxDistance, int layerMask)
         {
             hitInfo = default(RaycastHit);
-            return false;
+            return (StubWallLayers & layerMask) != 0 && StubWallAtM < maxDistance;
         }
+
+        /// <summary>A wall that every ray meets after so many metres, on these layers.</summary>
+        [StubsOwn]
+        public static float StubWallAtM { get; set; }
+
+        [StubsOwn]
+        public static int StubWallLayers { get; set; }
 
 #if UNITY_6000_5_OR_NEWER
         [System.Obsolete("EntityId", true)]
