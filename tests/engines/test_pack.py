@@ -61,6 +61,8 @@ def test_the_tarball_is_a_package_of_unity(packed: tuple[Path, Path]) -> None:
         }
         assert expected <= names
     assert "package/Samples~/FirstLanding/FirstLanding.unity" in names
+    assert "package/Samples~/FirstLandingXR/XRWalker.prefab" in names
+    assert "package/Runtime/Resources/TerraportGroundLit.shader" in names
 
 
 def test_the_zip_is_a_plugin_of_unreal(packed: tuple[Path, Path]) -> None:
@@ -83,6 +85,7 @@ def test_the_zip_is_a_plugin_of_unreal(packed: tuple[Path, Path]) -> None:
         if path.suffix in {".h", ".cpp", ".cs"}
     }
     assert sources <= names
+    assert "Terraport/Content/Python/terraport_materials.py" in names
 
 
 def test_the_same_sources_give_the_same_bytes(packed: tuple[Path, Path], tmp_path: Path) -> None:

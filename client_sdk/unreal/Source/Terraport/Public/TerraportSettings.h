@@ -63,7 +63,7 @@ enum class ETerraportMeshes : uint8
 	/** UTerraportGroundComponent: packed, on the graphics alone; up to 16 pieces a component, shown and hidden without a new
 	 * render state. */
 	Packed,
-	/** UDynamicMeshComponent: for projects that go on with Geometry Script, and whatever Collision is set. Some nine times the
+	/** UDynamicMeshComponent: for projects that go on with Geometry Script, and whatever Collision is set. Some eight times the
 	 * memory, and showing makes render states in the frame of the swap. */
 	Dynamic,
 };
