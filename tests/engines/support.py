@@ -228,9 +228,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "coarser pieces that a pick is part of": (
         Yes("tests/sdk/test_coarser.py", "test_they_grow_from_cost_to_cost"),
         Yes(f"{WEB}/coarser-pieces.test.ts", "grows from cost to cost"),
-        Yes(
-            "client_sdk/unity/Tests/Core/PlacesTests.cs", "WhatARegionIsPartOfGrowsFromCostToCost"
-        ),
+        Yes("client_sdk/unity/Tests/Core/PlacesTests.cs", "WhatARegionIsPartOfGrowsFromCostToCost"),
         Yes(
             "client_sdk/unreal/tests/core/places_test.cpp",
             "what a region is part of grows from cost to cost",

@@ -16,12 +16,10 @@ def made_names() -> list[str]:
     """Return the names of the script's materials: its own function, without the engine's module."""
     tree = ast.parse(SCRIPT.read_text(encoding="utf-8"))
     (function,) = (
-        node
-        for node in tree.body
-        if isinstance(node, ast.FunctionDef) and node.name == "materials"
+        node for node in tree.body if isinstance(node, ast.FunctionDef) and node.name == "materials"
     )
     scope: dict[str, object] = {}
-    exec(compile(ast.Module([function], []), str(SCRIPT), "exec"), scope)  # noqa: S102 - our own
+    exec(compile(ast.Module([function], []), str(SCRIPT), "exec"), scope)
     materials = scope["materials"]
     assert callable(materials)
     return [name for name, *_ in materials()]

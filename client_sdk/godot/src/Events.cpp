@@ -195,8 +195,9 @@ Variant describe(const std::vector<CoarserPiece>& pieces) {
   for (const CoarserPiece& piece : pieces) {
     Dictionary facts;
     facts.set("cost", piece.cost)
-        .set("regions", arrayOf<std::int32_t>(piece.regions.size(),
-            [&](std::int32_t* out) { std::copy(piece.regions.begin(), piece.regions.end(), out); }))
+        .set("regions",
+            arrayOf<std::int32_t>(
+                piece.regions.size(), [&](std::int32_t* out) { std::copy(piece.regions.begin(), piece.regions.end(), out); }))
         .set("area_m2", piece.areaM2)
         .set("label", piece.label ? Variant(*piece.label) : Variant());
     list.add(facts.variant());

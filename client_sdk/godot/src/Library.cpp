@@ -135,8 +135,8 @@ const ScriptMethod kMethods[] = {
     {"places", 0, [](Client& client, Arguments) { return with(client, [](Session& session) { return session.places(); }); }},
     {"coarser_pieces", 1,
         [](Client& client, Arguments given) {
-          return with(client,
-              [&](Session& session) { return session.coarserPieces(static_cast<std::int64_t>(given[0].toReal())); });
+          return with(
+              client, [&](Session& session) { return session.coarserPieces(static_cast<std::int64_t>(given[0].toReal())); });
         }},
     {"visible", 0, [](Client& client, Arguments) { return with(client, [](Session& session) { return session.visible(); }); }},
     {"digest", 0, [](Client& client, Arguments) { return with(client, [](Session& session) { return session.digest(); }); }},

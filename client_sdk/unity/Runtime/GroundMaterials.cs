@@ -83,8 +83,7 @@ namespace Terraport.Unity
             Shader shader = Resources.Load<Shader>(name);
             if (shader == null || !shader.isSupported)
             {
-                throw new TerraportException(
-                    "shader", "shader " + name + " is missing or not supported here; set materials of your own");
+                throw new TerraportException("shader", "shader " + name + " is missing or not supported here; set materials of your own");
             }
             Material material = new Material(shader);
             // Not saved: what this package makes must never end up in a project's scene file.

@@ -35,7 +35,8 @@ namespace Terraport.Unity
         public float relief = 0.35f;
 
         /// <summary>Take the project's lights, and cast and receive shadows; else the survey's own light counts.</summary>
-        [Tooltip("Take the project's lights, and cast and receive shadows (built-in pipeline and URP). Off: the survey's own light, cheapest.")]
+        [Tooltip(
+            "Take the project's lights, and cast and receive shadows (built-in pipeline and URP). Off: the survey's own light, cheapest.")]
         public bool lit;
 
         /// <summary>Show a landing as soon as it can be shown; else <see cref="TerraportScene.Show"/> must be called.</summary>

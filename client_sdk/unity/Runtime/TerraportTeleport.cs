@@ -55,10 +55,7 @@ namespace Terraport.Unity
         public bool IsTeleporting => phase != Phase.Idle;
 
         /// <summary>Go to a point of Unity's world. One that is under way is replaced. False before the scene is loaded.</summary>
-        public bool TeleportTo(Vector3 point)
-        {
-            return Begin(() => user.LandAt(point));
-        }
+        public bool TeleportTo(Vector3 point) { return Begin(() => user.LandAt(point)); }
 
         /// <summary>Go to a named region, where it is seen best. False before the scene is loaded, and where no region has that name.</summary>
         public bool TeleportToPlace(string label)

@@ -15,7 +15,7 @@ enum Type
 	ES3_1,
 	SM5
 };
-}
+} // namespace ERHIFeatureLevel
 inline ERHIFeatureLevel::Type GMaxRHIFeatureLevel = ERHIFeatureLevel::SM5;
 enum EShaderPlatform
 {
@@ -190,7 +190,7 @@ enum Type
 	Force16Bit = 1,
 	Force32Bit = 2
 };
-}
+} // namespace EIndexBufferStride
 class FRawStaticIndexBuffer : public FIndexBuffer
 {
 public:

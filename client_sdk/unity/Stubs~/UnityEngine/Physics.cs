@@ -40,7 +40,9 @@ namespace UnityEngine
 #elif UNITY_6000_3_OR_NEWER
         [System.Obsolete("EntityId")]
 #endif
-        public static void BakeMesh(int meshID, bool convex) {}
+        public static void BakeMesh(int meshID, bool convex)
+        {
+        }
 
 #if UNITY_6000_3_OR_NEWER
         public static void BakeMesh(EntityId meshID, bool convex) {}

@@ -79,8 +79,8 @@ namespace Terraport.Tests
         private static SceneFiles FilesOf(string text)
         {
             IReadOnlyList<RegionUnion> unions;
-            IReadOnlyList<RegionFacts> regions = RegionsReader.Read(
-                new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), new ArraySegment<byte>(new byte[0]), out unions);
+            IReadOnlyList<RegionFacts> regions =
+                RegionsReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), new ArraySegment<byte>(new byte[0]), out unions);
             return new SceneFiles(null, null, null, regions, unions);
         }
     }

@@ -44,18 +44,14 @@ def make(folder: str = FOLDER) -> list[str]:
 
 def materials() -> list[tuple[str, bool, bool, bool]]:
     """Return name, lit, of the base, textured of each."""
-    return [
-        (
-            f"M_Terraport{'Lit' if lit else ''}{'Base' if base else ''}"
-            f"{'Texture' if textured else 'Colour'}",
-            lit,
-            base,
-            textured,
-        )
-        for lit in (False, True)
-        for base in (False, True)
-        for textured in (False, True)
-    ]
+    kinds = []
+    for lit in (False, True):
+        for base in (False, True):
+            for textured in (False, True):
+                words = (("Lit", lit), ("Base", base), ("Texture" if textured else "Colour", True))
+                name = "".join(word for word, holds in words if holds)
+                kinds.append((f"M_Terraport{name}", lit, base, textured))
+    return kinds
 
 
 def _make_one(name: str, folder: str, *, is_lit: bool, is_base: bool, is_textured: bool) -> None:
@@ -64,7 +60,9 @@ def _make_one(name: str, folder: str, *, is_lit: bool, is_base: bool, is_texture
     if material is None:
         raise RuntimeError(f"{folder}/{name} could not be created; is the folder writable?")
     model = unreal.MaterialShadingModel
-    material.set_editor_property("shading_model", model.MSM_DEFAULT_LIT if is_lit else model.MSM_UNLIT)
+    material.set_editor_property(
+        "shading_model", model.MSM_DEFAULT_LIT if is_lit else model.MSM_UNLIT
+    )
     # A survey is an open sheet: culled back faces would make its rims vanish.
     material.set_editor_property("two_sided", True)
     colour = _texture(material) if is_textured else _vertex_colour(material)

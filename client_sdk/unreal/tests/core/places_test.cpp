@@ -1,6 +1,6 @@
 // regions.json as places to go to, and as pieces that a region is part of: the answers that the other clients give.
-#include "Manifest.h"
 #include "Terraport/Places.h"
+#include "Manifest.h"
 
 #include <doctest/doctest.h>
 
@@ -13,7 +13,7 @@ struct Read {
   explicit Read(const std::string& text, const std::string& labels = "") {
     const ByteSpan given = {reinterpret_cast<const std::uint8_t*>(labels.data()), labels.size()};
     CHECK(readRegions({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, readLabels(given), regions, unions)
-              .isOk());
+            .isOk());
   }
   std::vector<RegionFacts> regions;
   std::vector<RegionUnion> unions;
@@ -22,7 +22,9 @@ struct Read {
 const std::string kRegions = R"("regions": [{"id": 0, "area_m2": 2, "label": "field"}, {"id": 1, "area_m2": 3},
   {"id": 2, "area_m2": 5, "label": "meadow"}, {"id": 3, "area_m2": 7}])";
 
-std::string withUnions(const std::string& unions) { return "{" + kRegions + ", \"unions\": [" + unions + "]}"; }
+std::string withUnions(const std::string& unions) {
+  return "{" + kRegions + ", \"unions\": [" + unions + "]}";
+}
 
 }  // namespace
 
@@ -43,7 +45,8 @@ TEST_CASE("what a region is part of grows from cost to cost, and two unions at o
 }
 
 TEST_CASE("unions end with the first that is not as it should be") {
-  for (const char* bad : {"[0, 9, 2]", "[1, 0, 2]", "[0, 0, 2]", "[0, 1]", "[0, 1, \"2\"]", "null", "[0, 1, 2, 3]", "[-1, 1, 2]"}) {
+  for (const char* bad :
+      {"[0, 9, 2]", "[1, 0, 2]", "[0, 0, 2]", "[0, 1]", "[0, 1, \"2\"]", "null", "[0, 1, 2, 3]", "[-1, 1, 2]"}) {
     CAPTURE(bad);
     CHECK(Read(withUnions(std::string("[0, 1, 1.5], ") + bad + ", [2, 4, 2]")).unions.size() == 1);
   }

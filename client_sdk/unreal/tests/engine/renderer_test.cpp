@@ -321,6 +321,32 @@ TEST_CASE("a texture is made in a step of its own, and a payload that was not bu
 	CHECK(Stand.Keeper.Kept.count(Texture) == 0);
 }
 
+TEST_CASE("an image that was not read is told of once, and its ground is drawn")
+{
+	FStand Stand;
+	CHECK(Stand.Renderer->TakeUnread() == terraport::ImageType::None);
+	terraport::SegmentMesh Mesh;
+	MakeGrid(2, Mesh);
+	Mesh.image.type = terraport::ImageType::Webp;
+	auto Data = std::make_unique<FTerraportSegmentData>();
+	Data->Build(Mesh, terraport::ByteSpan{}, *Stand.Backend, ETerraportVertexColours::Srgb, {});
+	Mesh.engineData = std::move(Data);
+	CHECK(Stand.Renderer->upload(3, Mesh, terraport::ByteSpan{}) == terraport::UploadState::Done);
+	CHECK(Stand.Renderer->TakeUnread() == terraport::ImageType::Webp);
+	CHECK(Stand.Renderer->TakeUnread() == terraport::ImageType::None);
+	CHECK(Stand.Backend->Components.back()->StubMaterial == &Stand.Material);
+}
+
+TEST_CASE("pieces are given back to the backend, each once, before their component goes")
+{
+	FStand Stand;
+	Stand.Upload(1);
+	Stand.Upload(2);
+	const std::size_t Made = Stand.Backend->Components.size();
+	Stand.Renderer.reset();
+	CHECK(Stand.Backend->Removed.size() == Made);
+}
+
 TEST_CASE("components that the collector has found are left to it")
 {
 	FStand Stand;

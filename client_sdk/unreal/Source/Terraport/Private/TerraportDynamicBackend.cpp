@@ -70,7 +70,8 @@ TUniquePtr<FTerraportPreparedMesh> FTerraportDynamicBackend::Prepare(const FTerr
 FTerraportPiece FTerraportDynamicBackend::Create(
 	AActor& Owner, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material, const FTerraportMeshSettings& Settings)
 {
-	UDynamicMeshComponent* Component = NewObject<UDynamicMeshComponent>(&Owner, NAME_None, RF_Transient | RF_DuplicateTransient);
+	UDynamicMeshComponent* Component =
+		NewObject<UDynamicMeshComponent>(&Owner, NAME_None, RF_Transient | RF_DuplicateTransient);
 	Component->bUseAsyncCooking = true;
 	Component->SetCastShadow(Settings.bCastShadow);
 	Component->SetCollisionEnabled(ECollisionEnabled::NoCollision);

@@ -71,7 +71,8 @@ UTerraportGroundComponent* FTerraportGroundBackend::FindRoom(const FBox& Bounds)
 		FBox United = Component->GetPieceBounds();
 		United += Bounds;
 		const double SideCm = LongestSide(United);
-		if (SideCm <= BestSideCm)
+		// Of equals the first, which is the fuller.
+		if (SideCm < BestSideCm || (Best == nullptr && SideCm <= MaxSideCm))
 		{
 			Best = Component;
 			BestSideCm = SideCm;
@@ -97,6 +98,7 @@ void FTerraportGroundBackend::Remove(const FTerraportPiece& Piece)
 
 SIZE_T FTerraportGroundBackend::BytesOf(int32 Vertices, int32 Indices) const
 {
-	const SIZE_T Corner = FTerraportGroundPiece::CornerBytes * SIZE_T(Vertices <= FTerraportGroundPiece::MaxShortVertices ? 1 : 2);
+	const SIZE_T Corner =
+		FTerraportGroundPiece::CornerBytes * SIZE_T(Vertices <= FTerraportGroundPiece::MaxShortVertices ? 1 : 2);
 	return SIZE_T(Vertices) * FTerraportGroundPiece::VertexBytes + SIZE_T(Indices) * Corner;
 }

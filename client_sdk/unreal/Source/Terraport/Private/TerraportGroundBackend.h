@@ -23,6 +23,7 @@ public:
 private:
 	UTerraportGroundComponent* FindRoom(const FBox& Bounds) const;
 
-	/** Of the one actor that a scene draws by. Those with pieces; a component is held by whoever asked for its first piece, until the last one is removed. */
+	/** Of the one actor that a scene draws by. Those with pieces; a component is held by whoever asked for its first piece,
+	 * until the last one is removed. */
 	std::vector<UTerraportGroundComponent*> Components;
 };

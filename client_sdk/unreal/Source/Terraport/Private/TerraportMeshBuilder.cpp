@@ -114,7 +114,9 @@ void FillColour(FColor Srgb, ETerraportVertexColours Coding, FTerraportMeshPart&
 	FColor Colour = Srgb;
 	if (Coding == ETerraportVertexColours::Linear)
 	{
-		const auto Linear = [](uint8 Level) { return uint8((uint32(TerraportTexture::LinearOf(Level)) * 255 + 32767) / 65535); };
+		const auto Linear = [](uint8 Level) {
+			return uint8((uint32(TerraportTexture::LinearOf(Level)) * 255 + 32767) / 65535);
+		};
 		Colour = FColor(Linear(Srgb.R), Linear(Srgb.G), Linear(Srgb.B), 255);
 	}
 	Part.Colours.SetNumUninitialized(Part.Positions.Num());

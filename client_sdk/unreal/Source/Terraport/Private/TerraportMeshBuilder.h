@@ -46,8 +46,8 @@ public:
 	/** Kept between payloads for its memory; nobody reads it after Build. */
 	FTerraportMeshPart Part;
 
-	/** Fill all of it from a mesh that was decoded just now. `Regions`: the scene's, whose colours stand for an image that cannot
-	 * be read; may be empty. */
+	/** Fill all of it from a mesh that was decoded just now. `Regions`: the scene's, whose colours stand for an image that
+	 * cannot be read; may be empty. */
 	void Build(const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload, const ITerraportMeshBackend& Backend,
 		ETerraportVertexColours Colours, const std::vector<terraport::RegionFacts>& Regions);
 };

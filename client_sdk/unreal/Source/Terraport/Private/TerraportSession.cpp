@@ -41,8 +41,7 @@ FTerraportSession::FTerraportSession(AActor& InOwner, std::unique_ptr<ITerraport
 	const FTerraportSessionSettings& Settings, TSet<TObjectPtr<UObject>>& ReferencedObjects,
 	TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
 	: Owner(InOwner), Host(std::move(InHost)), Keeper(ReferencedObjects), Backend(InBackend), Token(Settings.Token),
-	  TokenProvider(Settings.TokenProvider), Budgets(Settings.Budgets),
-	  Colours(Settings.VertexColours)
+	  TokenProvider(Settings.TokenProvider), Budgets(Settings.Budgets), Colours(Settings.VertexColours)
 {
 	// Worker threads may only look it up.
 	FModuleManager::Get().LoadModule(TEXT("ImageWrapper"));

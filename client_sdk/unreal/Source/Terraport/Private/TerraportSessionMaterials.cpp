@@ -64,7 +64,8 @@ FTerraportMaterials FTerraportSession::MaterialsOf(const FTerraportMaterials& Ch
 	if (Or(Or(Chosen.BaseColour, Found.BaseColour), Or(Chosen.BaseTexture, Found.BaseTexture)) == nullptr)
 	{
 		UE_LOG(LogTerraport, Warning,
-			TEXT("%s has no base material, and none was found in /Game/Terraport: the base is not pushed back, and may poke through "
+			TEXT("%s has no base material, and none was found in /Game/Terraport: the base is not pushed back, and may poke "
+				 "through "
 				 "detail at the rim; run terraport_materials.py, and where this is a packaged game, cook that folder (see "
 				 "docs/how-to/unreal.md)"),
 			*Owner.GetName());

@@ -121,8 +121,8 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Materials")
 	bool bLit = false;
 
-	/** Draws detail without textures, by its Vertex Color. Two-sided. Empty: M_TerraportColour of /Game/Terraport; where that was
-	 * not made, the engine's debug material, for a first look. */
+	/** Draws detail without textures, by its Vertex Color. Two-sided. Empty: M_TerraportColour of /Game/Terraport; where that
+	 * was not made, the engine's debug material, for a first look. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Materials")
 	TObjectPtr<UMaterialInterface> ColourMaterial;
 
@@ -245,8 +245,8 @@ public:
 	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
 	bool FindPlace(const FString& Name, FTerraportPlace& Place) const;
 
-	/** Coarser pieces that a region is part of, finest first: what a pick's Region lies in. Empty where the scene says nothing of
-	 * it. */
+	/** Coarser pieces that a region is part of, finest first: what a pick's Region lies in. Empty where the scene says nothing
+	 * of it. */
 	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
 	TArray<FTerraportCoarserPiece> GetCoarserPieces(int32 Region) const;
 

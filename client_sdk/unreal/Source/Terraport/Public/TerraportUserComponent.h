@@ -84,8 +84,8 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Aim(const FVector& WorldLocation);
 
-	/** Aim along a ray of MaxDistanceCm. True, and where, if it meets ground before an obstacle; the scene then loads ahead. Call
-	 * it in every frame. */
+	/** Aim along a ray of MaxDistanceCm. True, and where, if it meets ground before an obstacle; the scene then loads ahead.
+	 * Call it in every frame. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	bool TryAim(const FVector& WorldStart, const FVector& WorldDirection, double MaxDistanceCm, FTerraportGroundHit& Hit);
 
@@ -98,8 +98,8 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Terraport|Teleport")
 	bool TeleportTo(const FVector& WorldLocation, float YawDegrees = 0.0f);
 
-	/** Teleport to a named region: to where it is seen best, looking at it, with the radius that shows it. False where there is no
-	 * such name. */
+	/** Teleport to a named region: to where it is seen best, looking at it, with the radius that shows it. False where there is
+	 * no such name. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport|Teleport")
 	bool TeleportToPlace(const FString& Name);
 

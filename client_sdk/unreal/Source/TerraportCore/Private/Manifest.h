@@ -44,8 +44,7 @@ RegionLabels readLabels(ByteSpan json);
 
 /// Read regions.json. Everything but the order is informative: a fact that is missing, or not what it should be, is absent, and
 /// unions end with the first that is not as it should be.
-Status readRegions(
-    ByteSpan json, const RegionLabels& labels, std::vector<RegionFacts>& out, std::vector<RegionUnion>& unions);
+Status readRegions(ByteSpan json, const RegionLabels& labels, std::vector<RegionFacts>& out, std::vector<RegionUnion>& unions);
 
 /// JSON text of a file.
 inline std::string_view textOf(ByteSpan bytes) {

@@ -140,8 +140,7 @@ RegionLabels readLabels(ByteSpan json) {
   return labels;
 }
 
-Status readRegions(
-    ByteSpan json, const RegionLabels& labels, std::vector<RegionFacts>& out, std::vector<RegionUnion>& unions) {
+Status readRegions(ByteSpan json, const RegionLabels& labels, std::vector<RegionFacts>& out, std::vector<RegionUnion>& unions) {
   out.clear();
   unions.clear();
   JsonDocument document;

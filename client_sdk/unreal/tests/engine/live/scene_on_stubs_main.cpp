@@ -344,12 +344,13 @@ int main(int Count, char** Arguments)
 	ExpectPreview(Visit, Middle);
 	// Decodes that were under way end by themselves.
 	std::this_thread::sleep_for(std::chrono::milliseconds(300));
-	std::printf(
-		"{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d, \"gpu_bytes\": %lld}, "
-		"\"last\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, \"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
-		"\"rounds\": %d, \"payload_bytes\": %lld, \"warnings\": %zu}}\n",
-		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Pieces, AtFirst.Components, GpuAtFirst,
-		Last.Triangles, Last.Pieces, Last.Components, UPrimitiveComponent::StubAll.size(), Stats.PayloadBytes, After.FrameTimeS, After.Frames - Before.Frames,
-		After.Rounds - Before.Rounds, FirstBytes, Warnings);
+	std::printf("{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d, "
+				"\"gpu_bytes\": %lld}, "
+				"\"last\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, "
+				"\"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
+				"\"rounds\": %d, \"payload_bytes\": %lld, \"warnings\": %zu}}\n",
+		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Pieces, AtFirst.Components, GpuAtFirst, Last.Triangles, Last.Pieces,
+		Last.Components, UPrimitiveComponent::StubAll.size(), Stats.PayloadBytes, After.FrameTimeS,
+		After.Frames - Before.Frames, After.Rounds - Before.Rounds, FirstBytes, Warnings);
 	return Faults == 0 ? 0 : 1;
 }
