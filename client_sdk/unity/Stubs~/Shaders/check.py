@@ -5,9 +5,9 @@
 By glslang (Debian glslang-tools); with ``--slang`` also by Slang's HLSL front end (PyPI slangpy),
 which follows what is written before it is read. Variants are instancing, both eyes in one pass
 (instanced, multiview, side by side), fog, the colour space, and of lit ground shadows and lights.
-It finds what a compiler of HLSL finds: a wrong name, type or semantic in our own lines, a name of a pipeline that is not listed
-here. No front end sees that a vertex does not pass its eye on: that is looked for in the text. What
-Unity's real includes do is not found.
+It finds what a compiler of HLSL finds: a wrong name, type or semantic in our own lines, a name of a
+pipeline that is not listed here. No front end sees that a vertex does not pass its eye on: that is
+looked for in the text. What Unity's real includes do is not found.
 """
 
 from __future__ import annotations

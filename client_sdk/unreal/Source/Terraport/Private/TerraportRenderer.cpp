@@ -149,9 +149,10 @@ void FTerraportRenderer::free(std::uint32_t Segment)
 
 std::size_t FTerraportRenderer::gpuBytesOf(const terraport::SegmentMesh& Mesh) const
 {
-	// Four bytes a pixel, and a third more for the mips.
+	// Four bytes a pixel, or four bits where it stays compressed, and a third more for the mips.
 	const std::size_t Pixels = std::size_t(Mesh.image.width) * Mesh.image.height;
-	return std::size_t(Backend->BytesOf(int32(Mesh.vertexCount), int32(Mesh.indices.size()))) + Pixels * 16 / 3;
+	const std::size_t TextureBytes = Mesh.image.type == terraport::ImageType::Ktx2 ? Pixels * 2 / 3 : Pixels * 16 / 3;
+	return std::size_t(Backend->BytesOf(int32(Mesh.vertexCount), int32(Mesh.indices.size()))) + TextureBytes;
 }
 
 void FTerraportRenderer::swap(const terraport::SceneSwap& Change)
