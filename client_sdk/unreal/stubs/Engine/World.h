@@ -6,13 +6,22 @@
 
 class APlayerController;
 
+namespace EWorldType
+{
+enum Type
+{
+	None,
+	Game,
+	Editor
+};
+} // namespace EWorldType
+
 class UWorld : public UObject
 {
 public:
 	APlayerController* GetFirstPlayerController() const { return StubPlayer; }
 	ERHIFeatureLevel::Type GetFeatureLevel() const { return ERHIFeatureLevel::SM5; }
-	bool IsGameWorld() const { return bStubGame; }
-	bool bStubGame = true;
+	TEnumAsByte<EWorldType::Type> WorldType = EWorldType::Game;
 	/// Of the cameras of all viewports.
 	TArray<FVector> ViewLocationsRenderedLastFrame;
 	/// Whether a wall of the stubs, an upright plane across X of one object type, lies between.

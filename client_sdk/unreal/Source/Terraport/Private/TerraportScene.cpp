@@ -179,8 +179,9 @@ void ATerraportScene::BeginDestroy()
 void ATerraportScene::Tick(float DeltaSeconds)
 {
 	Super::Tick(DeltaSeconds);
+	// A level's own viewport, not that of a Blueprint's or a thumbnail's world.
 	const UWorld* World = GetWorld();
-	if (World != nullptr && !World->IsGameWorld())
+	if (World != nullptr && World->WorldType == EWorldType::Editor)
 	{
 		TickPreview();
 	}

@@ -53,7 +53,7 @@ void ATerraportScene::PostEditChangeProperty(FPropertyChangedEvent& Event)
 {
 	Super::PostEditChangeProperty(Event);
 	const UWorld* World = GetWorld();
-	if (World != nullptr && !World->IsGameWorld())
+	if (World != nullptr && World->WorldType == EWorldType::Editor)
 	{
 		// By the next tick it is opened with the properties as they are now, or it stays away.
 		Close();

@@ -211,7 +211,7 @@ void ExpectObstacles(FVisit& Visit, const FVector& Above)
 /// In the editor: base and landing below the viewport's camera, anew when it has moved, and gone when it is switched off.
 void ExpectPreview(FVisit& Visit, const FVector& Middle)
 {
-	Visit.World.bStubGame = false;
+	Visit.World.WorldType = EWorldType::Editor;
 	Visit.Scene.StubWorld = &Visit.World;
 	Visit.Scene.Close();
 	Visit.World.ViewLocationsRenderedLastFrame.Add(Middle + FVector(0.0, 0.0, 5.0e4));
