@@ -4,6 +4,7 @@
 #include <array>
 #include <cstring>
 #include <string>
+#include <utility>
 
 #include "BasisBits.h"
 #include "LittleEndian.h"
@@ -340,7 +341,8 @@ Status decodeKtx2(ByteSpan file, BlockForm form, std::vector<BlockLevel>& levels
       !readTables(partOf(global, imagesEnd + endpointBytes + selectorBytes, tableBytes), books)) {
     return damagedKtx("a codebook cannot be read");
   }
-  // 3. Level after level.
+  // 3. Level after level; none of them where one is not as it should be.
+  std::vector<BlockLevel> decoded;
   for (std::uint32_t level = 0; level < levelCount; ++level) {
     const std::uint8_t* const row = file.data + kKtxHeaderBytes + kKtxLevelBytes * level;
     const std::uint8_t* const image = global.data + kGlobalBytes + kImageBytes * level;
@@ -359,11 +361,11 @@ Status decodeKtx2(ByteSpan file, BlockForm form, std::vector<BlockLevel>& levels
       next += 8;
     };
     if (!readSlice(partOf(data, readU32(image + 4), readU32(image + 8)), books, columns, rows, put)) {
-      levels.clear();
       return damagedKtx("a level cannot be read");
     }
-    levels.push_back(std::move(out));
+    decoded.push_back(std::move(out));
   }
+  levels = std::move(decoded);
   return {};
 }
 
