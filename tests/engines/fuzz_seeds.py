@@ -7,10 +7,13 @@ is read before it, and ``meshopt`` takes compressed streams without the GLB arou
 from __future__ import annotations
 
 import json
+import re
 import struct
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+
+from engines.cores import UNREAL
 
 CORPUS = Path(__file__).resolve().parents[1] / "conformance"
 GLB_HEAD_BYTES = 20
@@ -39,6 +42,9 @@ def seeds_of(target: str) -> Iterator[bytes]:
         case "json":
             for seed in _files("scene/*/scene.json", "wire/*/*.json"):
                 yield b"\x00" + seed
+        case "ktx2":
+            text = (UNREAL / "tests" / "ktx2_file.h").read_text(encoding="utf-8")
+            yield bytes.fromhex("".join(re.findall(r'^ *"([0-9a-f]+)"', text, re.MULTILINE)))
         case "frame":
             yield from _files("wire/*/frame-*.bin")
         case "wire_message":

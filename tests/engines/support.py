@@ -217,6 +217,36 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
         No("new arrays each time: they go to the GPU"),
         *both("tests/engines/test_decoding.py", "test_nothing_is_allocated_in_the_steady_state"),
     ),
+    "places by name": (
+        Yes("tests/sdk/test_places.py", "test_a_place_is_found_by_its_name_or_stable_id"),
+        Yes(f"{WEB}/app-region-places.test.ts", "regionsToVisit"),
+        Yes(
+            "client_sdk/unity/Tests/Core/PlacesTests.cs",
+            "NamedRegionsArePlacesByNameTheLargestOfEachFirst",
+        ),
+        Yes("client_sdk/unreal/tests/core/places_test.cpp", "named regions are places, by name"),
+    ),
+    "coarser pieces that a pick is part of": (
+        Yes("tests/sdk/test_coarser.py", "test_they_grow_from_cost_to_cost"),
+        Yes(f"{WEB}/coarser-pieces.test.ts", "grows from cost to cost"),
+        Yes("client_sdk/unity/Tests/Core/PlacesTests.cs", "WhatARegionIsPartOfGrowsFromCostToCost"),
+        Yes(
+            "client_sdk/unreal/tests/core/places_test.cpp",
+            "what a region is part of grows from cost to cost",
+        ),
+    ),
+    "an aim stops at your own things": (
+        No("no user"),
+        No("no things but the ground"),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs"),
+    ),
+    "preview in the editor": (
+        No("no editor"),
+        No("no editor"),
+        Yes(LAYER, "test_the_unity_scene_lands_on_the_stubs", "on stubs of the engine's API"),
+        Yes(LAYER, "test_the_unreal_scene_lands_on_the_stubs", "on stubs of the engine's API"),
+    ),
     "a coarser level in a ring, where the scene has one": (
         Yes(
             "tests/socket/test_levels.py",
@@ -269,6 +299,12 @@ GODOT: Final[dict[str, Claim]] = {
     "a cut line is mended, nothing comes twice": Yes(VISITS, "test_a_cut_line_is_mended"),
     "tokens; a refused one is not repeated": Yes(VISITS, "test_a_token_opens"),
     "tokens that a function renews": No("`reconnect` with another"),
+    "places by name": Yes(VISITS, "test_places_and_pieces_are_those_of_the_python_sdk"),
+    "coarser pieces that a pick is part of": Yes(
+        VISITS, "test_places_and_pieces_are_those_of_the_python_sdk"
+    ),
+    "an aim stops at your own things": No("rays meet the ground alone"),
+    "preview in the editor": No("not begun"),
     "base hidden by the cover, swap at once": Yes(VISITS, HOP),
     "ground under feet and pointers, of what is shown": Yes(VISITS, "test_aims_picks_and_rays"),
     "axes, winding and V of the engine": Yes(

@@ -15,6 +15,7 @@ PLACES = (
     cores.ROOT / "docs" / "how-to" / "unreal.md",
     cores.ROOT / "docs" / "how-to" / "godot.md",
     cores.UNITY / "Samples~" / "FirstLanding" / "Walker.prefab",
+    cores.UNITY / "Samples~" / "FirstLandingXR" / "XRWalker.prefab",
     cores.ROOT / "client_sdk" / "godot" / "example" / "first_landing.tscn",
     cores.ROOT / "client_sdk" / "godot" / "example" / "first_landing_xr.tscn",
 )
@@ -29,3 +30,11 @@ def test_the_address_is_that_of_the_demo(path: Path) -> None:
 def test_the_demo_is_told_that_port() -> None:
     for path in PLACES[:3]:  # by itself it takes a free one
         assert "`terraport demo --port 8080`" in path.read_text()
+
+
+def test_unreals_page_counts_five_clicks() -> None:
+    """Unity's are counted beside its sample."""
+    text = PLACES[1].read_text()
+    section = text.split("## First landing in five clicks\n")[1].split("\n## ")[0]
+    assert len(re.findall(r"^1\. ", section, re.MULTILINE)) == 5
+    assert "terraport demo --port 8080" in text

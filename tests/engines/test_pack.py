@@ -64,6 +64,8 @@ def test_the_tarball_is_a_package_of_unity(packed: tuple[Path, Path, Path]) -> N
         }
         assert expected <= names
     assert "package/Samples~/FirstLanding/FirstLanding.unity" in names
+    assert "package/Samples~/FirstLandingXR/XRWalker.prefab" in names
+    assert "package/Runtime/Resources/TerraportGroundLit.shader" in names
 
 
 def test_the_zip_is_a_plugin_of_unreal(packed: tuple[Path, Path, Path]) -> None:
@@ -86,6 +88,7 @@ def test_the_zip_is_a_plugin_of_unreal(packed: tuple[Path, Path, Path]) -> None:
         if path.suffix in {".h", ".cpp", ".cs"}
     }
     assert sources <= names
+    assert "Terraport/Content/Python/terraport_materials.py" in names
 
 
 def test_the_zip_of_godot_is_a_project_that_can_be_built(

@@ -17,9 +17,22 @@ from engines.cores import ROOT, UNITY
 
 from terraport_pipeline.demo_scenes import SHIPPED_ID, shipped_scene
 
-SAMPLE: Final = UNITY / "Samples~" / "FirstLanding"
-PREFAB: Final = SAMPLE / "Walker.prefab"
-SCENE: Final = SAMPLE / "FirstLanding.unity"
+SAMPLES: Final = UNITY / "Samples~"
+PREFABS: Final = (
+    SAMPLES / "FirstLanding" / "Walker.prefab",
+    SAMPLES / "FirstLandingXR" / "XRWalker.prefab",
+)
+SCENES: Final = (
+    SAMPLES / "FirstLanding" / "FirstLanding.unity",
+    SAMPLES / "FirstLandingXR" / "FirstLandingXR.unity",
+)
+COMMON: Final = {"TerraportScene", "TerraportUser"}
+SCRIPTS: Final = {
+    "Walker": COMMON | {"TerraportGroundCollider", "FirstLanding"},
+    "XRWalker": COMMON | {"TerraportTeleport", "HeadsetRig"},
+}
+"""Components of each prefab that are scripts."""
+
 BUILT_IN: Final = "0000000000000000f000000000000000"
 """GUID of the engine's own resources."""
 
@@ -65,9 +78,15 @@ def items_of(path: Path) -> dict[int, Item]:
     return items
 
 
+@pytest.fixture(scope="module", params=PREFABS, ids=lambda path: path.stem)
+def prefab_path(request: pytest.FixtureRequest) -> Path:
+    path: Path = request.param
+    return path
+
+
 @pytest.fixture(scope="module")
-def prefab() -> dict[int, Item]:
-    return items_of(PREFAB)
+def prefab(prefab_path: Path) -> dict[int, Item]:
+    return items_of(prefab_path)
 
 
 @pytest.fixture(scope="module")
@@ -81,7 +100,7 @@ def assets() -> dict[str, Path]:
     return found
 
 
-@pytest.mark.parametrize("path", [PREFAB, SCENE], ids=lambda path: path.name)
+@pytest.mark.parametrize("path", [*PREFABS, *SCENES], ids=lambda path: path.name)
 def test_every_reference_leads_somewhere(path: Path, assets: dict[str, Path]) -> None:
     items = items_of(path)
     text = path.read_text(encoding="utf-8")
@@ -90,10 +109,9 @@ def test_every_reference_leads_somewhere(path: Path, assets: dict[str, Path]) ->
     guids = set(re.findall(r"guid: (\w{32})", text)) - {BUILT_IN}
     assert guids
     assert guids <= assets.keys()
-    within = items_of(PREFAB)
     for number, guid in re.findall(r"target: \{fileID: (\d+), guid: (\w{32})", text):
-        assert assets[guid] == PREFAB
-        assert int(number) in within
+        assert assets[guid].parent == path.parent
+        assert int(number) in items_of(assets[guid])
 
 
 def test_components_and_their_objects_name_one_another(prefab: dict[int, Item]) -> None:
@@ -113,7 +131,7 @@ def test_components_and_their_objects_name_one_another(prefab: dict[int, Item]) 
 
 
 def test_scripts_have_the_fields_that_are_set(
-    prefab: dict[int, Item], assets: dict[str, Path]
+    prefab: dict[int, Item], prefab_path: Path, assets: dict[str, Path]
 ) -> None:
     """And a field that names an object names one of its own type."""
     kinds = {"Transform": TRANSFORM, "Camera": CAMERA}
@@ -139,7 +157,7 @@ def test_scripts_have_the_fields_that_are_set(
                 assert assets[named.guid()].stem == declared[1]
             else:
                 assert named.kind == kinds[declared[1]]
-    assert seen == {"TerraportScene", "TerraportGroundCollider", "TerraportUser", "FirstLanding"}
+    assert seen == SCRIPTS[prefab_path.stem]
 
 
 def test_the_visitor_starts_on_the_ground_of_the_scene_that_the_demo_serves(
@@ -163,4 +181,4 @@ def test_the_docs_count_five_clicks() -> None:
     section = text.split("## First landing in five clicks\n")[1].split("\n## ")[0]
     steps = re.findall(r"^1\. (.*(?:\n   .*)*)", section, re.MULTILINE)
     assert 1 <= len(steps) <= 5
-    assert SCENE.stem in section
+    assert SCENES[0].stem in section

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import time
 from pathlib import Path
 
@@ -170,6 +171,35 @@ def test_a_group_goes_together(godot: Engine, server: Service) -> None:
     called = visit.of("group_called")
     assert [facts["radius_m"] for facts in called] == [HERE[3], THERE[3]]
     assert called[1]["position"] == pytest.approx(THERE[:3])
+
+
+def test_places_and_pieces_are_those_of_the_python_sdk(
+    godot: Engine, scenes: Path, tmp_path: Path
+) -> None:
+    """Regions that people have named are places to land at."""
+    shutil.copytree(scenes / "grid", tmp_path / "grid")
+    (scene_version,) = (tmp_path / "grid").glob("**/regions.json")
+    region = json.loads(scene_version.read_text())["regions"][0]
+    label = {"stable_id": region["stable_id"], "label": "Grube"}
+    (tmp_path / "grid" / "labels.json").write_text(
+        json.dumps({"format": "terraport-labels", "format_version": "1.0", "labels": [label]})
+    )
+    with Service(tmp_path) as service:
+        url = f"{service.url}/scenes/grid"
+        visit = godot.visit(url, ["places", 0])
+        with terraport.sync.connect(url) as session:
+            expected = session.places()
+            pieces = session.coarser(0)
+    is_clean(visit)
+    (found,) = visit.results
+    assert [place[:2] for place in found["places"]] == [["Grube", 0]]
+    assert [place[0] for place in found["places"]] == [place.label for place in expected]
+    for place, other in zip(found["places"], expected, strict=True):
+        assert place[2:5] == pytest.approx(other.position, abs=0.01)
+        assert place[5] == pytest.approx(other.radius_m)
+    assert found["landing"] > 0
+    assert found["nowhere"] == -1
+    assert found["pieces"] == [[p.cost, list(p.regions), p.area_m2, p.label] for p in pieces]
 
 
 @pytest.mark.parametrize("example", ["first_landing", "first_landing_xr"])

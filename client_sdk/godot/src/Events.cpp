@@ -231,6 +231,38 @@ Variant describe(const SceneManifest& manifest) {
   return facts.variant();
 }
 
+Variant describe(const std::vector<Place>& places) {
+  List list;
+  for (const Place& place : places) {
+    Dictionary facts;
+    facts.set("label", place.label)
+        .set("region", number(place.region))
+        .set("stable_id", place.stableId ? number(*place.stableId) : Variant())
+        .set("area_m2", place.areaM2 ? Variant(*place.areaM2) : Variant())
+        .set("position", place.position)
+        .set("heading_deg", place.headingDeg ? Variant(*place.headingDeg) : Variant())
+        .set("radius_m", place.radiusM)
+        .set("is_view", place.isView);
+    list.add(facts.variant());
+  }
+  return list.variant();
+}
+
+Variant describe(const std::vector<CoarserPiece>& pieces) {
+  List list;
+  for (const CoarserPiece& piece : pieces) {
+    Dictionary facts;
+    facts.set("cost", piece.cost)
+        .set("regions",
+            arrayOf<std::int32_t>(
+                piece.regions.size(), [&](std::int32_t* out) { std::copy(piece.regions.begin(), piece.regions.end(), out); }))
+        .set("area_m2", piece.areaM2)
+        .set("label", piece.label ? Variant(*piece.label) : Variant());
+    list.add(facts.variant());
+  }
+  return list.variant();
+}
+
 Variant describe(const std::vector<RegionFacts>& regions) {
   List list;
   for (const RegionFacts& region : regions) {

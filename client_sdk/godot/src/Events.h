@@ -5,6 +5,7 @@
 #include <string>
 
 #include "Godot.h"
+#include "Terraport/Places.h"
 #include "Terraport/SceneFiles.h"
 #include "Terraport/SceneStage.h"
 #include "Terraport/Types.h"
@@ -30,5 +31,7 @@ Variant describe(const SceneManifest& manifest);
 /// Nil without a seat.
 Variant describe(const std::optional<GroupFacts>& group);
 Variant describe(const std::vector<RegionFacts>& regions);
+Variant describe(const std::vector<Place>& places);
+Variant describe(const std::vector<CoarserPiece>& pieces);
 
 }  // namespace terraport::godot

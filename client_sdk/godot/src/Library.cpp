@@ -150,6 +150,12 @@ const ScriptMethod kMethods[] = {
     {"manifest", 0,
         [](Client& client, Arguments) { return with(client, [](Session& session) { return session.manifest(); }); }},
     {"regions", 0, [](Client& client, Arguments) { return with(client, [](Session& session) { return session.regions(); }); }},
+    {"places", 0, [](Client& client, Arguments) { return with(client, [](Session& session) { return session.places(); }); }},
+    {"coarser_pieces", 1,
+        [](Client& client, Arguments given) {
+          return with(
+              client, [&](Session& session) { return session.coarserPieces(static_cast<std::int64_t>(given[0].toReal())); });
+        }},
     {"visible", 0, [](Client& client, Arguments) { return with(client, [](Session& session) { return session.visible(); }); }},
     {"digest", 0, [](Client& client, Arguments) { return with(client, [](Session& session) { return session.digest(); }); }},
     {"to_survey", 1,

@@ -294,6 +294,16 @@ Variant Session::regions() const {
   return stage_ ? describe(stage_->files().regions) : List().variant();
 }
 
+Variant Session::places() const {
+  return stage_ ? describe(placesOf(stage_->files().regions)) : List().variant();
+}
+
+Variant Session::coarserPieces(std::int64_t region) const {
+  if (!stage_ || region < 0 || region > std::int64_t{0xFFFFFFFF}) return List().variant();
+  const SceneFiles& files = stage_->files();
+  return describe(terraport::coarserPieces(files.regions, files.unions, static_cast<std::uint32_t>(region)));
+}
+
 Variant Session::visible() const {
   if (!stage_) return arrayOf<std::int32_t>(0, [](std::int32_t*) {});
   const std::vector<std::uint32_t>& segments = stage_->visible();

@@ -76,6 +76,8 @@ class Session {
   /// Nil before the base is here.
   Variant manifest() const;
   Variant regions() const;
+  Variant places() const;
+  Variant coarserPieces(std::int64_t region) const;
   Variant visible() const;
   std::string digest() const;
   Vec3 toSurvey(const Vec3& position) const;

@@ -204,6 +204,18 @@ func step_collide(step: Array):
 	return {"hits": hits, "shapes": scene.take_stats().collision_shapes}
 
 
+# ["places", region]: the named places, a landing at the first one's name, and what a region is part of.
+func step_places(step: Array):
+	var places := []
+	for place in scene.places():
+		places.append([place.label, place.region, place.position.x, place.position.y, place.position.z, place.radius_m])
+	var landing: int = scene.land_at_place(places[0][0].to_upper()) if not places.empty() else -1
+	var pieces := []
+	for piece in scene.coarser_pieces(step[1]):
+		pieces.append([piece.cost, Array(piece.regions), piece.area_m2, piece.label])
+	return {"places": places, "landing": landing, "nowhere": scene.land_at_place("no such place"), "pieces": pieces}
+
+
 # ["set", name, value]
 func step_set(step: Array):
 	scene.set(step[1], step[2])

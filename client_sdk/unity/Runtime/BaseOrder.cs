@@ -36,7 +36,7 @@ namespace Terraport.Unity
             }
             // 2. A k-d split down to blocks; 3. faces and cover rows in that order.
             Split(order, centres, 0, faceCount, blockFaces);
-            return new SceneFiles(files.Manifest, Reindexed(mesh, order), Reordered(files.Cover, order), files.Regions);
+            return new SceneFiles(files.Manifest, Reindexed(mesh, order), Reordered(files.Cover, order), files.Regions, files.Unions);
         }
 
         private static void Split(int[] order, float[] centres, int first, int end, int blockFaces)

@@ -7,7 +7,8 @@ namespace Terraport.Unity
     /// <summary>The materials that ground is drawn with: one for all coloured detail, one for the base, and one per photograph.</summary>
     internal sealed class GroundMaterials : IDisposable
     {
-        private const string ShaderName = "TerraportGround";
+        private const string UnlitShader = "TerraportGround";
+        private const string LitShader = "TerraportGroundLit";
 
         // Ids instead of names: a lookup by name hashes a string at every call.
         private static readonly int PushId = Shader.PropertyToID("_TerraportPushM");
@@ -23,11 +24,11 @@ namespace Terraport.Unity
 
         /// <param name="detailOverride">The project's own material for detail, copied; null for this package's shader.</param>
         /// <param name="baseOverride">The project's own material for the base, copied; null likewise.</param>
-        /// <param name="relief">How much of the shape's light is laid over the colours, 0 to 1.</param>
-        public GroundMaterials(Material detailOverride, Material baseOverride, float relief)
+        /// <param name="settings">Whether the package's own take the project's lights, and else how much of the shape's.</param>
+        public GroundMaterials(Material detailOverride, Material baseOverride, TerraportSettings settings)
         {
-            detail = Make(detailOverride, relief);
-            ground = Make(baseOverride, relief);
+            detail = Make(detailOverride, settings);
+            ground = Make(baseOverride, settings);
             // After the detail, which stands before it nearly everywhere: what the detail hides is not shaded.
             ground.renderQueue = detail.renderQueue + 1;
         }
@@ -72,22 +73,22 @@ namespace Terraport.Unity
             Engine.Destroy(ground);
         }
 
-        private static Material Make(Material own, float relief)
+        private static Material Make(Material own, TerraportSettings settings)
         {
             if (own != null)
             {
                 return Copy(own);
             }
-            Shader shader = Resources.Load<Shader>(ShaderName);
+            string name = settings.lit ? LitShader : UnlitShader;
+            Shader shader = Resources.Load<Shader>(name);
             if (shader == null || !shader.isSupported)
             {
-                throw new TerraportException(
-                    "shader", "shader " + ShaderName + " is missing or not supported here; set materials of your own");
+                throw new TerraportException("shader", "shader " + name + " is missing or not supported here; set materials of your own");
             }
             Material material = new Material(shader);
             // Not saved: what this package makes must never end up in a project's scene file.
             material.hideFlags = HideFlags.DontSave;
-            SetFloat(material, ReliefId, relief);
+            SetFloat(material, ReliefId, settings.relief);
             return material;
         }
 

@@ -13,10 +13,12 @@ namespace Terraport.Unity
         private readonly MeshRenderer renderer;
 
         /// <summary>A hidden piece below <paramref name="parent"/>, at the scene's origin, not saved with the scene.</summary>
-        public GroundNode(Transform parent)
+        /// <param name="isLit">It casts and receives shadows.</param>
+        public GroundNode(Transform parent, bool isLit)
         {
             holder = new GameObject("terraport ground");
-            holder.hideFlags = HideFlags.DontSave;
+            // In the editor's preview not to be seen among the objects, either.
+            holder.hideFlags = Application.isPlaying ? HideFlags.DontSave : HideFlags.HideAndDontSave;
             holder.layer = parent.gameObject.layer;
             holder.transform.SetParent(parent, false);
             Mesh = new Mesh();
@@ -27,8 +29,9 @@ namespace Terraport.Unity
             holder.AddComponent<MeshFilter>().sharedMesh = Mesh;
             renderer = holder.AddComponent<MeshRenderer>();
             // What the shader does not use is switched off: each would cost work per object and frame. The survey's colours hold its light.
-            renderer.shadowCastingMode = ShadowCastingMode.Off;
-            renderer.receiveShadows = false;
+            // Two-sided, since a survey is an open sheet: seen from the light its rim may show its underside.
+            renderer.shadowCastingMode = isLit ? ShadowCastingMode.TwoSided : ShadowCastingMode.Off;
+            renderer.receiveShadows = isLit;
             renderer.lightProbeUsage = LightProbeUsage.Off;
             renderer.reflectionProbeUsage = ReflectionProbeUsage.Off;
             renderer.motionVectorGenerationMode = MotionVectorGenerationMode.Camera;

@@ -11,9 +11,14 @@ namespace Terraport.Unity
         private const int MaxSpares = 128;
 
         private readonly Transform parent;
+        private readonly bool isLit;
         private readonly Stack<GroundNode> spares = new Stack<GroundNode>();
 
-        public GroundPool(Transform parent) { this.parent = parent; }
+        public GroundPool(Transform parent, bool isLit)
+        {
+            this.parent = parent;
+            this.isLit = isLit;
+        }
 
         /// <summary>Pieces made and not destroyed.</summary>
         public int Count { get; private set; }
@@ -33,7 +38,7 @@ namespace Terraport.Unity
                 spare.Destroy();
             }
             Count++;
-            return new GroundNode(parent);
+            return new GroundNode(parent, isLit);
         }
 
         /// <summary>Give one back; it is hidden, and loses material and photograph, which are the caller's.</summary>

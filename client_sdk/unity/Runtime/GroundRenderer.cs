@@ -21,9 +21,9 @@ namespace Terraport.Unity
         private BaseGround drawn;
         private BaseGround coming;
 
-        public GroundRenderer(Transform parent, PhotoLoader photos, GroundMaterials materials, int blockFaces)
+        public GroundRenderer(Transform parent, PhotoLoader photos, GroundMaterials materials, int blockFaces, bool isLit)
         {
-            pool = new GroundPool(parent);
+            pool = new GroundPool(parent, isLit);
             this.photos = photos;
             this.materials = materials;
             this.blockFaces = blockFaces;

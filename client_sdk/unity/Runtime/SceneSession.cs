@@ -52,8 +52,8 @@ namespace Terraport.Unity
             tokenProvider = scene.TokenProvider;
             transports = scene.Transports;
             http = scene.Http ?? Platform.MakeHttp();
-            materials = new GroundMaterials(scene.DetailMaterial, scene.BaseMaterial, settings.relief);
-            renderer = new GroundRenderer(scene.transform, photos, materials, BaseBlockFaces);
+            materials = new GroundMaterials(scene.DetailMaterial, scene.BaseMaterial, settings);
+            renderer = new GroundRenderer(scene.transform, photos, materials, BaseBlockFaces, settings.lit);
             ground = new ShownGround(renderer);
             renderer.BaseFault += fault => Fault(fault);
             loading = LoadAsync();

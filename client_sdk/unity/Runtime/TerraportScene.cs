@@ -14,6 +14,7 @@ namespace Terraport.Unity
     /// </remarks>
     [AddComponentMenu("Terraport/Terraport Scene")]
     [DisallowMultipleComponent]
+    [ExecuteAlways]
     public sealed partial class TerraportScene : MonoBehaviour
     {
         // Serialized fields are what the inspector shows; properties below are for code. The token is none of them: it must not be saved.
@@ -24,6 +25,10 @@ namespace Terraport.Unity
         [SerializeField]
         [Tooltip("Open when the component is enabled, if it has an address. Off: call Open.")]
         private bool openOnEnable = true;
+
+        [SerializeField]
+        [Tooltip("Show the base in the scene view while nothing is played, and a landing below its camera. Nothing of it is saved.")]
+        private bool previewInEditor;
 
         [SerializeField]
         private TerraportSettings settings = new TerraportSettings();
@@ -364,13 +369,26 @@ namespace Terraport.Unity
 
         private void OnEnable()
         {
+            if (!Application.isPlaying)
+            {
+                BeginPreview();
+                return;
+            }
             if (openOnEnable && !string.IsNullOrEmpty(sceneUrl))
             {
                 Open();
             }
         }
 
-        private void OnDisable() { Close(); }
+        private void OnDisable()
+        {
+            if (!Application.isPlaying)
+            {
+                EndPreview();
+                return;
+            }
+            Close();
+        }
 
         private void OnApplicationPause(bool isPaused)
         {
@@ -382,6 +400,15 @@ namespace Terraport.Unity
         }
 
         private void Update()
+        {
+            // The editor calls it when anything in the scene changes; what is previewed goes at a pace of its own.
+            if (Application.isPlaying)
+            {
+                Step();
+            }
+        }
+
+        private void Step()
         {
             if (session == null)
             {

@@ -34,6 +34,11 @@ namespace Terraport.Unity
         [Tooltip("How much of the shape's own light is laid over vertex colours. 0: the survey's colours as they are.")]
         public float relief = 0.35f;
 
+        /// <summary>Take the project's lights, and cast and receive shadows; else the survey's own light counts.</summary>
+        [Tooltip(
+            "Take the project's lights, and cast and receive shadows (built-in pipeline and URP). Off: the survey's own light, cheapest.")]
+        public bool lit;
+
         /// <summary>Show a landing as soon as it can be shown; else <see cref="TerraportScene.Show"/> must be called.</summary>
         [Tooltip("Show a landing as soon as it can be shown. Off: call Show, for example in the black frame of a teleport.")]
         public bool autoShow = true;

@@ -55,7 +55,16 @@ namespace Terraport.Unity
         public bool IsTeleporting => phase != Phase.Idle;
 
         /// <summary>Go to a point of Unity's world. One that is under way is replaced. False before the scene is loaded.</summary>
-        public bool TeleportTo(Vector3 point)
+        public bool TeleportTo(Vector3 point) { return Begin(() => user.LandAt(point)); }
+
+        /// <summary>Go to a named region, where it is seen best. False before the scene is loaded, and where no region has that name.</summary>
+        public bool TeleportToPlace(string label)
+        {
+            bool isKnown = user != null && user.Scene != null && user.Scene.FindPlace(label) != null;
+            return isKnown && Begin(() => user.LandAtPlace(label));
+        }
+
+        private bool Begin(Action land)
         {
             TerraportScene target = user == null ? null : user.Scene;
             if (!isActiveAndEnabled || target == null || target.Files == null)
@@ -68,12 +77,12 @@ namespace Terraport.Unity
                 sceneAutoShow = target.AutoShow;
                 // What is shown changes in the dark alone.
                 target.AutoShow = false;
-                user.LandAt(point);
+                land();
                 Enter(Phase.Darkening);
             }
             else
             {
-                user.LandAt(point);
+                land();
                 phaseS = 0;
             }
             return true;

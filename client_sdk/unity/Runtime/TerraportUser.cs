@@ -141,11 +141,28 @@ namespace Terraport.Unity
         /// Land at a point of Unity's world. The rig goes there in the frame in which the landing is shown, so nothing is seen to change
         /// around the user but by going there.
         /// </summary>
-        public void LandAt(Vector3 point)
+        public void LandAt(Vector3 point) { LandAt(point, radiusM); }
+
+        /// <summary>
+        /// Land at a named region, where it is seen best, with the radius that shows it; the rig keeps its turn. False where no region has
+        /// that name, or the scene is not loaded.
+        /// </summary>
+        public bool LandAtPlace(string label)
+        {
+            Place place = scene == null ? null : scene.FindPlace(label);
+            if (place == null)
+            {
+                return false;
+            }
+            LandAt(scene.ToWorld(place), (float)place.RadiusM);
+            return true;
+        }
+
+        private void LandAt(Vector3 point, float metres)
         {
             target = scene.ToScene(point);
             isComing = true;
-            landing = scene.Land(point, radiusM);
+            landing = scene.Land(point, metres);
         }
 
         /// <summary>Forget a landing that is on its way: it may still be shown, but the rig stays.</summary>

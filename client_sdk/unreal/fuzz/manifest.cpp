@@ -13,7 +13,8 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
   }
   const terraport::RegionLabels labels = terraport::readLabels(bytes);
   std::vector<terraport::RegionFacts> regions;
-  if (terraport::readRegions(bytes, labels, regions).isOk()) {
+  std::vector<terraport::RegionUnion> unions;
+  if (terraport::readRegions(bytes, labels, regions, unions).isOk()) {
     for (std::size_t at = 0; at < regions.size(); ++at) {
       terraport_fuzz::require(regions[at].id == at);
     }

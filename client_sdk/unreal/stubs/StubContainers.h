@@ -91,6 +91,7 @@ public:
 	}
 	bool IsSet() const { return StubValue.has_value(); }
 	T* operator->() { return &*StubValue; }
+	T& operator*() { return *StubValue; }
 	void Reset() { StubValue.reset(); }
 
 private:
@@ -111,6 +112,7 @@ public:
 	void Reset() { StubObject.reset(); }
 	T& operator*() const { return *StubObject; }
 	T* operator->() const { return StubObject.get(); }
+	T* Get() const { return StubObject.get(); }
 	std::unique_ptr<T> StubObject;
 };
 template <typename T, typename... Args>

@@ -98,9 +98,32 @@ struct TBox
 		Max = Vector(std::max(Max.X, Point.X), std::max(Max.Y, Point.Y), std::max(Max.Z, Point.Z));
 		return *this;
 	}
+	TBox& operator+=(const TBox& Other)
+	{
+		if (Other.IsValid != 0)
+		{
+			*this += Other.Min;
+			*this += Other.Max;
+		}
+		return *this;
+	}
+	Vector GetCenter() const { return (Min + Max) * 0.5; }
+	Vector GetExtent() const { return (Max - Min) * 0.5; }
+	TBox TransformBy(const struct FMatrix&) const { return *this; }
+};
+struct FMatrix
+{
 };
 using FBox = TBox<FVector>;
 using FBox3f = TBox<FVector3f>;
+
+struct FTransform;
+struct FBoxSphereBounds
+{
+	FVector Origin, BoxExtent;
+	explicit FBoxSphereBounds(const FBox& Box) : Origin(Box.GetCenter()), BoxExtent(Box.GetExtent()) {}
+	FBoxSphereBounds TransformBy(const FTransform&) const { return *this; }
+};
 
 struct FRotator
 {
@@ -119,6 +142,7 @@ struct FTransform
 		const double Angle = Degrees * 3.14159265358979323846 / 180.0;
 		return FVector(V.X * std::cos(Angle) - V.Y * std::sin(Angle), V.X * std::sin(Angle) + V.Y * std::cos(Angle), V.Z);
 	}
+	FRotator Rotator() const { return FRotator(0.0, YawDegrees, 0.0); }
 	FVector TransformPosition(const FVector& V) const { return Turned(V, YawDegrees) + StubLocation; }
 	FVector InverseTransformPosition(const FVector& V) const { return Turned(V - StubLocation, -YawDegrees); }
 	FVector TransformVectorNoScale(const FVector& V) const { return Turned(V, YawDegrees); }

@@ -14,14 +14,20 @@
 #define UPROPERTY(...)
 #define UFUNCTION(...)
 #define GENERATED_BODY()
+#define WITH_EDITOR 1
 
 // ---- objects
 
 enum EObjectFlags
 {
 	RF_NoFlags = 0,
-	RF_Transient = 0x40
+	RF_Transient = 0x40,
+	RF_DuplicateTransient = 0x1000000
 };
+inline EObjectFlags operator|(EObjectFlags A, EObjectFlags B)
+{
+	return EObjectFlags(int(A) | int(B));
+}
 
 class UObject
 {

@@ -33,9 +33,10 @@ struct FTexturePlatformData
 	TIndirectArray<FTexture2DMipMap> Mips;
 };
 
-inline UTexture2D* UTexture2D::CreateTransient(int32 Width, int32 Height, EPixelFormat, const FName)
+inline UTexture2D* UTexture2D::CreateTransient(int32 Width, int32 Height, EPixelFormat Format, const FName)
 {
 	UTexture2D* Texture = new UTexture2D();
+	Texture->StubFormat = Format;
 	Texture->StubData = std::make_shared<FTexturePlatformData>();
 	FTexture2DMipMap* Mip = new FTexture2DMipMap();
 	Mip->SizeX = uint16(Width);

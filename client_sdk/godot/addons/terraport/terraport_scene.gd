@@ -226,6 +226,29 @@ func regions() -> Array:
 	return _client.regions() if _client != null else []
 
 
+# Named regions as places to go to, by name, the largest of each first: label, region, area_m2, position, heading_deg (null
+# where nobody chose), radius_m, is_view.
+func places() -> Array:
+	var found: Array = _client.places() if _client != null else []
+	for place in found:
+		place["position"] = to_global(place["position"])
+	return found
+
+
+# Land at the place of that name, whatever its case, with the radius that shows it. The landing's number, -1 where there is none.
+func land_at_place(label: String) -> int:
+	var wanted := label.strip_edges().to_lower()
+	for place in places():
+		if place.label.to_lower() == wanted:
+			return land(place.position, place.radius_m)
+	return -1
+
+
+# Coarser pieces that a region (a pick's) is part of, finest first: cost, regions, area_m2, label.
+func coarser_pieces(region: int) -> Array:
+	return _client.coarser_pieces(region) if _client != null else []
+
+
 # Segments shown, ascending; and what is drawn as one text: segments, their hash, hidden faces of the base, their hash. It is
 # the viewer's where the same is drawn, but for the last part: the base's faces stand in an order of their own here.
 func visible_segments() -> PoolIntArray:

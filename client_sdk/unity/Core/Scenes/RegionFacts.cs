@@ -25,5 +25,8 @@ namespace Terraport
 
         /// <summary>Centroid of the region's surface, metres, scene frame.</summary>
         public Vec3? Centroid { get; internal set; }
+
+        /// <summary>Where it is seen best.</summary>
+        public RegionPlace Place { get; internal set; }
     }
 }

@@ -18,8 +18,10 @@ namespace Terraport
         /// </summary>
         /// <param name="regions">regions.json.</param>
         /// <param name="labels">labels.json; empty without one. Damaged, it gives no label: a name must never take the ground away.</param>
+        /// <param name="unions">How they unite to coarser pieces, up to the first union that is not as it should be; empty without any.</param>
         /// <exception cref="PayloadException">There is no list of regions, or an id is not the position in it.</exception>
-        public static IReadOnlyList<RegionFacts> Read(ArraySegment<byte> regions, ArraySegment<byte> labels)
+        public static IReadOnlyList<RegionFacts> Read(
+            ArraySegment<byte> regions, ArraySegment<byte> labels, out IReadOnlyList<RegionUnion> unions)
         {
             JsonValue json;
             try
@@ -43,7 +45,35 @@ namespace Terraport
                 }
                 facts[at] = ReadRegion(region, at, names);
             }
+            unions = ReadUnions(json["unions"], facts.Length);
             return facts;
+        }
+
+        private static IReadOnlyList<RegionUnion> ReadUnions(JsonValue rows, int regionCount)
+        {
+            List<RegionUnion> unions = new List<RegionUnion>();
+            for (int at = 0; rows.Kind == JsonKind.List && at < rows.Count; at++)
+            {
+                JsonValue row = rows[at];
+                long one, other;
+                double? cost = row.Kind == JsonKind.List && row.Count == 3 ? SceneJson.NumberOrNull(row[2]) : null;
+                if (cost == null || !row[0].TryInteger(out one) || !row[1].TryInteger(out other) || one < 0 || one >= other
+                    || other >= regionCount + unions.Count)
+                {
+                    break; // What follows would name pieces that are not there.
+                }
+                unions.Add(new RegionUnion { One = (int)one, Other = (int)other, Cost = cost.Value });
+            }
+            return unions;
+        }
+
+        private static RegionPlace PlaceOrNull(JsonValue place)
+        {
+            Vec3? position = SceneJson.TripleOrNull(place["position"]);
+            double? heading = SceneJson.NumberOrNull(place["heading_deg"]), radius = SceneJson.NumberOrNull(place["radius_m"]);
+            return position == null || heading == null || radius == null || radius <= 0
+                ? null
+                : new RegionPlace { Position = position.Value, HeadingDeg = heading.Value, RadiusM = radius.Value };
         }
 
         private static RegionFacts ReadRegion(JsonValue region, int id, Dictionary<long, string> names)
@@ -65,6 +95,7 @@ namespace Terraport
                 MeanColour = SceneJson.TripleOrNull(region["mean_colour"]),
                 SlopeDeg = SceneJson.NumberOrNull(region["slope_deg"]["mean"]),
                 Centroid = SceneJson.TripleOrNull(region["centroid"]),
+                Place = PlaceOrNull(region["place"]),
             };
         }
 

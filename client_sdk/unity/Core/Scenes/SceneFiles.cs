@@ -6,12 +6,14 @@ namespace Terraport
     public sealed class SceneFiles
     {
         /// <summary>Files of one and the same version, as <see cref="SceneLoader"/> checks them.</summary>
-        public SceneFiles(SceneManifest manifest, SegmentMesh baseMesh, Cover cover, IReadOnlyList<RegionFacts> regions)
+        public SceneFiles(SceneManifest manifest, SegmentMesh baseMesh, Cover cover, IReadOnlyList<RegionFacts> regions,
+            IReadOnlyList<RegionUnion> unions)
         {
             Manifest = manifest;
             Base = baseMesh;
             Cover = cover;
             Regions = regions;
+            Unions = unions;
         }
 
         /// <summary>What scene.json says of this version.</summary>
@@ -25,5 +27,8 @@ namespace Terraport
 
         /// <summary>Facts about the regions; the position is the region id.</summary>
         public IReadOnlyList<RegionFacts> Regions { get; private set; }
+
+        /// <summary>How regions unite to coarser pieces; empty where the scene does not say.</summary>
+        public IReadOnlyList<RegionUnion> Unions { get; private set; }
     }
 }

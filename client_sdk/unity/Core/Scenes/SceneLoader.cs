@@ -157,7 +157,9 @@ namespace Terraport
                     throw new PayloadException("base of " + mesh.FaceCount + " faces, expected " + manifest.BaseFaces + " by the manifest");
                 }
                 Cover rows = CoverReader.Read(cover, mesh.FaceCount, manifest.SegmentCount);
-                return new SceneFiles(manifest, mesh, rows, RegionsReader.Read(regions, labels));
+                IReadOnlyList<RegionUnion> unions;
+                IReadOnlyList<RegionFacts> facts = RegionsReader.Read(regions, labels, out unions);
+                return new SceneFiles(manifest, mesh, rows, facts, unions);
             }
             catch (PayloadException error)
             {

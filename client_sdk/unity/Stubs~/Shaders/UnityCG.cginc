@@ -15,10 +15,12 @@ float4 unity_FogColor;
 #if defined(FOG_LINEAR)
 #define UNITY_FOG_COORDS(index) float fogCoord : TEXCOORD##index;
 #define UNITY_TRANSFER_FOG(output, position) output.fogCoord = position.z * unity_FogParams.z + unity_FogParams.w
+#define UNITY_APPLY_FOG_COLOR(coord, colour, fog) colour.rgb = lerp(fog.rgb, colour.rgb, saturate(coord))
 #define UNITY_APPLY_FOG(coord, colour) colour.rgb = lerp(unity_FogColor.rgb, colour.rgb, saturate(coord))
 #else
 #define UNITY_FOG_COORDS(index)
 #define UNITY_TRANSFER_FOG(output, position)
+#define UNITY_APPLY_FOG_COLOR(coord, colour, fog)
 #define UNITY_APPLY_FOG(coord, colour)
 #endif
 #define TRANSFORM_TEX(uv, name) (uv * name##_ST.xy + name##_ST.zw)

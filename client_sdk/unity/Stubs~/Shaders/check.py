@@ -4,10 +4,10 @@
 
 By glslang (Debian glslang-tools); with ``--slang`` also by Slang's HLSL front end (PyPI slangpy),
 which follows what is written before it is read. Variants are instancing, both eyes in one pass
-(instanced, multiview, side by side), fog, and the colour space. It finds what a compiler of HLSL
-finds: a wrong name, type or semantic in our own lines, a name of a pipeline that is not listed
-here. No front end sees that a vertex does not pass its eye on: that is looked for in the text. What
-Unity's real includes do is not found.
+(instanced, multiview, side by side), fog, the colour space, and of lit ground shadows and lights.
+It finds what a compiler of HLSL finds: a wrong name, type or semantic in our own lines, a name of a
+pipeline that is not listed here. No front end sees that a vertex does not pass its eye on: that is
+looked for in the text. What Unity's real includes do is not found.
 """
 
 from __future__ import annotations
@@ -36,6 +36,17 @@ VARIANTS = [
         (*EYES, "INSTANCING_ON"), ("", "FOG_LINEAR"), ("", "UNITY_COLORSPACE_GAMMA")
     )
 ]
+
+LIGHTS = (
+    [],
+    [
+        "_MAIN_LIGHT_SHADOWS",
+        "_ADDITIONAL_LIGHTS",
+        "SHADOWS_SCREEN",
+        "_CASTING_PUNCTUAL_LIGHT_SHADOW",
+    ],
+)
+"""Keywords of shaders that take lights: none, and those of both pipelines at once."""
 
 FrontEnd = Callable[[Path, str, str, list[str]], str]
 """Compile a file's entry point of a stage with keywords; what is wrong with it, or nothing."""
@@ -106,7 +117,8 @@ def failures(shader: Path, compile_by: FrontEnd) -> tuple[int, list[str]]:
         for number, source, stage, entry in stages(shader):
             file = Path(folder) / f"pass{number}.hlsl"
             file.write_text(source, "utf-8")
-            for keywords in VARIANTS:
+            lights = LIGHTS if "Lit" in source else LIGHTS[:1]
+            for keywords in (chosen + lit for chosen in VARIANTS for lit in lights):
                 count += 1
                 answer = compile_by(file, stage, entry, keywords)
                 if answer:

@@ -28,6 +28,7 @@ namespace Terraport.Stubs
         private static Action update;
         private static PlanFacts plan;
         private static SceneSwap lastSwap;
+        private static Vec3 middle;
         private static int swaps;
         private static double updateMaxMs;
         private static double lookMs;
@@ -53,7 +54,7 @@ namespace Terraport.Stubs
             if (Faults.Count == 0)
             {
                 Vec3 low = scene.Files.Manifest.BoundsMin, high = scene.Files.Manifest.BoundsMax;
-                Vec3 middle = new Vec3((low.X + high.X) / 2, (low.Y + high.Y) / 2, (low.Z + high.Z) / 2);
+                middle = new Vec3((low.X + high.X) / 2, (low.Y + high.Y) / 2, (low.Z + high.Z) / 2);
                 Land(middle, radiusM);
                 Land(new Vec3(middle.X + radiusM / 2, middle.Y, middle.Z + radiusM / 3), radiusM);
                 Land(middle, radiusM);
@@ -75,6 +76,11 @@ namespace Terraport.Stubs
             {
                 CloseWithin();
                 Expect(before, LiveCount(), "objects left after closing within an event");
+            }
+            if (Faults.Count == 0)
+            {
+                Preview();
+                Expect(before, LiveCount(), "objects left after a preview");
             }
             foreach (string fault in Faults)
             {
@@ -167,6 +173,17 @@ namespace Terraport.Stubs
             Vector3 met;
             Ray down = new Ray(new Vector3(feet.x, feet.y + 50, feet.z), new Vector3(0, -1, 0));
             Expect(1, user.TryAim(down, out met) && Math.Abs(met.y - feet.y) < 0.001 ? 1 : 0, "aims that met the ground");
+            Physics.StubWallLayers = 6;
+            Physics.StubWallAtM = 10;
+            Expect(1, user.TryAim(down, out met) ? 1 : 0, "aims that nothing was asked to stop");
+            user.Obstacles = MaskOf(1);
+            Expect(1, user.TryAim(down, out met) ? 1 : 0, "aims past what is on another layer");
+            user.Obstacles = MaskOf(4);
+            Expect(0, user.TryAim(down, out met) ? 1 : 0, "aims through an obstacle");
+            Physics.StubWallAtM = 60;
+            Expect(1, user.TryAim(down, out met) ? 1 : 0, "aims at ground before an obstacle");
+            Physics.StubWallLayers = 0;
+            Expect(0, user.LandAtPlace("no such place") || teleport.TeleportToPlace("no such place") ? 1 : 0, "places that nobody named");
             WalkOnDetail(rig.transform);
             Send(teleport, "OnDisable");
             Send(user, "OnDisable");
@@ -246,6 +263,8 @@ namespace Terraport.Stubs
             UnityEngine.Object.DestroyImmediate(collider);
         }
 
+        private static LayerMask MaskOf(int bits) { return new LayerMask { value = bits }; }
+
         private static float SolidHeight(Mesh mesh, Vector3 at)
         {
             Vector3[] corners = (Vector3[])mesh.VertexData;
@@ -294,6 +313,46 @@ namespace Terraport.Stubs
         }
 
         private static void CloseOnShown(SceneSwap swap) { scene.Close(); }
+
+        /// <summary>In the editor: the base and a landing below the camera, anew when it has moved, and gone when it is switched off.</summary>
+        private static void Preview()
+        {
+            Application.StubIsPlaying = false;
+            scene.gameObject.SetActive(true);
+            scene.AutoShow = true;
+            Send(scene, "OnEnable");
+            Expect(1, TerraportScene.NotPlayed.Count, "scenes for the editor to step");
+            Vector3 camera = scene.ToWorld(new Vec3(middle.X, middle.Y + 500, middle.Z));
+            Expect(0, scene.StepPreview(camera) || scene.IsOpen ? 1 : 0, "previews that nobody switched on");
+            scene.PreviewsInEditor = true;
+            lastSwap = null;
+            update = () => scene.StepPreview(camera);
+            RunUntil(() => lastSwap != null && lastSwap.Landing > 0, "the preview's landing");
+            foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>())
+            {
+                Expect((long)HideFlags.HideAndDontSave, (long)renderer.gameObject.hideFlags, "flags of a previewed object");
+            }
+            int landing = scene.Status.Landing;
+            camera = new Vector3(camera.x + 1, camera.y, camera.z);
+            update();
+            Expect(landing, scene.Status.Landing, "landings a metre aside");
+            camera = new Vector3(camera.x + scene.DefaultRadiusM, camera.y, camera.z);
+            update();
+            Expect(landing + 1, scene.Status.Landing, "landings farther away");
+            // What the engine sends when anything changes must not step it a second time.
+            Send(scene, "Update");
+            scene.PreviewsInEditor = false;
+            update();
+            Expect(0, scene.IsOpen ? 1 : 0, "previews after they were switched off");
+            scene.PreviewsInEditor = true;
+            lastSwap = null;
+            RunUntil(() => lastSwap != null, "the preview once more");
+            // As before scripts are compiled anew.
+            Send(scene, "OnDisable");
+            Expect(0, TerraportScene.NotPlayed.Count, "scenes for the editor to step, after that");
+            scene.gameObject.SetActive(false);
+            Application.StubIsPlaying = true;
+        }
 
         /// <summary>A frame in which nothing comes must make no garbage at all.</summary>
         private static void Rest()

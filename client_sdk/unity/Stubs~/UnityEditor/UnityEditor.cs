@@ -3,6 +3,27 @@ using UnityEngine;
 
 namespace UnityEditor
 {
+    [AttributeUsage(AttributeTargets.Class)]
+    public sealed class InitializeOnLoadAttribute : Attribute
+    {
+    }
+
+    public class EditorApplication
+    {
+        public delegate void CallbackFunction();
+
+        public static CallbackFunction update;
+    }
+
+    public class SceneView
+    {
+        public static SceneView lastActiveSceneView => null;
+
+        public Camera camera => null;
+
+        public static void RepaintAll() {}
+    }
+
     public sealed class CustomEditor : Attribute
     {
         public CustomEditor(Type inspectedType) {}

@@ -39,6 +39,10 @@ namespace UnityEngine
     {
     }
 
+    public sealed class ExecuteAlways : Attribute
+    {
+    }
+
     [AttributeUsage(AttributeTargets.Class)]
     public sealed class RequireComponent : Attribute
     {

@@ -2,6 +2,8 @@ using System;
 
 namespace UnityEngine.Events
 {
+    public delegate void UnityAction();
+
     public abstract class UnityEventBase
     {
     }

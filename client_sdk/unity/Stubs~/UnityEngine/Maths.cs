@@ -25,6 +25,10 @@ namespace UnityEngine
             this.z = z;
         }
 
+        public static Vector3 up => new Vector3(0, 1, 0);
+
+        public float magnitude => (float)System.Math.Sqrt(x * x + y * y + z * z);
+
         public static Vector3 operator +(Vector3 a, Vector3 b) { return new Vector3(a.x + b.x, a.y + b.y, a.z + b.z); }
 
         public static Vector3 operator -(Vector3 a, Vector3 b) { return new Vector3(a.x - b.x, a.y - b.y, a.z - b.z); }
@@ -81,6 +85,8 @@ namespace UnityEngine
 
     public struct Mathf
     {
+        public static float Abs(float f) { return System.Math.Abs(f); }
+
         public static float Clamp(float value, float min, float max) { return value < min ? min : value > max ? max : value; }
 
         public static float MoveTowards(float current, float target, float maxDelta)

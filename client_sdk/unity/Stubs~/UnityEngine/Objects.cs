@@ -8,6 +8,7 @@ namespace UnityEngine
     {
         None = 0,
         DontSave = 52,
+        HideAndDontSave = 61,
     }
 
 #if UNITY_6000_3_OR_NEWER
@@ -126,6 +127,11 @@ namespace UnityEngine
     {
     }
 
+    public enum PrimitiveType
+    {
+        Cylinder = 2,
+    }
+
     public sealed class GameObject : Object
     {
         private readonly List<Component> components = new List<Component>();
@@ -143,6 +149,8 @@ namespace UnityEngine
         public int layer { get; set; }
 
         public bool activeSelf { get; private set; } = true;
+
+        public static GameObject CreatePrimitive(PrimitiveType type) { return new GameObject(type.ToString()); }
 
         public void SetActive(bool value) { activeSelf = value; }
 
@@ -198,6 +206,10 @@ namespace UnityEngine
 
         public Vector3 forward => new Vector3(0, 0, 1);
 
+        public Vector3 localScale { get; set; }
+
+        public void RotateAround(Vector3 point, Vector3 axis, float angle) {}
+
         public void SetParent(Transform parent, bool worldPositionStays) { this.parent = parent; }
 
         public Vector3 TransformPoint(Vector3 position) { return position + this.position; }
@@ -218,7 +230,16 @@ namespace UnityEngine
 
     public static class Application
     {
-        public static bool isPlaying => true;
+        public static bool isPlaying => StubIsPlaying;
+
+        [StubsOwn]
+        public static bool StubIsPlaying { get; set; } = true;
+
+        public static event Events.UnityAction onBeforeRender
+        {
+            add {}
+            remove {}
+        }
 
         public static bool isMobilePlatform => false;
 

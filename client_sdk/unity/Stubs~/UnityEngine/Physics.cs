@@ -12,6 +12,7 @@ namespace UnityEngine
 
     public class Collider : Component
     {
+        public bool enabled { get; set; }
     }
 
     public class MeshCollider : Collider
@@ -24,15 +25,24 @@ namespace UnityEngine
         public static bool Raycast(Ray ray, out RaycastHit hitInfo, float maxDistance, int layerMask)
         {
             hitInfo = default(RaycastHit);
-            return false;
+            return (StubWallLayers & layerMask) != 0 && StubWallAtM < maxDistance;
         }
+
+        /// <summary>A wall that every ray meets after so many metres, on these layers.</summary>
+        [StubsOwn]
+        public static float StubWallAtM { get; set; }
+
+        [StubsOwn]
+        public static int StubWallLayers { get; set; }
 
 #if UNITY_6000_5_OR_NEWER
         [System.Obsolete("EntityId", true)]
 #elif UNITY_6000_3_OR_NEWER
         [System.Obsolete("EntityId")]
 #endif
-        public static void BakeMesh(int meshID, bool convex) {}
+        public static void BakeMesh(int meshID, bool convex)
+        {
+        }
 
 #if UNITY_6000_3_OR_NEWER
         public static void BakeMesh(EntityId meshID, bool convex) {}

@@ -78,6 +78,7 @@ namespace UnityEngine.Rendering
     public enum ShadowCastingMode
     {
         Off = 0,
+        TwoSided = 2,
     }
 
     public enum LightProbeUsage

@@ -51,7 +51,7 @@ namespace Terraport.Tests
             text = text.Replace(manifest.Version, version);
             manifest = ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny");
             Cover cover = Covers.Random(new Noise(seed), FaceCount, SegmentCount);
-            return new SceneFiles(manifest, new SegmentMesh(), cover, new RegionFacts[0]);
+            return new SceneFiles(manifest, new SegmentMesh(), cover, new RegionFacts[0], new RegionUnion[0]);
         }
 
         internal static SegmentFacts Facts(uint segment) { return new SegmentFacts(segment, Payload.Length, 1, 8, 9, default(Box)); }

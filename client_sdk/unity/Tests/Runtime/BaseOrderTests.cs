@@ -50,7 +50,7 @@ namespace Terraport.Tests
                 indices[face * 3 + 2] = 2;
             }
             SegmentMesh mesh = GlbFile.Of(positions, indices).Decode();
-            SceneFiles sorted = BaseOrder.Sort(new SceneFiles(null, mesh, new Cover(new uint[101], new uint[0]), null), 7);
+            SceneFiles sorted = BaseOrder.Sort(new SceneFiles(null, mesh, new Cover(new uint[101], new uint[0]), null, null), 7);
             Assert.AreEqual(101, sorted.Cover.Offsets.Length);
         }
 
@@ -85,7 +85,7 @@ namespace Terraport.Tests
                 }
             }
             SegmentMesh mesh = GlbFile.Of(positions.ToArray(), indices.ToArray()).Decode();
-            return new SceneFiles(null, mesh, new Cover(offsets.ToArray(), segments.ToArray()), null);
+            return new SceneFiles(null, mesh, new Cover(offsets.ToArray(), segments.ToArray()), null, null);
         }
 
         private static Dictionary<string, string> RowsByFace(SceneFiles files)

@@ -1,4 +1,4 @@
-"""Make the plugin's four materials in the project, once, in the editor.
+"""Make the plugin's materials in the project, once, in the editor: four unlit, four lit.
 
     Tools > Execute Python Script..., this file; or in the Output Log's Python prompt:
     import terraport_materials; terraport_materials.make()
@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import unreal
 
-__all__ = ["make"]
+__all__ = ["make", "materials"]
 
 FOLDER = "/Game/Terraport"
 TEXTURE_PARAMETER = "TerraportTexture"
@@ -26,36 +26,54 @@ SRGB_TO_LINEAR = "return lerp(C / 12.92, pow((C + 0.055) / 1.055, 2.4), step(0.0
 
 
 def make(folder: str = FOLDER) -> list[str]:
-    """Make what is not there yet; returns the paths of all four.
+    """Make what is not there yet; returns the paths of all eight.
 
-    Unlit: a survey's colours have their light in them, and nothing is cheaper on a headset. For a
-    lit ground, make copies that feed Base Color instead of Emissive Color.
+    Scene actors find them in `FOLDER` by their names; in another folder they are chosen by hand.
+    Unlit: a survey's colours have their light in them, and nothing is cheaper on a headset. Lit:
+    the project's lights, and shadows, by the normals of the ground.
     """
     paths = []
-    for name, is_base, is_textured in (
-        ("M_TerraportColour", False, False),
-        ("M_TerraportTexture", False, True),
-        ("M_TerraportBaseColour", True, False),
-        ("M_TerraportBaseTexture", True, True),
-    ):
+    for name, is_lit, is_base, is_textured in materials():
         path = f"{folder}/{name}"
         if not unreal.EditorAssetLibrary.does_asset_exist(path):
-            _make_one(name, folder, is_base=is_base, is_textured=is_textured)
+            _make_one(name, folder, is_lit=is_lit, is_base=is_base, is_textured=is_textured)
         paths.append(path)
-    unreal.log(f"terraport: materials are in {folder}")
+    unreal.log(f"terraport: materials are in {folder}; tick Lit on a scene for the lit ones")
     return paths
 
 
-def _make_one(name: str, folder: str, *, is_base: bool, is_textured: bool) -> None:
+def materials() -> list[tuple[str, bool, bool, bool]]:
+    """Return name, lit, of the base, textured of each."""
+    kinds = []
+    for lit in (False, True):
+        for base in (False, True):
+            for textured in (False, True):
+                words = (("Lit", lit), ("Base", base), ("Texture" if textured else "Colour", True))
+                name = "".join(word for word, holds in words if holds)
+                kinds.append((f"M_Terraport{name}", lit, base, textured))
+    return kinds
+
+
+def _make_one(name: str, folder: str, *, is_lit: bool, is_base: bool, is_textured: bool) -> None:
     tools = unreal.AssetToolsHelpers.get_asset_tools()
     material = tools.create_asset(name, folder, unreal.Material, unreal.MaterialFactoryNew())
     if material is None:
         raise RuntimeError(f"{folder}/{name} could not be created; is the folder writable?")
-    material.set_editor_property("shading_model", unreal.MaterialShadingModel.MSM_UNLIT)
+    model = unreal.MaterialShadingModel
+    material.set_editor_property(
+        "shading_model", model.MSM_DEFAULT_LIT if is_lit else model.MSM_UNLIT
+    )
     # A survey is an open sheet: culled back faces would make its rims vanish.
     material.set_editor_property("two_sided", True)
     colour = _texture(material) if is_textured else _vertex_colour(material)
-    _connect(colour, "RGB" if is_textured else "", unreal.MaterialProperty.MP_EMISSIVE_COLOR)
+    output = "RGB" if is_textured else ""
+    if is_lit:
+        _connect(colour, output, unreal.MaterialProperty.MP_BASE_COLOR)
+        # Earth and rock: matt, and nothing mirrored.
+        _connect(_number(material, 1.0, 700), "", unreal.MaterialProperty.MP_ROUGHNESS)
+        _connect(_number(material, 0.0, 800), "", unreal.MaterialProperty.MP_SPECULAR)
+    else:
+        _connect(colour, output, unreal.MaterialProperty.MP_EMISSIVE_COLOR)
     if is_base:
         _connect(_push(material), "", unreal.MaterialProperty.MP_WORLD_POSITION_OFFSET)
     unreal.MaterialEditingLibrary.recompile_material(material)
@@ -75,6 +93,12 @@ def _vertex_colour(material: unreal.Material) -> unreal.MaterialExpression:
     # The first output of Vertex Color is its RGB, without alpha.
     _join(source, "", decode, "C")
     return decode
+
+
+def _number(material: unreal.Material, value: float, y: int) -> unreal.MaterialExpression:
+    constant = _node(material, unreal.MaterialExpressionConstant, -300, y)
+    constant.set_editor_property("r", value)
+    return constant
 
 
 def _texture(material: unreal.Material) -> unreal.MaterialExpression:

@@ -1,11 +1,8 @@
 #pragma once
 
 #include "CoreMinimal.h"
+#include "PixelFormat.h"
 
-enum EPixelFormat
-{
-	PF_B8G8R8A8 = 2
-};
 enum TextureAddress
 {
 	TA_Wrap,
@@ -39,4 +36,5 @@ public:
 	static UTexture2D* CreateTransient(int32 Width, int32 Height, EPixelFormat = PF_B8G8R8A8, const FName = NAME_None);
 	FTexturePlatformData* GetPlatformData() { return StubData.get(); }
 	std::shared_ptr<FTexturePlatformData> StubData;
+	EPixelFormat StubFormat = PF_B8G8R8A8;
 };

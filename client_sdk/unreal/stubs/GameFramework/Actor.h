@@ -4,6 +4,9 @@
 
 class AController;
 struct FHitResult;
+struct FPropertyChangedEvent
+{
+};
 
 enum class ETeleportType : uint8
 {
@@ -19,6 +22,9 @@ public:
 	virtual void BeginPlay() {}
 	virtual void EndPlay(const EEndPlayReason::Type) {}
 	virtual void Tick(float) {}
+	virtual bool ShouldTickIfViewportsOnly() const { return false; }
+	virtual void Destroyed() {}
+	virtual void PostEditChangeProperty(FPropertyChangedEvent&) {}
 	template <typename T>
 	T* CreateDefaultSubobject(FName)
 	{
@@ -34,6 +40,7 @@ public:
 	USceneComponent* GetRootComponent() const { return StubRoot; }
 	const FTransform& GetActorTransform() const { return StubTransform; }
 	FVector GetActorLocation() const { return StubTransform.StubLocation; }
+	FRotator GetActorRotation() const { return FRotator(0.0, StubTransform.YawDegrees, 0.0); }
 	FVector GetActorScale3D() const { return FVector(1.0, 1.0, 1.0); }
 	bool SetActorLocation(const FVector& Location, bool = false, FHitResult* = nullptr, ETeleportType = ETeleportType::None)
 	{

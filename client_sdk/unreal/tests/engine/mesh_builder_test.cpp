@@ -1,13 +1,14 @@
 #include "TerraportDynamicBackend.h"
 #include "TerraportMeshBuilder.h"
-#include "TerraportProceduralBackend.h"
 #include "meshes.h"
 
 #include "Components/DynamicMeshComponent.h"
 #include "GameFramework/Actor.h"
-#include "ProceduralMeshComponent.h"
 
 #include <doctest/doctest.h>
+
+#include <algorithm>
+#include <vector>
 
 TEST_CASE("a part has the mesh's places, colours and corners")
 {
@@ -50,27 +51,39 @@ TEST_CASE("a cut part draws the same faces with its own vertices alone")
 	}
 }
 
-TEST_CASE("the procedural backend makes one hidden section, and shows it by its flag")
+TEST_CASE("ground whose image cannot be read has the mean colour of its regions, in the material's coding, and says so")
 {
+	std::vector<terraport::RegionFacts> Regions(3);
+	Regions[0].meanColour = terraport::Vec3{100.0, 0.0, 0.0};
+	Regions[0].areaM2 = 1.0;
+	Regions[1].meanColour = terraport::Vec3{200.0, 40.0, 0.0};
+	Regions[1].areaM2 = 3.0;
 	terraport::SegmentMesh Mesh;
-	MakeGrid(2, Mesh);
-	FTerraportMeshPart Part;
-	TerraportMeshBuilder::BuildPart(Mesh, ETerraportVertexColours::Srgb, Part);
-	FTerraportProceduralBackend Backend;
-	const TUniquePtr<FTerraportPreparedMesh> Prepared = Backend.Prepare(Part);
-	AActor Actor;
-	UPrimitiveComponent* Created = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
-	UProceduralMeshComponent* Component = static_cast<UProceduralMeshComponent*>(Created);
-	REQUIRE(Component != nullptr);
-	CHECK(Component->bStubRegistered);
-	CHECK_FALSE(Component->StubSection.bSectionVisible);
-	CHECK(Component->StubSection.ProcVertexBuffer.Num() == 9);
-	CHECK(Component->StubSection.ProcIndexBuffer.Num() == 24);
-	CHECK(Component->StubSection.SectionLocalBox.Max == FVector(200.0, 200.0, 0.0));
-	CHECK(Component->bStubVisible);
-	Backend.SetShown(*Component, true);
-	CHECK(Component->StubSection.bSectionVisible);
-	CHECK(Component->StubCollision == ECollisionEnabled::NoCollision);
+	MakeGrid(1, Mesh);
+	CHECK(int(TerraportMeshBuilder::MeanColourOf(Mesh, {}).R) == 200);
+	CHECK(int(TerraportMeshBuilder::MeanColourOf(Mesh, Regions).R) == 175);
+	CHECK(int(TerraportMeshBuilder::MeanColourOf(Mesh, Regions).G) == 30);
+	Mesh.hasRegionIds = true;
+	REQUIRE(Mesh.regionIds.resize(4));
+	const std::uint16_t Ids[4] = {0, 0, 1, 2};
+	std::copy(Ids, Ids + 4, Mesh.regionIds.data());
+	CHECK(int(TerraportMeshBuilder::MeanColourOf(Mesh, Regions).R) == 133);
+	Mesh.colourForm = terraport::ColourForm::None;
+	Mesh.image.type = terraport::ImageType::Ktx2;
+	FTerraportSegmentData Data;
+	const FTerraportDynamicBackend Backend;
+	Data.Build(Mesh, terraport::ByteSpan{}, Backend, ETerraportVertexColours::Srgb, Regions);
+	CHECK(Data.Unread == terraport::ImageType::Ktx2);
+	REQUIRE(Data.Part.Colours.Num() == 4);
+	CHECK(int(Data.Part.Colours[3].R) == 133);
+	CHECK(Data.Part.Uvs.Num() == 0);
+	Data.Build(Mesh, terraport::ByteSpan{}, Backend, ETerraportVertexColours::Linear, Regions);
+	// Level 133 of sRGB is .235 of the light.
+	CHECK(int(Data.Part.Colours[3].R) == 60);
+	Mesh.image.type = terraport::ImageType::None;
+	Data.Build(Mesh, terraport::ByteSpan{}, Backend, ETerraportVertexColours::Srgb, Regions);
+	CHECK(Data.Unread == terraport::ImageType::None);
+	CHECK(Data.Part.Colours.Num() == 0);
 }
 
 TEST_CASE("the dynamic backend keeps faces that three share an edge with")
@@ -90,14 +103,14 @@ TEST_CASE("the dynamic backend keeps faces that three share an edge with")
 	FTerraportDynamicBackend Backend;
 	const TUniquePtr<FTerraportPreparedMesh> Prepared = Backend.Prepare(Part);
 	AActor Actor;
-	UPrimitiveComponent* Created = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
-	UDynamicMeshComponent* Component = static_cast<UDynamicMeshComponent*>(Created);
+	const FTerraportPiece Created = Backend.Create(Actor, *Prepared, nullptr, FTerraportMeshSettings());
+	UDynamicMeshComponent* Component = static_cast<UDynamicMeshComponent*>(Created.Component);
 	REQUIRE(Component != nullptr);
 	CHECK(Component->StubMesh.StubTriangles.size() == 3);
 	CHECK(Component->StubMesh.StubVertices.size() == 8);
 	CHECK(Component->StubMesh.Attributes()->PrimaryNormals()->StubElements.size() == 8);
 	CHECK(Component->StubMesh.Attributes()->PrimaryColors()->StubTriangles.size() == 3);
 	CHECK_FALSE(Component->bStubVisible);
-	Backend.SetShown(*Component, true);
+	Backend.SetShown(Created, true);
 	CHECK(Component->bStubVisible);
 }

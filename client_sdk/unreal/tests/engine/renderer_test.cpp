@@ -42,18 +42,19 @@ public:
 		Mesh->Part = Part;
 		return Mesh;
 	}
-	virtual UPrimitiveComponent* Create(
+	virtual FTerraportPiece Create(
 		AActor&, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material, const FTerraportMeshSettings&) override
 	{
 		Components.push_back(std::make_unique<FFakeComponent>());
 		Components.back()->Part = static_cast<FFakeMesh&>(Prepared).Part;
 		Components.back()->SetMaterial(0, Material);
-		return Components.back().get();
+		return FTerraportPiece{Components.back().get(), int32(Components.size())};
 	}
-	virtual void SetShown(UPrimitiveComponent& Component, bool bShown) override
+	virtual void SetShown(const FTerraportPiece& Piece, bool bShown) override
 	{
-		static_cast<FFakeComponent&>(Component).bShown = bShown;
+		static_cast<FFakeComponent*>(Piece.Component)->bShown = bShown;
 	}
+	virtual void Remove(const FTerraportPiece& Piece) override { CHECK(Removed.insert(Piece.Index).second); }
 	virtual SIZE_T BytesOf(int32 Vertices, int32 Indices) const override { return SIZE_T(Vertices + Indices); }
 
 	/// Centres of the faces that are drawn, each as often as it is drawn.
@@ -85,6 +86,7 @@ public:
 		return Count;
 	}
 	std::vector<std::unique_ptr<FFakeComponent>> Components;
+	std::set<int32> Removed;
 };
 
 class FKeeper final : public ITerraportKeeper
@@ -117,7 +119,7 @@ struct FStand
 		terraport::SegmentMesh Mesh;
 		MakeGrid(2, Mesh);
 		auto Data = std::make_unique<FTerraportSegmentData>();
-		Data->Build(Mesh, terraport::ByteSpan{}, *Backend, ETerraportVertexColours::Srgb);
+		Data->Build(Mesh, terraport::ByteSpan{}, *Backend, ETerraportVertexColours::Srgb, {});
 		Mesh.engineData = std::move(Data);
 		CHECK(Renderer->upload(Segment, Mesh, terraport::ByteSpan{}) == terraport::UploadState::Done);
 	}
@@ -297,7 +299,7 @@ TEST_CASE("a texture is made in a step of its own, and a payload that was not bu
 	MakeGrid(2, Mesh);
 	CHECK(Stand.Renderer->upload(1, Mesh, terraport::ByteSpan{}) == terraport::UploadState::Failed);
 	auto Data = std::make_unique<FTerraportSegmentData>();
-	Data->Build(Mesh, terraport::ByteSpan{}, *Stand.Backend, ETerraportVertexColours::Srgb);
+	Data->Build(Mesh, terraport::ByteSpan{}, *Stand.Backend, ETerraportVertexColours::Srgb, {});
 	Data->Pixels.Width = Data->Pixels.Height = 2;
 	Data->Pixels.Mips.resize(1);
 	Data->Pixels.Mips[0].SetNumUninitialized(16);
@@ -317,6 +319,32 @@ TEST_CASE("a texture is made in a step of its own, and a payload that was not bu
 	Stand.RunFrames(2);
 	CHECK(Texture->bStubReleased);
 	CHECK(Stand.Keeper.Kept.count(Texture) == 0);
+}
+
+TEST_CASE("an image that was not read is told of once, and its ground is drawn")
+{
+	FStand Stand;
+	CHECK(Stand.Renderer->TakeUnread() == terraport::ImageType::None);
+	terraport::SegmentMesh Mesh;
+	MakeGrid(2, Mesh);
+	Mesh.image.type = terraport::ImageType::Webp;
+	auto Data = std::make_unique<FTerraportSegmentData>();
+	Data->Build(Mesh, terraport::ByteSpan{}, *Stand.Backend, ETerraportVertexColours::Srgb, {});
+	Mesh.engineData = std::move(Data);
+	CHECK(Stand.Renderer->upload(3, Mesh, terraport::ByteSpan{}) == terraport::UploadState::Done);
+	CHECK(Stand.Renderer->TakeUnread() == terraport::ImageType::Webp);
+	CHECK(Stand.Renderer->TakeUnread() == terraport::ImageType::None);
+	CHECK(Stand.Backend->Components.back()->StubMaterial == &Stand.Material);
+}
+
+TEST_CASE("pieces are given back to the backend, each once, before their component goes")
+{
+	FStand Stand;
+	Stand.Upload(1);
+	Stand.Upload(2);
+	const std::size_t Made = Stand.Backend->Components.size();
+	Stand.Renderer.reset();
+	CHECK(Stand.Backend->Removed.size() == Made);
 }
 
 TEST_CASE("components that the collector has found are left to it")

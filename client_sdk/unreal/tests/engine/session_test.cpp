@@ -1,11 +1,11 @@
 // A session behind a host that is no actor: what it reports, and what it reads anew.
+#include "TerraportGroundBackend.h"
 #include "TerraportSession.h"
 
 #include "GameFramework/Actor.h"
 #include "HttpModule.h"
 #include "Interfaces/IHttpRequest.h"
 #include "Materials/MaterialInterface.h"
-#include "TerraportProceduralBackend.h"
 
 #include <doctest/doctest.h>
 
@@ -86,7 +86,7 @@ struct FSessionStand
 	void Open()
 	{
 		Session = std::make_unique<FTerraportSession>(Actor, std::make_unique<FRecordingHost>(Record), Settings,
-			ReferencedObjects, MakeShared<FTerraportProceduralBackend>());
+			ReferencedObjects, MakeShared<FTerraportGroundBackend>());
 	}
 
 	std::vector<TSharedRef<FUnreachableRequest>> Requests;

@@ -3,6 +3,8 @@
 #include "IImageWrapperModule.h"
 #include "TextureResource.h"
 
+#include "../ktx2_file.h"
+
 #include <doctest/doctest.h>
 
 namespace
@@ -69,11 +71,39 @@ TEST_CASE("an image that lied of its sides, cannot be read, or has no reader is 
 		Images.bReads = false;
 		CHECK(TerraportTexture::Decode(ImageOf(4, 2), terraport::viewOf(Payload)).IsEmpty());
 		Images.bReads = true;
-		terraport::PayloadImage Ktx = ImageOf(4, 2);
-		Ktx.type = terraport::ImageType::Ktx2;
-		CHECK(TerraportTexture::Decode(Ktx, terraport::viewOf(Payload)).IsEmpty());
+		for (const terraport::ImageType Type : {terraport::ImageType::Ktx2, terraport::ImageType::Webp})
+		{
+			terraport::PayloadImage Other = ImageOf(4, 4);
+			Other.type = Type;
+			CHECK(TerraportTexture::Decode(Other, terraport::viewOf(Payload)).IsEmpty());
+		}
 	}
 	CHECK(TerraportTexture::Decode(ImageOf(4, 2), terraport::viewOf(Payload)).IsEmpty());
+}
+
+TEST_CASE("a KTX2 stays compressed, in what the device's graphics have")
+{
+	const std::vector<std::uint8_t> File = bytesOfHex(kFile);
+	terraport::PayloadImage Image = ImageOf(16, 8);
+	Image.type = terraport::ImageType::Ktx2;
+	Image.offset = 0;
+	Image.bytes = File.size();
+	FTerraportPixels Pixels = TerraportTexture::Decode(Image, terraport::viewOf(File));
+	CHECK(Pixels.Format == PF_DXT1);
+	REQUIRE(Pixels.Mips.size() == 5);
+	CHECK(Pixels.Mips[0].Num() == 64);
+	CHECK(Pixels.Mips[4].Num() == 8);
+	const UTexture2D* Texture = TerraportTexture::MakeTexture(Pixels);
+	REQUIRE(Texture != nullptr);
+	CHECK(Texture->StubFormat == PF_DXT1);
+	CHECK(Texture->StubData->Mips.Num() == 5);
+	GPixelFormats[PF_DXT1].Supported = false;
+	CHECK(TerraportTexture::Decode(Image, terraport::viewOf(File)).Format == PF_ETC2_RGB);
+	GPixelFormats[PF_ETC2_RGB].Supported = false;
+	CHECK(TerraportTexture::Decode(Image, terraport::viewOf(File)).IsEmpty());
+	GPixelFormats[PF_DXT1].Supported = GPixelFormats[PF_ETC2_RGB].Supported = true;
+	Image.bytes -= 1;
+	CHECK(TerraportTexture::Decode(Image, terraport::viewOf(File)).IsEmpty());
 }
 
 TEST_CASE("a texture holds every mip")

@@ -67,10 +67,11 @@ TUniquePtr<FTerraportPreparedMesh> FTerraportDynamicBackend::Prepare(const FTerr
 	return Prepared;
 }
 
-UPrimitiveComponent* FTerraportDynamicBackend::Create(
+FTerraportPiece FTerraportDynamicBackend::Create(
 	AActor& Owner, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material, const FTerraportMeshSettings& Settings)
 {
-	UDynamicMeshComponent* Component = NewObject<UDynamicMeshComponent>(&Owner, NAME_None, RF_Transient);
+	UDynamicMeshComponent* Component =
+		NewObject<UDynamicMeshComponent>(&Owner, NAME_None, RF_Transient | RF_DuplicateTransient);
 	Component->bUseAsyncCooking = true;
 	Component->SetCastShadow(Settings.bCastShadow);
 	Component->SetCollisionEnabled(ECollisionEnabled::NoCollision);
@@ -80,12 +81,12 @@ UPrimitiveComponent* FTerraportDynamicBackend::Create(
 	Component->SetMaterial(0, Material);
 	Component->SetVisibility(false);
 	Component->RegisterComponent();
-	return Component;
+	return FTerraportPiece{Component, 0};
 }
 
-void FTerraportDynamicBackend::SetShown(UPrimitiveComponent& Component, bool bShown)
+void FTerraportDynamicBackend::SetShown(const FTerraportPiece& Piece, bool bShown)
 {
-	UDynamicMeshComponent& Mesh = static_cast<UDynamicMeshComponent&>(Component);
+	UDynamicMeshComponent& Mesh = static_cast<UDynamicMeshComponent&>(*Piece.Component);
 	Mesh.SetVisibility(bShown);
 	if (Mesh.bEnableComplexCollision)
 	{

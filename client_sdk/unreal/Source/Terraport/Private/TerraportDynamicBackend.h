@@ -10,8 +10,10 @@ class FTerraportDynamicBackend final : public ITerraportMeshBackend
 {
 public:
 	virtual TUniquePtr<FTerraportPreparedMesh> Prepare(const FTerraportMeshPart& Part) const override;
-	virtual UPrimitiveComponent* Create(AActor& Owner, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material,
+	virtual FTerraportPiece Create(AActor& Owner, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material,
 		const FTerraportMeshSettings& Settings) override;
-	virtual void SetShown(UPrimitiveComponent& Component, bool bShown) override;
+	virtual void SetShown(const FTerraportPiece& Piece, bool bShown) override;
+	/** Nothing: the component goes with its one piece. */
+	virtual void Remove(const FTerraportPiece&) override {}
 	virtual SIZE_T BytesOf(int32 Vertices, int32 Indices) const override;
 };

@@ -33,7 +33,7 @@ void FTerraportFeet::Step(const terraport::ShownGround& Ground, const terraport:
 	ReachM = Ground.gather(Feet, HalfM, std::size_t(std::max(MaxFaces, 1)), Corners);
 	if (Component == nullptr)
 	{
-		Component = NewObject<UProceduralMeshComponent>(&Owner, NAME_None, RF_Transient);
+		Component = NewObject<UProceduralMeshComponent>(&Owner, NAME_None, RF_Transient | RF_DuplicateTransient);
 		// Off the game thread; the body before stays until the new one is cooked.
 		Component->bUseAsyncCooking = true;
 		Component->SetCastShadow(false);

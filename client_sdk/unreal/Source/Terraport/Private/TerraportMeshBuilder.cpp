@@ -74,6 +74,59 @@ void BuildPart(const terraport::SegmentMesh& Mesh, ETerraportVertexColours Colou
 	}
 }
 
+FColor MeanColourOf(const terraport::SegmentMesh& Mesh, const std::vector<terraport::RegionFacts>& Regions)
+{
+	double Sum[3] = {0.0, 0.0, 0.0}, Weight = 0.0;
+	const auto Add = [&Sum, &Weight](const terraport::RegionFacts& Region, double Share) {
+		if (Region.meanColour && Share > 0.0)
+		{
+			Sum[0] += Share * Region.meanColour->x;
+			Sum[1] += Share * Region.meanColour->y;
+			Sum[2] += Share * Region.meanColour->z;
+			Weight += Share;
+		}
+	};
+	for (std::size_t Vertex = 0; Mesh.hasRegionIds && Vertex < Mesh.vertexCount; ++Vertex)
+	{
+		const std::size_t Region = Mesh.regionIds[Vertex];
+		if (Region < Regions.size())
+		{
+			Add(Regions[Region], 1.0);
+		}
+	}
+	if (Weight == 0.0)
+	{
+		for (const terraport::RegionFacts& Region : Regions)
+		{
+			Add(Region, Region.areaM2.value_or(1.0));
+		}
+	}
+	if (Weight == 0.0)
+	{
+		return FColor(200, 200, 200, 255);
+	}
+	const auto Level = [&Sum, Weight](int Channel) { return uint8(FMath::Clamp(Sum[Channel] / Weight + 0.5, 0.0, 255.0)); };
+	return FColor(Level(0), Level(1), Level(2), 255);
+}
+
+void FillColour(FColor Srgb, ETerraportVertexColours Coding, FTerraportMeshPart& Part)
+{
+	FColor Colour = Srgb;
+	if (Coding == ETerraportVertexColours::Linear)
+	{
+		const auto Linear = [](uint8 Level) {
+			return uint8((uint32(TerraportTexture::LinearOf(Level)) * 255 + 32767) / 65535);
+		};
+		Colour = FColor(Linear(Srgb.R), Linear(Srgb.G), Linear(Srgb.B), 255);
+	}
+	Part.Colours.SetNumUninitialized(Part.Positions.Num());
+	for (FColor& Vertex : Part.Colours)
+	{
+		Vertex = Colour;
+	}
+	Part.Uvs.Reset();
+}
+
 void CutPart(const FTerraportMeshPart& Whole, uint32 First, uint32 Count, FTerraportMeshPart& Part)
 {
 	Part = FTerraportMeshPart();
@@ -108,14 +161,19 @@ void CutPart(const FTerraportMeshPart& Whole, uint32 First, uint32 Count, FTerra
 } // namespace TerraportMeshBuilder
 
 void FTerraportSegmentData::Build(const terraport::SegmentMesh& Mesh, terraport::ByteSpan Payload,
-	const ITerraportMeshBackend& Backend, ETerraportVertexColours Colours)
+	const ITerraportMeshBackend& Backend, ETerraportVertexColours Colours, const std::vector<terraport::RegionFacts>& Regions)
 {
 	TerraportMeshBuilder::BuildPart(Mesh, Colours, Part);
 	Vertices = Part.Positions.Num();
 	Indices = Part.Indices.Num();
+	Pixels = TerraportTexture::Decode(Mesh.image, Payload);
+	Unread = Pixels.IsEmpty() ? Mesh.image.type : terraport::ImageType::None;
+	if (Unread != terraport::ImageType::None && Part.Colours.Num() == 0)
+	{
+		TerraportMeshBuilder::FillColour(TerraportMeshBuilder::MeanColourOf(Mesh, Regions), Colours, Part);
+	}
 	Prepared = Backend.Prepare(Part);
 	Ground = terraport::groundOf(Mesh);
-	Pixels = TerraportTexture::Decode(Mesh.image, Payload);
 }
 
 TSharedRef<FTerraportBase, ESPMode::ThreadSafe> FTerraportBase::Build(
@@ -126,14 +184,19 @@ TSharedRef<FTerraportBase, ESPMode::ThreadSafe> FTerraportBase::Build(
 	TerraportMeshBuilder::BuildPart(Files.base, Colours, Whole);
 	Base->BlockFaces = BlockFaces;
 	Base->Ground = terraport::groundOf(Files.base);
+	if (Files.basePayload)
+	{
+		Base->Pixels = TerraportTexture::Decode(Files.base.image, terraport::viewOf(*Files.basePayload));
+	}
+	Base->Unread = Base->Pixels.IsEmpty() ? Files.base.image.type : terraport::ImageType::None;
+	if (Base->Unread != terraport::ImageType::None && Whole.Colours.Num() == 0)
+	{
+		TerraportMeshBuilder::FillColour(TerraportMeshBuilder::MeanColourOf(Files.base, Files.regions), Colours, Whole);
+	}
 	for (uint32 First = 0; First < Files.base.faceCount; First += BlockFaces)
 	{
 		Base->Blocks.emplace_back();
 		TerraportMeshBuilder::CutPart(Whole, First, std::min(BlockFaces, Files.base.faceCount - First), Base->Blocks.back());
-	}
-	if (Files.basePayload)
-	{
-		Base->Pixels = TerraportTexture::Decode(Files.base.image, terraport::viewOf(*Files.basePayload));
 	}
 	return Base;
 }

@@ -46,9 +46,20 @@ FTerraportRenderer::~FTerraportRenderer()
 	}
 }
 
+terraport::ImageType FTerraportRenderer::TakeUnread()
+{
+	const terraport::ImageType Last = Unread;
+	Unread = terraport::ImageType::None;
+	return Last;
+}
+
 void FTerraportRenderer::SetBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> InBase)
 {
 	Base = InBase;
+	if (InBase->Unread != terraport::ImageType::None)
+	{
+		Unread = InBase->Unread;
+	}
 }
 
 void FTerraportRenderer::Step(double EndS)
@@ -90,6 +101,10 @@ terraport::UploadState FTerraportRenderer::upload(
 	if (Data == nullptr || !Data->Prepared.IsValid())
 	{
 		return terraport::UploadState::Failed;
+	}
+	if (Data->Unread != terraport::ImageType::None)
+	{
+		Unread = Data->Unread;
 	}
 	FDrawable& Drawable = Segments[Segment];
 	if (!Data->Pixels.IsEmpty())
@@ -174,13 +189,16 @@ void FTerraportRenderer::swap(const terraport::SceneSwap& Change)
 
 bool FTerraportRenderer::Make(FDrawable& Drawable, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material)
 {
-	Drawable.Component = Backend->Create(Owner, Prepared, Material, Settings);
+	Drawable.Piece = Backend->Create(Owner, Prepared, Material, Settings);
 	Drawable.CreatedInFrame = GFrameCounter;
-	if (Drawable.Component == nullptr)
+	if (Drawable.Piece.Component == nullptr)
 	{
 		return false;
 	}
-	Keeper.Keep(Drawable.Component);
+	if (++PieceCounts[Drawable.Piece.Component] == 1)
+	{
+		Keeper.Keep(Drawable.Piece.Component);
+	}
 	return true;
 }
 
@@ -188,9 +206,9 @@ void FTerraportRenderer::Show(FDrawable& Drawable, bool bShown)
 {
 	// A block of the base whose faces are all hidden has no component, but counts as shown.
 	Drawable.bShown = bShown;
-	if (Drawable.Component != nullptr && IsValid(Drawable.Component))
+	if (Drawable.Piece.Component != nullptr && IsValid(Drawable.Piece.Component))
 	{
-		Backend->SetShown(*Drawable.Component, bShown);
+		Backend->SetShown(Drawable.Piece, bShown);
 	}
 }
 
@@ -200,7 +218,7 @@ void FTerraportRenderer::Discard(FDrawable& Drawable)
 	{
 		Show(Drawable, false);
 	}
-	if (Drawable.Component != nullptr || Drawable.Texture != nullptr)
+	if (Drawable.Piece.Component != nullptr || Drawable.Texture != nullptr)
 	{
 		ToDestroy.push_back(MoveTemp(Drawable));
 	}
@@ -222,14 +240,20 @@ void FTerraportRenderer::Leave(FDrawable& Drawable)
 
 void FTerraportRenderer::Destroy(FDrawable& Drawable)
 {
-	if (Drawable.Component != nullptr)
+	UPrimitiveComponent* const Component = Drawable.Piece.Component;
+	if (Component != nullptr)
 	{
-		// The level may have gone first, components and all; or the collector has found them together with the actor.
-		if (IsValid(Drawable.Component) && !Drawable.Component->IsUnreachable())
+		Backend->Remove(Drawable.Piece);
+		if (--PieceCounts[Component] == 0)
 		{
-			Drawable.Component->DestroyComponent();
+			PieceCounts.erase(Component);
+			// The level may have gone first, components and all; or the collector has found them together with the actor.
+			if (IsValid(Component) && !Component->IsUnreachable())
+			{
+				Component->DestroyComponent();
+			}
+			Keeper.Release(Component);
 		}
-		Keeper.Release(Drawable.Component);
 	}
 	if (Drawable.Texture != nullptr)
 	{

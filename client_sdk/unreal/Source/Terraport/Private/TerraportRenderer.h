@@ -50,6 +50,9 @@ public:
 	/** The base that the next `beginBase` is of. */
 	void SetBase(TSharedRef<FTerraportBase, ESPMode::ThreadSafe> Base);
 
+	/** Kind of an image that was not read, since the last call; None otherwise. Its ground is drawn in one colour. */
+	terraport::ImageType TakeUnread();
+
 	/** Once a frame: a slice of what is not urgent (the first components of the base, components to be destroyed), until
 	 * `EndS`, but one piece at least. */
 	void Step(double EndS);
@@ -67,7 +70,7 @@ public:
 private:
 	struct FDrawable
 	{
-		UPrimitiveComponent* Component = nullptr;
+		FTerraportPiece Piece;
 		UTexture2D* Texture = nullptr;
 		/** Frame in which it was made: its resources reach the render thread before the next one is drawn. */
 		uint64 CreatedInFrame = 0;
@@ -101,11 +104,14 @@ private:
 	const FTerraportMaterials Materials;
 	const FTerraportMeshSettings Settings;
 	std::unordered_map<uint32, FDrawable> Segments;
+	/** Pieces of each component that draws any: it is kept from the first to the last. */
+	std::unordered_map<UPrimitiveComponent*, int32> PieceCounts;
 	/** Segments and base of an earlier version, drawn until the new base is. */
 	std::vector<FDrawable> Leaving;
 	std::vector<FDrawable> ToDestroy;
 	TSharedPtr<FTerraportBase, ESPMode::ThreadSafe> Base;
 	std::vector<FBlock> Blocks;
+	terraport::ImageType Unread = terraport::ImageType::None;
 	UMaterialInterface* BaseMaterial = nullptr;
 	UTexture2D* BaseTexture = nullptr;
 	/** The next block that has no component yet. */

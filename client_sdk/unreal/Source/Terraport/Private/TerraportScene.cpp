@@ -1,12 +1,13 @@
 #include "TerraportScene.h"
 
 #include "Components/SceneComponent.h"
+#include "Engine/World.h"
 #include "Materials/MaterialInterface.h"
 #include "TerraportAxes.h"
 #include "TerraportDynamicBackend.h"
+#include "TerraportGroundBackend.h"
 #include "TerraportLog.h"
 #include "TerraportPlaces.h"
-#include "TerraportProceduralBackend.h"
 #include "TerraportSession.h"
 #include "TerraportText.h"
 
@@ -115,7 +116,8 @@ FTerraportSessionSettings SettingsOf(const ATerraportScene& Scene)
 	Settings.Budgets = Scene.Device == ETerraportDevice::Custom ? Scene.CustomBudgets : FTerraportBudgets::For(Scene.Device);
 	Settings.DecodeTasks = Scene.DecodeTasks;
 	Settings.Mesh.bCollision = Scene.bCollision;
-	Settings.Mesh.bCastShadow = Scene.bCastShadows;
+	Settings.Mesh.bCastShadow = Scene.bCastShadows || Scene.bLit;
+	Settings.bLit = Scene.bLit;
 	Settings.Materials.Colour = Scene.ColourMaterial;
 	Settings.Materials.Texture = Scene.TextureMaterial;
 	Settings.Materials.BaseColour = Scene.BaseColourMaterial;
@@ -163,6 +165,17 @@ void ATerraportScene::BeginDestroy()
 void ATerraportScene::Tick(float DeltaSeconds)
 {
 	Super::Tick(DeltaSeconds);
+	// A level's own viewport, not that of a Blueprint's or a thumbnail's world.
+	const UWorld* World = GetWorld();
+	if (World != nullptr && World->WorldType == EWorldType::Editor)
+	{
+		TickPreview();
+	}
+	TickSession();
+}
+
+void ATerraportScene::TickSession()
+{
 	// Keeps the session alive: a listener may close the scene from within an event.
 	const TSharedPtr<FTerraportSession> Current = Session;
 	if (Current.IsValid())
@@ -182,13 +195,14 @@ void ATerraportScene::Open()
 	TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> Backend = CustomBackend;
 	if (!Backend.IsValid())
 	{
-		if (Meshes == ETerraportMeshes::Dynamic)
+		// Packed meshes have nothing in main memory that collision could be cooked from.
+		if (Meshes == ETerraportMeshes::Dynamic || bCollision)
 		{
 			Backend = MakeShared<FTerraportDynamicBackend, ESPMode::ThreadSafe>();
 		}
 		else
 		{
-			Backend = MakeShared<FTerraportProceduralBackend, ESPMode::ThreadSafe>();
+			Backend = MakeShared<FTerraportGroundBackend, ESPMode::ThreadSafe>();
 		}
 	}
 	if (!GetActorScale3D().Equals(FVector(1.0, 1.0, 1.0)))

@@ -3,8 +3,6 @@
 #include "GameFramework/Actor.h"
 #include "HAL/PlatformMemory.h"
 #include "HAL/PlatformTime.h"
-#include "MaterialDomain.h"
-#include "Materials/Material.h"
 #include "Misc/Paths.h"
 #include "Modules/ModuleManager.h"
 #include "TerraportLog.h"
@@ -43,12 +41,11 @@ FTerraportSession::FTerraportSession(AActor& InOwner, std::unique_ptr<ITerraport
 	const FTerraportSessionSettings& Settings, TSet<TObjectPtr<UObject>>& ReferencedObjects,
 	TSharedRef<ITerraportMeshBackend, ESPMode::ThreadSafe> InBackend)
 	: Owner(InOwner), Host(std::move(InHost)), Keeper(ReferencedObjects), Backend(InBackend), Token(Settings.Token),
-	  TokenProvider(Settings.TokenProvider), Budgets(Settings.Budgets),
-	  Colours(Settings.Materials.Colour != nullptr ? Settings.VertexColours : ETerraportVertexColours::Linear)
+	  TokenProvider(Settings.TokenProvider), Budgets(Settings.Budgets), Colours(Settings.VertexColours)
 {
 	// Worker threads may only look it up.
 	FModuleManager::Get().LoadModule(TEXT("ImageWrapper"));
-	const FTerraportMaterials Materials = MaterialsOf(Settings.Materials);
+	const FTerraportMaterials Materials = MaterialsOf(Settings.Materials, Settings.bLit);
 	// The actor's properties may name others while this session draws with these.
 	for (UMaterialInterface* Material : {Materials.Colour, Materials.Texture, Materials.BaseColour, Materials.BaseTexture})
 	{
@@ -148,6 +145,10 @@ void FTerraportSession::Draw(double StartMs, double EndMs)
 	if (!bEnded)
 	{
 		ReportPresentable();
+	}
+	if (!bEnded)
+	{
+		ReportUnread();
 	}
 }
 
@@ -305,6 +306,7 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 {
 	Renderer->SetBase(Result.Base.ToSharedRef());
 	Ground->setBase(Result.Base->Ground);
+	Decodes->SetFiles(Result.Files);
 	if (Stage)
 	{
 		Stage->replaceFiles(Result.Files);
@@ -375,32 +377,4 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const FTerraportFile
 	Options.diskBytes = uint64(std::max(Budgets.DiskMiB, 0)) * Mebibyte;
 	Options.creditBytes = uint64(std::max(Budgets.CreditMiB, 1)) * Mebibyte;
 	return Options;
-}
-
-/** What draws, where a material is not chosen: the textured as the plain ones, the base's as the detail's. */
-FTerraportMaterials FTerraportSession::MaterialsOf(const FTerraportMaterials& Chosen) const
-{
-	UMaterialInterface* Fallback =
-		LoadObject<UMaterialInterface>(nullptr, TEXT("/Engine/EngineDebugMaterials/VertexColorMaterial.VertexColorMaterial"));
-	if (Fallback == nullptr)
-	{
-		// Debug materials may be missing from a packaged game.
-		Fallback = UMaterial::GetDefaultMaterial(MD_Surface);
-	}
-	const auto Or = [](UMaterialInterface* Material, UMaterialInterface* Substitute) {
-		return Material != nullptr ? Material : Substitute;
-	};
-	FTerraportMaterials Materials = Chosen;
-	Materials.Colour = Or(Chosen.Colour, Fallback);
-	Materials.Texture = Or(Chosen.Texture, Materials.Colour);
-	Materials.BaseColour = Or(Chosen.BaseColour, Materials.Colour);
-	Materials.BaseTexture = Or(Chosen.BaseTexture, Materials.Texture);
-	if (Chosen.BaseColour == nullptr && Chosen.BaseTexture == nullptr)
-	{
-		UE_LOG(LogTerraport, Warning,
-			TEXT("%s has no base material: the base is not pushed back, and may poke through detail at the rim (see "
-				 "docs/how-to/unreal.md)"),
-			*Owner.GetName());
-	}
-	return Materials;
 }

@@ -34,6 +34,8 @@ struct FTerraportSessionSettings
 	int32 DecodeTasks = 1;
 	FTerraportMeshSettings Mesh;
 	FTerraportMaterials Materials;
+	/** Of the materials that are found by themselves the lit ones. */
+	bool bLit = false;
 	ETerraportVertexColours VertexColours = ETerraportVertexColours::Srgb;
 };
 
@@ -95,12 +97,13 @@ private:
 	void NoteGroup(const terraport::StreamEvent& Event);
 	void ReportSwaps();
 	void ReportPresentable();
+	void ReportUnread();
 	void Report(const terraport::StreamEvent& Event);
 	void ReportLink(const terraport::LinkState& Link);
 	void ReportFailure(const std::string& Code, const std::string& Message, int64 Landing, bool bFatal);
 	uint64 GpuShareBytes() const;
 	terraport::StreamOptions StreamOptionsOf(const FTerraportFilesResult& Files) const;
-	FTerraportMaterials MaterialsOf(const FTerraportMaterials& Chosen) const;
+	FTerraportMaterials MaterialsOf(const FTerraportMaterials& Chosen, bool bLit);
 
 	AActor& Owner;
 	const std::unique_ptr<ITerraportSessionHost> Host;
@@ -111,7 +114,8 @@ private:
 	/** Of the scene, as the connection has it; empty before there was one. */
 	std::string StreamVersion;
 	const FTerraportBudgets Budgets;
-	const ETerraportVertexColours Colours;
+	/** As the material for vertex colours wants them. */
+	ETerraportVertexColours Colours;
 	bool bEnded = false;
 	std::unique_ptr<FTerraportFiles> Loading;
 	/** When to try again to load, milliseconds; 0 for not at all. */
@@ -133,5 +137,7 @@ private:
 	std::vector<terraport::SceneSwap> Swaps;
 	int64 ReportedPresentable = -1;
 	bool bReportedPresentableInFull = false;
+	/** Said once: a scene has one kind of images throughout. */
+	bool bReportedUnread = false;
 	double MaxFrameMs = 0.0;
 };

@@ -110,6 +110,23 @@ void FTerraportSession::ReportPresentable()
 	}
 }
 
+void FTerraportSession::ReportUnread()
+{
+	const terraport::ImageType Unread = Renderer->TakeUnread();
+	if (Unread == terraport::ImageType::None || bReportedUnread)
+	{
+		return;
+	}
+	bReportedUnread = true;
+	ReportFailure("unread_image",
+		std::string("images of type ") + terraport::mediaTypeOf(Unread) +
+			" could not be read, expected whole ones of image/jpeg, image/png or image/ktx2 (ETC1S): such ground is drawn in "
+			"its regions' mean "
+			"colours; "
+			"build the scene with JPEG textures or vertex colours (docs/how-to/unreal.md)",
+		0, false);
+}
+
 void FTerraportSession::Report(const terraport::StreamEvent& Event)
 {
 	switch (Event.kind)

@@ -4,6 +4,8 @@
 #include "IImageWrapperModule.h"
 #include "ImageCore.h"
 #include "Modules/ModuleManager.h"
+#include "PixelFormat.h"
+#include "Terraport/Ktx2.h"
 #include "TextureResource.h"
 
 #include <algorithm>
@@ -62,6 +64,11 @@ TArray64<uint8> HalfOf(const TArray64<uint8>& From, int32 Width, int32 Height)
 }
 } // namespace
 
+uint16 LinearOf(uint8 Level)
+{
+	return LinearLevels()[Level];
+}
+
 void MakeMips(FTerraportPixels& Pixels)
 {
 	int32 Width = Pixels.Width, Height = Pixels.Height;
@@ -73,8 +80,46 @@ void MakeMips(FTerraportPixels& Pixels)
 	}
 }
 
+namespace
+{
+/** Blocks of four by four texels: the engine makes no smaller texture of them. */
+constexpr std::uint32_t BlockSide = 4;
+
+FTerraportPixels DecodeBlocks(const terraport::PayloadImage& Image, terraport::ByteSpan Payload)
+{
+	FTerraportPixels Pixels;
+	const bool bDesktop = GPixelFormats[PF_DXT1].Supported;
+	if ((!bDesktop && !GPixelFormats[PF_ETC2_RGB].Supported) || Image.width < BlockSide || Image.height < BlockSide)
+	{
+		return Pixels;
+	}
+	std::vector<terraport::BlockLevel> Levels;
+	const terraport::ByteSpan File{Payload.data + Image.offset, Image.bytes};
+	const terraport::BlockForm Form = bDesktop ? terraport::BlockForm::Bc1 : terraport::BlockForm::Etc1;
+	if (!terraport::decodeKtx2(File, Form, Levels).isOk())
+	{
+		return Pixels;
+	}
+	Pixels.Format = bDesktop ? PF_DXT1 : PF_ETC2_RGB;
+	Pixels.Width = int32(Image.width);
+	Pixels.Height = int32(Image.height);
+	for (const terraport::BlockLevel& Level : Levels)
+	{
+		TArray64<uint8> Blocks;
+		Blocks.SetNumUninitialized(int64(Level.blocks.size()));
+		FMemory::Memcpy(Blocks.GetData(), Level.blocks.data(), SIZE_T(Level.blocks.size()));
+		Pixels.Mips.push_back(MoveTemp(Blocks));
+	}
+	return Pixels;
+}
+} // namespace
+
 FTerraportPixels Decode(const terraport::PayloadImage& Image, terraport::ByteSpan Payload)
 {
+	if (Image.type == terraport::ImageType::Ktx2)
+	{
+		return DecodeBlocks(Image, Payload);
+	}
 	FTerraportPixels Pixels;
 	if (Image.type != terraport::ImageType::Jpeg && Image.type != terraport::ImageType::Png)
 	{
@@ -110,7 +155,7 @@ UTexture2D* MakeTexture(FTerraportPixels& Pixels)
 	{
 		return nullptr;
 	}
-	UTexture2D* Texture = UTexture2D::CreateTransient(Pixels.Width, Pixels.Height, PF_B8G8R8A8);
+	UTexture2D* Texture = UTexture2D::CreateTransient(Pixels.Width, Pixels.Height, Pixels.Format);
 	if (Texture == nullptr)
 	{
 		return nullptr;

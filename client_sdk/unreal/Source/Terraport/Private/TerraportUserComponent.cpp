@@ -2,6 +2,7 @@
 
 #include "Camera/CameraComponent.h"
 #include "Camera/PlayerCameraManager.h"
+#include "CollisionQueryParams.h"
 #include "Engine/World.h"
 #include "EngineUtils.h"
 #include "GameFramework/Actor.h"
@@ -34,14 +35,64 @@ void UTerraportUserComponent::Aim(const FVector& WorldLocation)
 	}
 }
 
+bool UTerraportUserComponent::TryAim(
+	const FVector& WorldStart, const FVector& WorldDirection, double MaxDistanceCm, FTerraportGroundHit& Hit)
+{
+	ATerraportScene* ActiveScene = FindScene();
+	if (ActiveScene == nullptr || !ActiveScene->CastGround(WorldStart, WorldDirection, MaxDistanceCm, Hit) ||
+		IsObstructed(WorldStart, Hit.Location))
+	{
+		return false;
+	}
+	ActiveScene->Aim(Hit.Location, RadiusM);
+	return true;
+}
+
+bool UTerraportUserComponent::IsObstructed(const FVector& WorldStart, const FVector& WorldEnd) const
+{
+	const UWorld* World = GetWorld();
+	if (World == nullptr || Obstacles.Num() == 0)
+	{
+		return false;
+	}
+	FCollisionQueryParams Parameters;
+	Parameters.AddIgnoredActor(GetOwner());
+	// Its bodies, around feet or everywhere, are ground.
+	Parameters.AddIgnoredActor(Scene.Get());
+	return World->LineTraceTestByObjectType(WorldStart, WorldEnd, FCollisionObjectQueryParams(Obstacles), Parameters);
+}
+
 bool UTerraportUserComponent::TeleportTo(const FVector& WorldLocation, float YawDegrees)
+{
+	return Teleport(WorldLocation, YawDegrees, RadiusM);
+}
+
+bool UTerraportUserComponent::TeleportToPlace(const FString& Name)
+{
+	const ATerraportScene* ActiveScene = FindScene();
+	FTerraportPlace Place;
+	if (ActiveScene == nullptr || !ActiveScene->FindPlace(Name, Place))
+	{
+		return false;
+	}
+	double Turn = 0.0;
+	if (const AActor* Actor = Place.bIsView ? GetOwner() : nullptr)
+	{
+		// The head looks where the actor does, and beside.
+		const UCameraComponent* Camera = Actor->FindComponentByClass<UCameraComponent>();
+		Turn = Place.YawDegrees - (Camera != nullptr ? Camera->GetComponentRotation().Yaw : Actor->GetActorRotation().Yaw);
+	}
+	return Teleport(Place.Location, float(Turn), Place.RadiusM);
+}
+
+bool UTerraportUserComponent::Teleport(const FVector& WorldLocation, float YawDegrees, double LandingRadiusM)
 {
 	ATerraportScene* ActiveScene = FindScene();
 	if (ActiveScene == nullptr || !ActiveScene->IsOpen() || WorldLocation.ContainsNaN())
 	{
 		return false;
 	}
-	const int64 NewLanding = ActiveScene->Land(WorldLocation, RadiusM, Options);
+	const int64 NewLanding = ActiveScene->Land(WorldLocation, LandingRadiusM, Options);
 	if (NewLanding < 0)
 	{
 		return false;

@@ -36,6 +36,13 @@ struct TERRAPORT_API FTerraportMeshSettings
 	bool bCastShadow = false;
 };
 
+/** A mesh that a backend made: a component, and which of the component's meshes it is. */
+struct TERRAPORT_API FTerraportPiece
+{
+	UPrimitiveComponent* Component = nullptr;
+	int32 Index = 0;
+};
+
 /**
  * Draws meshes. Two are built in; another one (RealtimeMesh, a component of your own) is set by
  * ATerraportScene::SetMeshBackend before Open.
@@ -51,15 +58,19 @@ public:
 	virtual TUniquePtr<FTerraportPreparedMesh> Prepare(const FTerraportMeshPart& Part) const = 0;
 
 	/**
-	 * Make a component, attached to the owner's root with no offset, registered, and not to be seen yet. All of its cost for
-	 * the game thread should fall into this call, since the frame's time budget is measured around it. Null where that is
-	 * impossible.
+	 * Make a mesh, not to be seen yet, in a component that is attached to the owner's root with no offset and registered: a new
+	 * one, or one that has others already. All of its cost for the game thread should fall into this call, since the frame's
+	 * time budget is measured around it. A null component where that is impossible.
 	 */
-	virtual UPrimitiveComponent* Create(AActor& Owner, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material,
+	virtual FTerraportPiece Create(AActor& Owner, FTerraportPreparedMesh& Prepared, UMaterialInterface* Material,
 		const FTerraportMeshSettings& Settings) = 0;
 
-	/** Show or hide a component that Create made. */
-	virtual void SetShown(UPrimitiveComponent& Component, bool bShown) = 0;
+	/** Show or hide what Create made. */
+	virtual void SetShown(const FTerraportPiece& Piece, bool bShown) = 0;
+
+	/** Free what Create made. A component whose last piece this was is destroyed by the caller, afterwards; it may have been
+	 * destroyed with its level before. */
+	virtual void Remove(const FTerraportPiece& Piece) = 0;
 
 	/** Estimate of the bytes that a mesh takes: on the GPU, and what the component keeps in main memory. */
 	virtual SIZE_T BytesOf(int32 Vertices, int32 Indices) const = 0;

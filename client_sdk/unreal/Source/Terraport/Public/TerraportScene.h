@@ -81,10 +81,10 @@ public:
 
 	/** Which components draw the meshes. Counts when the scene is opened. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
-	ETerraportMeshes Meshes = ETerraportMeshes::Procedural;
+	ETerraportMeshes Meshes = ETerraportMeshes::Packed;
 
-	/** Cook collision for whatever is drawn, on task threads: for things that fall and roll. Teleports need none, see
-	 * CastGround. */
+	/** Cook collision for whatever is drawn, on task threads: for things that fall and roll. Draws by dynamic meshes. Teleports
+	 * need none, see CastGround; walking needs FeetOf alone. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
 	bool bCollision = false;
 
@@ -107,7 +107,22 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Performance")
 	bool bCastShadows = false;
 
-	/** Draws detail without textures, by its Vertex Color. Two-sided. Empty: the engine's debug material, for a first look. */
+	/** Show the base in the editor's viewport, and a landing below its camera. Nothing of it is saved with the level. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Preview")
+	bool bPreviewInEditor = false;
+
+	/** Radius of the preview's landings. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Preview",
+		meta = (ClampMin = "1", ClampMax = "10000", Units = "m"))
+	double PreviewRadiusM = 40.0;
+
+	/** Take the project's lights and cast shadows: by the lit ones of the materials that terraport_materials.py makes, where
+	 * none is chosen below. Off: the survey's own light, which costs least. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Materials")
+	bool bLit = false;
+
+	/** Draws detail without textures, by its Vertex Color. Two-sided. Empty: M_TerraportColour of /Game/Terraport; where that
+	 * was not made, the engine's debug material, for a first look. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Materials")
 	TObjectPtr<UMaterialInterface> ColourMaterial;
 
@@ -222,6 +237,19 @@ public:
 	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
 	bool GroundAt(const FVector& WorldLocation, FTerraportGroundHit& Hit) const;
 
+	/** The named regions as places to go to, by name, the largest of each name first; empty before the scene is open. */
+	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
+	TArray<FTerraportPlace> GetPlaces() const;
+
+	/** The place of that name, whatever its case; of several the largest. False where there is none. */
+	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
+	bool FindPlace(const FString& Name, FTerraportPlace& Place) const;
+
+	/** Coarser pieces that a region is part of, finest first: what a pick's Region lies in. Empty where the scene says nothing
+	 * of it. */
+	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
+	TArray<FTerraportCoarserPiece> GetCoarserPieces(int32 Region) const;
+
 	/** Whether base and connection were there once, since Open. */
 	UFUNCTION(BlueprintPure, Category = "Terraport")
 	bool IsOpen() const;
@@ -255,8 +283,19 @@ public:
 	virtual void BeginPlay() override;
 	virtual void EndPlay(const EEndPlayReason::Type EndPlayReason) override;
 	virtual void BeginDestroy() override;
+	/** Also without play, where the editor's viewport shows a preview. */
+	virtual bool ShouldTickIfViewportsOnly() const override;
+	/** Also where it is deleted in the editor. */
+	virtual void Destroyed() override;
+#if WITH_EDITOR
+	virtual void PostEditChangeProperty(FPropertyChangedEvent& Event) override;
+#endif
 
 private:
+	void TickSession();
+	/** Of the editor's world: open, and land where the viewport's camera has come to. */
+	void TickPreview();
+
 	UPROPERTY()
 	TObjectPtr<USceneComponent> Root;
 
@@ -264,12 +303,15 @@ private:
 	FTerraportTokenProvider TokenProvider;
 
 	/** What plain C++ points to, for the garbage collector. */
-	UPROPERTY(Transient)
+	UPROPERTY(Transient, DuplicateTransient)
 	TSet<TObjectPtr<UObject>> ReferencedObjects;
 
 	/** Shared with Tick alone, so that a listener may close the scene from within an event. */
 	TSharedPtr<FTerraportSession> Session;
 	TSharedPtr<ITerraportMeshBackend, ESPMode::ThreadSafe> CustomBackend;
+
+	/** Where the preview has landed last. */
+	TOptional<FVector> PreviewedAt;
 
 	/** A landing that was asked for before Open. */
 	bool bLandAtOpen = false;

@@ -60,10 +60,11 @@ struct TERRAPORT_API FTerraportBudgets
 UENUM(BlueprintType)
 enum class ETerraportMeshes : uint8
 {
-	/** UProceduralMeshComponent: shown and hidden without a new render state. */
-	Procedural,
-	/** UDynamicMeshComponent: for projects that go on with Geometry Script. Showing makes render states in the frame of the
-	 * swap. */
+	/** UTerraportGroundComponent: packed, on the graphics alone; up to 16 pieces a component, shown and hidden without a new
+	 * render state. */
+	Packed,
+	/** UDynamicMeshComponent: for projects that go on with Geometry Script, and whatever Collision is set. Some eight times the
+	 * memory, and showing makes render states in the frame of the swap. */
 	Dynamic,
 };
 

@@ -327,3 +327,61 @@ struct TERRAPORT_API FTerraportPick
 	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
 	TMap<FString, double> Attributes;
 };
+
+/** A named region, and where to stand to see it. */
+USTRUCT(BlueprintType)
+struct TERRAPORT_API FTerraportPlace
+{
+	GENERATED_BODY()
+
+	/** What people call it; several may have one name. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	FString Label;
+
+	/** Its number in this version, as picks have it. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	int32 Region = 0;
+
+	/** Square metres; 0 where the scene does not say. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	double AreaM2 = 0.0;
+
+	/** World space: on the ground where bIsView, else the region's middle. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	FVector Location = FVector::ZeroVector;
+
+	/** World yaw of who looks at it, degrees; counts with bIsView. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	double YawDegrees = 0.0;
+
+	/** Radius of a landing that shows it, metres. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	double RadiusM = 0.0;
+
+	/** The place was chosen for its view. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	bool bIsView = false;
+};
+
+/** A coarser piece of ground that a region is part of: the field's farm, the farm's valley. */
+USTRUCT(BlueprintType)
+struct TERRAPORT_API FTerraportCoarserPiece
+{
+	GENERATED_BODY()
+
+	/** What most of its named ground is called; empty where none has a name. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	FString Label;
+
+	/** Its regions, ascending. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	TArray<int32> Regions;
+
+	/** Square metres. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	double AreaM2 = 0.0;
+
+	/** What uniting them costs, from 1: more is coarser. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	double Cost = 0.0;
+};

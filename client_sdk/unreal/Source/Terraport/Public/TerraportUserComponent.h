@@ -2,6 +2,7 @@
 
 #include "Components/ActorComponent.h"
 #include "CoreMinimal.h"
+#include "Engine/EngineTypes.h"
 #include "TerraportTypes.h"
 
 #include "TerraportUserComponent.generated.h"
@@ -38,6 +39,10 @@ public:
 	/** What must be sharp first, metres, deadline and stall. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport")
 	FTerraportLandOptions Options;
+
+	/** Object types of your own things that stop an aim: walls, tables. The ground itself needs none. Empty: nothing does. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport")
+	TArray<TEnumAsByte<EObjectTypeQuery>> Obstacles;
 
 	/** Darken the camera by the player's camera manager. Needs post-processing: on mobile without Mobile HDR use OnDarken and
 	 * OnLighten. */
@@ -79,10 +84,24 @@ public:
 	UFUNCTION(BlueprintCallable, Category = "Terraport")
 	void Aim(const FVector& WorldLocation);
 
+	/** Aim along a ray of MaxDistanceCm. True, and where, if it meets ground before an obstacle; the scene then loads ahead.
+	 * Call it in every frame. */
+	UFUNCTION(BlueprintCallable, Category = "Terraport")
+	bool TryAim(const FVector& WorldStart, const FVector& WorldDirection, double MaxDistanceCm, FTerraportGroundHit& Hit);
+
+	/** Whether an obstacle lies between two locations: for an arc, piece by piece. */
+	UFUNCTION(BlueprintCallable, BlueprintPure = false, Category = "Terraport")
+	bool IsObstructed(const FVector& WorldStart, const FVector& WorldEnd) const;
+
 	/** Teleport: feet on the ground at this location, the head above it, looking the same way, turned by YawDegrees. One that
 	 * is under way is replaced. False without an open scene. */
 	UFUNCTION(BlueprintCallable, Category = "Terraport|Teleport")
 	bool TeleportTo(const FVector& WorldLocation, float YawDegrees = 0.0f);
+
+	/** Teleport to a named region: to where it is seen best, looking at it, with the radius that shows it. False where there is
+	 * no such name. */
+	UFUNCTION(BlueprintCallable, Category = "Terraport|Teleport")
+	bool TeleportToPlace(const FString& Name);
 
 	UFUNCTION(BlueprintPure, Category = "Terraport|Teleport")
 	bool IsTeleporting() const;
@@ -104,6 +123,7 @@ private:
 		Lightening,
 	};
 
+	bool Teleport(const FVector& WorldLocation, float YawDegrees, double LandingRadiusM);
 	void Enter(EPhase NewPhase);
 	/** Ends the dark when the landing is shown or refused, or after MaxDarkS. */
 	void TickWaiting();

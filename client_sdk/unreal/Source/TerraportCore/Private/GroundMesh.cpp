@@ -70,15 +70,21 @@ GroundMesh::Bounds GroundMesh::nothing() {
 }
 
 GroundMesh::GroundMesh(const SegmentMesh& mesh)
-    : positions_(std::size_t{3} * mesh.vertexCount),
-      indices_(mesh.indices.data(), mesh.indices.data() + mesh.indices.size()),
-      whole_(nothing()) {
+    : positions_(std::size_t{3} * mesh.vertexCount), faceCount_(mesh.faceCount), whole_(nothing()) {
   mesh.writePositions(positions_.data());
+  const std::size_t corners = mesh.indices.size();
+  if (mesh.vertexCount <= 65536) {
+    shortIndices_.resize(corners);
+    std::transform(mesh.indices.data(), mesh.indices.data() + corners, shortIndices_.begin(),
+        [](std::uint32_t index) { return static_cast<std::uint16_t>(index); });
+  } else {
+    longIndices_.assign(mesh.indices.data(), mesh.indices.data() + corners);
+  }
   boxes_.reserve((faceCount() + kBoxFaces - 1) / kBoxFaces);
-  for (std::size_t first = 0; first < indices_.size(); first += 3 * kBoxFaces) {
+  for (std::size_t first = 0; first < corners; first += 3 * kBoxFaces) {
     Bounds box = nothing();
-    for (std::size_t at = first; at < std::min(first + 3 * kBoxFaces, indices_.size()); ++at) {
-      box.grow(&positions_[std::size_t{3} * indices_[at]]);
+    for (std::size_t at = first; at < std::min(first + 3 * kBoxFaces, corners); ++at) {
+      box.grow(positionOf(at));
     }
     whole_.grow(box.low);
     whole_.grow(box.high);
@@ -118,7 +124,7 @@ bool GroundMesh::gather(
     for (std::size_t face = box * kBoxFaces; face < end; ++face) {
       Bounds bounds = nothing();
       for (std::size_t corner = 0; corner < 3; ++corner) {
-        bounds.grow(&positions_[std::size_t{3} * indices_[3 * face + corner]]);
+        bounds.grow(positionOf(3 * face + corner));
       }
       if ((hidden != nullptr && hidden[face] != 0) || !bounds.meetsCube(centre, halfM)) {
         continue;
@@ -127,7 +133,7 @@ bool GroundMesh::gather(
         return false;
       }
       for (std::size_t corner = 0; corner < 3; ++corner) {
-        const float* position = &positions_[std::size_t{3} * indices_[3 * face + corner]];
+        const float* position = positionOf(3 * face + corner);
         corners.insert(corners.end(), position, position + 3);
       }
     }
@@ -164,7 +170,7 @@ bool GroundMesh::meets(std::size_t face, const Vec3& origin, const Vec3& directi
 }
 
 Vec3 GroundMesh::corner(std::size_t at) const {
-  const float* position = &positions_[std::size_t{3} * indices_[at]];
+  const float* position = positionOf(at);
   return {double{position[0]}, double{position[1]}, double{position[2]}};
 }
 

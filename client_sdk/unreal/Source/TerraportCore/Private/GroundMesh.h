@@ -15,7 +15,7 @@ class GroundMesh {
  public:
   explicit GroundMesh(const SegmentMesh& mesh);
 
-  std::uint32_t faceCount() const { return static_cast<std::uint32_t>(indices_.size() / 3); }
+  std::uint32_t faceCount() const { return faceCount_; }
 
   /// Take the nearest point of a ray at 0 <= at <= nearest.at into `nearest`; whether there was one. Both sides of a face
   /// count. Faces with 1 in `hidden` are not there; null hides none.
@@ -37,10 +37,18 @@ class GroundMesh {
   static Bounds nothing();
 
   bool meets(std::size_t face, const Vec3& origin, const Vec3& direction, GroundPoint& nearest) const;
+  /// Position of a corner, by its place in the indices: three numbers.
+  const float* positionOf(std::size_t at) const {
+    const std::size_t vertex = shortIndices_.empty() ? longIndices_[at] : shortIndices_[at];
+    return &positions_[3 * vertex];
+  }
   Vec3 corner(std::size_t at) const;
 
   std::vector<float> positions_;
-  std::vector<std::uint32_t> indices_;
+  /// One of the two, the short where they do: a segment's nearly always, and they are half of what a face takes.
+  std::vector<std::uint16_t> shortIndices_;
+  std::vector<std::uint32_t> longIndices_;
+  std::uint32_t faceCount_ = 0;
   std::vector<Bounds> boxes_;
   Bounds whole_;
 };

@@ -42,8 +42,9 @@ using RegionLabels = std::unordered_map<std::uint32_t, std::string>;
 /// Read labels.json. A file that is damaged gives no label at all: a name must never take the ground away.
 RegionLabels readLabels(ByteSpan json);
 
-/// Read regions.json. Everything but the order is informative: a fact that is missing, or not what it should be, is absent.
-Status readRegions(ByteSpan json, const RegionLabels& labels, std::vector<RegionFacts>& out);
+/// Read regions.json. Everything but the order is informative: a fact that is missing, or not what it should be, is absent, and
+/// unions end with the first that is not as it should be.
+Status readRegions(ByteSpan json, const RegionLabels& labels, std::vector<RegionFacts>& out, std::vector<RegionUnion>& unions);
 
 /// JSON text of a file.
 inline std::string_view textOf(ByteSpan bytes) {

@@ -68,6 +68,15 @@ bool isLabel(std::string_view text) {
   return !text.empty() && !hasControls(text) && !hasBlankEnds(text) && codePointCount(text) <= kLongestLabel;
 }
 
+std::optional<RegionPlace> placeOf(JsonValue value) {
+  const auto position = tripleOf(value.member("position"));
+  const auto heading = numberOf(value.member("heading_deg")), radius = numberOf(value.member("radius_m"));
+  if (!position || !heading || !radius || *radius <= 0.0) {
+    return std::nullopt;
+  }
+  return RegionPlace{*position, *heading, *radius};
+}
+
 RegionFacts readRegion(JsonValue region, std::uint32_t id, const RegionLabels& labels) {
   RegionFacts facts;
   facts.id = id;
@@ -83,7 +92,22 @@ RegionFacts readRegion(JsonValue region, std::uint32_t id, const RegionLabels& l
   facts.meanColour = tripleOf(region.member("mean_colour"));
   facts.slopeDeg = numberOf(region.member("slope_deg").member("mean"));
   facts.centroid = tripleOf(region.member("centroid"));
+  facts.place = placeOf(region.member("place"));
   return facts;
+}
+
+/// None where a number is missing, an end is not of the pieces before, or the two are one or in another order.
+std::optional<RegionUnion> unionOf(JsonValue row, std::size_t pieces) {
+  if (!row.isList() || row.size() != 3) {
+    return std::nullopt;
+  }
+  auto item = row.items().begin();
+  const auto one = wholeOf(*item), other = wholeOf(*++item);
+  const auto cost = numberOf(*++item);
+  if (!one || !other || !cost || *one >= *other || *other >= pieces) {
+    return std::nullopt;
+  }
+  return RegionUnion{*one, *other, *cost};
 }
 
 }  // namespace
@@ -116,8 +140,9 @@ RegionLabels readLabels(ByteSpan json) {
   return labels;
 }
 
-Status readRegions(ByteSpan json, const RegionLabels& labels, std::vector<RegionFacts>& out) {
+Status readRegions(ByteSpan json, const RegionLabels& labels, std::vector<RegionFacts>& out, std::vector<RegionUnion>& unions) {
   out.clear();
+  unions.clear();
   JsonDocument document;
   JsonLimits limits;
   limits.maxBytes = kMaxRegionsBytes;
@@ -133,6 +158,16 @@ Status readRegions(ByteSpan json, const RegionLabels& labels, std::vector<Region
       return Status::damaged("region " + std::to_string(id) + " has another id, expected its position");
     }
     out.push_back(readRegion(region, id, labels));
+  }
+  const JsonValue rows = document.root().member("unions");
+  if (rows.isList()) {
+    for (const JsonValue row : rows.items()) {
+      const auto next = unionOf(row, out.size() + unions.size());
+      if (!next) {
+        break;  // what follows would name pieces that are not there
+      }
+      unions.push_back(*next);
+    }
   }
   return {};
 }

@@ -37,7 +37,7 @@ Status decodeAll(const CheckedManifest& checked, const SceneFileBytes& bytes, Sc
   TERRAPORT_RETURN_IF_ERROR(
       decodeCover(viewOf(*bytes.baseCover), checked.manifest.baseFaces, checked.manifest.segmentCount, files.cover));
   const RegionLabels labels = bytes.labelsJson ? readLabels(viewOf(*bytes.labelsJson)) : RegionLabels();
-  return readRegions(viewOf(*bytes.regionsJson), labels, files.regions);
+  return readRegions(viewOf(*bytes.regionsJson), labels, files.regions, files.unions);
 }
 
 }  // namespace

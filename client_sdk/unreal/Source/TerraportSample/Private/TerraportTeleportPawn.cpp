@@ -136,7 +136,12 @@ bool ATerraportTeleportPawn::FindTarget(FVector& Target) const
 	{
 		const FVector Displacement = Velocity * ArcStepS;
 		FTerraportGroundHit Hit;
-		if (Scene->CastGround(Point, Displacement, Displacement.Size(), Hit))
+		const bool bMet = Scene->CastGround(Point, Displacement, Displacement.Size(), Hit);
+		if (User->IsObstructed(Point, bMet ? Hit.Location : Point + Displacement))
+		{
+			return false;
+		}
+		if (bMet)
 		{
 			Target = Hit.Location;
 			const double SlopeDeg = std::acos(FMath::Clamp(Hit.Normal.Z, -1.0, 1.0)) * DegreesPerRadian;

@@ -14,6 +14,7 @@
 #include "Engine/World.h"
 #include "Misc/ConfigCacheIni.h"
 #include "Modules/ModuleManager.h"
+#include "PrimitiveSceneProxy.h"
 #include "ProceduralMeshComponent.h"
 
 #include <algorithm>
@@ -22,6 +23,7 @@
 #include <cstdio>
 #include <cstdlib>
 #include <functional>
+#include <memory>
 #include <string>
 #include <thread>
 
@@ -55,24 +57,42 @@ void Expect(bool bHolds, const char* Rule)
 struct FDrawn
 {
 	int64 Triangles = 0;
+	int Pieces = 0;
 	int Components = 0;
 	int Alive = 0;
 };
 
+TArray<const FSceneView*> OneView()
+{
+	static const FSceneView Everything;
+	TArray<const FSceneView*> Views;
+	Views.Add(&Everything);
+	return Views;
+}
+
+/// What the render thread would draw, of every component that is there.
 FDrawn Drawn()
 {
 	FDrawn All;
-	for (const UProceduralMeshComponent* Component : UProceduralMeshComponent::StubAll)
+	const TArray<const FSceneView*> Views = OneView();
+	for (UPrimitiveComponent* Component : UPrimitiveComponent::StubAll)
 	{
-		if (!IsValid(Component))
+		if (!IsValid(Component) || !Component->bStubRegistered)
 		{
 			continue;
 		}
 		++All.Alive;
-		if (Component->bStubRegistered && Component->StubSection.bSectionVisible)
+		FMeshElementCollector Collector;
+		const std::unique_ptr<FPrimitiveSceneProxy> Proxy(Component->CreateSceneProxy());
+		if (Proxy)
 		{
-			++All.Components;
-			All.Triangles += Component->StubSection.ProcIndexBuffer.Num() / 3;
+			Proxy->GetDynamicMeshElements(Views, FSceneViewFamily(), 1, Collector);
+		}
+		All.Components += Collector.StubMeshes.empty() ? 0 : 1;
+		for (const auto& Mesh : Collector.StubMeshes)
+		{
+			++All.Pieces;
+			All.Triangles += Mesh.second->Elements[0].NumPrimitives;
 		}
 	}
 	return All;
@@ -201,6 +221,52 @@ double SolidHeight(const FVector& At)
 	return Highest;
 }
 
+/// An aim meets ground, unless something of the asked types stands before it.
+void ExpectObstacles(FVisit& Visit, const FVector& Above)
+{
+	FTerraportGroundHit Hit;
+	const FVector Down(0.2, 0.0, -1.0);
+	Visit.World.StubWallX = Above.X + 1.0;
+	Visit.World.StubWallType = ObjectTypeQuery2;
+	Expect(Visit.User.TryAim(Above, Down, 1.0e6, Hit), "without a mask nothing stops an aim");
+	Visit.User.Obstacles.Add(ObjectTypeQuery1);
+	Expect(Visit.User.TryAim(Above, Down, 1.0e6, Hit), "what is of another type does not stop it");
+	Visit.User.Obstacles.Add(ObjectTypeQuery2);
+	Expect(!Visit.User.TryAim(Above, Down, 1.0e6, Hit), "what is of that type does");
+	Visit.World.StubWallOf = &Visit.Scene;
+	Expect(Visit.User.TryAim(Above, Down, 1.0e6, Hit), "the scene's own bodies are ground");
+	Visit.User.Obstacles.Reset();
+}
+
+/// In the editor: base and landing below the viewport's camera, anew when it has moved, and gone when it is switched off.
+void ExpectPreview(FVisit& Visit, const FVector& Middle)
+{
+	Visit.World.WorldType = EWorldType::Editor;
+	Visit.Scene.StubWorld = &Visit.World;
+	Visit.Scene.Close();
+	Visit.World.ViewLocationsRenderedLastFrame.Add(Middle + FVector(0.0, 0.0, 5.0e4));
+	Visit.Scene.Tick(0.005f);
+	Expect(!Visit.Scene.ShouldTickIfViewportsOnly() && Drawn().Alive == 0, "without the switch there is no preview");
+	Visit.Scene.bPreviewInEditor = true;
+	Visit.Scene.PreviewRadiusM = 15.0;
+	const int SwapsBefore = Visit.Swaps;
+	Expect(Visit.Scene.ShouldTickIfViewportsOnly(), "it ticks without play");
+	Expect(Visit.Until([&] { return Visit.Swaps > SwapsBefore && Visit.Scene.TakeStats().VisibleSegments > 0; }),
+		"the preview lands below the camera");
+	const int64 Landing = Visit.Scene.GetStatus().Landing;
+	Visit.World.ViewLocationsRenderedLastFrame[0] += FVector(100.0, 0.0, 0.0);
+	Visit.Scene.Tick(0.005f);
+	Expect(Visit.Scene.GetStatus().Landing == Landing, "a metre aside nothing is asked for");
+	Visit.World.ViewLocationsRenderedLastFrame[0] += FVector(900.0, 0.0, 0.0);
+	Visit.Scene.Tick(0.005f);
+	Expect(Visit.Scene.GetStatus().Landing == Landing + 1, "farther away it lands anew");
+	Visit.Scene.bPreviewInEditor = false;
+	FPropertyChangedEvent Event;
+	Visit.Scene.PostEditChangeProperty(Event);
+	Visit.Scene.Tick(0.005f);
+	Expect(Drawn().Alive == 0 && FRenderResource::StubGpuBytes == 0, "switched off, nothing of it is left");
+}
+
 /// Bodies stand where feet do: the ground is solid around them, wherever they have walked.
 void ExpectSolid(FVisit& Visit)
 {
@@ -256,6 +322,7 @@ int main(int Count, char** Arguments)
 	const int64 FirstBytes = Visit.Scene.TakeStats().PayloadBytes;
 	ExpectShown(Visit, First);
 	const FDrawn AtFirst = Drawn();
+	const int64 GpuAtFirst = FRenderResource::StubGpuBytes;
 
 	// 3. Two at once: the newer one counts, and the older one is never shown.
 	Visit.Scene.Land(Corner, RadiusM, FTerraportLandOptions());
@@ -284,6 +351,14 @@ int main(int Count, char** Arguments)
 		"the feet are on the ground");
 
 	ExpectSolid(Visit);
+	ExpectObstacles(Visit, Middle + FVector(0.0, 0.0, 1.0e5));
+	FTerraportPlace Place;
+	Expect(!Visit.Scene.FindPlace(TEXT("no such place"), Place) && !Visit.User.TeleportToPlace(TEXT("no such place")),
+		"a name that nobody gave is no place");
+	for (const FTerraportPlace& Each : Visit.Scene.GetPlaces())
+	{
+		Expect(Visit.Scene.FindPlace(Each.Label, Place) && Place.RadiusM > 0.0, "each place is found by its name");
+	}
 
 	ExpectTogether(Visit, Middle, RadiusM);
 
@@ -297,14 +372,17 @@ int main(int Count, char** Arguments)
 	const FTerraportStats Stats = Visit.Scene.TakeStats();
 	Visit.Scene.EndPlay(EEndPlayReason::Destroyed);
 	Expect(Drawn().Alive == 0, "closing leaves no component");
+	Expect(FRenderResource::StubGpuBytes == 0, "closing leaves nothing on the graphics");
+	ExpectPreview(Visit, Middle);
 	// Decodes that were under way end by themselves.
 	std::this_thread::sleep_for(std::chrono::milliseconds(300));
-	std::printf(
-		"{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"components\": %d}, \"last\": {\"triangles\": %lld, "
-		"\"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, \"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
-		"\"rounds\": %d, \"payload_bytes\": %lld, \"warnings\": %zu}}\n",
-		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Components, Last.Triangles, Last.Components,
-		UProceduralMeshComponent::StubAll.size(), Stats.PayloadBytes, After.FrameTimeS, After.Frames - Before.Frames,
-		After.Rounds - Before.Rounds, FirstBytes, Warnings);
+	std::printf("{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d, "
+				"\"gpu_bytes\": %lld}, "
+				"\"last\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, "
+				"\"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
+				"\"rounds\": %d, \"payload_bytes\": %lld, \"warnings\": %zu}}\n",
+		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Pieces, AtFirst.Components, GpuAtFirst, Last.Triangles, Last.Pieces,
+		Last.Components, UPrimitiveComponent::StubAll.size(), Stats.PayloadBytes, After.FrameTimeS,
+		After.Frames - Before.Frames, After.Rounds - Before.Rounds, FirstBytes, Warnings);
 	return Faults == 0 ? 0 : 1;
 }

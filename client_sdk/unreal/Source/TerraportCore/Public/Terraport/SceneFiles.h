@@ -61,6 +61,16 @@ struct Cover {
   std::uint32_t faceCount() const { return offsets.empty() ? 0 : static_cast<std::uint32_t>(offsets.size() - 1); }
 };
 
+/// Where a region is seen best.
+struct RegionPlace {
+  /// On the ground, metres, scene frame.
+  Vec3 position;
+  /// Where to look, clockwise from north.
+  double headingDeg = 0.0;
+  /// Of a landing that shows the region.
+  double radiusM = 0.0;
+};
+
 /// One row of regions.json, with the label of labels.json. What is absent is not known.
 struct RegionFacts {
   std::uint32_t id = 0;
@@ -71,6 +81,14 @@ struct RegionFacts {
   std::optional<Vec3> meanColour;
   std::optional<double> slopeDeg;
   std::optional<Vec3> centroid;
+  std::optional<RegionPlace> place;
+};
+
+/// Two pieces that are united at a cost: regions by their id, or R + m for what union m made, R being the regions' number.
+struct RegionUnion {
+  std::uint32_t one = 0;
+  std::uint32_t other = 0;
+  double cost = 0.0;
 };
 
 /// Everything that is loaded once for a version of a scene. Shared, and never changed after loading.
@@ -81,6 +99,8 @@ struct SceneFiles {
   SharedPayload basePayload;
   Cover cover;
   std::vector<RegionFacts> regions;
+  /// How regions unite to coarser pieces; empty where the scene does not say.
+  std::vector<RegionUnion> unions;
 };
 
 using SharedSceneFiles = std::shared_ptr<const SceneFiles>;
