@@ -110,16 +110,15 @@ class Units:
         outer = self.contact[~inner]
         turned = ends[~inner, 0] > ends[~inner, 1]
         outer[turned, 3:] *= -1.0
-        low, high = np.sort(ends[~inner], axis=1).T.astype(np.int64)
-        key, row = np.unique(low * count + high, return_inverse=True)
+        pairs, contact = _summed_contacts(np.sort(ends[~inner], axis=1), outer, count)
         name = np.full(count, np.iinfo(np.int32).max, np.int32)
         np.minimum.at(name, node, self.name)
         return Units(
             _sums(node, self.sums, count),
             _sums(node, self.around, count),
             within,
-            np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32),
-            _sums(row, outer, len(key)),
+            pairs,
+            contact,
             name,
         )
 
@@ -256,6 +255,35 @@ def _sums(labels: Int32 | Int64, values: Float64, count: int) -> Float64:
     for column in range(values.shape[1]):
         sums[:, column] = np.bincount(labels, values[:, column], count)
     return sums
+
+
+@numba.njit(cache=True, nogil=True)
+def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, Float64]:
+    """Sum up rows of equal ends, in order of the lower end, then the other; equal ones in theirs.
+
+    By counting, twice: half the time of sorting, and the sums are those to the last bit.
+    """
+    order = np.arange(len(ends))
+    for side in (1, 0):
+        start = np.zeros(count + 1, np.int64)
+        for row in range(len(ends)):
+            start[ends[row, side] + 1] += 1
+        for unit in range(count):
+            start[unit + 1] += start[unit]
+        sorted_rows = np.empty_like(order)
+        for row in order:
+            sorted_rows[start[ends[row, side]]] = row
+            start[ends[row, side]] += 1
+        order = sorted_rows
+    pairs = np.empty((len(ends), 2), np.int32)
+    sums = np.zeros(values.shape, np.float64)
+    last = -1
+    for row in order:
+        if last < 0 or pairs[last, 0] != ends[row, 0] or pairs[last, 1] != ends[row, 1]:
+            last += 1
+            pairs[last] = ends[row]
+        sums[last] += values[row]
+    return pairs[: last + 1].copy(), sums[: last + 1].copy()
 
 
 @numba.njit(cache=True, nogil=True)
