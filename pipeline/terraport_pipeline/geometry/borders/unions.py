@@ -26,15 +26,16 @@ within them. The cost of uniting two has no unit; it is
 A unit's size is that of its outline, not of its surface (the length of its area vector): a tree's
 crown has four times the surface of the ground that it stands on.
 
-A round: every unit chooses the neighbour of least cost (ties: lower scramble of their names,
-``merge_order.py``). Units that choose each other are united, and a unit joins its choice where that
-has at least four times its area, and does not itself join another in that way.
+A round: every unit chooses the neighbour of least cost (ties: lower mix of their names). Units that
+choose each other are united, and a unit joins its choice where that has at least four times its
+area, and does not itself join another in that way.
 
 PURE: no I/O, no clock. Each round is linear in what is left.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -43,7 +44,6 @@ import numpy as np
 
 from terraport_payload.types import Bool, Float64, Int32, Int64
 from terraport_pipeline.geometry.regions.mean_units import join_choices
-from terraport_pipeline.geometry.regions.merge_order import scramble
 
 __all__ = ["CostRule", "Units", "unite_level", "unite_seeds"]
 
@@ -73,6 +73,10 @@ class CostRule:
     """Gradient over a cell times this is a step's height: near means blur a step over two cells."""
     small_power: float = 0.5
     contact_power: float = 0.4
+    run: int = 0
+    """Number of the run; from 1 on every cost is off by a chance of its own (``consensus.py``)."""
+    chance: float = 0.15
+    """Standard deviation of the logarithm of that."""
     held_power: float = 0.7
     """Logarithm of the factor along a border that stood before, and against one within."""
 
@@ -93,8 +97,10 @@ class Units:
     """(E, 3 + K): length in metres; length times gradient; length times +1 where the border stood
     before, -1 where both sides were one region, 0 where nothing is known; length times the step of
     the features from the lower unit to the other."""
-    name: Int32
-    """(U,) lowest cell."""
+    name: Int64
+    """(U,) lowest key of a cell: a place, whatever else was flown."""
+    agreed: Float64 | None = None
+    """(E,) length times the cost at which runs agreed to unite (``consensus.py``), if they did."""
 
     @property
     def count(self) -> int:
@@ -110,17 +116,19 @@ class Units:
         outer = self.contact[~inner]
         turned = ends[~inner, 0] > ends[~inner, 1]
         outer[turned, 3:] *= -1.0
-        low, high = np.sort(ends[~inner], axis=1).T.astype(np.int64)
-        key, row = np.unique(low * count + high, return_inverse=True)
-        name = np.full(count, np.iinfo(np.int32).max, np.int32)
+        if self.agreed is not None:
+            outer = np.column_stack([outer, self.agreed[~inner]])
+        pairs, contact = _summed_contacts(np.sort(ends[~inner], axis=1), outer, count)
+        name = np.full(count, np.iinfo(np.int64).max, np.int64)
         np.minimum.at(name, node, self.name)
         return Units(
             _sums(node, self.sums, count),
             _sums(node, self.around, count),
             within,
-            np.stack(np.divmod(key, max(count, 1)), axis=1).astype(np.int32),
-            _sums(row, outer, len(key)),
+            pairs,
+            contact if self.agreed is None else contact[:, :-1],
             name,
+            None if self.agreed is None else contact[:, -1],
         )
 
     def too_small(self, rule: CostRule) -> Bool:
@@ -171,7 +179,10 @@ class Units:
         perimeter = self.perimeters()
         shorter = np.minimum(perimeter[low], perimeter[high])
         cost *= (shorter / length) ** rule.contact_power
-        result: Float64 = cost * np.exp(rule.held_power * self.contact[:, 2] / length)
+        cost *= np.exp(rule.held_power * self.contact[:, 2] / length)
+        if rule.run:
+            cost *= np.exp(rule.chance * _chances(self.name[low], self.name[high], rule.run))
+        result: Float64 = cost
         return result
 
 
@@ -211,18 +222,23 @@ def unite_seeds(units: Units, seed_m2: float, rule: CostRule) -> tuple[Units, In
 
 
 def unite_level(
-    units: Units, rule: CostRule, limit: float, *, small: bool = False
+    units: Units,
+    cost_of: Callable[[Units], Float64],
+    limit: float,
+    *,
+    small: CostRule | None = None,
 ) -> tuple[Units, list[Int32]]:
     """Unite as long as that costs at most ``limit``.
 
     Parameters
     ----------
     units : Units
-    rule : CostRule
+    cost_of : function
+        Gives the cost of uniting over every contact, (E,).
     limit : float
         Most cost of a union.
-    small : bool
-        Whether only unions count of which one side is too small.
+    small : CostRule, optional
+        Only unions count of which one side is too small by this.
 
     Returns
     -------
@@ -233,9 +249,9 @@ def unite_level(
     """
     rounds = []
     for _ in range(_MOST_ROUNDS):
-        cost = units.cost(rule)
-        if small:
-            cost[~units.too_small(rule)[units.pairs].any(axis=1)] = np.inf
+        cost = cost_of(units)
+        if small is not None:
+            cost[~units.too_small(small)[units.pairs].any(axis=1)] = np.inf
         node, count = _chosen(units, cost, limit, units.sums[:, 0])
         if count == units.count:
             break
@@ -258,9 +274,65 @@ def _sums(labels: Int32 | Int64, values: Float64, count: int) -> Float64:
     return sums
 
 
+@numba.njit(cache=True, inline="always")
+def _mixed(a: int, b: int, run: int) -> np.uint64:
+    """Mix two names, in either order, and a number into 64 bits (finalisers of splitmix64)."""
+    x = np.uint64(min(a, b)) + np.uint64(run) * np.uint64(0x9E3779B97F4A7C15)
+    for other in (np.uint64(max(a, b)), np.uint64(0)):
+        x ^= x >> np.uint64(30)
+        x *= np.uint64(0xBF58476D1CE4E5B9)
+        x ^= x >> np.uint64(27)
+        x *= np.uint64(0x94D049BB133111EB)
+        x ^= x >> np.uint64(31)
+        x += other
+    return x
+
+
 @numba.njit(cache=True, nogil=True)
-def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int32) -> Int32:
-    """Choose for every unit the neighbour of least finite cost; of equals the lower scramble."""
+def _chances(first: Int64, second: Int64, run: int) -> Float64:
+    """Numbers of mean 0 and deviation 1 by names and run, (E,): four parts of the mix summed."""
+    chances = np.empty(len(first), np.float64)
+    for row in range(len(first)):
+        mixed = _mixed(first[row], second[row], run)
+        total = 0.0
+        for part in range(4):
+            total += float((mixed >> np.uint64(16 * part)) & np.uint64(0xFFFF))
+        chances[row] = (total / 65535.0 - 2.0) * np.sqrt(3.0)
+    return chances
+
+
+@numba.njit(cache=True, nogil=True)
+def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, Float64]:
+    """Sum up rows of equal ends, in order of the lower end, then the other; equal ones in theirs.
+
+    By counting, twice: half the time of sorting, and the sums are those to the last bit.
+    """
+    order = np.arange(len(ends))
+    for side in (1, 0):
+        start = np.zeros(count + 1, np.int64)
+        for row in range(len(ends)):
+            start[ends[row, side] + 1] += 1
+        for unit in range(count):
+            start[unit + 1] += start[unit]
+        sorted_rows = np.empty_like(order)
+        for row in order:
+            sorted_rows[start[ends[row, side]]] = row
+            start[ends[row, side]] += 1
+        order = sorted_rows
+    pairs = np.empty((len(ends), 2), np.int32)
+    sums = np.zeros(values.shape, np.float64)
+    last = -1
+    for row in order:
+        if last < 0 or pairs[last, 0] != ends[row, 0] or pairs[last, 1] != ends[row, 1]:
+            last += 1
+            pairs[last] = ends[row]
+        sums[last] += values[row]
+    return pairs[: last + 1].copy(), sums[: last + 1].copy()
+
+
+@numba.njit(cache=True, nogil=True)
+def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int64) -> Int32:
+    """Choose for every unit the neighbour of least finite cost; of equals the lower mix."""
     choice = np.full(count, -1, np.int32)
     least = np.full(count, np.inf)
     for i in range(len(pairs)):
@@ -270,7 +342,7 @@ def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int32) 
             u, v = pairs[i, side], pairs[i, 1 - side]
             if cost[i] < least[u] or (
                 cost[i] == least[u]
-                and scramble(name[u], name[v]) < scramble(name[u], name[choice[u]])
+                and _mixed(name[u], name[v], 0) < _mixed(name[u], name[choice[u]], 0)
             ):
                 least[u] = cost[i]
                 choice[u] = v
