@@ -51,6 +51,7 @@ class SecureContext:
         # A send encrypts all it is given; and who waits for something to read has no buffer.
         context.clear_mode(Binding.lib.SSL_MODE_ENABLE_PARTIAL_WRITE)
         context.set_mode(SSL.MODE_RELEASE_BUFFERS)
+        context.set_session_cache_mode(SSL.SESS_CACHE_OFF)  # clients keep theirs, as tickets
         for path in (certificate, key):
             path.read_bytes()  # OpenSSL does not say which is missing
         try:

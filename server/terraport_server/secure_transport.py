@@ -265,6 +265,8 @@ class SecureTransport(SendingTransport):
         if self._is_paused or self._is_closing:
             self._unwatch()
             return
+        if self._rest_is_due:
+            return  # what was read goes first, or a peer's tiny records would gather here
         try:
             heard = self._connection.recv(READ_BYTES)
         except BlockingIOError:

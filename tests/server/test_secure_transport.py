@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from cryptography.hazmat.bindings.openssl.binding import Binding
 from server.test_access_watch import write_certificate
 
 from terraport_server import secure_rooms
 from terraport_server.secure_context import SecureContext
-from terraport_server.secure_transport import SecureTransport
+from terraport_server.secure_transport import READ_BYTES, SecureTransport
 from terraport_server.small_reads import SmallReads
 
 MIB = 1 << 20
@@ -223,6 +224,28 @@ def test_tiny_records_are_handed_on_together(tmp_path: Path) -> None:
         assert 600 / 32 - 1 < len(peer.reads) < 100
 
     with_peer(tmp_path, work)
+
+
+def test_tiny_records_do_not_gather(tmp_path: Path) -> None:
+    """They were read faster than they were taken apart."""
+    library = Binding.lib
+    waiting: list[int] = []
+
+    async def work(peer: Peer, ends: Client) -> None:
+        hear = peer.data_received
+
+        def note(data: bytes) -> None:
+            hear(data)
+            where = Binding.ffi.new("char **")
+            waiting.append(library.BIO_get_mem_data(peer.transport._heard, where))
+
+        peer.data_received = note  # type: ignore[method-assign]
+        for number in range(8000):  # 184 kB
+            ends[1].write(bytes((number % 256,)))
+        await until(lambda: len(peer.came) == 8000)
+
+    with_peer(tmp_path, work)
+    assert 0 < max(waiting) <= READ_BYTES + 16_500
 
 
 def test_a_close_sends_what_waits_and_says_that_it_was_all(tmp_path: Path) -> None:

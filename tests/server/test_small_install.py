@@ -10,8 +10,8 @@ SAMPLE = Path(__file__).resolve().parents[2] / "data"
 
 BUILDS_AND_TILES = (
     "cryptography", "embreex", "fast_simplification", "jinja2", "laspy", "numba", "obstore",
-    "OpenSSL", "PIL", "psutil",    "pyarrow", "pycolmap", "pye57", "pypcd4", "pyproj", "rasterio", "reportlab", "scipy", "shapely",
-    "sklearn", "trimesh",
+    "OpenSSL", "PIL", "psutil", "pyarrow", "pycolmap", "pye57", "pypcd4", "pyproj", "rasterio",
+    "reportlab", "scipy", "shapely", "sklearn", "trimesh",
 )  # fmt: skip
 """Imports that other extras bring."""
 
