@@ -9,11 +9,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import ssl
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from terraport_server.auth import Gate, TokenPass, Withdrawal, static_tokens
 from terraport_server.errors import SettingsError
@@ -21,6 +20,9 @@ from terraport_server.logs import LOGGER, log
 from terraport_server.metrics import Metrics
 from terraport_server.settings import Settings
 from terraport_server.token_keys import read_keys
+
+if TYPE_CHECKING:
+    from terraport_server.secure_context import SecureContext
 
 __all__ = ["AccessWatch", "Visitor"]
 
@@ -96,7 +98,7 @@ class AccessWatch:
         if keys is not None:
             self._files.append(_Watched("token_keys", (keys,), keys_again))
 
-    def watch_certificate(self, context: ssl.SSLContext) -> None:
+    def watch_certificate(self, context: SecureContext) -> None:
         """Load the certificate into this context again when it changes, for new connections."""
         certificate, key = self._settings.tls_certificate, self._settings.tls_key
         assert certificate is not None
@@ -104,12 +106,11 @@ class AccessWatch:
 
         def certificate_again() -> Callable[[], None]:
             try:
-                # A pair that does not belong together must not get half into the context in use.
-                ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(certificate, key)
+                read = context.load()
             except OSError as error:
                 what = f"{error}, expected a certificate and its key in PEM"
                 raise SettingsError("tls_certificate", what) from None
-            return lambda: context.load_cert_chain(certificate, key)
+            return lambda: context.use(read)
 
         self._files.append(_Watched("tls", (certificate, key), certificate_again))
 

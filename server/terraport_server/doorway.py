@@ -10,11 +10,13 @@ from __future__ import annotations
 
 import asyncio
 import socket
-import ssl
 from collections.abc import Callable
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from terraport_server.entrance import Entrance
+
+if TYPE_CHECKING:
+    from terraport_server.secure_context import SecureContext
 
 __all__ = ["Doorway"]
 
@@ -54,7 +56,7 @@ class Doorway:
         entrance: Entrance,
         refused: Callable[[str, str, str], None],
         *,
-        tls: ssl.SSLContext | None,
+        tls: SecureContext | None,
         handshake_timeout_s: float,
         max_coming: int,
     ) -> None:
@@ -64,7 +66,7 @@ class Doorway:
         self._entrance = entrance
         self._refused = refused
         self._tls = tls
-        self._timeout_s = None if tls is None else handshake_timeout_s
+        self._timeout_s = handshake_timeout_s
         self._max_coming = max_coming
         self._coming: set[asyncio.Task[None]] = set()
         self._accepting = self._loop.create_task(self._accept())
@@ -119,11 +121,9 @@ class Doorway:
         connection.setblocking(False)
         try:
             with self._entrance.coming(key):
-                await self._loop.connect_accepted_socket(
-                    self._make_connection,
-                    connection,
-                    ssl=self._tls,
-                    ssl_handshake_timeout=self._timeout_s,
-                )
+                if self._tls is None:
+                    await self._loop.connect_accepted_socket(self._make_connection, connection)
+                else:
+                    await self._tls.accept(connection, self._make_connection, self._timeout_s)
         except OSError:  # gone, or no TLS
             connection.close()

@@ -2,7 +2,9 @@
 
 uvicorn does not have it. With it a range of an open file goes from the page cache to the socket,
 and the head of the answer with its first bytes, in one segment: two system calls for a body that
-the socket takes at once. Not under TLS, and not on every system: an application asks the scope.
+the socket takes at once. Under TLS it is read piece by piece, as the socket takes it, through one
+buffer for all connections: no client that reads slowly has more of a body here than a piece. Not
+on every system: an application asks the scope.
 
 The transport's buffer must be empty, so that nothing is overtaken; where it is not, which takes a
 client that sends requests ahead, the bytes are read and go through the transport like any others.
@@ -18,6 +20,8 @@ from http import HTTPStatus
 from typing import Any, Final
 
 from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
+
+from terraport_server.sending_transport import READ_ROOM_BYTES, SendingTransport
 
 __all__ = ["FILES", "FileSender", "with_files"]
 
@@ -40,13 +44,16 @@ class FileSender:
     Parameters
     ----------
     transport
-        Of the connection: plain TCP.
+        Of the connection.
     stalled
         Called with True whenever a wait for the client to take more begins, with False at its end.
     """
 
     def __init__(self, transport: asyncio.Transport, stalled: Callable[[bool], None]) -> None:
         self._transport = transport
+        self._secure = transport if isinstance(transport, SendingTransport) else None
+        if self._secure is not None:
+            self._secure.set_write_buffer_limits(0)  # nothing is left: then a file goes on
         self._stalled = stalled
         self._loop = asyncio.get_running_loop()
         self._direct: socket.socket | None = None
@@ -59,9 +66,9 @@ class FileSender:
     @staticmethod
     def can_serve(transport: asyncio.Transport) -> bool:
         """Whether the connection is one that takes files."""
-        raw = transport.get_extra_info("socket")
-        plain = transport.get_extra_info("ssl_object") is None
-        return plain and raw is not None and hasattr(os, "sendfile")
+        if isinstance(transport, SendingTransport):
+            return hasattr(os, "preadv")
+        return transport.get_extra_info("socket") is not None and hasattr(os, "sendfile")
 
     @property
     def is_clear(self) -> bool:
@@ -92,6 +99,11 @@ class FileSender:
             When the connection is gone, or the file cannot be read or ends before `count`.
         """
         self._rest = (head, file, offset, count)
+        if self._secure is not None:
+            if self._push_secure(self._secure):
+                return True
+            self._done = done  # the transport says when there is room
+            return False
         direct = self._direct or self._own_socket()
         if self._push(direct):
             return True
@@ -191,6 +203,36 @@ class FileSender:
             return False
         return True
 
+    def _push_secure(self, secure: SendingTransport) -> bool:
+        """Hand the transport what it takes; tell whether that was all."""
+        head, descriptor, offset, left = self._rest
+        while head or left:
+            piece = secure.read_room[: min(left, READ_ROOM_BYTES)]
+            if left and os.preadv(descriptor, [piece], offset) < len(piece):
+                raise OSError(f"the file ends before {offset + left}, the end of its range")
+            taken = secure.send_now([part for part in (head, piece) if part])
+            of_head = min(taken, len(head))
+            head, taken_of_file = head[of_head:], taken - of_head
+            offset, left = offset + taken_of_file, left - taken_of_file
+            if secure.get_write_buffer_size():
+                self._rest = (head, descriptor, offset, left)
+                return not (head or left)
+            if secure.is_closing():
+                raise ConnectionResetError
+        return True
+
+    def on_room(self) -> None:
+        """Go on: the transport has nothing left to send."""
+        if self._secure is None or self._done is None:
+            return
+        try:
+            if not self._push_secure(self._secure):
+                return
+        except OSError as error:
+            self._end(error)
+        else:
+            self._end(None)
+
     def _on_writable(self, direct: socket.socket) -> None:
         try:
             if not self._push(direct):
@@ -204,10 +246,10 @@ class FileSender:
     def _end(self, error: OSError | None) -> None:
         """Watch the socket no more, and tell."""
         assert self._done is not None
-        assert self._direct is not None
         done, self._done = self._done, None
-        self._loop.remove_writer(self._direct.fileno())
-        self._stalled(False)
+        if self._direct is not None:
+            self._loop.remove_writer(self._direct.fileno())
+            self._stalled(False)
         done(error)
 
     async def _send_read(self, cycle: RequestResponseCycle, head: bytes, message: Any) -> None:

@@ -241,6 +241,8 @@ class HttpConnection(BoundedRequests):
         super().resume_writing()
         if not self._over and not self.transport.is_closing():
             self._stall_deadline.stop()
+        if self._files is not None:
+            self._files.on_room()
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
         """Begin one request at a time; uvicorn comes by here for each."""

@@ -10,6 +10,7 @@ import socket
 import sys
 import time
 from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING
 
 import uvicorn
 
@@ -18,7 +19,6 @@ from terraport_server.descriptors import make_room
 from terraport_server.doorway import Doorway
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.group_connection import GroupConnection, passing_class
-from terraport_server.large_buffers import keep_large_buffers
 from terraport_server.listeners import Listeners
 from terraport_server.logs import configure_logging
 from terraport_server.mailbox import Parcel
@@ -28,6 +28,9 @@ from terraport_server.settings import Settings
 from terraport_server.small_reads import SmallReads
 from terraport_server.supervisor import Supervisor
 from terraport_server.transport import protocol_class
+
+if TYPE_CHECKING:
+    from terraport_server.secure_context import SecureContext
 
 __all__ = ["TerraportServer", "make_server", "run"]
 
@@ -43,9 +46,13 @@ Python's 5 ms a landing took hundreds. Costs such a thread a twentieth."""
 class TerraportServer(uvicorn.Server):
     """uvicorn's server that drains its sessions before it closes their connections."""
 
-    def __init__(self, config: uvicorn.Config, service: Service) -> None:
+    def __init__(
+        self, config: uvicorn.Config, service: Service, tls: SecureContext | None = None
+    ) -> None:
         super().__init__(config)
         self.service = service
+        self.tls = tls
+        """Spoken with everybody, if given."""
         self.on_started: Callable[[], Awaitable[None]] | None = None
         """Awaited once clients are accepted."""
         self.on_ended: Callable[[], Awaitable[None]] | None = None
@@ -71,7 +78,7 @@ class TerraportServer(uvicorn.Server):
             lambda: self._small_reads(self._new_connection()),
             kind.entrance,
             kind.refused,
-            tls=self.config.ssl,
+            tls=self.tls,
             handshake_timeout_s=kind.limits.header_timeout_s,
             max_coming=kind.limits.max_connections,
         )
@@ -118,11 +125,10 @@ class TerraportServer(uvicorn.Server):
         await super().startup([])
         for listener in sockets or ():
             self.accept_from(listener)
-        if self.config.ssl is not None:
-            self.service.access.watch_certificate(self.config.ssl)
+        if self.tls is not None:
+            self.service.access.watch_certificate(self.tls)
         if self.owns_process:
             sys.setswitchinterval(_SWITCH_S)
-            keep_large_buffers(wanted=self.config.ssl is not None)
             # A search through all modules stops the loop for tens of milliseconds.
             gc.collect()
             gc.freeze()
@@ -179,6 +185,7 @@ def make_server(settings: Settings) -> TerraportServer:
     SettingsError
         When the settings cannot be served with, or not safely.
     """
+    tls = _secure_context(settings)
     app = create_app(settings)
     service = app.state.service
     assert isinstance(service, Service)
@@ -206,18 +213,31 @@ def make_server(settings: Settings) -> TerraportServer:
         ws_ping_timeout=None,
         timeout_graceful_shutdown=max(1, round(settings.close_timeout_s)),
         forwarded_allow_ips=settings.forwarded_allow_ips,
-        ssl_certfile=settings.tls_certificate,
-        ssl_keyfile=settings.tls_key,
+        # Windows' own loop cannot watch a socket, which TLS takes.
+        loop="asyncio:SelectorEventLoop" if tls and sys.platform == "win32" else "auto",
         log_config=None,
         access_log=False,
         server_header=False,
         lifespan="on",
     )
+    config.load()
+    return TerraportServer(config, service, tls)
+
+
+def _secure_context(settings: Settings) -> SecureContext | None:
+    """Read the certificate, if TLS is spoken: before an address is said, not after."""
+    if settings.tls_certificate is None or settings.tls_key is None:
+        return None
     try:
-        config.load()  # reads the certificate: before an address is said, not after
+        # Here: it is an extra.
+        from terraport_server.secure_context import SecureContext
+    except ImportError:
+        what = 'TLS needs pyOpenSSL, expected "terraport[tls]" to be installed'
+        raise SettingsError("tls_certificate", what) from None
+    try:
+        return SecureContext(settings.tls_certificate, settings.tls_key)
     except OSError as error:
         raise _tls_error(settings, error) from None
-    return TerraportServer(config, service)
 
 
 def _tls_error(settings: Settings, error: OSError) -> SettingsError:

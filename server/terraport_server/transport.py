@@ -7,8 +7,8 @@ everything works, with larger buffers and more copies per chunk.
 
 Many frames go to a plain socket in one call, headers beside payload, past the transport while that
 has nothing to send. What the socket does not take of a frame goes through the transport, which
-keeps the order: a pong or a close comes behind it. Under TLS all frames go through the transport.
-Measured: ``docs/decisions/0049-many-frames-a-call.md``.
+keeps the order: a pong or a close comes behind it. Under TLS the transport is ours, and takes as
+much as the socket does. Measured: ``docs/decisions/0049-many-frames-a-call.md``.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ from websockets.protocol import State
 from terraport_server.client_turns import ClientTurns
 from terraport_server.link_buffer import LinkBuffer
 from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
+from terraport_server.sending_transport import SendingTransport
 
 __all__ = ["EXTENSION", "MAX_FRAMES", "Connection", "connection_of", "protocol_class"]
 
@@ -55,6 +56,8 @@ class Connection(BoundedPeer):
 
     _direct: socket.socket | None = None
     """Our own descriptor of the same socket: the loop's own cannot be written to."""
+    _secure: SendingTransport | None = None
+    """The transport, under TLS."""
     _may_go_direct = False
     _buffer: LinkBuffer | None = None
     _when_clear: Callable[[], None] | None = None
@@ -65,16 +68,14 @@ class Connection(BoundedPeer):
         """Set the socket's buffers."""
         super().connection_made(transport)
         self.heard_s = self.loop.time()
-        secret = transport.get_extra_info("ssl_object") is not None
-        if not secret:
-            # Empty between two frames: then the next may go past it, straight into the socket.
-            # Under TLS nothing may go past, and uvloop's transport, asked for this, tells that its
-            # buffer is empty only when the client sends something.
-            self.transport.set_write_buffer_limits(0)
+        # Empty between two frames: then the next may go past it, straight into the socket.
+        self.transport.set_write_buffer_limits(0)
         raw = transport.get_extra_info("socket")
         if raw is None or raw.family not in {socket.AF_INET, socket.AF_INET6}:
             return
-        self._may_go_direct = hasattr(socket.socket, "sendmsg") and not secret
+        if isinstance(transport, SendingTransport):
+            self._secure = transport
+        self._may_go_direct = self._secure is not None or hasattr(socket.socket, "sendmsg")
         if self.notsent_lowat_bytes:
             _set_option(raw, socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes)
         if self.send_buffer_bytes:
@@ -86,6 +87,7 @@ class Connection(BoundedPeer):
     def connection_lost(self, exc: Exception | None) -> None:
         """Close our own descriptor, too."""
         super().connection_lost(exc)
+        self._secure = None
         if self._direct is not None:
             self._direct.close()
             self._direct = None
@@ -104,7 +106,7 @@ class Connection(BoundedPeer):
 
     @property
     def is_direct(self) -> bool:
-        """Whether :meth:`send_frames` is done with its buffers when it returns: not under TLS."""
+        """Whether :meth:`send_frames` is done with its buffers when it returns."""
         return self._may_go_direct
 
     @property
@@ -176,7 +178,7 @@ class Connection(BoundedPeer):
             When the client is gone.
         """
         if self._may_go_direct and not self.transport.get_write_buffer_size():
-            direct = self._direct or self._own_socket()
+            direct = self._secure or self._direct or self._own_socket()
             if direct is not None:
                 return self._send_direct(direct, frames)
         self.flush()
@@ -191,7 +193,9 @@ class Connection(BoundedPeer):
         return len(frames)
 
     def _send_direct(
-        self, direct: socket.socket, frames: Sequence[tuple[bytes, memoryview]]
+        self,
+        direct: socket.socket | SendingTransport,
+        frames: Sequence[tuple[bytes, memoryview]],
     ) -> int:
         before, self._unsent = self._unsent, b""
         heads: list[bytes] = []
@@ -206,7 +210,10 @@ class Connection(BoundedPeer):
         try:
             if not self.send_buffer_bytes:
                 self._fit_buffer(direct)
-            sent = direct.sendmsg(buffers)
+            if isinstance(direct, SendingTransport):
+                sent = direct.send_now(buffers)
+            else:
+                sent = direct.sendmsg(buffers)
         except BlockingIOError:
             sent = 0
         except OSError:
@@ -225,10 +232,11 @@ class Connection(BoundedPeer):
             self.transport.write(bytes(payload[sent - len(head) :]))
         return number + 1
 
-    def _fit_buffer(self, direct: socket.socket) -> None:
+    def _fit_buffer(self, direct: socket.socket | SendingTransport) -> None:
         now_s = self.loop.time()
         if self._buffer is None:
-            self._buffer = LinkBuffer(direct, now_s)
+            raw = direct.raw if isinstance(direct, SendingTransport) else direct
+            self._buffer = LinkBuffer(raw, now_s)
         self._buffer.look(now_s)
 
     def _tell_clear(self) -> None:

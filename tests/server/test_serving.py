@@ -18,11 +18,14 @@ import pytest
 import typer
 from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient, assemble
+from server.test_access_watch import write_certificate
 from typer.testing import CliRunner
 
 from terraport_server import BackgroundServer
 from terraport_server.cli import register
 from terraport_server.errors import ServerError, SettingsError
+from terraport_server.serving import make_server
+from terraport_server.settings import Settings
 from terraport_wire import Credit, Land, Notice, Plan, Ready
 
 PROGRAM = """
@@ -106,6 +109,14 @@ def test_ctrl_c_ends_it_quietly(tmp_path: Path) -> None:
     assert process.returncode == 0
     assert "Traceback" not in log
     assert "no scene yet" in output
+
+
+def test_tls_without_its_extra_says_which(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_certificate(tmp_path, "localhost")
+    monkeypatch.setitem(sys.modules, "terraport_server.secure_context", None)
+    files = {"tls_certificate": tmp_path / "cert.pem", "tls_key": tmp_path / "key.pem"}
+    with pytest.raises(SettingsError, match=r'needs pyOpenSSL, expected "terraport\[tls\]"'):
+        make_server(Settings(scenes_dir=tmp_path, **files))
 
 
 def test_help_teaches() -> None:

@@ -9,9 +9,9 @@ from pathlib import Path
 SAMPLE = Path(__file__).resolve().parents[2] / "data"
 
 BUILDS_AND_TILES = (
-    "embreex", "fast_simplification", "jinja2", "laspy", "numba", "obstore", "PIL", "psutil",
-    "pyarrow", "pycolmap", "pye57", "pypcd4", "pyproj", "rasterio", "reportlab", "scipy", "shapely",
-    "sklearn", "trimesh",
+    "cryptography", "embreex", "fast_simplification", "jinja2", "laspy", "numba", "obstore",
+    "OpenSSL", "PIL", "psutil", "pyarrow", "pycolmap", "pye57", "pypcd4", "pyproj", "rasterio",
+    "reportlab", "scipy", "shapely", "sklearn", "trimesh",
 )  # fmt: skip
 """Imports that other extras bring."""
 

@@ -1,0 +1,46 @@
+"""Memory that all TLS connections of one event loop share."""
+
+from __future__ import annotations
+
+from typing import Final, Protocol
+
+from cryptography.hazmat.bindings.openssl.binding import Binding
+
+from terraport_server.sending_transport import READ_ROOM_BYTES
+
+__all__ = ["ROOM_BYTES", "Rooms"]
+
+ROOM_BYTES: Final = 256 << 10
+"""For what is encrypted and not sent yet."""
+
+_GROWN: Final = 64
+"""Connections that keep OpenSSL's own buffer, 170 KiB: those that sent last."""
+
+
+class Shrinks(Protocol):
+    """A connection whose buffer can be given back."""
+
+    def shrink(self) -> None:
+        """Give it back; it is empty, and grows again."""
+
+
+class Rooms:
+    """What bytes of all connections of one event loop go through, one batch at a time."""
+
+    __slots__ = ("grown", "read", "sent", "sent_at")
+
+    def __init__(self) -> None:
+        self.read = memoryview(bytearray(READ_ROOM_BYTES))
+        self.sent = memoryview(bytearray(ROOM_BYTES))
+        self.sent_at = Binding.ffi.from_buffer(self.sent)
+        self.grown: dict[Shrinks, None] = {}
+        """Whose buffers are large, the one that sent last in the end."""
+
+    def grew(self, transport: Shrinks) -> None:
+        """Note that one has sent; another one's buffer is given back where there are many."""
+        self.grown.pop(transport, None)
+        self.grown[transport] = None
+        if len(self.grown) > _GROWN:
+            oldest = next(iter(self.grown))
+            del self.grown[oldest]
+            oldest.shrink()
