@@ -216,6 +216,8 @@ export class BaseGround {
 
   #freeWhole({ mesh, buffer }: Whole): void {
     mesh.removeFromParent();
+    // three.js deletes the buffers of whatever attributes a geometry has: those are the base's, which is drawn on.
+    for (const name of Object.keys(mesh.geometry.attributes)) mesh.geometry.deleteAttribute(name);
     mesh.geometry.dispose();
     this.#store.freeBuffer(buffer);
   }
