@@ -107,7 +107,7 @@ def test_who_guides_takes_the_sdk_along(client: Client, server: Service, threade
 
 
 def test_a_seat_outlives_a_cut_line(client: Client, server: Service) -> None:
-    """The same number, and what was said of the landing is not forgotten."""
+    """The same number, and the next landing of the group counts it."""
     name = f"cut-{client.language}"
     with ThreadedProxy(server.url) as line:
 
@@ -115,6 +115,10 @@ def test_a_seat_outlives_a_cut_line(client: Client, server: Service) -> None:
             with terraport.sync.connect(f"{server.url}/scenes/grid") as session:
                 group = session.join_group(name, role="guide")
                 group.members_present(2, timeout_s=WAIT_S)
+                # Both have their seats: the other one says so by being there.
+                there = group.land_group(THERE[:3], THERE[3])
+                there.land().ready()
+                there.all_there(timeout_s=WAIT_S)
                 line.cut()
                 there = group.land_group(HERE[:3], HERE[3])
                 there.land().ready()
@@ -123,7 +127,7 @@ def test_a_seat_outlives_a_cut_line(client: Client, server: Service) -> None:
         ready, landed = beside(
             lead,
             lambda: client.land(
-                f"{line.url}/scenes/grid", f"join:{name},member", "barrier:1", staged=1
+                f"{line.url}/scenes/grid", f"join:{name},member", "barrier:2", staged=1
             ),
         )
     assert (landed.exit_code, landed.failure) == (0, None), landed.output
