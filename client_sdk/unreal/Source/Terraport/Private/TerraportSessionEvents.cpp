@@ -120,7 +120,8 @@ void FTerraportSession::ReportUnread()
 	bReportedUnread = true;
 	ReportFailure("unread_image",
 		std::string("images of type ") + terraport::mediaTypeOf(Unread) +
-			" could not be read, expected whole ones of image/jpeg, image/png or image/ktx2 (ETC1S): such ground is drawn in its regions' mean "
+			" could not be read, expected whole ones of image/jpeg, image/png or image/ktx2 (ETC1S): such ground is drawn in "
+			"its regions' mean "
 			"colours; "
 			"build the scene with JPEG textures or vertex colours (docs/how-to/unreal.md)",
 		0, false);
