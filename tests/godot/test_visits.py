@@ -14,6 +14,7 @@ from faults.service import Service
 from godot.engine import Engine, Visit
 
 import terraport.sync
+from terraport_pipeline.demo_scenes import SHIPPED_ID, shipped_scene
 
 HERE = (30.0, 1.0, 30.0, 22.0)
 THERE = (12.0, 1.0, 44.0, 15.0)
@@ -173,19 +174,20 @@ def test_a_group_goes_together(godot: Engine, server: Service) -> None:
     assert called[1]["position"] == pytest.approx(THERE[:3])
 
 
-def test_places_and_pieces_are_those_of_the_python_sdk(
-    godot: Engine, scenes: Path, tmp_path: Path
-) -> None:
+def test_places_and_pieces_are_those_of_the_python_sdk(godot: Engine, tmp_path: Path) -> None:
     """Regions that people have named are places to land at."""
-    shutil.copytree(scenes / "grid", tmp_path / "grid")
-    (scene_version,) = (tmp_path / "grid").glob("**/regions.json")
-    region = json.loads(scene_version.read_text())["regions"][0]
-    label = {"stable_id": region["stable_id"], "label": "Grube"}
-    (tmp_path / "grid" / "labels.json").write_text(
+    scene = tmp_path / SHIPPED_ID
+    shutil.copytree(shipped_scene(), scene)
+    (regions,) = scene.glob("v-*/regions.json")
+    label = {
+        "stable_id": json.loads(regions.read_text())["regions"][0]["stable_id"],
+        "label": "Grube",
+    }
+    (scene / "labels.json").write_text(
         json.dumps({"format": "terraport-labels", "format_version": "1.0", "labels": [label]})
     )
     with Service(tmp_path) as service:
-        url = f"{service.url}/scenes/grid"
+        url = f"{service.url}/scenes/{SHIPPED_ID}"
         visit = godot.visit(url, ["places", 0])
         with terraport.sync.connect(url) as session:
             expected = session.places()

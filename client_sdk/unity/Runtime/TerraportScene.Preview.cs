@@ -57,13 +57,15 @@ namespace Terraport.Unity
             Step();
             if (session != null && session.Stage != null)
             {
-                if (!hasPreviewed || (camera - previewedAt).magnitude > MovedShare * DefaultRadiusM)
+                // Below the camera, which mostly hangs high above the ground. Before the base is drawn there is none yet, and beside the
+                // survey there is none at all: asked for again by the next step.
+                GroundHit ground;
+                bool hasMoved = !hasPreviewed || (camera - previewedAt).magnitude > MovedShare * DefaultRadiusM;
+                if (hasMoved && GroundAt(camera, out ground))
                 {
                     hasPreviewed = true;
                     previewedAt = camera;
-                    // Below the camera, which mostly hangs high above the ground; beside the survey nothing is sharp.
-                    GroundHit ground;
-                    Land(GroundAt(camera, out ground) ? ground.Point : camera);
+                    Land(ground.Point);
                 }
             }
             return Figures.DrawnTriangles != drawn;

@@ -328,6 +328,7 @@ namespace Terraport.Stubs
             lastSwap = null;
             update = () => scene.StepPreview(camera);
             RunUntil(() => lastSwap != null && lastSwap.Landing > 0, "the preview's landing");
+            Expect(1, scene.Figures.Segments > 0 ? 1 : 0, "previews that show detail below the camera");
             foreach (MeshRenderer renderer in UnityEngine.Object.LiveOf<MeshRenderer>())
             {
                 Expect((long)HideFlags.HideAndDontSave, (long)renderer.gameObject.hideFlags, "flags of a previewed object");
@@ -336,7 +337,7 @@ namespace Terraport.Stubs
             camera = new Vector3(camera.x + 1, camera.y, camera.z);
             update();
             Expect(landing, scene.Status.Landing, "landings a metre aside");
-            camera = new Vector3(camera.x + scene.DefaultRadiusM, camera.y, camera.z);
+            camera = new Vector3(camera.x + 0.3f * scene.DefaultRadiusM, camera.y, camera.z);
             update();
             Expect(landing + 1, scene.Status.Landing, "landings farther away");
             // What the engine sends when anything changes must not step it a second time.

@@ -36,10 +36,14 @@ void ATerraportScene::TickPreview()
 	{
 		return;
 	}
-	PreviewedAt = Camera;
-	// Below the camera, which mostly hangs high above a level; beside the survey nothing is sharp.
+	// Below the camera, which mostly hangs high above a level. Before the base is drawn there is no ground yet, and beside the
+	// survey there is none at all: asked for again by the next tick.
 	FTerraportGroundHit Ground;
-	Land(GroundAt(Camera, Ground) ? Ground.Location : Camera, PreviewRadiusM, FTerraportLandOptions());
+	if (GroundAt(Camera, Ground))
+	{
+		PreviewedAt = Camera;
+		Land(Ground.Location, PreviewRadiusM, FTerraportLandOptions());
+	}
 }
 
 void ATerraportScene::Destroyed()

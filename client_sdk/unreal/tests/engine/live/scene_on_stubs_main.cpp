@@ -225,7 +225,7 @@ double SolidHeight(const FVector& At)
 void ExpectObstacles(FVisit& Visit, const FVector& Above)
 {
 	FTerraportGroundHit Hit;
-	const FVector Down(0.2, 0.0, -1.0);
+	const FVector Down(0.01, 0.0, -1.0);
 	Visit.World.StubWallX = Above.X + 1.0;
 	Visit.World.StubWallType = ObjectTypeQuery2;
 	Expect(Visit.User.TryAim(Above, Down, 1.0e6, Hit), "without a mask nothing stops an aim");
