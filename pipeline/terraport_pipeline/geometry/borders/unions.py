@@ -310,8 +310,8 @@ def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, F
     order = np.arange(len(ends))
     for side in (1, 0):
         start = np.zeros(count + 1, np.int64)
-        for row in range(len(ends)):
-            start[ends[row, side] + 1] += 1
+        for contact in range(len(ends)):
+            start[ends[contact, side] + 1] += 1
         for unit in range(count):
             start[unit + 1] += start[unit]
         sorted_rows = np.empty_like(order)
