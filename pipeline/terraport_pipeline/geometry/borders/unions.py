@@ -266,10 +266,9 @@ def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, F
     order = np.arange(len(ends))
     for side in (1, 0):
         start = np.zeros(count + 1, np.int64)
-        for row in range(len(ends)):
-            start[ends[row, side] + 1] += 1
-        for unit in range(count):
-            start[unit + 1] += start[unit]
+        for unit in ends[:, side]:
+            start[unit + 1] += 1
+        start = np.cumsum(start)
         sorted_rows = np.empty_like(order)
         for row in order:
             sorted_rows[start[ends[row, side]]] = row
