@@ -5,9 +5,8 @@
    neighbouring cells the step between them (``evidence.py``).
 3. Cells are united to *seeds*, a fifth of the region size wide at most.
 4. Seeds are united at rising cost, by the strength of their common border and the difference of
-   their means (``unions.py``), several times with costs a little off. By what these runs agree on
-   (``consensus.py``) they are united to one tree. Regions are what is united at the cost 1; small
-   ones then join a neighbour. Above that the unions go on, so that any granularity is read off it.
+   their means (``unions.py``), to one tree. Regions are what is united at the cost 1; small ones
+   then join a neighbour. Above that the unions go on, so that any granularity is read off the tree.
 
 Every size is in metres and every threshold comes from the two units that it parts and from what
 lies within some region sizes around, so the same ground is cut alike whatever else was flown. Where
@@ -36,18 +35,11 @@ from terraport_pipeline.geometry.borders.cells import (
     CellGraph,
     cells_of_faces,
 )
-from terraport_pipeline.geometry.borders.consensus import (
-    COMMON_LEVELS,
-    COST_OF_A_BORDER,
-    agreed,
-    agreed_level,
-)
 from terraport_pipeline.geometry.borders.evidence import (
     Weights,
     cell_features,
     contrast,
     gradients,
-    roughness,
 )
 from terraport_pipeline.geometry.borders.unions import CostRule, Units, unite_level, unite_seeds
 from terraport_pipeline.geometry.graph.merge_tree import MergeTree, merge_tree
@@ -77,10 +69,8 @@ _LEAST_SHARE: Final = 0.35
 """Least area of a region, as a share of the region size squared."""
 _LEAST_WIDTH: Final = 0.3
 """Least width of a region, as a share of the region size."""
-_LEVELS: Final = 24
-"""Steps of the rising level up to regions, after those that are common to all runs."""
-_LEVEL_OF_A_BORDER: Final = 0.8
-"""Level, as ``consensus.py`` counts it, at which two units are two regions."""
+_LEVELS: Final = 16
+"""Steps of the rising cost up to regions."""
 _COARSER: Final = (1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, np.inf)
 """Costs of the unions above regions."""
 _SQUARE_MM: Final = 1e6
@@ -149,7 +139,7 @@ class Evidence:
             np.column_stack(
                 [length, length * self.steepness, length * held, length[:, None] * step]
             ),
-            cells.keys,
+            np.arange(cells.count, dtype=np.int32),
         )
 
 
@@ -236,32 +226,22 @@ class BorderSegmenter:
         units = self._units(cells, before)
         rule = replace(self.rule, contrast=self.rule.contrast * self.strength)
         rule = replace(rule, noise=rule.noise * self.strength)
-        # (2) Seeds, and unions that cost so little that nothing tips them.
+        # (2) Seeds, then unions of seeds at rising cost.
         seeds, seed_of = unite_seeds(units, (self.region_size_m / _SEEDS) ** 2, rule)
         area = np.rint(seeds.sums[:, 0] * _SQUARE_MM).astype(np.int64)
         record = _TreeRecord(seeds.count)
         left = seeds
-        for level in COMMON_LEVELS:
-            left, rounds = unite_level(left, lambda u: u.cost(rule), COST_OF_A_BORDER * level)
-            record.add(rounds, level)
-        # (3) Several runs of rising cost, and once more by what they agree on.
-        left = agreed(left, rule)
-        start = COMMON_LEVELS[-1]
-        for step in range(1, _LEVELS + 1):
-            level = start + (1.0 - start) * step / _LEVELS
-            left, rounds = unite_level(
-                left, lambda u: agreed_level(u, rule), _LEVEL_OF_A_BORDER * level
-            )
-            record.add(rounds, level)
+        for level in range(1, _LEVELS + 1):
+            limit = COST_OF_A_BORDER * level / _LEVELS
+            left, rounds = unite_level(left, rule, limit)
+            record.add(rounds, level / _LEVELS)
         pools = left.count
-        # (4) Small ones join the neighbour of least cost; what touches nothing, the nearest.
-        left, rounds = unite_level(left, lambda u: u.cost(rule), np.inf, small=rule)
+        # (3) Small ones join the neighbour of least cost; what touches nothing, the nearest.
+        left, rounds = unite_level(left, rule, np.inf, small=True)
         record.add(rounds, 1.0)
         islands = left.outlines() < rule.least_m2
         for coarser in _COARSER:
-            left, rounds = unite_level(
-                left, lambda u: agreed_level(u, rule), _LEVEL_OF_A_BORDER * coarser
-            )
+            left, rounds = unite_level(left, rule, COST_OF_A_BORDER * coarser)
             record.add(rounds, coarser)
         tree = merge_tree(seeds.count, record.children(), record.costs(), area)
         if self.count is not None:
@@ -293,13 +273,16 @@ class BorderSegmenter:
         if not cells.sums[:, 1:4].any():
             weights = replace(weights, slope=_BARE_SLOPE)
         near, wide = cell_features(cells, weights, self.cell_m)
-        steepness = gradients(cells, near, wide)
         seen = np.delete(near, 3, axis=1)  # texture is no colour
         around = contrast(
-            seen, roughness(cells, steepness), cells.sums[:, 0] / _SQUARE_MM, middles,
-            cells.keys, _AROUND * self.region_size_m,
-        )  # fmt: skip
-        return Evidence(near, wide, steepness, around)
+            seen, cells.sums[:, 0] / _SQUARE_MM, middles, cells.keys, _AROUND * self.region_size_m
+        )
+        return Evidence(near, wide, gradients(cells, near, wide), around)
+
+
+COST_OF_A_BORDER: Final = 4.0
+"""Cost, as ``unions.py`` counts it, at which two units are two regions: the mean over four pieces
+of surveys drawn by hand was least there (``benchmarks/results/2026-11-24-regions.md``)."""
 
 
 class _TreeRecord:

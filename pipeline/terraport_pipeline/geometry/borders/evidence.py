@@ -5,9 +5,7 @@ width: the near ones for colour and slope, the wide ones for texture. Texture is
 lightness, on a logarithmic scale: people see gravel beside grass by it where colours are the same.
 
 *Contrast* is how far the colours spread within some region sizes, weighed by distance: ground is
-looked at by what is around it, and not by what else was flown. It counts for more where the ground
-is smooth for so much of it: there are few materials, in large pieces, and people draw only those.
-Where the same contrast is spread over rough ground, there are many small ones.
+looked at by what is around it, and not by what else was flown.
 
 PURE: no I/O, no clock. A round is one product with a sparse matrix of the cells' neighbours.
 """
@@ -23,7 +21,7 @@ from scipy.sparse import coo_array, diags_array
 from terraport_payload.types import Float64, Int64
 from terraport_pipeline.geometry.borders.cells import LAB_STEPS, CellGraph, length_steps
 
-__all__ = ["FEATURES", "Weights", "cell_features", "contrast", "gradients", "roughness"]
+__all__ = ["FEATURES", "Weights", "cell_features", "contrast", "gradients"]
 
 NEAR_ROUNDS: Final = 3
 """Rounds for colour and slope: means over some 3 cells."""
@@ -31,16 +29,6 @@ WIDE_ROUNDS: Final = 12
 """More rounds for texture: means over some 8 cells."""
 _REACH_SQUARES: Final = 4
 """Squares, half a reach wide, over which ground counts as around."""
-_USUAL_CONTRAST: Final = 7.0
-"""CIELAB units, of surveys."""
-_MOST_CONTRAST: Final = 1.5
-"""Times the usual above which contrast counts in proportion, and the part below which it does."""
-_CONTRAST_POWER: Final = 0.5
-_USUAL_SMOOTHNESS: Final = 6.0
-"""Contrast over steepness, of surveys."""
-_MOST_SMOOTHNESS: Final = 1.7
-"""Times the usual above which ground counts as no smoother, and the part below which as no less."""
-_SMOOTHNESS_POWER: Final = 0.75
 _SIDE: Final = 2**31
 """Squares from north to south that a place can tell apart."""
 FEATURES: Final = 7
@@ -51,7 +39,7 @@ FEATURES: Final = 7
 class Weights:
     """How much each kind of evidence counts, all in CIELAB units."""
 
-    lightness: float = 0.33
+    lightness: float = 0.45
     """Of L* against a* and b*. Lower ignores shadows."""
     texture: float = 3.6
     """Units for a deviation of lightness that is e times as large."""
@@ -102,22 +90,13 @@ def gradients(graph: CellGraph, near: Float64, wide: Float64) -> Float64:
 
 
 def contrast(
-    features: Float64,
-    roughness: Float64,
-    area: Float64,
-    middles: Float64,
-    keys: Int64,
-    reach_m: float,
+    features: Float64, area: Float64, middles: Float64, keys: Int64, reach_m: float
 ) -> Float64:
-    """Contrast around every cell, CIELAB units, (U,): root of the summed variances of the features.
-
-    Times how many roughnesses that is, over :data:`_USUAL_SMOOTHNESS`, to a power.
+    """Spread of the features around every cell, (U,): root of their summed variances.
 
     Parameters
     ----------
     features : ndarray of shape (U, K)
-    roughness : ndarray of shape (U,)
-        Root of the steepness at every cell, as :func:`roughness` gives it.
     area : ndarray of shape (U,)
         Of the cells: how much each counts.
     middles : ndarray of shape (U, 3)
@@ -134,8 +113,7 @@ def contrast(
     square -= square.min(axis=0, initial=0) - _REACH_SQUARES
     row = square[:, 0] * _SIDE + square[:, 1]
     places, of_cell = np.unique(row, return_inverse=True)
-    columns = np.column_stack([np.ones(len(area)), features, features * features, roughness])
-    columns *= area[:, None]
+    columns = np.column_stack([np.ones(len(area)), features, features * features]) * area[:, None]
     sums = np.stack(
         [np.bincount(of_cell[order], column[order], len(places)) for column in columns.T], axis=1
     )
@@ -150,37 +128,9 @@ def contrast(
     # (3) Variances.
     count = features.shape[1]
     mean = spread[:, 1:] / spread[:, :1]
-    variance = np.maximum(mean[:, count : 2 * count] - mean[:, :count] ** 2, 0.0)
-    spread_of_colours = np.sqrt(variance.sum(axis=1))
-    steepness = mean[:, -1] ** 2
-    smoothness = spread_of_colours / np.maximum(steepness, 1e-9)
-    noticed = (
-        spread_of_colours
-        * _within(spread_of_colours / _USUAL_CONTRAST, _MOST_CONTRAST) ** _CONTRAST_POWER
-    )
-    noticed *= _within(smoothness / _USUAL_SMOOTHNESS, _MOST_SMOOTHNESS) ** _SMOOTHNESS_POWER
-    around: Float64 = noticed[of_cell]
+    variance = np.maximum(mean[:, count:] - mean[:, :count] ** 2, 0.0)
+    around: Float64 = np.sqrt(variance.sum(axis=1))[of_cell]
     return around
-
-
-def roughness(graph: CellGraph, steepness: Float64) -> Float64:
-    """Mean root of the steepness at the borders of every cell, (U,): few borders are steep.
-
-    0 where a cell touches nothing.
-    """
-    low, high = graph.pairs.T
-    length = graph.border.astype(np.float64)
-    total, summed = (
-        np.bincount(low, weight, graph.count) + np.bincount(high, weight, graph.count)
-        for weight in (length, length * np.sqrt(steepness))
-    )
-    mean: Float64 = summed / np.maximum(total, 1.0)
-    return mean
-
-
-def _within(times: Float64, most: float) -> Float64:
-    """Keep what is told in times the usual within ``most`` times and a ``most``-th of it."""
-    return np.clip(times, 1.0 / most, most)
 
 
 def _features(sums: Float64, weights: Weights) -> Float64:

@@ -26,16 +26,15 @@ within them. The cost of uniting two has no unit; it is
 A unit's size is that of its outline, not of its surface (the length of its area vector): a tree's
 crown has four times the surface of the ground that it stands on.
 
-A round: every unit chooses the neighbour of least cost (ties: lower mix of their names). Units that
-choose each other are united, and a unit joins its choice where that has at least four times its
-area, and does not itself join another in that way.
+A round: every unit chooses the neighbour of least cost (ties: lower scramble of their names,
+``merge_order.py``). Units that choose each other are united, and a unit joins its choice where that
+has at least four times its area, and does not itself join another in that way.
 
 PURE: no I/O, no clock. Each round is linear in what is left.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
@@ -44,6 +43,7 @@ import numpy as np
 
 from terraport_payload.types import Bool, Float64, Int32, Int64
 from terraport_pipeline.geometry.regions.mean_units import join_choices
+from terraport_pipeline.geometry.regions.merge_order import scramble
 
 __all__ = ["CostRule", "Units", "unite_level", "unite_seeds"]
 
@@ -73,10 +73,6 @@ class CostRule:
     """Gradient over a cell times this is a step's height: near means blur a step over two cells."""
     small_power: float = 0.5
     contact_power: float = 0.4
-    run: int = 0
-    """Number of the run; from 1 on every cost is off by a chance of its own (``consensus.py``)."""
-    chance: float = 0.15
-    """Standard deviation of the logarithm of that."""
     held_power: float = 0.7
     """Logarithm of the factor along a border that stood before, and against one within."""
 
@@ -97,10 +93,8 @@ class Units:
     """(E, 3 + K): length in metres; length times gradient; length times +1 where the border stood
     before, -1 where both sides were one region, 0 where nothing is known; length times the step of
     the features from the lower unit to the other."""
-    name: Int64
-    """(U,) lowest key of a cell: a place, whatever else was flown."""
-    agreed: Float64 | None = None
-    """(E,) length times the cost at which runs agreed to unite (``consensus.py``), if they did."""
+    name: Int32
+    """(U,) lowest cell."""
 
     @property
     def count(self) -> int:
@@ -116,19 +110,16 @@ class Units:
         outer = self.contact[~inner]
         turned = ends[~inner, 0] > ends[~inner, 1]
         outer[turned, 3:] *= -1.0
-        if self.agreed is not None:
-            outer = np.column_stack([outer, self.agreed[~inner]])
         pairs, contact = _summed_contacts(np.sort(ends[~inner], axis=1), outer, count)
-        name = np.full(count, np.iinfo(np.int64).max, np.int64)
+        name = np.full(count, np.iinfo(np.int32).max, np.int32)
         np.minimum.at(name, node, self.name)
         return Units(
             _sums(node, self.sums, count),
             _sums(node, self.around, count),
             within,
             pairs,
-            contact if self.agreed is None else contact[:, :-1],
+            contact,
             name,
-            None if self.agreed is None else contact[:, -1],
         )
 
     def too_small(self, rule: CostRule) -> Bool:
@@ -179,10 +170,7 @@ class Units:
         perimeter = self.perimeters()
         shorter = np.minimum(perimeter[low], perimeter[high])
         cost *= (shorter / length) ** rule.contact_power
-        cost *= np.exp(rule.held_power * self.contact[:, 2] / length)
-        if rule.run:
-            cost *= np.exp(rule.chance * _chances(self.name[low], self.name[high], rule.run))
-        result: Float64 = cost
+        result: Float64 = cost * np.exp(rule.held_power * self.contact[:, 2] / length)
         return result
 
 
@@ -222,23 +210,18 @@ def unite_seeds(units: Units, seed_m2: float, rule: CostRule) -> tuple[Units, In
 
 
 def unite_level(
-    units: Units,
-    cost_of: Callable[[Units], Float64],
-    limit: float,
-    *,
-    small: CostRule | None = None,
+    units: Units, rule: CostRule, limit: float, *, small: bool = False
 ) -> tuple[Units, list[Int32]]:
     """Unite as long as that costs at most ``limit``.
 
     Parameters
     ----------
     units : Units
-    cost_of : function
-        Gives the cost of uniting over every contact, (E,).
+    rule : CostRule
     limit : float
         Most cost of a union.
-    small : CostRule, optional
-        Only unions count of which one side is too small by this.
+    small : bool
+        Whether only unions count of which one side is too small.
 
     Returns
     -------
@@ -249,9 +232,9 @@ def unite_level(
     """
     rounds = []
     for _ in range(_MOST_ROUNDS):
-        cost = cost_of(units)
-        if small is not None:
-            cost[~units.too_small(small)[units.pairs].any(axis=1)] = np.inf
+        cost = units.cost(rule)
+        if small:
+            cost[~units.too_small(rule)[units.pairs].any(axis=1)] = np.inf
         node, count = _chosen(units, cost, limit, units.sums[:, 0])
         if count == units.count:
             break
@@ -274,33 +257,6 @@ def _sums(labels: Int32 | Int64, values: Float64, count: int) -> Float64:
     return sums
 
 
-@numba.njit(cache=True, inline="always")
-def _mixed(a: int, b: int, run: int) -> np.uint64:
-    """Mix two names, in either order, and a number into 64 bits (finalisers of splitmix64)."""
-    x = np.uint64(min(a, b)) + np.uint64(run) * np.uint64(0x9E3779B97F4A7C15)
-    for other in (np.uint64(max(a, b)), np.uint64(0)):
-        x ^= x >> np.uint64(30)
-        x *= np.uint64(0xBF58476D1CE4E5B9)
-        x ^= x >> np.uint64(27)
-        x *= np.uint64(0x94D049BB133111EB)
-        x ^= x >> np.uint64(31)
-        x += other
-    return x
-
-
-@numba.njit(cache=True, nogil=True)
-def _chances(first: Int64, second: Int64, run: int) -> Float64:
-    """Numbers of mean 0 and deviation 1 by names and run, (E,): four parts of the mix summed."""
-    chances = np.empty(len(first), np.float64)
-    for row in range(len(first)):
-        mixed = _mixed(first[row], second[row], run)
-        total = 0.0
-        for part in range(4):
-            total += float((mixed >> np.uint64(16 * part)) & np.uint64(0xFFFF))
-        chances[row] = (total / 65535.0 - 2.0) * np.sqrt(3.0)
-    return chances
-
-
 @numba.njit(cache=True, nogil=True)
 def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, Float64]:
     """Sum up rows of equal ends, in order of the lower end, then the other; equal ones in theirs.
@@ -310,10 +266,9 @@ def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, F
     order = np.arange(len(ends))
     for side in (1, 0):
         start = np.zeros(count + 1, np.int64)
-        for contact in range(len(ends)):
-            start[ends[contact, side] + 1] += 1
-        for unit in range(count):
-            start[unit + 1] += start[unit]
+        for unit in ends[:, side]:
+            start[unit + 1] += 1
+        start = np.cumsum(start)
         sorted_rows = np.empty_like(order)
         for row in order:
             sorted_rows[start[ends[row, side]]] = row
@@ -331,8 +286,8 @@ def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, F
 
 
 @numba.njit(cache=True, nogil=True)
-def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int64) -> Int32:
-    """Choose for every unit the neighbour of least finite cost; of equals the lower mix."""
+def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int32) -> Int32:
+    """Choose for every unit the neighbour of least finite cost; of equals the lower scramble."""
     choice = np.full(count, -1, np.int32)
     least = np.full(count, np.inf)
     for i in range(len(pairs)):
@@ -342,7 +297,7 @@ def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int64) 
             u, v = pairs[i, side], pairs[i, 1 - side]
             if cost[i] < least[u] or (
                 cost[i] == least[u]
-                and _mixed(name[u], name[v], 0) < _mixed(name[u], name[choice[u]], 0)
+                and scramble(name[u], name[v]) < scramble(name[u], name[choice[u]])
             ):
                 least[u] = cost[i]
                 choice[u] = v

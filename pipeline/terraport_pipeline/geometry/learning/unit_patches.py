@@ -16,14 +16,16 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 
 from terraport_payload.types import Float32, Float64, Int32, UInt8
-from terraport_pipeline.geometry.borders.border_segmenter import BorderSegmenter
+from terraport_pipeline.geometry.borders.border_segmenter import (
+    COST_OF_A_BORDER,
+    BorderSegmenter,
+)
 from terraport_pipeline.geometry.borders.cells import (
     LAB_STEPS,
     CellGraph,
     length_steps,
     summed_pairs,
 )
-from terraport_pipeline.geometry.borders.consensus import COST_OF_A_BORDER
 from terraport_pipeline.geometry.borders.unions import unite_level, unite_seeds
 from terraport_pipeline.geometry.learning.ground_units import GroundUnits
 from terraport_pipeline.geometry.regions.colour import face_lab
@@ -120,9 +122,7 @@ def unit_patches(
     left, small = unite_seeds(left, (_SMALL_UNITS * units.cell_m) ** 2, engine.rule)
     large = small
     for level in range(1, _LEVELS + 1):
-        left, rounds = unite_level(
-            left, lambda u: u.cost(engine.rule), COST_OF_A_BORDER * level / (2 * _LEVELS)
-        )
+        left, rounds = unite_level(left, engine.rule, COST_OF_A_BORDER * level / (2 * _LEVELS))
         for node in rounds:
             large = node[large]
     # (3) What they look like.
