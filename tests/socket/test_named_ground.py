@@ -17,6 +17,7 @@ from terraport_store import change_labels
 @pytest.fixture
 def pit(tmp_path: Path) -> Path:
     """Two regions that are one at cost 1.5; a plan has cut a pit out of both."""
+    (tmp_path / "scenes").mkdir()
     scene = write_named_ground(
         tmp_path / "scenes" / "pit", facts={**FACTS, "unions": [[0, 1, 1.5]]}
     )
