@@ -39,9 +39,9 @@ __all__ = [
 
 _POLL_S = 0.25
 
-FACE_BYTES: Final = 330
-"""Of a face: 150 as it is read, and 179 measured on 1,440,719 faces for neighbours, features,
-forest, names and regions (``benchmarks/results/2026-11-24-teaching.md``)."""
+FACE_BYTES: Final = 600
+"""Of a face: 150 as it is read, and 446 measured on 147,124 faces, .22 squares each, while patches
+are made (``benchmarks/results/2026-11-27-names.md``)."""
 
 
 @dataclass(frozen=True, slots=True)

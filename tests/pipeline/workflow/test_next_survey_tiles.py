@@ -5,6 +5,7 @@ One tile changes, and nothing that is computed of the others is computed again.
 
 from __future__ import annotations
 
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,6 +25,8 @@ from terraport_pipeline.geometry.clouds.height_changes import HeightChanges
 from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.naming.plan import label_by_plan
+from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.stages import pack, segment
 from terraport_pipeline.stages.survey_change import SurveyChange
 from terraport_pipeline.workflow.before import find_before
@@ -31,7 +34,7 @@ from terraport_pipeline.workflow.pack_step import publish_tiles
 from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.segment_step import segment_tiles
-from terraport_store import BuildInfo, InputInfo, Scene
+from terraport_store import BuildInfo, InputInfo, Scene, read_manifest
 from terraport_store.validate import validate_scene
 
 # Engine borders heeds what stood before, so its regions do not go back to what they once were.
@@ -315,6 +318,25 @@ def test_the_next_survey_goes_by_what_was_decided_first(detail: Mesh, folder: Pa
         held = before.find(record.name)
         assert held is not None
         assert held.digest == record.digest
+
+
+def test_a_version_whose_regions_people_cut_is_still_this_builds(
+    detail: Mesh, folder: Path
+) -> None:
+    scene = folder / "scene"
+    built = read_manifest(scene).version
+    west = float(detail.vertices[:, 0].mean()) + 500_000.0
+    ring = [(west - 1e4, 7.99e6), (west, 7.99e6), (west, 8.01e6), (west - 1e4, 8.01e6)]
+    geometry = {"type": "Polygon", "coordinates": [[*ring, ring[0]]]}
+    feature = {"type": "Feature", "properties": {"name": "west"}, "geometry": geometry}
+    plan = folder / "plan.geojson"
+    plan.write_text(json.dumps({"type": "FeatureCollection", "features": [feature]}))
+    label_by_plan(scene, plan, NullProgress())
+    assert read_manifest(scene).version != built
+    for _ in range(2):  # and after a build that was killed before it published
+        before = find_before(runner_in(folder).work, scene, "b" * 16)
+        assert before is not None
+        assert before.version == built
 
 
 def test_a_hole_is_in_the_payloads_over_it_and_in_no_other(detail: Mesh, folder: Path) -> None:
