@@ -98,6 +98,9 @@ class ServedScene:
         """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
         self.kept_labels = _NO_LABELS
         """What ``labels.json`` answers: written once for all who ask."""
+        self.said: tuple[int, tuple[dict[str, str], bytes]] | None = None
+        """What :mod:`scene_links` found to say of it, and the stamp of the folder then."""
+        self.manifest_json = scene.manifest.model_dump_json().encode()
         self.version = scene.manifest.version
         index = scene.rows
         self.view = SceneView(
