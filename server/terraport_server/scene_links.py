@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from typing import Any, Final
 
 from terraport_server.served_scene import ServedScene
@@ -20,9 +19,6 @@ _SAID_BY_BUILDS: Final = (
     ("preview", PREVIEW, PREVIEW),
 )
 """Link, last part of its address, and file."""
-
-
-_SETTLED_NS: Final = 1_000_000_000
 
 
 def links_of(served: ServedScene) -> dict[str, str]:
@@ -44,14 +40,10 @@ def _said_of(served: ServedScene) -> tuple[dict[str, str], bytes]:
 
     Of ten thousand scenes three files each would be looked for whenever somebody lists them.
     """
-    stamp = 0
-    if served.fetchers is None:
-        try:
-            stamp = served.scene.path.stat().st_mtime_ns
-        except OSError:
-            stamp = -1
-    if served.said is not None and served.said[0] == stamp:
-        return served.said[1]
+    return served.while_folder_rests(lambda: _find(served))
+
+
+def _find(served: ServedScene) -> tuple[dict[str, str], bytes]:
     links = _find_links(served)
     manifest = served.scene.manifest
     summary = {
@@ -62,11 +54,7 @@ def _said_of(served: ServedScene) -> tuple[dict[str, str], bytes]:
         "detail_faces": manifest.counts.detail_faces,
         "links": links,
     }
-    said = links, json.dumps(summary, ensure_ascii=False, separators=(",", ":")).encode()
-    # What changed a moment ago may change again within what the clock of the files tells apart.
-    if abs(time.time_ns() - stamp) > _SETTLED_NS or served.fetchers is not None:
-        served.said = stamp, said
-    return said
+    return links, json.dumps(summary, ensure_ascii=False, separators=(",", ":")).encode()
 
 
 def _find_links(served: ServedScene) -> dict[str, str]:
