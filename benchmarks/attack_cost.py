@@ -7,11 +7,12 @@
     python benchmarks/attack_cost.py --only steps          # single messages alone
     python benchmarks/attack_cost.py --loop --only upgrades  # CPU of a step of the loop instead
     python benchmarks/attack_cost.py --bar                  # the worst, against the bar: 4 minutes
-    python benchmarks/attack_cost.py --smoke               # a quarter, another with each commit
+    python benchmarks/attack_cost.py --smoke               # a sixth, another with each commit
 
 ``terraport serve`` with default settings and a token, as a process of its own, serves a scene of
-99,856 segments. An honest client lands at places where it has not been yet (radius 24 m: some 28
-segments of 16 KiB), 50 times a second at most; beside "upgrades" it connects anew for each landing.
+99,856 segments, with strokes and labels. An honest client lands at places where it has not been yet
+(radius 24 m: some 28 segments of 16 KiB), 50 times a second at most; beside "upgrades" it connects
+anew for each landing.
 The attackers of ``fuzz/attacks`` live in processes of their own; each comes from an address of its
 own. Everything stays on 127.0.0.0/8 and ends with its time.
 
@@ -55,11 +56,13 @@ from typing import Any, Final
 
 sys.path.append(str(Path(__file__).resolve().parents[1] / "fuzz"))
 
+from attacks.holders import HOLDER_ATTACKS
 from attacks.load import ATTACKS
 from attacks.requests import REQUEST_ATTACKS
 from attacks.seats import SEAT_ATTACKS
 from attacks.strangers import STRANGER_ATTACKS
 from attacks.table import TABLE_ATTACKS, TABLE_STRANGER_ATTACKS
+from parts.furnished_scene import furnish
 from parts.honest_client import SCENE, TOKEN, Honest
 from parts.loop_steps import LoopSteps
 from parts.service_process import ServiceProcess
@@ -70,7 +73,7 @@ from terraport_server import BackgroundServer
 
 SEGMENT_BYTES: Final = 16 << 10
 MANY: Final = 10
-SMOKE_SHARE: Final = 4
+SMOKE_SHARE: Final = 6
 PROCESSES: Final = 2
 """Of the attackers: the machine has as many cores."""
 
@@ -105,7 +108,9 @@ TRIALS: Final[list[tuple[str | None, int]]] = [
     ("requests", 1),
     *((name, MANY) for name in REQUEST_ATTACKS),
     *((name, MANY) for name in TABLE_ATTACKS),
+    *((name, MANY) for name in HOLDER_ATTACKS),
     ("left seats", 1),
+    *((name, MANY) for name in SEAT_ATTACKS if name != "left seats"),
     (NOBODY, 0),
 ]
 """Attack and how many attackers; nobody first and last."""
@@ -170,7 +175,9 @@ def measure_loop(scenes: Path, name: str, attackers: int, seconds: float) -> dic
     """
     stop = threading.Event()
     with (
-        BackgroundServer(scenes, token=TOKEN, forwarded_allow_ips="") as server,
+        BackgroundServer(
+            scenes, tokens_file=scenes.parent / "tokens", forwarded_allow_ips=""
+        ) as server,
         ThreadPoolExecutor(max(1, attackers)) as pool,
     ):
         attacks = [
@@ -284,6 +291,8 @@ def main() -> int:
         manifest = write_sparse_scene(
             scenes / SCENE, pack_bytes=segments * SEGMENT_BYTES, segment_bytes=SEGMENT_BYTES
         )
+        furnish(scenes / SCENE)
+        (Path(folder) / "tokens").write_text(f"all {TOKEN} +land +guide +teach +metrics\n")
         side = math.isqrt(manifest.counts.segments)
         right = True
         for name, count in trials:
@@ -295,7 +304,9 @@ def main() -> int:
             # A service of its own for each: what one attack leaves behind is not the next one's.
             log = Path(folder) / "log"
             log.unlink(missing_ok=True)
-            with ServiceProcess(scenes, token=TOKEN, log=log, forwarded_allow_ips="") as service:
+            with ServiceProcess(
+                scenes, tokens_file=scenes.parent / "tokens", log=log, forwarded_allow_ips=""
+            ) as service:
                 row = measure(service, side, name, count, seconds)
             row["log_bytes"] = log.stat().st_size
             print(json.dumps(row), flush=True)

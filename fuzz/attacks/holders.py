@@ -1,8 +1,7 @@
 """Attacks by HTTP with a token, and without one where the service asks for a lot of work.
 
 As in :mod:`attacks.load`, each runs from one address until it is told to stop. What a request costs
-depends on the scenes: ``benchmarks/attack_cost.py`` plays these beside a folder of many scenes, one
-of them with many strokes, labels and segments.
+depends on the scene: that of ``benchmarks/attack_cost.py`` has strokes and labels for it.
 """
 
 from __future__ import annotations
@@ -29,9 +28,6 @@ _ASKED: Final[dict[str, Callable[[], list[str]]]] = {
     "manifests": lambda: ["GET /scenes/SCENE"],
     "tilesets": lambda: [f"GET /scenes/SCENE/tileset.json?radius_m={_radius()}" for _ in range(64)],
     "tileset again": lambda: ["GET /scenes/SCENE/tileset.json"],
-    "tiles of many": lambda: [
-        f"GET /scenes/{name}/tileset.json" for name in ("SCENE", *(f"s{n:04}" for n in range(15)))
-    ],
     "labels": lambda: ["GET /scenes/SCENE/labels.json"],
     "regions": lambda: ["GET /scenes/SCENE/regions.json"],
     "strokes": lambda: ["GET /scenes/SCENE/strokes"],

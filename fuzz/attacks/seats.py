@@ -23,8 +23,8 @@ __all__ = ["SEAT_ATTACKS"]
 
 CYCLES_PER_S: Final = 64.0
 
-MEMBERS: Final = 32
-"""Of one group, and sessions of one address."""
+MEMBERS: Final = 24
+"""Of one group: ten addresses leave room for somebody else among `max_sessions`."""
 
 
 def left_seats(port: int, scene: str, token: str, going: Going, address: str) -> int:

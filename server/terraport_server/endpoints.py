@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import hmac
+import json
 import logging
+from collections.abc import Iterator
 from hashlib import sha256
 from http import HTTPStatus
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
-from fastapi.responses import JSONResponse, PlainTextResponse
+from fastapi.responses import JSONResponse, PlainTextResponse, StreamingResponse
 from starlette.exceptions import HTTPException
 
 from terraport_server.auth import TokenPass
@@ -22,6 +24,7 @@ from terraport_server.http_answers import (
     SceneOfRequest,
     ServiceOfRequest,
     caching_headers,
+    in_turns,
     is_unchanged,
     token_of,
 )
@@ -75,35 +78,45 @@ async def _token_pass(request: Request, service: ServiceOfRequest) -> TokenPass:
 
 
 @_router.get("/scenes", summary="Scenes that the token opens")
-def list_scenes(
+async def list_scenes(
     service: ServiceOfRequest, token_pass: Annotated[TokenPass, Depends(_token_pass)]
-) -> dict[str, Any]:
+) -> Response:
     """List id, name, version and size of every scene that the token opens, and what is beside."""
-    ids = [scene_id for scene_id in service.registry.ids() if token_pass.opens(scene_id)]
-    answer = {
-        "scenes": [summary_of(service.registry.get(scene_id)) for scene_id in ids],
-        "links": service_links(service.settings),
-    }
-    building = [build for build in service.registry.building if token_pass.opens(build.id)]
+    pieces = in_turns(_list_pieces(service, token_pass), service.turns)
+    return StreamingResponse(pieces, media_type="application/json")
+
+
+def _list_pieces(service: Service, token_pass: TokenPass) -> Iterator[bytes]:
+    """Write the list, a piece for each scene."""
+    registry, is_first = service.registry, True
+    yield b'{"scenes":['
+    for scene_id in registry.ids():
+        if not token_pass.opens(scene_id):
+            continue
+        with contextlib.suppress(UnknownSceneError):  # gone while the list was sent
+            yield (b"" if is_first else b",") + summary_of(registry.get(scene_id))
+            is_first = False
+    rest: dict[str, Any] = {"links": service_links(service.settings)}
+    building = [build for build in registry.building if token_pass.opens(build.id)]
     if building:
-        answer["building"] = [building_line(build) for build in building]
-    return answer
+        rest["building"] = [building_line(build) for build in building]
+    yield b"]," + json.dumps(rest, ensure_ascii=False).encode()[1:]
 
 
 @_router.get("/scenes/{scene_id}", summary="One scene: its manifest and addresses")
-def get_scene(
+async def get_scene(
     served: SceneOfRequest,
     service: ServiceOfRequest,
     token_pass: Annotated[TokenPass, Depends(_token_pass)],
-) -> JSONResponse:
+) -> Response:
     """Return the manifest with the scene's id and the addresses of its parts added."""
-    document = served.scene.manifest.model_dump(mode="json")
     links = links_of(served)
     if may_paint(service, token_pass, served):
-        links["strokes"] = f"scenes/{served.id}/strokes"
-    document |= {"id": served.id, "links": links}
+        links = {**links, "strokes": f"scenes/{served.id}/strokes"}
+    added = json.dumps({"id": served.id, "links": links}).encode()
     headers = {"Cache-Control": CHECK, "ETag": f'"{served.version}"', "Vary": "Authorization"}
-    return JSONResponse(document, headers=headers)
+    document = served.manifest_json[:-1] + b"," + added[1:]
+    return Response(document, media_type="application/json", headers=headers)
 
 
 @_router.get("/scenes/{scene_id}/base.glb", summary="The base mesh")
@@ -199,7 +212,7 @@ async def get_readiness(service: ServiceOfRequest) -> PlainTextResponse:
     draining = service.draining and not service.replaced
     if draining or not service.ready:
         return PlainTextResponse("draining\n" if draining else "starting\n", 503)
-    if not service.registry.ids():
+    if service.registry.is_empty:
         return PlainTextResponse("no scene\n", 503)
     return PlainTextResponse("ok\n")
 

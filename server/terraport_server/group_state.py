@@ -84,6 +84,15 @@ class Group:
         # 128 random bits, compared in a group that holds a few: no timing tells them apart.
         return next((seat for seat in self.seats.values() if seat.secret == secret), None)
 
+    def due_s(self, absence_s: float) -> float | None:
+        """When there is something to do; None where the group is gone, or waits for nothing."""
+        news = self.roster_due_s, self.gathering_due_s
+        times = [due_s for due_s in news if due_s is not None]
+        if self.barrier is not None and not self.barrier.is_open:
+            times.append(self.barrier.deadline_s)
+        times += [seat.lost_s + absence_s for seat in self.seats.values() if seat.key is None]
+        return min(times) if times and self.seats else None
+
     @property
     def is_absent(self) -> bool:
         """Whether nobody is there: all its seats are kept for lost connections."""

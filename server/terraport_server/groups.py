@@ -369,19 +369,11 @@ class Groups:
 
     def _note_due(self, group: Group) -> None:
         """Look at when a group has something to do, after whatever changed it."""
-        news = group.roster_due_s, group.gathering_due_s
-        times = [due_s for due_s in news if due_s is not None]
-        if group.barrier is not None and not group.barrier.is_open:
-            times.append(group.barrier.deadline_s)
-        times += [
-            seat.lost_s + self._limits.group_absence_s
-            for seat in group.seats.values()
-            if seat.key is None
-        ]
-        if times and group.seats:
-            self._due_s[group.id] = min(times)
-        else:
+        due_s = group.due_s(self._limits.group_absence_s)
+        if due_s is None:
             self._due_s.pop(group.id, None)
+        else:
+            self._due_s[group.id] = due_s
 
     def _tell(self, group: Group, message: Message) -> None:
         self._posts += [

@@ -12,19 +12,23 @@ first, once for all clients that want it at that moment.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
 from typing import Final
 
 from terraport_server.actions import SendChunk
 from terraport_server.read_buffer import read_cached
-from terraport_store import PayloadRange, RangeError, Scene
+from terraport_store import PayloadRange, RangeError, Scene, StoreError
 
 __all__ = ["WINDOW_BYTES", "PayloadDesk"]
 
 WINDOW_BYTES: Final = 1 << 20
 """What is looked for in the page cache, or brought there by a thread, at a time."""
+
+_AHEAD_BYTES: Final = 1 << 20
+"""Of segments that were never sent: compared together, while one before them is on its way."""
 
 _NOWAIT = getattr(os, "RWF_NOWAIT", 0)
 """Linux 4.14: fail instead of waiting for the disk."""
@@ -94,10 +98,19 @@ class PayloadDesk:
             return None if data is None else memoryview(data)
         return file_range if as_file else read_cached(file_range)
 
-    async def fetch(self, chunk: SendChunk, encoding: str) -> None:
+    async def fetch(self, chunk: SendChunk, encoding: str, following: Sequence[int] = ()) -> None:
         """Bring the chunk's bytes into memory, and compare the segment's hash unless that was done.
 
         Cancelling it leaves the thread to finish for the others.
+
+        Parameters
+        ----------
+        chunk
+        encoding
+        following
+            Segments that will be asked for next: where the scene is a folder, those that were never
+            sent are compared meanwhile, a megabyte of them together. One at a time, each was a wait
+            for a thread that has the interpreter no sooner than others let go of it.
 
         Raises
         ------
@@ -118,8 +131,33 @@ class PayloadDesk:
             else:
                 fetching = loop.create_task(self._bring(self._fetchers, work, chunk, encoding))
             self._fetching[key] = fetching
-            fetching.add_done_callback(lambda done: self._fetched(key, done))
+            fetching.add_done_callback(lambda done: self._fetched((key,), done))
+            if not checked and self._fetchers is None:
+                self._check_ahead(following, encoding)
         await asyncio.shield(fetching)
+
+    def _check_ahead(self, segments: Sequence[int], encoding: str) -> None:
+        """Have hashes compared that will be asked for; what is wrong is found by who sends it."""
+        lengths, left_bytes = self._scene.index_for(encoding).length, _AHEAD_BYTES
+        found: list[int] = []
+        for segment in segments:
+            if self._scene.is_verified(segment, encoding) or (
+                (encoding, segment, 0) in self._fetching
+            ):
+                continue
+            left_bytes -= int(lengths[segment])
+            if left_bytes < 0:
+                break
+            found.append(segment)
+        if not found:
+            return
+        self._hold()
+        work = asyncio.get_running_loop().run_in_executor(
+            self._readers, self._check_all, found, encoding
+        )
+        keys = [(encoding, segment, 0) for segment in found]
+        self._fetching |= dict.fromkeys(keys, work)
+        work.add_done_callback(lambda done: self._fetched(keys, done))
 
     def expect(self, segments: Sequence[int], encoding: str) -> int:
         """Hear what a client will be sent next; the first of it is fetched ahead.
@@ -195,8 +233,9 @@ class PayloadDesk:
         for encoding in self._scene.manifest.encodings:
             self._scene.distrust(segment, encoding)
 
-    def _fetched(self, key: tuple[str, int, int], done: asyncio.Future[None]) -> None:
-        del self._fetching[key]
+    def _fetched(self, keys: Iterable[tuple[str, int, int]], done: asyncio.Future[None]) -> None:
+        for key in keys:
+            del self._fetching[key]
         self._release()
         if not done.cancelled():
             done.exception()  # seen, though whoever asked may have gone
@@ -222,6 +261,11 @@ class PayloadDesk:
 
     def _check(self, chunk: SendChunk, encoding: str) -> None:
         self._scene.payload(chunk.segment, encoding)
+
+    def _check_all(self, segments: Sequence[int], encoding: str) -> None:
+        for segment in segments:
+            with contextlib.suppress(StoreError, OSError):
+                self._scene.payload(segment, encoding)
 
     def _touch(self, chunk: SendChunk, encoding: str) -> None:
         file_range = self._scene.payload_range(chunk.segment, encoding, chunk.offset, chunk.length)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from typing import Any, Final
 
 from terraport_server.served_scene import ServedScene
@@ -21,11 +22,42 @@ _SAID_BY_BUILDS: Final = (
 
 
 def links_of(served: ServedScene) -> dict[str, str]:
-    """Return the addresses of a scene's parts.
+    """Return the addresses of a scene's parts; not to be changed.
 
     Those of what a build says of the scene are among them where there is a file of it, and for a
     scene in object storage always: whether there is one is not known without asking there.
     """
+    return _said_of(served)[0]
+
+
+def summary_of(served: ServedScene) -> bytes:
+    """Return the line of a scene in the list of all, as JSON."""
+    return _said_of(served)[1]
+
+
+def _said_of(served: ServedScene) -> tuple[dict[str, str], bytes]:
+    """Return links and line; looked for anew where something came to the scene's folder, or went.
+
+    Of ten thousand scenes three files each would be looked for whenever somebody lists them.
+    """
+    return served.while_folder_rests(lambda: _find(served))
+
+
+def _find(served: ServedScene) -> tuple[dict[str, str], bytes]:
+    links = _find_links(served)
+    manifest = served.scene.manifest
+    summary = {
+        "id": served.id,
+        "name": manifest.name,
+        "version": served.version,
+        "segments": manifest.counts.segments,
+        "detail_faces": manifest.counts.detail_faces,
+        "links": links,
+    }
+    return links, json.dumps(summary, ensure_ascii=False, separators=(",", ":")).encode()
+
+
+def _find_links(served: ServedScene) -> dict[str, str]:
     root, query = f"scenes/{served.id}", f"?v={served.version}"
     links = {
         "self": root,
@@ -51,19 +83,6 @@ def has_local_file(served: ServedScene, name: str) -> bool:
         return path_inside(served.scene.path, name).is_file()
     except OSError:
         return False
-
-
-def summary_of(served: ServedScene) -> dict[str, Any]:
-    """Return the line of a scene in the list of all."""
-    manifest = served.scene.manifest
-    return {
-        "id": served.id,
-        "name": manifest.name,
-        "version": served.version,
-        "segments": manifest.counts.segments,
-        "detail_faces": manifest.counts.detail_faces,
-        "links": links_of(served),
-    }
 
 
 def building_line(build: SceneBuilding) -> dict[str, Any]:

@@ -75,6 +75,11 @@ class SceneRegistry:
         """Ids of the scenes that are served, ascending."""
         return sorted(self._current)
 
+    @property
+    def is_empty(self) -> bool:
+        """Whether no scene is served."""
+        return not self._current
+
     def get(self, scene_id: str, version: str | None = None) -> ServedScene:
         """Return a scene, newest version first.
 

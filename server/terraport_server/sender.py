@@ -369,7 +369,8 @@ class Sender:
         """
         self._metrics.payload_reads.inc()
         try:
-            await self._served.desk.fetch(chunk, self.session.encoding)
+            coming = self.session.upcoming(_MOST_AHEAD)[1:]
+            await self._served.desk.fetch(chunk, self.session.encoding, coming)
             self._fetched = chunk
         except (StoreError, OSError) as error:
             self._tell_failure(chunk, error)

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -34,6 +35,12 @@ __all__ = ["KeptLabels", "ServedScene"]
 _FAILURES_PER_MINUTE: Final = 6
 """Lines about segments of a scene that cannot be read: of a pack that is gone they are all the
 same, and each landing meets some of them."""
+
+
+_SETTLED_NS: Final = 1_000_000_000
+
+_Said = tuple[dict[str, str], bytes]
+"""Links, and the line in the list of all."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +105,9 @@ class ServedScene:
         """Stable ids and labels; replaced as a whole when labels change, so any thread may ask."""
         self.kept_labels = _NO_LABELS
         """What ``labels.json`` answers: written once for all who ask."""
+        self._said: tuple[int, _Said] | None = None
+        """What was last found to say of it, and the stamp of its folder then."""
+        self.manifest_json = scene.manifest.model_dump_json().encode()
         self.version = scene.manifest.version
         index = scene.rows
         self.view = SceneView(
@@ -232,6 +242,23 @@ class ServedScene:
                 reason=str(error) or repr(error),
                 lines_left_out=left_out or None,
             )
+
+    def while_folder_rests(self, find: Callable[[], _Said]) -> _Said:
+        """Return what *find* finds; what it found before where nothing came to the folder or went.
+
+        A scene in object storage has none that could be looked at.
+        """
+        stamp = 0
+        if self.fetchers is None:
+            with contextlib.suppress(OSError):
+                stamp = self.scene.path.stat().st_mtime_ns
+        if self._said is not None and self._said[0] == stamp:
+            return self._said[1]
+        said = find()
+        # What changed a moment ago may change again within what the files' clock tells apart.
+        if time.time_ns() - stamp > _SETTLED_NS:
+            self._said = stamp, said
+        return said
 
     def use_labels(self, kept: KeptLabels) -> None:
         """Take these labels in place of those before."""

@@ -48,7 +48,7 @@ class KeptStrokes:
     """Of the file."""
 
     @property
-    def bytes(self) -> int:
+    def size_bytes(self) -> int:
         """Of the file, about."""
         return sum(map(len, self.rows.values()))
 
@@ -114,7 +114,7 @@ class StrokeDesk:
     def _keep(self, folder: Path, kept: KeptStrokes) -> KeptStrokes:
         self._kept[folder] = kept
         self._kept.move_to_end(folder)
-        while len(self._kept) > 1 and sum(one.bytes for one in self._kept.values()) > (
+        while len(self._kept) > 1 and sum(one.size_bytes for one in self._kept.values()) > (
             _MAX_KEPT_BYTES
         ):
             self._kept.popitem(last=False)

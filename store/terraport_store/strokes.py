@@ -279,10 +279,10 @@ def _features(data: bytes, known: Container[bytes]) -> Iterator[tuple[bytes, Any
         document = json.loads(data)
     except (ValueError, RecursionError) as error:
         raise _damaged(f"does not parse as JSON: {error}") from None
-    features = document.get("features") if isinstance(document, dict) else None
-    if not isinstance(features, list):
+    listed = document.get("features") if isinstance(document, dict) else None
+    if not isinstance(listed, list):
         raise _damaged("no list of features, expected a FeatureCollection")
-    yield from ((b"", feature) for feature in features)
+    yield from ((b"", feature) for feature in listed)
 
 
 def _plan_frame(manifest: Manifest) -> tuple[float, float, float]:

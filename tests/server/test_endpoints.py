@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -9,9 +12,9 @@ import httpx
 import pytest
 from server.grid_scene import GridScene, write_grid_scene
 
-from terraport_server import BackgroundServer
+from terraport_server import BackgroundServer, served_scene
 from terraport_store import Scene, change_labels
-from terraport_store.labels import parse_labels
+from terraport_store.labels import encode_labels, parse_labels
 
 TOKEN = "sixteen-characters"
 
@@ -76,6 +79,62 @@ def test_labels_are_asked_again_and_answered_shortly(tmp_path: Path) -> None:
         assert whole.headers["cache-control"] == "no-cache"
         again = httpx.get(url, headers={"If-None-Match": whole.headers["etag"]})
         assert (again.status_code, again.content) == (304, b"")
+
+
+def test_labels_are_written_once_for_all_who_ask(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As many as there may be took a second of the interpreter, forty requests at a time."""
+    write_grid_scene(tmp_path / "pit", cells=2, stable_ids=(4, 2, 9))
+    change_labels(tmp_path / "pit", {9: "bench"})
+    written: list[dict[int, str]] = []
+
+    def counted(labels: dict[int, str]) -> bytes:
+        written.append(labels)
+        return encode_labels(labels)
+
+    monkeypatch.setattr(served_scene, "encode_labels", counted)
+    with BackgroundServer(tmp_path) as running:
+        answers = [httpx.get(f"{running.url}/scenes/pit/labels.json") for _ in range(5)]
+    assert [parse_labels(answer.content) for answer in answers] == [{9: "bench"}] * 5
+    assert written == [{9: "bench"}]
+
+
+def test_a_report_that_comes_later_is_named(tmp_path: Path) -> None:
+    """Links are kept as long as nothing in the scene's folder changed."""
+    pit = write_grid_scene(tmp_path / "pit", cells=2).path
+    past_s = time.time() - 60
+    os.utime(pit, (past_s, past_s))
+    with BackgroundServer(tmp_path) as running, httpx.Client(base_url=running.url) as http:
+
+        def links() -> dict[str, str]:
+            (listed,) = http.get("/scenes").json()["scenes"]
+            assert http.get("/scenes/pit").json()["links"].items() >= listed["links"].items()
+            return dict(listed["links"])
+
+        assert "report" not in links()
+        (pit / "report.html").write_text("<p>", encoding="utf-8")
+        assert links()["report"] == "scenes/pit/report"
+        (pit / "report.html").unlink()
+        assert "report" not in links()
+
+
+def test_many_scenes_are_listed_whole(tmp_path: Path) -> None:
+    """In pieces: a token sees its scenes, each once, however many there are."""
+    first = write_grid_scene(tmp_path / "scenes" / "s000", cells=2).path
+    names = [f"s{number:03}" for number in range(200)]
+    for name in names[1:]:
+        shutil.copytree(first, first.with_name(name), copy_function=os.link)
+    (tmp_path / "tokens").write_text(f"all {TOKEN}\none only-one-of-them-here s007\n")
+    with BackgroundServer(tmp_path / "scenes", tokens_file=tmp_path / "tokens") as running:
+
+        def listed(token: str) -> list[str]:
+            headers = {"Authorization": f"Bearer {token}"}
+            answer = httpx.get(f"{running.url}/scenes", headers=headers).json()
+            return [scene["id"] for scene in answer["scenes"]]
+
+        assert listed(TOKEN) == names
+        assert listed("only-one-of-them-here") == ["s007"]
 
 
 def test_one_scene_is_its_manifest_with_addresses(http: httpx.Client, grid: GridScene) -> None:

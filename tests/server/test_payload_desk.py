@@ -136,3 +136,52 @@ def test_a_pack_cut_short_is_told(tmp_path: Path) -> None:
         served.retire()
 
     asyncio.run(story())
+
+
+def test_what_follows_is_compared_together(pit: GridScene) -> None:
+    """A landing of thirty new segments was thirty waits for a thread, one after the other."""
+
+    class Counted(ThreadPoolExecutor):
+        jobs = 0
+
+        def submit(self, *arguments: Any, **options: Any) -> Any:
+            self.jobs += 1
+            return super().submit(*arguments, **options)
+
+    async def story() -> None:
+        with Counted(2) as readers:
+            served = ServedScene.open("pit", pit.path, "file", readers)
+            count = len(pit.payloads)
+            for segment in range(count):
+                chunk = whole(pit, segment)
+                if served.desk.chunk_data(chunk, "glb", as_file=True) is None:
+                    await served.desk.fetch(chunk, "glb", range(segment + 1, count))
+            assert readers.jobs == 2, "the first, and all others"
+            served.retire()
+            assert served.closed
+
+    asyncio.run(story())
+
+
+def test_a_wrong_one_among_what_follows_fails_by_itself(tmp_path: Path) -> None:
+    async def story() -> None:
+        pit = write_grid_scene(tmp_path / "pit", cells=2)
+        with ThreadPoolExecutor(1) as readers:
+            served = ServedScene.open("pit", pit.path, "file", readers)
+            where = served.scene.payload_range(2, "glb", 0, 1)
+            assert where is not None
+            pack = next(pit.path.glob("v-*/*.pack"))
+            data = bytearray(pack.read_bytes())
+            data[where.offset + 9] ^= 1
+            pack.write_bytes(data)
+            await served.desk.fetch(whole(pit, 0), "glb", (1, 2, 3))
+            await served.desk.fetch(whole(pit, 3), "glb")
+            for good in (0, 1, 3):
+                assert served.desk.chunk_data(whole(pit, good), "glb", as_file=True) is not None
+            assert served.desk.chunk_data(whole(pit, 2), "glb", as_file=True) is None
+            with pytest.raises(CorruptPayloadError):
+                await served.desk.fetch(whole(pit, 2), "glb")
+            served.retire()
+            assert served.closed
+
+    asyncio.run(story())
