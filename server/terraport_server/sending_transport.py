@@ -11,7 +11,7 @@ from typing import Any, Final
 
 __all__ = ["READ_ROOM_BYTES", "Data", "SendingTransport"]
 
-READ_ROOM_BYTES: Final = 64 << 10
+READ_ROOM_BYTES: Final = 128 << 10
 """Of a file, before it is encrypted: still in the processor's cache then."""
 
 Data = bytes | bytearray | memoryview
