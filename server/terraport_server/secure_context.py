@@ -11,8 +11,8 @@ from pathlib import Path
 from cryptography.hazmat.bindings.openssl.binding import Binding
 from OpenSSL import SSL
 
-from terraport_server.secure_rooms import Rooms
-from terraport_server.secure_transport import READ_BYTES, SecureTransport, said_by_openssl
+from terraport_server.secure_rooms import Rooms, said_by_openssl
+from terraport_server.secure_transport import READ_BYTES, SecureTransport
 
 __all__ = ["SecureContext"]
 

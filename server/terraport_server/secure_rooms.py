@@ -1,14 +1,15 @@
-"""Memory that all TLS connections of one event loop share."""
+"""Memory that all TLS connections of one event loop share, and what OpenSSL says."""
 
 from __future__ import annotations
 
 from typing import Final, Protocol
 
 from cryptography.hazmat.bindings.openssl.binding import Binding
+from OpenSSL import SSL
 
 from terraport_server.sending_transport import READ_ROOM_BYTES
 
-__all__ = ["ROOM_BYTES", "Rooms"]
+__all__ = ["ROOM_BYTES", "Rooms", "said_by_openssl"]
 
 ROOM_BYTES: Final = 256 << 10
 """For what is encrypted and not sent yet."""
@@ -44,3 +45,10 @@ class Rooms:
             oldest = next(iter(self.grown))
             del self.grown[oldest]
             oldest.shrink()
+
+
+def said_by_openssl(error: SSL.Error) -> str:
+    """Return OpenSSL's words."""
+    if error.args and isinstance(error.args[0], list):
+        return "; ".join(words[-1] for words in error.args[0])
+    return str(error) or type(error).__name__

@@ -19,10 +19,10 @@ from typing import Any, Final
 from cryptography.hazmat.bindings.openssl.binding import Binding
 from OpenSSL import SSL
 
-from terraport_server.secure_rooms import ROOM_BYTES, Rooms
+from terraport_server.secure_rooms import ROOM_BYTES, Rooms, said_by_openssl
 from terraport_server.sending_transport import Data, SendingTransport
 
-__all__ = ["READ_BYTES", "SecureTransport", "said_by_openssl"]
+__all__ = ["READ_BYTES", "SecureTransport"]
 
 _PIECE_BYTES: Final = 128 << 10
 """Encrypted by one call."""
@@ -66,25 +66,10 @@ class SecureTransport(SendingTransport):
     """
 
     __slots__ = (
-        "_backlog",
-        "_backlog_bytes",
-        "_connection",
-        "_heard",
-        "_high_bytes",
-        "_is_closing",
-        "_is_lost",
-        "_is_paused",
-        "_is_watched",
-        "_loop",
-        "_low_bytes",
-        "_protocol",
-        "_rest_is_due",
-        "_rooms",
-        "_said",
-        "_ssl",
-        "_tls",
-        "_write_is_paused",
-    )
+        "_backlog", "_backlog_bytes", "_connection", "_heard", "_high_bytes", "_is_closing",
+        "_is_lost", "_is_paused", "_is_watched", "_loop", "_low_bytes", "_protocol",
+        "_rest_is_due", "_rooms", "_said", "_ssl", "_tls", "_write_is_paused",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -133,26 +118,18 @@ class SecureTransport(SendingTransport):
         return self._rooms.read
 
     def get_extra_info(self, name: str, default: Any = None) -> Any:
-        """Return the socket or an address; ``sslcontext`` as long as it is one of TLS."""
-        if name == "socket":
-            return self._connection
+        """Return what the socket tells; ``sslcontext`` as it is one of TLS."""
         if name == "sslcontext":
             return self._tls.get_context()
-        with contextlib.suppress(OSError):
-            if name == "peername":
-                return self._connection.getpeername()
-            if name == "sockname":
-                return self._connection.getsockname()
-        return default
+        return super().get_extra_info(name, default)
 
     def set_protocol(self, protocol: asyncio.BaseProtocol) -> None:
         """Hand what comes to another one from now on."""
         self._protocol = protocol
 
-    def get_protocol(self) -> asyncio.BaseProtocol:
+    def get_protocol(self) -> Any:
         """Return whom what comes is handed to."""
-        protocol: asyncio.BaseProtocol = self._protocol
-        return protocol
+        return self._protocol
 
     def is_closing(self) -> bool:
         """Whether nothing more is taken."""
@@ -180,17 +157,9 @@ class SecureTransport(SendingTransport):
         self._high_bytes, self._low_bytes = high, high // 4 if low is None else low
         self._tell_full()
 
-    def get_write_buffer_limits(self) -> tuple[int, int]:
-        """Return the low and the high one."""
-        return self._low_bytes, self._high_bytes
-
     def get_write_buffer_size(self) -> int:
         """Return how many bytes wait for the socket."""
         return self._backlog_bytes
-
-    def can_write_eof(self) -> bool:
-        """TLS has no half of a connection."""
-        return False
 
     def write(self, data: Data) -> None:
         """Send, or keep what the socket does not take."""
@@ -427,10 +396,3 @@ class SecureTransport(SendingTransport):
             protocol.connection_lost(error)
         finally:
             self._connection.close()
-
-
-def said_by_openssl(error: SSL.Error) -> str:
-    """Return OpenSSL's words."""
-    if error.args and isinstance(error.args[0], list):
-        return "; ".join(words[-1] for words in error.args[0])
-    return str(error) or type(error).__name__

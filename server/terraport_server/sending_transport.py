@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import socket
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 __all__ = ["READ_ROOM_BYTES", "Data", "SendingTransport"]
 
-READ_ROOM_BYTES: Final = 64 << 10
+READ_ROOM_BYTES: Final = 128 << 10
 """Of a file, before it is encrypted: still in the processor's cache then."""
 
 Data = bytes | bytearray | memoryview
@@ -25,6 +26,21 @@ class SendingTransport(asyncio.Transport):
     @abstractmethod
     def raw(self) -> socket.socket:
         """The socket, to set its options."""
+
+    def get_extra_info(self, name: str, default: Any = None) -> Any:
+        """Return the socket, or an address of it."""
+        if name == "socket":
+            return self.raw
+        with contextlib.suppress(OSError):
+            if name == "peername":
+                return self.raw.getpeername()
+            if name == "sockname":
+                return self.raw.getsockname()
+        return default
+
+    def can_write_eof(self) -> bool:
+        """TLS has no half of a connection."""
+        return False
 
     @property
     @abstractmethod
