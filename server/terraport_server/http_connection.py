@@ -291,8 +291,13 @@ class HttpConnection(BoundedRequests):
             heir.count_by(self.entrance, self._counted, self.limits.max_connections_per_ip)
             self._counted = None
             self.transport.set_protocol(SmallReads(heir, self.entrance.room))
+            if not heir.handshake_initiated:
+                # It read no handshake, for a body or too long a header, and waits for nothing.
+                text = "got no WebSocket handshake, expected one without a body"
+                self._refuse(HTTPStatus.BAD_REQUEST, "http_malformed", text)
         self._unbind()
-        self.transport.resume_reading()
+        if not self._over:
+            self.transport.resume_reading()
 
     def _refuse(self, status: HTTPStatus, reason: str, text: str) -> None:
         """Answer where nothing was answered yet, and close."""
