@@ -113,7 +113,7 @@ class RequestRules:
         host, ranges = None, 0
         for name, value in headers:
             if name == b"host":
-                host = value
+                host = value if host is None else host + b", " + value  # two are nobody's
             elif name == b"range":
                 ranges += value.count(b",") + 1
         if self._checks_host and host is not None and host != self._good_host:

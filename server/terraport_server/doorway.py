@@ -3,17 +3,19 @@
 The event loop's own servers accept whatever waits in one step, and make transport and protocol for
 each: a flood of connections kept everybody else waiting for as long as 2,048 of them take, 0.1 to
 0.2 ms each. Here whoever is turned away unheard costs an accept and a close, and everybody else has
-a turn in between. A TLS handshake counts for its address from the beginning.
+a turn in between. A TLS handshake counts for its address from the beginning, takes the turns of
+strangers, and has come for nothing where it fails.
 """
 
 from __future__ import annotations
 
 import asyncio
+import functools
 import socket
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Final
 
-from terraport_server.entrance import Entrance
+from terraport_server.entrance import PROXIES, Entrance
 
 if TYPE_CHECKING:
     from terraport_server.secure_context import SecureContext
@@ -46,7 +48,7 @@ class Doorway:
     handshake_timeout_s
         Of TLS.
     max_coming
-        TLS handshakes under way; more are turned away.
+        TLS handshakes under way; for one more the address with most of them gives one up.
     """
 
     def __init__(
@@ -68,7 +70,8 @@ class Doorway:
         self._tls = tls
         self._timeout_s = handshake_timeout_s
         self._max_coming = max_coming
-        self._coming: set[asyncio.Task[None]] = set()
+        self._coming: dict[asyncio.Task[None], str | None] = {}
+        """And what each counts under; the oldest first."""
         self._accepting = self._loop.create_task(self._accept())
 
     def close(self) -> None:
@@ -107,15 +110,26 @@ class Doorway:
         host = str(address[0])
         key = self._entrance.addresses.counted(host)
         refused = None if key is None else self._entrance.turns_away(key, self._loop.time())
-        if refused is None and len(self._coming) >= self._max_coming:
+        if refused is None and len(self._coming) >= self._max_coming and not self._make_room(key):
             refused = f"got more than {self._max_coming} connections that are not made yet"
         if refused is not None:
             connection.close()
             self._refused("connections", refused, host)
             return
         task = self._loop.create_task(self._let_in(connection, key))
-        self._coming.add(task)
-        task.add_done_callback(self._coming.discard)
+        self._coming[task] = key
+        task.add_done_callback(self._coming.pop)
+
+    def _make_room(self, key: str | None) -> bool:
+        """End the oldest handshake of the address that has most, unless that is this one."""
+        heaviest = self._entrance.heaviest_coming()
+        if heaviest is None or heaviest == key:
+            return False
+        for task, of_address in self._coming.items():
+            if of_address == heaviest and not task.cancelling():
+                task.cancel()
+                return True
+        return False
 
     async def _let_in(self, connection: socket.socket, key: str | None) -> None:
         connection.setblocking(False)
@@ -124,6 +138,13 @@ class Doorway:
                 if self._tls is None:
                     await self._loop.connect_accepted_socket(self._make_connection, connection)
                 else:
-                    await self._tls.accept(connection, self._make_connection, self._timeout_s)
+                    turns = functools.partial(self._entrance.wait, key or PROXIES)
+                    make, timeout_s = self._make_connection, self._timeout_s
+                    await self._tls.accept(connection, make, timeout_s, turns)
+        except asyncio.CancelledError:  # to make room
+            connection.close()
+            raise
         except OSError:  # gone, or no TLS
             connection.close()
+            if key is not None:
+                self._entrance.addresses.came_in_vain(key, self._loop.time())

@@ -20,7 +20,10 @@ from terraport_server.fair_queue import FairQueue
 from terraport_server.small_reads import READ_BYTES
 from terraport_server.strangers import Strangers
 
-__all__ = ["ADDRESS_SHARE", "Entrance", "Stranger"]
+__all__ = ["ADDRESS_SHARE", "PROXIES", "Entrance", "Stranger"]
+
+PROXIES: Final = "proxies"
+"""Whose turn it is where a proxy does not say for whom it asks."""
 
 ADDRESS_SHARE: Final = 8
 """One address may have a so-manieth part of what all strangers may have sent: ten clients that
@@ -116,6 +119,10 @@ class Entrance:
             self._coming[key] -= 1
             if not self._coming[key]:
                 del self._coming[key]
+
+    def heaviest_coming(self) -> str | None:
+        """Return the address with most connections that are not made yet, or None."""
+        return max(self._coming, key=self._coming.__getitem__, default=None)
 
     def make_room(self) -> bool:
         """Let the stranger leave that stands most in the way; False where there is none."""

@@ -24,7 +24,7 @@ from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
 from terraport_server.bounded_requests import BoundedRequests
 from terraport_server.client_addresses import too_many_of_address
 from terraport_server.deadline import Deadline
-from terraport_server.entrance import Entrance
+from terraport_server.entrance import PROXIES, Entrance
 from terraport_server.file_sender import FILES, FileSender, with_files
 from terraport_server.http_limits import HttpLimits
 from terraport_server.peer_limits import BoundedPeer
@@ -42,9 +42,6 @@ MAX_PIPELINED: Final = 16
 _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
 more are dropped unheard."""
-
-_PROXIES: Final = "proxies"
-"""Whose turn it is where a proxy does not say for whom it asks."""
 
 
 Headers = Sequence[tuple[bytes, bytes]]
@@ -264,8 +261,8 @@ class HttpConnection(BoundedRequests):
         for name, value in reversed(headers or ()):
             if name == b"x-forwarded-for":
                 client = value.rpartition(b",")[2].strip().decode("latin-1")
-                return self.entrance.addresses.counted(client) or _PROXIES
-        return _PROXIES
+                return self.entrance.addresses.counted(client) or PROXIES
+        return PROXIES
 
     def _wait(self, step: Callable[[], None], headers: Headers | None = None) -> None:
         """Take a step when it is this one's turn; no more than one read comes meanwhile."""
@@ -294,8 +291,13 @@ class HttpConnection(BoundedRequests):
             heir.count_by(self.entrance, self._counted, self.limits.max_connections_per_ip)
             self._counted = None
             self.transport.set_protocol(SmallReads(heir, self.entrance.room))
+            if not heir.handshake_initiated:
+                # It read no handshake, for a body or too long a header, and waits for nothing.
+                text = "got no WebSocket handshake, expected one without a body"
+                self._refuse(HTTPStatus.BAD_REQUEST, "http_malformed", text)
         self._unbind()
-        self.transport.resume_reading()
+        if not self._over:
+            self.transport.resume_reading()
 
     def _refuse(self, status: HTTPStatus, reason: str, text: str) -> None:
         """Answer where nothing was answered yet, and close."""

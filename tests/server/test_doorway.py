@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
+import ssl
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import ExitStack
@@ -18,6 +19,7 @@ from server.test_access_watch import write_certificate
 from terraport_server import BackgroundServer
 from terraport_server.doorway import _LET_IN_AT_ONCE, Doorway
 from terraport_server.entrance import Entrance
+from terraport_server.secure_context import SecureContext
 
 KEY = "127.0.0.1"
 
@@ -103,6 +105,67 @@ def test_who_came_in_vain_again_and_again_is_turned_away() -> None:
     entrance.addresses.came_in_vain("a", now_s)
     assert "for nothing" in (entrance.turns_away("a", now_s) or "")
     assert entrance.turns_away("b", now_s) is None
+
+
+def test_silent_handshakes_leave_room_for_another_address(tmp_path: Path) -> None:
+    """As many as may be under way kept everybody out until their time was over."""
+
+    async def work() -> None:
+        write_certificate(tmp_path, "localhost")
+        context = SecureContext(tmp_path / "cert.pem", tmp_path / "key.pem")
+        entrance = Entrance("", 1 << 20, 1000)
+        with socket.create_server(("127.0.0.1", 0)) as listener, ExitStack() as stack:
+            listener.setblocking(False)
+            doorway = Doorway(
+                listener,
+                asyncio.Protocol,
+                entrance,
+                lambda *_: None,
+                tls=context,
+                handshake_timeout_s=60.0,
+                max_coming=4,
+            )
+            name = listener.getsockname()
+            for _ in range(6):
+                stack.enter_context(socket.create_connection(name))
+            await asyncio.sleep(0.1)
+            client = ssl.create_default_context()
+            client.check_hostname, client.verify_mode = False, ssl.CERT_NONE
+            async with asyncio.timeout(5):
+                _, writer = await asyncio.open_connection(
+                    *name, ssl=client, local_addr=("127.0.0.2", 0)
+                )
+            writer.transport.abort()
+            assert entrance.addresses.in_vain("127.0.0.2", 0.0) == 0
+            doorway.close()
+            for waiting in list(doorway._coming):
+                waiting.cancel()
+            await doorway.wait_closed()
+
+    asyncio.run(work())
+
+
+def test_a_handshake_that_fails_came_for_nothing(tmp_path: Path) -> None:
+    write_grid_scene(tmp_path / "scenes" / "grid", cells=2)
+    write_certificate(tmp_path, "localhost")
+    with BackgroundServer(
+        tmp_path / "scenes",
+        tls_certificate=tmp_path / "cert.pem",
+        tls_key=tmp_path / "key.pem",
+        max_connections_per_ip=2,
+        forwarded_allow_ips="",
+    ) as server:
+
+        def is_turned_away() -> bool:
+            with socket.create_connection(("127.0.0.1", server.port)) as raw:
+                raw.sendall(b"GET / HTTP/1.1\r\n\r\n")
+                raw.settimeout(5)
+                try:
+                    return raw.recv(100) == b""  # else an alert
+                except ConnectionError:
+                    return True
+
+        assert sum(is_turned_away() for _ in range(12)) >= 12 - 2 * 2 - 2
 
 
 @pytest.mark.parametrize("first", [b"", b"\x16\x03\x01\x02\x00\x01"], ids=["silent", "half"])

@@ -103,6 +103,31 @@ def test_a_request_by_the_byte(server: BackgroundServer) -> None:
     assert time.monotonic() - began_s < 5
 
 
+@pytest.mark.parametrize(
+    "more",
+    [b"Content-Length: 5\r\n\r\nhello", b"Transfer-Encoding: chunked\r\n\r\n1\r\nx\r\n0\r\n\r\n"],
+    ids=["body", "chunks"],
+)
+def test_an_upgrade_that_is_no_handshake(server: BackgroundServer, more: bytes) -> None:
+    """It got no answer, and its connection had no end."""
+    with connect(server) as raw:
+        raw.sendall(
+            b"GET /scenes/pit/stream HTTP/1.1\r\n" + HOST + b"Connection: Upgrade\r\n"
+            b"Upgrade: websocket\r\nSec-WebSocket-Version: 13\r\n"
+            b"Sec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA==\r\n" + more
+        )
+        assert refusal(answer(raw))[0] == 400
+    eventually(lambda: open_connections(server) == 0)
+
+
+def test_two_hosts_are_nobodys(server: BackgroundServer) -> None:
+    """The last one counted, which is another one than a proxy in front may have looked at."""
+    for hosts in (b"Host: evil\r\n" + HOST, HOST + b"Host: evil\r\n"):
+        with connect(server) as raw:
+            raw.sendall(b"GET /scenes HTTP/1.1\r\n" + hosts + b"Connection: close\r\n\r\n")
+            assert answer(raw).startswith(b"HTTP/1.1 421 ")
+
+
 def test_silence_after_an_answer(server: BackgroundServer) -> None:
     with connect(server) as raw:
         raw.sendall(b"GET /healthz HTTP/1.1\r\n" + HOST + b"\r\n")

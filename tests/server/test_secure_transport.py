@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import hashlib
 import os
 import random
@@ -101,7 +102,7 @@ def with_peer(
             sock=raw, ssl=client or client_context(), server_hostname="localhost", limit=MIB
         )
         (reader, writer), _ = await asyncio.gather(
-            coming, context.accept(accepted, lambda: protocol, 5.0)
+            coming, context.accept(accepted, lambda: protocol, 5.0, loop.call_soon)
         )
         try:
             async with asyncio.timeout(20):
@@ -323,7 +324,7 @@ def accept(folder: Path, first: bytes, timeout_s: float) -> str:
                 raise AssertionError
 
             with pytest.raises(OSError) as raised:
-                await context.accept(ours, never, timeout_s)
+                await context.accept(ours, never, timeout_s, asyncio.get_running_loop().call_soon)
             return f"{type(raised.value).__name__}: {raised.value}"
 
     return asyncio.run(run())
@@ -338,6 +339,53 @@ def accept(folder: Path, first: bytes, timeout_s: float) -> str:
 )
 def test_who_shakes_no_hands_gets_no_protocol(tmp_path: Path, first: bytes, text: str) -> None:
     assert accept(tmp_path, first, 0.2) == text
+
+
+def client_hello() -> bytes:
+    said = ssl.MemoryBIO()
+    with contextlib.suppress(ssl.SSLWantReadError):
+        client_context().wrap_bio(ssl.MemoryBIO(), said, server_hostname="localhost").do_handshake()
+    return said.read()
+
+
+def test_a_handshake_takes_turns_and_has_few_pieces(tmp_path: Path) -> None:
+    """Whoever sent a byte at a time had a step each; six hundred of them took the loop."""
+
+    async def run() -> None:
+        write_certificate(tmp_path, "localhost")
+        context = SecureContext(tmp_path / "cert.pem", tmp_path / "key.pem")
+        ours, theirs = socket.socketpair()
+        steps: list[Callable[[], None]] = []
+        with ours, theirs:
+            ours.setblocking(False)
+            coming = asyncio.ensure_future(context.accept(ours, Peer, 10.0, steps.append))
+            hello = client_hello()
+            for at in range(65):
+                assert not coming.done()
+                theirs.send(hello[at : at + 1])
+                await until(lambda: bool(steps))
+                assert ours.recv(9, socket.MSG_PEEK) == hello[at : at + 1]  # not read before
+                steps.pop()()
+            with pytest.raises(ConnectionAbortedError, match="in 64 pieces"):
+                await coming
+
+    asyncio.run(run())
+
+
+def test_who_left_a_handshake_waits_for_no_turn(tmp_path: Path) -> None:
+    async def run() -> None:
+        write_certificate(tmp_path, "localhost")
+        context = SecureContext(tmp_path / "cert.pem", tmp_path / "key.pem")
+        ours, theirs = socket.socketpair()
+        steps: list[Callable[[], None]] = []
+        with ours:
+            ours.setblocking(False)
+            theirs.close()
+            with pytest.raises(ConnectionResetError):
+                await context.accept(ours, Peer, 10.0, steps.append)
+            assert steps == []
+
+    asyncio.run(run())
 
 
 @pytest.mark.parametrize("name", ["cert.pem", "key.pem"])
