@@ -37,7 +37,7 @@ _FAILURES_PER_MINUTE: Final = 6
 same, and each landing meets some of them."""
 
 
-_SETTLED_NS: Final = 1_000_000_000
+_SETTLED_S: Final = 1.0
 
 _Said = tuple[dict[str, str], bytes]
 """Links, and the line in the list of all."""
@@ -107,6 +107,8 @@ class ServedScene:
         """What ``labels.json`` answers: written once for all who ask."""
         self._said: tuple[int, _Said] | None = None
         """What was last found to say of it, and the stamp of its folder then."""
+        self._seen_since = (-1, 0.0)
+        """Stamp of the scene's folder, and when by the monotonic clock it was first seen."""
         self.manifest_json = scene.manifest.model_dump_json().encode()
         self.version = scene.manifest.version
         index = scene.rows
@@ -256,7 +258,10 @@ class ServedScene:
             return self._said[1]
         said = find()
         # What changed a moment ago may change again within what the files' clock tells apart.
-        if time.time_ns() - stamp > _SETTLED_NS:
+        now_s = time.monotonic()
+        if self._seen_since[0] != stamp:
+            self._seen_since = stamp, now_s
+        elif now_s - self._seen_since[1] > _SETTLED_S:
             self._said = stamp, said
         return said
 

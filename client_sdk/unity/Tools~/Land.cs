@@ -31,7 +31,7 @@ namespace Terraport.Tools
         private int people;
         private int joined;
         private int called;
-        private int gathered;
+        private uint gathered;
         private string refusedCode;
         private string closedCode;
         private string failure;
@@ -199,7 +199,7 @@ namespace Terraport.Tools
                 case StreamEventKind.GroupJoined: joined++; break;
                 case StreamEventKind.GroupRoster: people = streamEvent.Group.Members.Count; break;
                 case StreamEventKind.GroupCalled: called++; break;
-                case StreamEventKind.GroupGathered: gathered++; break;
+                case StreamEventKind.GroupGathered: gathered = streamEvent.Group.Gathering.Number; break;
                 case StreamEventKind.GroupRefused: refusedCode = streamEvent.Code; break;
                 case StreamEventKind.Link: closedCode = streamEvent.Link.Phase == LinkPhase.Closed ? streamEvent.Link.Code : null; break;
             }

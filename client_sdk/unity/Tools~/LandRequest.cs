@@ -16,7 +16,7 @@ namespace Terraport.Tools
             + "       wait  (until the newest landing is ready)    aim:X,Y,Z,RADIUS  (until prefetched)\n"
             + "       pick:X,Y,Z[,DX,DY,DZ]    pause:MS    reconnect[:TOKEN]\n"
             + "       join:NAME,guide|member[,OWN_NAME]  (until there is a seat)    people:N    leave    follow:0|1  (staged)\n"
-            + "       gather:X,Y,Z,RADIUS  (until told)    barrier:N  (until the barrier of N group landings has opened)\n"
+            + "       gather:X,Y,Z,RADIUS  (until told)    barrier:N  (until the barrier of the group's landing N has opened)\n"
             + "       stand:X,Y,Z  (staged: the height of the ground that is shown there, and its segment)\n";
 
         private LandRequest()

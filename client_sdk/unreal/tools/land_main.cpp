@@ -229,7 +229,7 @@ class Visit {
         ++called_;
         break;
       case EventKind::GroupGathered:
-        ++gathered_;
+        gathered_ = int(event.group->gathering.number);
         break;
       case EventKind::GroupRefused:
         refusedCode_ = event.code;
