@@ -3,6 +3,7 @@
 #include "GameFramework/Actor.h"
 #include "HAL/PlatformMemory.h"
 #include "HAL/PlatformTime.h"
+#include "Materials/MaterialInterface.h"
 #include "Misc/Paths.h"
 #include "Modules/ModuleManager.h"
 #include "TerraportLog.h"
