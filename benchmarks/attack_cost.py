@@ -7,7 +7,7 @@
     python benchmarks/attack_cost.py --only steps          # single messages alone
     python benchmarks/attack_cost.py --loop --only upgrades  # CPU of a step of the loop instead
     python benchmarks/attack_cost.py --bar                  # the worst, against the bar: 4 minutes
-    python benchmarks/attack_cost.py --smoke               # a sixth, another with each commit
+    python benchmarks/attack_cost.py --smoke               # a twelfth, another with each commit
 
 ``terraport serve`` with default settings and a token, as a process of its own, serves a scene of
 99,856 segments, with strokes and labels. An honest client lands at places where it has not been yet
@@ -73,7 +73,7 @@ from terraport_server import BackgroundServer
 
 SEGMENT_BYTES: Final = 16 << 10
 MANY: Final = 10
-SMOKE_SHARE: Final = 6
+SMOKE_SHARE: Final = 12
 PROCESSES: Final = 2
 """Of the attackers: the machine has as many cores."""
 
