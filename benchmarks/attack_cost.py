@@ -128,10 +128,12 @@ PLAN_BAR_MS: Final = 20.0
 BAR_S: Final = 4.0
 
 
-def attack(name: str, addresses: list[str], port: int, begun: Any, stop: Any, ended: Any) -> None:
+def attack(
+    name: str, addresses: list[str], port: int, nice: int, begun: Any, stop: Any, ended: Any
+) -> None:
     """Child process: attackers. On a machine of their own they would take the service no core."""
     begun.release()
-    os.nice(19)
+    os.nice(nice)
     with ThreadPoolExecutor(len(addresses)) as pool:
         counts = pool.map(
             lambda address: ATTACKS[name](port, SCENE, TOKEN, lambda: not stop.is_set(), address),
@@ -141,14 +143,16 @@ def attack(name: str, addresses: list[str], port: int, begun: Any, stop: Any, en
         ended.value += sum(counts)
 
 
-def start_attackers(name: str, attackers: int, port: int) -> tuple[list[Any], Any, Any]:
+def start_attackers(name: str, attackers: int, port: int, nice: int) -> tuple[list[Any], Any, Any]:
     """Start so many attackers of one kind; return processes, event that ends them, count."""
     context = multiprocessing.get_context("spawn")
     begun, stop, ended = context.Semaphore(0), context.Event(), context.Value("q", 0)
     addresses = addresses_of(attackers)
     shares = [addresses[number::PROCESSES] for number in range(PROCESSES)]
     others = [
-        context.Process(target=attack, args=(name, share, port, begun, stop, ended), daemon=True)
+        context.Process(
+            target=attack, args=(name, share, port, nice, begun, stop, ended), daemon=True
+        )
         for share in shares
         if share
     ]
@@ -205,11 +209,11 @@ def addresses_of(attackers: int) -> list[str]:
 
 
 def measure(
-    service: ServiceProcess, side: int, name: str, attackers: int, seconds: float
+    service: ServiceProcess, side: int, name: str, attackers: int, seconds: float, nice: int
 ) -> dict[str, Any]:
     """Land beside so many attackers of one kind."""
     before_bytes = service.memory().anon
-    others, stop, ended = start_attackers(name, attackers, service.port)
+    others, stop, ended = start_attackers(name, attackers, service.port, nice)
     if others:
         time.sleep(min(3.0, seconds))  # until the service is in the middle of it
     honest = Honest(service.port, service.pid, side, anew=name in COMES_ANEW, joins=name in JOINS)
@@ -263,6 +267,9 @@ def main() -> int:
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
     seconds = 0.6 if arguments.smoke else arguments.seconds
+    nice = (
+        0 if arguments.smoke else 19
+    )  # beside a whole CI run such a one takes half a minute to end
     segments = 10_000 if arguments.smoke or arguments.bar else 100_000
     if not arguments.bar and (not arguments.only or STEPS in arguments.only):
         rounds, side = (2, 100) if arguments.smoke else (15, 316)
@@ -307,7 +314,7 @@ def main() -> int:
             with ServiceProcess(
                 scenes, tokens_file=scenes.parent / "tokens", log=log, forwarded_allow_ips=""
             ) as service:
-                row = measure(service, side, name, count, seconds)
+                row = measure(service, side, name, count, seconds, nice)
             row["log_bytes"] = log.stat().st_size
             print(json.dumps(row), flush=True)
             rows.append(row)
