@@ -19,7 +19,7 @@ from terraport_pipeline.workflow.photo_input import Texturing
 __all__ = ["PHOTOGRAPHED", "SMALL", "small_scenes"]
 
 SMALL: Final = "small"
-"""36,000 triangles in 229 segments and 15 regions, attribute ``grade``, vertex colours."""
+"""Some 40,000 triangles in 200 segments (how many depends on packages), ``grade``, vertex colours."""
 PHOTOGRAPHED: Final = "photographed"
 """As many triangles, with textures."""
 
