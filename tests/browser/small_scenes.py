@@ -19,7 +19,7 @@ from terraport_pipeline.workflow.photo_input import Texturing
 __all__ = ["PHOTOGRAPHED", "SMALL", "small_scenes"]
 
 SMALL: Final = "small"
-"""Some 40,000 triangles in 200 segments (how many depends on packages), ``grade``, vertex colours."""
+"""Some 40,000 triangles in 200 segments (packages decide), ``grade``, vertex colours."""
 PHOTOGRAPHED: Final = "photographed"
 """As many triangles, with textures."""
 
