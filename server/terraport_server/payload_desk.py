@@ -73,6 +73,7 @@ class PayloadDesk:
         self._hold = hold
         self._release = release
         self._fetching: dict[tuple[str, int, int], asyncio.Future[None]] = {}
+        self._ahead: dict[tuple[str, int], asyncio.Future[None]] = {}
 
     def chunk_data(
         self, chunk: SendChunk, encoding: str, *, as_file: bool
@@ -119,6 +120,9 @@ class PayloadDesk:
         OSError
             When the disk fails.
         """
+        ahead = self._ahead.get((encoding, chunk.segment))
+        if ahead is not None and not ahead.done():
+            await asyncio.shield(ahead)
         checked = self._scene.is_verified(chunk.segment, encoding)
         key = (encoding, chunk.segment, chunk.offset if checked else 0)
         fetching = self._fetching.get(key)
@@ -131,33 +135,35 @@ class PayloadDesk:
             else:
                 fetching = loop.create_task(self._bring(self._fetchers, work, chunk, encoding))
             self._fetching[key] = fetching
-            fetching.add_done_callback(lambda done: self._fetched((key,), done))
+            fetching.add_done_callback(lambda done: self._fetched(key, done))
             if not checked and self._fetchers is None:
                 self._check_ahead(following, encoding)
         await asyncio.shield(fetching)
 
     def _check_ahead(self, segments: Sequence[int], encoding: str) -> None:
-        """Have hashes compared that will be asked for; what is wrong is found by who sends it."""
+        """Have hashes compared that will be asked for; what is wrong is told to who sends it."""
         lengths, left_bytes = self._scene.index_for(encoding).length, _AHEAD_BYTES
-        found: list[int] = []
+        unchecked: list[int] = []
         for segment in segments:
-            if self._scene.is_verified(segment, encoding) or (
-                (encoding, segment, 0) in self._fetching
+            if (
+                (encoding, segment) in self._ahead
+                or (encoding, segment, 0) in self._fetching
+                or self._scene.is_verified(segment, encoding)
             ):
                 continue
             left_bytes -= int(lengths[segment])
             if left_bytes < 0:
                 break
-            found.append(segment)
-        if not found:
+            unchecked.append(segment)
+        if not unchecked:
             return
         self._hold()
         work = asyncio.get_running_loop().run_in_executor(
-            self._readers, self._check_all, found, encoding
+            self._readers, self._check_all, unchecked, encoding
         )
-        keys = [(encoding, segment, 0) for segment in found]
-        self._fetching |= dict.fromkeys(keys, work)
-        work.add_done_callback(lambda done: self._fetched(keys, done))
+        keys = [(encoding, segment) for segment in unchecked]
+        self._ahead |= dict.fromkeys(keys, work)
+        work.add_done_callback(lambda done: self._compared(keys, done))
 
     def expect(self, segments: Sequence[int], encoding: str) -> int:
         """Hear what a client will be sent next; the first of it is fetched ahead.
@@ -233,9 +239,16 @@ class PayloadDesk:
         for encoding in self._scene.manifest.encodings:
             self._scene.distrust(segment, encoding)
 
-    def _fetched(self, keys: Iterable[tuple[str, int, int]], done: asyncio.Future[None]) -> None:
+    def _compared(self, keys: Iterable[tuple[str, int]], done: asyncio.Future[None]) -> None:
         for key in keys:
-            del self._fetching[key]
+            del self._ahead[key]
+        self._ended(done)
+
+    def _fetched(self, key: tuple[str, int, int], done: asyncio.Future[None]) -> None:
+        del self._fetching[key]
+        self._ended(done)
+
+    def _ended(self, done: asyncio.Future[None]) -> None:
         self._release()
         if not done.cancelled():
             done.exception()  # seen, though whoever asked may have gone
