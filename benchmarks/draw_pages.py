@@ -11,6 +11,9 @@ with what is near first and as it came. Told are draw calls, GL calls, CPU milli
 process a frame, and whether all ways drew the same picture. The ways take turns, so that their
 ratios hold on a busy machine. Skips, and says so, where there is no Chromium.
 
+Then what three.js, as the viewer has it, makes of a page: a mesh with ranges of its own, with
+``WEBGL_multi_draw`` and without it, each beside one mesh per range.
+
 Fails (exit status 1) where the pictures differ.
 """
 
@@ -39,6 +42,10 @@ THREE: Final = ROOT / "client_sdk" / "web" / "src" / "three"
 PAGE: Final = Path(__file__).with_name("parts") / "draw_pages.js"
 FRAMES: Final = 2
 """Of one turn."""
+THREE_PARTS: Final = PAGE.with_name("draw_pages_three.js")
+THREE_BUILD: Final = ROOT / "client_sdk" / "web" / "node_modules" / "three" / "build"
+RANGES_SIDE: Final = 7
+"""Ranges of the page of three.js: 7 x 7, of at most 64."""
 MARK: Final = "terraport-draw-pages"
 """By which this browser's process for the GPU is known."""
 
@@ -116,9 +123,10 @@ def main() -> None:
             return
         print(json.dumps(made))
         differ = _measure(page, made["ways"], 1 if options.smoke else options.rounds)
+        differ |= _three(browser.new_page())
         browser.close()
     if differ:
-        raise SystemExit("the ways drew different pictures")
+        raise SystemExit("the ways drew different pictures, or three.js more draws than told")
 
 
 def _measure(page: Any, ways: list[str], rounds: int) -> bool:
@@ -146,6 +154,38 @@ def _measure(page: Any, ways: list[str], rounds: int) -> bool:
         len({told["picture"] for way in ways for told in seen[pose, textured, way]}) > 1
         for pose, textured in looks
     )
+
+
+def _three(page: Any) -> bool:
+    """Tell the draw calls of three.js; True where pictures differ, or a page is not one draw."""
+    if not THREE_BUILD.is_dir():
+        print("three.js: skipped, the viewer's packages are not installed")
+        return False
+
+    def serve(route: Any) -> None:
+        file = THREE_BUILD / route.request.url.rsplit("/", 1)[1]
+        if file.is_file():
+            route.fulfill(path=file, content_type="text/javascript")
+        else:
+            route.fulfill(body="", content_type="text/html")
+
+    # Never reaches a network: every request is answered here.
+    page.route("**/*", serve)
+    page.goto("http://127.0.0.1/page")
+    is_wrong = False
+    for told in page.evaluate(THREE_PARTS.read_text(), {"side": RANGES_SIDE}):
+        each, paged = told["one draw each"], told["a page"]
+        drawn = RANGES_SIDE**2
+        differs = each["picture"] != paged["picture"] or each["drawn"] == 0
+        is_wrong |= differs
+        is_wrong |= each["draws"] != drawn or each["error"] != 0 or paged["error"] != 0
+        is_wrong |= paged["draws"] != (1 if told["hasMultiDraw"] else drawn)
+        name = "with" if told["hasMultiDraw"] else "without"
+        print(
+            f"three.js, {drawn} ranges, {name} WEBGL_multi_draw: {each['draws']} draws one by one,"
+            f" {paged['draws']} as a page, {'other' if differs else 'same'} picture"
+        )
+    return is_wrong
 
 
 if __name__ == "__main__":
