@@ -82,7 +82,7 @@ NOBODY: Final = "nobody"
 ANEW: Final = "nobody, connecting anew"
 JOINING: Final = "nobody, connecting anew and joining a group"
 COMES_ANEW: Final = {
-    ANEW, "upgrades", *STRANGER_ATTACKS, *REQUEST_ATTACKS, *TABLE_STRANGER_ATTACKS
+    ANEW, "upgrades", "all seats", *STRANGER_ATTACKS, *REQUEST_ATTACKS, *TABLE_STRANGER_ATTACKS
 }  # fmt: skip
 """Beside these the honest client connects for each landing: what is attacked is the way in."""
 JOINS: Final = {JOINING, *SEAT_ATTACKS}
