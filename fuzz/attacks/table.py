@@ -118,6 +118,10 @@ def _pick(turn: int) -> list[Message]:
     ]
 
 
+def _reject(turn: int) -> list[Message]:
+    return [Reject(generation=1, segment=turn % 1000, reason="hash_mismatch")]
+
+
 _CLIENTS: Final[dict[str, _Client]] = {
     "hello, and silence": _Client(),
     "all seats": _Client(clients=32),
@@ -132,7 +136,7 @@ _CLIENTS: Final[dict[str, _Client]] = {
     "held again and again": _Client(says=_held, burst=70, turns_per_s=WISHES_PER_S / 9),
     "pulled again and again": _Client(says=lambda turn: [_land(turn)], hello={"delivery": "pull"}),
     "picks": _Client(says=_pick),
-    "rejects": _Client(says=lambda turn: [Reject(generation=1, segment=turn % 1000, reason="hash_mismatch")]),
+    "rejects": _Client(says=_reject),
 }  # fmt: skip
 
 
