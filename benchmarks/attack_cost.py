@@ -33,6 +33,10 @@ that they would not take on machines of their own; what is left is the service's
 beyond the bar: own p99 of land to ready more than twice that of nobody, or of plans more than
 20 ms. With ``--only``: of them these.
 
+``--floor``: after each attack the same honest client beside processes that send nothing and use as
+much CPU as the attackers did (``attackers_cores``), at the same ``nice``. What it waits there more
+than beside nobody is the machine's doing, shared by both, and bounds what can be reached here.
+
 ``--loop`` serves in this process and has no honest client: it measures how much CPU one step of the
 event loop takes beside each attack. A landing is some five of them, so it says the same on a
 machine that is busy with other work.
@@ -82,7 +86,7 @@ NOBODY: Final = "nobody"
 ANEW: Final = "nobody, connecting anew"
 JOINING: Final = "nobody, connecting anew and joining a group"
 COMES_ANEW: Final = {
-    ANEW, "upgrades", *STRANGER_ATTACKS, *REQUEST_ATTACKS, *TABLE_STRANGER_ATTACKS
+    ANEW, "upgrades", "all seats", *STRANGER_ATTACKS, *REQUEST_ATTACKS, *TABLE_STRANGER_ATTACKS
 }  # fmt: skip
 """Beside these the honest client connects for each landing: what is attacked is the way in."""
 JOINS: Final = {JOINING, *SEAT_ATTACKS}
@@ -129,11 +133,19 @@ BAR_S: Final = 4.0
 
 
 def attack(
-    name: str, addresses: list[str], port: int, nice: int, begun: Any, stop: Any, ended: Any
+    name: str,
+    addresses: list[str],
+    port: int,
+    nice: int,
+    begun: Any,
+    stop: Any,
+    ended: Any,
+    cpu: Any,
 ) -> None:
     """Child process: attackers. On a machine of their own they would take the service no core."""
-    begun.release()
     os.nice(nice)
+    begun.release()
+    began_s, began_cpu_s = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(len(addresses)) as pool:
         counts = pool.map(
             lambda address: ATTACKS[name](port, SCENE, TOKEN, lambda: not stop.is_set(), address),
@@ -141,17 +153,57 @@ def attack(
         )
     with ended.get_lock():
         ended.value += sum(counts)
+    with cpu.get_lock():
+        cpu.value += (time.process_time() - began_cpu_s) / (time.perf_counter() - began_s)
 
 
-def start_attackers(name: str, attackers: int, port: int, nice: int) -> tuple[list[Any], Any, Any]:
-    """Start so many attackers of one kind; return processes, event that ends them, count."""
+def burn(cores: float, nice: int, begun: Any, stop: Any) -> None:
+    """Child process: use so much of a core, and send nothing."""
+    os.nice(nice)
+    begun.release()
+    began_s, began_cpu_s = time.perf_counter(), time.process_time()
+    while not stop.is_set():
+        due_s = cores * (time.perf_counter() - began_s)
+        if time.process_time() - began_cpu_s > due_s:
+            time.sleep(0.002)  # as attackers do, between two looks at their sockets
+
+
+def measure_floor(
+    service: ServiceProcess, side: int, attacked: dict[str, Any], seconds: float, nice: int
+) -> dict[str, Any]:
+    """Land beside processes that use as much CPU as those attackers did, and send nothing."""
+    context = multiprocessing.get_context("spawn")
+    begun, stop = context.Semaphore(0), context.Event()
+    cores = attacked["attackers_cores"] / PROCESSES
+    others = [
+        context.Process(target=burn, args=(cores, nice, begun, stop), daemon=True)
+        for _ in range(PROCESSES)
+    ]
+    for other in others:
+        other.start()
+    for _ in others:
+        begun.acquire(timeout=60)
+    name = attacked["attack"]
+    honest = Honest(service.port, service.pid, side, anew=name in COMES_ANEW, joins=name in JOINS)
+    honest.land_until(time.perf_counter() + seconds)
+    honest.close()
+    end_attackers(others, stop)
+    row = {"attack": f"floor of {name}", "attackers": 0, **honest.row()}
+    return {**row, "burnt_cores": attacked["attackers_cores"], "alive": service.alive}
+
+
+def start_attackers(
+    name: str, attackers: int, port: int, nice: int
+) -> tuple[list[Any], Any, Any, Any]:
+    """Start so many attackers of one kind; return processes, event that ends them, count, cores."""
     context = multiprocessing.get_context("spawn")
     begun, stop, ended = context.Semaphore(0), context.Event(), context.Value("q", 0)
+    cpu = context.Value("d", 0.0)
     addresses = addresses_of(attackers)
     shares = [addresses[number::PROCESSES] for number in range(PROCESSES)]
     others = [
         context.Process(
-            target=attack, args=(name, share, port, nice, begun, stop, ended), daemon=True
+            target=attack, args=(name, share, port, nice, begun, stop, ended, cpu), daemon=True
         )
         for share in shares
         if share
@@ -160,7 +212,7 @@ def start_attackers(name: str, attackers: int, port: int, nice: int) -> tuple[li
         other.start()
     for _ in others:
         begun.acquire(timeout=60)
-    return others, stop, ended
+    return others, stop, ended, cpu
 
 
 def end_attackers(others: list[Any], stop: Any) -> None:
@@ -213,7 +265,7 @@ def measure(
 ) -> dict[str, Any]:
     """Land beside so many attackers of one kind."""
     before_bytes = service.memory().anon
-    others, stop, ended = start_attackers(name, attackers, service.port, nice)
+    others, stop, ended, cpu = start_attackers(name, attackers, service.port, nice)
     if others:
         time.sleep(min(3.0, seconds))  # until the service is in the middle of it
     honest = Honest(service.port, service.pid, side, anew=name in COMES_ANEW, joins=name in JOINS)
@@ -230,6 +282,7 @@ def measure(
         **honest.row(),
         "grown_mb": round(grown_bytes / 1e6, 1),
         "attacks": ended.value,
+        "attackers_cores": round(cpu.value, 2),
         "service_cores": round(cores, 2),
         "alive": service.alive,
     }
@@ -263,6 +316,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=10.0, help="of each trial")
     parser.add_argument("--only", choices=[*ATTACKS, STEPS], action="append", help="repeatable")
     parser.add_argument("--bar", action="store_true", help="the worst, against the bar")
+    parser.add_argument("--floor", action="store_true", help="and what their CPU alone costs")
     parser.add_argument("--loop", action="store_true")
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
@@ -319,6 +373,12 @@ def main() -> int:
             print(json.dumps(row), flush=True)
             rows.append(row)
             right &= row["alive"] and row["landings"] > 0
+            if arguments.floor and count:
+                with ServiceProcess(
+                    scenes, tokens_file=scenes.parent / "tokens", log=log, forwarded_allow_ips=""
+                ) as service:
+                    floor = measure_floor(service, side, row, seconds, nice)
+                print(json.dumps(floor), flush=True)
     if arguments.bar:
         beyond = beyond_bar(rows)
         print("\n".join(beyond) or "nothing is beyond the bar")

@@ -31,6 +31,7 @@ from terraport_wire import (
     Land,
     Message,
     Pick,
+    Reject,
     encode,
 )
 
@@ -98,6 +99,7 @@ class _Client:
     credit_bytes: int = 0
     turns_per_s: float = WISHES_PER_S
     burst: int = BURST
+    clients: int = CLIENTS
 
 
 def _held(_turn: int) -> list[Message]:
@@ -116,8 +118,13 @@ def _pick(turn: int) -> list[Message]:
     ]
 
 
+def _reject(turn: int) -> list[Message]:
+    return [Reject(generation=1, segment=turn % 1000, reason="hash_mismatch")]
+
+
 _CLIENTS: Final[dict[str, _Client]] = {
     "hello, and silence": _Client(),
+    "all seats": _Client(clients=32),
     "pings of a client": _Client(frames=frame(PING, bytes(125)) * 20),
     "message in single bytes": _Client(
         frames=frame(BINARY, b"", fin=False) + frame(CONT, b"x", fin=False) * 15, turns_per_s=30
@@ -129,6 +136,7 @@ _CLIENTS: Final[dict[str, _Client]] = {
     "held again and again": _Client(says=_held, burst=70, turns_per_s=WISHES_PER_S / 9),
     "pulled again and again": _Client(says=lambda turn: [_land(turn)], hello={"delivery": "pull"}),
     "picks": _Client(says=_pick),
+    "rejects": _Client(says=_reject),
 }  # fmt: skip
 
 
@@ -154,7 +162,7 @@ def _clients(kind: _Client, port: int, scene: str, token: str, going: Going, add
     """Each with its turns and when it began."""
     done = 0
     while going():
-        if len(clients) < CLIENTS:
+        if len(clients) < kind.clients:
             with contextlib.suppress(OSError, AssertionError):
                 client = DrainClient("127.0.0.1", port, scene, address=address)
                 client.hello(credit_bytes=kind.credit_bytes, token=token, **kind.hello)

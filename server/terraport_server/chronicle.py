@@ -8,6 +8,7 @@ import logging
 from time import monotonic
 
 from terraport_server.actions import Observer
+from terraport_server.client_addresses import client_key
 from terraport_server.logs import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.served_scene import ServedScene
@@ -151,7 +152,7 @@ class Chronicle(Observer):
             self._metrics.stalled.inc(1 if stalled else -1)
 
     def rejected(self, message: Reject) -> None:
-        self._desk.distrust(message.segment)
+        self._desk.doubted(message.segment, client_key(self._client_ip))
         self._metrics.rejected_segments.inc()
         kind = (self._client_ip, "segment_rejected")
         if self._once.first(kind, asyncio.get_running_loop().time()):

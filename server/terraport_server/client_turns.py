@@ -14,6 +14,7 @@ served who have not: else each of these steps would be as long as the widest pla
 from __future__ import annotations
 
 import asyncio
+from collections import Counter
 from collections.abc import Callable
 from time import monotonic, thread_time
 from typing import Final
@@ -25,6 +26,9 @@ __all__ = ["LEAST_COST", "ClientTurns", "Work"]
 LEAST_COST: Final = 500
 """Of a turn, in segments that a plan looks at (0.15 us each): parsing, tasks that are woken and
 system calls cost about as much."""
+
+_LEAD_COST: Final = 16 * LEAST_COST
+"""What whoever asked for little has free: the four turns of a landing, and as many again."""
 
 _FREE_SHARE: Final = 0.05
 """Of the loop's time that one client may take without being among those who wait for rests."""
@@ -41,7 +45,9 @@ class ClientTurns:
     """Gives the clients of one event loop their turns."""
 
     def __init__(self) -> None:
-        self._waiting = PricedQueue[Work]()
+        self._waiting = PricedQueue[Work](_LEAD_COST)
+        self._of_address: Counter[str | None] = Counter()
+        """Turns that are waited for, by address."""
         self._running = False
         """Whether a turn was taken in this step, and the next step looks for another."""
         self._rests_until_s = 0.0
@@ -58,6 +64,7 @@ class ClientTurns:
         """
         if self._running or (self._waiting and (self._timer is None or account.is_in_debt)):
             self._waiting.add(account, work)
+            self._of_address[account.address] += 1
             return
         # Nobody waits, or only who rests: no need to go round the loop first.
         self._running = True
@@ -121,7 +128,7 @@ class ClientTurns:
             return
         self._running = True
         try:
-            while self._waiting and not self._do(*self._waiting.take()):
+            while self._waiting and not self._do(*self._take()):
                 pass  # given up
         finally:
             # Last: who is woken by it may ask for the next turn.
@@ -132,12 +139,23 @@ class ClientTurns:
         if not self._running:
             self._turn()
 
+    def _take(self) -> tuple[Account, Work]:
+        account, work = self._waiting.take()
+        self._of_address[account.address] -= 1
+        if not self._of_address[account.address]:
+            del self._of_address[account.address]
+        return account, work
+
     def _do(self, account: Account, work: Work) -> bool:
-        """Do it, where anybody wants it still, and have it paid for."""
-        account.pay(LEAST_COST)  # also where it raises
+        """Do it, where anybody wants it still, and have it paid for.
+
+        As often as others of its address wait, too: eight of one have together what one has.
+        """
+        times = 1 if account.address is None else 1 + self._of_address[account.address]
+        account.pay(times * LEAST_COST)  # also where it raises
         began_s = thread_time()
         cost = work()
-        account.pay(-LEAST_COST if cost is None else cost)
+        account.pay(times * (-LEAST_COST if cost is None else cost))
         if cost is None:
             return False
         self.book(account, began_s)

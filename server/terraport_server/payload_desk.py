@@ -16,16 +16,22 @@ import contextlib
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
+from time import monotonic
 from typing import Final
 
 from terraport_server.actions import SendChunk
+from terraport_server.rate import RatesByName
 from terraport_server.read_buffer import read_cached
 from terraport_store import PayloadRange, RangeError, Scene, StoreError
 
-__all__ = ["WINDOW_BYTES", "PayloadDesk"]
+__all__ = ["DOUBTS_PER_S", "WINDOW_BYTES", "PayloadDesk"]
 
 WINDOW_BYTES: Final = 1 << 20
 """What is looked for in the page cache, or brought there by a thread, at a time."""
+
+DOUBTS_PER_S: Final = 2.0
+"""Segments that one address may have compared again for everybody, averaged over 10 s: twenty at
+once. A line or a cache that spoils more than that is the client's own."""
 
 _AHEAD_BYTES: Final = 1 << 20
 """Of segments that were never sent: compared together, while one before them is on its way."""
@@ -74,6 +80,7 @@ class PayloadDesk:
         self._release = release
         self._fetching: dict[tuple[str, int, int], asyncio.Future[None]] = {}
         self._ahead: dict[tuple[str, int], asyncio.Future[None]] = {}
+        self._doubters = RatesByName(DOUBTS_PER_S)
 
     def chunk_data(
         self, chunk: SendChunk, encoding: str, *, as_file: bool
@@ -123,6 +130,8 @@ class PayloadDesk:
         ahead = self._ahead.get((encoding, chunk.segment))
         if ahead is not None and not ahead.done():
             await asyncio.shield(ahead)
+            if self._scene.is_verified(chunk.segment, encoding):
+                return  # read just now, and right; else it is looked at again, and the fault told
         checked = self._scene.is_verified(chunk.segment, encoding)
         key = (encoding, chunk.segment, chunk.offset if checked else 0)
         fetching = self._fetching.get(key)
@@ -233,6 +242,14 @@ class PayloadDesk:
             return _is_cached(where)
         starts = range(where.offset, where.offset + where.length, WINDOW_BYTES)
         return all(_is_cached(where._replace(offset=start)) for start in starts)
+
+    def doubted(self, segment: int, client: str) -> None:
+        """Hear that a client rejects a segment: its hashes are compared again, within a rate.
+
+        They are compared for everybody. Beyond the rate it is sent once more as it is.
+        """
+        if self._doubters.take(client, monotonic()):
+            self.distrust(segment)
 
     def distrust(self, segment: int) -> None:
         """Compare the segment's hashes again before it is sent once more."""

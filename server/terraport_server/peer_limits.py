@@ -154,6 +154,7 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     def let_in(self) -> None:
         """Note that the session is open: from here on the bounds of a client hold."""
         self.is_let_in = True
+        self.account.address = self._counted
         self._in_vain = False
         for name in ("request", "response"):  # 4 KB that nobody asks for any more
             handshake = vars(self).pop(name, None)

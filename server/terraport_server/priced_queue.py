@@ -22,11 +22,13 @@ T = TypeVar("T")
 class Account:
     """What one client has used of one queue."""
 
-    __slots__ = ("_debt_s", "_owed_s", "finish", "is_in_debt")
+    __slots__ = ("_debt_s", "_owed_s", "address", "finish", "is_in_debt")
 
     def __init__(self) -> None:
         self.finish = 0.0
         """On the queue's scale."""
+        self.address: str | None = None
+        """What it is counted under with others who come from there; None: with nobody."""
         self.is_in_debt = False
         """Whether it had taken more time than is free, when it last took some."""
         self._debt_s = 0.0
@@ -49,9 +51,16 @@ class Account:
 
 
 class PricedQueue(Generic[T]):
-    """Entries of clients, each of whom has an account. Idle time earns nothing.
+    """Entries of clients, each of whom has an account. Idle time earns so much and no more.
 
     It is as long as what was put in; the caller bounds that.
+
+    Parameters
+    ----------
+    lead : float
+        Cost that whoever asked for little has free: so far his start may lie before the newest
+        turn's. Without it, each of several turns that are taken one after the other waits until
+        all who ask without end have had one.
 
     Examples
     --------
@@ -65,19 +74,20 @@ class PricedQueue(Generic[T]):
     ['n1', 'w2']
     """
 
-    def __init__(self) -> None:
+    def __init__(self, lead: float = 0.0) -> None:
+        self._lead = lead
         self._entries: list[tuple[float, float, int, Account, T]] = []
         self._number = 0
         """Of equal starts the one that has used less goes first, then the one that asked first."""
         self._now = 0.0
-        """Start of the newest turn."""
+        """Latest start of a turn."""
 
     def __len__(self) -> int:
         return len(self._entries)
 
     def add(self, account: Account, item: T) -> None:
         """Put an entry in; an account may have several."""
-        start = max(self._now, account.finish)
+        start = max(self._now - self._lead, account.finish)
         self._number += 1
         heappush(self._entries, (start, account.finish, self._number, account, item))
 
@@ -92,7 +102,7 @@ class PricedQueue(Generic[T]):
         while True:
             start, _, number, account, item = heappop(self._entries)
             if start >= account.finish:
-                self._now = account.finish = start
+                self._now, account.finish = max(self._now, start), start
                 return account, item
             # Its account has paid for another since: it goes where it would be put in now.
             entry = (account.finish, account.finish, number, account, item)
@@ -108,4 +118,5 @@ class PricedQueue(Generic[T]):
 
     def skip(self, account: Account) -> None:
         """Note that an account's turn is now, where nobody waits."""
-        self._now = account.finish = max(self._now, account.finish)
+        account.finish = max(self._now - self._lead, account.finish)
+        self._now = max(self._now, account.finish)

@@ -9,6 +9,7 @@ import time
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from importlib.metadata import PackageNotFoundError, version
+from typing import Final
 
 from terraport_server.access_watch import AccessWatch
 from terraport_server.actions import RunPick
@@ -35,7 +36,11 @@ from terraport_server.viewer_page import BUILT_PAGE, ViewerPage
 from terraport_store import OriginError
 from terraport_wire import MAX_CHUNK_BYTES, Hit
 
-__all__ = ["Service", "server_name"]
+__all__ = ["LAST_SHARE", "Service", "server_name"]
+
+LAST_SHARE: Final = 8
+"""Of `max_sessions` the last eighth is for addresses that hold fewer than are left. Who lets one
+address have all, by `max_sessions_per_ip`, has no such part."""
 
 _RECONNECT_STEP_MS = 2
 """A welcome and a resumed landing take about so long."""
@@ -202,9 +207,15 @@ class Service:
         settings = self.settings
         if self.session_count >= settings.max_sessions:
             return f"got session {self.session_count + 1}, expected at most {settings.max_sessions}"
-        if self._per_ip[client_ip] >= settings.max_sessions_per_ip:
-            most = settings.max_sessions_per_ip
+        held, most = self._per_ip[client_ip], settings.max_sessions_per_ip
+        if held >= most:
             return f"got session {most + 1} from one address, expected at most {most}"
+        # The last seats: ten addresses that take all they may would else leave none to others.
+        left = settings.max_sessions - self.session_count
+        are_last = most < settings.max_sessions and left <= settings.max_sessions // LAST_SHARE
+        if are_last and held >= left:
+            text = f"got session {held + 1} from one address where {left} are left"
+            return f"{text}, expected fewer than are left"
         return None
 
     def dismiss(self, client_ip: str) -> None:

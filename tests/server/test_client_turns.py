@@ -65,6 +65,47 @@ def test_a_newcomer_goes_next() -> None:
     assert len(asyncio.run(story())) == 33
 
 
+def test_a_landing_does_not_wait_for_all_others_at_each_of_its_turns() -> None:
+    """Its message, its plan and its credit: each had waited until eighty had had a turn."""
+
+    async def story() -> int:
+        turns, order = ClientTurns(), list[str]()
+        floods = [asyncio.create_task(land_often(turns, order, "flood", 0, 20)) for _ in range(80)]
+        for _ in range(400):
+            await asyncio.sleep(0)
+        account, came_at = Account(), len(order)
+        for _ in range(4):
+            await turns.take(account, plan(order, "lands", 0))
+        waited = len(order) - came_at
+        await asyncio.gather(*floods)
+        return waited
+
+    assert asyncio.run(story()) <= 12
+
+
+@pytest.mark.parametrize(("address", "least"), [("127.0.0.2", 60), (None, 20)])
+def test_eight_of_one_address_have_together_what_one_has(address: str | None, least: int) -> None:
+    async def flood(turns: ClientTurns, order: list[str], name: str, address: str | None) -> None:
+        account = Account()
+        account.address = address
+        for _ in range(200):
+            await turns.take(account, plan(order, name, 0))
+
+    async def story() -> int:
+        turns, order = ClientTurns(), list[str]()
+        tasks = [asyncio.create_task(flood(turns, order, "one of many", address)) for _ in range(8)]
+        tasks += [asyncio.create_task(flood(turns, order, "single", "127.0.0.3"))]
+        for _ in range(400):
+            await asyncio.sleep(0)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+        return order[:200].count("single")
+
+    got = asyncio.run(story())
+    assert least <= got <= 120 if address else got <= 50
+
+
 def test_idle_time_earns_nothing() -> None:
     """Who was away for long gets the next turn, and not all of the following ones."""
 

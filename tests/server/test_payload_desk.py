@@ -121,6 +121,25 @@ def test_a_flipped_byte_is_found_at_first_and_after_distrust(tmp_path: Path) -> 
     asyncio.run(story())
 
 
+def test_rejects_without_end_have_few_segments_compared_again(tmp_path: Path) -> None:
+    """Each had a segment's hash compared anew for everybody, as often as a client may speak."""
+
+    async def story() -> None:
+        pit = write_grid_scene(tmp_path / "pit", cells=8)
+        served = opened(pit)
+        for segment in range(36):
+            await served.desk.fetch(whole(pit, segment), "glb")
+        for segment in range(36):
+            served.desk.doubted(segment, "127.0.0.2")
+        again = [segment for segment in range(36) if not served.scene.is_verified(segment, "glb")]
+        assert again == list(range(20))
+        served.desk.doubted(35, "127.0.0.3")  # each address has its own
+        assert not served.scene.is_verified(35, "glb")
+        served.retire()
+
+    asyncio.run(story())
+
+
 def test_a_pack_cut_short_is_told(tmp_path: Path) -> None:
     async def story() -> None:
         pit = write_grid_scene(tmp_path / "pit", cells=2)

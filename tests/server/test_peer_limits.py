@@ -436,6 +436,31 @@ def test_who_says_no_hello_takes_no_session(scenes: Path) -> None:
         eventually(lambda: server.service.session_count == 0)
 
 
+def test_the_last_seats_are_for_those_who_have_few(scenes: Path) -> None:
+    """Ten addresses with a token took all that they might: nobody else was let in."""
+    limits = {"max_sessions": 32, "max_sessions_per_ip": 16, "forwarded_allow_ips": ""}
+    with BackgroundServer(scenes, **limits) as server, ExitStack() as stack:
+        service = server.service
+        for address in ("127.0.0.2", "127.0.0.3", "127.0.0.4"):
+            while service.admit(address) is None:
+                pass
+        assert service.session_count == 32 - 2
+        assert "from one address where 2 are left" in str(service.fullness("127.0.0.4"))
+        stack.enter_context(PlainClient(server.scene_url("grid"))).hello()
+        with PlainClient(server.scene_url("grid")) as second:
+            error, closed = second.refused()
+        assert (error.code, closed) == ("too_many", 4429)
+        assert service.fullness("127.0.0.5") is None, "the very last"
+
+
+def test_where_one_address_may_have_all_it_has_all(scenes: Path) -> None:
+    limits = {"max_sessions": 32, "max_sessions_per_ip": 32}
+    with BackgroundServer(scenes, **limits) as server:
+        while server.service.admit("127.0.0.2") is None:
+            pass
+        assert server.service.session_count == 32
+
+
 def connect_from(port: int, address: str) -> socket.socket:
     return socket.create_connection(("127.0.0.1", port), 5, source_address=(address, 0))
 

@@ -28,6 +28,23 @@ def test_idle_time_earns_nothing() -> None:
     assert idle.finish > busy.finish
 
 
+def test_who_asked_for_little_has_some_turns_at_once_and_no_more() -> None:
+    queue, busy, idle = PricedQueue[str](lead=3.0), Account(), Account()
+    for _ in range(100):
+        queue.add(busy, "busy")
+        queue.take()[0].pay(1)
+    order = []
+    queue.add(idle, "idle")
+    queue.add(busy, "busy")
+    for _ in range(12):
+        account, item = queue.take()
+        order.append(item)
+        account.pay(1)
+        queue.add(account, item)
+    assert order[:3] == ["idle"] * 3
+    assert order.count("idle") <= 3 + 5, "then they take turns"
+
+
 @given(costs=st.lists(st.integers(1, 50), min_size=1, max_size=40))
 def test_who_waits_with_several_gets_no_more_by_it(costs: list[int]) -> None:
     """Beside one that asks for one at a time, and always again."""
