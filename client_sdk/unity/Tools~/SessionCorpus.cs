@@ -73,8 +73,14 @@ namespace Terraport.Tools
                 int[] sent = Perform(given);
                 if (sent.Length > 0) told.Add("\"out\":" + Json(sent));
             }
-            catch (ProtocolViolationException) { told.Add("\"violation\":true"); }
-            catch (ArgumentException) { told.Add("\"refused\":true"); }
+            catch (ProtocolViolationException)
+            {
+                told.Add("\"violation\":true");
+            }
+            catch (ArgumentException)
+            {
+                told.Add("\"refused\":true");
+            }
             var rows = new List<object[]>();
             StreamEvent news;
             while (session.TryNextEvent(out news)) rows.Add(RowOf(news));
