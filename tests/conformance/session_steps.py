@@ -85,9 +85,9 @@ class ToldSession:
             session.connected(offer_held=given[0])
         elif name == "lost":
             session.connection_lost()
-        elif name == "land":
+        elif name in ("land", "gather"):
             position, radius_m, inner_radius_m, deadline_ms = given
-            session.land(
+            (session.land if name == "land" else session.group.gather)(
                 numbers(position),
                 float(radius_m),
                 inner_radius_m=inner_radius_m,
@@ -105,14 +105,6 @@ class ToldSession:
             session.group.join(*given)
         elif name == "leave":
             session.group.leave()
-        elif name == "gather":
-            position, radius_m, inner_radius_m, deadline_ms = given
-            session.group.gather(
-                numbers(position),
-                float(radius_m),
-                inner_radius_m=inner_radius_m,
-                deadline_ms=deadline_ms,
-            )
         elif name == "arrived":
             session.group.arrived(*given)
         else:

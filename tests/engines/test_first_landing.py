@@ -38,3 +38,13 @@ def test_unreals_page_counts_five_clicks() -> None:
     section = text.split("## First landing in five clicks\n")[1].split("\n## ")[0]
     assert len(re.findall(r"^1\. ", section, re.MULTILINE)) == 5
     assert "terraport demo --port 8080" in text
+
+
+def test_godots_page_counts_four_clicks() -> None:
+    """What *Play* opens is the scene that the page tells of."""
+    section = PLACES[2].read_text().split("## First landing in four clicks\n")[1].split("\n## ")[0]
+    assert len(re.findall(r"^1\. ", section, re.MULTILINE)) == 4
+    project = (cores.ROOT / "client_sdk" / "godot" / "project.godot").read_text()
+    main_scene = re.search(r'^run/main_scene="res://(.+)"$', project, re.MULTILINE)
+    assert main_scene
+    assert f"`{main_scene[1]}`" in section

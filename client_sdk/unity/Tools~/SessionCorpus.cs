@@ -1,4 +1,5 @@
 using System;
+using System.Collections;
 using System.Collections.Generic;
 using System.IO;
 using System.Linq;
@@ -14,10 +15,8 @@ namespace Terraport.Tools
         private readonly string folder;
         private string[] messages;
         private ClientSession session;
-        private string visible;
-        private string held;
-        private string unfinished;
-        private string aims;
+        // What the client showed and held after the step before, as JSON.
+        private readonly Dictionary<string, string> before = new Dictionary<string, string>();
 
         public SessionCorpus(string folder) { this.folder = folder; }
 
@@ -52,9 +51,9 @@ namespace Terraport.Tools
 
         private void Begin(JsonValue options)
         {
-            visible = held = "[]";
-            unfinished = "null";
-            aims = "[0,0,0,0]";
+            before["visible"] = before["held"] = "[]";
+            before["unfinished"] = "null";
+            before["aims"] = "[0,0,0,0]";
             long? triangles = Integer(options["max_triangles"]), bytes = Integer(options["max_bytes"]);
             session = new ClientSession(new SessionOptions {
                 Client = "corpus",
@@ -71,8 +70,8 @@ namespace Terraport.Tools
             var told = new List<string>();
             try
             {
-                string sent = Perform(given);
-                if (sent != "[]") told.Add("\"out\":" + sent);
+                int[] sent = Perform(given);
+                if (sent.Length > 0) told.Add("\"out\":" + Json(sent));
             }
             catch (ProtocolViolationException)
             {
@@ -82,31 +81,29 @@ namespace Terraport.Tools
             {
                 told.Add("\"refused\":true");
             }
-            var rows = new List<string>();
+            var rows = new List<object[]>();
             StreamEvent news;
             while (session.TryNextEvent(out news)) rows.Add(RowOf(news));
             rows.RemoveAll(row => row == null);
-            if (rows.Count > 0) told.Add("\"events\":" + List(rows, row => row));
-            Note("visible", ref visible, Ids(session.Visible), told);
+            if (rows.Count > 0) told.Add("\"events\":" + Json(rows));
+            Note("visible", session.Visible, told);
             // The corpus' scenes have 36 segments.
-            Note("held", ref held, Ids(Enumerable.Range(0, 36).Select(id => (uint)id).Where(session.Cache.Contains)), told);
-            Note("unfinished", ref unfinished, session.Unfinished.HasValue ? session.Unfinished.ToString() : "null", told);
+            Note("held", Enumerable.Range(0, 36).Where(id => session.Cache.Contains((uint)id)), told);
+            Note("unfinished", session.Unfinished, told);
             StreamStats stats = session.Stats;
-            Note("aims", ref aims,
-                List(new[] { stats.AimedLandings, stats.AimHits, stats.PrefetchedBytes, stats.UsedPrefetchedBytes },
-                    count => count.ToString()),
-                told);
+            Note("aims", new[] { stats.AimedLandings, stats.AimHits, stats.PrefetchedBytes, stats.UsedPrefetchedBytes }, told);
             return "{" + string.Join(",", told) + "}";
         }
 
-        private static void Note(string key, ref string before, string now, List<string> told)
+        private void Note(string key, object now, List<string> told)
         {
-            if (before != now) told.Add("\"" + key + "\":" + now);
-            before = now;
+            string text = Json(now);
+            if (before[key] != text) told.Add("\"" + key + "\":" + text);
+            before[key] = text;
         }
 
         /// <summary>Do one step; the numbers of the messages that are taken to be sent.</summary>
-        private string Perform(JsonValue[] given)
+        private int[] Perform(JsonValue[] given)
         {
             bool flag = false;
             var sent = new Queue<byte[]>();
@@ -117,78 +114,68 @@ namespace Terraport.Tools
                 case "text": Receive(Encoding.UTF8.GetBytes(given[1].Text), true); break;
                 case "connected": session.Connected(given[1].TryFlag(out flag) && flag); break;
                 case "lost": session.ConnectionLost(); break;
-                case "land": session.Land(Point(given[1]), Number(given[2]), OptionsOf(given[3], given[4])); break;
+                case "land":
+                    var options = new LandOptions { InnerRadiusM = Real(given[3]), DeadlineMs = (int?)Integer(given[4]) };
+                    session.Land(Point(given[1]), Number(given[2]), options);
+                    break;
                 case "aim": session.Aim(Point(given[1]), Number(given[2])); break;
                 case "flush": session.FlushAim(); break;
                 case "pick": session.Pick(Point(given[1]), given[2].IsNull ? (Vec3?)null : Point(given[2])); break;
                 case "bye": session.Bye(); break;
-                case "join":
-                    session.Join(given[1].Text, given[2].Text == "guide" ? GroupRole.Guide : GroupRole.Member, given[3].Text);
-                    break;
+                case "join": session.Join(given[1].Text, Named<GroupRole>(given[2]), given[3].Text); break;
                 case "leave": session.Leave(); break;
                 case "gather": session.Gather(Point(given[1]), Number(given[2]), Real(given[3]), (int?)Integer(given[4])); break;
-                case "arrived": session.Arrive((uint)Integer(given[1]).Value, ArrivalOf(given[2].Text)); break;
+                case "arrived": session.Arrive((uint)Integer(given[1]).Value, Named<GroupArrival>(given[2])); break;
                 default: throw new InvalidDataException("step " + given[0].Text);
             }
-            return List(sent, data => Array.IndexOf(messages, Convert.ToBase64String(data)).ToString());
+            return sent.Select(data => Array.IndexOf(messages, Convert.ToBase64String(data))).ToArray();
         }
 
         private void Receive(byte[] data, bool isText) { session.Receive(new ArraySegment<byte>(data), isText); }
 
-        private static LandOptions OptionsOf(JsonValue inner, JsonValue deadline)
-        {
-            return new LandOptions { InnerRadiusM = Real(inner), DeadlineMs = (int?)Integer(deadline) };
-        }
-
-        private static GroupArrival ArrivalOf(string state) { return (GroupArrival)Enum.Parse(typeof(GroupArrival), state, true); }
-
         /// <summary>An event as the corpus tells it; null for those that clients name in their own ways.</summary>
-        private static string RowOf(StreamEvent told)
+        private static object[] RowOf(StreamEvent told)
         {
-            string landing = told.Landing.HasValue ? told.Landing.ToString() : "null";
-            GroupGathering gathering = told.Group == null ? null : told.Group.Gathering;
+            PlanFacts plan = told.Plan;
+            GroupFacts group = told.Group;
+            GroupGathering there = group == null ? null : group.Gathering;
             switch (told.Kind)
             {
-                case StreamEventKind.Opened: return Row("opened", Flag(told.IsChanged), told.HeldCount);
+                case StreamEventKind.Opened: return Row("opened", told.IsChanged, told.HeldCount);
                 case StreamEventKind.Planned:
-                    return Row(
-                        "planned", landing, Ids(told.Plan.Load.Select(facts => facts.Segment)), Ids(told.Plan.Keep), Ids(told.Plan.Nearby));
-                case StreamEventKind.Arrived: return Row("arrived", landing, told.Facts.Segment);
-                case StreamEventKind.Degraded: return Row("degraded", landing, Ids(told.Segments));
-                case StreamEventKind.Ready: return Row("ready", landing, Ids(told.Segments), Ids(told.Missing));
-                case StreamEventKind.Superseded: return Row("superseded", landing, told.By);
+                    return Row("planned", told.Landing, plan.Load.Select(facts => facts.Segment), plan.Keep, plan.Nearby);
+                case StreamEventKind.Arrived: return Row("arrived", told.Landing, told.Facts.Segment);
+                case StreamEventKind.Degraded: return Row("degraded", told.Landing, told.Segments);
+                case StreamEventKind.Ready: return Row("ready", told.Landing, told.Segments, told.Missing);
+                case StreamEventKind.Superseded: return Row("superseded", told.Landing, told.By);
                 case StreamEventKind.Prefetched: return Row("prefetched", told.Count, told.Bytes);
-                case StreamEventKind.Picked: return Row("picked", told.Request, told.Hit == null ? "null" : told.Hit.Segment.ToString());
-                case StreamEventKind.PickRefused: return Row("pick refused", told.Request, Quoted(told.Code));
-                case StreamEventKind.Refused: return Row("refused", landing, Quoted(told.Code), Flag(told.IsFatal));
-                case StreamEventKind.Notice: return Row("notice", Quoted(told.Notice));
-                case StreamEventKind.GroupJoined: return Row("joined", Quoted(told.Group.Name), told.Group.Member, RoleOf(told.Group.Role));
+                case StreamEventKind.Picked: return Row("picked", told.Request, told.Hit == null ? (uint?)null : told.Hit.Segment);
+                case StreamEventKind.PickRefused: return Row("pick refused", told.Request, told.Code);
+                case StreamEventKind.Refused: return Row("refused", told.Landing, told.Code, told.IsFatal);
+                case StreamEventKind.Notice: return Row("notice", told.Notice);
+                case StreamEventKind.GroupJoined: return Row("joined", group.Name, group.Member, group.Role);
                 case StreamEventKind.GroupRoster:
-                    return Row("roster",
-                        List(told.Group.Members,
-                            one => "[" + one.Member + "," + Quoted(one.Name) + "," + RoleOf(one.Role) + "," + Flag(one.IsPresent) + "]"));
-                case StreamEventKind.GroupCalled: return Row("called", gathering.Number, gathering.Guide, Flag(!gathering.IsOver));
-                case StreamEventKind.GroupGathered:
-                    return Row("gathered", gathering.Number, Ids(gathering.Ready), Ids(gathering.Degraded), Ids(gathering.Missing));
-                case StreamEventKind.GroupRefused: return Row("group refused", told.Request, Quoted(told.Code));
+                    return Row("roster", group.Members.Select(one => Row(one.Member, one.Name, one.Role, one.IsPresent)));
+                case StreamEventKind.GroupCalled: return Row("called", there.Number, there.Guide, !there.IsOver);
+                case StreamEventKind.GroupGathered: return Row("gathered", there.Number, there.Ready, there.Degraded, there.Missing);
+                case StreamEventKind.GroupRefused: return Row("group refused", told.Request, told.Code);
                 default: return null;
             }
         }
 
-        private static string Row(string name, params object[] values) { return "[\"" + name + "\"," + string.Join(",", values) + "]"; }
+        private static object[] Row(params object[] values) { return values; }
 
-        private static string Quoted(string text) { return text == null ? "null" : "\"" + text + "\""; }
-
-        private static string RoleOf(GroupRole role) { return Quoted(role.ToString().ToLowerInvariant()); }
-
-        private static string Flag(bool flag) { return flag ? "true" : "false"; }
-
-        private static string Ids(IEnumerable<uint> ids) { return List(ids, id => id.ToString()); }
-
-        private static string List<T>(IEnumerable<T> items, Func<T, string> text)
+        /// <summary>Compact JSON; what is named by an enumeration is a lower-case text.</summary>
+        private static string Json(object value)
         {
-            return "[" + string.Join(",", items.Select(text)) + "]";
+            if (value == null) return "null";
+            if (value is bool) return (bool)value ? "true" : "false";
+            if (value is string || value is Enum) return "\"" + (value as string ?? value.ToString().ToLowerInvariant()) + "\"";
+            var list = value as IEnumerable;
+            return list == null ? value.ToString() : "[" + string.Join(",", list.Cast<object>().Select(Json)) + "]";
         }
+
+        private static T Named<T>(JsonValue name) { return (T)Enum.Parse(typeof(T), name.Text, true); }
 
         private static JsonValue[] Items(JsonValue list) { return Enumerable.Range(0, list.Count).Select(at => list[at]).ToArray(); }
 

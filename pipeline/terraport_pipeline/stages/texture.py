@@ -81,7 +81,8 @@ class Options:
         ),
     ] = None
     """Metres of surface that one texel is wide. Twice as many take a quarter of the memory. Never
-    finer than a photo's pixel; coarser where a segment would not fit."""
+    finer than a photo's pixel, nor, beside photos, than two texels an edge where no photo shows
+    the ground; coarser where a segment would not fit."""
     kind: Annotated[ImageFormat, Option(flags=("--texture-format",))] = "jpeg"
     """How images are packed. jpeg: every loader reads it. webp: a quarter smaller. png: without
     loss. ktx2: an eighth on the GPU, encoded by Node."""

@@ -14,29 +14,15 @@ const CORPUS = new URL("../../../../tests/conformance/session/", import.meta.url
 /** Segments of the corpus' scenes. */
 const SEGMENTS = Array.from({ length: 36 }, (_, segment) => segment);
 
-type Do = readonly [string, ...unknown[]];
-
-/** What is told of a step; `out` are numbers of messages. */
-interface Told {
-  out?: number[];
-  events?: unknown[];
-  refused?: true;
-  violation?: true;
-  visible?: readonly number[];
-  held?: readonly number[];
-  unfinished?: number | null;
-  aims?: number[];
-}
+/** What is told of a step, by name; `out` are numbers of messages. */
+type Told = Record<string, unknown>;
 
 interface History {
   readonly history: string;
-  readonly options: Readonly<Record<string, number | null>> & {
-    readonly cache_bytes: number;
-    readonly credit_bytes: number;
-  };
+  readonly options: Readonly<Record<string, number | null>>;
 }
 
-type Step = { readonly do: Do; readonly told: Told };
+type Step = { readonly do: readonly [string, ...unknown[]]; readonly told: Told };
 
 beforeAll(prepareDecoders);
 
@@ -63,9 +49,9 @@ function run({ history, options }: History, steps: readonly Step[], messages: re
   const { max_triangles: maxTriangles, max_bytes: maxBytes, max_segments: maxSegments } = options;
   const isGiven = ([, bound]: [string, unknown]) => bound !== null;
   const budgets: Budgets = Object.fromEntries(Object.entries({ maxTriangles, maxBytes, maxSegments }).filter(isGiven));
-  const { credit_bytes: creditBytes, release_factor } = options;
-  const own = { client: "corpus", budgets, creditBytes, releaseFactor: release_factor ?? undefined };
-  const session = new ClientSession(own, options.cache_bytes, xxh3);
+  const releaseFactor = options.release_factor ?? undefined;
+  const own = { client: "corpus", budgets, creditBytes: options.credit_bytes!, releaseFactor };
+  const session = new ClientSession(own, options.cache_bytes!, xxh3);
   let before: Told = { visible: [], held: [], unfinished: null, aims: [0, 0, 0, 0] };
   for (const [at, { do: command, told: expected }] of steps.entries()) {
     const told: Told = {};
@@ -82,9 +68,9 @@ function run({ history, options }: History, steps: readonly Step[], messages: re
     const held = SEGMENTS.filter((segment) => session.holdings.has(segment));
     const { landings, hits, prefetchedBytes, usedBytes } = session.aims;
     const aims = [landings, hits, prefetchedBytes, usedBytes];
-    const after = { visible: session.visible, held, unfinished: session.unfinished, aims };
-    for (const key of ["visible", "held", "unfinished", "aims"] as const) {
-      if (JSON.stringify(after[key]) !== JSON.stringify(before[key])) Object.assign(told, { [key]: after[key] });
+    const after: Told = { visible: session.visible, held, unfinished: session.unfinished, aims };
+    for (const [key, value] of Object.entries(after)) {
+      if (JSON.stringify(value) !== JSON.stringify(before[key])) told[key] = value;
     }
     before = after;
     expect(told, `${history}, step ${at}: ${command[0]}`).toEqual(expected);
@@ -92,17 +78,17 @@ function run({ history, options }: History, steps: readonly Step[], messages: re
 }
 
 /** Do one step; what is taken to be sent, in base64. */
-function perform(session: ClientSession, [name, ...given]: Do, messages: readonly string[]): string[] {
+function perform(session: ClientSession, [name, ...given]: Step["do"], messages: readonly string[]): string[] {
   if (name === "take") return session.dataToSend().map(withoutTimings);
-  if (name === "receive") {
-    session.receive(new Uint8Array(Buffer.from(messages[given[0] as number]!, "base64")));
-  } else if (name === "text") session.receive(given[0] as string);
+  if (name === "receive") session.receive(new Uint8Array(Buffer.from(messages[given[0] as number]!, "base64")));
+  else if (name === "text") session.receive(given[0] as string);
   else if (name === "connected") session.connected(given[0] as boolean);
   else if (name === "lost") session.connectionLost();
-  else if (name === "land") {
-    const [position, radiusM, inner, deadline] = given;
-    const options = { innerRadiusM: (inner as number) ?? undefined, deadlineMs: (deadline as number) ?? undefined };
-    session.land(numbers(position), number(radiusM), options);
+  else if (name === "land" || name === "gather") {
+    const [position, radiusM] = [numbers(given[0]), number(given[1])];
+    const [innerRadiusM, deadlineMs] = given.slice(2).map((value) => value ?? undefined) as [number, number];
+    if (name === "land") session.land(position, radiusM, { innerRadiusM, deadlineMs });
+    else session.group({ type: name, position, radiusM, innerRadiusM, deadlineMs });
   } else if (name === "aim") session.aim(numbers(given[0]), number(given[1]));
   else if (name === "flush") session.flushAim();
   else if (name === "pick") session.pick(numbers(given[0]), given[1] === null ? undefined : numbers(given[1]));
@@ -111,14 +97,9 @@ function perform(session: ClientSession, [name, ...given]: Do, messages: readonl
     const [group, role, own] = given as [string, GroupRole, string | null];
     session.group({ type: "join", group, role, name: own });
   } else if (name === "leave") session.group({ type: "leave" });
-  else if (name === "gather") {
-    const [innerRadiusM, deadlineMs] = [given[2], given[3]].map((value) => (value as number | null) ?? undefined);
-    const [position, radiusM] = [numbers(given[0]), number(given[1])];
-    session.group({ type: "gather", position, radiusM, innerRadiusM, deadlineMs });
-  } else if (name === "arrived") {
-    const [gathering, state] = given as [number, "ready"];
-    session.group({ type: "arrive", gathering, state });
-  } else throw new Error(`step ${name}`);
+  else if (name === "arrived")
+    session.group({ type: "arrive", gathering: given[0] as number, state: given[1] as "ready" });
+  else throw new Error(`step ${name}`);
   return [];
 }
 
@@ -162,9 +143,8 @@ function groupRow({ news, group, refusal }: GroupEvent): unknown[][] | null {
   if (refusal !== null) return [["group refused", refusal.request, refusal.code]];
   if (group === null) return null;
   if (news === "joined") return [["joined", group.name, group.member, group.role]];
-  if (news === "roster") {
+  if (news === "roster")
     return [["roster", group.members.map((one) => [one.member, one.name, one.role, one.isPresent])]];
-  }
   const { number, guide, isOver, ready, degraded, missing } = group.gathering!;
   return news === "called" ? [["called", number, guide, !isOver]] : [["gathered", number, ready, degraded, missing]];
 }

@@ -118,8 +118,9 @@ def make_charts(
     packed : ndarray of shape (views, PACKED), float64
         From ``View.packed``.
     texel_m : float, optional
-        Length of a texel on the surface. Never finer than a photo's pixel. None: as fine as the
-        photos, and without a photo two texels an edge.
+        Length of a texel on the surface. Never finer than a photo's pixel, nor, where there are
+        photos, than two texels an edge on faces without one. None: as fine as the photos, and
+        without a photo two texels an edge.
     pixels : ndarray of shape (F, 3, 2), float32, optional
         Corners in the photos, where they are known: nothing is projected, and a chart also ends
         where two faces do not touch in their photo. NaN: without one.
@@ -161,7 +162,11 @@ def make_charts(
         )
         uvs *= np.minimum(1.0, length / texel_m)[chart][:, None, None]
     if plain.any():
-        per_m = 1.0 / (texel_m or _plain_texel_m(edge_a[plain]))
+        plain_m = _plain_texel_m(edge_a[plain])
+        if texel_m is not None:
+            # Beside photos a texel size is for them: colours of vertices are not finer for it.
+            plain_m = max(texel_m, plain_m) if len(packed) else texel_m
+        per_m = 1.0 / plain_m
         flat = _laid_flat(points, corners[plain], normal[plain], chart[plain], count, labels[plain])
         uvs[plain] = flat * per_m
     area = _plan_area(uvs)

@@ -106,6 +106,20 @@ def test_without_a_texel_size_an_edge_has_two_texels() -> None:
     assert np.median(np.sqrt(charts.surface_m2 / charts.texels)) == pytest.approx(0.5, rel=0.25)
 
 
+def test_beside_photos_a_texel_size_makes_nothing_finer_that_no_photo_shows() -> None:
+    """Vertex colours have nothing to show in a texel of a centimetre."""
+    vertices, faces = grid(8, 10.0)
+    east = vertices[faces].mean(axis=1)[:, 0] > 0
+    view, packed = np.where(east, 0, -1), down().packed()[None]
+    free = make_charts(vertices, faces, view, packed)
+    fine = make_charts(vertices, faces, view, packed, texel_m=0.01)
+    coarse = make_charts(vertices, faces, view, packed, texel_m=2.0)
+    np.testing.assert_allclose(fine.texels[~east], free.texels[~east])
+    np.testing.assert_allclose(coarse.texels[~east].sum(), 50.0 / 2.0**2, rtol=0.05)
+    alone = make_charts(vertices, faces, np.full(len(faces), -1), NO_VIEWS, texel_m=0.01)
+    assert alone.texels.sum() > 100 * free.texels.sum()
+
+
 def test_collapsed_faces_do_no_harm() -> None:
     vertices = np.array([[0, 0, 0], [1, 0, 0], [0, 0, -1]], dtype=float)
     faces = np.array([[0, 1, 2], [0, 0, 0], [0, 1, 1]])
