@@ -266,8 +266,8 @@ def measure(
     """Land beside so many attackers of one kind."""
     before_bytes = service.memory().anon
     others, stop, ended, cpu = start_attackers(name, attackers, service.port, nice)
-    if others:
-        time.sleep(min(3.0, seconds))  # until the service is in the middle of it
+    # Until the service is in the middle of it, and has read labels and strokes: it answers before.
+    time.sleep(min(3.0, seconds))
     honest = Honest(service.port, service.pid, side, anew=name in COMES_ANEW, joins=name in JOINS)
     began_s, cpu_s = time.perf_counter(), service.cpu_s()
     honest.land_until(began_s + seconds)
