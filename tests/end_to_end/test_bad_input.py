@@ -141,6 +141,32 @@ def test_an_interrupted_build_goes_on_where_it_stopped(tmp_path: Path, built: Bu
     assert (scene / "scene.json").exists()
 
 
+def test_ctrl_c_waits_for_no_thread() -> None:
+    """Nor takes the interpreter down under it: compiled code in a thread cannot be interrupted."""
+    command = """
+import atexit, threading, time
+from terraport.cli import lazy, main
+atexit.register(print, "tidied")
+
+def interrupted(verb):
+    threading.Thread(target=time.sleep, args=(600,)).start()
+    raise KeyboardInterrupt
+
+lazy._load = interrupted
+main()
+"""
+    result = subprocess.run(
+        [sys.executable, "-c", command, "build", "pit.laz"],
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert result.returncode == 130, result.stderr
+    assert result.stderr == "stopped\n"
+    assert result.stdout == "tidied\n"
+
+
 def test_grey_surveys_build(shared_data: Path, tmp_path: Path) -> None:
     """A COPC without colours, thinned."""
     result = run_terraport(

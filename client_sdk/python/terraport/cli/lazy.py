@@ -15,9 +15,9 @@ from typer.core import TyperGroup
 from terraport.cli.addresses import refuse_addresses
 from terraport.errors import MissingExtraError, TerraportError, UsageError
 
-__all__ = ["VERBS", "LazyGroup", "Verb", "fail", "stub"]
+__all__ = ["STOPPED", "VERBS", "LazyGroup", "Verb", "fail", "stub"]
 
-_STOPPED: Final = 130
+STOPPED: Final = 130
 """128 + SIGINT, as shells count."""
 
 
@@ -226,7 +226,7 @@ def _reporting(verb: Verb | None) -> Iterator[None]:
         yield
     except KeyboardInterrupt:
         typer.echo("stopped", err=True)
-        raise typer.Exit(_STOPPED) from None
+        raise typer.Exit(STOPPED) from None
     except BrokenPipeError:
         # The reader of our output (head, less) has gone: nobody is left to be told.
         sys.stderr.close()
