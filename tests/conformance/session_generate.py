@@ -18,6 +18,7 @@ import base64
 import json
 import sys
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from random import Random
 from typing import Any, Final
@@ -44,6 +45,8 @@ KEPT: Final = 100
 """Histories of a theme."""
 MOST_STEPS: Final = 50
 """Of a history that is kept."""
+ALONE: Final = frozenset({"groups", "levels"})
+"""Themes whose histories are chosen without a look at the others."""
 
 
 def named_histories() -> Iterator[dict[str, Any]]:
@@ -115,7 +118,7 @@ def shrink(script: Script, target: tuple[str, ...]) -> Script:
         at = len(script.operations) - size
         while at >= 0:
             rest = script.operations[:at] + script.operations[at + size :]
-            shorter = Script(script.options, script.limits, rest)
+            shorter = replace(script, operations=rest)
             if target in triples(play(shorter)[1]):
                 script = shorter
             at -= size
@@ -171,10 +174,10 @@ def text_of(rows: Iterator[dict[str, Any]]) -> str:
 def corpus_files(themes: Iterable[str] = THEMES) -> dict[str, str]:
     """Return name -> text of every file; of these themes alone where they are given."""
     seen: set[tuple[str, ...]] = set()
-    # What groups show is theirs alone: a rule of theirs that changes leaves the other files be.
-    alone: set[tuple[str, ...]] = set()
+    # What groups and levels show is theirs alone: a rule of theirs that changes leaves the other
+    # files be.
     files = {
-        f"{theme}.jsonl": text_of(histories(theme, alone if theme == "groups" else seen))
+        f"{theme}.jsonl": text_of(histories(theme, set() if theme in ALONE else seen))
         for theme in themes
     }
     return files | {"named.jsonl": text_of(named_histories())}

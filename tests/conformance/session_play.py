@@ -41,17 +41,21 @@ class Script:
     limits: dict[str, Any] = field(default_factory=dict)
     """Of the server."""
     operations: tuple[Operation, ...] = ()
+    levels: int = 1
+    """Of the scenes."""
 
 
-def _scene(version: str, seed: int, changed: int) -> ToyScene:
-    random = np.random.default_rng(seed)
-    payloads = [random.bytes(int(size)) for size in random.integers(4, 40, 36)]
+def _scene(version: str, changed: int, levels: int = 1) -> ToyScene:
+    random = np.random.default_rng(7)
+    payloads = [random.bytes(int(size)) for size in random.integers(4, 40, 36 * levels)]
     for segment in range(0, changed * 5, 5):
         payloads[segment] = bytes(reversed(payloads[segment])) + b"!"
-    return ToyScene(version=version, payloads=payloads)
+    return ToyScene(version=version, payloads=payloads, levels=levels)
 
 
-SCENES: Final = (_scene("v1", 7, 0), _scene("v2", 7, 4))
+ONE_LEVEL: Final = (_scene("v1", 0), _scene("v2", 4))
+SCENES: Final = {1: ONE_LEVEL, 2: (_scene("v1", 0, 2), _scene("v2", 4, 2), _scene("v3", 4))}
+"""What is served, by its levels: the versions that a script may connect to, by number."""
 
 
 def _situation(session: ClientSession) -> str:
@@ -119,7 +123,8 @@ class World(Pair):
 
     def __init__(self, script: Script) -> None:
         client = ToldSession(script.options)
-        super().__init__(SCENES[0], limits=SessionLimits(**LIMITS | script.limits))
+        self.scenes = SCENES[script.levels]
+        super().__init__(self.scenes[0], limits=SessionLimits(**LIMITS | script.limits))
         self.told = client
         self.client: Any = _Told(client)
         self.hit = HIT
@@ -169,7 +174,7 @@ class World(Pair):
     def do_connect(self, offer: bool, scene: int) -> None:
         if self.server is not None:
             self.disconnect()
-        self.scene, self.offer_held = SCENES[scene], offer
+        self.scene, self.offer_held = self.scenes[scene], offer
         self.connect()
 
     def do_cut(self) -> None:

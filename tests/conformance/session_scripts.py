@@ -85,6 +85,28 @@ def _impossible_group(chance: Random) -> Operation:
     return ("call", *chance.choice(given))
 
 
+def _ring(chance: Random) -> Operation:
+    inner = chance.choice(((None, None), (None, None), (1.5, 100)))
+    radius_m = chance.choice((1.5, 2.5))
+    # 9 is what the server allows.
+    ring_m = chance.choice((radius_m, 3.5, 3.5, 7.5, 20))
+    return ("call", "land", _place(chance), radius_m, *inner, ring_m)
+
+
+def _ring_aim(chance: Random) -> Operation:
+    return ("call", "aim", _place(chance), chance.choice((0.5, 1.5)), chance.choice((2.5, 20)))
+
+
+def _impossible_ring(chance: Random) -> Operation:
+    given: tuple[tuple[Any, ...], ...] = (
+        ("land", [0, 0, 0], 2, None, None, 1.5),
+        ("land", [0, 0, 0], 2, None, None, 2e6),
+        ("aim", [0, 0, 0], 2, 1.5),
+        ("aim", [0, 0, 0], 2, "nan"),
+    )
+    return ("call", *chance.choice(given))
+
+
 def _impossible(chance: Random) -> Operation:
     bad = chance.choice((0, -1, "nan", "inf"))
     nowhere = [0, chance.choice(("nan", "inf", "-inf")), 0]
@@ -153,6 +175,11 @@ OPERATIONS: Final[dict[str, Make]] = {
     "arrive": _arrive,
     "other": _other,
     "no-such-group": _impossible_group,
+    "ring": _ring,
+    "ring-aim": _ring_aim,
+    "no-such-ring": _impossible_ring,
+    "flat": _made("connect", (True, False), (2,)),
+    "fail-coarse": _made("fail", range(36, 72)),
     "long": _made("wait", (0.3, 1.1, 2.1)),
 }
 
@@ -169,6 +196,10 @@ THEMES: Final[dict[str, str]] = {
     "picks": f"{MOVES} pick pick pick connect impossible cut",
     "refusals": f"{MOVES} far far aim flush connect impossible far",
     "strays": f"{MOVES} stray stray again again connect aim flush text",
+    "levels": (
+        f"{MOVES} ring ring ring ring ring-aim flush no-such-ring cut connect newer flat flip "
+        "fail-coarse wait again"
+    ),
     "groups": (
         "land pump pump pump serve hear take lag join join leave gather gather arrive arrive "
         "other other other cut connect connect long long no-such-group pick again"
@@ -252,11 +283,44 @@ NAMED_GROUPS: Final[dict[str, tuple[Operation, ...]]] = {
 """Of groups, by name."""
 
 
+_RING: Final = ("call", "land", [0, 0, 0], 1.5, None, None, 4.5)
+_RING_THERE: Final = ("call", "land", [10, 0, 0], 1.5, None, None, 4.5)
+_RING_AIM: Final = (("pump", 4), ("call", "aim", [0, 0, 0], 1.5, 20), ("call", "flush"))
+
+NAMED_LEVELS: Final[dict[str, tuple[Operation, ...]]] = {
+    "a hop exchanges levels, and back":
+        (_RING, ("pump", 40), _RING_THERE, ("pump", 40), _RING, ("pump", 40)),
+    "a ring comes, and goes":
+        (_HERE, ("pump", 40), _RING, ("pump", 40), ("call", "land", [0, 0, 0], 1.5, None, None)),
+    "a ring is cut to what the server allows":
+        (("pump", 3), ("call", "land", [0, 0, 0], 1.5, None, None, 20), ("pump", 40), *_RING_AIM),
+    "a ring that waits is cut once that is known":
+        (("call", "land", [0, 0, 0], 1.5, None, None, 20), *_RING_AIM, ("cut",), ("pump", 3),
+         ("connect", True, 0)),
+    "a landing with a ring outlives a cut": (_RING, ("pump", 6), *_AGAIN),
+    "an aim with a ring outlives a cut": (*_RING_AIM, ("pump", 5), *_AGAIN),
+    "an aim brings the ring of the landing":
+        (*_RING_AIM, ("pump", 60), ("call", "land", [0, 0, 0], 1.5, None, None, 9)),
+    "a ring within the radius is refused":
+        (("call", "land", [0, 0, 0], 2.5, None, None, 2), ("call", "aim", [0, 0, 0], 2.5, 2)),
+    "half a coarser payload goes on in the next plan":
+        (_RING, ("pump", 14), ("call", "land", [2, 0, 0], 1.5, None, None, 4.5)),
+    "a coarser payload that came wrong": (_RING, ("take",), ("serve", 6), ("flip", 3), ("pump", 40)),
+    "an inner set without its ring":
+        (("pump", 3), ("call", "land", [0, 0, 0], 1.5, 1.5, 100, 4.5), ("take",), ("serve", 6),
+         ("wait", 0.2), ("serve", 9)),
+    "a newer version has one level":
+        (_RING, ("pump", 40), ("cut",), ("connect", True, 2), ("pump", 5), _RING, ("pump", 40)),
+}  # fmt: skip
+"""Of levels, by name."""
+
+
 def named_scripts() -> Iterator[tuple[str, Script]]:
     """Return what somebody thought of."""
-    for names, bounds in (
-        (NAMED, ((0, 50), (0, 10_000), (10_000, 50))),
-        (NAMED_GROUPS, ((0, 50),)),
+    for names, levels, bounds in (
+        (NAMED, 1, ((0, 50), (0, 10_000), (10_000, 50))),
+        (NAMED_GROUPS, 1, ((0, 50),)),
+        (NAMED_LEVELS, 2, ((10_000, 50),)),
     ):
         for (name, operations), (cache_bytes, credit_bytes) in product(names.items(), bounds):
             options = {
@@ -268,7 +332,7 @@ def named_scripts() -> Iterator[tuple[str, Script]]:
                 "max_segments": None,
             }
             script = Script(
-                options, {"max_held_segments": 1000}, (("connect", True, 0), *operations)
+                options, {"max_held_segments": 1000}, (("connect", True, 0), *operations), levels
             )
             yield f"{name}, {cache_bytes} {credit_bytes}", script
 
@@ -293,4 +357,5 @@ def make_script(theme: str, seed: int) -> Script:
     words = THEMES[theme].split()
     count = chance.randrange(4, 24)
     moves = (OPERATIONS[chance.choice(words)](chance) for _ in range(count))
-    return Script(options, limits, (("connect", True, 0), *moves))
+    levels = 2 if theme == "levels" else 1
+    return Script(options, limits, (("connect", True, 0), *moves), levels)

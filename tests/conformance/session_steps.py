@@ -19,10 +19,10 @@ from terraport.errors import ProtocolViolationError, UsageError
 from terraport.session import ClientSession, SessionOptions
 from terraport_wire import DecodeError, Direction, Hello, decode, encode
 
-__all__ = ["SEGMENTS", "Step", "ToldSession", "difference", "read_histories"]
+__all__ = ["PAYLOADS", "Step", "ToldSession", "difference", "read_histories"]
 
-SEGMENTS: Final = 36
-"""Of the corpus' scenes."""
+PAYLOADS: Final = 72
+"""Ids of the corpus' scenes: 36 segments at up to two levels."""
 
 Step = dict[str, Any]
 
@@ -86,15 +86,12 @@ class ToldSession:
         elif name == "lost":
             session.connection_lost()
         elif name in ("land", "gather"):
-            position, radius_m, inner_radius_m, deadline_ms = given
-            (session.land if name == "land" else session.group.gather)(
-                numbers(position),
-                float(radius_m),
-                inner_radius_m=inner_radius_m,
-                deadline_ms=deadline_ms,
-            )
+            names = ("inner_radius_m", "deadline_ms", "coarse_radius_m")
+            own = dict(zip(names, given[2:], strict=False))
+            command = session.land if name == "land" else session.group.gather
+            command(numbers(given[0]), float(given[1]), **own)
         elif name == "aim":
-            session.aim(numbers(given[0]), float(given[1]))
+            session.aim(numbers(given[0]), *map(float, given[1:]))
         elif name == "flush":
             session.flush_aim()
         elif name == "pick":
@@ -113,7 +110,7 @@ class ToldSession:
 
     def _state(self) -> dict[str, Any]:
         session, aims = self.session, self.session.aims
-        held = [segment for segment in range(SEGMENTS) if segment in session.holdings]
+        held = [segment for segment in range(PAYLOADS) if segment in session.holdings]
         return {
             "visible": list(session.visible),
             "held": held,

@@ -36,11 +36,14 @@ def unity(csharp: cores.CsCore) -> UnityLayer:
     return unity_layer()
 
 
-def test_the_unity_scene_lands_on_the_stubs(unity: UnityLayer, server: Service) -> None:
+@pytest.mark.parametrize(("scene", "radius_m"), [("grid", 25), ("levels", 8)])
+def test_the_unity_scene_lands_on_the_stubs(
+    unity: UnityLayer, server: Service, scene: str, radius_m: int
+) -> None:
     """The component itself, on a fake engine that keeps what its meshes are given."""
     program = ["mono", str(unity.folder / "SceneOnStubs.exe")]
     done = subprocess.run(
-        [*program, f"{server.url}/scenes/grid", "25"],
+        [*program, f"{server.url}/scenes/{scene}", str(radius_m)],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -63,13 +66,16 @@ def test_the_unreal_layer_passes_its_tests_on_the_stubs(cpp: cores.CppCore) -> N
     assert passed > 10
 
 
-def test_the_unreal_scene_lands_on_the_stubs(cpp: cores.CppCore, server: Service) -> None:
+@pytest.mark.parametrize(("scene", "radius_m", "ring_m"), [("grid", 25, 0), ("levels", 8, 24)])
+def test_the_unreal_scene_lands_on_the_stubs(
+    cpp: cores.CppCore, server: Service, scene: str, radius_m: int, ring_m: int
+) -> None:
     """The actor and the user's component themselves, on a fake engine."""
     done = subprocess.run(
         [
             str(cpp.folder / "bin" / "terraport-scene-on-stubs"),
-            f"{server.url}/scenes/grid",
-            "25",
+            f"{server.url}/scenes/{scene}",
+            str(radius_m),
         ],
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -78,7 +84,8 @@ def test_the_unreal_scene_lands_on_the_stubs(cpp: cores.CppCore, server: Service
         check=False,
     )
     assert done.returncode == 0, done.stdout[-4000:]
-    assert json.loads(done.stdout.strip().splitlines()[-1])
+    told = json.loads(done.stdout.strip().splitlines()[-1])
+    assert (told["ring_m"], told["ring_off_m"]) == (ring_m, 0)
 
 
 def test_the_shaders_of_unity_compile() -> None:

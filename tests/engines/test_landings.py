@@ -56,7 +56,7 @@ def test_assembled_segments_are_those_of_the_python_sdk(
 def test_a_scene_of_two_levels_is_landed_in_at_full_detail(
     client: Client, server: Service, tmp_path: Path
 ) -> None:
-    """The engines ask for no ring: what they show is that of the same scene with one level."""
+    """A stream asks for no ring by itself: what it brings is what a scene of one level has."""
     walk = [(5, 1, 5, 12), (55, 1, 55, 30), (5, 1, 5, 12)]
     visible, meshes = land_with_sdk(f"{server.url}/scenes/grid", walk)
     orders = [f"land:{x},{y},{z},{radius}" for x, y, z, radius in walk]
@@ -66,6 +66,72 @@ def test_a_scene_of_two_levels_is_landed_in_at_full_detail(
     assert max(max(shown) for shown in visible) < 36
     same_arrays({segment: landed.segments[segment] for segment in visible[-1]}, meshes)
     assert landed.landings[2]["payload_bytes"] == 0
+
+
+def test_a_scene_of_two_levels_is_drawn_with_a_ring(client: Client, server: Service) -> None:
+    """Through the stage, which asks for it: what is shown and hidden is what the SDK says."""
+    url = f"{server.url}/scenes/levels"
+    places = [(30.0, 1.0, 30.0, 6.0), (12.0, 1.0, 44.0, 8.0), (30.0, 1.0, 30.0, 6.0)]
+    orders = [f"land:{x},{y},{z},{radius}" for x, y, z, radius in places]
+    with terraport.sync.connect(url) as session:
+        base = session.base()
+        count = session.scene.segment_count
+        shown, hidden, loaded = [], [], []
+        for x, y, z, radius_m in places:
+            landing = session.land((x, y, z), radius_m, coarse_radius_m=3 * radius_m)
+            landing.ready()
+            shown.append(sorted(session.visible))
+            hidden.append(base.hidden_faces(session.visible).nonzero()[0].tolist())
+            loaded.append(landing.plan.load["id"].tolist())
+    for number in range(1, len(places) + 1):
+        landed = client.land(url, *orders[:number], staged=1)
+        assert (landed.exit_code, landed.failure) == (0, None), landed.output
+        assert landed.stage["faults"] == []
+        assert landed.stage["swaps"] == number
+        assert landed.stage["visible"] == shown[number - 1]
+        assert landed.stage["hidden_base_faces"] == hidden[number - 1]
+        assert min(shown[number - 1]) < count <= max(shown[number - 1]), "both levels"
+    plans = landed.of("planned")
+    assert [[row["id"] for row in plan["load"]] for plan in plans] == loaded
+    assert loaded[2] == [], "the way back sends nothing"
+    for plan, (*_, radius_m) in zip(plans, places, strict=True):
+        assert plan["effective_radius_m"] == radius_m
+        assert plan["coarse_radius_m"] == 3 * radius_m
+
+
+def test_an_aim_brings_the_ring_and_a_pick_there_tells_its_segment(
+    client: Client, server: Service
+) -> None:
+    """Nothing is left to the landing; feet in the ring stand on the segment's coarser level."""
+    url = f"{server.url}/scenes/levels"
+    with terraport.sync.connect(url) as session:
+        session.land((30, 1, 30), 6, coarse_radius_m=18).ready()
+        count, visible = session.scene.segment_count, sorted(session.visible)
+    landed = client.land(
+        url, "aim:30,1,30,6", "land:30,1,30,6", "stand:30,1,30", "stand:44,1,30", staged=1
+    )
+    assert (landed.exit_code, landed.failure) == (0, None), landed.output
+    assert landed.of("planned")[0]["load"] == []
+    assert landed.stats["aim_hits"] == 1
+    (_, here, _), (_, there, _) = landed.stage["feet"]
+    assert here in visible, "full detail"
+    assert there not in visible
+    assert there + count in visible, "the coarser level"
+
+
+def test_budgets_count_both_levels_and_the_ring_gives_way(client: Client, server: Service) -> None:
+    """Nearest first: a bound of segments leaves full detail, and less of the ring."""
+    url = f"{server.url}/scenes/levels"
+    free = client.land(url, "land:30,1,30,6", staged=1)
+    most = len(free.stage["visible"]) - 5
+    landed = client.land(url, "land:30,1,30,6", staged=1, max_segments=most)
+    assert (landed.exit_code, landed.failure) == (0, None), landed.output
+    assert len(landed.stage["visible"]) == most
+    full = [segment for segment in free.stage["visible"] if segment < 36]
+    assert [segment for segment in landed.stage["visible"] if segment < 36] == full
+    plan = landed.of("planned")[0]
+    assert plan["omitted_segments"] == 5
+    assert 6 < plan["coarse_radius_m"] < 18
 
 
 @pytest.mark.parametrize("scene", ["axes", "tiny"])

@@ -36,9 +36,10 @@ def godot() -> engine.Engine:
 
 @pytest.fixture(scope="session")
 def scenes(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with `grid` and `tiny` (small) and `big` (10 MB)."""
+    """A folder with `grid`, `levels` (two of them) and `tiny` (small), `big` (10 MB)."""
     root = tmp_path_factory.mktemp("scenes")
     write_grid_scene(root / "grid")
+    write_grid_scene(root / "levels", levels=2)
     write_grid_scene(root / "big", cells=80, compress=False, name="big")
     write_tiny_scene(root / "tiny")
     return root

@@ -51,6 +51,34 @@ def test_a_landing_a_hop_and_a_return(godot: Engine, server: Service) -> None:
     assert [link["state"] for link in visit.of("link_changed")] == ["connecting", "open"]
 
 
+def test_a_ring_of_the_coarser_level_comes_and_can_be_left_out(
+    godot: Engine, server: Service
+) -> None:
+    """With and without: the ids that the Python SDK shows, and the base's faces that it hides."""
+    url = f"{server.url}/scenes/levels"
+    x, y, z, radius_m = NEAR
+    ray = ["rays", [[x + 2 * radius_m, 100.0, z, 0.0, -1.0, 0.0]]]
+    with_ring = godot.visit(url, ["land", *THERE], ["land", *NEAR], ray)
+    without = godot.visit(url, ["land", *NEAR], ray, shows_coarse=False)
+    is_clean(with_ring)
+    is_clean(without)
+    with terraport.sync.connect(url) as session:
+        base, count = session.base(), session.scene.segment_count
+        for visit, ring_m in ((with_ring, 3 * radius_m), (without, None)):
+            session.land((x, y, z), radius_m, coarse_radius_m=ring_m).ready()
+            *_, landed, (met,) = visit.results
+            assert landed["visible"] == sorted(session.visible)
+            assert (max(landed["visible"]) >= count) == (ring_m is not None)
+            hidden = int(base.hidden_faces(session.visible).sum())
+            assert landed["digest"].split(":")[2] == str(hidden)
+            planned = visit.of("planned")[-1]
+            assert (planned["effective_radius_m"], planned["coarse_radius_m"]) == (
+                radius_m,
+                ring_m or 0,
+            )
+            assert (met["segment"] in range(count)) == (ring_m is not None), "never another id"
+
+
 def test_what_a_landing_left_is_freed(godot: Engine, server: Service) -> None:
     """With no room for spare meshes the engine keeps those that are drawn, and no more."""
     url = f"{server.url}/scenes/big"

@@ -54,13 +54,15 @@ class ToyScene:
         seed: int = 0,
         version: str = "v1",
         payloads: list[bytes] | None = None,
+        levels: int = 1,
     ) -> None:
-        """Make one; `payloads` are any bytes, where they need not be decoded."""
+        """Make one; `payloads` are any bytes, where they need not be decoded; of every level."""
         random = np.random.default_rng(seed)
         count = GRID * GRID
         ids = np.arange(count)
         low = np.stack([2.0 * (ids % GRID), np.zeros(count), 2.0 * (ids // GRID)], axis=1)
         self.bounds = np.concatenate([low, low + np.array([1, 0, 1])], axis=1).astype(np.float32)
+        rows = count * levels
         self.payloads = payloads or [
             _glb(int(size), number)
             for number, size in enumerate(random.integers(1, 2 * cells, count))
@@ -69,12 +71,13 @@ class ToyScene:
         self.hashes = np.array(hashes, dtype=np.uint64)
         self.lengths = np.array([len(p) for p in self.payloads], dtype=np.uint32)
         table = SegmentTable(
-            bounds=self.bounds,
+            bounds=np.tile(self.bounds, (levels, 1)),
             lengths=self.lengths,
             hashes=self.hashes,
-            faces=np.full(count, 10, dtype=np.uint32),
-            vertices=np.full(count, 12, dtype=np.uint32),
-            texture_bytes=np.zeros(count, np.uint64),
+            faces=np.full(rows, 10, dtype=np.uint32),
+            vertices=np.full(rows, 12, dtype=np.uint32),
+            texture_bytes=np.zeros(rows, np.uint64),
+            levels=levels,
         )
         self.view = SceneView(
             id="toy", version=version, name="toy", encodings={"glb": table}, within=self.within

@@ -111,6 +111,7 @@ void EventList::add(const StreamEvent& event) {
     case EventKind::Planned:
       facts.set("radius_m", event.plan.radiusM)
           .set("effective_radius_m", event.plan.effectiveRadiusM)
+          .set("coarse_radius_m", event.plan.coarseRadiusM.value_or(0.0))
           .set("load_segments", number(event.plan.load.size()))
           .set("kept_segments", number(event.plan.keep.size()))
           .set("load_bytes", number(event.plan.loadBytes))

@@ -46,6 +46,7 @@ class Client {
     settings.spareGpuBytes = bound("spare_mesh_mib", 1) * kMebibyte;
     settings.decodeThreads = settings_["decode_threads"].toInt();
     settings.autoShow = settings_["auto_show"].toBool();
+    settings.showsCoarse = settings_["shows_coarse"].toBool();
     session_ = std::make_unique<Session>(std::move(settings), owner_);
   }
 
@@ -113,6 +114,10 @@ const ScriptMethod kMethods[] = {
           return with(client, [&](Session& session) { return session.pick(given[0].toVec3(), given[1].toVec3()); });
         }},
     {"show", 0, [](Client& client, Arguments) { return with(client, [](Session& session) { return session.show(); }); }},
+    {"set_shows_coarse", 1,
+        [](Client& client, Arguments given) {
+          return with(client, [&](Session& session) { return session.setShowsCoarse(given[0].toBool()), true; });
+        }},
     {"set_auto_show", 1,
         [](Client& client, Arguments given) {
           return with(client, [&](Session& session) { return session.setAutoShow(given[0].toBool()), true; });

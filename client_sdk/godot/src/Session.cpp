@@ -28,7 +28,7 @@ bool isFinal(const std::string& code) {
 }  // namespace
 
 Session::Session(SessionSettings settings, abi::Object* receiver)
-    : settings_(std::move(settings)), receiver_(receiver), token_(settings_.token), autoShow_(settings_.autoShow) {
+    : settings_(std::move(settings)), receiver_(receiver), token_(settings_.token), autoShow_(settings_.autoShow), showsCoarse_(settings_.showsCoarse) {
   collider_ =
       std::make_unique<Collider>(settings_.space, settings_.draw.transform, settings_.colliderRadiusM, settings_.colliderLayer);
   renderer_ = std::make_unique<Renderer>(settings_.draw, *collider_);
@@ -153,6 +153,7 @@ void Session::take(LoadResult& result, double nowMs, EventList& events) {
     options.spareGpuBytes = settings_.spareGpuBytes;
     options.baseBlockFaces = kBlockFaces;
     options.autoShow = autoShow_;
+    options.showsCoarse = showsCoarse_;
     stage_ = std::make_unique<SceneStage>(*stream_, result.files, *renderer_, *decodes_, options);
     stage_->onSwap([this](const SceneSwap& swap) { swaps_.push_back(swap); });
     follower_ = std::make_unique<GroupFollower>(*stream_, *stage_);
@@ -208,6 +209,11 @@ bool Session::show() {
 
 void Session::setAutoShow(bool autoShow) {
   autoShow_ = autoShow;
+}
+
+void Session::setShowsCoarse(bool showsCoarse) {
+  showsCoarse_ = showsCoarse;
+  if (stage_) stage_->setShowsCoarse(showsCoarse);
 }
 
 void Session::reconnect(const std::string& token) {

@@ -36,6 +36,7 @@ struct SessionSettings {
   std::uint64_t spareGpuBytes = 128ull * 1024 * 1024;
   std::int64_t decodeThreads = 2;
   bool autoShow = true;
+  bool showsCoarse = true;
 };
 
 /// Main thread, but for what its own threads do.
@@ -57,6 +58,7 @@ class Session {
   std::int64_t pick(const Vec3& origin, const Vec3& direction);
   bool show();
   void setAutoShow(bool autoShow);
+  void setShowsCoarse(bool showsCoarse);
   void reconnect(const std::string& token);
   /// Before the base is here nobody can join; false then, and where a name cannot be.
   bool joinGroup(const std::string& name, bool asGuide, const std::string& ownName);
@@ -117,6 +119,7 @@ class Session {
   int loadAttempt_ = 0;
   double retryAtMs_ = 0.0;
   bool autoShow_;
+  bool showsCoarse_;
   bool followsGroup_ = true;
   std::int64_t toldPresentable_ = kNoLanding;
   bool toldInFull_ = false;

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from terraport.landing_state import ring_of
 from terraport.options import checked, point
 from terraport_wire import Aim
 
@@ -46,12 +47,16 @@ class AimState:
             )
         )
 
-    def take(self, generation: int) -> Aim:
-        """Return the message to send now, under a generation of this connection."""
+    def take(self, generation: int, max_radius_m: float) -> Aim:
+        """Return the message to send now, under a generation of this connection.
+
+        Its server allows radii up to `max_radius_m`.
+        """
         aim = self._noted
         assert aim is not None
         self._noted, self._sent, self._generation = None, aim, generation
-        return replace(aim, generation=generation)
+        ring_m = ring_of(aim.radius_m, aim.coarse_radius_m, max_radius_m)
+        return replace(aim, generation=generation, coarse_radius_m=ring_m)
 
     def clear(self) -> None:
         """Forget it: the user has landed."""

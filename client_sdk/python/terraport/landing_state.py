@@ -5,6 +5,7 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
@@ -13,7 +14,7 @@ from terraport.cache import SegmentFacts
 from terraport_payload.types import AnyArray
 from terraport_wire import Land, Plan, Prefetch, Timings
 
-__all__ = ["LandingState", "PrefetchState", "facts_of_table"]
+__all__ = ["LandingState", "PrefetchState", "facts_of_table", "ring_of"]
 
 
 @dataclass(slots=True)
@@ -58,8 +59,8 @@ class LandingState:
     done: bool = False
     """Whether it became ready for the client."""
 
-    def message(self, generation: int) -> Land:
-        """Return the message that asks for it."""
+    def message(self, generation: int, max_radius_m: float = math.inf) -> Land:
+        """Return the message that asks for it, of a server that allows so large a radius."""
         return Land(
             generation=generation,
             position=self.position,
@@ -67,7 +68,7 @@ class LandingState:
             inner_radius_m=self.inner_radius_m,
             deadline_ms=self.deadline_ms,
             stall_ms=self.stall_ms,
-            coarse_radius_m=self.coarse_radius_m,
+            coarse_radius_m=ring_of(self.radius_m, self.coarse_radius_m, max_radius_m),
         )
 
     def begin(self, plan: Plan) -> None:
@@ -115,6 +116,16 @@ class PrefetchState:
         """Begin one."""
         facts = facts_of_table(prefetch.segments)
         return cls(prefetch.generation, facts, set(facts), prefetch.bytes)
+
+
+def ring_of(
+    radius_m: float, coarse_radius_m: float | None, max_radius_m: float
+) -> float | None:
+    """Cut the ring to what the server allows: less coarse ground is better than no landing."""
+    # One below the radius stays: it is a mistake, and is to be told.
+    if coarse_radius_m is None or coarse_radius_m < radius_m:
+        return coarse_radius_m
+    return max(radius_m, min(coarse_radius_m, max_radius_m))
 
 
 def facts_of_table(table: AnyArray) -> dict[int, SegmentFacts]:

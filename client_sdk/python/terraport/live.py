@@ -235,7 +235,7 @@ class Session:
         coarse_radius_m : float, optional
             Beyond `radius_m` everything within this comes at its coarser level, where the scene has
             one (``scene.levels``): a third of the bytes. At least `radius_m`; three times as far is
-            a good ring.
+            a good ring. Cut to the server's ``limits.max_radius_m``.
         inner_radius_m, deadline_s : float, optional
             After `deadline_s` the segments within `inner_radius_m` alone are presentable; see
             :meth:`Landing.presentable`.

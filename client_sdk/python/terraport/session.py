@@ -20,6 +20,7 @@ PURE: no I/O, no clock, no task.
 
 from __future__ import annotations
 
+import math
 import re
 from collections import deque
 from collections.abc import Iterable, Sequence
@@ -131,6 +132,8 @@ class ClientSession:
         """The seat in a group; to be given commands by the shell."""
         self._picks = PickState(self._events.append)
         self._credit_step = 1
+        self._max_radius_m = math.inf
+        """Of the newest connection."""
         self._taken_bytes = 0
 
     @property
@@ -304,7 +307,7 @@ class ClientSession:
             self._transfers.tell_fetched()
             self._send_evictions()
             self._generation += 1
-            self._outbox.append(self._aim.take(self._generation))
+            self._outbox.append(self._aim.take(self._generation, self._max_radius_m))
 
     def pick(self, origin: Sequence[float], direction: Sequence[float] | None = None) -> int:
         """Ask what lies along a ray; return the request's number in the events.
@@ -409,6 +412,7 @@ class ClientSession:
         self._transfers.pull = self._address_of(welcome.pull)
         # Granted in halves: the server never runs dry while a grant is on its way (8).
         self._credit_step = max(1, credit // 2)
+        self._max_radius_m = welcome.limits.max_radius_m
         self._events.append(
             Opened(welcome.scene, welcome.limits, welcome.session, welcome.held_count, changed)
         )
@@ -482,7 +486,7 @@ class ClientSession:
         self._generation += 1
         landing.generation = self._generation
         self._transfers.ask(landing)
-        self._outbox.append(landing.message(self._generation))
+        self._outbox.append(landing.message(self._generation, self._max_radius_m))
         self._unsent = landing
 
     def _withdraw_unsent(self, newer: LandingState) -> None:

@@ -17,6 +17,9 @@ namespace Terraport
         /// <summary>Radius within which everything comes, metres: less than asked for where a budget cut it.</summary>
         public double EffectiveRadiusM { get; set; }
 
+        /// <summary>How far the coarser level reaches beyond it, metres; null where there is none of it.</summary>
+        public double? CoarseRadiusM { get; set; }
+
         /// <summary>What will be sent, in that order: nearest first.</summary>
         public IReadOnlyList<SegmentFacts> Load { get; set; }
 

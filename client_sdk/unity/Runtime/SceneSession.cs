@@ -305,6 +305,7 @@ namespace Terraport.Unity
             decoders = Platform.MakeDecoders(settings, PackedMesh.PackOnto);
             StageOptions options = new StageOptions();
             options.AutoShow = settings.autoShow;
+            options.ShowsCoarse = settings.showsCoarse;
             options.SpareGpuBytes = Budgets.SpareOf(GpuShareBytes);
             options.BaseBlockFaces = BaseBlockFaces;
             Stage = new SceneStage(Stream, Files, ground, decoders, options);

@@ -43,6 +43,11 @@ namespace Terraport.Unity
         [Tooltip("Show a landing as soon as it can be shown. Off: call Show, for example in the black frame of a teleport.")]
         public bool autoShow = true;
 
+        /// <summary>Around full detail show a ring of the coarser level, to three times the radius, where the scene has one.</summary>
+        [Tooltip("Around full detail show a ring of the coarser level, to three times the radius, where the scene has one. The bounds count "
+            + "both; where there is no room for both the ring gives way.")]
+        public bool showsCoarse = true;
+
         /// <summary>The profile that counts on this device.</summary>
         public DeviceProfile ActualProfile
         {

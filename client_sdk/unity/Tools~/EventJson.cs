@@ -117,6 +117,7 @@ namespace Terraport.Tools
         {
             DescribePosition(json, plan.Position);
             json.Key("radius_m").Value(plan.RadiusM).Key("effective_radius_m").Value(plan.EffectiveRadiusM);
+            json.Key("coarse_radius_m").Value(plan.CoarseRadiusM ?? 0);
             json.Key("load").Open('[');
             foreach (SegmentFacts facts in plan.Load) DescribeFacts(json, facts);
             json.Close(']').Key("keep").Values(plan.Keep).Key("nearby").Values(plan.Nearby);

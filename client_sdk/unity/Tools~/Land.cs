@@ -84,7 +84,10 @@ namespace Terraport.Tools
                 case "wait": Until(step, IsShown); break;
                 case "aim":
                     int before = prefetched;
-                    stream.Aim(step.Position(0), step.Numbers[3]);
+                    if (staged == null)
+                        stream.Aim(step.Position(0), step.Numbers[3]);
+                    else
+                        staged.Aim(step.Position(0), step.Numbers[3]);
                     Until(step, () => prefetched > before);
                     break;
                 case "pick":

@@ -87,8 +87,8 @@ namespace Terraport.Tools
             rows.RemoveAll(row => row == null);
             if (rows.Count > 0) told.Add("\"events\":" + Json(rows));
             Note("visible", session.Visible, told);
-            // The corpus' scenes have 36 segments.
-            Note("held", Enumerable.Range(0, 36).Where(id => session.Cache.Contains((uint)id)), told);
+            // The corpus' scenes have 36 segments at up to two levels.
+            Note("held", Enumerable.Range(0, 72).Where(id => session.Cache.Contains((uint)id)), told);
             Note("unfinished", session.Unfinished, told);
             StreamStats stats = session.Stats;
             Note("aims", new[] { stats.AimedLandings, stats.AimHits, stats.PrefetchedBytes, stats.UsedPrefetchedBytes }, told);
@@ -116,9 +116,10 @@ namespace Terraport.Tools
                 case "lost": session.ConnectionLost(); break;
                 case "land":
                     var options = new LandOptions { InnerRadiusM = Real(given[3]), DeadlineMs = (int?)Integer(given[4]) };
+                    if (given.Length > 5) options.CoarseRadiusM = Real(given[5]);
                     session.Land(Point(given[1]), Number(given[2]), options);
                     break;
-                case "aim": session.Aim(Point(given[1]), Number(given[2])); break;
+                case "aim": session.Aim(Point(given[1]), Number(given[2]), given.Length > 3 ? Real(given[3]) : null); break;
                 case "flush": session.FlushAim(); break;
                 case "pick": session.Pick(Point(given[1]), given[2].IsNull ? (Vec3?)null : Point(given[2])); break;
                 case "bye": session.Bye(); break;

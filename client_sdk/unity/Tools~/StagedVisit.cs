@@ -38,6 +38,8 @@ namespace Terraport.Tools
 
         public int Land(Vec3 position, double radiusM, LandOptions options) { return stage.Land(position, radiusM, options); }
 
+        public void Aim(Vec3 position, double radiusM) { stage.Aim(position, radiusM); }
+
         /// <summary>Whether landings of the group are followed.</summary>
         public bool Follows
         {

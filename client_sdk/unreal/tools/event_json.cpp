@@ -35,6 +35,7 @@ void describeFacts(JsonText& json, const SegmentFacts& facts) {
 void describePlan(JsonText& json, const PlanFacts& plan) {
   describeVector(json, "position", plan.position);
   json.key("radius_m").number(plan.radiusM).key("effective_radius_m").number(plan.effectiveRadiusM);
+  json.key("coarse_radius_m").number(plan.coarseRadiusM.value_or(0.0));
   json.key("load").open('[');
   for (const SegmentFacts& facts : plan.load) {
     describeFacts(json, facts);

@@ -93,7 +93,7 @@ class Visit {
       until(step, [this] { return isShown(); });
     } else if (step.kind == "aim") {
       const int before = prefetched_;
-      stream_->aim(position(0), numbers[3]);
+      staged_ ? staged_->aim(position(0), numbers[3]) : stream_->aim(position(0), numbers[3]);
       until(step, [this, before] { return prefetched_ > before; });
     } else if (step.kind == "pick") {
       const int before = picked_;

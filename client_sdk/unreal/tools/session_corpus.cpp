@@ -123,12 +123,14 @@ Status perform(ClientSession& session, const std::vector<JsonValue>& given, cons
     LandOptions options;
     if (!given[3].isNothing()) options.innerRadiusM = number(given[3]);
     if (!given[4].isNothing()) options.deadlineMs = static_cast<std::uint32_t>(*integer(given[4]));
+    if (given.size() > 5) options.coarseRadiusM = number(given[5]);
     TERRAPORT_RETURN_IF_ERROR(checkLand(point(given[1]), number(given[2]), options));
     session.land(point(given[1]), number(given[2]), options);
   }
   if (name == "aim") {
-    TERRAPORT_RETURN_IF_ERROR(checkAim(point(given[1]), number(given[2])));
-    session.aim(point(given[1]), number(given[2]));
+    const auto ring = given.size() > 3 ? std::optional<double>(number(given[3])) : std::nullopt;
+    TERRAPORT_RETURN_IF_ERROR(checkAim(point(given[1]), number(given[2]), ring));
+    session.aim(point(given[1]), number(given[2]), ring);
   }
   if (name == "flush") session.flushAim();
   if (name == "pick") {
@@ -187,8 +189,8 @@ struct Run {
     }
     if (withEvents.str().size() > size) told = withEvents.close(']');
     std::vector<std::uint32_t> heldNow;
-    // The corpus' scenes have 36 segments.
-    for (std::uint32_t id = 0; id < 36; ++id) {
+    // The corpus' scenes have 36 segments at up to two levels.
+    for (std::uint32_t id = 0; id < 72; ++id) {
       if (session.holdings().has(id)) heldNow.push_back(id);
     }
     const std::vector<std::uint32_t>& shown = session.transfers().visible();

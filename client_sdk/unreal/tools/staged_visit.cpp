@@ -98,6 +98,10 @@ std::int64_t StagedVisit::land(const Vec3& position, double radiusM, const LandO
   return impl_->stage.land(position, radiusM, options, nowMs);
 }
 
+void StagedVisit::aim(const Vec3& position, double radiusM) {
+  impl_->stage.aim(position, radiusM);
+}
+
 void StagedVisit::handle(const StreamEvent& event) {
   impl_->stage.handle(event);
   impl_->follower.handle(event, clockMs());

@@ -18,6 +18,7 @@ class StagedVisit {
   ~StagedVisit();
 
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs);
+  void aim(const Vec3& position, double radiusM);
   void handle(const StreamEvent& event);
   /// One frame of the engine.
   void frame();

@@ -58,6 +58,9 @@ export var land_on_open := true
 export var landing_at_start := Vector3.ZERO
 # Show a landing as soon as it can be; else `show_landing` does, in the dark of a fade for instance.
 export var auto_show := true setget set_auto_show
+# Around full detail show a ring of the coarser level, to three times the radius, where the scene has one; counts for the landings
+# from then on. Budgets count both; where there is no room for both the ring gives way.
+export var shows_coarse := true setget set_shows_coarse
 # Land where the guide of the group does; else the group is told that this one does not come.
 export var follows_group := true setget set_follows_group
 export(Look) var look := Look.COLOUR setget set_look
@@ -112,7 +115,7 @@ func open() -> void:
 		"collider_radius_m": collider_radius_m, "collider_layer": collision_layer,
 		"max_triangles": budgets[0], "max_segments": budgets[1], "max_payload_mib": budgets[2],
 		"cache_mib": budgets[3], "decode_threads": budgets[4], "spare_mesh_mib": spare_mesh_mib,
-		"auto_show": auto_show,
+		"auto_show": auto_show, "shows_coarse": shows_coarse,
 	}
 	for name in settings:
 		_client.configure(name, settings[name])
@@ -272,6 +275,12 @@ func set_auto_show(value: bool) -> void:
 	auto_show = value
 	if _client != null:
 		_client.set_auto_show(value)
+
+
+func set_shows_coarse(value: bool) -> void:
+	shows_coarse = value
+	if _client != null:
+		_client.set_shows_coarse(value)
 
 
 func set_follows_group(value: bool) -> void:

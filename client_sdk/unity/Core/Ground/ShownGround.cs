@@ -21,6 +21,8 @@ namespace Terraport
         private SceneFiles comingFiles;
         private GroundMesh coming;
         private GroundMesh drawn;
+        // Of the drawn base: ids from here on are those of the coarser level.
+        private uint segmentCount = uint.MaxValue;
         private byte[] hidden = Array.Empty<byte>();
 
         /// <summary>Know what <paramref name="renderer"/> shows from now on.</summary>
@@ -45,7 +47,7 @@ namespace Terraport
             foreach (KeyValuePair<uint, GroundMesh> entry in shown)
             {
                 if (!entry.Value.Cast(origin, direction, null, ref point)) continue;
-                point.Segment = entry.Key;
+                point.Segment = entry.Key % segmentCount;
                 isMet = true;
             }
             return isMet;
@@ -127,6 +129,7 @@ namespace Terraport
             {
                 shown.Clear();
                 drawn = coming ?? drawn;
+                if (comingFiles != null) segmentCount = (uint)comingFiles.Manifest.SegmentCount;
                 coming = null;
             }
             else

@@ -78,6 +78,7 @@ namespace Terraport
                 BoundsMax = SceneJson.ExpectTriple(bounds["max"], "bounds.max"),
                 Attributes = ReadAttributes(json["attributes"]),
                 SegmentCount = (int)SceneJson.ExpectWhole(counts["segments"], "counts.segments", 1, 1 << 25),
+                Levels = json["levels"].IsNull ? 1 : (int)SceneJson.ExpectWhole(json["levels"], "levels", 1, 2),
                 BaseFaces = (int)SceneJson.ExpectWhole(counts["base_faces"], "counts.base_faces", 1, 1 << 27),
                 DetailFaces = SceneJson.ExpectWhole(counts["detail_faces"], "counts.detail_faces", 1, long.MaxValue),
                 HasColour = SceneJson.ExpectFlag(json["has_colour"], "has_colour"),

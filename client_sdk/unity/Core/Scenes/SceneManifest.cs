@@ -43,8 +43,11 @@ namespace Terraport
         /// <summary>The survey's attributes.</summary>
         public IReadOnlyList<AttributeInfo> Attributes { get; internal set; }
 
-        /// <summary>Number of segments: ids are below it.</summary>
+        /// <summary>Number of segments: the ids of full detail are below it, those of the coarser level from it on.</summary>
         public int SegmentCount { get; internal set; }
+
+        /// <summary>Levels of every segment: 1, or 2 with a coarser one.</summary>
+        public int Levels { get; internal set; }
 
         /// <summary>Triangles of the base.</summary>
         public int BaseFaces { get; internal set; }

@@ -19,25 +19,32 @@ namespace Terraport.Sessions
 
         /// <summary>Check what an aim says; nothing is allocated where it is right, since it may come with every frame.</summary>
         /// <exception cref="ArgumentException">A number that the protocol does not allow.</exception>
-        internal static void Check(Vec3 position, double radiusM)
+        internal static void Check(Vec3 position, double radiusM, double? coarseRadiusM)
         {
             const double Max = WireLimits.MaxCoordinateM;
             bool isValid = radiusM > 0 && radiusM <= WireLimits.MaxRadiusM && Math.Abs(position.X) <= Max && Math.Abs(position.Y) <= Max
-                && Math.Abs(position.Z) <= Max;
+                && Math.Abs(position.Z) <= Max
+                && (!coarseRadiusM.HasValue || (coarseRadiusM.Value >= radiusM && coarseRadiusM.Value <= WireLimits.MaxRadiusM));
             // The message's own check throws, with the field's name; only this rare path allocates it.
-            if (!isValid) WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM });
+            if (!isValid) WireCodec.Check(new AimMessage { Position = position, RadiusM = radiusM, CoarseRadiusM = coarseRadiusM });
         }
 
         /// <summary>Note the newest one, in place of any that waits.</summary>
-        internal void Note(Vec3 position, double radiusM) { pending = new Aim { Position = position, RadiusM = radiusM, IsSet = true }; }
+        internal void Note(Vec3 position, double radiusM, double? coarseRadiusM)
+        {
+            pending = new Aim { Position = position, RadiusM = radiusM, CoarseRadiusM = coarseRadiusM, IsSet = true };
+        }
 
-        /// <summary>The message to send now, under a generation of this connection; an aim must wait.</summary>
-        internal AimMessage Take(uint generation)
+        /// <summary>
+        /// The message to send now, under a generation of this connection, whose server allows so large a radius; an aim must wait.
+        /// </summary>
+        internal AimMessage Take(uint generation, double maxRadiusM)
         {
             sent = pending;
             pending = default(Aim);
             sentGeneration = generation;
-            return new AimMessage { Generation = generation, Position = sent.Position, RadiusM = sent.RadiusM };
+            double? ringM = LandingState.RingOf(sent.RadiusM, sent.CoarseRadiusM, maxRadiusM);
+            return new AimMessage { Generation = generation, Position = sent.Position, RadiusM = sent.RadiusM, CoarseRadiusM = ringM };
         }
 
         /// <summary>Forget it: the user has landed.</summary>
@@ -66,6 +73,7 @@ namespace Terraport.Sessions
         {
             internal Vec3 Position;
             internal double RadiusM;
+            internal double? CoarseRadiusM;
             internal bool IsSet;
         }
     }

@@ -182,7 +182,7 @@ namespace Terraport.Sessions
         {
             var landing = new LandingState(landings + 1, position, radiusM, landOptions);
             // Before anything changes: after an exception the session is as it was.
-            WireCodec.Check(landing.Message(0));
+            WireCodec.Check(landing.Message(0, double.PositiveInfinity));
             landings++;
             aim.Clear();
             if (IsOpen)
@@ -194,10 +194,10 @@ namespace Terraport.Sessions
 
         /// <summary>Note where the user points; only the newest is kept until <see cref="FlushAim"/>.</summary>
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
-        public void Aim(Vec3 position, double radiusM)
+        public void Aim(Vec3 position, double radiusM, double? coarseRadiusM = null)
         {
-            AimState.Check(position, radiusM);
-            aim.Note(position, radiusM);
+            AimState.Check(position, radiusM, coarseRadiusM);
+            aim.Note(position, radiusM, coarseRadiusM);
         }
 
         /// <summary>Send the newest aim, if there is one and the connection is open.</summary>
@@ -206,7 +206,7 @@ namespace Terraport.Sessions
             if (!HasAim) return;
             // Evictions go before every land and aim: the server plans by what it thinks is held (6.7).
             SendEvictions();
-            outbox.Add(aim.Take(NextGeneration()));
+            outbox.Add(aim.Take(NextGeneration(), Limits.MaxRadiusM));
         }
 
         /// <summary>Ask what lies along a ray; the request's number in the events.</summary>
@@ -364,7 +364,7 @@ namespace Terraport.Sessions
             SendEvictions();
             landing.Generation = NextGeneration();
             transfers.Ask(landing);
-            outbox.Add(landing.Message((uint)landing.Generation));
+            outbox.Add(landing.Message((uint)landing.Generation, Limits.MaxRadiusM));
             unsent = landing;
         }
 

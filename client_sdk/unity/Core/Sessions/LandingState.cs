@@ -9,9 +9,10 @@ namespace Terraport.Sessions
     {
         private static readonly uint[] None = new uint[0];
 
-        // As asked for: repeated to the letter on every connection.
+        // As asked for: repeated on every connection, whose server may allow another ring.
         private readonly Vec3 position;
         private readonly double radiusM;
+        private readonly double? coarseRadiusM;
         private readonly double? innerRadiusM;
         private readonly int? deadlineMs;
         private readonly int? stallMs;
@@ -23,6 +24,7 @@ namespace Terraport.Sessions
             this.radiusM = radiusM;
             // Copied: the caller may reuse its options.
             if (options == null) return;
+            coarseRadiusM = options.CoarseRadiusM;
             innerRadiusM = options.InnerRadiusM;
             deadlineMs = options.DeadlineMs;
             stallMs = options.StallMs;
@@ -67,17 +69,26 @@ namespace Terraport.Sessions
         /// <summary>Whether it is ready for the client (6.4, rule 5).</summary>
         internal bool IsComplete => IsReadySeen && (Waiting.Count == 0 || Waiting.IsSubsetOf(Missing));
 
-        /// <summary>The message that asks for it under a generation.</summary>
-        internal LandMessage Message(uint generation)
+        /// <summary>The message that asks for it under a generation, of a server that allows so large a radius.</summary>
+        internal LandMessage Message(uint generation, double maxRadiusM)
         {
             return new LandMessage {
                 Generation = generation,
                 Position = position,
                 RadiusM = radiusM,
+                CoarseRadiusM = RingOf(radiusM, coarseRadiusM, maxRadiusM),
                 InnerRadiusM = innerRadiusM,
                 DeadlineMs = deadlineMs,
                 StallMs = stallMs,
             };
+        }
+
+        /// <summary>The ring's radius, cut to what the server allows: a landing with less coarse ground is better than none.</summary>
+        internal static double? RingOf(double radiusM, double? coarseRadiusM, double maxRadiusM)
+        {
+            // One below the radius stays: it is a mistake, and is to be told.
+            if (!coarseRadiusM.HasValue || coarseRadiusM.Value < radiusM) return coarseRadiusM;
+            return Math.Max(radiusM, Math.Min(coarseRadiusM.Value, maxRadiusM));
         }
 
         /// <summary>Take the plan of a generation, in place of any before.</summary>
@@ -136,7 +147,9 @@ namespace Terraport.Sessions
                 Landing = Number,
                 Position = plan.Position,
                 RadiusM = plan.RadiusM,
-                EffectiveRadiusM = plan.EffectiveRadiusM,
+                // The wire has one number: how far the plan reaches, at whichever level.
+                EffectiveRadiusM = Math.Min(plan.EffectiveRadiusM, plan.RadiusM),
+                CoarseRadiusM = plan.EffectiveRadiusM > plan.RadiusM ? plan.EffectiveRadiusM : (double?)null,
                 Load = plan.Load,
                 Keep = plan.Keep,
                 Nearby = plan.Nearby,

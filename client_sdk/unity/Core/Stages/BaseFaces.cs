@@ -13,6 +13,8 @@ namespace Terraport
         internal const int NoRevision = -1;
 
         private readonly CoverCounters counters;
+        // Ids from here on are those of the coarser level; a cover names segments.
+        private readonly uint segmentCount;
         private readonly ISceneRenderer renderer;
         private readonly int blockFaces;
         // Both masks are as Hidden.Mask: one byte a face, 1 where it is hidden. drawn is on the screen, prepared in the other lists.
@@ -33,11 +35,12 @@ namespace Terraport
         private int targetRevision = NoRevision;
         private int nextTouched;
 
-        internal BaseFaces(Cover cover, ISceneRenderer renderer, int blockFaces)
+        internal BaseFaces(SceneFiles files, ISceneRenderer renderer, int blockFaces)
         {
             this.renderer = renderer;
             this.blockFaces = blockFaces;
-            counters = new CoverCounters(cover);
+            counters = new CoverCounters(files.Cover);
+            segmentCount = (uint)files.Manifest.SegmentCount;
             drawn = new byte[counters.FaceCount];
             prepared = new byte[counters.FaceCount];
             int blocks = (counters.FaceCount + blockFaces - 1) / blockFaces;
@@ -59,8 +62,8 @@ namespace Terraport
         /// <summary>Hash of the set of faces that the drawn lists hide.</summary>
         internal uint DrawnHiddenHash { get; private set; }
 
-        /// <summary>Make the lists ready for these segments; <see cref="Step"/> does the work.</summary>
-        internal void Prepare(IReadOnlyList<uint> segments, int revision)
+        /// <summary>Make the lists ready for the segments of these payloads, at whichever level; <see cref="Step"/> does the work.</summary>
+        internal void Prepare(IReadOnlyList<uint> payloads, int revision)
         {
             if (revision == targetRevision)
             {
@@ -71,12 +74,13 @@ namespace Terraport
             targetIds.Clear();
             toAdd.Clear();
             toRemove.Clear();
-            for (int at = 0; at < segments.Count; at++)
+            for (int at = 0; at < payloads.Count; at++)
             {
-                targetIds.Add(segments[at]);
-                if (!counters.IsShown(segments[at]))
+                uint segment = payloads[at] % segmentCount;
+                // A plan has each segment at one level; of one that names both the face is hidden once.
+                if (targetIds.Add(segment) && !counters.IsShown(segment))
                 {
-                    toAdd.Add(segments[at]);
+                    toAdd.Add(segment);
                 }
             }
             counters.CopyShown(toRemove);

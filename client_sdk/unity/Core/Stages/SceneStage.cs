@@ -1,5 +1,6 @@
 using System;
 using System.Collections.Generic;
+using Terraport.Wire;
 
 namespace Terraport
 {
@@ -13,6 +14,9 @@ namespace Terraport
     /// </remarks>
     public sealed partial class SceneStage : IDisposable
     {
+        // Times the radius: as far as the coarser level is worth its bytes (benchmarks/results/2026-11-24-levels.md).
+        private const double CoarseReach = 3;
+
         private readonly ISceneStream stream;
         private readonly ISceneRenderer renderer;
         private readonly StageOptions options;
@@ -46,9 +50,10 @@ namespace Terraport
             this.options = options ?? new StageOptions();
             this.options.Check();
             AutoShow = this.options.AutoShow;
+            ShowsCoarse = this.options.ShowsCoarse;
             residency = new Residency(this.options);
             uploads = new StageUploads(residency, stream, renderer, decoders, RaiseDecodeFailed);
-            baseFaces = new BaseFaces(files.Cover, renderer, this.options.BaseBlockFaces);
+            baseFaces = new BaseFaces(files, renderer, this.options.BaseBlockFaces);
         }
 
         /// <summary>What was drawn changed: after every swap, that of a new base included.</summary>
@@ -59,6 +64,9 @@ namespace Terraport
 
         /// <summary>A landing is shown as soon as it is presentable; else <see cref="Show"/> must be called.</summary>
         public bool AutoShow { get; set; }
+
+        /// <summary>Landings and aims from now on ask for a ring of the coarser level: <see cref="StageOptions.ShowsCoarse"/>.</summary>
+        public bool ShowsCoarse { get; set; }
 
         /// <summary>Base, cover and regions that the stage shows, or will show.</summary>
         public SceneFiles Files => files;
@@ -77,7 +85,7 @@ namespace Terraport
         /// <summary>Whether the base is drawn.</summary>
         public bool IsBaseDrawn { get; private set; }
 
-        /// <summary>Segments shown, ascending.</summary>
+        /// <summary>Ids of payloads shown, ascending: from the manifest's SegmentCount on those of the coarser level.</summary>
         public IReadOnlyList<uint> Visible => residency.Visible;
 
         /// <summary>Base faces that are hidden.</summary>
@@ -87,7 +95,15 @@ namespace Terraport
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
         public int Land(Vec3 position, double radiusM, LandOptions landOptions = null)
         {
-            int landing = stream.Land(position, radiusM, landOptions);
+            LandOptions asked = landOptions;
+            double? ringM = RingOf(radiusM);
+            if (ringM.HasValue && (asked == null || !asked.CoarseRadiusM.HasValue))
+            {
+                // A copy: the caller's options name no ring of another scene's landing afterwards.
+                asked = asked == null ? new LandOptions() : asked.Copy();
+                asked.CoarseRadiusM = ringM;
+            }
+            int landing = stream.Land(position, radiusM, asked);
             residency.Land(landing, position, radiusM, options.ClockMs());
             return landing;
         }
@@ -95,7 +111,7 @@ namespace Terraport
         /// <summary>
         /// Tell where the user points: what lies there is fetched ahead and, as far as there is room, made drawable.
         /// </summary>
-        public void Aim(Vec3 position, double radiusM) { stream.Aim(position, radiusM); }
+        public void Aim(Vec3 position, double radiusM) { stream.Aim(position, radiusM, RingOf(radiusM)); }
 
         /// <summary>Take an event of the stream; every one, in their order.</summary>
         public void Handle(ref StreamEvent next)
@@ -205,7 +221,7 @@ namespace Terraport
                 LeaveVersion();
             }
             files = newFiles;
-            nextBase = new BaseFaces(files.Cover, renderer, options.BaseBlockFaces);
+            nextBase = new BaseFaces(files, renderer, options.BaseBlockFaces);
             NeedsFiles = false;
         }
 
@@ -227,6 +243,12 @@ namespace Terraport
             uploads.FreeShown(visible);
         }
 
+        /// <summary>How far a landing shows the coarser level; null where the scene has none, or nobody wants it.</summary>
+        private double? RingOf(double radiusM)
+        {
+            return ShowsCoarse && files.Manifest.Levels > 1 ? Math.Min(radiusM * CoarseReach, WireLimits.MaxRadiusM) : (double?)null;
+        }
+
         private bool CanSwap => IsBaseDrawn && !NeedsFiles;
 
         /// <summary>Ids mean other segments now: all but what is shown is freed.</summary>
@@ -236,7 +258,7 @@ namespace Terraport
             residency.VersionChanged();
             NeedsFiles = NeededVersion != files.Manifest.Version;
             // The files may be those of the new version already: loaded before the session was opened.
-            nextBase = NeedsFiles ? null : new BaseFaces(files.Cover, renderer, options.BaseBlockFaces);
+            nextBase = NeedsFiles ? null : new BaseFaces(files, renderer, options.BaseBlockFaces);
             isBaseUploaded = false;
             IsBaseDrawn = false;
         }

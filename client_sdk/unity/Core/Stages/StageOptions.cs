@@ -13,6 +13,12 @@ namespace Terraport
         public bool AutoShow { get; set; } = true;
 
         /// <summary>
+        /// Landings and aims of a scene with a coarser level ask for a ring of it, to three times the radius, where they name none. Off:
+        /// full detail alone. Default true.
+        /// </summary>
+        public bool ShowsCoarse { get; set; } = true;
+
+        /// <summary>
         /// GPU bytes of segments that are neither shown nor of the newest plan (an aim brought them). Default
         /// 96 MiB.
         /// </summary>

@@ -18,14 +18,17 @@ namespace Terraport
         /// <summary>Ask for a landing; it supersedes any that is not ready.</summary>
         /// <param name="position">Where, metres of the scene frame, each at most 10^7.</param>
         /// <param name="radiusM">Radius in metres, above 0, at most 10^6; servers set a smaller bound.</param>
-        /// <param name="options">Inner radius, deadline, stall; null for none. Not changed, and copied at once.</param>
+        /// <param name="options">Ring, inner radius, deadline, stall; null for none. Not changed, and copied at once.</param>
         /// <returns>Its number in the events, from 1; it stays the same over reconnects.</returns>
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
         int Land(Vec3 position, double radiusM, LandOptions options = null);
 
         /// <summary>Tell where the user points; only the newest counts, sent at most ten times a second.</summary>
+        /// <param name="position">Where, metres of the scene frame.</param>
+        /// <param name="radiusM">As of the landing that may follow.</param>
+        /// <param name="coarseRadiusM">As <see cref="LandOptions.CoarseRadiusM"/>; null for no ring.</param>
         /// <exception cref="ArgumentException">A number that the protocol does not allow; nothing has changed.</exception>
-        void Aim(Vec3 position, double radiusM);
+        void Aim(Vec3 position, double radiusM, double? coarseRadiusM = null);
 
         /// <summary>Ask what full detail has along a ray, or, without direction, above and below a point.</summary>
         /// <returns>

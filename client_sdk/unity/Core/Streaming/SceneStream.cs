@@ -78,9 +78,9 @@ namespace Terraport
         public int Land(Vec3 position, double radiusM, LandOptions options = null) { return Land(position, radiusM, options, clockMs()); }
 
         /// <inheritdoc/>
-        public void Aim(Vec3 position, double radiusM)
+        public void Aim(Vec3 position, double radiusM, double? coarseRadiusM = null)
         {
-            session.Aim(position, radiusM);
+            session.Aim(position, radiusM, coarseRadiusM);
             Flush();
         }
 

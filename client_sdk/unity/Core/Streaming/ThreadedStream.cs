@@ -27,6 +27,7 @@ namespace Terraport
         // The newest aim, which is no command of its own: it may come with every frame, and must allocate nothing.
         private Vec3 aimPosition;
         private double aimRadiusM;
+        private double? aimCoarseRadiusM;
         private bool hasAim;
         // Counted here as the stream counts them there, so that a number can be returned before the command has run.
         private int landings;
@@ -59,14 +60,9 @@ namespace Terraport
         /// <inheritdoc/>
         public int Land(Vec3 position, double radiusM, LandOptions options = null)
         {
-            LandOptions copy = options == null ? null
-                                               : new LandOptions {
-                                                     InnerRadiusM = options.InnerRadiusM,
-                                                     DeadlineMs = options.DeadlineMs,
-                                                     StallMs = options.StallMs,
-                                                 };
+            LandOptions copy = options == null ? null : options.Copy();
             // On the caller's thread, so that a bad number throws where it was passed.
-            WireCodec.Check(new LandingState(0, position, radiusM, copy).Message(0));
+            WireCodec.Check(new LandingState(0, position, radiusM, copy).Message(0, double.PositiveInfinity));
             // The wait in the queue counts: the user's clock starts with the call.
             double atMs = StreamClock.NowMs;
             landings++;
@@ -77,13 +73,14 @@ namespace Terraport
         }
 
         /// <inheritdoc/>
-        public void Aim(Vec3 position, double radiusM)
+        public void Aim(Vec3 position, double radiusM, double? coarseRadiusM = null)
         {
-            AimState.Check(position, radiusM);
+            AimState.Check(position, radiusM, coarseRadiusM);
             lock (gate)
             {
                 aimPosition = position;
                 aimRadiusM = radiusM;
+                aimCoarseRadiusM = coarseRadiusM;
                 hasAim = true;
             }
             Wake();
@@ -237,6 +234,7 @@ namespace Terraport
                 Action command = null;
                 Vec3 position;
                 double radiusM;
+                double? coarseRadiusM;
                 lock (gate)
                 {
                     if (commands.Count > 0)
@@ -248,9 +246,10 @@ namespace Terraport
                     // Copied under the lock: a newer aim may be written while this one is sent.
                     position = aimPosition;
                     radiusM = aimRadiusM;
+                    coarseRadiusM = aimCoarseRadiusM;
                 }
                 if (command == null)
-                    stream.Aim(position, radiusM);
+                    stream.Aim(position, radiusM, coarseRadiusM);
                 else
                     command();
                 if (command == close) return true;

@@ -62,6 +62,7 @@ namespace Terraport.Stubs
                     ShowByHand(new Vec3(middle.X, middle.Y, middle.Z - radiusM / 2), radiusM);
                     Teleport(new Vec3(middle.X - radiusM / 2, middle.Y, middle.Z), radiusM);
                     GoTogether(middle, radiusM);
+                    SwitchRing(middle, radiusM);
                 }
                 Rest();
                 if (Faults.Count == 0 && arguments.Length > 3 && arguments[3] == "changing")
@@ -81,10 +82,7 @@ namespace Terraport.Stubs
                 Preview();
                 Expect(before, LiveCount(), "objects left after a preview");
             }
-            foreach (string fault in Faults)
-            {
-                Console.WriteLine("wrong: " + fault);
-            }
+            Faults.ForEach(fault => Console.WriteLine("wrong: " + fault));
             return Faults.Count == 0 ? 0 : 1;
         }
 

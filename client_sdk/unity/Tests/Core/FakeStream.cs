@@ -25,9 +25,22 @@ namespace Terraport.Tests
 
         internal void Drop(uint segment) { payloads.Remove(segment); }
 
-        public int Land(Vec3 position, double radiusM, LandOptions options = null) { return ++Landings; }
+        /// <summary>The ring of the newest landing, and of the newest aim.</summary>
+        internal double? LandedRingM { get; private set; }
 
-        public void Aim(Vec3 position, double radiusM) { Aims++; }
+        internal double? AimedRingM { get; private set; }
+
+        public int Land(Vec3 position, double radiusM, LandOptions options = null)
+        {
+            LandedRingM = options == null ? null : options.CoarseRadiusM;
+            return ++Landings;
+        }
+
+        public void Aim(Vec3 position, double radiusM, double? coarseRadiusM = null)
+        {
+            AimedRingM = coarseRadiusM;
+            Aims++;
+        }
 
         public int Pick(Vec3 origin, Vec3? direction = null) { throw new NotSupportedException(); }
 

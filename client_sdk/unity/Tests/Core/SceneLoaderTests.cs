@@ -112,6 +112,8 @@ namespace Terraport.Tests
         [TestCase("\"origin\"", "\"origin\":[1,2],\"x\"", "damaged")]
         [TestCase("\"has_colour\"", "\"has_colour\":1,\"x\"", "damaged")]
         [TestCase("\"glb\"", "\"x\"", "damaged")]
+        [TestCase("\"counts\"", "\"levels\":3,\"counts\"", "damaged")]
+        [TestCase("\"counts\"", "\"levels\":0,\"counts\"", "damaged")]
         public void Manifest_OutsideTheFormat_IsRefused(string from, string to, string code)
         {
             string text = File.ReadAllText(Repository.PathTo("tests/conformance/scene/tiny/scene.json"));
@@ -120,6 +122,15 @@ namespace Terraport.Tests
             var error =
                 Assert.Throws<TerraportException>(() => ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny"));
             Assert.AreEqual(code, error.Code, error.Message);
+        }
+
+        [Test]
+        public void Levels_AreOneWhereNothingIsSaid()
+        {
+            string text = File.ReadAllText(Repository.PathTo("tests/conformance/scene/tiny/scene.json"));
+            Assert.AreEqual(1, ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny").Levels);
+            text = text.Replace("\"counts\":", "\"levels\": 2, \"counts\":");
+            Assert.AreEqual(2, ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny").Levels);
         }
 
         [Test]

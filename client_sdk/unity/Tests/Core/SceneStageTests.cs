@@ -23,6 +23,54 @@ namespace Terraport.Tests
         }
 
         [Test]
+        public void TwoLevels_LandingsAndAimsAskForARing_UnlessOneIsNamedOrNobodyWantsIt()
+        {
+            var bench = new StageBench(levels: 2);
+            bench.Stage.Land(new Vec3(1, 2, 3), 40);
+            bench.Stage.Aim(new Vec3(1, 2, 3), 20);
+            Assert.AreEqual(120, bench.Stream.LandedRingM);
+            Assert.AreEqual(60, bench.Stream.AimedRingM);
+            var own = new LandOptions { InnerRadiusM = 5 };
+            bench.Stage.Land(new Vec3(1, 2, 3), 40, own);
+            Assert.AreEqual(120, bench.Stream.LandedRingM);
+            Assert.IsNull(own.CoarseRadiusM, "the caller's options stay as they are");
+            bench.Stage.Land(new Vec3(1, 2, 3), 40, new LandOptions { CoarseRadiusM = 50 });
+            Assert.AreEqual(50, bench.Stream.LandedRingM);
+            bench.Stage.ShowsCoarse = false;
+            bench.Stage.Land(new Vec3(1, 2, 3), 40);
+            bench.Stage.Aim(new Vec3(1, 2, 3), 20);
+            Assert.IsNull(bench.Stream.LandedRingM);
+            Assert.IsNull(bench.Stream.AimedRingM);
+            Assert.IsFalse(new StageBench(1, options => options.ShowsCoarse = false, 2).Stage.ShowsCoarse);
+        }
+
+        [Test]
+        public void OneLevel_NoRingIsAskedFor()
+        {
+            var bench = new StageBench();
+            bench.Stage.Land(new Vec3(1, 2, 3), 40);
+            Assert.IsNull(bench.Stream.LandedRingM);
+        }
+
+        [Test]
+        public void TwoLevels_AHopExchangesThem_AndTheBaseGivesWayToBoth()
+        {
+            const uint Coarse = StageBench.SegmentCount;
+            var bench = new StageBench(levels: 2);
+            bench.LandOn(3, 4, Coarse + 5, Coarse + 9);
+            bench.Frames(60);
+            Assert.IsTrue(bench.Shows(3, 4, Coarse + 5, Coarse + 9));
+            int hidden = bench.Stage.HiddenBaseFaces;
+            Assert.Greater(hidden, 0);
+            // The other way round: the same segments, so the same faces of the base.
+            bench.LandOn(5, 9, Coarse + 3, Coarse + 4);
+            bench.Frames(60);
+            Assert.IsTrue(bench.Shows(5, 9, Coarse + 3, Coarse + 4));
+            Assert.AreEqual(hidden, bench.Stage.HiddenBaseFaces);
+            Assert.AreEqual(0, bench.Renderer.Swaps[bench.Renderer.Swaps.Count - 1].ChangedBlocks.Count);
+        }
+
+        [Test]
         public void Walk_AlwaysEndsAtWhatWasDeclared()
         {
             for (uint seed = 1; seed <= 10; seed++)

@@ -20,14 +20,14 @@ namespace Terraport.Tests
         internal readonly SceneStage Stage;
         internal Cover Cover;
 
-        internal StageBench(uint seed = 1, Action<StageOptions> change = null)
+        internal StageBench(uint seed = 1, Action<StageOptions> change = null, int levels = 1)
         {
             Options = new StageOptions { BaseBlockFaces = 16, ClockMs = () => Renderer.NowMs };
             if (change != null)
             {
                 change(Options);
             }
-            SceneFiles files = FilesOf("00000000000000000000000000000001", seed);
+            SceneFiles files = FilesOf("00000000000000000000000000000001", seed, levels);
             Cover = files.Cover;
             Stage = new SceneStage(Stream, files, Renderer, Decoders, Options);
         }
@@ -43,12 +43,13 @@ namespace Terraport.Tests
         }
 
         /// <summary>Files of a version, its cover made up.</summary>
-        internal static SceneFiles FilesOf(string version, uint seed)
+        internal static SceneFiles FilesOf(string version, uint seed, int levels = 1)
         {
             string text = File.ReadAllText(Repository.PathTo("tests/conformance/scene/tiny/scene.json"));
             SceneManifest manifest = ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny");
             // The manifest's own constructor is internal to the reader: another version is made by its text.
-            text = text.Replace(manifest.Version, version);
+            text = text.Replace(manifest.Version, version).Replace("\"segments\": 4", "\"segments\": " + SegmentCount);
+            text = text.Replace("\"counts\":", "\"levels\": " + levels + ", \"counts\":");
             manifest = ManifestReader.Read(new ArraySegment<byte>(Encoding.UTF8.GetBytes(text)), "tiny");
             Cover cover = Covers.Random(new Noise(seed), FaceCount, SegmentCount);
             return new SceneFiles(manifest, new SegmentMesh(), cover, new RegionFacts[0], new RegionUnion[0]);
@@ -116,7 +117,9 @@ namespace Terraport.Tests
         /// <summary>Whether exactly these are shown, and the base hides what brute force says.</summary>
         internal bool Shows(params uint[] segments)
         {
-            return Renderer.Shown.SetEquals(segments) && Covers.IsSame(Renderer.Drawn, Covers.Hidden(Cover, new HashSet<uint>(segments)));
+            // A cover names segments, whichever level of them is shown.
+            var covering = new HashSet<uint>(Array.ConvertAll(segments, id => id % SegmentCount));
+            return Renderer.Shown.SetEquals(segments) && Covers.IsSame(Renderer.Drawn, Covers.Hidden(Cover, covering));
         }
     }
 }

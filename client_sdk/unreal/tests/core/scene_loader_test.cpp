@@ -268,6 +268,11 @@ TEST_SUITE("scene loader") {
       CAPTURE(key);
       CHECK(readManifestText(replaced(whole, key, "\"renamed\"")).code() == "damaged");
     }
+    for (const char* levels : {"0", "3", "-1", "\"2\""}) {
+      CHECK(readManifestText(replaced(whole, "\"counts\"", "\"levels\": " + std::string(levels) + ", \"counts\"")).code() ==
+          "damaged");
+    }
+    CHECK(readManifestText(replaced(whole, "\"counts\"", "\"levels\": 2, \"counts\"")).isOk());
     CHECK_FALSE(readManifestText("").isOk());
     CHECK_FALSE(readManifestText("[]").isOk());
   }

@@ -103,6 +103,7 @@ TEST_CASE("rays meet what is shown, from the swap on and not before") {
   SlowBase renderer;
   terraport::ShownGround ground(renderer);
   terraport::SceneFiles files;
+  files.manifest.segmentCount = 10;
   makeSheet(files.base, 12, 0.0F, false);
   SegmentMesh detail;
   makeSheet(detail, 4, 0.25F, false);
@@ -120,13 +121,13 @@ TEST_CASE("rays meet what is shown, from the swap on and not before") {
   CHECK(point.segment == -1);
   CHECK(point.normal.y == 1.0);
 
-  // 2. Detail is there with the swap, and the base's hidden faces go with it.
-  CHECK(ground.upload(3, detail, {}) == terraport::UploadState::Done);
+  // 2. Detail, here segment 3 at its coarser level, is there with the swap, and the base's hidden faces go with it.
+  CHECK(ground.upload(13, detail, {}) == terraport::UploadState::Done);
   REQUIRE(ground.groundAt(above, point));
   CHECK(point.segment == -1);
   std::vector<std::uint8_t> hidden(files.base.faceCount, 1);
   terraport::SceneSwap swap;
-  swap.shown = {3};
+  swap.shown = {13};
   swap.baseHidden = {hidden.data(), files.base.faceCount};
   ground.swap(swap);
   hidden.assign(hidden.size(), 0);  // The stage's counters go on to the next landing.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <vector>
 
@@ -36,8 +37,11 @@ class FakeStream final : public terraport::LandingStream {
     damagedPayload = std::make_shared<const std::vector<std::uint8_t>>(broken);
   }
 
-  std::int64_t land(const terraport::Vec3&, double, const terraport::LandOptions&) override { return ++landing; }
-  void aim(const terraport::Vec3&, double) override {}
+  std::int64_t land(const terraport::Vec3&, double, const terraport::LandOptions& options) override {
+    landedRingM = options.coarseRadiusM;
+    return ++landing;
+  }
+  void aim(const terraport::Vec3&, double, const std::optional<double>& coarseRadiusM) override { aimedRingM = coarseRadiusM; }
   terraport::SharedPayload payload(std::uint32_t segment) const override {
     if (held.count(segment) == 0) {
       return nullptr;
@@ -50,6 +54,8 @@ class FakeStream final : public terraport::LandingStream {
   SegmentSet held;
   SegmentSet damaged;
   std::int64_t landing = 0;
+  std::optional<double> landedRingM;
+  std::optional<double> aimedRingM;
 };
 
 /// Draws nothing. An order that a real renderer could not keep fails the test.
@@ -149,11 +155,13 @@ class NotingRenderer final : public terraport::SceneRenderer {
 };
 
 /// Files whose base has `faces` faces, each under a few of `segments` neighbouring segments, or none.
-inline terraport::SharedSceneFiles randomFiles(std::uint64_t seed, std::uint32_t faces, std::uint32_t segments) {
+inline terraport::SharedSceneFiles randomFiles(
+    std::uint64_t seed, std::uint32_t faces, std::uint32_t segments, std::uint32_t levels = 1) {
   Chance chance(seed);
   auto files = std::make_shared<terraport::SceneFiles>();
   files->manifest.baseFaces = faces;
   files->manifest.segmentCount = segments;
+  files->manifest.levels = levels;
   files->base.faceCount = faces;
   files->cover.offsets.push_back(0);
   for (std::uint32_t face = 0; face < faces; ++face) {
@@ -183,8 +191,9 @@ inline std::vector<std::uint8_t> hiddenBy(const terraport::Cover& cover, const S
 /// See the head of the file.
 class Stand {
  public:
-  explicit Stand(const terraport::StageOptions& options = {}, std::uint32_t faces = 900, std::uint32_t segments = 40)
-      : renderer(clock), files(randomFiles(7, faces, segments)) {
+  explicit Stand(const terraport::StageOptions& options = {}, std::uint32_t faces = 900, std::uint32_t segments = 40,
+      std::uint32_t levels = 1)
+      : renderer(clock), files(randomFiles(7, faces, segments, levels)) {
     stage = std::make_unique<terraport::SceneStage>(stream, files, renderer, decodes, options);
   }
 
@@ -269,7 +278,12 @@ class Stand {
       return;  // the old version's: its ids are not the new cover's
     }
     CHECK(renderer.shown == visible());
-    CHECK(renderer.drawn == hiddenBy(stage->files().cover, renderer.shown));
+    // A cover names segments, whichever level of them is shown.
+    SegmentSet covering;
+    for (const std::uint32_t id : renderer.shown) {
+      covering.insert(id % stage->files().manifest.segmentCount);
+    }
+    CHECK(renderer.drawn == hiddenBy(stage->files().cover, covering));
     const terraport::VisibleDigest digest = stage->visibleDigest();
     CHECK(digest.segments == renderer.shown.size());
     CHECK(digest.hiddenBaseFaces == std::count(renderer.drawn.begin(), renderer.drawn.end(), 1));

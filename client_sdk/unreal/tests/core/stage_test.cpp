@@ -44,6 +44,46 @@ TEST_SUITE("stage") {
     CHECK(stand.renderer.frees == 2);
   }
 
+  TEST_CASE("of two levels a landing and an aim ask for a ring, unless one is named or nobody wants it") {
+    Stand stand({}, 900, 40, 2);
+    stand.land();
+    stand.stage->aim({1.0, 2.0, 3.0}, 20.0);
+    CHECK(stand.stream.landedRingM == 180.0);
+    CHECK(stand.stream.aimedRingM == 60.0);
+    LandOptions own;
+    own.coarseRadiusM = 70.0;
+    stand.stage->land({1.0, 2.0, 3.0}, 60.0, own, 0.0);
+    CHECK(stand.stream.landedRingM == 70.0);
+    stand.stage->setShowsCoarse(false);
+    stand.land();
+    stand.stage->aim({1.0, 2.0, 3.0}, 20.0);
+    CHECK_FALSE(stand.stream.landedRingM.has_value());
+    CHECK_FALSE(stand.stream.aimedRingM.has_value());
+    StageOptions off;
+    off.showsCoarse = false;
+    Stand plain(off, 900, 40, 2);
+    plain.land();
+    CHECK_FALSE(plain.stream.landedRingM.has_value());
+    Stand one;
+    one.land();
+    CHECK_FALSE(one.stream.landedRingM.has_value());
+  }
+
+  TEST_CASE("a hop exchanges levels, and the base gives way to both") {
+    Stand stand({}, 900, 40, 2);
+    stand.whole({3, 4, 40 + 5, 40 + 9});
+    stand.frames(4);
+    CHECK(stand.renderer.shown == SegmentSet{3, 4, 45, 49});
+    const VisibleDigest before = stand.stage->visibleDigest();
+    CHECK(before.hiddenBaseFaces > 0);
+    // The other way round: the same segments, so the same faces of the base.
+    stand.whole({5, 9, 40 + 3, 40 + 4});
+    stand.frames(4);
+    CHECK(stand.renderer.shown == SegmentSet{5, 9, 43, 44});
+    CHECK(stand.stage->visibleDigest().hiddenBaseHash == before.hiddenBaseHash);
+    CHECK(stand.renderer.uploaded == SegmentSet{5, 9, 43, 44});
+  }
+
   TEST_CASE("what is nearby stays uploaded, and is shown again at once") {
     Stand stand;
     stand.whole({1, 2, 3});

@@ -55,6 +55,7 @@ public:
 	virtual FString GetSceneUrl() const override { return Record.SceneUrl; }
 	virtual double GetFrameBudgetMs() const override { return 2.0; }
 	virtual bool IsAutoShow() const override { return true; }
+	virtual bool ShowsCoarse() const override { return true; }
 	virtual void OnOpened() override { ++Record.OtherEvents; }
 	virtual void OnLink(const FTerraportLink&) override { ++Record.OtherEvents; }
 	virtual void OnPlan(const FTerraportPlan&) override { ++Record.OtherEvents; }

@@ -7,12 +7,12 @@ import { prepareDecoders, xxh3 } from "../../src/core/payload/engines.ts";
 import type { SessionEvent } from "../../src/core/session/events.ts";
 import { ClientSession } from "../../src/core/session/session.ts";
 import { ProtocolViolation } from "../../src/core/session/violation.ts";
-import type { Budgets, Vec3 } from "../../src/core/types.ts";
+import type { Budgets, LandOptions, Vec3 } from "../../src/core/types.ts";
 import { decodeMessage, encodeMessage } from "../../src/core/wire/codec.ts";
 
 const CORPUS = new URL("../../../../tests/conformance/session/", import.meta.url);
-/** Segments of the corpus' scenes. */
-const SEGMENTS = Array.from({ length: 36 }, (_, segment) => segment);
+/** Ids of the corpus' scenes: 36 segments at up to two levels. */
+const PAYLOADS = Array.from({ length: 72 }, (_, id) => id);
 
 /** What is told of a step, by name; `out` are numbers of messages. */
 type Told = Record<string, unknown>;
@@ -65,7 +65,7 @@ function run({ history, options }: History, steps: readonly Step[], messages: re
     }
     const events = session.events().flatMap((event) => rowOf(event) ?? []);
     if (events.length > 0) told.events = events;
-    const held = SEGMENTS.filter((segment) => session.holdings.has(segment));
+    const held = PAYLOADS.filter((segment) => session.holdings.has(segment));
     const { landings, hits, prefetchedBytes, usedBytes } = session.aims;
     const aims = [landings, hits, prefetchedBytes, usedBytes];
     const after: Told = { visible: session.visible, held, unfinished: session.unfinished, aims };
@@ -86,10 +86,10 @@ function perform(session: ClientSession, [name, ...given]: Step["do"], messages:
   else if (name === "lost") session.connectionLost();
   else if (name === "land" || name === "gather") {
     const [position, radiusM] = [numbers(given[0]), number(given[1])];
-    const [innerRadiusM, deadlineMs] = given.slice(2).map((value) => value ?? undefined) as [number, number];
-    if (name === "land") session.land(position, radiusM, { innerRadiusM, deadlineMs });
+    const [innerRadiusM, deadlineMs, coarseRadiusM] = given.slice(2).map((value) => value ?? undefined) as number[];
+    if (name === "land") session.land(position, radiusM, { innerRadiusM, deadlineMs, coarseRadiusM } as LandOptions);
     else session.group({ type: name, position, radiusM, innerRadiusM, deadlineMs });
-  } else if (name === "aim") session.aim(numbers(given[0]), number(given[1]));
+  } else if (name === "aim") session.aim(numbers(given[0]), number(given[1]), number(given[2]));
   else if (name === "flush") session.flushAim();
   else if (name === "pick") session.pick(numbers(given[0]), given[1] === null ? undefined : numbers(given[1]));
   else if (name === "bye") session.bye();

@@ -32,6 +32,10 @@ terraport::Vec3 DirectionOf(const AActor& Actor, const FVector& WorldDirection)
 terraport::LandOptions OptionsOf(const FTerraportLandOptions& Options)
 {
 	terraport::LandOptions Out;
+	if (Options.CoarseRadiusM > 0.0)
+	{
+		Out.coarseRadiusM = Options.CoarseRadiusM;
+	}
 	if (Options.InnerRadiusM > 0.0)
 	{
 		Out.innerRadiusM = Options.InnerRadiusM;
@@ -93,6 +97,7 @@ public:
 	virtual FString GetSceneUrl() const override { return Scene.SceneUrl; }
 	virtual double GetFrameBudgetMs() const override { return double(Scene.FrameBudgetMs); }
 	virtual bool IsAutoShow() const override { return Scene.bAutoShow; }
+	virtual bool ShowsCoarse() const override { return Scene.bShowsCoarse; }
 
 	virtual void OnOpened() override { Scene.OnOpened.Broadcast(); }
 	virtual void OnLink(const FTerraportLink& Link) override { Scene.OnLink.Broadcast(Link); }

@@ -137,6 +137,7 @@ void FTerraportSession::Draw(double StartMs, double EndMs)
 	if (Stage)
 	{
 		Stage->setAutoShow(Host->IsAutoShow());
+		Stage->setShowsCoarse(Host->ShowsCoarse());
 		Stage->update([]() { return NowMilliseconds(); }, std::max(EndMs - NowMilliseconds(), 0.0));
 		Follower->update();
 	}
@@ -164,6 +165,8 @@ int64 FTerraportSession::Land(const terraport::Vec3& Position, double RadiusM, c
 		Pending = Newest;
 		return 0;
 	}
+	// Now, and not with the next frame: it may have been switched just before.
+	Stage->setShowsCoarse(Host->ShowsCoarse());
 	return Stage->land(Position, RadiusM, Options, NowMilliseconds());
 }
 
@@ -171,6 +174,7 @@ void FTerraportSession::Aim(const terraport::Vec3& Position, double RadiusM)
 {
 	if (Stage)
 	{
+		Stage->setShowsCoarse(Host->ShowsCoarse());
 		Stage->aim(Position, RadiusM);
 	}
 }
@@ -322,6 +326,7 @@ void FTerraportSession::TakeFiles(FTerraportFilesResult& Result, double NowMs)
 	Options.spareGpuBytes = std::size_t(GpuShareBytes() / SparePart);
 	Options.baseBlockFaces = BaseBlockFaces;
 	Options.autoShow = Host->IsAutoShow();
+	Options.showsCoarse = Host->ShowsCoarse();
 	Stage = std::make_unique<terraport::SceneStage>(*Stream, Result.Files, *Ground, *Decodes, Options);
 	Stage->onSwap([this](const terraport::SceneSwap& Change) { Swaps.push_back(Change); });
 	Follower = std::make_unique<terraport::GroupFollower>(*Stream, *Stage);

@@ -33,6 +33,7 @@ FTerraportPlan PlanOf(const terraport::StreamEvent& Event)
 	Plan.Landing = Event.landing;
 	Plan.RadiusM = Event.plan.radiusM;
 	Plan.EffectiveRadiusM = Event.plan.effectiveRadiusM;
+	Plan.CoarseRadiusM = Event.plan.coarseRadiusM.value_or(0.0);
 	Plan.LoadSegments = int32(Event.plan.load.size());
 	Plan.KeptSegments = int32(Event.plan.keep.size());
 	Plan.LoadBytes = int64(Event.plan.loadBytes);

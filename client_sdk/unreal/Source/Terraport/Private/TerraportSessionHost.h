@@ -19,6 +19,7 @@ public:
 	virtual FString GetSceneUrl() const = 0;
 	virtual double GetFrameBudgetMs() const = 0;
 	virtual bool IsAutoShow() const = 0;
+	virtual bool ShowsCoarse() const = 0;
 
 	virtual void OnOpened() = 0;
 	virtual void OnLink(const FTerraportLink& Link) = 0;

@@ -60,6 +60,11 @@ public:
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport")
 	bool bAutoShow = true;
 
+	/** Around full detail show a ring of the coarser level, to three times the radius, where the scene has one; may be changed
+	 * at any time, for the landings from then on. Budgets count both; where there is no room for both the ring gives way. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport")
+	bool bShowsCoarse = true;
+
 	/** What this device is asked to hold. Counts when the scene is opened. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport|Budgets")
 	ETerraportDevice Device = ETerraportDevice::Desktop;

@@ -44,6 +44,11 @@ struct TERRAPORT_API FTerraportLandOptions
 {
 	GENERATED_BODY()
 
+	/** Beyond the radius everything up to here comes at its coarser level, where the scene has one, metres; 0 leaves it to the
+	 * scene's bShowsCoarse. */
+	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "0", Units = "m"))
+	double CoarseRadiusM = 0.0;
+
 	/** Radius in metres of what must be sharp first; 0 for none. It is shown alone where the deadline passes before the rest is
 	 * here. */
 	UPROPERTY(EditAnywhere, BlueprintReadWrite, Category = "Terraport", meta = (ClampMin = "0", Units = "m"))
@@ -75,6 +80,10 @@ struct TERRAPORT_API FTerraportPlan
 	/** Smaller where a budget cut the plan, metres. */
 	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
 	double EffectiveRadiusM = 0.0;
+
+	/** How far the coarser level reaches beyond it, metres; 0 where there is none of it. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport")
+	double CoarseRadiusM = 0.0;
 
 	/** Segments that are on their way. */
 	UPROPERTY(BlueprintReadOnly, Category = "Terraport")

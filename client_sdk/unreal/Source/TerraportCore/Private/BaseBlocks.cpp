@@ -9,6 +9,7 @@ namespace terraport {
 Status BaseBlocks::begin(const SceneFiles& files, std::uint32_t blockFaces) {
   *this = BaseBlocks();
   blockFaces_ = std::max<std::uint32_t>(blockFaces, 1);
+  segmentCount_ = std::max<std::uint32_t>(files.manifest.segmentCount, 1);
   Status status = counters_.begin(files.cover);
   drawn_.assign(counters_.faceCount(), 0);
   const std::size_t blocks = (drawn_.size() + blockFaces_ - 1) / blockFaces_;
@@ -17,23 +18,25 @@ Status BaseBlocks::begin(const SceneFiles& files, std::uint32_t blockFaces) {
   return status;
 }
 
-void BaseBlocks::prepare(const SegmentList& segments, std::uint64_t revision) {
+void BaseBlocks::prepare(const SegmentList& payloads, std::uint64_t revision) {
   if (revision == targetRevision_) {
     return;
   }
   targetRevision_ = revision;
   preparedRevision_ = 0;
-  const std::unordered_set<std::uint32_t> target(segments.begin(), segments.end());
+  std::unordered_set<std::uint32_t> target;
   toRemove_.clear();
   toAdd_.clear();
+  for (const std::uint32_t payload : payloads) {
+    const std::uint32_t segment = payload % segmentCount_;
+    // A plan has each segment at one level; of one that names both the face is hidden once.
+    if (target.insert(segment).second && !counters_.isShown(segment)) {
+      toAdd_.push_back(segment);
+    }
+  }
   for (const std::uint32_t segment : counters_.shown()) {
     if (target.count(segment) == 0) {
       toRemove_.push_back(segment);
-    }
-  }
-  for (const std::uint32_t segment : segments) {
-    if (!counters_.isShown(segment)) {
-      toAdd_.push_back(segment);
     }
   }
 }

@@ -18,8 +18,8 @@ class BaseBlocks {
   /// Begin with every face drawn. `blockFaces` is at least 1.
   Status begin(const SceneFiles& files, std::uint32_t blockFaces);
 
-  /// Make the next swap's faces those of these segments; `step` does the work.
-  void prepare(const SegmentList& segments, std::uint64_t revision);
+  /// Make the next swap's faces those of the segments of these payloads, at whichever level; `step` does the work.
+  void prepare(const SegmentList& payloads, std::uint64_t revision);
   /// One slice of work: the faces under one segment, or one block. False where there was nothing to do.
   bool step(SceneRenderer& renderer);
   /// Revision that is prepared, or 0.
@@ -36,6 +36,8 @@ class BaseBlocks {
   bool isAsDrawn(std::size_t block) const;
 
   CoverCounters counters_;
+  /// Ids from here on are those of the coarser level; a cover names segments.
+  std::uint32_t segmentCount_ = 1;
   std::uint32_t blockFaces_ = 1;
   std::vector<std::uint8_t> drawn_;
   std::uint32_t drawnCount_ = 0;

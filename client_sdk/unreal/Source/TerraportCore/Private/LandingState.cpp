@@ -4,19 +4,27 @@
 
 namespace terraport {
 
-LandMessage landMessage(std::uint32_t generation, const Vec3& position, double radiusM, const LandOptions& options) {
+std::optional<double> ringOf(double radiusM, const std::optional<double>& coarseRadiusM, double maxRadiusM) {
+  // One below the radius stays: it is a mistake, and is to be told.
+  if (!coarseRadiusM || *coarseRadiusM < radiusM) return coarseRadiusM;
+  return std::max(radiusM, std::min(*coarseRadiusM, maxRadiusM));
+}
+
+LandMessage landMessage(
+    std::uint32_t generation, const Vec3& position, double radiusM, const LandOptions& options, double maxRadiusM) {
   LandMessage land;
   land.generation = generation;
   land.position = position;
   land.radiusM = radiusM;
+  land.coarseRadiusM = ringOf(radiusM, options.coarseRadiusM, maxRadiusM);
   land.innerRadiusM = options.innerRadiusM;
   land.deadlineMs = options.deadlineMs;
   land.stallMs = options.stallMs;
   return land;
 }
 
-LandMessage LandingState::message(std::uint32_t asGeneration) const {
-  return landMessage(asGeneration, position, radiusM, options);
+LandMessage LandingState::message(std::uint32_t asGeneration, double maxRadiusM) const {
+  return landMessage(asGeneration, position, radiusM, options, maxRadiusM);
 }
 
 void LandingState::begin(const PlanMessage& plan) {

@@ -12,8 +12,12 @@
 
 namespace terraport {
 
-/// The message that asks for a landing.
-LandMessage landMessage(std::uint32_t generation, const Vec3& position, double radiusM, const LandOptions& options);
+/// The ring's radius, cut to what the server allows: a landing with less coarse ground is better than none.
+std::optional<double> ringOf(double radiusM, const std::optional<double>& coarseRadiusM, double maxRadiusM);
+
+/// The message that asks for a landing, of a server that allows so large a radius.
+LandMessage landMessage(
+    std::uint32_t generation, const Vec3& position, double radiusM, const LandOptions& options, double maxRadiusM);
 
 /// One landing that the user asked for, over as many generations as reconnecting takes.
 struct LandingState {
@@ -45,8 +49,8 @@ struct LandingState {
   /// Whether it became ready for the client.
   bool isDone = false;
 
-  /// The message that asks for it under a generation.
-  LandMessage message(std::uint32_t asGeneration) const;
+  /// The message that asks for it under a generation, of a server that allows so large a radius.
+  LandMessage message(std::uint32_t asGeneration, double maxRadiusM) const;
 
   /// Take the plan of a generation, in place of any before.
   void begin(const PlanMessage& plan);

@@ -144,6 +144,15 @@ Status readCounts(JsonValue counts, SceneManifest& manifest) {
   return {};
 }
 
+Status readLevels(JsonValue levels, SceneManifest& manifest) {
+  if (levels.isNothing()) return {};
+  std::uint64_t count = 0;
+  TERRAPORT_RETURN_IF_ERROR(expectWhole(levels, "levels", 1, count));
+  if (count > 2) return Status::damaged("levels is " + shortly(levels) + ", expected 1 or 2");
+  manifest.levels = static_cast<std::uint32_t>(count);
+  return {};
+}
+
 Status readFrame(JsonValue json, SceneManifest& manifest) {
   TERRAPORT_RETURN_IF_ERROR(expectTriple(json.member("origin"), "origin", manifest.origin));
   TERRAPORT_RETURN_IF_ERROR(expectNumber(json.member("step_m"), "step_m", manifest.stepM));
@@ -190,6 +199,7 @@ Status readKeys(JsonValue json, CheckedManifest& out) {
     TERRAPORT_RETURN_IF_ERROR(readAttribute(attribute, manifest));
   }
   TERRAPORT_RETURN_IF_ERROR(readCounts(json.member("counts"), manifest));
+  TERRAPORT_RETURN_IF_ERROR(readLevels(json.member("levels"), manifest));
   const auto hasColour = json.member("has_colour").boolean();
   if (!hasColour) {
     return Status::damaged("has_colour is " + shortly(json.member("has_colour")) + ", expected true or false");

@@ -85,7 +85,7 @@ std::int64_t SceneStage::land(const Vec3& position, double radiusM, const LandOp
 }
 
 void SceneStage::aim(const Vec3& position, double radiusM) {
-  impl_->stream_.aim(position, radiusM);
+  impl_->aim(position, radiusM);
 }
 
 void SceneStage::handle(const StreamEvent& event) {
@@ -102,6 +102,10 @@ bool SceneStage::isPresentable() const {
 
 bool SceneStage::show() {
   return impl_->show();
+}
+
+void SceneStage::setShowsCoarse(bool showsCoarse) {
+  impl_->showsCoarse_ = showsCoarse;
 }
 
 void SceneStage::setAutoShow(bool autoShow) {

@@ -1,10 +1,15 @@
 #include "SceneStageImpl.h"
 
+#include "Messages.generated.h"
+
 #include <algorithm>
 #include <utility>
 
 namespace terraport {
 namespace {
+
+/// Times the radius: as far as the coarser level is worth its bytes (benchmarks/results/2026-11-24-levels.md).
+constexpr double kCoarseReach = 3.0;
 
 ShelfLimits limitsOf(const StageOptions& options) {
   ShelfLimits limits;
@@ -20,6 +25,7 @@ SceneStage::Impl::Impl(
     LandingStream& stream, SharedSceneFiles files, SceneRenderer& renderer, DecodeQueue& decoders, const StageOptions& options)
     : stream_(stream),
       autoShow_(options.autoShow),
+      showsCoarse_(options.showsCoarse),
       renderer_(renderer),
       decoders_(decoders),
       options_(options),
@@ -37,11 +43,22 @@ SceneStage::Impl::~Impl() {
 }
 
 std::int64_t SceneStage::Impl::land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs) {
-  const std::int64_t landing = stream_.land(position, radiusM, options);
+  LandOptions asked = options;
+  if (!asked.coarseRadiusM) {
+    asked.coarseRadiusM = ringOf(radiusM);
+  }
+  const std::int64_t landing = stream_.land(position, radiusM, asked);
   if (landing != kNoLanding) {
     residency_.land(landing, position, radiusM, nowMs);
   }
   return landing;
+}
+
+std::optional<double> SceneStage::Impl::ringOf(double radiusM) const {
+  if (!showsCoarse_ || files_->manifest.levels < 2) {
+    return std::nullopt;
+  }
+  return std::min(radiusM * kCoarseReach, limits::kMaxRadiusM);
 }
 
 void SceneStage::Impl::handle(const StreamEvent& event) {

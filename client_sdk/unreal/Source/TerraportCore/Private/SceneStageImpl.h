@@ -18,6 +18,7 @@ class SceneStage::Impl {
   ~Impl();
 
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options, double nowMs);
+  void aim(const Vec3& position, double radiusM) { stream_.aim(position, radiusM, ringOf(radiusM)); }
   void handle(const StreamEvent& event);
   void update(const std::function<double()>& clockMs, double budgetMs);
   bool show();
@@ -33,6 +34,7 @@ class SceneStage::Impl {
 
   LandingStream& stream_;
   bool autoShow_;
+  bool showsCoarse_;
   bool isOldVersion_ = false;
   std::function<void(const SceneSwap&)> onSwap_;
   const SceneFiles& files() const { return *files_; }
@@ -50,6 +52,8 @@ class SceneStage::Impl {
     bool isBegun = false;
   };
 
+  /// How far a landing shows the coarser level; absent where the scene has none, or nobody wants it.
+  std::optional<double> ringOf(double radiusM) const;
   void beginBase();
   void leaveVersion();
   void askForDecodes();

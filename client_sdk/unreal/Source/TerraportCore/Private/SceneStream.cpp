@@ -203,10 +203,10 @@ std::int64_t SceneStream::land(const Vec3& position, double radiusM, const LandO
   return number;
 }
 
-void SceneStream::aim(const Vec3& position, double radiusM) {
-  const Status status = checkAim(position, radiusM);
+void SceneStream::aim(const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM) {
+  const Status status = checkAim(position, radiusM, coarseRadiusM);
   if (status.isOk()) {
-    impl_->session.aim(position, radiusM);
+    impl_->session.aim(position, radiusM, coarseRadiusM);
   } else {
     impl_->refuse(status);
   }

@@ -3,11 +3,15 @@
 #include "Frames.h"
 
 #include <algorithm>
+#include <limits>
 #include <utility>
 
 namespace terraport {
 
 namespace {
+
+/// No server has said yet what it allows.
+constexpr double kAnyRadiusM = std::numeric_limits<double>::infinity();
 
 HelloMessage helloMessage(const SessionOptions& options, std::vector<HeldRow> rows) {
   HelloMessage hello;
@@ -58,13 +62,14 @@ Status checkSessionOptions(const SessionOptions& options) {
 }
 
 Status checkLand(const Vec3& position, double radiusM, const LandOptions& options) {
-  return checkMessage(landMessage(0, position, radiusM, options));
+  return checkMessage(landMessage(0, position, radiusM, options, kAnyRadiusM));
 }
 
-Status checkAim(const Vec3& position, double radiusM) {
+Status checkAim(const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM) {
   AimMessage aim;
   aim.position = position;
   aim.radiusM = radiusM;
+  aim.coarseRadiusM = coarseRadiusM;
   return checkMessage(aim);
 }
 
@@ -173,7 +178,7 @@ void ClientSession::flushAim() {
   if (!hasAim()) return;
   sendEvictions();
   generation_ += 1;
-  if (const std::optional<AimMessage> message = aim_.take(generation_)) {
+  if (const std::optional<AimMessage> message = aim_.take(generation_, maxRadiusM_)) {
     outbox_.emplace_back(*message);
     transfers_.aimSent(generation_);
   }
@@ -244,6 +249,7 @@ Status ClientSession::onWelcome(const WelcomeMessage& welcome) {
   isGreeting_ = false;
   const bool isChanged = !version_.empty() && version_ != welcome.scene.version;
   version_ = welcome.scene.version;
+  maxRadiusM_ = welcome.limits.maxRadiusM;
   if (isChanged) transfers_.hideAll();
   creditStep_ = std::max<std::uint64_t>(1, std::min(options_.creditBytes, welcome.limits.maxCreditBytes) / 2);
   SessionEvent event;
@@ -317,7 +323,7 @@ void ClientSession::sendLanding(const Transfers::Landing& landing) {
   generation_ += 1;
   landing->generation = generation_;
   transfers_.landSent(landing);
-  outbox_.emplace_back(landing->message(generation_));
+  outbox_.emplace_back(landing->message(generation_, maxRadiusM_));
   unsent_ = landing;
 }
 

@@ -42,7 +42,7 @@ Status checkSessionOptions(const SessionOptions& options);
 
 /// Whether a landing may be asked for so, an aim, a pick, a seat in a group, a landing of it. Error code: `invalid_field`.
 Status checkLand(const Vec3& position, double radiusM, const LandOptions& options);
-Status checkAim(const Vec3& position, double radiusM);
+Status checkAim(const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM);
 Status checkPick(const Vec3& origin, const std::optional<Vec3>& direction);
 Status checkJoin(const std::string& group, GroupRole role, const std::string& ownName);
 Status checkGather(const Vec3& position, double radiusM, const std::optional<double>& innerRadiusM,
@@ -103,7 +103,9 @@ class ClientSession {
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options);
 
   /// Note where the user points; only the newest is kept until `flushAim`. Must have passed `checkAim`.
-  void aim(const Vec3& position, double radiusM) { aim_.note(position, radiusM); }
+  void aim(const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM = std::nullopt) {
+    aim_.note(position, radiusM, coarseRadiusM);
+  }
 
   /// Send the newest aim, if there is one and the connection is open.
   void flushAim();
@@ -145,6 +147,8 @@ class ClientSession {
 
   const SessionOptions options_;
   std::string version_;
+  /// Of the newest connection; nothing is asked of one before its welcome.
+  double maxRadiusM_ = 0.0;
   std::vector<SessionEvent> events_;
   std::vector<ClientMessage> outbox_;
   Holdings holdings_;

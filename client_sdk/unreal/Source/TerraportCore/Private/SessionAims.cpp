@@ -1,5 +1,7 @@
 #include "SessionAims.h"
 
+#include "LandingState.h"
+
 namespace terraport {
 
 void AimCounts::arrived(std::uint32_t segment, std::uint64_t length) {
@@ -20,7 +22,7 @@ void AimCounts::planned(const std::vector<std::uint32_t>& keep, bool loads) {
   ahead_.clear();
 }
 
-std::optional<AimMessage> AimState::take(std::uint32_t generation) {
+std::optional<AimMessage> AimState::take(std::uint32_t generation, double maxRadiusM) {
   if (!noted_) return std::nullopt;
   sent_ = noted_;
   noted_.reset();
@@ -29,6 +31,7 @@ std::optional<AimMessage> AimState::take(std::uint32_t generation) {
   aim.generation = generation;
   aim.position = sent_->position;
   aim.radiusM = sent_->radiusM;
+  aim.coarseRadiusM = ringOf(sent_->radiusM, sent_->coarseRadiusM, maxRadiusM);
   return aim;
 }
 

@@ -45,10 +45,13 @@ class AimState {
   bool isWaiting() const { return noted_.has_value(); }
 
   /// Note the newest one, in place of any that waits.
-  void note(const Vec3& position, double radiusM) { noted_ = Aim{position, radiusM}; }
+  void note(const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM) {
+    noted_ = Aim{position, radiusM, coarseRadiusM};
+  }
 
-  /// The message to send now, under a generation of this connection; absent where none waits.
-  std::optional<AimMessage> take(std::uint32_t generation);
+  /// The message to send now, under a generation of this connection, whose server allows so large a radius; absent where none
+  /// waits.
+  std::optional<AimMessage> take(std::uint32_t generation, double maxRadiusM);
 
   /// Forget it: the user has landed.
   void clear();
@@ -64,6 +67,7 @@ class AimState {
   struct Aim {
     Vec3 position;
     double radiusM = 0;
+    std::optional<double> coarseRadiusM;
   };
 
   std::optional<Aim> noted_;

@@ -1,5 +1,6 @@
 #include "Terraport/ShownGround.h"
 
+#include <algorithm>
 #include <unordered_map>
 #include <utility>
 #include <vector>
@@ -30,6 +31,9 @@ struct ShownGround::Impl {
   /// Of the last `beginBase`, while the renderer still draws the one before.
   SharedGround coming;
   SharedGround drawn;
+  /// Of that base: ids from here on are those of the coarser level.
+  std::uint32_t segmentCount = 1;
+  std::uint32_t comingSegmentCount = 1;
   std::vector<std::uint8_t> hidden;
   std::uint64_t changes = 0;
 };
@@ -49,7 +53,7 @@ bool ShownGround::cast(const Vec3& origin, const Vec3& direction, double mostAt,
       impl_->drawn && impl_->drawn->cast(origin, direction, impl_->hidden.empty() ? nullptr : impl_->hidden.data(), point);
   for (const auto& [segment, mesh] : impl_->shown) {
     if (mesh->cast(origin, direction, nullptr, point)) {
-      point.segment = segment;
+      point.segment = segment % impl_->segmentCount;
       isMet = true;
     }
   }
@@ -112,6 +116,7 @@ std::size_t ShownGround::gpuBytesOf(const SegmentMesh& mesh) const {
 void ShownGround::beginBase(const SceneFiles& files) {
   impl_->coming = impl_->prepared ? std::move(impl_->prepared) : groundOf(files.base);
   impl_->prepared.reset();
+  impl_->comingSegmentCount = std::max<std::uint32_t>(files.manifest.segmentCount, 1);
   // Ids mean other segments now; what is shown of the version before stays until its base goes.
   impl_->meshes.clear();
   impl_->renderer.beginBase(files);
@@ -127,6 +132,7 @@ bool ShownGround::isBaseReady() {
     impl_->shown.clear();
     impl_->drawn = std::move(impl_->coming);
     impl_->coming.reset();
+    impl_->segmentCount = impl_->comingSegmentCount;
     impl_->hidden.assign(impl_->drawn->faceCount(), 0);
     ++impl_->changes;
   }

@@ -36,6 +36,7 @@ struct LandCommand {
 struct AimCommand {
   Vec3 position;
   double radiusM = 0;
+  std::optional<double> coarseRadiusM;
 };
 struct PickCommand {
   Vec3 origin;
@@ -137,7 +138,7 @@ struct StreamThread::Impl {
   }
 
   void obey(const LandCommand& land) { stream->land(land.position, land.radiusM, land.options); }
-  void obey(const AimCommand& aim) { stream->aim(aim.position, aim.radiusM); }
+  void obey(const AimCommand& aim) { stream->aim(aim.position, aim.radiusM, aim.coarseRadiusM); }
   void obey(const ReconnectCommand& reconnect) { stream->reconnect(reconnect.token); }
 
   void obey(const LeaveCommand&) { stream->leaveGroup(); }
@@ -263,8 +264,8 @@ std::int64_t StreamThread::land(const Vec3& position, double radiusM, const Land
   return impl_->landings;
 }
 
-void StreamThread::aim(const Vec3& position, double radiusM) {
-  impl_->enqueue(AimCommand{position, radiusM});
+void StreamThread::aim(const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM) {
+  impl_->enqueue(AimCommand{position, radiusM, coarseRadiusM});
 }
 
 Result<std::uint64_t> StreamThread::pick(const Vec3& origin, const std::optional<Vec3>& direction) {

@@ -26,7 +26,9 @@ PlanFacts factsOf(std::int64_t landing, const PlanMessage& plan) {
   facts.landing = landing;
   facts.position = plan.position;
   facts.radiusM = plan.radiusM;
-  facts.effectiveRadiusM = plan.effectiveRadiusM;
+  // The wire has one number: how far the plan reaches, at whichever level.
+  facts.effectiveRadiusM = std::min(plan.effectiveRadiusM, plan.radiusM);
+  if (plan.effectiveRadiusM > plan.radiusM) facts.coarseRadiusM = plan.effectiveRadiusM;
   facts.load = plan.load;
   facts.keep = plan.keep;
   facts.nearby = plan.nearby;

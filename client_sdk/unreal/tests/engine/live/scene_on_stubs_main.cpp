@@ -157,6 +157,39 @@ public:
 	int Swaps = 0;
 };
 
+/// The coarser level in a ring around full detail: there by itself, and gone with a switch. How far each reached, metres.
+struct FRings
+{
+	double ByItself = -1.0;
+	double SwitchedOff = -1.0;
+};
+
+FRings ExpectRing(FVisit& Visit, const FVector& Place, double RadiusM)
+{
+	FRings Rings;
+	FTerraportPlan Plan;
+	Visit.Scene.OnPlan.AddLambda([&Plan](const FTerraportPlan& New) { Plan = New; });
+	const auto Land = [&] {
+		const int64 Landing = Visit.Scene.Land(Place, RadiusM, FTerraportLandOptions());
+		Expect(Visit.Until([&] { return Visit.LastShown == Landing; }), "a landing with or without a ring is shown");
+		Expect(Plan.EffectiveRadiusM == RadiusM, "full detail reaches to the radius");
+		return Plan.CoarseRadiusM;
+	};
+	Rings.ByItself = Land();
+	const FVector Beyond = Place + FVector(200.0 * RadiusM, 0.0, 1.0e5);
+	FTerraportGroundHit Ground;
+	Expect(Visit.Scene.GroundAt(Beyond, Ground) && (Ground.Segment >= 0) == (Rings.ByItself > 0.0),
+		"ground in the ring tells its segment");
+	const FDrawn With = Drawn();
+	Visit.Scene.bShowsCoarse = false;
+	Rings.SwitchedOff = Land();
+	Expect(Visit.Scene.GroundAt(Beyond, Ground) && Ground.Segment < 0, "without a ring it is the base");
+	Expect((Drawn().Pieces < With.Pieces) == (Rings.ByItself > 0.0), "fewer pieces are drawn");
+	Visit.Scene.bShowsCoarse = true;
+	Visit.Scene.OnPlan.Clear();
+	return Rings;
+}
+
 /// By the group's component: a seat, a landing of the group that is followed, and its barrier opens; then one that is not.
 void ExpectTogether(FVisit& Visit, const FVector& Place, double RadiusM)
 {
@@ -361,6 +394,7 @@ int main(int Count, char** Arguments)
 	}
 
 	ExpectTogether(Visit, Middle, RadiusM);
+	const FRings Rings = ExpectRing(Visit, Middle, RadiusM);
 
 	// 6. The survey's reference system.
 	FVector Survey, Back;
@@ -378,10 +412,12 @@ int main(int Count, char** Arguments)
 	std::this_thread::sleep_for(std::chrono::milliseconds(300));
 	std::printf("{\"faults\": %d, \"swaps\": %d, \"first\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d, "
 				"\"gpu_bytes\": %lld}, "
+				"\"ring_m\": %g, \"ring_off_m\": %g, "
 				"\"last\": {\"triangles\": %lld, \"pieces\": %d, \"components\": %d}, \"made\": %zu, \"payload_bytes\": %lld, "
 				"\"socket\": {\"frame_time_s\": %g, \"frames\": %d, "
 				"\"rounds\": %d, \"payload_bytes\": %lld, \"warnings\": %zu}}\n",
-		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Pieces, AtFirst.Components, GpuAtFirst, Last.Triangles, Last.Pieces,
+		Faults, Visit.Swaps, AtFirst.Triangles, AtFirst.Pieces, AtFirst.Components, GpuAtFirst, Rings.ByItself,
+		Rings.SwitchedOff, Last.Triangles, Last.Pieces,
 		Last.Components, UPrimitiveComponent::StubAll.size(), Stats.PayloadBytes, After.FrameTimeS,
 		After.Frames - Before.Frames, After.Rounds - Before.Rounds, FirstBytes, Warnings);
 	return Faults == 0 ? 0 : 1;

@@ -41,7 +41,10 @@ struct SceneManifest {
   Vec3 boundsMin;
   Vec3 boundsMax;
   std::vector<AttributeInfo> attributes;
+  /// The ids of full detail are below it, those of the coarser level from it on.
   std::uint32_t segmentCount = 0;
+  /// Levels of every segment: 1, or 2 with a coarser one.
+  std::uint32_t levels = 1;
   std::uint64_t detailFaces = 0;
   std::uint32_t baseFaces = 0;
   /// Whether every segment has vertex colours, and the base those or a texture.

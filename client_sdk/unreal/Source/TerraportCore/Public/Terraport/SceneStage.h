@@ -31,6 +31,9 @@ struct StageOptions {
   std::size_t maxFrameBytes = std::size_t{6} * 1024 * 1024;
   /// Base faces prepared at once.
   std::uint32_t baseBlockFaces = 4096;
+  /// Landings and aims of a scene with a coarser level ask for a ring of it, to three times the radius, where they name none.
+  /// Off: full detail alone.
+  bool showsCoarse = true;
   /// Show a landing as soon as it can be. Otherwise only `show` does, for instance in the black frame of a fade.
   bool autoShow = true;
 };
@@ -126,6 +129,9 @@ class TERRAPORTCORE_API SceneStage {
   /// Show the presentable set now, once: in the next black frame, for instance. False where nothing is presentable.
   bool show();
 
+  /// Whether landings and aims from now on ask for a ring of the coarser level: `StageOptions::showsCoarse`.
+  void setShowsCoarse(bool showsCoarse);
+
   /// Whether a landing is shown as soon as it can be.
   void setAutoShow(bool autoShow);
 
@@ -139,7 +145,7 @@ class TERRAPORTCORE_API SceneStage {
   /// Whether `update` has something to do that was not asked for from outside.
   bool isBusy() const;
 
-  /// Segments shown, ascending.
+  /// Ids of payloads shown, ascending: from the manifest's segmentCount on those of the coarser level.
   const std::vector<std::uint32_t>& visible() const;
   LandingStatus status() const;
   VisibleDigest visibleDigest() const;

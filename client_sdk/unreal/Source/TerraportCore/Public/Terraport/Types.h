@@ -73,8 +73,12 @@ struct Budgets {
   std::optional<std::uint32_t> gpuFaceBytes;
 };
 
-/// How long a landing may take before its inner part is acceptable (wire protocol, 6.4, rule 3).
+/// A ring of the coarser level, and how long a landing may take before its inner part is acceptable (wire protocol, 6.1 and
+/// 6.4, rule 3).
 struct LandOptions {
+  /// Beyond the radius everything up to here comes at its coarser level, where the scene has one; metres, at least the radius,
+  /// and cut to what the server allows. A SceneStage asks for one by itself.
+  std::optional<double> coarseRadiusM;
   /// Radius of the degraded set, metres; at most the landing's radius.
   std::optional<double> innerRadiusM;
   /// Milliseconds after which the inner set alone is acceptable, 1 to 600,000; needs `innerRadiusM`.
@@ -90,6 +94,8 @@ struct PlanFacts {
   double radiusM = 0.0;
   /// The radius within which everything is loaded: smaller than `radiusM` where a budget bound it.
   double effectiveRadiusM = 0.0;
+  /// How far the coarser level reaches beyond it; absent where there is none of it.
+  std::optional<double> coarseRadiusM;
   /// What will be sent, nearest first.
   std::vector<SegmentFacts> load;
   /// What of the rest within the radius is here already.
