@@ -305,7 +305,8 @@ NAMED_LEVELS: Final[dict[str, tuple[Operation, ...]]] = {
         (("call", "land", [0, 0, 0], 2.5, None, None, 2), ("call", "aim", [0, 0, 0], 2.5, 2)),
     "half a coarser payload goes on in the next plan":
         (_RING, ("pump", 14), ("call", "land", [2, 0, 0], 1.5, None, None, 4.5)),
-    "a coarser payload that came wrong": (_RING, ("take",), ("serve", 6), ("flip", 3), ("pump", 40)),
+    "a coarser payload that came wrong":
+        (_RING, ("take",), ("serve", 6), ("flip", 3), ("pump", 40)),
     "an inner set without its ring":
         (("pump", 3), ("call", "land", [0, 0, 0], 1.5, 1.5, 100, 4.5), ("take",), ("serve", 6),
          ("wait", 0.2), ("serve", 9)),

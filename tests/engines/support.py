@@ -55,7 +55,6 @@ def both(file: str, test: str) -> tuple[Claim, Claim]:
 
 SERVER = Yes(f"{WEB}/client/server.test.ts", "a landing, a hop and a return")
 SDK_LAND = "tests/socket/test_sdk_sessions.py"
-NO_RING = No("shows full detail alone")
 
 FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
     "wire corpus, whole": (
@@ -256,8 +255,7 @@ FEATURES: Final[dict[str, tuple[Claim, Claim, Claim, Claim]]] = {
             "tests/browser/test_levels.py",
             "test_a_landing_has_a_ring_and_the_base_gives_way_to_both",
         ),
-        NO_RING,
-        NO_RING,
+        *both("tests/engines/test_landings.py", "test_a_scene_of_two_levels_is_drawn_with_a_ring"),
     ),
     "goes along with a group": (
         Yes("tests/socket/test_sdk_groups.py", "test_the_guide_lands_everybody"),
@@ -316,6 +314,9 @@ GODOT: Final[dict[str, Claim]] = {
         VISITS, "test_a_group_goes_together"
     ),
     "a group's components: seat, list of people, events": Yes(VISITS, "test_a_group_goes_together"),
+    "a coarser level in a ring, where the scene has one": Yes(
+        VISITS, "test_a_ring_of_the_coarser_level_comes_and_can_be_left_out"
+    ),
     "drawn in a headset": Yes(
         VISITS, "test_the_examples_land_and_teleport", "on a screen, without a headset"
     ),

@@ -86,7 +86,11 @@ def test_profiles_are_those_of_the_page(profile: str) -> None:
     engine, page = unity(profile), web(profile)
     for name in ("maxTriangles", "maxSegments", "radiusM"):
         assert engine[name] == page[name], name
-    for name, other in {"maxGpu": "maxGpuBytes", "cache": "cacheBytes", "credit": "creditBytes"}.items():
+    for name, other in {
+        "maxGpu": "maxGpuBytes",
+        "cache": "cacheBytes",
+        "credit": "creditBytes",
+    }.items():
         assert engine[f"{name}Mebibytes"] * MIB == page[other], name
     assert engine["diskMebibytes"] * MIB > page["diskBytes"]
 

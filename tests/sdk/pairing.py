@@ -65,7 +65,7 @@ class ToyScene:
         rows = count * levels
         self.payloads = payloads or [
             _glb(int(size), number)
-            for number, size in enumerate(random.integers(1, 2 * cells, count))
+            for number, size in enumerate(random.integers(1, 2 * cells, rows))
         ]
         hashes = [xxhash.xxh3_64_intdigest(payload) for payload in self.payloads]
         self.hashes = np.array(hashes, dtype=np.uint64)

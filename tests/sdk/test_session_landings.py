@@ -6,7 +6,7 @@ What the files share stands in ``conftest.py`` and ``pairing.py``, both state ma
 from __future__ import annotations
 
 import pytest
-from sdk.pairing import MIDDLE, Pair, ToyScene, expected
+from sdk.pairing import GRID, MIDDLE, Pair, ToyScene, expected
 
 from terraport.events import (
     Degraded,
@@ -17,6 +17,7 @@ from terraport.events import (
     SegmentRejected,
     Superseded,
 )
+from terraport_server.actions import SessionLimits
 from terraport_wire import (
     encode_frame,
 )
@@ -38,6 +39,35 @@ def test_a_landing_shows_exactly_what_brute_force_finds() -> None:
         assert entry is not None
         assert entry.payload == toy.payloads[segment]
         assert entry.facts.bounds == tuple(toy.bounds[segment].tolist())
+
+
+def test_a_ring_is_cut_to_what_the_server_allows() -> None:
+    """A landing with less coarse ground is better than none; so is an aim, and both are alike."""
+    toy = ToyScene(levels=2)
+    pair = Pair(toy, limits=SessionLimits(max_radius_m=5.0, max_messages_per_s=1e6))
+    pair.client.land(MIDDLE, 1.5, coarse_radius_m=50.0)  # nobody knows yet how far it may go
+    pair.connect()
+    pair.settle()
+    near, all_of_it = expected(toy, MIDDLE, 1.5), expected(toy, MIDDLE, 5.0)
+    ring = tuple(GRID * GRID + segment for segment in all_of_it if segment not in near)
+    assert pair.client.visible == near + ring
+    assert pair.of(Refused) == []
+    (planned,) = pair.of(Planned)
+    assert planned.plan.effective_radius_m == 5.0
+    pair.client.aim(MIDDLE, 1.5, 50.0)
+    pair.client.flush_aim()
+    pair.settle()
+    (prefetched,) = pair.of(Prefetched)
+    assert (prefetched.segments, pair.of(Refused)) == (0, []), "the landing had all of it"
+
+
+def test_a_ring_beside_a_radius_that_is_too_large_is_refused_by_its_radius() -> None:
+    pair = Pair(ToyScene(levels=2), limits=SessionLimits(max_radius_m=5.0, max_messages_per_s=1e6))
+    pair.connect()
+    pair.client.land(MIDDLE, 6.0, coarse_radius_m=50.0)
+    pair.settle()
+    (refused,) = pair.of(Refused)
+    assert refused.code == "radius_too_large"
 
 
 def test_a_second_visit_costs_no_bytes(pair: Pair) -> None:

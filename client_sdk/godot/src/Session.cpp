@@ -28,7 +28,11 @@ bool isFinal(const std::string& code) {
 }  // namespace
 
 Session::Session(SessionSettings settings, abi::Object* receiver)
-    : settings_(std::move(settings)), receiver_(receiver), token_(settings_.token), autoShow_(settings_.autoShow), showsCoarse_(settings_.showsCoarse) {
+    : settings_(std::move(settings)),
+      receiver_(receiver),
+      token_(settings_.token),
+      autoShow_(settings_.autoShow),
+      showsCoarse_(settings_.showsCoarse) {
   collider_ =
       std::make_unique<Collider>(settings_.space, settings_.draw.transform, settings_.colliderRadiusM, settings_.colliderLayer);
   renderer_ = std::make_unique<Renderer>(settings_.draw, *collider_);

@@ -118,9 +118,7 @@ class PrefetchState:
         return cls(prefetch.generation, facts, set(facts), prefetch.bytes)
 
 
-def ring_of(
-    radius_m: float, coarse_radius_m: float | None, max_radius_m: float
-) -> float | None:
+def ring_of(radius_m: float, coarse_radius_m: float | None, max_radius_m: float) -> float | None:
     """Cut the ring to what the server allows: less coarse ground is better than no landing."""
     # One below the radius stays: it is a mistake, and is to be told.
     if coarse_radius_m is None or coarse_radius_m < radius_m:

@@ -5,6 +5,24 @@ namespace Terraport.Unity
     /// <summary>The ground under feet and pointers: of what is shown, detail and base, without colliders.</summary>
     public sealed partial class TerraportScene
     {
+        /// <summary>
+        /// Landings and aims ask for a ring of the coarser level around full detail, where the scene has one; may be changed at any time,
+        /// and counts from the next of them on.
+        /// </summary>
+        public bool ShowsCoarse
+        {
+            get {
+                return settings.showsCoarse;
+            }
+            set {
+                settings.showsCoarse = value;
+                if (session != null && session.Stage != null)
+                {
+                    session.Stage.ShowsCoarse = value;
+                }
+            }
+        }
+
         /// <summary>What is shown, scene frame; null while the scene is closed.</summary>
         public ShownGround Ground => session == null ? null : session.Ground;
 

@@ -313,24 +313,6 @@ namespace Terraport.Unity
         }
 
         /// <summary>
-        /// Landings and aims ask for a ring of the coarser level around full detail, where the scene has one; may be changed at any time,
-        /// and counts from the next of them on.
-        /// </summary>
-        public bool ShowsCoarse
-        {
-            get {
-                return settings.showsCoarse;
-            }
-            set {
-                settings.showsCoarse = value;
-                if (session != null && session.Stage != null)
-                {
-                    session.Stage.ShowsCoarse = value;
-                }
-            }
-        }
-
-        /// <summary>
         /// Show the newest landing: in this frame where it can be shown, else in the first in which it can. Needed without
         /// <see cref="TerraportSettings.autoShow"/> alone. True where it was shown now.
         /// </summary>

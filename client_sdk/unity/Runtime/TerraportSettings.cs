@@ -44,7 +44,8 @@ namespace Terraport.Unity
         public bool autoShow = true;
 
         /// <summary>Around full detail show a ring of the coarser level, to three times the radius, where the scene has one.</summary>
-        [Tooltip("Around full detail show a ring of the coarser level, to three times the radius, where the scene has one. The bounds count "
+        [Tooltip(
+            "Around full detail show a ring of the coarser level, to three times the radius, where the scene has one. The bounds count "
             + "both; where there is no room for both the ring gives way.")]
         public bool showsCoarse = true;
 

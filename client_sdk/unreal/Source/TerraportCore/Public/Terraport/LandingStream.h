@@ -18,8 +18,7 @@ class TERRAPORTCORE_API LandingStream {
   virtual std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options) = 0;
 
   /// Tell where the user points; only the newest counts. `coarseRadiusM` as in LandOptions.
-  virtual void aim(
-      const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM = std::nullopt) = 0;
+  virtual void aim(const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM = std::nullopt) = 0;
 
   /// The payload of a held segment; null where it is not held.
   virtual SharedPayload payload(std::uint32_t segment) const = 0;

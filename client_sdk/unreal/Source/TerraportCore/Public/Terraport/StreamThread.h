@@ -25,8 +25,7 @@ class TERRAPORTCORE_API StreamThread final : public ISceneStream {
   StreamThread& operator=(const StreamThread&) = delete;
 
   std::int64_t land(const Vec3& position, double radiusM, const LandOptions& options) override;
-  void aim(
-      const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM = std::nullopt) override;
+  void aim(const Vec3& position, double radiusM, const std::optional<double>& coarseRadiusM = std::nullopt) override;
   Result<std::uint64_t> pick(const Vec3& origin, const std::optional<Vec3>& direction) override;
   Result<std::uint64_t> joinGroup(const std::string& group, GroupRole role, const std::string& ownName) override;
   void leaveGroup() override;
