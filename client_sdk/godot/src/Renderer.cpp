@@ -101,7 +101,7 @@ bool Renderer::cast(const Vec3& origin, const Vec3& direction, double maxAt, Gro
       isHit = true;
     }
   };
-  for (const auto& [number, drawable] : segments_) meet(drawable, number);
+  for (const auto& [id, drawable] : segments_) meet(drawable, id % segmentCount_);
   for (const Block& block : blocks_) meet(block.front, -1);
   return isHit;
 }
@@ -119,7 +119,7 @@ UploadState Renderer::upload(std::uint32_t segment, const SegmentMesh& mesh, Byt
   const Variant texture = drawable.texture;
   const Variant material = makeMaterial(texture);
   (void)kMaterialParameter(server(), material, "has_tint", !data->vertices.colours.isNil());
-  (void)kMaterialParameter(server(), material, "segment", static_cast<double>(segment));
+  (void)kMaterialParameter(server(), material, "segment", static_cast<double>(segment % segmentCount_));
   drawable = make(data->vertices, data->indices, material);
   drawable.texture = texture;
   drawable.material = material;
@@ -151,6 +151,7 @@ void Renderer::beginBase(const SceneFiles& files) {
   leaving_.push_back(std::move(look));
   releaseBase();
   deviationM_ = files.manifest.deviationM;
+  segmentCount_ = std::max<std::uint32_t>(files.manifest.segmentCount, 1);
   if (!base_) return;
   blocks_.resize(base_->blocks.size());
   if (!base_->image.isNil()) baseTexture_ = makeTexture(base_->image);

@@ -94,6 +94,8 @@ class Renderer final : public SceneRenderer {
   Collider& collider_;
   std::map<std::string, Variant> parameters_;
   std::unordered_map<std::uint32_t, Drawable> segments_;
+  /// Ids from here on are those of the coarser level: rays and colours are the segment's, at either.
+  std::uint32_t segmentCount_ = 1;
   std::shared_ptr<const BaseParts> base_;
   std::vector<Block> blocks_;
   std::vector<Drawable> leaving_;
