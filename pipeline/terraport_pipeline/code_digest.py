@@ -13,7 +13,7 @@ import ast
 import functools
 import importlib.util
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import xxhash
 
@@ -45,10 +45,9 @@ def code_digest(module: str) -> str:
     """
     digest = xxhash.xxh3_64()
     for name in modules_behind(module):
-        path = _path(name)
         digest.update(f"{name}\n".encode())
-        source = b"" if path is None else path.read_bytes()
-        digest.update(without_docstrings(source.decode("utf-8")).encode())
+        parsed = _parsed(name)
+        digest.update(b"" if parsed is None else parsed.code)
     return digest.hexdigest()
 
 
@@ -77,22 +76,42 @@ def modules_behind(module: str) -> list[str]:
 
 def without_docstrings(source: str) -> str:
     """Take the strings that stand alone out of a source, and nothing else."""
+    return _without_docstrings(source, list(ast.walk(ast.parse(source))))
+
+
+def _without_docstrings(source: str, nodes: list[ast.AST]) -> str:
     lines = source.splitlines(keepends=True)
-    for node in ast.walk(ast.parse(source)):
+    for node in nodes:
         if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
             rows = slice(node.lineno - 1, node.end_lineno)
             lines[rows] = [""] * len(lines[rows])
     return "".join(lines)
 
 
+class _Parsed(NamedTuple):
+    """A module, parsed and walked once: most stages have most modules behind them."""
+
+    needs: Needs
+    code: bytes
+    """Its source without docstrings."""
+
+
 @functools.cache
-def _needs(name: str) -> Needs | None:
-    """List what a module of ours needs; None when it is none."""
+def _parsed(name: str) -> _Parsed | None:
+    """Read a module of ours; None when it is none."""
     path = _path(name)
     if path is None:
         return None
-    nodes = list(ast.walk(ast.parse(path.read_bytes())))
-    return needs_of(nodes, name, package=path.name == "__init__.py")
+    source = path.read_bytes().decode("utf-8")
+    nodes = list(ast.walk(ast.parse(source)))
+    needs = needs_of(nodes, name, package=path.name == "__init__.py")
+    return _Parsed(needs, _without_docstrings(source, nodes).encode())
+
+
+def _needs(name: str) -> Needs | None:
+    """List what a module of ours needs; None when it is none."""
+    parsed = _parsed(name)
+    return None if parsed is None else parsed.needs
 
 
 def _modules_below(package: str) -> list[str]:
