@@ -20,6 +20,7 @@ from attacks.peers import BINARY, CONT, PING, frame
 from attacks.plans import BURST, WISHES_PER_S
 from attacks.requests import flood
 from attacks.strangers import Attack, Going, hold, upgrade_request
+from numpy.typing import NDArray
 from parts.drain_client import DrainClient
 
 from terraport_wire import (
@@ -102,10 +103,14 @@ class _Client:
     clients: int = CLIENTS
 
 
-def _held(_turn: int) -> list[Message]:
+def _held(ids: NDArray[np.int64], _turn: int) -> list[Message]:
     table = np.zeros(MAX_HELD_SEGMENTS, dtype=HELD_DTYPE)
-    table["id"] = np.arange(MAX_HELD_SEGMENTS)
+    table["id"] = ids
     return [Held(segments=table)]
+
+
+_IN_ORDER: Final = np.arange(MAX_HELD_SEGMENTS)
+_OUT_OF_ORDER: Final = np.random.default_rng(20).permutation(MAX_HELD_SEGMENTS)
 
 
 def _land(turn: int) -> Land:
@@ -133,7 +138,10 @@ _CLIENTS: Final[dict[str, _Client]] = {
                                   turns_per_s=WISHES_PER_S / 2),
     "credit without bound": _Client(says=lambda _: [Credit(bytes=MAX_INTEGER)] * 8, burst=70,
                                     turns_per_s=WISHES_PER_S / 8),
-    "held again and again": _Client(says=_held, burst=70, turns_per_s=WISHES_PER_S / 9),
+    "held again and again": _Client(says=partial(_held, _IN_ORDER), burst=70,
+                                    turns_per_s=WISHES_PER_S / 9),
+    "held out of order": _Client(says=partial(_held, _OUT_OF_ORDER), burst=70,
+                                 turns_per_s=WISHES_PER_S / 9),
     "pulled again and again": _Client(says=lambda turn: [_land(turn)], hello={"delivery": "pull"}),
     "picks": _Client(says=_pick),
     "rejects": _Client(says=_reject),
