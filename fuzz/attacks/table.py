@@ -88,6 +88,10 @@ _REQUESTS: Final[dict[str, tuple[str, ...]]] = {
 }
 
 
+_DEEP: Final = b"\x82\xa4type\xa4wave\xa1x" + b"\x91" * 200_000 + b"\x00"
+"""A message of an unknown type: lists in lists."""
+
+
 @dataclass(frozen=True)
 class _Client:
     """What one client with a token does."""
@@ -101,6 +105,8 @@ class _Client:
     turns_per_s: float = WISHES_PER_S
     burst: int = BURST
     clients: int = CLIENTS
+    leaves_after: int = 0
+    """Turns; then another comes in its place. 0: stays."""
 
 
 def _held(ids: NDArray[np.int64], _turn: int) -> list[Message]:
@@ -121,6 +127,16 @@ def _pick(turn: int) -> list[Message]:
     return [
         Pick(request=turn, origin=(100.0 + turn % 800, 50.0, 100.0), direction=(0.3, -1.0, 0.2))
     ]
+
+
+def _long_pick(turn: int) -> list[Message]:
+    """Ask along a ray that enters the boxes of a whole row of segments."""
+    origin = (0.0, 0.5, 10.0 * (turn % 80))
+    return [Pick(request=turn, origin=origin, direction=(1.0, 1e-4, 1e-3))]
+
+
+def _wide_land(turn: int) -> list[Message]:
+    return [Land(generation=turn + 1, position=(500.0, 0.0, 500.0), radius_m=500.0)]
 
 
 def _reject(turn: int) -> list[Message]:
@@ -145,6 +161,12 @@ _CLIENTS: Final[dict[str, _Client]] = {
     "pulled again and again": _Client(says=lambda turn: [_land(turn)], hello={"delivery": "pull"}),
     "picks": _Client(says=_pick),
     "rejects": _Client(says=_reject),
+    "long picks": _Client(says=_long_pick),
+    "comes and goes": _Client(says=_wide_land, leaves_after=1),
+    "comes with all it holds": _Client(hello={"held": _held(_OUT_OF_ORDER, 0)[0].segments},
+                                       leaves_after=1),
+    "deep messages": _Client(frames=frame(BINARY, _DEEP) * 4, turns_per_s=WISHES_PER_S / 4,
+                             burst=BURST // 4),
 }  # fmt: skip
 
 
@@ -186,7 +208,8 @@ def _clients(kind: _Client, port: int, scene: str, token: str, going: Going, add
                 clients[client] = (turns + 1, began_s)
                 if _exchange(client, data):
                     done += 1
-                    continue
+                    if not kind.leaves_after or turns + 1 < kind.leaves_after:
+                        continue
             elif _exchange(client, b""):
                 continue
             client.close()
