@@ -94,8 +94,13 @@ class Entrance:
 
     async def turn(self, key: str) -> None:
         """Return when it is its turn, as :meth:`ask`."""
-        done = asyncio.get_running_loop().create_future()
-        self.ask(key, lambda: done.done() or done.set_result(None))
+        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        def step() -> None:
+            if not done.done():  # given up
+                done.set_result(None)
+
+        self.ask(key, step)
         await done
 
     def turns_away(self, key: str, now_s: float) -> str | None:
