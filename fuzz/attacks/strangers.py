@@ -13,7 +13,7 @@ from collections.abc import Callable
 from typing import Final
 
 import msgpack
-from attacks.peers import BINARY, PING, frame
+from attacks.peers import BINARY, CLOSE, PING, frame
 
 __all__ = ["STRANGER_ATTACKS", "Attack", "Going", "hold", "upgrade_request"]
 
@@ -92,6 +92,16 @@ def no_upgrades(port: int, scene: str, _token: str, going: Going, address: str) 
     return _cycle(port, data, going, address)
 
 
+def closes_first(port: int, scene: str, _token: str, going: Going, address: str) -> int:
+    """Become a WebSocket and close it, and come again at once."""
+    return _cycle(port, upgrade_request(scene) + frame(CLOSE, b"\x03\xe8"), going, address)
+
+
+def other_protocols(port: int, _scene: str, _token: str, going: Going, address: str) -> int:
+    """Begin with HTTP/2, and come again at once."""
+    return _cycle(port, b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n" + bytes(9), going, address)
+
+
 STRANGER_ATTACKS: Final[dict[str, Attack]] = {
     "silent connections": silent_connections,
     "slow headers": slow_headers,
@@ -101,6 +111,8 @@ STRANGER_ATTACKS: Final[dict[str, Attack]] = {
     "half messages": half_messages,
     "wrong hellos": wrong_hellos,
     "no upgrades": no_upgrades,
+    "closes first": closes_first,
+    "other protocols": other_protocols,
 }
 
 

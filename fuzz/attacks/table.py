@@ -20,6 +20,7 @@ from attacks.peers import BINARY, CONT, PING, frame
 from attacks.plans import BURST, WISHES_PER_S
 from attacks.requests import flood
 from attacks.strangers import Attack, Going, hold, upgrade_request
+from numpy.typing import NDArray
 from parts.drain_client import DrainClient
 
 from terraport_wire import (
@@ -87,6 +88,10 @@ _REQUESTS: Final[dict[str, tuple[str, ...]]] = {
 }
 
 
+_DEEP: Final = b"\x82\xa4type\xa4wave\xa1x" + b"\x91" * 200_000 + b"\x00"
+"""A message of an unknown type: lists in lists."""
+
+
 @dataclass(frozen=True)
 class _Client:
     """What one client with a token does."""
@@ -100,12 +105,18 @@ class _Client:
     turns_per_s: float = WISHES_PER_S
     burst: int = BURST
     clients: int = CLIENTS
+    leaves_after: int = 0
+    """Turns; then another comes in its place. 0: stays."""
 
 
-def _held(_turn: int) -> list[Message]:
+def _held(ids: NDArray[np.int64], _turn: int) -> list[Message]:
     table = np.zeros(MAX_HELD_SEGMENTS, dtype=HELD_DTYPE)
-    table["id"] = np.arange(MAX_HELD_SEGMENTS)
+    table["id"] = ids
     return [Held(segments=table)]
+
+
+_IN_ORDER: Final = np.arange(MAX_HELD_SEGMENTS)
+_OUT_OF_ORDER: Final = np.random.default_rng(20).permutation(MAX_HELD_SEGMENTS)
 
 
 def _land(turn: int) -> Land:
@@ -116,6 +127,16 @@ def _pick(turn: int) -> list[Message]:
     return [
         Pick(request=turn, origin=(100.0 + turn % 800, 50.0, 100.0), direction=(0.3, -1.0, 0.2))
     ]
+
+
+def _long_pick(turn: int) -> list[Message]:
+    """Ask along a ray that enters the boxes of a whole row of segments."""
+    origin = (0.0, 0.5, 10.0 * (turn % 80))
+    return [Pick(request=turn, origin=origin, direction=(1.0, 1e-4, 1e-3))]
+
+
+def _wide_land(turn: int) -> list[Message]:
+    return [Land(generation=turn + 1, position=(500.0, 0.0, 500.0), radius_m=500.0)]
 
 
 def _reject(turn: int) -> list[Message]:
@@ -133,10 +154,19 @@ _CLIENTS: Final[dict[str, _Client]] = {
                                   turns_per_s=WISHES_PER_S / 2),
     "credit without bound": _Client(says=lambda _: [Credit(bytes=MAX_INTEGER)] * 8, burst=70,
                                     turns_per_s=WISHES_PER_S / 8),
-    "held again and again": _Client(says=_held, burst=70, turns_per_s=WISHES_PER_S / 9),
+    "held again and again": _Client(says=partial(_held, _IN_ORDER), burst=70,
+                                    turns_per_s=WISHES_PER_S / 9),
+    "held out of order": _Client(says=partial(_held, _OUT_OF_ORDER), burst=70,
+                                 turns_per_s=WISHES_PER_S / 9),
     "pulled again and again": _Client(says=lambda turn: [_land(turn)], hello={"delivery": "pull"}),
     "picks": _Client(says=_pick),
     "rejects": _Client(says=_reject),
+    "long picks": _Client(says=_long_pick),
+    "comes and goes": _Client(says=_wide_land, leaves_after=1),
+    "comes with all it holds": _Client(hello={"held": _held(_OUT_OF_ORDER, 0)[0].segments},
+                                       leaves_after=1),
+    "deep messages": _Client(frames=frame(BINARY, _DEEP) * 4, turns_per_s=WISHES_PER_S / 4,
+                             burst=BURST // 4),
 }  # fmt: skip
 
 
@@ -178,7 +208,8 @@ def _clients(kind: _Client, port: int, scene: str, token: str, going: Going, add
                 clients[client] = (turns + 1, began_s)
                 if _exchange(client, data):
                     done += 1
-                    continue
+                    if not kind.leaves_after or turns + 1 < kind.leaves_after:
+                        continue
             elif _exchange(client, b""):
                 continue
             client.close()

@@ -31,6 +31,9 @@ _SAID: Final[dict[Withdrawal, str]] = {
     "revoked": "the token opens this scene no more, expected a connection with another one",
 }
 
+_RESTLESS_LOOKS: Final = 10
+"""A file that changed at so many looks in a row is read although it may be changing still."""
+
 _Stamps = tuple[tuple[int, int, int] | None, ...]
 """Time, size and inode of each file; None where there is none."""
 
@@ -59,6 +62,8 @@ class _Watched:
     # reads once more.
     used: _Stamps = ()
     seen: _Stamps = ()
+    restless: int = 0
+    """Looks in a row that each saw another change."""
 
 
 class AccessWatch:
@@ -140,16 +145,17 @@ class AccessWatch:
 
         A file is read when two looks, one period apart, saw the same of it: it may be written in
         place, and half of it would lock people out. What cannot be used is logged once, and what
-        was read before stays in force.
+        was read before stays in force. One that changes again and again is read all the same after
+        some looks, if it did not change meanwhile: else nobody could be locked out any more.
         """
         at_once, self._at_once = self._at_once, False
         for file in self._files:
             seen = await asyncio.to_thread(_stamps, file.paths)
             quiet = seen == file.seen and seen != file.used
+            file.restless = 0 if seen in (file.seen, file.used) else file.restless + 1
             file.seen = seen
-            if quiet or at_once:
-                file.used = seen
-                await self._read(file)
+            if quiet or at_once or file.restless >= _RESTLESS_LOOKS:
+                await self._read(file, seen, even_if_changing=quiet or at_once)
 
     def refresh_soon(self) -> None:
         """Read every file at the next look, changed or not: an operator asked for it."""
@@ -175,13 +181,17 @@ class AccessWatch:
             )
             visitor.withdraw(_SAID[why])
 
-    async def _read(self, file: _Watched) -> None:
+    async def _read(self, file: _Watched, seen: _Stamps, *, even_if_changing: bool) -> None:
         try:
             put_in_force = await asyncio.to_thread(file.read)
+            if not even_if_changing and await asyncio.to_thread(_stamps, file.paths) != seen:
+                return  # it may be half of one and half of another: the next look tries again
         except SettingsError as error:
+            file.used, file.restless = seen, 0
             self._metrics.key_reloads.labels(file.name, "bad").inc()
             log("access file not read", level=logging.ERROR, file=file.name, reason=str(error))
             return
+        file.used, file.restless = seen, 0
         put_in_force()
         self._metrics.key_reloads.labels(file.name, "ok").inc()
         log("access file read", file=file.name)

@@ -7,12 +7,19 @@ from __future__ import annotations
 
 import ipaddress
 from collections import Counter
+from functools import lru_cache
 from typing import Final
 
 __all__ = ["ARRIVALS_S", "ClientAddresses", "client_key", "too_many_of_address"]
 
 ARRIVALS_S: Final = 10.0
 """Arrivals of an address are counted for so long, then from zero again."""
+
+_REMEMBERED: Final = 1024
+"""Addresses that are not parsed again: twice for each connection, that was a tenth of its cost."""
+
+_LONGEST_REMEMBERED: Final = 64
+"""Characters: an address of IPv6 may end in the name of a network, of any length."""
 
 
 class ClientAddresses:
@@ -42,7 +49,7 @@ class ClientAddresses:
         if host is None or self._all:
             return None
         try:
-            address = _address(host)
+            address = _parsed(host)
         except ValueError:
             return None
         return None if any(address in network for network in self._networks) else _key(address)
@@ -99,7 +106,7 @@ def client_key(host: str) -> str:
     ('2001:db8::/64', '192.0.2.1', 'somewhere')
     """
     try:
-        return _key(_address(host))
+        return _key(_parsed(host))
     except ValueError:
         return host
 
@@ -109,13 +116,25 @@ def too_many_of_address(count: int, most: int) -> str:
     return f"got connection {count} of one address, expected at most {most}"
 
 
-def _address(host: str) -> ipaddress.IPv4Address | ipaddress.IPv6Address:
+_Address = ipaddress.IPv4Address | ipaddress.IPv6Address
+
+
+def _parsed(host: str) -> _Address:
+    return _remembered(host) if len(host) <= _LONGEST_REMEMBERED else _address(host)
+
+
+@lru_cache(_REMEMBERED)
+def _remembered(host: str) -> _Address:
+    return _address(host)
+
+
+def _address(host: str) -> _Address:
     address = ipaddress.ip_address(host)
     mapped = address.ipv4_mapped if isinstance(address, ipaddress.IPv6Address) else None
     return address if mapped is None else mapped
 
 
-def _key(address: ipaddress.IPv4Address | ipaddress.IPv6Address) -> str:
+def _key(address: _Address) -> str:
     if isinstance(address, ipaddress.IPv6Address):
         return f"{ipaddress.IPv6Address(int(address) >> 64 << 64)}/64"
     return str(address)

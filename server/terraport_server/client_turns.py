@@ -14,7 +14,7 @@ served who have not: else each of these steps would be as long as the widest pla
 from __future__ import annotations
 
 import asyncio
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable
 from time import monotonic, thread_time
 from typing import Final
@@ -36,6 +36,9 @@ _FREE_SHARE: Final = 0.05
 _FREE_S: Final = 0.025
 """And so much at once: some ten wide landings."""
 
+_MOST_LEFT: Final = 1024
+"""Accounts of clients that left which are kept, the newest."""
+
 Work = Callable[[], int | None]
 """Takes a turn without waiting; returns what it cost beside `LEAST_COST`, in segments looked at, or
 ``None`` where nobody wants it any more."""
@@ -48,6 +51,8 @@ class ClientTurns:
         self._waiting = PricedQueue[Work](_LEAD_COST)
         self._of_address: Counter[str | None] = Counter()
         """Turns that are waited for, by address."""
+        self._left: deque[Account] = deque(maxlen=_MOST_LEFT)
+        """Of clients that are gone and had used more than others; the newest last."""
         self._running = False
         """Whether a turn was taken in this step, and the next step looks for another."""
         self._rests_until_s = 0.0
@@ -107,6 +112,22 @@ class ClientTurns:
             done.result()
         else:
             await done
+
+    def leave(self, account: Account) -> None:
+        """Keep the account of a client that is gone, where it has used more than a new one."""
+        if account.address is not None and (account.is_in_debt or self._waiting.is_behind(account)):
+            self._left.append(account)
+
+    def come(self, account: Account) -> None:
+        """Let a new client go on with the account of one that left its address, if there is one.
+
+        Else whoever comes anew for each landing has every time what newcomers have free.
+        """
+        for left in reversed(self._left):
+            if left.address == account.address:
+                account.go_on_from(left)
+                self._left.remove(left)
+                return
 
     def book(self, account: Account, began_s: float) -> None:
         """Book what was done for a client since then, in a turn or with what it brought.

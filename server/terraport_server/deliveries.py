@@ -15,7 +15,7 @@ import numpy as np
 from terraport_payload.types import AnyArray, UInt32
 from terraport_server.actions import Observer, SceneView, SendChunk, SessionLimits
 from terraport_server.aim_ledger import AimLedger
-from terraport_server.id_set import IdSet
+from terraport_server.id_set import IdSet, ascending
 from terraport_server.plans import Planner
 from terraport_server.selection import Selection
 from terraport_server.transfer import Landing, Transfer
@@ -136,7 +136,7 @@ class Deliveries:
         ids = held["id"].astype(np.int64)
         is_match = ids < len(self._table)
         is_match[is_match] = self._table.hashes[ids[is_match]] == held["xxh3"][is_match]
-        dropped = ids[~is_match].astype(ID_DTYPE)
+        dropped = ascending(ids[~is_match].astype(ID_DTYPE))
         queued = self._queued()
         if queued:  # rejected before, and being sent once more: held when that is done
             is_match[is_match] = [segment not in queued for segment in ids[is_match].tolist()]

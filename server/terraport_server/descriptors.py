@@ -11,15 +11,17 @@ from typing import Final
 
 from terraport_server.logs import log
 
-__all__ = ["make_room"]
+__all__ = ["make_room", "most_packs"]
 
 _PER_CONNECTION: Final = 2
 _OTHERS: Final = 256
-"""Packs, threads' pipes, log, listening sockets."""
+"""A few packs, threads' pipes, log, listening sockets."""
+_PACKS: Final = 16_384
+"""Of scenes in a folder, where the system lets a process have so many."""
 
 
 def make_room(max_connections: int) -> None:
-    """Raise this process's limit of open files as far as it may be raised and is needed.
+    """Raise this process's limit of open files as far as it may be raised and could be needed.
 
     Logs where that is less than *max_connections* want. Does nothing where the system has no such
     limit.
@@ -29,10 +31,11 @@ def make_room(max_connections: int) -> None:
     except ImportError:
         return
     wanted = _PER_CONNECTION * max_connections + _OTHERS
+    most = wanted + _PACKS
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    if soft == resource.RLIM_INFINITY or soft >= wanted:
+    if soft == resource.RLIM_INFINITY or soft >= most:
         return
-    granted = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    granted = most if hard == resource.RLIM_INFINITY else min(most, hard)
     resource.setrlimit(resource.RLIMIT_NOFILE, (granted, hard))
     if granted < wanted:
         log(
@@ -42,3 +45,16 @@ def make_room(max_connections: int) -> None:
             wanted=wanted,
             reason="raise the limit of open files, or lower max_connections",
         )
+
+
+def most_packs() -> int | None:
+    """Return how many packs may be open: half of what the process may; None = without bound.
+
+    With more, no connection could be accepted any more.
+    """
+    try:
+        import resource  # Unix has it
+    except ImportError:
+        return None
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return None if soft == resource.RLIM_INFINITY else soft // 2

@@ -2,9 +2,9 @@
 
 The event loop's own servers accept whatever waits in one step, and make transport and protocol for
 each: a flood of connections kept everybody else waiting for as long as 2,048 of them take, 0.1 to
-0.2 ms each. Here whoever is turned away unheard costs an accept and a close, and everybody else has
-a turn in between. A TLS handshake counts for its address from the beginning, takes the turns of
-strangers, and has come for nothing where it fails.
+0.2 ms each. Here whoever is turned away unheard costs an accept and a close, and whoever is not
+gets them when it is his turn among strangers. A TLS handshake counts for its address from the
+beginning, takes the same turns, and has come for nothing where it fails.
 """
 
 from __future__ import annotations
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Doorway"]
 
-_ACCEPTED_AT_ONCE: Final = 64
+_ACCEPTED_AT_ONCE: Final = 16
 _LET_IN_AT_ONCE: Final = 8
-"""Of them: a transport and a protocol each, a tenth of a millisecond."""
+"""Of them: each then waits for its turn among strangers, to get a transport and a protocol."""
 
 _PAUSE_S: Final = 0.1
 """Until it is tried again where no descriptor was left."""
@@ -136,6 +136,8 @@ class Doorway:
         try:
             with self._entrance.coming(key):
                 if self._tls is None:
+                    if key is not None:
+                        await self._entrance.turn(key)
                     await self._loop.connect_accepted_socket(self._make_connection, connection)
                 else:
                     turns = functools.partial(self._entrance.wait, key or PROXIES)

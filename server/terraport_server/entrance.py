@@ -83,6 +83,26 @@ class Entrance:
         self._waiting.add(key, step)
         self._go_on()
 
+    def ask(self, key: str, step: Step) -> None:
+        """Do a step: now where none was done in this step of the event loop, or as :meth:`wait`."""
+        if self._goes_on:
+            self.wait(key, step)
+            return
+        self._goes_on = True
+        asyncio.get_running_loop().call_soon(self._next)
+        step()
+
+    async def turn(self, key: str) -> None:
+        """Return when it is its turn, as :meth:`ask`."""
+        done: asyncio.Future[None] = asyncio.get_running_loop().create_future()
+
+        def step() -> None:
+            if not done.done():  # given up
+                done.set_result(None)
+
+        self.ask(key, step)
+        await done
+
     def turns_away(self, key: str, now_s: float) -> str | None:
         """Count who arrives; return why it is not even heard, or None.
 
@@ -159,6 +179,8 @@ class Entrance:
 
     def _next(self) -> None:
         self._goes_on = False
+        if not self._waiting:
+            return
         step = self._waiting.take()
         self._go_on()  # first: a step that fails must not stop the others
         step()

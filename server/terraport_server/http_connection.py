@@ -135,8 +135,11 @@ class HttpConnection(BoundedRequests):
         self._unread += data
         if self._waits or not self._may_parse:
             self.transport.pause_reading()  # what one read brought is enough
+        elif self._counted is None:
+            self._begin_next()  # whose turn it has to be, a proxy says in the headers
         else:
-            self._begin_next()
+            self._waits = True
+            self.entrance.ask(self._counted, self._read_on)
 
     def _begin_next(self) -> None:
         """Begin with what came."""

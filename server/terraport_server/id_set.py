@@ -13,7 +13,7 @@ import numpy.typing as npt
 from terraport_payload.types import AnyArray, AnyInt, Bool, UInt32
 from terraport_wire import ID_DTYPE
 
-__all__ = ["IdSet"]
+__all__ = ["IdSet", "ascending"]
 
 _MOST_ADDED: Final = 1024
 """Ids kept in a Python set (some 60 bytes each) before they are sorted in among the others."""
@@ -47,7 +47,7 @@ class IdSet:
     __slots__ = ("_added", "_sorted")
 
     def __init__(self, ids: npt.ArrayLike | None = None) -> None:
-        self._sorted: UInt32 = _NONE if ids is None else _ascending(np.asarray(ids, dtype=ID_DTYPE))
+        self._sorted: UInt32 = _NONE if ids is None else ascending(np.asarray(ids, dtype=ID_DTYPE))
         self._added: set[int] = set()
         """Disjoint from the sorted ones."""
 
@@ -99,7 +99,7 @@ class IdSet:
 
     def update(self, ids: AnyArray) -> None:
         """Put many ids in."""
-        new = _ascending(ids.astype(ID_DTYPE, copy=False))
+        new = ascending(ids.astype(ID_DTYPE, copy=False))
         new = new[~self.contains(new)]  # which also sorts in what was added
         self._sorted = _merged(self._sorted, new)
 
@@ -112,7 +112,7 @@ class IdSet:
 
     def difference_update(self, ids: AnyArray) -> None:
         """Take many ids out, where they are in."""
-        ids = _ascending(ids.astype(ID_DTYPE, copy=False))
+        ids = ascending(ids.astype(ID_DTYPE, copy=False))
         gone = ids[self.contains(ids)]
         if len(gone):
             positions = np.searchsorted(self._sorted, gone)
@@ -124,14 +124,14 @@ class IdSet:
         return position < len(members) and int(members[position]) == segment
 
 
-def _ascending(ids: UInt32) -> UInt32:
+def ascending(ids: UInt32) -> UInt32:
     """Return ids ascending, each once.
 
     To search for them in order is three times as fast, and NumPy's ``unique`` three times as slow.
     """
+    if (ids[1:] > ids[:-1]).all():  # a tenth of sorting
+        return ids
     ordered = np.sort(ids)
-    if len(ordered) < 2:
-        return ordered
     is_new = np.empty(len(ordered), dtype=np.bool_)
     is_new[0] = True
     np.not_equal(ordered[1:], ordered[:-1], out=is_new[1:])
@@ -140,6 +140,8 @@ def _ascending(ids: UInt32) -> UInt32:
 
 def _merged(one: UInt32, other: UInt32) -> UInt32:
     """Return two ascending arrays as one; NumPy's stable sort merges runs."""
+    if not len(other):
+        return one
     both = np.concatenate((one, other))
     both.sort(kind="stable")
     return both

@@ -6,6 +6,7 @@ A record's message is the event's name; its fields come by ``extra={"fields": {.
 
 from __future__ import annotations
 
+import asyncio
 import datetime as dt
 import json
 import logging
@@ -174,7 +175,12 @@ _SAID_BY_STRANGERS: Final = ("WebSocket", "Invalid HTTP request", "Unsupported u
 
 
 def _is_ours_to_say(record: logging.LogRecord) -> bool:
-    """Drop lines that anybody who connects could write without end: refusals are counted."""
+    """Drop lines that anybody who connects could write without end: refusals are counted.
+
+    And the trace of each request that a service which ends cuts off; one line says how many.
+    """
+    if record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError):
+        return False
     return not any(words in str(record.msg) for words in _SAID_BY_STRANGERS)
 
 

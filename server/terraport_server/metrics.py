@@ -93,7 +93,7 @@ class Metrics:
 
         # Payload
         self.payload_reads = self._counter(
-            "payload_reads", "Segments or parts that a thread read or checked before sending"
+            "payload_reads", "Segments or parts that a thread read before they could be sent"
         )
         self.corrupt_segments = self._counter(
             "corrupt_segments", "Payloads that failed their hash or could not be read", ["scene"]

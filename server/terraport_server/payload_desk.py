@@ -1,8 +1,10 @@
 """Hands out the payload bytes of one scene to all of its clients: checked once, never copied twice.
 
 A segment's hash is compared when it is first asked for, by whichever client comes first; from then
-on its bytes go from the page cache to any number of sockets without this process touching them. A
-client that finds a wrong hash nevertheless says so (``reject``), and the segment is checked again.
+on its bytes go from the page cache to any number of sockets without this process touching them.
+What is in the page cache is compared on the event loop: a megabyte takes a fortieth of a
+millisecond there, and to hand it to a thread takes as long as others keep the interpreter. A client
+that finds a wrong hash nevertheless says so (``reject``), and the segment is checked again.
 Why not every time: ``docs/decisions/0017-payload-by-sendfile.md``.
 
 The event loop's thread never waits for a disk: what is not in the page cache is read in a thread
@@ -21,10 +23,10 @@ from typing import Final
 
 from terraport_server.actions import SendChunk
 from terraport_server.rate import RatesByName
-from terraport_server.read_buffer import read_cached
+from terraport_server.read_buffer import ReadBuffer, read_cached
 from terraport_store import PayloadRange, RangeError, Scene, StoreError
 
-__all__ = ["DOUBTS_PER_S", "WINDOW_BYTES", "PayloadDesk"]
+__all__ = ["COMPARED_AT_ONCE", "DOUBTS_PER_S", "WINDOW_BYTES", "PayloadDesk"]
 
 WINDOW_BYTES: Final = 1 << 20
 """What is looked for in the page cache, or brought there by a thread, at a time."""
@@ -32,6 +34,9 @@ WINDOW_BYTES: Final = 1 << 20
 DOUBTS_PER_S: Final = 2.0
 """Segments that one address may have compared again for everybody, averaged over 10 s: twenty at
 once. A line or a cache that spoils more than that is the client's own."""
+
+COMPARED_AT_ONCE: Final = 32
+"""Segments whose hash is compared on the event loop for one batch: .4 ms."""
 
 _AHEAD_BYTES: Final = 1 << 20
 """Of segments that were never sent: compared together, while one before them is on its way."""
@@ -105,6 +110,39 @@ class PayloadDesk:
             data = scene.held(segment, encoding, chunk.offset, chunk.length)
             return None if data is None else memoryview(data)
         return file_range if as_file else read_cached(file_range)
+
+    def payloads(
+        self, chunks: Sequence[SendChunk], encoding: str, room: ReadBuffer, *, as_file: bool
+    ) -> tuple[list[PayloadRange | memoryview], int]:
+        """Return what :meth:`chunk_data` has of some chunks, up to the first that takes a wait.
+
+        Segments that were never sent and are in the page cache are compared first, through *room*,
+        `COMPARED_AT_ONCE` at most.
+
+        Returns
+        -------
+        payloads : list
+        compared : int
+            How many segments were.
+        """
+        payloads: list[PayloadRange | memoryview] = []
+        compared = 0
+        for chunk in chunks:
+            if not self._scene.is_verified(chunk.segment, encoding):
+                if compared == COMPARED_AT_ONCE or not self._compare(chunk, encoding, room):
+                    break
+                compared += 1
+            payload = self.chunk_data(chunk, encoding, as_file=as_file)
+            if payload is None:
+                break
+            payloads.append(payload)
+        return payloads, compared
+
+    def _compare(self, chunk: SendChunk, encoding: str, room: ReadBuffer) -> bool:
+        """Compare a segment that is at hand; what is wrong, a thread finds, and tells."""
+        where = self._scene.payload_range(chunk.segment, encoding, 0, chunk.total)
+        data = None if where is None else room.at_hand(where)
+        return data is not None and self._scene.compare(chunk.segment, encoding, data)
 
     async def fetch(self, chunk: SendChunk, encoding: str, following: Sequence[int] = ()) -> None:
         """Bring the chunk's bytes into memory, and compare the segment's hash unless that was done.

@@ -155,6 +155,7 @@ class BoundedPeer(WebSocketsSansIOProtocol):
         """Note that the session is open: from here on the bounds of a client hold."""
         self.is_let_in = True
         self.account.address = self._counted
+        self.turns.come(self.account)
         self._in_vain = False
         for name in ("request", "response"):  # 4 KB that nobody asks for any more
             handshake = vars(self).pop(name, None)
@@ -184,6 +185,8 @@ class BoundedPeer(WebSocketsSansIOProtocol):
     def connection_lost(self, exc: Exception | None) -> None:
         """Drop what waits and count the connection out of its address."""
         self._cutter.clear()
+        if self.is_let_in:
+            self.turns.leave(self.account)
         if self._entrance is not None and self._counted is not None:
             addresses = self._entrance.addresses
             addresses.leave(self._counted)

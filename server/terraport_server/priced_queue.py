@@ -39,6 +39,11 @@ class Account:
         """Book what a turn cost."""
         self.finish += cost
 
+    def go_on_from(self, other: Account) -> None:
+        """Have used, and owe, what another account has and does."""
+        self.finish, self.is_in_debt = other.finish, other.is_in_debt
+        self._debt_s, self._owed_s = other._debt_s, other._owed_s
+
     def owe(self, took_s: float, now_s: float, free_share: float, free_s: float) -> bool:
         """Book the time that a turn took; return whether it is more than is free by now.
 
@@ -115,6 +120,10 @@ class PricedQueue(Generic[T]):
         It may turn out to be another's, where that account has paid since it was put in.
         """
         return self._entries[0][3]
+
+    def is_behind(self, account: Account) -> bool:
+        """Return whether an account has used more than a new one would start with."""
+        return account.finish > self._now - self._lead
 
     def skip(self, account: Account) -> None:
         """Note that an account's turn is now, where nobody waits."""

@@ -31,6 +31,20 @@ class ReadBuffer:
     def __init__(self, size: int) -> None:
         self._room = memoryview(bytearray(size))
 
+    def at_hand(self, file_range: PayloadRange) -> memoryview | None:
+        """Return all bytes of a range that fits in here, if no disk is waited for; else None.
+
+        Good until the next call. Always None where the system cannot tell beforehand.
+        """
+        room = self._room[: file_range.length]
+        if not _NOWAIT or len(room) < file_range.length:
+            return None
+        try:
+            got = os.preadv(file_range.descriptor, [room], file_range.offset, _NOWAIT)
+        except OSError:  # a wait, not on this file system, or the disk fails: a thread finds out
+            return None
+        return room if got == len(room) else None
+
     def fill(
         self, payloads: Sequence[PayloadRange | memoryview], *, fetched: bool
     ) -> list[memoryview]:

@@ -15,8 +15,10 @@ import logging
 from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Literal
+from time import thread_time
+from typing import Final, Literal, TypeVar
 
+from terraport_server.descriptors import most_packs
 from terraport_server.errors import UnknownSceneError
 from terraport_server.logs import log
 from terraport_server.scene_roots import FolderRoot, Look, SceneRoot
@@ -29,6 +31,11 @@ from terraport_store import (
 )
 
 __all__ = ["SceneRegistry"]
+
+_LOOK_SHARE: Final = 0.05
+"""Of a core, that looks at the root may take: their thread keeps the interpreter from the loop."""
+
+T = TypeVar("T")
 
 
 class SceneRegistry:
@@ -70,6 +77,8 @@ class SceneRegistry:
         self._stamps: dict[str, Hashable] = {}
         self._label_stamps: dict[str, Hashable | None] = {}
         self._labels: dict[str, KeptLabels] = {}
+        self._look_cpu_s = 0.0
+        """What the last look at the root took."""
 
     def ids(self) -> list[str]:
         """Ids of the scenes that are served, ascending."""
@@ -123,12 +132,16 @@ class SceneRegistry:
         StoreError, OSError
             When the scenes cannot be listed; everything stays as it is.
         """
-        looks = await asyncio.to_thread(self.root.look)
+        looks, self._look_cpu_s = await asyncio.to_thread(_timed, self.root.look)
         for scene_id, seen in looks.items():
             await self._refresh_labels(scene_id, seen)
             if self._stamps.get(scene_id) == seen.manifest:
                 continue
             self._stamps[scene_id] = seen.manifest
+            full = self._is_full()
+            if full is not None:
+                log("scene not opened", level=logging.ERROR, scene=scene_id, reason=full)
+                continue
             try:
                 served = await asyncio.to_thread(
                     ServedScene.open,
@@ -161,9 +174,9 @@ class SceneRegistry:
         self.building = await asyncio.to_thread(self.root.building)
 
     async def watch(self, period_s: float) -> None:
-        """Refresh again and again until cancelled."""
+        """Refresh again and again until cancelled; less often where a look takes long."""
         while True:
-            await asyncio.sleep(period_s)
+            await asyncio.sleep(max(period_s, self._look_cpu_s / _LOOK_SHARE))
             try:
                 await self.refresh()
             except (StoreError, OSError) as error:
@@ -180,6 +193,20 @@ class SceneRegistry:
         self._retired.clear()
         self.root.close()
         self._readers.shutdown(wait=False)  # what it still reads holds its scene
+
+    def _is_full(self) -> str | None:
+        """Return why no other scene can be opened, or None: connections need descriptors, too."""
+        most = most_packs()
+        if self.root.fetch_threads or most is None:  # packs in object storage are no open files
+            return None
+        scenes = [*self._current.values(), *self._retired]
+        count = sum(len(served.scene.manifest.encodings) for served in scenes if not served.closed)
+        if count < most:
+            return None
+        return (
+            f"{count} packs are open, expected fewer than {most}, half of the files that this "
+            "process may open; raise that limit and start again"
+        )
 
     def _take(self, served: ServedScene) -> None:
         old = self._current.get(served.id)
@@ -220,3 +247,9 @@ class SceneRegistry:
         for served in [*self._current.values(), *self._retired]:
             if served.id == scene_id:
                 served.use_labels(kept)
+
+
+def _timed(work: Callable[[], T]) -> tuple[T, float]:
+    """Return what *work* returns and the CPU seconds that its thread took for it."""
+    began_s = thread_time()
+    return work(), thread_time() - began_s

@@ -35,7 +35,7 @@ from terraport_server.session_clock import SessionClock
 from terraport_server.signals import Signal
 from terraport_server.transport import MAX_FRAMES, connection_of
 from terraport_server.turns import Pause, Rank, Turns, rank_of
-from terraport_store import CorruptPayloadError, PayloadRange, StoreError
+from terraport_store import CorruptPayloadError, StoreError
 from terraport_wire import (
     MAX_CHUNK_BYTES,
     DecodeError,
@@ -52,6 +52,9 @@ __all__ = ["LARGEST_BATCH_BYTES", "Sender", "SenderLimits"]
 
 LARGEST_BATCH_BYTES: Final = 4 * MAX_CHUNK_BYTES
 """Of payload in one call, and less than a chunk: still in the processor's cache when it is sent."""
+
+_COMPARED_AS_BYTES: Final = 16 << 10
+"""Of a turn: as many bytes are sent while one segment is compared that was never sent."""
 
 _ALL_TOLD: Final = 1 << 62
 """Bytes ahead of a landing whose every segment the desk has heard of."""
@@ -268,9 +271,10 @@ class Sender:
         left_bytes = self._limits.max_burst_bytes
         has_room = connection.is_clear
         while has_room:
-            chunks, frames = self._next_frames(min(self._batch_bytes, left_bytes))
+            chunks, frames, compared = self._next_frames(min(self._batch_bytes, left_bytes))
             if not frames:
                 return None
+            left_bytes -= compared * _COMPARED_AS_BYTES
             sent = connection.send_frames(frames)
             left_bytes -= self._note_sent(chunks[:sent])
             has_room = connection.is_clear
@@ -285,28 +289,24 @@ class Sender:
 
     def _next_frames(
         self, most_bytes: int
-    ) -> tuple[list[SendChunk], list[tuple[bytes, memoryview]]]:
-        """Make frames of the next chunks; none where something else comes first."""
+    ) -> tuple[list[SendChunk], list[tuple[bytes, memoryview]], int]:
+        """Make frames of the next chunks, none where others come first; count compared segments."""
         session, desk, connection = self.session, self._served.desk, self._connection
         chunks = session.next_chunks(most_bytes)[:MAX_FRAMES]
         if not chunks:
-            return [], []
+            return [], [], 0
         if chunks[0].segment == self._failed:
             self._failed = None
             self._ahead_bytes -= chunks[0].total - chunks[0].offset
             session.payload_failed(chunks[0], monotonic())
-            return [], []
+            return [], [], 0
         if desk.ahead_bytes:
             self._look_ahead(chunks[0])
         is_direct = connection is not None and connection.is_direct
-        payloads: list[PayloadRange | memoryview] = []
-        for chunk in chunks:
-            payload = desk.chunk_data(chunk, session.encoding, as_file=is_direct)
-            if payload is None:
-                break
-            payloads.append(payload)
+        room, encoding = self._read_buffer, session.encoding
+        payloads, compared = desk.payloads(chunks, encoding, room, as_file=is_direct)
         # In here bytes stay only until the next call: for a socket that takes them at once.
-        views = self._read_buffer.fill(payloads, fetched=chunks[0] == self._fetched)
+        views = room.fill(payloads, fetched=chunks[0] == self._fetched)
         if not views:
             self._absent = chunks[0]
         frames = []
@@ -317,7 +317,7 @@ class Sender:
                 generation=generation, segment=segment, offset=offset, total=total, length=length
             )
             frames.append((header, view))
-        return chunks, frames
+        return chunks, frames, compared
 
     def _note_sent(self, chunks: list[SendChunk]) -> int:
         """Book chunks as sent, the last one perhaps in part; return their bytes."""
@@ -345,7 +345,7 @@ class Sender:
         """Take a turn and send afterwards: for a connection that cannot send without waiting."""
 
     async def _send_plainly(self) -> None:
-        chunks, frames = self._next_frames(1)
+        chunks, frames, _ = self._next_frames(1)
         if frames:
             header, payload = frames[0]
             self._note_sent(chunks[:1])

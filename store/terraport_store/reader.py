@@ -287,14 +287,25 @@ class Scene:
             raise IndexError(f"segment {segment_id}, expected 0 to {len(index) - 1}")
         offset = int(index.offset[segment_id])
         data = self._sources[encoding].read(offset, int(index.length[segment_id]))
-        verified = self._verified[encoding]
-        if verify and (recheck or not verified[segment_id]):
-            expected, actual = int(index.xxh3[segment_id]), xxhash.xxh3_64_intdigest(data)
-            verified[segment_id] = actual == expected
+        if verify and (recheck or not self._verified[encoding][segment_id]):
+            expected, actual = self._compare(segment_id, encoding, data)
             if actual != expected:
                 pack = self._relative(self.manifest.encodings[encoding].pack)
                 raise CorruptPayloadError(segment_id, offset, expected, actual, file=pack)
         return data
+
+    def compare(self, segment_id: int, encoding: str, data: bytes | memoryview) -> bool:
+        """Compare a whole payload that the caller has read with its hash, as :meth:`payload` does.
+
+        Never waits: 0.02 ms a megabyte. Raises as :meth:`is_verified`.
+
+        Returns
+        -------
+        bool
+            Whether it is right; :meth:`is_verified` says so from then on.
+        """
+        expected, actual = self._compare(segment_id, encoding, data)
+        return actual == expected
 
     def is_verified(self, segment_id: int, encoding: str = "glb") -> bool:
         """Tell whether :meth:`payload` found the segment's hash right when it last looked.
@@ -409,6 +420,13 @@ class Scene:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _compare(self, segment_id: int, encoding: str, data: bytes | memoryview) -> tuple[int, int]:
+        """Note whether a payload has its hash; return the one that it should have, and has."""
+        expected = int(self._indexes[encoding].xxh3[segment_id])
+        actual = xxhash.xxh3_64_intdigest(data)
+        self._verified[encoding][segment_id] = actual == expected
+        return expected, actual
 
     def _payload_range(self, segment_id: int, encoding: str) -> tuple[int, int]:
         index = self._indexes[encoding]

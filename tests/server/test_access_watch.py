@@ -195,6 +195,27 @@ def test_a_file_that_is_being_written_is_not_read(server: BackgroundServer, toke
     assert withdrawn(server, "revoked") == 0
 
 
+def test_a_file_that_is_written_again_and_again_is_read(
+    server: BackgroundServer, tokens: Path
+) -> None:
+    """By a job that goes wild, twenty times a second: nobody could be locked out any more."""
+    with session(server, BOB) as bob:
+        bob.hello()
+        number = 0
+
+        def is_out() -> bool:
+            nonlocal number
+            number += 1
+            new = tokens.with_suffix(".new")
+            new.write_text(f"# {number}\nanna {ANNA}\n")
+            new.replace(tokens)
+            return withdrawn(server, "revoked") == 1
+
+        eventually(is_out)
+        assert opens(server, ANNA) == 200
+    assert opens(server, BOB) == 401
+
+
 def test_keys_are_changed_without_cutting_anybody_off(server: BackgroundServer, keys: Path) -> None:
     newer = new_key("k2", "HS256")
     with session(server, token()) as client:

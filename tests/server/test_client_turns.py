@@ -106,6 +106,38 @@ def test_eight_of_one_address_have_together_what_one_has(address: str | None, le
     assert least <= got <= 120 if address else got <= 50
 
 
+def test_who_comes_anew_for_each_landing_goes_on_with_what_was_used() -> None:
+    """A new account each time had what newcomers have free: a wide plan each, ahead of others."""
+
+    async def story() -> list[str]:
+        turns, order, all_left_once = ClientTurns(), list[str](), asyncio.Event()
+
+        async def come_and_go() -> None:
+            for _ in range(6):
+                account = Account()
+                account.address = "127.0.0.2"
+                turns.come(account)
+                await turns.take(account, plan(order, "wide", 40 * LEAST_COST))
+                turns.leave(account)
+                if len(order) == 8:
+                    all_left_once.set()
+
+        async def land() -> None:
+            account = Account()
+            account.address = "127.0.0.3"
+            await all_left_once.wait()
+            for _ in range(4):
+                await turns.take(account, plan(order, "narrow", 0))
+
+        await asyncio.gather(*(come_and_go() for _ in range(8)), land())
+        return order
+
+    order = asyncio.run(story())
+    last = max(at for at, name in enumerate(order) if name == "narrow")
+    assert order.count("wide") == 48
+    assert order[8 : last + 1].count("wide") <= 4, order
+
+
 def test_idle_time_earns_nothing() -> None:
     """Who was away for long gets the next turn, and not all of the following ones."""
 

@@ -21,7 +21,7 @@ print(resource.getrlimit(resource.RLIMIT_NOFILE)[0])
 
 @pytest.mark.parametrize(
     ("hard", "connections", "granted", "warns"),
-    [(4000, 1024, 2304, False), (1000, 1024, 1000, True), (4000, 10, 300, False)],
+    [(4000, 1024, 4000, False), (1000, 1024, 1000, True), (4000, 10, 4000, False)],
 )
 def test_room_is_made_as_far_as_allowed(
     hard: int, connections: int, granted: int, warns: bool

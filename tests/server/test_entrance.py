@@ -39,6 +39,32 @@ def test_one_step_of_all_strangers_in_a_step_of_the_loop() -> None:
     assert done[:6] == ["a0", "b0", "a1", "b1", "a2", "a3"]
 
 
+def test_whoever_asks_where_nobody_does_has_his_step_at_once() -> None:
+    """And all others in later steps of the loop, one in each, their addresses in turn."""
+    done: list[str] = []
+
+    async def work() -> None:
+        entrance = Entrance("", MAX_BYTES)
+
+        async def turn(name: str) -> None:
+            await entrance.turn(name[0])
+            done.append(name)
+
+        entrance.ask("a", lambda: done.append("a0"))
+        assert done == ["a0"]
+        turns = [asyncio.create_task(turn(name)) for name in ("a1", "a2", "a3", "b1")]
+        given_up = asyncio.create_task(entrance.turn("c"))
+        await asyncio.sleep(0)
+        given_up.cancel()
+        await asyncio.gather(*turns)
+        for _ in range(2):
+            await asyncio.sleep(0)
+        entrance.ask("a", lambda: done.append("a4"))
+
+    asyncio.run(work())
+    assert done == ["a0", "a1", "a2", "b1", "a3", "a4"]
+
+
 def test_a_step_that_fails_stops_nobody() -> None:
     done: list[int] = []
 

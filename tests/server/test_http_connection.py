@@ -17,7 +17,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer
-from terraport_server.bounded_requests import MAX_HEADERS
+from terraport_server.bounded_requests import MAX_HEADERS, BoundedRequests
 from terraport_server.small_reads import READ_BYTES
 
 HOST = b"Host: localhost\r\n"
@@ -342,3 +342,35 @@ def test_an_address_that_connects_and_leaves_again_and_again(folder: Path) -> No
                 raw.sendall(b"GET /healthz HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n")
                 answered += answer(raw).startswith(b"HTTP/1.1 200")
         assert 10 <= answered <= 20
+
+
+def test_one_first_request_is_taken_apart_in_a_step_of_the_loop(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What came at once on many connections was, at once: .3 ms each before anybody's turn."""
+    many, step, parsed, parse = 8, 0, list[int](), BoundedRequests._parse_piece
+
+    def count(connection: BoundedRequests) -> None:
+        parsed.append(step)
+        parse(connection)
+
+    with BackgroundServer(folder, forwarded_allow_ips="") as server, ExitStack() as stack:
+        loop = server._server._loop
+        assert loop is not None
+
+        def tick() -> None:
+            nonlocal step
+            step += 1
+            if len(parsed) < many:
+                loop.call_soon(tick)
+
+        raws = [stack.enter_context(connect(server)) for _ in range(many)]
+        eventually(lambda: open_connections(server) == many)
+        monkeypatch.setattr(BoundedRequests, "_parse_piece", count)
+        loop.call_soon_threadsafe(tick)
+        loop.call_soon_threadsafe(time.sleep, 0.2)  # until all of them have been sent
+        for raw in raws:
+            raw.sendall(b"GET /healthz HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n")
+        for raw in raws:
+            assert b" 200 " in answer(raw)
+    assert len(set(parsed)) == many, f"a step of the loop each, got {parsed}"

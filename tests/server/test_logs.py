@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import logging
 
@@ -57,6 +58,21 @@ def test_the_level_counts(capsys: pytest.CaptureFixture[str]) -> None:
     log("quiet")
     assert capsys.readouterr().err == ""
     assert not LOGGER.isEnabledFor(logging.INFO)
+
+
+@pytest.mark.usefixtures("logging_as_it_was")
+def test_requests_that_are_cut_off_leave_no_traces(capsys: pytest.CaptureFixture[str]) -> None:
+    """A service that was stopped with 80 requests under way wrote 280 KB."""
+    configure_logging("info", "text")
+    uvicorn = logging.getLogger("uvicorn.error")
+    for fault in (asyncio.CancelledError("Task cancelled"), ValueError("of our own")):
+        try:
+            raise fault
+        except (asyncio.CancelledError, ValueError) as error:
+            uvicorn.error("Exception in ASGI application", exc_info=error)
+    lines = capsys.readouterr().err
+    assert lines.count("Exception in ASGI application") == 1
+    assert "of our own" in lines
 
 
 def test_once_per_minute_and_bounded() -> None:

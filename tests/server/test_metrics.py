@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,8 +14,10 @@ from prometheus_client.parser import text_string_to_metric_families
 from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient
 
-from terraport_server import BackgroundServer
+from terraport_server import BackgroundServer, Settings
 from terraport_server.metrics import MAX_SCENE_LABELS, Metrics
+from terraport_server.rate import RateLimit
+from terraport_server.service import METRIC_PAGES_PER_S, Service
 from terraport_wire import Bye, Credit, Land, Plan, Ready
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "topics" / "metrics.md"
@@ -49,6 +52,30 @@ def test_the_page_lists_every_metric_with_its_type_and_labels() -> None:
             suffix = "_total" if metric.type == "counter" else ""
             metrics[metric.name + suffix] = (metric.type, sorted(family._labelnames))
     assert listed == {name: row for name, row in metrics.items() if name.startswith("terraport_")}
+
+
+def test_asked_again_and_again_few_pages_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each took 2 ms of the event loop, of every process, as often as anybody asked."""
+
+    async def story() -> list[bytes]:
+        pages = [await service.render_metrics() for _ in range(300)]
+        clock_s[0] += 1.0
+        return [*pages, await service.render_metrics()]
+
+    service, clock_s, written = Service(Settings(scenes_dir=tmp_path)), [1e6], list[int]()
+    service._metric_pages = RateLimit(METRIC_PAGES_PER_S, now_s=clock_s[0])
+    monkeypatch.setattr("terraport_server.service.time.monotonic", lambda: clock_s[0])
+
+    def write() -> bytes:
+        written.append(0)
+        return b"page %d" % len(written)
+
+    monkeypatch.setattr(service.metrics, "render", write)
+    pages = asyncio.run(story())
+    assert len(written) == 101
+    assert pages[99:] == [b"page 100"] * 201 + [b"page 101"]
 
 
 def test_scene_labels_are_bounded() -> None:

@@ -13,6 +13,8 @@ import pytest
 from server.grid_scene import GridScene, write_grid_scene
 
 from terraport_server.actions import SendChunk
+from terraport_server.payload_desk import COMPARED_AT_ONCE
+from terraport_server.read_buffer import ReadBuffer
 from terraport_server.served_scene import ServedScene
 from terraport_store import CorruptPayloadError, PayloadRange, RangeError
 
@@ -178,6 +180,54 @@ def test_what_follows_is_compared_together(pit: GridScene) -> None:
             assert readers.jobs == 2, "the first, and all others"
             served.retire()
             assert served.closed
+
+    asyncio.run(story())
+
+
+def test_what_is_in_the_page_cache_waits_for_no_thread(tmp_path: Path) -> None:
+    """Beside picks each job for a thread was a wait for the interpreter, of up to 40 ms."""
+
+    class NoThreads(ThreadPoolExecutor):
+        def submit(self, *_: Any, **__: Any) -> Any:
+            raise AssertionError("a job for a thread, expected none")
+
+    async def story() -> None:
+        pit = write_grid_scene(tmp_path / "pit", cells=4)
+        with NoThreads(1) as readers:
+            served = ServedScene.open("pit", pit.path, "file", readers)
+            room, count = ReadBuffer(1 << 20), len(pit.payloads)
+            assert count == COMPARED_AT_ONCE + 4
+            chunks = [whole(pit, segment) for segment in range(count)]
+            payloads, compared = served.desk.payloads(chunks, "glb", room, as_file=True)
+            assert (len(payloads), compared) == (COMPARED_AT_ONCE, COMPARED_AT_ONCE)
+            payloads, compared = served.desk.payloads(chunks, "glb", room, as_file=True)
+            assert (len(payloads), compared) == (count, 4), "no segment is compared twice"
+            views = room.fill(payloads, fetched=False)
+            assert [bytes(view) for view in views] == list(pit.payloads)
+            served.retire()
+
+    asyncio.run(story())
+
+
+def test_nothing_wrong_or_too_long_is_handed_out_by_the_loop(tmp_path: Path) -> None:
+    async def story() -> None:
+        pit = write_grid_scene(tmp_path / "pit", cells=4)
+        served = opened(pit)
+        where = served.scene.payload_range(2, "glb", 0, 1)
+        assert where is not None
+        pack = next(pit.path.glob("v-*/*.pack"))
+        data = bytearray(pack.read_bytes())
+        data[where.offset + 9] ^= 1
+        pack.write_bytes(data)
+        chunks = [whole(pit, segment) for segment in range(4)]
+        payloads, _ = served.desk.payloads(chunks, "glb", ReadBuffer(1 << 20), as_file=True)
+        assert len(payloads) == 2
+        assert not served.scene.is_verified(2, "glb")
+        with pytest.raises(CorruptPayloadError, match="segment 2 has hash"):
+            await served.desk.fetch(chunks[2], "glb")
+        small = ReadBuffer(len(pit.payloads[3]) - 1)
+        assert served.desk.payloads(chunks[3:], "glb", small, as_file=True) == ([], 0)
+        served.retire()
 
     asyncio.run(story())
 

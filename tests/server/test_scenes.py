@@ -68,6 +68,25 @@ def test_one_scene_may_be_the_directory(tmp_path: Path) -> None:
     asyncio.run(story())
 
 
+def test_scenes_leave_descriptors_for_connections(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    """With 3,000 scenes and a limit of 2,304 open files nobody could connect any more."""
+
+    async def story() -> None:
+        for name in "abc":
+            write_grid_scene(tmp_path / name, cells=2)
+        packs = len(write_grid_scene(tmp_path / "d", cells=2).manifest.encodings)
+        monkeypatch.setattr("terraport_server.scenes.most_packs", lambda: 2 * packs)
+        registry = SceneRegistry(tmp_path)
+        await registry.refresh()
+        assert registry.ids() == ["a", "b"]
+        registry.close()
+
+    asyncio.run(story())
+    assert caplog.text.count("scene not opened") == 2
+
+
 def test_lines_about_failures_are_few(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Of a pack that is gone each landing meets some segments: it was a line for each."""
 

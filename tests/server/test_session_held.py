@@ -10,6 +10,7 @@ import dataclasses
 from typing import Any
 
 import numpy as np
+import pytest
 from server.session_model import (
     aim,
     assert_fatal,
@@ -51,6 +52,30 @@ def test_offered_segments_are_accepted_by_hash() -> None:
     plan = client.run()[0]
     assert plan.keep.tolist() == [1]
     assert plan.load["id"].tolist() == [0, 2]
+
+
+def test_tables_in_order_are_not_sorted(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each was five times, for .4 ms of the event loop."""
+    client = make_client()
+    sorts: list[int] = []
+    sort = np.sort
+
+    def count(array: Any, *arguments: Any, **options: Any) -> Any:
+        sorts.append(len(array))
+        return sort(array, *arguments, **options)
+
+    table = np.zeros(MAX_HELD_SEGMENTS, dtype=HELD_DTYPE)
+    table["id"] = np.arange(MAX_HELD_SEGMENTS)
+    shuffled = np.random.default_rng(20).permutation(table)
+    monkeypatch.setattr(np, "sort", count)
+    client.tell(Held(segments=table))
+    (checked,) = client.run()
+    assert isinstance(checked, HeldChecked)
+    assert len(checked.dropped) == MAX_HELD_SEGMENTS
+    assert sorts == []
+    client.tell(Held(segments=shuffled))
+    client.run()
+    assert sorts == [MAX_HELD_SEGMENTS] * 2, "to find an id twice, and for the answer"
 
 
 def test_evicted_segments_are_loaded_again() -> None:
