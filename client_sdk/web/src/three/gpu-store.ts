@@ -78,6 +78,16 @@ export class GpuStore {
     gl.bindBuffer(gl.COPY_WRITE_BUFFER, null);
   }
 
+  /** Copy between two buffers for vertices; indices go between no others. */
+  copyBuffer(from: GpuBuffer, fromOffset: number, to: GpuBuffer, toOffset: number, bytes: number): void {
+    const gl = this.#gl;
+    gl.bindBuffer(gl.COPY_READ_BUFFER, from.buffer);
+    gl.bindBuffer(gl.COPY_WRITE_BUFFER, to.buffer);
+    gl.copyBufferSubData(gl.COPY_READ_BUFFER, gl.COPY_WRITE_BUFFER, fromOffset, toOffset, bytes);
+    gl.bindBuffer(gl.COPY_READ_BUFFER, null);
+    gl.bindBuffer(gl.COPY_WRITE_BUFFER, null);
+  }
+
   freeBuffer(target: GpuBuffer): void {
     this.#gl.deleteBuffer(target.buffer);
     this.bufferBytes -= target.bytes;

@@ -13,6 +13,11 @@ export const MODE_NUMBER = {
   names: 6,
 } as const;
 
+/** Most ranges of a page of segments: their traits are 192 of the 256 vectors that WebGL 2 promises a vertex shader. */
+export const MAX_RANGES = 64;
+/** Vectors of four of a range: translation and step; scales of image and measure; colour of its segment and whether it is fresh. */
+export const TRAIT_VECTORS = 3;
+
 /** How much of the shape's light is laid over the survey's own colours. */
 export const TINT_RELIEF = 0.35;
 
@@ -32,16 +37,26 @@ in vec2 spot;
 in vec2 region;
 in vec2 measure;
 
+#ifdef PAGED
+#ifndef GL_ANGLE_multi_draw
+// Then three.js draws range by range, and says which here.
+#define gl_DrawID _gl_DrawID
+uniform int _gl_DrawID;
+#endif
+uniform vec4 traits[${MAX_RANGES * TRAIT_VECTORS}];
+flat out vec4 vSegment;
+#else
 uniform vec3 translation;
 uniform float stepM;
+uniform vec2 uvScale;
+uniform vec2 measureScale;
+#endif
 uniform vec3 eyeCoarse;
 uniform vec3 eyeFine;
 uniform float pushM;
-uniform vec2 uvScale;
 uniform int mode;
 uniform bool hasMap;
 uniform sampler2D map;
-uniform vec2 measureScale;
 #ifdef MINIATURE
 uniform float modelScale;
 #endif
@@ -56,6 +71,16 @@ flat out float vRegion;
 invariant gl_Position;
 
 void main() {
+#ifdef PAGED
+  // What differs between the segments of a page, by the number of the range.
+  vec4 grid = traits[${TRAIT_VECTORS} * gl_DrawID];
+  vec4 scales = traits[${TRAIT_VECTORS} * gl_DrawID + 1];
+  vec3 translation = grid.xyz;
+  float stepM = grid.w;
+  vec2 uvScale = scales.xy;
+  vec2 measureScale = scales.zw;
+  vSegment = traits[${TRAIT_VECTORS} * gl_DrawID + 2];
+#endif
   vec3 place = translation + stepM * code.xyz;
   vec3 away = (place - eyeCoarse) - eyeFine;
 #ifdef MINIATURE
@@ -99,6 +124,9 @@ in vec2 vSpot;
 in vec2 vMeasure;
 in vec2 vPlan;
 flat in float vRegion;
+#ifdef PAGED
+flat in vec4 vSegment;
+#endif
 
 uniform int mode;
 uniform bool hasMap;
@@ -107,7 +135,6 @@ uniform bool hasRegion;
 uniform bool hasMeasure;
 uniform sampler2D map;
 uniform sampler2D regionColours;
-uniform vec3 segmentColour;
 uniform vec3 noValue;
 uniform vec3 plain;
 uniform vec2 measureRange;
@@ -176,7 +203,11 @@ void main() {
       colour = own.a > 0.5 ? own.rgb : colour;
     }
   } else if (mode == ${MODE_NUMBER.segments}) {
-    colour = side < 1 ? paled() : segmentColour;
+#ifdef PAGED
+    colour = vSegment.rgb;
+#else
+    colour = paled();
+#endif
   } else if (mode == ${MODE_NUMBER.attribute}) {
     colour = noValue;
     strength *= 0.6; // Dark must remain "little of it".
@@ -204,7 +235,9 @@ void main() {
       colour = mix(colour, name.rgb * mix(1.0, light, 0.8 * relief), isGap ? 0.08 : taughtShare);
     }
   }
-  colour = mix(colour, freshColour, fresh);
+#ifdef PAGED
+  colour = mix(colour, freshColour, fresh * vSegment.a);
+#endif
   outColour = linearToOutputTexel(vec4(colour, 1.0));
 }
 `;

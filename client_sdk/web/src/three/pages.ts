@@ -1,0 +1,224 @@
+/**
+ * All pages of a stage: where a segment finds room, and which pages are moved together.
+ *
+ * A page is as large as what its landing still brings of its form, and is never added to behind its end. What leaves it leaves
+ * its room behind, so pages less than half alive are moved together, and so are many small ones, which aims leave. Each move is
+ * one segment, copied on the GPU and drawn from its new place in the same frame: the picture is the same before and after.
+ */
+
+import type { Group } from "three";
+
+import { gpuBytesOf, MAX_PAGE_VERTICES, pageBytes } from "../core/gpu-budget.ts";
+import type { MeshData } from "../core/types.ts";
+import type { GpuStore } from "./gpu-store.ts";
+import type { GroundMaterial } from "./ground-material.ts";
+import { MAX_RANGES } from "./ground-shader.ts";
+import { layoutOf, MeshRoom, type RoomLayout, roomBytes, type VertexPart } from "./mesh-room.ts";
+import { Page, type PageRange } from "./page.ts";
+
+/** Pages with less of their bytes alive are moved (decision 131: 1.4 to 1.5 times the room, 0.3 bytes moved for each uploaded). */
+const LEAST_LIVE_SHARE = 0.5;
+/** A page of so few segments is small, and so many small ones of a form are moved together: each is copied twice at most. */
+const SMALL_RANGES = 8;
+const SMALL_PAGES = 8;
+
+/** How large a mesh is that is still to come. */
+export interface ComingMesh {
+  readonly vertices: number;
+  readonly faces: number;
+}
+
+/** See the head of the file. Freed by `freeAll`, or range by range. */
+export class Pages {
+  readonly #parent: Group;
+  readonly #store: GpuStore;
+  readonly #material: GroundMaterial;
+  readonly #maxBytes: number;
+  readonly #pages = new Set<Page>();
+  #measureName: string | null = null;
+  #move: { readonly from: Page[]; readonly to: Page } | null = null;
+  /** Whether something left or came since the last look for what is to be moved. */
+  #isChanged = false;
+
+  /** @param maxBytes Most bytes of the whole store; beyond it pages are moved together however much of them is alive. */
+  constructor(parent: Group, store: GpuStore, material: GroundMaterial, maxBytes: number) {
+    this.#parent = parent;
+    this.#store = store;
+    this.#material = material;
+    this.#maxBytes = maxBytes;
+  }
+
+  get count(): number {
+    return this.#pages.size;
+  }
+
+  /** Pages that were not drawn yet. */
+  get coldCount(): number {
+    return [...this.#pages].filter((page) => !page.isWarm).length;
+  }
+
+  /** Whether `tidy` may have something to do. */
+  get isUntidy(): boolean {
+    return this.#isChanged || this.#move !== null;
+  }
+
+  /**
+   * Room for a mesh, in a page that is as large as what comes after it of its landing. Null where other pages have to be moved
+   * together before: `tidy` does it.
+   */
+  reserve(
+    id: number,
+    data: MeshData,
+    parts: readonly VertexPart[],
+    coming: () => Iterable<ComingMesh>,
+  ): PageRange | null {
+    const { vertexCount, indices } = data;
+    const layout = layoutOf(parts, indices);
+    // An image is a page's: of one segment.
+    const form = data.image === null ? layout.key : `image of ${id}`;
+    for (const page of this.#pages) {
+      if (page.form === form && !page.isClosed && page.hasRoom(vertexCount, indices.length)) {
+        return page.take(id, data);
+      }
+    }
+    const left = this.#maxBytes - pageBytes(layout.vertexBytes) - this.#store.bufferBytes - this.#store.textureBytes;
+    if (gpuBytesOf(data) > left && (this.#move !== null || this.#startMove(this.#mostWasteful()))) return null;
+    let [vertexRoom, indexRoom, count] = [vertexCount, indices.length, 1];
+    if (data.image === null) {
+      for (const { vertices, faces } of coming()) {
+        const bytes = roomBytes(layout, vertexRoom + vertices, indexRoom + 3 * faces);
+        if (vertexRoom + vertices > MAX_PAGE_VERTICES || count === MAX_RANGES || bytes > left) break;
+        vertexRoom += vertices;
+        indexRoom += 3 * faces;
+        count += 1;
+      }
+    }
+    return this.#make(layout, form, vertexRoom, indexRoom).take(id, data);
+  }
+
+  /** A range is whole: its page may be moved from now on. */
+  completed(range: PageRange): void {
+    range.isWhole = true;
+    range.page.look();
+    this.#isChanged = true;
+  }
+
+  /** Give a range back. Its page goes with its last. */
+  release(range: PageRange): void {
+    const { page } = range;
+    page.ranges.delete(range);
+    if (page.ranges.size > 0 || page === this.#move?.to) page.look();
+    else this.#free(page);
+    this.#isChanged = true;
+  }
+
+  /** One step of moving pages together, if there is anything to move. Returns its bytes, or 0. */
+  tidy(): number {
+    if (this.#move === null) {
+      if (!this.#isChanged) return 0;
+      this.#isChanged = this.#startMove(this.#sparse());
+      if (this.#move === null) return 0;
+      return 1;
+    }
+    const { from, to } = this.#move;
+    while (from[0] !== undefined && from[0].ranges.size === 0) {
+      if (this.#pages.has(from[0])) this.#free(from[0]);
+      from.shift();
+    }
+    const [range] = from[0]?.ranges ?? [];
+    if (range === undefined) {
+      if (to.ranges.size === 0) this.#free(to);
+      this.#move = null;
+      return 1;
+    }
+    return to.moveHere(range);
+  }
+
+  /** What was new in the last frame was drawn. */
+  endWarming(): void {
+    for (const page of this.#pages) if (!page.isWarm) page.endWarming();
+  }
+
+  /** For every page, and those to come. */
+  setMeasure(name: string | null): void {
+    this.#measureName = name;
+    for (const page of this.#pages) page.setMeasure(name);
+  }
+
+  /** Everything at once: what WebGL lost, or at the end. Ranges must be forgotten with it. */
+  freeAll(): void {
+    for (const page of [...this.#pages]) this.#free(page);
+    this.#move = null;
+    this.#isChanged = false;
+  }
+
+  #make(layout: RoomLayout, form: string, vertexRoom: number, indexRoom: number): Page {
+    const room = new MeshRoom(this.#store, layout, vertexRoom, indexRoom);
+    const page = new Page(room, form, vertexRoom, indexRoom, this.#material);
+    page.setMeasure(this.#measureName);
+    this.#pages.add(page);
+    this.#parent.add(page.mesh);
+    return page;
+  }
+
+  /** Pages of one form that are to become one: none where all is in order. */
+  #sparse(): Page[] {
+    const byForm = new Map<string, Page[]>();
+    for (const page of this.#pages) {
+      if (page.canMove) byForm.set(page.form, [...(byForm.get(page.form) ?? []), page]);
+    }
+    for (const pages of byForm.values()) {
+      const sparse = pages.filter((page) => page.live().bytes < LEAST_LIVE_SHARE * page.room.bytes);
+      const small = pages.filter((page) => isSmall(page));
+      const chosen = fitting([...new Set([...sparse, ...(small.length < SMALL_PAGES ? [] : small)])]);
+      if (chosen.length > 0) return chosen;
+    }
+    return [];
+  }
+
+  /** The page with most room for nothing. */
+  #mostWasteful(): Page[] {
+    let [most, found]: [number, Page | null] = [0, null];
+    for (const page of this.#pages) {
+      const waste = page.canMove ? page.room.bytes - page.live().bytes : 0;
+      if (waste > most) [most, found] = [waste, page];
+    }
+    return found === null ? [] : [found];
+  }
+
+  /** False where there is nothing to move. */
+  #startMove(from: Page[]): boolean {
+    const first = from[0];
+    if (first === undefined) return false;
+    const live = from.map((page) => page.live());
+    const vertices = live.reduce((sum, one) => sum + one.vertices, 0);
+    const indices = live.reduce((sum, one) => sum + one.indices, 0);
+    const to = this.#make(first.room.layout, first.form, vertices, indices);
+    // Neither takes a segment meanwhile: what is left is for what is moved.
+    for (const page of [...from, to]) page.isClosed = true;
+    this.#move = { from, to };
+    return true;
+  }
+
+  #free(page: Page): void {
+    this.#pages.delete(page);
+    page.free();
+  }
+}
+
+function isSmall(page: Page): boolean {
+  return page.ranges.size <= SMALL_RANGES && page.live().vertices * SMALL_PAGES <= MAX_PAGE_VERTICES;
+}
+
+/** As many of these as become one page, the smallest first. */
+function fitting(pages: Page[]): Page[] {
+  const sizes = new Map(pages.map((page) => [page, page.live().vertices]));
+  let [vertices, ranges] = [0, 0];
+  return pages
+    .sort((a, b) => sizes.get(a)! - sizes.get(b)!)
+    .filter((page) => {
+      vertices += sizes.get(page)!;
+      ranges += page.ranges.size;
+      return vertices <= MAX_PAGE_VERTICES && ranges <= MAX_RANGES;
+    });
+}
