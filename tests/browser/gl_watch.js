@@ -167,15 +167,18 @@
   wrap("bufferSubData", null, (_gl, _state, [, , data, , length]) => {
     uploaded += length ? length * data.BYTES_PER_ELEMENT : data.byteLength;
   });
-  const pixels = (width, height, levels) => {
+  const pixels = (width, height, levels, layers = 1) => {
     let bytes = 0;
     for (let level = 0; level < levels; level += 1) {
       bytes += 4 * Math.max(1, width >> level) * Math.max(1, height >> level);
     }
-    return bytes;
+    return layers * bytes;
   };
   wrap("texStorage2D", null, (_gl, state, [, levels, , width, height]) => {
     if (state.texture) grow(textures, state.texture, pixels(width, height, levels));
+  });
+  wrap("texStorage3D", null, (_gl, state, [, levels, , width, height, layers]) => {
+    if (state.texture) grow(textures, state.texture, pixels(width, height, levels, layers));
   });
   wrap("texImage2D", null, (_gl, state, args) => {
     if (!state.texture || args[1] !== 0) return;

@@ -5,11 +5,11 @@
  * A hidden face is three times vertex 0 in the list, so lists keep their length and only blocks that changed are written.
  */
 
-import { type BufferGeometry, type Camera, type GLBufferAttribute, Mesh } from "three";
+import { type BufferGeometry, type Camera, ExternalTexture, type GLBufferAttribute, Mesh } from "three";
 
 import { CoverCounters } from "../core/cover.ts";
 import type { SceneFiles } from "../core/types.ts";
-import type { GpuBuffer, GpuStore } from "./gpu-store.ts";
+import { type GpuBuffer, type GpuImages, type GpuStore, imageFormOf } from "./gpu-store.ts";
 import type { DrawFacts, GroundMaterial } from "./ground-material.ts";
 import { indexAttribute, layoutOf, MeshRoom, setMeasure, sphereOf, vertexParts } from "./mesh-room.ts";
 import { MeshUpload } from "./mesh-upload.ts";
@@ -49,6 +49,7 @@ export class BaseGround {
   readonly #counters: CoverCounters;
   /** Made by the first step: before, there may be no context. */
   #room: MeshRoom | null = null;
+  #images: GpuImages | null = null;
   #upload: MeshUpload | null = null;
   readonly #scratch: Uint16Array | Uint32Array;
   readonly #facts: DrawFacts;
@@ -156,7 +157,7 @@ export class BaseGround {
       }
     }
     if (!this.mesh.visible) {
-      this.#facts.map = this.#upload.map;
+      this.#facts.map = this.#images && new ExternalTexture(this.#images.texture);
       this.mesh.visible = true;
       return 1;
     }
@@ -260,6 +261,9 @@ export class BaseGround {
     this.#upload?.free();
     this.#room?.free();
     this.#room = null;
+    if (this.#images !== null) this.#store.freeImages(this.#images);
+    this.#images = null;
+    this.#facts.map?.dispose();
     this.mesh.visible = false;
     this.mesh.removeFromParent();
   }
@@ -302,7 +306,9 @@ export class BaseGround {
     const { base } = this.#files;
     const parts = vertexParts(base);
     this.#room = new MeshRoom(this.#store, layoutOf(parts, null), base.vertexCount, 0);
-    return new MeshUpload(this.#store, { room: this.#room, firstVertex: 0, firstIndex: null }, base, parts, true);
+    this.#images = base.image && this.#store.createImages(imageFormOf(base.image), 1);
+    const target = { room: this.#room, firstVertex: 0, firstIndex: null, images: this.#images, layer: 0 };
+    return new MeshUpload(this.#store, target, base, parts, true);
   }
 
   #makeGeometry(index: GLBufferAttribute): BufferGeometry {

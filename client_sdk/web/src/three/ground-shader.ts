@@ -15,7 +15,7 @@ export const MODE_NUMBER = {
 
 /** Most ranges of a page of segments: their traits are 192 of the 256 vectors that WebGL 2 promises a vertex shader. */
 export const MAX_RANGES = 64;
-/** Vectors of four of a range: translation and step; scales of image and measure; colour of its segment and whether it is fresh. */
+/** Vectors of four of a range: translation and step; scales of image and measure; colour of its segment, and layer and freshness. */
 export const TRAIT_VECTORS = 3;
 
 /** How much of the shape's light is laid over the survey's own colours. */
@@ -56,7 +56,7 @@ uniform vec3 eyeFine;
 uniform float pushM;
 uniform int mode;
 uniform bool hasMap;
-uniform sampler2D map;
+uniform sampler2DArray map;
 #ifdef MINIATURE
 uniform float modelScale;
 #endif
@@ -67,6 +67,7 @@ out vec2 vPlan;
 out vec2 vSpot;
 out vec2 vMeasure;
 flat out float vRegion;
+flat out float vLayer;
 
 invariant gl_Position;
 
@@ -79,7 +80,11 @@ void main() {
   float stepM = grid.w;
   vec2 uvScale = scales.xy;
   vec2 measureScale = scales.zw;
-  vSegment = traits[${TRAIT_VECTORS} * gl_DrawID + 2];
+  vec4 own = traits[${TRAIT_VECTORS} * gl_DrawID + 2];
+  vLayer = floor(own.w / 2.0);
+  vSegment = vec4(own.rgb, own.w - 2.0 * vLayer);
+#else
+  vLayer = 0.0;
 #endif
   vec3 place = translation + stepM * code.xyz;
   vec3 away = (place - eyeCoarse) - eyeFine;
@@ -104,7 +109,7 @@ void main() {
   vTint = tint.rgb;
   if (hasMap && mode == ${MODE_NUMBER["vertex-colour"]}) {
     // Textured payloads have no vertex colours. A mip that mixes no foreign chart stands in for them.
-    vTint = textureLod(map, vSpot, 3.0).rgb;
+    vTint = textureLod(map, vec3(vSpot, vLayer), 3.0).rgb;
   }
   vRegion = region.x;
   // 65535 means "no value"; a face with one such corner is grey.
@@ -124,6 +129,7 @@ in vec2 vSpot;
 in vec2 vMeasure;
 in vec2 vPlan;
 flat in float vRegion;
+flat in float vLayer;
 #ifdef PAGED
 flat in vec4 vSegment;
 #endif
@@ -133,7 +139,7 @@ uniform bool hasMap;
 uniform bool hasTint;
 uniform bool hasRegion;
 uniform bool hasMeasure;
-uniform sampler2D map;
+uniform sampler2DArray map;
 uniform sampler2D regionColours;
 uniform vec3 noValue;
 uniform vec3 plain;
@@ -173,7 +179,7 @@ vec3 alongRamp(int row, float share) {
 
 // The survey's own look, paled: for what a mode has no colour for, so that it stays ground.
 vec3 paled() {
-  vec3 own = hasMap ? texture(map, vSpot).rgb : hasTint ? vTint : plain;
+  vec3 own = hasMap ? texture(map, vec3(vSpot, vLayer)).rgb : hasTint ? vTint : plain;
   return mix(own, vec3(dot(own, vec3(0.2126, 0.7152, 0.0722))), 0.8);
 }
 
@@ -188,7 +194,7 @@ void main() {
   float strength = relief;
   if (mode == ${MODE_NUMBER.colour} || mode == ${MODE_NUMBER["vertex-colour"]}) {
     if (hasMap && mode == ${MODE_NUMBER.colour}) {
-      colour = texture(map, vSpot).rgb;
+      colour = texture(map, vec3(vSpot, vLayer)).rgb;
       strength *= mapRelief;
     } else if (hasTint || hasMap) {
       colour = vTint;

@@ -1,9 +1,7 @@
-/** One mesh on its way to the GPU: into a room of its own or a page's, and a texture, a slice at a time. */
-
-import { ExternalTexture } from "three";
+/** One mesh on its way to the GPU: into a room and a layer of its own or of a page's, a slice at a time. */
 
 import type { CompressedImage, MeshData, MeshImage } from "../core/types.ts";
-import type { GpuStore, GpuTexture } from "./gpu-store.ts";
+import type { GpuImages, GpuStore } from "./gpu-store.ts";
 import type { IndexArray, MeshRoom, VertexPart } from "./mesh-room.ts";
 
 /** Bytes of one slice: about 0.1 ms on a desktop, so a frame's budget is kept to within that. */
@@ -15,18 +13,19 @@ export interface UploadTarget {
   readonly firstVertex: number;
   /** Null: its indices are another matter, as the base's are. */
   readonly firstIndex: number | null;
+  /** Where its image goes; null for a mesh without one. */
+  readonly images: GpuImages | null;
+  readonly layer: number;
 }
 
-/** What is written of a mesh, and its texture. `step` until `isDone`; `free` once. */
+/** What is written of a mesh. `step` until `isDone`; `free` once. */
 export class MeshUpload {
-  map: ExternalTexture | null = null;
   readonly #store: GpuStore;
   readonly #target: UploadTarget;
   readonly #keepsImage: boolean;
   #image: MeshImage | null;
   #parts: readonly VertexPart[];
   #indices: IndexArray | null;
-  #texture: GpuTexture | null = null;
   #part = 0;
   /** Bytes of the part in hand, or indices, that are written. */
   #written = 0;
@@ -63,37 +62,28 @@ export class MeshUpload {
       return this.#stepIndices(this.#indices);
     }
     const image = this.#image;
-    if (!image) {
+    const { images, layer } = this.#target;
+    if (!image || !images) {
       this.#finish();
       return 0;
     }
-    if (!this.#texture) {
-      this.#texture = this.#store.createTexture(image);
-      return SLICE_BYTES;
-    }
     const { pixels } = image;
-    if ("levels" in pixels) return this.#stepLevel(this.#texture, pixels);
+    if ("levels" in pixels) return this.#stepLevel(images, pixels);
     if (this.#row < image.height) {
       // Whole rows, as WebGL writes rectangles; one at least, however wide the image is.
       const rows = Math.min(Math.max(Math.floor(SLICE_BYTES / (image.width * 4)), 1), image.height - this.#row);
-      this.#store.writeTextureRows(this.#texture, pixels, this.#row, rows);
+      this.#store.writeRows(images, layer, pixels, this.#row, rows);
       this.#row += rows;
       return rows * image.width * 4;
     }
     // At the end, of all rows: levels made before would show those that had not come.
-    this.#store.makeMips(this.#texture);
-    this.map = new ExternalTexture(this.#texture.texture);
+    this.#store.makeLevels(images, layer);
     this.#finish();
     return SLICE_BYTES;
   }
 
-  /** Give the texture back; the room is its owner's. An image that was not uploaded whole is closed too. */
+  /** Let go of an image that was not uploaded whole. Where it was going is its owner's. */
   free(): void {
-    if (this.#texture) {
-      this.#store.freeTexture(this.#texture);
-      this.#texture = null;
-    }
-    this.map?.dispose();
     this.#closeImage();
   }
 
@@ -112,14 +102,11 @@ export class MeshUpload {
   }
 
   /** A level at a time, the largest first: 1024 x 1024 compressed is 0.5 MB, less than its rows uncompressed. */
-  #stepLevel(texture: GpuTexture, pixels: CompressedImage): number {
+  #stepLevel(images: GpuImages, pixels: CompressedImage): number {
     const data = pixels.levels[this.#row]!;
-    this.#store.writeTextureLevel(texture, pixels, this.#row);
+    this.#store.writeLevel(images, this.#target.layer, pixels, this.#row);
     this.#row += 1;
-    if (this.#row === pixels.levels.length) {
-      this.map = new ExternalTexture(texture.texture);
-      this.#finish();
-    }
+    if (this.#row === pixels.levels.length) this.#finish();
     return data.byteLength;
   }
 

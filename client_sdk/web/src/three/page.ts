@@ -5,18 +5,20 @@
  * range by range from the same buffers. Ranges are looked through for each camera, so each eye draws what it sees.
  */
 
-import { BufferGeometry, type Camera, Frustum, type Material, Matrix4, Mesh, Sphere, type Texture } from "three";
+import { BufferGeometry, type Camera, ExternalTexture, Frustum, type Material, Matrix4, Mesh, Sphere } from "three";
 
 import type { MeshData } from "../core/types.ts";
+import type { GpuImages, GpuStore, ImageForm } from "./gpu-store.ts";
 import { type GroundMaterial, linear } from "./ground-material.ts";
 import { MAX_RANGES, TRAIT_VECTORS } from "./ground-shader.ts";
-import { type IndexArray, type MeshRoom, roomBytes, setMeasure, sphereOf } from "./mesh-room.ts";
+import { type IndexArray, MeshRoom, type RoomLayout, roomBytes, setMeasure, sphereOf } from "./mesh-room.ts";
 import { segmentColour } from "./palette.ts";
 
 const TRAITS = 4 * TRAIT_VECTORS;
-/** Within a range's traits: scale of the attribute in view; whether it is fresh. */
+/** Within a range's traits: scale of the attribute in view; colour of the segment; layer, and whether it is fresh. */
 const MEASURE_AT = 6;
-const FRESH_AT = 11;
+const COLOUR_AT = 8;
+const MARKS_AT = 11;
 
 /** A mesh that three.js takes for a `BatchedMesh`, whose own buffers and matrices ours have no use for. */
 export class PageMesh extends Mesh {
@@ -50,6 +52,8 @@ export class PageRange {
   page: Page;
   firstVertex: number;
   firstIndex: number;
+  #layer = 0;
+  #isFresh = false;
   /** Whether everything of it is on the GPU. */
   isWhole = false;
   #isShown = false;
@@ -63,7 +67,7 @@ export class PageRange {
     this.firstVertex = firstVertex;
     this.firstIndex = firstIndex;
     this.traits.set([...data.translation, data.stepM, ...data.uvScale, 0, 0]);
-    this.traits.set(linear(segmentColour(data.segment)).toArray(), FRESH_AT - 3);
+    this.traits.set(linear(segmentColour(data.segment)).toArray(), COLOUR_AT);
   }
 
   get isShown(): boolean {
@@ -76,42 +80,83 @@ export class PageRange {
     this.page.look();
   }
 
+  /** Of its image in the page's. */
+  get layer(): number {
+    return this.#layer;
+  }
+
+  set layer(layer: number) {
+    this.#layer = layer;
+    this.#mark();
+  }
+
   /** Washed with colour as long as the material says. */
   set isFresh(isFresh: boolean) {
-    this.traits[FRESH_AT] = Number(isFresh);
+    this.#isFresh = isFresh;
+    this.#mark();
   }
 
   /** Offset and step of the attribute in view, or none. */
   set measure(scale: readonly [number, number] | null) {
     this.traits.set(scale ?? [0, 0], MEASURE_AT);
   }
+
+  #mark(): void {
+    this.traits[MARKS_AT] = 2 * this.#layer + Number(this.#isFresh);
+  }
+}
+
+/** Which meshes can lie in one page. */
+export interface PageForm {
+  readonly layout: RoomLayout;
+  /** Null for meshes without an image. */
+  readonly image: ImageForm | null;
+  /** Equal for equal forms. */
+  readonly key: string;
+}
+
+/** What is in a page, or has room in it; each range with an image has a layer. */
+export interface PageSize {
+  readonly vertices: number;
+  readonly indices: number;
+  readonly ranges: number;
+}
+
+/** What so much takes. */
+export function pageFormBytes({ layout, image }: PageForm, { vertices, indices, ranges }: PageSize): number {
+  return roomBytes(layout, vertices, indices) + (image === null ? 0 : ranges * image.bytes);
 }
 
 /** Buffers, and which segments lie where in them. */
 export class Page {
   readonly mesh: PageMesh;
   readonly room: MeshRoom;
+  /** Null for meshes without any. */
+  readonly images: GpuImages | null;
   /** Which meshes it takes. */
-  readonly form: string;
-  readonly vertexRoom: number;
-  readonly indexRoom: number;
+  readonly form: PageForm;
+  readonly size: PageSize;
   readonly ranges = new Set<PageRange>();
   /** Takes no further segment: it is being moved from, or is as large as what is moved into it. */
   isClosed = false;
   usedVertices = 0;
   usedIndices = 0;
+  usedLayers = 0;
+  readonly #store: GpuStore;
   readonly #material: GroundMaterial;
-  readonly #facts: { map: Texture | null; hasTint: boolean; hasRegion: boolean; hasMeasure: boolean };
+  readonly #facts: { map: ExternalTexture | null; hasTint: boolean; hasRegion: boolean; hasMeasure: boolean };
   #isWarm = false;
 
-  constructor(room: MeshRoom, form: string, vertexRoom: number, indexRoom: number, material: GroundMaterial) {
-    this.room = room;
+  constructor(store: GpuStore, form: PageForm, size: PageSize, material: GroundMaterial) {
+    this.#store = store;
     this.form = form;
-    this.vertexRoom = vertexRoom;
-    this.indexRoom = indexRoom;
+    this.size = size;
+    this.room = new MeshRoom(store, form.layout, size.vertices, size.indices);
+    this.images = form.image && store.createImages(form.image, size.ranges);
+    const { room } = this;
     this.#material = material;
     this.#facts = {
-      map: null,
+      map: this.images && new ExternalTexture(this.images.texture),
       hasTint: room.attributes.has("tint"),
       hasRegion: room.attributes.has("region"),
       hasMeasure: false,
@@ -130,31 +175,38 @@ export class Page {
   }
 
   /** Vertices and indices of what is in it. */
-  live(): { vertices: number; indices: number; bytes: number } {
+  live(): PageSize {
     let [vertices, indices] = [0, 0];
     for (const range of this.ranges) {
       vertices += range.vertexCount;
       indices += range.indices.length;
     }
-    return { vertices, indices, bytes: roomBytes(this.room.layout, vertices, indices) };
+    return { vertices, indices, ranges: this.ranges.size };
+  }
+
+  /** All that is allocated for it. */
+  get bytes(): number {
+    return pageFormBytes(this.form, this.size);
+  }
+
+  /** Of these, what something lives in. */
+  get liveBytes(): number {
+    return pageFormBytes(this.form, this.live());
   }
 
   /** Whether everything in it is on the GPU, and it is not being moved: only then it can be. */
   get canMove(): boolean {
-    return !this.isClosed && [...this.ranges].every((range) => range.isWhole);
-  }
-
-  /** Image of its only segment. */
-  set map(map: Texture | null) {
-    this.#facts.map = map;
+    return !this.isClosed && this.images?.form.extension == null && [...this.ranges].every((range) => range.isWhole);
   }
 
   /** Whether so much more finds room behind what was ever put here. */
   hasRoom(vertexCount: number, indexCount: number): boolean {
     return (
+      !this.isClosed &&
       this.ranges.size < MAX_RANGES &&
-      this.usedVertices + vertexCount <= this.vertexRoom &&
-      this.usedIndices + indexCount <= this.indexRoom
+      (this.images === null || this.usedLayers < this.images.layers) &&
+      this.usedVertices + vertexCount <= this.size.vertices &&
+      this.usedIndices + indexCount <= this.size.indices
     );
   }
 
@@ -170,6 +222,11 @@ export class Page {
     const from = range.page;
     const bytes = this.room.copyVertices(from.room, range.firstVertex, this.usedVertices, range.vertexCount);
     this.room.writeIndices(range.indices, this.usedIndices, this.usedVertices);
+    let imageBytes = 0;
+    if (from.images !== null && this.images !== null) {
+      this.#store.copyImage(from.images, range.layer, this.images, this.usedLayers);
+      imageBytes = from.images.form.bytes;
+    }
     from.ranges.delete(range);
     range.page = this;
     range.firstVertex = this.usedVertices;
@@ -177,7 +234,7 @@ export class Page {
     this.#put(range);
     from.look();
     this.look();
-    return bytes + range.indices.byteLength;
+    return bytes + range.indices.byteLength + imageBytes;
   }
 
   /** The frame that drew it without a range is over. */
@@ -209,10 +266,14 @@ export class Page {
     // Gives back three.js's vertex array alone: the buffers are the room's, the material is everybody's.
     this.mesh.geometry.dispose();
     this.room.free();
+    if (this.images !== null) this.#store.freeImages(this.images);
+    this.#facts.map?.dispose();
   }
 
   #put(range: PageRange): void {
     this.ranges.add(range);
+    range.layer = this.usedLayers;
+    this.usedLayers += 1;
     this.usedVertices += range.vertexCount;
     this.usedIndices += range.indices.length;
   }

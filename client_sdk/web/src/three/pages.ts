@@ -10,17 +10,20 @@ import type { Group } from "three";
 
 import { gpuBytesOf, MAX_PAGE_VERTICES, pageBytes } from "../core/gpu-budget.ts";
 import type { MeshData } from "../core/types.ts";
-import type { GpuStore } from "./gpu-store.ts";
+import { type GpuStore, imageFormOf } from "./gpu-store.ts";
 import type { GroundMaterial } from "./ground-material.ts";
 import { MAX_RANGES } from "./ground-shader.ts";
-import { layoutOf, MeshRoom, type RoomLayout, roomBytes, type VertexPart } from "./mesh-room.ts";
-import { Page, type PageRange } from "./page.ts";
+import { layoutOf, type VertexPart } from "./mesh-room.ts";
+import { Page, type PageForm, type PageRange, type PageSize, pageFormBytes } from "./page.ts";
 
 /** Pages with less of their bytes alive are moved (decision 131: 1.4 to 1.5 times the room, 0.3 bytes moved for each uploaded). */
 const LEAST_LIVE_SHARE = 0.5;
 /** A page of so few segments is small, and so many small ones of a form are moved together: each is copied twice at most. */
 const SMALL_RANGES = 8;
 const SMALL_PAGES = 8;
+
+/** Forms that are counted; beyond it the counts begin anew. */
+const MAX_FORMS = 64;
 
 /** How large a mesh is that is still to come. */
 export interface ComingMesh {
@@ -35,6 +38,8 @@ export class Pages {
   readonly #material: GroundMaterial;
   readonly #maxBytes: number;
   readonly #pages = new Set<Page>();
+  /** Of what shapes segments came, so that as many are made room for as will come of each. */
+  readonly #forms = new FormCounts();
   #measureName: string | null = null;
   #move: { readonly from: Page[]; readonly to: Page } | null = null;
   /** Whether something left or came since the last look for what is to be moved. */
@@ -70,30 +75,40 @@ export class Pages {
     id: number,
     data: MeshData,
     parts: readonly VertexPart[],
-    coming: () => Iterable<ComingMesh>,
+    coming: () => readonly ComingMesh[],
   ): PageRange | null {
     const { vertexCount, indices } = data;
-    const layout = layoutOf(parts, indices);
-    // An image is a page's: of one segment.
-    const form = data.image === null ? layout.key : `image of ${id}`;
+    const form = pageFormOf(data, parts);
     for (const page of this.#pages) {
-      if (page.form === form && !page.isClosed && page.hasRoom(vertexCount, indices.length)) {
+      if (page.form.key === form.key && page.hasRoom(vertexCount, indices.length)) {
+        this.#forms.count(form.key);
         return page.take(id, data);
       }
     }
-    const left = this.#maxBytes - pageBytes(layout.vertexBytes) - this.#store.bufferBytes - this.#store.textureBytes;
+    const { bufferBytes, textureBytes } = this.#store;
+    const left = this.#maxBytes - pageBytes(form.layout.vertexBytes) - bufferBytes - textureBytes;
     if (gpuBytesOf(data) > left && (this.#move !== null || this.#startMove(this.#mostWasteful()))) return null;
-    let [vertexRoom, indexRoom, count] = [vertexCount, indices.length, 1];
-    if (data.image === null) {
-      for (const { vertices, faces } of coming()) {
-        const bytes = roomBytes(layout, vertexRoom + vertices, indexRoom + 3 * faces);
-        if (vertexRoom + vertices > MAX_PAGE_VERTICES || count === MAX_RANGES || bytes > left) break;
-        vertexRoom += vertices;
-        indexRoom += 3 * faces;
-        count += 1;
-      }
+    this.#forms.count(form.key);
+    const own = { vertices: vertexCount, indices: indices.length, ranges: 1 };
+    return this.#make(form, this.#sizeFor(form, own, coming(), left)).take(id, data);
+  }
+
+  /** Room for a mesh and for what comes after it in the same form: as large as it is known to be. */
+  #sizeFor(form: PageForm, own: PageSize, coming: readonly ComingMesh[], left: number): PageSize {
+    // What is compressed cannot be moved on the GPU, so it has a page to itself.
+    if (form.image !== null && form.image.extension !== null) return own;
+    const count = Math.round(coming.length * this.#forms.shareOf(form.key));
+    let size = own;
+    for (const { vertices, faces } of coming.slice(0, count)) {
+      const more = {
+        vertices: size.vertices + vertices,
+        indices: size.indices + 3 * faces,
+        ranges: size.ranges + 1,
+      };
+      if (more.vertices > MAX_PAGE_VERTICES || more.ranges > MAX_RANGES || pageFormBytes(form, more) > left) break;
+      size = more;
     }
-    return this.#make(layout, form, vertexRoom, indexRoom).take(id, data);
+    return size;
   }
 
   /** A range is whole: its page may be moved from now on. */
@@ -152,9 +167,8 @@ export class Pages {
     this.#isChanged = false;
   }
 
-  #make(layout: RoomLayout, form: string, vertexRoom: number, indexRoom: number): Page {
-    const room = new MeshRoom(this.#store, layout, vertexRoom, indexRoom);
-    const page = new Page(room, form, vertexRoom, indexRoom, this.#material);
+  #make(form: PageForm, size: PageSize): Page {
+    const page = new Page(this.#store, form, size, this.#material);
     page.setMeasure(this.#measureName);
     this.#pages.add(page);
     this.#parent.add(page.mesh);
@@ -165,10 +179,10 @@ export class Pages {
   #sparse(): Page[] {
     const byForm = new Map<string, Page[]>();
     for (const page of this.#pages) {
-      if (page.canMove) byForm.set(page.form, [...(byForm.get(page.form) ?? []), page]);
+      if (page.canMove) byForm.set(page.form.key, [...(byForm.get(page.form.key) ?? []), page]);
     }
     for (const pages of byForm.values()) {
-      const sparse = pages.filter((page) => page.live().bytes < LEAST_LIVE_SHARE * page.room.bytes);
+      const sparse = pages.filter((page) => page.liveBytes < LEAST_LIVE_SHARE * page.bytes);
       const small = pages.filter((page) => isSmall(page));
       const chosen = fitting([...new Set([...sparse, ...(small.length < SMALL_PAGES ? [] : small)])]);
       if (chosen.length > 0) return chosen;
@@ -180,7 +194,7 @@ export class Pages {
   #mostWasteful(): Page[] {
     let [most, found]: [number, Page | null] = [0, null];
     for (const page of this.#pages) {
-      const waste = page.canMove ? page.room.bytes - page.live().bytes : 0;
+      const waste = page.canMove ? page.bytes - page.liveBytes : 0;
       if (waste > most) [most, found] = [waste, page];
     }
     return found === null ? [] : [found];
@@ -191,9 +205,12 @@ export class Pages {
     const first = from[0];
     if (first === undefined) return false;
     const live = from.map((page) => page.live());
-    const vertices = live.reduce((sum, one) => sum + one.vertices, 0);
-    const indices = live.reduce((sum, one) => sum + one.indices, 0);
-    const to = this.#make(first.room.layout, first.form, vertices, indices);
+    const sum = (of: (one: PageSize) => number): number => live.reduce((total, one) => total + of(one), 0);
+    const to = this.#make(first.form, {
+      vertices: sum((one) => one.vertices),
+      indices: sum((one) => one.indices),
+      ranges: sum((one) => one.ranges),
+    });
     // Neither takes a segment meanwhile: what is left is for what is moved.
     for (const page of [...from, to]) page.isClosed = true;
     this.#move = { from, to };
@@ -204,6 +221,31 @@ export class Pages {
     this.#pages.delete(page);
     page.free();
   }
+}
+
+/** How many meshes of each form there were. */
+class FormCounts {
+  readonly #counts = new Map<string, number>();
+  #total = 0;
+
+  count(key: string): void {
+    if (this.#counts.size === MAX_FORMS && !this.#counts.has(key)) {
+      this.#counts.clear();
+      this.#total = 0;
+    }
+    this.#counts.set(key, (this.#counts.get(key) ?? 0) + 1);
+    this.#total += 1;
+  }
+
+  shareOf(key: string): number {
+    return (this.#counts.get(key) ?? 0) / this.#total;
+  }
+}
+
+function pageFormOf(data: MeshData, parts: readonly VertexPart[]): PageForm {
+  const layout = layoutOf(parts, data.indices);
+  const image = data.image && imageFormOf(data.image);
+  return { layout, image, key: `${layout.key}, ${image?.key}` };
 }
 
 function isSmall(page: Page): boolean {

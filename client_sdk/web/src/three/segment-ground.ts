@@ -74,7 +74,7 @@ export class SegmentGround {
   }
 
   /** Find room, then upload one slice a call. Returns its bytes; 0 where pages have to make room before. */
-  step(coming: () => Iterable<ComingMesh>): number {
+  step(coming: () => readonly ComingMesh[]): number {
     const data = this.#data;
     if (data === null) return 0;
     if (this.#upload === null) {
@@ -84,14 +84,14 @@ export class SegmentGround {
       this.#range = range;
       this.setMeasure(this.#measureName);
       const { firstVertex, firstIndex } = range;
-      const target = { room: range.page.room, firstVertex, firstIndex };
+      const { room, images } = range.page;
+      const target = { room, firstVertex, firstIndex, images, layer: range.layer };
       this.#upload = new MeshUpload(this.#store, target, data, parts, false);
       return SLICE_BYTES;
     }
     const bytes = this.#upload.step();
     if (this.#upload.isDone && this.#range !== null) {
       this.#data = null;
-      if (this.#upload.map !== null) this.#range.page.map = this.#upload.map;
       this.#pages.completed(this.#range);
     }
     return Math.max(bytes, 1);
