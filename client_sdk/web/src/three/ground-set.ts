@@ -7,6 +7,7 @@ import type { Residency } from "../core/residency.ts";
 import type { MeshData } from "../core/types.ts";
 import type { GpuStore } from "./gpu-store.ts";
 import type { GroundMaterial } from "./ground-material.ts";
+import type { ImageOf } from "./page-move.ts";
 import { type ComingMesh, Pages } from "./pages.ts";
 import { SegmentGround } from "./segment-ground.ts";
 
@@ -29,9 +30,16 @@ export class GroundSet {
   #measureName: string | null = null;
 
   /** @param maxBytes Most bytes of the whole store: see {@link Pages}. */
-  constructor(parent: Group, store: GpuStore, material: GroundMaterial, residency: Residency, maxBytes: number) {
+  constructor(
+    parent: Group,
+    store: GpuStore,
+    material: GroundMaterial,
+    residency: Residency,
+    maxBytes: number,
+    imageOf: ImageOf,
+  ) {
     this.#store = store;
-    this.#pages = new Pages(parent, store, material, maxBytes);
+    this.#pages = new Pages(parent, store, material, maxBytes, imageOf);
     this.#residency = residency;
   }
 
@@ -161,6 +169,7 @@ export class GroundSet {
         this.#toFree(ground);
       }
     }
+    this.#pages.leaveVersion();
     this.#grounds.clear();
     this.#warming = [];
   }

@@ -7,7 +7,7 @@
 
 import { BufferGeometry, type Camera, ExternalTexture, Frustum, type Material, Matrix4, Mesh, Sphere } from "three";
 
-import type { MeshData } from "../core/types.ts";
+import type { MeshData, MeshImage } from "../core/types.ts";
 import type { GpuImages, GpuStore, ImageForm } from "./gpu-store.ts";
 import { type GroundMaterial, linear } from "./ground-material.ts";
 import { MAX_RANGES, TRAIT_VECTORS } from "./ground-shader.ts";
@@ -196,7 +196,7 @@ export class Page {
 
   /** Whether everything in it is on the GPU, and it is not being moved: only then it can be. */
   get canMove(): boolean {
-    return !this.isClosed && this.images?.form.extension == null && [...this.ranges].every((range) => range.isWhole);
+    return !this.isClosed && [...this.ranges].every((range) => range.isWhole);
   }
 
   /** Whether so much more finds room behind what was ever put here. */
@@ -217,14 +217,19 @@ export class Page {
     return range;
   }
 
-  /** Copy a range of another page of this form, and draw it from here. Returns the bytes. */
-  moveHere(range: PageRange): number {
+  /** Copy a range of another page of this form, and draw it from here; `image` is its image where it cannot be copied. Returns the bytes. */
+  moveHere(range: PageRange, image: MeshImage | null): number {
     const from = range.page;
     const bytes = this.room.copyVertices(from.room, range.firstVertex, this.usedVertices, range.vertexCount);
     this.room.writeIndices(range.indices, this.usedIndices, this.usedVertices);
     let imageBytes = 0;
     if (from.images !== null && this.images !== null) {
-      this.#store.copyImage(from.images, range.layer, this.images, this.usedLayers);
+      if (image !== null && "levels" in image.pixels) {
+        const { pixels } = image;
+        for (const level of pixels.levels.keys()) this.#store.writeLevel(this.images, this.usedLayers, pixels, level);
+      } else {
+        this.#store.copyImage(from.images, range.layer, this.images, this.usedLayers);
+      }
       imageBytes = from.images.form.bytes;
     }
     from.ranges.delete(range);

@@ -15,6 +15,7 @@ import type { GroundMaterial } from "./ground-material.ts";
 import { MAX_RANGES } from "./ground-shader.ts";
 import { layoutOf, type VertexPart } from "./mesh-room.ts";
 import { Page, type PageForm, type PageRange, type PageSize, pageFormBytes } from "./page.ts";
+import { type ImageOf, PageMove } from "./page-move.ts";
 
 /** Pages with less of their bytes alive are moved (decision 131: 1.4 to 1.5 times the room, 0.3 bytes moved for each uploaded). */
 const LEAST_LIVE_SHARE = 0.5;
@@ -22,6 +23,8 @@ const LEAST_LIVE_SHARE = 0.5;
 const SMALL_RANGES = 8;
 const SMALL_PAGES = 8;
 
+/** Of a compressed image that is moved: a few milliseconds of one frame. */
+const MAX_MOVED_IMAGE_BYTES = 1024 * 1024;
 /** Forms that are counted; beyond it the counts begin anew. */
 const MAX_FORMS = 64;
 
@@ -37,20 +40,22 @@ export class Pages {
   readonly #store: GpuStore;
   readonly #material: GroundMaterial;
   readonly #maxBytes: number;
+  readonly #imageOf: ImageOf;
   readonly #pages = new Set<Page>();
   /** Of what shapes segments came, so that as many are made room for as will come of each. */
   readonly #forms = new FormCounts();
   #measureName: string | null = null;
-  #move: { readonly from: Page[]; readonly to: Page } | null = null;
+  #move: PageMove | null = null;
   /** Whether something left or came since the last look for what is to be moved. */
   #isChanged = false;
 
   /** @param maxBytes Most bytes of the whole store; beyond it pages are moved together however much of them is alive. */
-  constructor(parent: Group, store: GpuStore, material: GroundMaterial, maxBytes: number) {
+  constructor(parent: Group, store: GpuStore, material: GroundMaterial, maxBytes: number, imageOf: ImageOf) {
     this.#parent = parent;
     this.#store = store;
     this.#material = material;
     this.#maxBytes = maxBytes;
+    this.#imageOf = imageOf;
   }
 
   get count(): number {
@@ -95,8 +100,8 @@ export class Pages {
 
   /** Room for a mesh and for what comes after it in the same form: as large as it is known to be. */
   #sizeFor(form: PageForm, own: PageSize, coming: readonly ComingMesh[], left: number): PageSize {
-    // What is compressed cannot be moved on the GPU, so it has a page to itself.
-    if (form.image !== null && form.image.extension !== null) return own;
+    // What is compressed is written at once where it is moved to: a large image has a page to itself, which is never moved.
+    if (form.image !== null && form.image.extension !== null && form.image.bytes > MAX_MOVED_IMAGE_BYTES) return own;
     const count = Math.round(coming.length * this.#forms.shareOf(form.key));
     let size = own;
     for (const { vertices, faces } of coming.slice(0, count)) {
@@ -135,18 +140,17 @@ export class Pages {
       if (this.#move === null) return 0;
       return 1;
     }
-    const { from, to } = this.#move;
-    while (from[0] !== undefined && from[0].ranges.size === 0) {
-      if (this.#pages.has(from[0])) this.#free(from[0]);
-      from.shift();
-    }
-    const [range] = from[0]?.ranges ?? [];
-    if (range === undefined) {
-      if (to.ranges.size === 0) this.#free(to);
-      this.#move = null;
-      return 1;
-    }
-    return to.moveHere(range);
+    const bytes = this.#move.step();
+    for (const page of this.#pages) if (page.ranges.size === 0 && page !== this.#move.to) this.#free(page);
+    if (this.#move.isDone) this.#endMove();
+    return bytes;
+  }
+
+  /** Ids mean other segments from now on: what is shown stays where it is. */
+  leaveVersion(): void {
+    for (const page of this.#pages) page.isClosed = true;
+    if (this.#move?.to.ranges.size === 0) this.#free(this.#move.to);
+    this.#move = null;
   }
 
   /** What was new in the last frame was drawn. */
@@ -211,10 +215,15 @@ export class Pages {
       indices: sum((one) => one.indices),
       ranges: sum((one) => one.ranges),
     });
-    // Neither takes a segment meanwhile: what is left is for what is moved.
-    for (const page of [...from, to]) page.isClosed = true;
-    this.#move = { from, to };
+    this.#move = new PageMove(from, to, this.#imageOf);
     return true;
+  }
+
+  #endMove(): void {
+    const { to } = this.#move!;
+    to.isClosed = false;
+    if (to.ranges.size === 0) this.#free(to);
+    this.#move = null;
   }
 
   #free(page: Page): void {

@@ -93,6 +93,7 @@ export class Stage implements Landings {
       this.#material,
       this.#residency,
       options.maxGpuBytes ?? Number.POSITIVE_INFINITY,
+      (id) => options.stream.mesh(id).then(({ image }) => image),
     );
     this.#looks = new StageLooks(this.#material, this.#grounds);
     this.#base = new BaseGround(this.#store, options.files, this.#material);

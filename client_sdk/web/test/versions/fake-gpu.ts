@@ -5,11 +5,16 @@ import { type GLBufferAttribute, type Group, Mesh, PerspectiveCamera, type WebGL
 import { PageMesh } from "../../src/three/page.ts";
 
 /** A buffer with its bytes. */
-interface FakeBuffer {
+export interface FakeBuffer {
   bytes: Uint8Array;
 }
 
-/** As much of a WebGL 2 context as meshes without images need. */
+/** An array of images: what was written to "layer level". */
+export interface FakeImages {
+  written: Map<string, Uint8Array>;
+}
+
+/** As much of a WebGL 2 context as meshes need whose images come with all their levels. */
 export class FakeContext {
   readonly ARRAY_BUFFER = 0x8892;
   readonly ELEMENT_ARRAY_BUFFER = 0x8893;
@@ -17,7 +22,13 @@ export class FakeContext {
   readonly COPY_WRITE_BUFFER = 0x8f37;
   readonly VERTEX_ARRAY_BINDING = 0x85b5;
   readonly STATIC_DRAW = 0x88e4;
+  readonly TEXTURE_2D_ARRAY = 0x8c1a;
+  readonly READ_FRAMEBUFFER = 0x8ca8;
+  readonly DRAW_FRAMEBUFFER = 0x8ca9;
   readonly #bound = new Map<number, FakeBuffer | null>();
+  readonly #attached = new Map<number, readonly [FakeImages, string]>();
+  /** Set by the renderer, as three.js's state does. */
+  images: FakeImages | null = null;
 
   getParameter(): null {
     return null;
@@ -49,6 +60,64 @@ export class FakeContext {
     this.#bound.get(to)!.bytes.set(source.subarray(fromOffset, fromOffset + bytes), toOffset);
   }
 
+  getExtension(): object {
+    return {};
+  }
+
+  isEnabled(): boolean {
+    return false;
+  }
+
+  disable(): void {
+    // There is no scissor.
+  }
+
+  createTexture(): FakeImages {
+    return { written: new Map() };
+  }
+
+  texStorage3D(): void {
+    // Room is made as it is written.
+  }
+
+  texParameteri(): void {
+    // Nothing is drawn.
+  }
+
+  texSubImage3D(_target: number, level: number, ...rest: unknown[]): void {
+    this.images!.written.set(`${rest[2]} ${level}`, (rest[8] as Uint8Array).slice());
+  }
+
+  compressedTexSubImage3D(_target: number, level: number, ...rest: unknown[]): void {
+    this.images!.written.set(`${rest[2]} ${level}`, (rest[7] as Uint8Array).slice());
+  }
+
+  deleteTexture(images: FakeImages): void {
+    images.written.clear();
+  }
+
+  createFramebuffer(): object {
+    return {};
+  }
+
+  bindFramebuffer(): void {
+    // What is attached counts.
+  }
+
+  deleteFramebuffer(): void {
+    // Nothing was made.
+  }
+
+  framebufferTextureLayer(target: number, _at: number, images: FakeImages, level: number, layer: number): void {
+    this.#attached.set(target, [images, `${layer} ${level}`]);
+  }
+
+  blitFramebuffer(): void {
+    const [from, source] = this.#attached.get(this.READ_FRAMEBUFFER)!;
+    const [to, target] = this.#attached.get(this.DRAW_FRAMEBUFFER)!;
+    to.written.set(target, from.written.get(source)!.slice());
+  }
+
   deleteBuffer(buffer: FakeBuffer): void {
     // A mesh that is drawn after its memory was given back is noticed.
     buffer.bytes = new Uint8Array(0);
@@ -58,7 +127,19 @@ export class FakeContext {
 /** A renderer over a {@link FakeContext}, which must stand as the global `WebGL2RenderingContext`. */
 export function fakeRenderer(): WebGLRenderer {
   const context = new FakeContext();
-  const renderer = { getContext: () => context, xr: { isPresenting: false }, compileAsync: async () => undefined };
+  const state = {
+    bindTexture: (_target: number, images: FakeImages) => {
+      context.images = images;
+    },
+    unbindTexture: () => undefined,
+    pixelStorei: () => undefined,
+  };
+  const renderer = {
+    getContext: () => context,
+    state,
+    xr: { isPresenting: false },
+    compileAsync: async () => undefined,
+  };
   return renderer as unknown as WebGLRenderer;
 }
 

@@ -33,7 +33,7 @@ describe("height_change_m in view", () => {
     const material = new GroundMaterial({ stepM: 2 ** -12, textures: null } as unknown as SceneManifest, []);
     material.setMode({ kind: "attribute", name: NAME, min: -2, max: 2 }, "light");
     const store = new GpuStore(fakeRenderer());
-    const pages = new Pages(group, store, material, Number.POSITIVE_INFINITY);
+    const pages = new Pages(group, store, material, Number.POSITIVE_INFINITY, async () => null);
     const show = (name: string): void => {
       pages.setMeasure(name);
       ground.setMeasure(name);
