@@ -2,7 +2,7 @@
  * All pages of a stage: where a segment finds room, and which pages are moved together.
  *
  * A page is as large as what its landing still brings of its form, and is never added to behind its end. What leaves it leaves
- * its room behind, so pages less than half alive are moved together, and so are many small ones, which aims leave. Each move is
+ * its room behind, so pages less than half alive are moved together, and so are small ones of like size, which aims leave. Each move is
  * one segment, copied on the GPU and drawn from its new place in the same frame: the picture is the same before and after.
  */
 
@@ -19,9 +19,8 @@ import { type ImageOf, PageMove } from "./page-move.ts";
 
 /** Pages with less of their bytes alive are moved (decision 131: 1.4 to 1.5 times the room, 0.3 bytes moved for each uploaded). */
 const LEAST_LIVE_SHARE = 0.5;
-/** A page of so few segments is small, and so many small ones of a form are moved together: each is copied twice at most. */
-const SMALL_RANGES = 8;
-const SMALL_PAGES = 8;
+/** A page joins others of its form where it is at most so many times as large as they together: it grows by half at least. */
+const MOST_TIMES_LARGER = 2;
 
 /** Of a compressed image that is moved: a few milliseconds of one frame. */
 const MAX_MOVED_IMAGE_BYTES = 1024 * 1024;
@@ -187,8 +186,7 @@ export class Pages {
     }
     for (const pages of byForm.values()) {
       const sparse = pages.filter((page) => page.liveBytes < LEAST_LIVE_SHARE * page.bytes);
-      const small = pages.filter((page) => isSmall(page));
-      const chosen = fitting([...new Set([...sparse, ...(small.length < SMALL_PAGES ? [] : small)])]);
+      const chosen = fitting(sparse.length > 0 ? sparse : alike(pages));
       if (chosen.length > 0) return chosen;
     }
     return [];
@@ -257,8 +255,22 @@ function pageFormOf(data: MeshData, parts: readonly VertexPart[]): PageForm {
   return { layout, image, key: `${layout.key}, ${image?.key}` };
 }
 
-function isSmall(page: Page): boolean {
-  return page.ranges.size <= SMALL_RANGES && page.live().vertices * SMALL_PAGES <= MAX_PAGE_VERTICES;
+/**
+ * Pages of one form that are small, and of like size: at least two, or none. So one of `n` segments was copied `log n` times at
+ * most, and as few pages are left.
+ */
+function alike(pages: readonly Page[]): Page[] {
+  const sizes = pages
+    .map((page) => ({ page, ...page.live() }))
+    .filter(({ vertices, ranges }) => 2 * vertices <= MAX_PAGE_VERTICES && 2 * ranges <= MAX_RANGES)
+    .sort((a, b) => a.vertices - b.vertices);
+  for (let first = 0; first + 1 < sizes.length; first += 1) {
+    let sum = sizes[first]!.vertices;
+    let end = first + 1;
+    for (; end < sizes.length && sizes[end]!.vertices <= MOST_TIMES_LARGER * sum; end += 1) sum += sizes[end]!.vertices;
+    if (end > first + 1) return sizes.slice(first, end).map(({ page }) => page);
+  }
+  return [];
 }
 
 /** As many of these as become one page, the smallest first. */
