@@ -5,9 +5,9 @@
     python benchmarks/draw_pages.py [--rounds 6] [--cells 24]
     python benchmarks/draw_pages.py --smoke
 
-200 made segments in Chromium, by CPU (SwiftShader), with the viewer's own ground shader: in pages by
-``WEBGL_multi_draw`` as the viewer draws them, and one by one, with and without textures, each with
-what is near first and as it came. Told are draw calls, GL calls, CPU milliseconds of the GPU's
+200 made segments in Chromium, by CPU (SwiftShader), with the viewer's own ground shader: in pages
+by ``WEBGL_multi_draw`` as the viewer draws them, and one by one, with and without textures, each
+with what is near first and as it came. Told are draw calls, GL calls, CPU milliseconds of the GPU's
 process a frame, and whether all ways drew the same picture. The ways take turns, so that their
 ratios hold on a busy machine. Skips, and says so, where there is no Chromium.
 
@@ -134,11 +134,11 @@ def _measure(page: Any, ways: list[str], rounds: int) -> bool:
         first = statistics.median(t["cpu_ms"] for t in seen[pose, textured, ways[0]])
         for way in ways:
             some = seen[pose, textured, way]
-            cpu_ms = statistics.median(told["cpu_ms"] for told in some)
+            median_ms = statistics.median(told["cpu_ms"] for told in some)
             name = f"{pose}{', textured' if textured else ''}: {way}"
-            share = f"{cpu_ms / first:.2f}" if first else ""
+            share = f"{median_ms / first:.2f}" if first else ""
             told = some[0]
-            print(f"{name:44} {told['draws']:6g} {told['calls']:9g} {cpu_ms:15.0f} {share:>12}")
+            print(f"{name:44} {told['draws']:6g} {told['calls']:9g} {median_ms:15.0f} {share:>12}")
     return any(
         len({told["picture"] for way in ways for told in seen[pose, textured, way]}) > 1
         for pose, textured in looks
