@@ -67,7 +67,7 @@ DRAW: Final = """async ([pose, frames]) => {
   return {calls, picture: btoa(text), draws: glWatch.draws, ranges: glWatch.ground().length};
 }"""
 MOST_APART: Final = 1e-4
-"""Share of the pixels that may be far apart: of two segments at one depth, the later drawn is seen."""
+"""Share of the pixels that may be far apart: of two segments at one depth the later is seen."""
 FAR: Final = 3
 """Of 255, from which two pixels are far apart; levels of images are rounded, too."""
 
