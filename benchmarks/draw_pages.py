@@ -1,12 +1,12 @@
-"""What pages of segments would cost: one draw call each beside ranges of common buffers.
+"""What pages of segments cost: ranges of common buffers beside one draw call each.
 
 ::
 
     python benchmarks/draw_pages.py [--rounds 6] [--cells 24]
     python benchmarks/draw_pages.py --smoke
 
-200 made segments in Chromium, by CPU (SwiftShader), with the viewer's own ground shader: drawn one
-by one as the viewer does, and in pages by ``WEBGL_multi_draw``, with and without textures, each
+200 made segments in Chromium, by CPU (SwiftShader), with the viewer's own ground shader: in pages
+by ``WEBGL_multi_draw`` as the viewer draws them, and one by one, with and without textures, each
 with what is near first and as it came. Told are draw calls, GL calls, CPU milliseconds of the GPU's
 process a frame, and whether all ways drew the same picture. The ways take turns, so that their
 ratios hold on a busy machine. Skips, and says so, where there is no Chromium.
@@ -32,6 +32,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 try:
     from browser.conftest import FLAGS, PROGRAMS
+    from parts.gpu_process import cpu_ms, gpu_process
     from playwright.sync_api import sync_playwright
 except ImportError as error:
     print(f"skipped: {error}")
@@ -56,10 +57,14 @@ def shader(name: str) -> str:
     palette = (THREE / "palette.ts").read_text()
     modes = re.findall(r'"?([\w-]+)"?: (\d)', _found(r"MODE_NUMBER = \{(.*?)\}", text))
     stops = int(_found(r"RAMP_STOPS = (\d+)", palette))
+    ranges = int(_found(r"MAX_RANGES = (\d+)", text))
+    vectors = int(_found(r"TRAIT_VECTORS = (\d+)", text))
     values = {
         "TINT_RELIEF": _found(r"TINT_RELIEF = ([\d.]+)", text),
         "(RAMP_STOPS - 1).toFixed(1)": f"{stops - 1:.1f}",
         "RAMP_STOPS - 2": str(stops - 2),
+        "MAX_RANGES * TRAIT_VECTORS": str(ranges * vectors),
+        "TRAIT_VECTORS": str(vectors),
         **{f"MODE_NUMBER.{mode}": number for mode, number in modes},
         **{f'MODE_NUMBER["{mode}"]': number for mode, number in modes},
     }
@@ -72,22 +77,6 @@ def _found(pattern: str, text: str) -> str:
     if match is None:
         raise SystemExit(f"{pattern!r} is not in {THREE}: this benchmark is behind the viewer")
     return match[1]
-
-
-def _gpu_process() -> int:
-    for process in Path("/proc").glob("[0-9]*"):
-        try:
-            command = (process / "cmdline").read_bytes().decode(errors="ignore")
-        except OSError:
-            continue
-        if "--type=gpu-process" in command and MARK in command:
-            return int(process.name)
-    raise SystemExit("the browser has no process for the GPU")
-
-
-def _cpu_ms(process: int) -> float:
-    fields = Path(f"/proc/{process}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) * 10.0  # ticks of a hundredth of a second
 
 
 def main() -> None:
@@ -130,26 +119,26 @@ def main() -> None:
 
 
 def _measure(page: Any, ways: list[str], rounds: int) -> bool:
-    process = _gpu_process()
+    process = gpu_process(MARK)
     looks = [(pose, textured) for pose in ("eye", "above") for textured in (0, 1)]
     seen: dict[tuple[str, int, str], list[dict[str, Any]]] = {}
     for _ in range(rounds):
         for pose, textured in looks:
             for way in ways:
-                before = _cpu_ms(process)
+                before = cpu_ms(process)
                 told = page.evaluate("(given) => runBlock(...given)", [way, pose, textured])
-                told["cpu_ms"] = (_cpu_ms(process) - before) / FRAMES
+                told["cpu_ms"] = (cpu_ms(process) - before) / FRAMES
                 seen.setdefault((pose, textured, way), []).append(told)
     print(f"{'':34} {'draws':>6} {'GL calls':>9} {'CPU ms, median':>15} {'of one each':>12}")
     for pose, textured in looks:
         first = statistics.median(t["cpu_ms"] for t in seen[pose, textured, ways[0]])
         for way in ways:
             some = seen[pose, textured, way]
-            cpu_ms = statistics.median(told["cpu_ms"] for told in some)
+            median_ms = statistics.median(told["cpu_ms"] for told in some)
             name = f"{pose}{', textured' if textured else ''}: {way}"
-            share = f"{cpu_ms / first:.2f}" if first else ""
+            share = f"{median_ms / first:.2f}" if first else ""
             told = some[0]
-            print(f"{name:44} {told['draws']:6g} {told['calls']:9g} {cpu_ms:15.0f} {share:>12}")
+            print(f"{name:44} {told['draws']:6g} {told['calls']:9g} {median_ms:15.0f} {share:>12}")
     return any(
         len({told["picture"] for way in ways for told in seen[pose, textured, way]}) > 1
         for pose, textured in looks

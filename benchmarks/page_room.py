@@ -6,7 +6,7 @@
 
 A walk of landings with 200 segments each over a made grid of 4,096, whose segments have 200 to
 1,050 vertices. What a landing hides stays while it is within the spare share of the viewer (an
-eighth of the device's, beside two landings). A page has at most 65,536 vertices, for indices of 16
+eighth of the device's, beside two landings). A page has at most 65,535 vertices, for indices of 16
 bits, and at most 64 ranges. No browser: only what is where is followed. Told per rule are the
 landings' draw calls, the most room for what lives, and what is copied for what is uploaded.
 """
@@ -22,7 +22,7 @@ from typing import Final
 
 SIDE: Final = 64
 SHOWN: Final = 200
-MAX_VERTICES: Final = 65_536
+MAX_VERTICES: Final = 65_535
 MAX_RANGES: Final = 64
 SPARE_SHARE: Final = (1 / 8) / (7 / 16)
 """Spare room for the room of one landing: core/gpu-budget.ts."""

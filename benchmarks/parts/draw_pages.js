@@ -1,8 +1,8 @@
 // Segments of vertex colours and of textures, drawn with the ground's own shader in two ways: one draw call each, or in
 // pages of common buffers. Answers with what it made, and leaves `runBlock(way, pose, isTextured)` and `shot()`.
 //
-// In a page what differs between segments (its place, its number) comes by gl_DrawID out of an array of uniforms; images lie
-// in one texture array. Indices stay 16 bits wide: a page has at most 65,536 vertices.
+// As the viewer does, a page takes what differs between its segments by gl_DrawID out of an array of uniforms, and its images
+// from one texture array. Indices stay 16 bits wide: a page has at most 65,535 vertices.
 async (given) => {
   const {v, f, columns, rows, cells, texSide, width, height, frames, eyeM} = given;
   const canvas = document.createElement("canvas"); canvas.width = width; canvas.height = height;
@@ -12,7 +12,7 @@ async (given) => {
   gl.getExtension("EXT_texture_filter_anisotropic");
   const COUNT = columns * rows, TILE = 10, STEP = 2 ** -9;
   const vPerSeg = (cells + 1) ** 2, fPerSeg = 2 * cells * cells;
-  const PER_PAGE = Math.min(64, Math.floor(65536 / vPerSeg));
+  const PER_PAGE = Math.min(64, Math.floor(65535 / vPerSeg));
   const height_of = (x, z) => 3 * Math.sin(x * .11) * Math.cos(z * .13) + 1.2 * Math.sin(x * .5 + z * .3) + 4 * Math.max(0, Math.sin((x + z) * .045)) ;
   // ---- programs
   const HEAD = "#version 300 es\n#extension GL_ANGLE_multi_draw : require\nprecision highp float;precision highp int;precision highp sampler2DArray;\nuniform mat4 projectionMatrix;uniform mat4 viewMatrix;\n";
@@ -32,13 +32,7 @@ async (given) => {
     return {p, u};
   }
   const single = program(HEAD.replace("#extension GL_ANGLE_multi_draw : require\n", "") + v, FHEAD + f);
-  // Paged: what differs between segments comes by the number of the draw.
-  let pv = v.replace("uniform vec3 translation;", `uniform vec4 traits[${PER_PAGE}];\nflat out vec3 vSegment;flat out float vLayer;`)
-    .replace("vec3 place = translation +", "vec4 own = traits[gl_DrawID];\n  vSegment = vec3(fract(own.w / 7.0), fract(own.w / 11.0), fract(own.w / 13.0)); vLayer = own.w;\n  vec3 place = own.xyz +");
-  let pf = f.replace("uniform vec3 segmentColour;", "flat in vec3 vSegment;flat in float vLayer;").replaceAll("segmentColour", "vSegment");
-  const paged = program(HEAD + pv, FHEAD + pf);
-  const array = (t) => t.replace("uniform sampler2D map;", "uniform sampler2DArray map;").replaceAll("texture(map, vSpot)", "texture(map, vec3(vSpot, vLayer))").replaceAll("textureLod(map, vSpot, 3.0)", "textureLod(map, vec3(vSpot, vLayer), 3.0)");
-  const pagedArray = program(HEAD + array(pv), FHEAD + array(pf));
+  const paged = program(HEAD + "#define PAGED\n" + v, FHEAD + "#define PAGED\n" + f);
   // ---- meshes
   const segs = [];
   for (let s = 0; s < COUNT; s++) {
@@ -77,7 +71,7 @@ async (given) => {
     const parts = {}; for (const [name] of layout) { const k = segs[0][name].length; parts[name] = new segs[0][name].constructor(k * some.length); some.forEach((g, i) => parts[name].set(g[name], k * i)); }
     const indices = new Uint16Array(fPerSeg * 3 * some.length); some.forEach((g, i) => indices.set(g.indices.map((n) => n + vPerSeg * i), fPerSeg * 3 * i));
     bytesPages += sizeOf({...parts, indices});
-    pages.push({some, vao: vao(parts, indices), starts: new Int32Array(some.length), counts: new Int32Array(some.length).fill(fPerSeg * 3), traits: new Float32Array(4 * PER_PAGE), centre: [0, 1, 2].map((k) => some.reduce((n, g) => n + g.centre[k], 0) / some.length)});
+    pages.push({some, vao: vao(parts, indices), starts: new Int32Array(some.length), counts: new Int32Array(some.length).fill(fPerSeg * 3), traits: new Float32Array(12 * PER_PAGE), centre: [0, 1, 2].map((k) => some.reduce((n, g) => n + g.centre[k], 0) / some.length)});
   }
   // ---- textures
   const pixels = (s) => { const p = new Uint8Array(texSide * texSide * 4); for (let i = 0; i < p.length; i++) p[i] = i % 4 === 3 ? 255 : (i * 2654435761 + s * 977) >>> 24; return p; };
@@ -86,8 +80,8 @@ async (given) => {
   gl.activeTexture(gl.TEXTURE0);
   const whole = gl.createTexture(); gl.bindTexture(gl.TEXTURE_2D_ARRAY, whole); gl.texStorage3D(gl.TEXTURE_2D_ARRAY, levels, gl.SRGB8_ALPHA8, texSide, texSide, COUNT); filter(gl.TEXTURE_2D_ARRAY);
   for (const g of segs) {
-    const p = pixels(g.s); g.texture = gl.createTexture(); gl.bindTexture(gl.TEXTURE_2D, g.texture); gl.texStorage2D(gl.TEXTURE_2D, levels, gl.SRGB8_ALPHA8, texSide, texSide); filter(gl.TEXTURE_2D);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, texSide, texSide, gl.RGBA, gl.UNSIGNED_BYTE, p); gl.generateMipmap(gl.TEXTURE_2D);
+    const p = pixels(g.s); g.texture = gl.createTexture(); gl.bindTexture(gl.TEXTURE_2D_ARRAY, g.texture); gl.texStorage3D(gl.TEXTURE_2D_ARRAY, levels, gl.SRGB8_ALPHA8, texSide, texSide, 1); filter(gl.TEXTURE_2D_ARRAY);
+    gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, 0, texSide, texSide, 1, gl.RGBA, gl.UNSIGNED_BYTE, p); gl.generateMipmap(gl.TEXTURE_2D_ARRAY);
     gl.bindTexture(gl.TEXTURE_2D_ARRAY, whole); gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, 0, g.s, texSide, texSide, 1, gl.RGBA, gl.UNSIGNED_BYTE, p);
   }
   gl.bindTexture(gl.TEXTURE_2D_ARRAY, whole); gl.generateMipmap(gl.TEXTURE_2D_ARRAY);
@@ -103,7 +97,7 @@ async (given) => {
   function common({p, u}, pose, textured) {
     gl.useProgram(p); gl.uniformMatrix4fv(u.projectionMatrix, false, perspective()); gl.uniformMatrix4fv(u.viewMatrix, false, view(pose.pitch));
     const [x, y, z] = pose.eye; gl.uniform3f(u.eyeCoarse, Math.round(x), Math.round(y), Math.round(z)); gl.uniform3f(u.eyeFine, x - Math.round(x), y - Math.round(y), z - Math.round(z));
-    gl.uniform1f(u.stepM, STEP); gl.uniform2f(u.uvScale, 1, 1); gl.uniform1i(u.mode, 0); gl.uniform1i(u.hasMap, textured); gl.uniform1i(u.hasTint, !textured); gl.uniform1i(u.hasRegion, 1);
+    if (u.stepM) { gl.uniform1f(u.stepM, STEP); gl.uniform2f(u.uvScale, 1, 1); } gl.uniform1i(u.mode, 0); gl.uniform1i(u.hasMap, textured); gl.uniform1i(u.hasTint, !textured); gl.uniform1i(u.hasRegion, 1);
     gl.uniform1i(u.map, 0); gl.uniform1i(u.regionColours, 1); gl.uniform1i(u.ramps, 2); gl.uniform1i(u.taught, 3); gl.uniform1f(u.relief, 1); gl.uniform1f(u.mapRelief, 0); gl.uniform1f(u.highlight, -1); gl.uniform1i(u.side, 1); gl.uniform1f(u.taughtShare, 0);
     gl.uniform3f(u.plain, .5, .5, .5); calls += 22;
   }
@@ -118,17 +112,17 @@ async (given) => {
   function each(pose, textured, sorted) {
     common(single, pose, textured); const {u} = single; gl.activeTexture(gl.TEXTURE0);
     for (const g of sorted ? [...segs].sort(near(pose)) : segs) {
-      gl.uniform3f(u.translation, ...g.translation); gl.uniform3f(u.segmentColour, .5, .5, .5);
-      if (textured) { gl.bindTexture(gl.TEXTURE_2D, g.texture); calls++; }
+      gl.uniform3f(u.translation, ...g.translation); 
+      if (textured) { gl.bindTexture(gl.TEXTURE_2D_ARRAY, g.texture); calls++; }
       gl.bindVertexArray(g.vao); gl.drawElements(gl.TRIANGLES, fPerSeg * 3, gl.UNSIGNED_SHORT, 0); draws++; calls += 4;
     }
   }
   function inPages(pose, textured, sorted) {
-    const way = textured ? pagedArray : paged; common(way, pose, textured); const {u} = way; gl.activeTexture(gl.TEXTURE0);
+    common(paged, pose, textured); const {u} = paged; gl.activeTexture(gl.TEXTURE0);
     if (textured) gl.bindTexture(gl.TEXTURE_2D_ARRAY, whole);
     for (const page of sorted ? [...pages].sort(near(pose)) : pages) {
       const order = sorted ? [...page.some].sort(near(pose)) : page.some;
-      order.forEach((g, i) => { page.starts[i] = page.some.indexOf(g) * fPerSeg * 6; page.traits.set([...g.translation, g.s], 4 * i); });
+      order.forEach((g, i) => { page.starts[i] = page.some.indexOf(g) * fPerSeg * 6; page.traits.set([...g.translation, STEP, 1, 1, 0, 0, .5, .5, .5, 2 * g.s], 12 * i); });
       gl.uniform4fv(u.traits, page.traits); gl.bindVertexArray(page.vao);
       multi.multiDrawElementsWEBGL(gl.TRIANGLES, page.counts, 0, gl.UNSIGNED_SHORT, page.starts, 0, page.some.length); draws++; calls += 3;
     }

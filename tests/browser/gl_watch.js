@@ -1,7 +1,8 @@
 // Run in a page before its own scripts: watches what is really handed to WebGL, whatever the page says of itself.
 //
-// `glWatch` tells the draw calls of the newest frame, the bytes of all buffers and textures that live, and what is in an
-// index buffer. It can also do harm (leave out a draw call, blank a face), so that a check can be shown to fail.
+// `glWatch` tells what the newest frame drew (a call of WEBGL_multi_draw is so many ranges), the bytes of all buffers and
+// textures that live, and what is in an index buffer. It can also do harm (leave out a range, blank a face), so that a check
+// can be shown to fail.
 (() => {
   const proto = WebGL2RenderingContext.prototype;
   const NONE = {};
@@ -14,7 +15,9 @@
   const watch = {
     frame: [],
     frames: 0,
-    /** Index buffers whose draw calls are left out. */
+    /** Draw calls of the ground in the newest frame. */
+    draws: 0,
+    /** Ranges that are left out, by what `ground` calls them. */
     omitted: new Set(),
     /** Draw calls of other programs than the ground's (lines on it) are left out. */
     groundOnly: false,
@@ -31,7 +34,10 @@
     get bytesFreed() {
       return bytesFreed;
     },
-    /** Draw calls of the ground in the newest frame: [[index buffer, indices], ...]. */
+    /**
+     * What of the ground the newest frame drew: [[index buffer, indices], ...]. A range that does not begin with its buffer is
+     * called "buffer@byte".
+     */
     ground: () => watch.frame.filter((call) => call.ground).map((call) => [call.index, call.count]),
     bytesOf: (id) => [...buffers.values()].find((one) => one.id === id).bytes,
     /** Indices in an index buffer of the ground, read back from the GPU. */
@@ -161,15 +167,18 @@
   wrap("bufferSubData", null, (_gl, _state, [, , data, , length]) => {
     uploaded += length ? length * data.BYTES_PER_ELEMENT : data.byteLength;
   });
-  const pixels = (width, height, levels) => {
+  const pixels = (width, height, levels, layers = 1) => {
     let bytes = 0;
     for (let level = 0; level < levels; level += 1) {
       bytes += 4 * Math.max(1, width >> level) * Math.max(1, height >> level);
     }
-    return bytes;
+    return layers * bytes;
   };
   wrap("texStorage2D", null, (_gl, state, [, levels, , width, height]) => {
     if (state.texture) grow(textures, state.texture, pixels(width, height, levels));
+  });
+  wrap("texStorage3D", null, (_gl, state, [, levels, , width, height, layers]) => {
+    if (state.texture) grow(textures, state.texture, pixels(width, height, levels, layers));
   });
   wrap("texImage2D", null, (_gl, state, args) => {
     if (!state.texture || args[1] !== 0) return;
@@ -179,19 +188,44 @@
   wrap("clear", (gl, _state, [bits]) => {
     if (bits & gl.COLOR_BUFFER_BIT) {
       watch.frame = [];
+      watch.draws = 0;
       watch.frames += 1;
     }
   });
-  const draw = (countAt) => (gl, state, args) => {
-    const ground = isGround(gl, state);
-    if (watch.groundOnly && !ground) return false;
-    const index = buffers.get(state.indexOf.get(state.arrays))?.id ?? null;
+  /** Notes one range; false where it is to be left out. */
+  function note(state, ground, start, count) {
+    const id = buffers.get(state.indexOf.get(state.arrays))?.id ?? null;
+    const index = start > 0 ? `${id}@${start}` : id;
     if (ground && watch.omitted.has(index)) return false;
-    watch.frame.push({ ground, index, count: args[countAt] });
+    if (count > 0) watch.frame.push({ ground, index, count });
     return true;
+  }
+  function begins(gl, state) {
+    const ground = isGround(gl, state);
+    if (ground) watch.draws += 1;
+    return ground || !watch.groundOnly ? ground : null;
+  }
+  const draw = (countAt, startAt) => (gl, state, args) => {
+    const ground = begins(gl, state);
+    return ground !== null && note(state, ground, args[startAt] ?? 0, args[countAt]);
   };
-  wrap("drawElements", draw(1));
-  wrap("drawElementsInstanced", draw(1));
+  wrap("drawElements", draw(1, 3));
+  wrap("drawElementsInstanced", draw(1, 3));
   wrap("drawArrays", draw(2));
   wrap("drawArraysInstanced", draw(2));
+
+  // The extension's functions are its own object's.
+  const watched = new WeakSet();
+  wrap("getExtension", null, (gl, state, [name], extension) => {
+    if (name !== "WEBGL_multi_draw" || !extension || watched.has(extension)) return;
+    watched.add(extension);
+    const inner = extension.multiDrawElementsWEBGL.bind(extension);
+    extension.multiDrawElementsWEBGL = (mode, counts, countsAt, type, starts, startsAt, drawCount) => {
+      const ground = begins(gl, state);
+      if (ground === null) return;
+      const kept = counts.slice(countsAt, countsAt + drawCount);
+      for (let at = 0; at < drawCount; at += 1) if (!note(state, ground, starts[startsAt + at], kept[at])) kept[at] = 0;
+      inner(mode, kept, 0, type, starts, startsAt, drawCount);
+    };
+  });
 })();

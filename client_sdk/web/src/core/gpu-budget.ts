@@ -17,6 +17,10 @@ const ATTRIBUTE_BYTES = 4;
 const FACE_BYTES = 6;
 /** Of the device's share: for segments that an aim brought ahead, or that a landing hid. */
 const SPARE_SHARE = 1 / 8;
+/** Most vertices of a page of segments. Index 65,535 ends a strip in WebGL, so it can name no vertex. */
+export const MAX_PAGE_VERTICES = 65_535;
+/** Faces of a surface are twice its vertices, nearly. */
+const FACES_PER_VERTEX = 2;
 /** Two lists of faces, the drawn and the coming one, and a third that the whole base is drawn by. */
 const BASE_LISTS = 3;
 
@@ -26,6 +30,8 @@ export interface GpuShares {
   readonly budgets: Budgets;
   /** For the stage: bytes of segments that nothing shows or waits for. */
   readonly spareGpuBytes: number;
+  /** For the stage: of everything that it puts there. */
+  readonly maxGpuBytes: number;
 }
 
 /** Bytes of a texture with all its mips; `bits` a texel, 32 or those of blocks of 4 x 4. */
@@ -51,20 +57,28 @@ export function gpuBytesOf(mesh: MeshData): number {
   return buffers + (mesh.image ? imageBytes(mesh.image) : 0);
 }
 
+/** Bytes of a whole page of segments. */
+export function pageBytes(vertexBytes: number): number {
+  return MAX_PAGE_VERTICES * (vertexBytes + FACES_PER_VERTEX * FACE_BYTES);
+}
+
 /**
- * Divide a device's share: the base, an eighth for what nothing shows, and two equal parts for two landings, the one that is
- * drawn and the one that is on its way. So all of it together never exceeds `maxGpuBytes`.
+ * Divide a device's share: the base, an eighth for what nothing shows, room to move a page of segments, and two equal parts for
+ * two landings, the one that is drawn and the one that is on its way. So all of it together never exceeds `maxGpuBytes`.
  */
 export function sharesOf(device: DeviceBudgets, { manifest, base }: SceneFiles): GpuShares {
   const spareGpuBytes = Math.floor(device.maxGpuBytes * SPARE_SHARE);
   const baseBytes = gpuBytesOf(base) + (BASE_LISTS - 1) * base.indices.byteLength;
+  const gpuVertexBytes = VERTEX_BYTES + COLOUR_BYTES + ATTRIBUTE_BYTES * manifest.attributes.length;
+  const landingsBytes = device.maxGpuBytes - spareGpuBytes - baseBytes - pageBytes(gpuVertexBytes);
   return {
     spareGpuBytes,
+    maxGpuBytes: device.maxGpuBytes,
     budgets: {
       maxTriangles: device.maxTriangles,
       maxSegments: device.maxSegments,
-      maxGpuBytes: Math.max(0, Math.floor((device.maxGpuBytes - spareGpuBytes - baseBytes) / 2)),
-      gpuVertexBytes: VERTEX_BYTES + COLOUR_BYTES + ATTRIBUTE_BYTES * manifest.attributes.length,
+      maxGpuBytes: Math.max(0, Math.floor(landingsBytes / 2)),
+      gpuVertexBytes,
       gpuFaceBytes: FACE_BYTES,
     },
   };

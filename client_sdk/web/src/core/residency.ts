@@ -43,6 +43,8 @@ export class Residency {
   #desired: readonly number[] = [];
   #desiredIds = new Set<number>();
   #nearbyIds = new Set<number>();
+  /** Of what plans and arrivals told of what is desired. */
+  #facts = new Map<number, SegmentFacts>();
   #prefetched: number[] = [];
   #newest: LandingRecord | null = null;
   #coming: readonly number[] | null = null;
@@ -126,6 +128,8 @@ export class Residency {
     for (const segment of plan.keep) {
       this.#shelf.hold(segment, -1);
     }
+    const kept = plan.keep.flatMap((segment) => this.#facts.get(segment) ?? []);
+    this.#facts = new Map([...kept, ...plan.load].map((facts) => [facts.segment, facts]));
     this.#nearbyIds = new Set(plan.nearby);
     this.#setDesired([...plan.keep, ...plan.load.map((facts) => facts.segment)]);
     this.#shelf.freeUnneededMeshes();
@@ -206,6 +210,7 @@ export class Residency {
     this.#shelf.clear();
     this.#prefetched = [];
     this.#nearbyIds.clear();
+    this.#facts.clear();
     this.#restoring = false;
     this.#newest?.restart();
     this.#setDesired([]);
@@ -266,6 +271,17 @@ export class Residency {
       return mostUrgent;
     }
     return this.#shelf.anyDecoded();
+  }
+
+  /** Whether something that is to be shown is not on the GPU, and may still come. */
+  get isComing(): boolean {
+    return this.#toShow.some((segment) => this.#isAwaited(segment));
+  }
+
+  /** That, most urgent first; without facts where no plan told how large it is. */
+  awaited(): readonly { readonly segment: number; readonly facts: SegmentFacts | undefined }[] {
+    const ids = this.#toShow.filter((segment) => this.#isAwaited(segment));
+    return ids.map((segment) => ({ segment, facts: this.#facts.get(segment) }));
   }
 
   /** All of it is on the GPU. */
@@ -387,6 +403,19 @@ export class Residency {
     return this.#desiredIds.has(segment) || this.#visibleIds.has(segment) || this.#nearbyIds.has(segment);
   }
 
+  /** What is visible and has to be uploaded again, else what the newest plan wants. */
+  get #toShow(): readonly number[] {
+    return this.#restoring ? this.#visible : this.#desired;
+  }
+
+  #isAwaited(segment: number): boolean {
+    const step = this.#shelf.stepOf(segment);
+    // What is visible has arrived once; what a plan wants may still arrive.
+    if (step === undefined) return !this.#restoring;
+    return step !== "uploaded" && step !== "resident" && step !== "failed";
+  }
+
+  /** Whether nothing more will happen to it by itself. */
   #isSettled(segment: number): boolean {
     const step = this.#shelf.stepOf(segment);
     return step === undefined || step === "resident" || step === "failed";

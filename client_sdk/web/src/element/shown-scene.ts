@@ -101,6 +101,7 @@ export class ShownScene {
       stream: this.#stream,
       files,
       spareGpuBytes: shares.spareGpuBytes,
+      maxGpuBytes: shares.maxGpuBytes,
     });
     this.#scene.add(this.stage.object);
     this.#controls = new OrbitControls(this.camera, canvas);

@@ -5,14 +5,14 @@
  * A hidden face is three times vertex 0 in the list, so lists keep their length and only blocks that changed are written.
  */
 
-import { type BufferGeometry, type Camera, type GLBufferAttribute, Mesh } from "three";
+import { type BufferGeometry, type Camera, ExternalTexture, type GLBufferAttribute, Mesh } from "three";
 
 import { CoverCounters } from "../core/cover.ts";
 import type { SceneFiles } from "../core/types.ts";
-import type { GpuBuffer, GpuStore } from "./gpu-store.ts";
-import { type DrawFacts, type GroundMaterial, linear } from "./ground-material.ts";
-import { asAttribute, geometryOf, MeshUpload, wrap } from "./mesh-upload.ts";
-import { PLAIN } from "./palette.ts";
+import { type GpuBuffer, type GpuImages, type GpuStore, imageFormOf } from "./gpu-store.ts";
+import type { DrawFacts, GroundMaterial } from "./ground-material.ts";
+import { indexAttribute, layoutOf, MeshRoom, setMeasure, sphereOf, vertexParts } from "./mesh-room.ts";
+import { MeshUpload } from "./mesh-upload.ts";
 import type { MiniaturePose } from "./types.ts";
 
 /** Faces that are written at once: 48 KB of indices. */
@@ -47,7 +47,10 @@ export class BaseGround {
   readonly #store: GpuStore;
   readonly #files: SceneFiles;
   readonly #counters: CoverCounters;
-  readonly #upload: MeshUpload;
+  /** Made by the first step: before, there may be no context. */
+  #room: MeshRoom | null = null;
+  #images: GpuImages | null = null;
+  #upload: MeshUpload | null = null;
   readonly #scratch: Uint16Array | Uint32Array;
   readonly #facts: DrawFacts;
   readonly #material: GroundMaterial;
@@ -68,7 +71,6 @@ export class BaseGround {
     this.#store = store;
     this.#files = files;
     this.#counters = new CoverCounters(files.cover);
-    this.#upload = new MeshUpload(store, files.base, true);
     const { base } = files;
     this.#scratch =
       base.indices instanceof Uint16Array ? new Uint16Array(BLOCK_FACES * 3) : new Uint32Array(BLOCK_FACES * 3);
@@ -81,8 +83,6 @@ export class BaseGround {
       hasTint: base.colours !== null,
       hasRegion: base.regionIds !== null,
       measure: null,
-      segmentColour: linear(PLAIN),
-      isFresh: false,
       side: 0,
     };
     this.#material = material;
@@ -146,6 +146,7 @@ export class BaseGround {
    * Returns its bytes, or 0 where there was nothing to do. The front list is never written while it is drawn.
    */
   step(): number {
+    this.#upload ??= this.#makeUpload();
     if (!this.#upload.isDone) {
       return Math.max(this.#upload.step(), 1);
     }
@@ -156,7 +157,7 @@ export class BaseGround {
       }
     }
     if (!this.mesh.visible) {
-      this.#facts.map = this.#upload.map;
+      this.#facts.map = this.#images && new ExternalTexture(this.#images.texture);
       this.mesh.visible = true;
       return 1;
     }
@@ -226,10 +227,7 @@ export class BaseGround {
     const { indices } = this.#files.base;
     const buffer = this.#store.createBuffer(indices.byteLength, "indices");
     this.#store.writeBuffer(buffer, 0, new Uint8Array(indices.buffer, indices.byteOffset, indices.byteLength));
-    const mesh = new Mesh(
-      geometryOf(this.#upload, wrap(buffer.buffer, indices, 1, false), this.#files.base),
-      this.#material.material,
-    );
+    const mesh = new Mesh(this.#makeGeometry(indexAttribute(buffer.buffer, indices)), this.#material.material);
     mesh.name = name;
     mesh.matrixAutoUpdate = false;
     mesh.renderOrder = this.mesh.renderOrder;
@@ -260,14 +258,19 @@ export class BaseGround {
       this.#store.freeBuffer(side.buffer);
     }
     this.#sides = null;
-    this.#upload.free();
+    this.#upload?.free();
+    this.#room?.free();
+    this.#room = null;
+    if (this.#images !== null) this.#store.freeImages(this.#images);
+    this.#images = null;
+    this.#facts.map?.dispose();
     this.mesh.visible = false;
     this.mesh.removeFromParent();
   }
 
   /** Known once it is uploaded. */
   get #measure(): GLBufferAttribute | undefined {
-    return this.#measureName === null ? undefined : this.#upload.measures.get(this.#measureName);
+    return this.#measureName === null ? undefined : this.#room?.measures.get(this.#measureName);
   }
 
   #makeSides(): readonly [Side, Side] {
@@ -276,7 +279,7 @@ export class BaseGround {
       const buffer = this.#store.createBuffer(base.indices.byteLength, "indices");
       return {
         buffer,
-        index: wrap(buffer.buffer, base.indices, 1, false),
+        index: indexAttribute(buffer.buffer, base.indices),
         geometry: null,
         hidden: new Uint8Array(base.faceCount),
         stale: new Uint8Array(Math.ceil(base.faceCount / BLOCK_FACES)),
@@ -293,10 +296,25 @@ export class BaseGround {
 
   #geometryOf(side: Side): BufferGeometry {
     if (!side.geometry) {
-      side.geometry = geometryOf(this.#upload, side.index, this.#files.base);
+      side.geometry = this.#makeGeometry(side.index);
       setMeasure(side.geometry, this.#measure);
     }
     return side.geometry;
+  }
+
+  #makeUpload(): MeshUpload {
+    const { base } = this.#files;
+    const parts = vertexParts(base);
+    this.#room = new MeshRoom(this.#store, layoutOf(parts, null), base.vertexCount, 0);
+    this.#images = base.image && this.#store.createImages(imageFormOf(base.image), 1);
+    const target = { room: this.#room, firstVertex: 0, firstIndex: null, images: this.#images, layer: 0 };
+    return new MeshUpload(this.#store, target, base, parts, true);
+  }
+
+  #makeGeometry(index: GLBufferAttribute): BufferGeometry {
+    const geometry = this.#room!.geometry(index);
+    geometry.boundingSphere = sphereOf(this.#files.base.bounds);
+    return geometry;
   }
 
   #fill(side: Side): number {
@@ -359,14 +377,5 @@ export class BaseGround {
     const bytes = new Uint8Array(out.buffer, 0, count * 3 * size);
     this.#store.writeBuffer(side.buffer, first * 3 * size, bytes);
     return bytes.length;
-  }
-}
-
-/** Give a geometry the attribute that the shader reads as `measure`, or take it away. */
-export function setMeasure(geometry: BufferGeometry, attribute: GLBufferAttribute | undefined): void {
-  if (attribute) {
-    geometry.setAttribute("measure", asAttribute(attribute));
-  } else {
-    geometry.deleteAttribute("measure");
   }
 }

@@ -11,12 +11,35 @@ export interface GpuBuffer {
   readonly bytes: number;
 }
 
-/** A texture with all its mips, and its size. */
-export interface GpuTexture {
-  readonly texture: WebGLTexture;
+/** Size and form of an image: those of one form can be layers of one array. */
+export interface ImageForm {
   readonly width: number;
   readonly height: number;
+  /** WebGL's number, sRGB. */
+  readonly form: GLenum;
+  /** WebGL extension that knows it; null where none is needed, and then a GPU can copy it: what is compressed it only reads. */
+  readonly extension: string | null;
+  /** With all levels. */
   readonly bytes: number;
+  /** Equal for equal forms. */
+  readonly key: string;
+}
+
+/** Images of one form, with all their levels: the layers of an array. */
+export interface GpuImages {
+  readonly texture: WebGLTexture;
+  readonly form: ImageForm;
+  readonly layers: number;
+  readonly bytes: number;
+}
+
+const SRGB8_ALPHA8 = 0x8c43;
+
+/** The form in which an image is kept. */
+export function imageFormOf(image: MeshImage): ImageForm {
+  const { width, height, pixels } = image;
+  const { form, extension } = "levels" in pixels ? pixels : { form: SRGB8_ALPHA8, extension: null };
+  return { width, height, form, extension, bytes: imageBytes(image), key: `${form} ${width} x ${height}` };
 }
 
 /** Ground is seen at grazing angles: without it, photographs blur away a few metres from the feet. */
@@ -78,82 +101,122 @@ export class GpuStore {
     gl.bindBuffer(gl.COPY_WRITE_BUFFER, null);
   }
 
+  /** Copy between two buffers for vertices; indices go between no others. */
+  copyBuffer(from: GpuBuffer, fromOffset: number, to: GpuBuffer, toOffset: number, bytes: number): void {
+    const gl = this.#gl;
+    gl.bindBuffer(gl.COPY_READ_BUFFER, from.buffer);
+    gl.bindBuffer(gl.COPY_WRITE_BUFFER, to.buffer);
+    gl.copyBufferSubData(gl.COPY_READ_BUFFER, gl.COPY_WRITE_BUFFER, fromOffset, toOffset, bytes);
+    gl.bindBuffer(gl.COPY_READ_BUFFER, null);
+    gl.bindBuffer(gl.COPY_WRITE_BUFFER, null);
+  }
+
   freeBuffer(target: GpuBuffer): void {
     this.#gl.deleteBuffer(target.buffer);
     this.bufferBytes -= target.bytes;
     this.freedBytes += target.bytes;
   }
 
-  /** An empty texture of sRGB colours with all its mips, in the image's own form. */
-  createTexture(image: MeshImage): GpuTexture {
+  /** Empty images with all their levels. */
+  createImages(form: ImageForm, layers: number): GpuImages {
     const gl = this.#gl;
-    const { width, height, pixels } = image;
-    let form: GLenum = gl.SRGB8_ALPHA8;
-    if ("levels" in pixels) {
-      ({ form } = pixels);
-      if (pixels.extension !== null) gl.getExtension(pixels.extension); // Its forms are unknown before.
-    }
+    if (form.extension !== null) gl.getExtension(form.extension); // Its forms are unknown before.
     const texture = gl.createTexture();
     const anisotropy = gl.getExtension("EXT_texture_filter_anisotropic"); // Lost with the context, so asked for each time.
-    const levels = Math.floor(Math.log2(Math.max(width, height))) + 1;
     this.#withTexture(texture, () => {
-      gl.texStorage2D(gl.TEXTURE_2D, levels, form, width, height);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
-      gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+      gl.texStorage3D(gl.TEXTURE_2D_ARRAY, levelsOf(form), form.form, form.width, form.height, layers);
+      gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_WRAP_S, gl.CLAMP_TO_EDGE);
+      gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
+      gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MAG_FILTER, gl.LINEAR);
+      gl.texParameteri(gl.TEXTURE_2D_ARRAY, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
       if (anisotropy) {
-        gl.texParameteri(gl.TEXTURE_2D, anisotropy.TEXTURE_MAX_ANISOTROPY_EXT, ANISOTROPY);
+        gl.texParameteri(gl.TEXTURE_2D_ARRAY, anisotropy.TEXTURE_MAX_ANISOTROPY_EXT, ANISOTROPY);
       }
     });
-    const bytes = imageBytes(image);
+    const bytes = layers * form.bytes;
     this.textureBytes += bytes;
     this.createdBytes += bytes;
-    return { texture, width, height, bytes };
+    return { texture, form, layers, bytes };
   }
 
-  /** Write `rows` rows of the image from row `top` on; (0, 0) is its upper left corner, as in glTF. */
-  writeTextureRows(target: GpuTexture, image: ImageBitmap, top: number, rows: number): void {
+  /** Write `rows` rows of an image from row `top` on; (0, 0) is its upper left corner, as in glTF. */
+  writeRows(target: GpuImages, layer: number, image: ImageBitmap, top: number, rows: number): void {
     const gl = this.#gl;
+    const { width } = target.form;
     this.#withTexture(target.texture, () => {
       this.#withUnpack(top, () => {
-        gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, top, target.width, rows, gl.RGBA, gl.UNSIGNED_BYTE, image);
+        const [form, type] = [gl.RGBA, gl.UNSIGNED_BYTE];
+        gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, 0, 0, top, layer, width, rows, 1, form, type, image);
       });
     });
   }
 
   /** Write one level of an image that comes as a GPU keeps it. */
-  writeTextureLevel(target: GpuTexture, image: CompressedImage, level: number): void {
+  writeLevel(target: GpuImages, layer: number, image: CompressedImage, level: number): void {
     const gl = this.#gl;
-    const width = Math.max(target.width >> level, 1);
-    const height = Math.max(target.height >> level, 1);
+    const [width, height] = sizeOf(target.form, level);
     const data = image.levels[level]!;
     this.#withTexture(target.texture, () => {
       this.#withUnpack(0, () => {
         if (image.extension === null) {
-          gl.texSubImage2D(gl.TEXTURE_2D, level, 0, 0, width, height, gl.RGBA, gl.UNSIGNED_BYTE, data);
+          const [form, type] = [gl.RGBA, gl.UNSIGNED_BYTE];
+          gl.texSubImage3D(gl.TEXTURE_2D_ARRAY, level, 0, 0, layer, width, height, 1, form, type, data);
         } else {
-          gl.compressedTexSubImage2D(gl.TEXTURE_2D, level, 0, 0, width, height, image.form, data);
+          gl.compressedTexSubImage3D(gl.TEXTURE_2D_ARRAY, level, 0, 0, layer, width, height, 1, image.form, data);
         }
       });
     });
   }
 
-  /** Once all rows are written. */
-  makeMips(target: GpuTexture): void {
-    this.#withTexture(target.texture, () => this.#gl.generateMipmap(this.#gl.TEXTURE_2D));
+  /** Once all rows of a layer are written: each level from the one before. (`generateMipmap` would make all layers anew.) */
+  makeLevels(target: GpuImages, layer: number): void {
+    const source = { images: target, layer };
+    for (let level = 1; level < levelsOf(target.form); level += 1) {
+      this.#blit({ ...source, level: level - 1 }, { ...source, level }, this.#gl.LINEAR);
+    }
   }
 
-  freeTexture(target: GpuTexture): void {
+  /** Copy an image, with its levels, between arrays of one size and form. */
+  copyImage(from: GpuImages, fromLayer: number, to: GpuImages, toLayer: number): void {
+    for (let level = 0; level < levelsOf(from.form); level += 1) {
+      const source = { images: from, layer: fromLayer, level };
+      this.#blit(source, { images: to, layer: toLayer, level }, this.#gl.NEAREST);
+    }
+  }
+
+  freeImages(target: GpuImages): void {
     this.#gl.deleteTexture(target.texture);
     this.textureBytes -= target.bytes;
     this.freedBytes += target.bytes;
   }
 
+  #blit(from: LayerLevel, to: LayerLevel, filter: GLenum): void {
+    const gl = this.#gl;
+    const isScissored = gl.isEnabled(gl.SCISSOR_TEST);
+    // What three.js has bound is asked of the browser, which knows without waiting for the GPU.
+    const read: WebGLFramebuffer | null = gl.getParameter(gl.READ_FRAMEBUFFER_BINDING);
+    const drawn: WebGLFramebuffer | null = gl.getParameter(gl.DRAW_FRAMEBUFFER_BINDING);
+    const frames = [gl.createFramebuffer(), gl.createFramebuffer()] as const;
+    const attach = (target: GLenum, frame: WebGLFramebuffer, { images, layer, level }: LayerLevel): void => {
+      gl.bindFramebuffer(target, frame);
+      gl.framebufferTextureLayer(target, gl.COLOR_ATTACHMENT0, images.texture, level, layer);
+    };
+    gl.disable(gl.SCISSOR_TEST);
+    attach(gl.READ_FRAMEBUFFER, frames[0], from);
+    attach(gl.DRAW_FRAMEBUFFER, frames[1], to);
+    const [width, height] = sizeOf(from.images.form, from.level);
+    const [toWidth, toHeight] = sizeOf(to.images.form, to.level);
+    gl.blitFramebuffer(0, 0, width, height, 0, 0, toWidth, toHeight, gl.COLOR_BUFFER_BIT, filter);
+    gl.bindFramebuffer(gl.READ_FRAMEBUFFER, read);
+    gl.bindFramebuffer(gl.DRAW_FRAMEBUFFER, drawn);
+    if (isScissored) gl.enable(gl.SCISSOR_TEST);
+    for (const frame of frames) gl.deleteFramebuffer(frame);
+  }
+
   /** Through three.js, which remembers what is bound: asking WebGL would do, but some of the answers wait for the GPU. */
   #withTexture(texture: WebGLTexture, act: () => void): void {
     const { state } = this.#renderer;
-    state.bindTexture(this.#gl.TEXTURE_2D, texture);
+    state.bindTexture(this.#gl.TEXTURE_2D_ARRAY, texture);
     act();
     state.unbindTexture();
   }
@@ -171,4 +234,19 @@ export class GpuStore {
     act();
     state.pixelStorei(gl.UNPACK_SKIP_ROWS, 0); // The one that three.js takes for granted.
   }
+}
+
+/** A level of a layer. */
+interface LayerLevel {
+  readonly images: GpuImages;
+  readonly layer: number;
+  readonly level: number;
+}
+
+function levelsOf({ width, height }: ImageForm): number {
+  return Math.floor(Math.log2(Math.max(width, height))) + 1;
+}
+
+function sizeOf({ width, height }: ImageForm, level: number): readonly [number, number] {
+  return [Math.max(width >> level, 1), Math.max(height >> level, 1)];
 }

@@ -1,4 +1,4 @@
-/** The material of base and segments: one program, whose uniforms are set per draw. */
+/** The materials of base and pages of segments: one shader, whose uniforms are set per draw. */
 
 import {
   type Camera,
@@ -14,7 +14,14 @@ import {
 } from "three";
 
 import type { RegionFacts, SceneManifest, TaughtPicture, Vec3 } from "../core/types.ts";
-import { FRAGMENT_SHADER, MODE_NUMBER, TINT_RELIEF, VERTEX_SHADER } from "./ground-shader.ts";
+import {
+  FRAGMENT_SHADER,
+  MAX_RANGES,
+  MODE_NUMBER,
+  TINT_RELIEF,
+  TRAIT_VECTORS,
+  VERTEX_SHADER,
+} from "./ground-shader.ts";
 import {
   attributeRamp,
   NO_VALUE,
@@ -29,26 +36,35 @@ import {
 import { TaughtLook } from "./taught-look.ts";
 import type { MiniaturePose, ViewMode } from "./types.ts";
 
-/** What differs between two draws. */
-export interface DrawFacts {
+/** What a mesh of any kind has. */
+interface MeshFacts {
+  /** Null until it is uploaded, or where there is none. */
+  map: Texture | null;
+  readonly hasTint: boolean;
+  readonly hasRegion: boolean;
+}
+
+/** What differs between two draws of the base. */
+export interface DrawFacts extends MeshFacts {
   readonly translation: Vec3;
   readonly stepM: number;
   readonly uvScale: readonly [number, number];
   /** How far it is pushed back along the line of sight. */
   readonly pushM: number;
-  /** Null until it is uploaded, or where there is none. */
-  map: Texture | null;
-  readonly hasTint: boolean;
-  readonly hasRegion: boolean;
   /** Offset and step of the attribute in view; null where it has none. */
   measure: readonly [number, number] | null;
-  /** Linear light. */
-  readonly segmentColour: Vector3;
-  /** Whether it became visible by the newest landing: see {@link GroundMaterial.setFresh}. */
-  isFresh: boolean;
-  /** The base (0), the whole base beside which detail is compared (-1), or detail (1). */
-  readonly side: -1 | 0 | 1;
+  /** The base (0), or the whole base beside which detail is compared (-1). */
+  readonly side: -1 | 0;
 }
+
+/** What differs between two pages of segments. */
+export interface PageFacts extends MeshFacts {
+  /** Whether its segments have the attribute in view. */
+  hasMeasure: boolean;
+}
+
+/** Beside the base (0) and the whole base that it is compared with (-1): see {@link DrawFacts.side}. */
+const DETAIL_SIDE = 1;
 
 /** What became sharp is washed with it for a moment, linear light: of no rock, seen by the colour-blind too. */
 const FRESH: Vec3 = [0.1, 0.75, 1];
@@ -60,7 +76,10 @@ const EYE_GRID_M = 0.0625;
 
 /** Material and its uniforms. `bind` is called for each draw, once per eye. */
 export class GroundMaterial {
+  /** For the base. */
   readonly material: ShaderMaterial;
+  /** For pages. A material of its own: three.js would look its program up anew at every change between base and pages. */
+  readonly paged: ShaderMaterial;
   /** For the model of the scene: the same uniforms, and another way from a place to its pixel. */
   readonly miniature: ShaderMaterial;
   #gridM: number;
@@ -69,7 +88,6 @@ export class GroundMaterial {
   #nameColours: DataTexture;
   readonly #ramps = rampTexture();
   readonly #taught = new TaughtLook();
-  #freshShare = 0;
 
   constructor(manifest: SceneManifest, regions: readonly RegionFacts[]) {
     this.#gridM = Math.max(manifest.stepM, EYE_GRID_M);
@@ -89,7 +107,6 @@ export class GroundMaterial {
       hasMeasure: { value: false },
       map: { value: null as Texture | null },
       regionColours: { value: this.#regionColours },
-      segmentColour: { value: new Vector3() },
       noValue: { value: new Vector3() },
       plain: { value: linear(PLAIN) },
       measureScale: { value: new Vector2() },
@@ -103,6 +120,7 @@ export class GroundMaterial {
       splitX: { value: 0 },
       side: { value: 0 },
       modelScale: { value: 1 },
+      traits: { value: new Float32Array(4 * TRAIT_VECTORS * MAX_RANGES) },
       ...this.#taught.uniforms,
     };
     const program = {
@@ -114,6 +132,7 @@ export class GroundMaterial {
       toneMapped: false,
     };
     this.material = new ShaderMaterial({ ...program, name: "ground" });
+    this.paged = new ShaderMaterial({ ...program, name: "pages", defines: { PAGED: "" } });
     this.miniature = new ShaderMaterial({ ...program, name: "miniature", defines: { MINIATURE: "" } });
     this.setMode({ kind: "colour" }, "light");
   }
@@ -126,24 +145,21 @@ export class GroundMaterial {
     if (mode.kind === "attribute") {
       this.#uniforms.measureRange.value.set(mode.min, mode.max);
     }
-    this.material.uniformsNeedUpdate = true;
   }
 
   /** Dim whatever is not of this region; null ends it. */
   highlight(region: number | null): void {
     this.#uniforms.highlight.value = region ?? -1;
-    this.material.uniformsNeedUpdate = true;
   }
 
   /** Lay what strokes have taught over every mode; null takes it away. */
   setTaught(picture: TaughtPicture | null): void {
     this.#taught.set(picture);
-    this.material.uniformsNeedUpdate = true;
   }
 
   /** How strongly what is fresh is washed with colour, 0 to 1. */
   setFresh(share: number): void {
-    this.#freshShare = share;
+    this.#uniforms.fresh.value = share;
   }
 
   /**
@@ -154,8 +170,11 @@ export class GroundMaterial {
     this.#uniforms.splitX.value = splitX ?? 0;
     const isCompared = splitX !== null;
     if ("COMPARED" in this.material.defines !== isCompared) {
-      this.material.defines = isCompared ? { COMPARED: "" } : {};
+      const compared = isCompared ? { COMPARED: "" } : {};
+      this.material.defines = compared;
+      this.paged.defines = { ...compared, PAGED: "" };
       this.material.needsUpdate = true;
+      this.paged.needsUpdate = true;
     }
   }
 
@@ -176,21 +195,36 @@ export class GroundMaterial {
     this.miniature.uniformsNeedUpdate = true;
   }
 
+  /** As `bind`, for a page: `traits` are those of the ranges that are drawn, in their order. */
+  bindPage(facts: PageFacts, traits: Float32Array<ArrayBuffer>, camera: Camera): void {
+    const { elements } = camera.matrixWorld;
+    const u = this.#uniforms;
+    u.traits.value = traits;
+    u.pushM.value = 0;
+    u.hasMeasure.value = facts.hasMeasure;
+    u.side.value = DETAIL_SIDE;
+    this.#bindMesh(facts, elements[12]!, elements[13]!, elements[14]!);
+    this.paged.uniformsNeedUpdate = true;
+  }
+
   #bind(facts: DrawFacts, x: number, y: number, z: number): void {
     const u = this.#uniforms;
     u.translation.value.set(...facts.translation);
     u.stepM.value = facts.stepM;
     u.uvScale.value.set(...facts.uvScale);
     u.pushM.value = facts.pushM;
+    u.hasMeasure.value = facts.measure !== null;
+    u.measureScale.value.set(facts.measure?.[0] ?? 0, facts.measure?.[1] ?? 0);
+    u.side.value = facts.side;
+    this.#bindMesh(facts, x, y, z);
+  }
+
+  #bindMesh(facts: MeshFacts, x: number, y: number, z: number): void {
+    const u = this.#uniforms;
     u.hasMap.value = facts.map !== null;
     u.map.value = facts.map;
     u.hasTint.value = facts.hasTint;
     u.hasRegion.value = facts.hasRegion;
-    u.hasMeasure.value = facts.measure !== null;
-    u.measureScale.value.set(facts.measure?.[0] ?? 0, facts.measure?.[1] ?? 0);
-    u.segmentColour.value.copy(facts.segmentColour);
-    u.fresh.value = facts.isFresh ? this.#freshShare : 0;
-    u.side.value = facts.side;
     // The eye in two parts. The coarse one lies on the grid of the codes, so the shader's difference to it is exact in
     // float32; the fine one is small. One number for both would shake by millimetres far from the origin.
     const grid = this.#gridM;
@@ -221,6 +255,7 @@ export class GroundMaterial {
     this.#ramps.dispose();
     this.#taught.dispose();
     this.material.dispose();
+    this.paged.dispose();
     this.miniature.dispose();
   }
 }

@@ -7,36 +7,50 @@ import type { Residency } from "../core/residency.ts";
 import type { MeshData } from "../core/types.ts";
 import type { GpuStore } from "./gpu-store.ts";
 import type { GroundMaterial } from "./ground-material.ts";
+import type { ImageOf } from "./page-move.ts";
+import { type ComingMesh, Pages } from "./pages.ts";
 import { SegmentGround } from "./segment-ground.ts";
 
-/** Segments that are freed, or drawn for the first time, in one frame. */
+/** Segments that are freed, and pages that are drawn for the first time, in one frame. */
 const MAX_FRAME_FREES = 8;
 const MAX_FRAME_WARMINGS = 8;
 
 /** Carries out what the residency decides. */
 export class GroundSet {
-  readonly #parent: Group;
   readonly #store: GpuStore;
-  readonly #material: GroundMaterial;
+  readonly #pages: Pages;
   readonly #residency: Residency;
   /** Everything of this scene version on its way to the GPU, or there, by id. */
   readonly #grounds = new Map<number, SegmentGround>();
   /** The ones that are shown: of these, or, after a change of version, of the old one. */
   readonly #shown = new Map<number, SegmentGround>();
+  /** Whole, and in a page that was not drawn yet. */
   #warming: SegmentGround[] = [];
   readonly #freeing: SegmentGround[] = [];
   #measureName: string | null = null;
 
-  constructor(parent: Group, store: GpuStore, material: GroundMaterial, residency: Residency) {
-    this.#parent = parent;
+  /** @param maxBytes Most bytes of the whole store: see {@link Pages}. */
+  constructor(
+    parent: Group,
+    store: GpuStore,
+    material: GroundMaterial,
+    residency: Residency,
+    maxBytes: number,
+    imageOf: ImageOf,
+  ) {
     this.#store = store;
-    this.#material = material;
+    this.#pages = new Pages(parent, store, material, maxBytes, imageOf);
     this.#residency = residency;
   }
 
   /** Segments with memory of their own on the GPU. */
   get count(): number {
     return this.#grounds.size;
+  }
+
+  /** Draw calls that all of it would take. */
+  get pageCount(): number {
+    return this.#pages.count;
   }
 
   /** What is shown, by id. */
@@ -46,7 +60,7 @@ export class GroundSet {
 
   /** Whether the next frames have something to do for it. */
   get isBusy(): boolean {
-    return this.#warming.length > 0 || this.#freeing.length > 0;
+    return this.#warming.length > 0 || this.#freeing.length > 0 || this.#isUntidy;
   }
 
   get pickingBytes(): number {
@@ -59,30 +73,34 @@ export class GroundSet {
 
   /** A decoded mesh that the residency took. */
   add(segment: number, data: MeshData): void {
-    this.#grounds.set(segment, new SegmentGround(this.#store, segment, data, this.#material, this.#measureName));
+    this.#grounds.set(segment, new SegmentGround(this.#store, this.#pages, segment, data, this.#measureName));
   }
 
-  /** Upload one slice of the most urgent segment. Returns its bytes, or 0 where this frame can do no more. */
+  /** Upload one slice of the most urgent segment, or move one between pages. Returns its bytes, or 0 where this frame can do no more. */
   step(): number {
     const segment = this.#residency.nextUpload();
     const ground = segment === null ? undefined : this.#grounds.get(segment);
-    // Each that is whole is drawn once without a face: too many at a time would make that frame a long one.
-    if (!ground || ground.mesh || this.#warming.length >= MAX_FRAME_WARMINGS) {
+    if (!ground) {
+      // What is on its way may still fill what looks empty.
+      return this.#isUntidy ? this.#pages.tidy() : 0;
+    }
+    // Each new page is drawn once without a range: too many at a time would make that frame a long one.
+    if (ground.isWhole || this.#pages.coldCount >= MAX_FRAME_WARMINGS) {
       return 0;
     }
-    const bytes = ground.step();
-    if (ground.mesh) {
-      this.#parent.add(ground.mesh);
-      this.#warming.push(ground);
+    const bytes = ground.step(() => this.#comingAfter(ground)) || this.#pages.tidy();
+    if (ground.isWhole) {
       this.#residency.uploaded(ground.id);
+      if (ground.isWarm) this.#residency.warmed(ground.id);
+      else this.#warming.push(ground);
     }
     return bytes;
   }
 
   /** Whatever was warmed was drawn since the last call. */
   endWarming(): void {
+    this.#pages.endWarming();
     for (const ground of this.#warming) {
-      ground.endWarming();
       this.#residency.warmed(ground.id);
     }
     this.#warming = [];
@@ -107,10 +125,10 @@ export class GroundSet {
   setShown(segment: number, isShown: boolean): void {
     // What is to be hidden is looked up among what is shown: after a change of version its id is another segment's.
     const ground = isShown ? this.#grounds.get(segment) : this.#shown.get(segment);
-    if (!ground?.mesh) {
+    if (!ground?.isWhole) {
       return;
     }
-    ground.mesh.visible = isShown;
+    ground.isShown = isShown;
     if (isShown) {
       this.#shown.set(segment, ground);
     } else {
@@ -138,6 +156,7 @@ export class GroundSet {
   /** For every segment, and those to come. */
   setMeasure(name: string | null): void {
     this.#measureName = name;
+    this.#pages.setMeasure(name);
     for (const ground of this.#allGrounds()) {
       ground.setMeasure(name);
     }
@@ -150,6 +169,7 @@ export class GroundSet {
         this.#toFree(ground);
       }
     }
+    this.#pages.leaveVersion();
     this.#grounds.clear();
     this.#warming = [];
   }
@@ -169,6 +189,7 @@ export class GroundSet {
     for (const ground of this.#allGrounds()) {
       ground.free();
     }
+    this.#pages.freeAll();
     this.#grounds.clear();
     this.#shown.clear();
     this.#warming = [];
@@ -180,12 +201,32 @@ export class GroundSet {
     let hash = 0;
     let count = 0;
     for (const [segment, ground] of this.#shown) {
-      if (ground.mesh?.visible) {
+      if (ground.isShown) {
         hash ^= mix32(segment);
         count += 1;
       }
     }
     return `${count}:${(hash >>> 0).toString(16)}`;
+  }
+
+  /** Whether pages may be moved together now. */
+  get #isUntidy(): boolean {
+    return this.#pages.isUntidy && !this.#residency.isComing;
+  }
+
+  /** What is uploaded after this one: what the plan says, then what aims brought and is decoded. */
+  #comingAfter(ground: SegmentGround): ComingMesh[] {
+    const coming: ComingMesh[] = [];
+    const ids = new Set([ground.id]);
+    for (const { segment, facts } of this.#residency.awaited()) {
+      if (segment === ground.id || this.#grounds.get(segment)?.hasRoom) continue;
+      ids.add(segment);
+      coming.push(facts ?? { vertices: ground.vertexCount, faces: ground.faceCount });
+    }
+    for (const [id, { hasRoom, vertexCount: vertices, faceCount: faces }] of this.#grounds) {
+      if (!hasRoom && !ids.has(id)) coming.push({ vertices, faces });
+    }
+    return coming;
   }
 
   #allGrounds(): Set<SegmentGround> {
@@ -194,7 +235,7 @@ export class GroundSet {
 
   #toFree(ground: SegmentGround): void {
     // Out of the picture at once, its memory later: drivers take their time to free.
-    ground.mesh?.removeFromParent();
+    ground.isShown = false;
     this.#freeing.push(ground);
   }
 }

@@ -13,6 +13,11 @@ export const MODE_NUMBER = {
   names: 6,
 } as const;
 
+/** Most ranges of a page of segments: their traits are 192 of the 256 vectors that WebGL 2 promises a vertex shader. */
+export const MAX_RANGES = 64;
+/** Vectors of four of a range: translation and step; scales of image and measure; colour of its segment, and layer and freshness. */
+export const TRAIT_VECTORS = 3;
+
 /** How much of the shape's light is laid over the survey's own colours. */
 export const TINT_RELIEF = 0.35;
 
@@ -32,16 +37,26 @@ in vec2 spot;
 in vec2 region;
 in vec2 measure;
 
+#ifdef PAGED
+#ifndef GL_ANGLE_multi_draw
+// Then three.js draws range by range, and says which here.
+#define gl_DrawID _gl_DrawID
+uniform int _gl_DrawID;
+#endif
+uniform vec4 traits[${MAX_RANGES * TRAIT_VECTORS}];
+flat out vec4 vSegment;
+#else
 uniform vec3 translation;
 uniform float stepM;
+uniform vec2 uvScale;
+uniform vec2 measureScale;
+#endif
 uniform vec3 eyeCoarse;
 uniform vec3 eyeFine;
 uniform float pushM;
-uniform vec2 uvScale;
 uniform int mode;
 uniform bool hasMap;
-uniform sampler2D map;
-uniform vec2 measureScale;
+uniform sampler2DArray map;
 #ifdef MINIATURE
 uniform float modelScale;
 #endif
@@ -52,10 +67,25 @@ out vec2 vPlan;
 out vec2 vSpot;
 out vec2 vMeasure;
 flat out float vRegion;
+flat out float vLayer;
 
 invariant gl_Position;
 
 void main() {
+#ifdef PAGED
+  // What differs between the segments of a page, by the number of the range.
+  vec4 grid = traits[${TRAIT_VECTORS} * gl_DrawID];
+  vec4 scales = traits[${TRAIT_VECTORS} * gl_DrawID + 1];
+  vec3 translation = grid.xyz;
+  float stepM = grid.w;
+  vec2 uvScale = scales.xy;
+  vec2 measureScale = scales.zw;
+  vec4 own = traits[${TRAIT_VECTORS} * gl_DrawID + 2];
+  vLayer = floor(own.w / 2.0);
+  vSegment = vec4(own.rgb, own.w - 2.0 * vLayer);
+#else
+  vLayer = 0.0;
+#endif
   vec3 place = translation + stepM * code.xyz;
   vec3 away = (place - eyeCoarse) - eyeFine;
 #ifdef MINIATURE
@@ -79,7 +109,7 @@ void main() {
   vTint = tint.rgb;
   if (hasMap && mode == ${MODE_NUMBER["vertex-colour"]}) {
     // Textured payloads have no vertex colours. A mip that mixes no foreign chart stands in for them.
-    vTint = textureLod(map, vSpot, 3.0).rgb;
+    vTint = textureLod(map, vec3(vSpot, vLayer), 3.0).rgb;
   }
   vRegion = region.x;
   // 65535 means "no value"; a face with one such corner is grey.
@@ -99,15 +129,18 @@ in vec2 vSpot;
 in vec2 vMeasure;
 in vec2 vPlan;
 flat in float vRegion;
+flat in float vLayer;
+#ifdef PAGED
+flat in vec4 vSegment;
+#endif
 
 uniform int mode;
 uniform bool hasMap;
 uniform bool hasTint;
 uniform bool hasRegion;
 uniform bool hasMeasure;
-uniform sampler2D map;
+uniform sampler2DArray map;
 uniform sampler2D regionColours;
-uniform vec3 segmentColour;
 uniform vec3 noValue;
 uniform vec3 plain;
 uniform vec2 measureRange;
@@ -146,7 +179,7 @@ vec3 alongRamp(int row, float share) {
 
 // The survey's own look, paled: for what a mode has no colour for, so that it stays ground.
 vec3 paled() {
-  vec3 own = hasMap ? texture(map, vSpot).rgb : hasTint ? vTint : plain;
+  vec3 own = hasMap ? texture(map, vec3(vSpot, vLayer)).rgb : hasTint ? vTint : plain;
   return mix(own, vec3(dot(own, vec3(0.2126, 0.7152, 0.0722))), 0.8);
 }
 
@@ -161,7 +194,7 @@ void main() {
   float strength = relief;
   if (mode == ${MODE_NUMBER.colour} || mode == ${MODE_NUMBER["vertex-colour"]}) {
     if (hasMap && mode == ${MODE_NUMBER.colour}) {
-      colour = texture(map, vSpot).rgb;
+      colour = texture(map, vec3(vSpot, vLayer)).rgb;
       strength *= mapRelief;
     } else if (hasTint || hasMap) {
       colour = vTint;
@@ -176,7 +209,11 @@ void main() {
       colour = own.a > 0.5 ? own.rgb : colour;
     }
   } else if (mode == ${MODE_NUMBER.segments}) {
-    colour = side < 1 ? paled() : segmentColour;
+#ifdef PAGED
+    colour = vSegment.rgb;
+#else
+    colour = paled();
+#endif
   } else if (mode == ${MODE_NUMBER.attribute}) {
     colour = noValue;
     strength *= 0.6; // Dark must remain "little of it".
@@ -204,7 +241,9 @@ void main() {
       colour = mix(colour, name.rgb * mix(1.0, light, 0.8 * relief), isGap ? 0.08 : taughtShare);
     }
   }
-  colour = mix(colour, freshColour, fresh);
+#ifdef PAGED
+  colour = mix(colour, freshColour, fresh * vSegment.a);
+#endif
   outColour = linearToOutputTexel(vec4(colour, 1.0));
 }
 `;

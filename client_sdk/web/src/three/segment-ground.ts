@@ -1,118 +1,115 @@
-/** One segment on the GPU: uploaded in slices, then warmed, then shown and hidden by a flag. */
-
-import { type Camera, Mesh } from "three";
+/** One segment on the GPU: uploaded in slices into a page, then shown and hidden by a flag. */
 
 import type { AttributeCodes, MeshData } from "../core/types.ts";
-import { setMeasure } from "./base-ground.ts";
 import { FaceBoxes } from "./face-boxes.ts";
 import type { GpuStore } from "./gpu-store.ts";
-import { type DrawFacts, type GroundMaterial, linear } from "./ground-material.ts";
-import { geometryOf, MeshUpload } from "./mesh-upload.ts";
-import { segmentColour } from "./palette.ts";
+import { vertexParts } from "./mesh-room.ts";
+import { closeImage, MeshUpload, SLICE_BYTES } from "./mesh-upload.ts";
+import type { PageRange } from "./page.ts";
+import type { ComingMesh, Pages } from "./pages.ts";
 
-/** A segment's mesh. `step` until `mesh` is there; `free` once. */
+/** A segment. `step` until `isWhole`; `free` once. */
 export class SegmentGround {
   /** Of the payload: which segment, and at which level. */
   readonly id: number;
   /** Of the scene, at whichever level. */
   readonly segment: number;
   readonly faceCount: number;
+  readonly vertexCount: number;
   /** For picking; keeps positions, indices and region ids of the decoded mesh, and nothing else of it. */
   readonly boxes: FaceBoxes;
   readonly bounds: MeshData["bounds"];
-  mesh: Mesh | null = null;
-  readonly #upload: MeshUpload;
-  readonly #facts: DrawFacts;
-  readonly #material: GroundMaterial;
+  readonly #store: GpuStore;
+  readonly #pages: Pages;
   readonly #attributes: readonly Pick<AttributeCodes, "name" | "offset" | "step">[];
   #measureName: string | null;
-  #meshData: MeshData | null;
+  /** What is read from; null once it is whole, so that all but picking's may be collected. */
+  #data: MeshData | null;
+  /** Null until there is room for it. */
+  #range: PageRange | null = null;
+  #upload: MeshUpload | null = null;
 
-  constructor(store: GpuStore, id: number, data: MeshData, material: GroundMaterial, measureName: string | null) {
+  constructor(store: GpuStore, pages: Pages, id: number, data: MeshData, measureName: string | null) {
     this.id = id;
     this.segment = data.segment;
     this.faceCount = data.faceCount;
+    this.vertexCount = data.vertexCount;
     this.bounds = data.bounds;
     const { translation, stepM, positions, indices, regionIds, faceCount, bounds } = data;
     this.boxes = new FaceBoxes({ translation, stepM, positions, indices, regionIds, faceCount, bounds });
     this.#attributes = data.attributes.map(({ name, offset, step }) => ({ name, offset, step }));
     this.#measureName = measureName;
-    this.#material = material;
-    this.#upload = new MeshUpload(store, data, false);
-    this.#meshData = data;
-    this.#facts = {
-      translation,
-      stepM,
-      uvScale: data.uvScale,
-      pushM: 0,
-      map: null,
-      hasTint: data.colours !== null,
-      hasRegion: regionIds !== null,
-      measure: null,
-      segmentColour: linear(segmentColour(data.segment)),
-      isFresh: false,
-      side: 1,
-    };
+    this.#store = store;
+    this.#pages = pages;
+    this.#data = data;
+  }
+
+  /** Whether all of it is on the GPU. */
+  get isWhole(): boolean {
+    return this.#range?.isWhole === true;
+  }
+
+  /** Whether it could be drawn now without any further preparation. */
+  get isWarm(): boolean {
+    return this.isWhole && this.#range?.page.isWarm === true;
+  }
+
+  /** Whether it has room in a page. */
+  get hasRoom(): boolean {
+    return this.#range !== null;
+  }
+
+  get isShown(): boolean {
+    return this.#range?.isShown === true;
+  }
+
+  /** Of what is whole. */
+  set isShown(isShown: boolean) {
+    if (this.#range !== null) this.#range.isShown = isShown;
   }
 
   /** Washed with colour as long as the material says. */
   set isFresh(isFresh: boolean) {
-    this.#facts.isFresh = isFresh;
+    if (this.#range !== null) this.#range.isFresh = isFresh;
   }
 
-  /** Upload one slice. Returns its bytes. */
-  step(): number {
-    const bytes = this.#upload.step();
-    if (this.#upload.isDone && this.#meshData && this.#upload.index) {
-      this.mesh = new Mesh(geometryOf(this.#upload, this.#upload.index, this.#meshData), this.#material.material);
-      // On the GPU: picking keeps positions and indices, everything else may be collected.
-      this.#meshData = null;
-      this.#facts.map = this.#upload.map;
-      this.mesh.name = `segment ${this.id}`;
-      this.mesh.matrixAutoUpdate = false;
-      this.mesh.raycast = () => undefined;
-      this.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => this.#material.bind(this.#facts, camera);
+  /** Find room, then upload one slice a call. Returns its bytes; 0 where pages have to make room before. */
+  step(coming: () => readonly ComingMesh[]): number {
+    const data = this.#data;
+    if (data === null) return 0;
+    if (this.#upload === null) {
+      const parts = vertexParts(data);
+      const range = this.#pages.reserve(this.id, data, parts, coming);
+      if (range === null) return 0;
+      this.#range = range;
       this.setMeasure(this.#measureName);
-      this.#warm(this.mesh);
+      const { firstVertex, firstIndex } = range;
+      const { room, images } = range.page;
+      const target = { room, firstVertex, firstIndex, images, layer: range.layer };
+      this.#upload = new MeshUpload(this.#store, target, data, parts, false);
+      return SLICE_BYTES;
+    }
+    const bytes = this.#upload.step();
+    if (this.#upload.isDone && this.#range !== null) {
+      this.#data = null;
+      this.#pages.completed(this.#range);
     }
     return Math.max(bytes, 1);
-  }
-
-  /** The frame in which it was drawn without a single face is over: hidden until a swap. */
-  endWarming(): void {
-    if (this.mesh) {
-      this.mesh.geometry.setDrawRange(0, Number.POSITIVE_INFINITY);
-      this.mesh.frustumCulled = true;
-      this.mesh.visible = false;
-    }
   }
 
   /** Show an attribute of the survey, or none. */
   setMeasure(name: string | null): void {
     this.#measureName = name;
     const info = this.#attributes.find((attribute) => attribute.name === name);
-    this.#facts.measure = info ? [info.offset, info.step] : null;
-    if (this.mesh) {
-      setMeasure(this.mesh.geometry, name === null ? undefined : this.#upload.measures.get(name));
-    }
+    if (this.#range !== null) this.#range.measure = info ? [info.offset, info.step] : null;
   }
 
   free(): void {
-    this.mesh?.removeFromParent();
-    // Gives back three.js's vertex array alone: the buffers are the upload's, the material is everybody's.
-    this.mesh?.geometry.dispose();
-    this.mesh = null;
-    this.#meshData = null;
-    this.#upload.free();
-  }
-
-  /**
-   * Draw it for one frame with no face at all: three.js then makes its vertex array and looks its program up, and neither is
-   * left for the frame of the swap, in which hundreds of segments may appear.
-   */
-  #warm(mesh: Mesh): void {
-    mesh.geometry.setDrawRange(0, 0);
-    mesh.frustumCulled = false;
-    mesh.visible = true;
+    if (this.#range !== null) this.#pages.release(this.#range);
+    if (this.#upload === null) closeImage(this.#data?.image ?? null);
+    this.#upload?.free();
+    this.#range = null;
+    this.#upload = null;
+    this.#data = null;
   }
 }

@@ -13,6 +13,11 @@ export interface StageOptions {
   /** Bytes on the GPU of segments that nothing shows or waits for (prefetched by an aim). Default 128 MiB. */
   readonly spareGpuBytes?: number;
   /**
+   * Most bytes on the GPU of everything that the stage puts there, as `sharesOf` divides them: where pages of segments would take
+   * more, they are moved together. Default: no bound; then pages take at most twice what lives in them.
+   */
+  readonly maxGpuBytes?: number;
+  /**
    * Milliseconds of one frame for uploads. Default 1.5 in a headset; else 3, or, where frames are slow anyway, a seventh of
    * their interval up to 30 ms, so that a landing does not take ten times as long there.
    */

@@ -52,6 +52,7 @@ export function stageStats(
     gpu: {
       segments: grounds.count,
       visibleSegments: grounds.shown.size,
+      pages: grounds.pageCount,
       bufferBytes,
       textureBytes,
       createdBytes,

@@ -27,6 +27,7 @@ import { castGround, groundOnVertical, type Pickable, pickableBase, type ShownGr
 import { GroundSet } from "./ground-set.ts";
 import { statusOf } from "./landing-status.ts";
 import { closeImage } from "./mesh-upload.ts";
+import { emptyPage } from "./page.ts";
 import { regionColour, segmentColour, toCss } from "./palette.ts";
 import { StageLooks, type Theme } from "./stage-looks.ts";
 import { passOn, residencyOf, type StageOptions } from "./stage-options.ts";
@@ -86,7 +87,14 @@ export class Stage implements Landings {
     this.#residency = residencyOf(options);
     this.#store = new GpuStore(options.renderer);
     this.#material = new GroundMaterial(options.files.manifest, options.files.regions);
-    this.#grounds = new GroundSet(this.object, this.#store, this.#material, this.#residency);
+    this.#grounds = new GroundSet(
+      this.object,
+      this.#store,
+      this.#material,
+      this.#residency,
+      options.maxGpuBytes ?? Number.POSITIVE_INFINITY,
+      (id) => options.stream.mesh(id).then(({ image }) => image),
+    );
     this.#looks = new StageLooks(this.#material, this.#grounds);
     this.#base = new BaseGround(this.#store, options.files, this.#material);
     this.#baseBoxes = pickableBase(options.files);
@@ -365,7 +373,10 @@ export class Stage implements Landings {
   /** Nothing is drawn until the shader is there: the first draw would wait for it, on some drivers for half a second. */
   #compile(): void {
     this.object.visible = false;
+    const page = emptyPage(this.#material);
+    this.object.add(page);
     const show = (): void => {
+      page.removeFromParent();
       this.object.visible = true;
     };
     this.#renderer.compileAsync(this.object, new PerspectiveCamera()).then(show, show);

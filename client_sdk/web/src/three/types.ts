@@ -84,6 +84,8 @@ export interface SwapReport {
 export interface GpuMemory {
   readonly segments: number;
   readonly visibleSegments: number;
+  /** Common buffers that segments lie in: draw calls for an eye that sees all of them. */
+  readonly pages: number;
   readonly bufferBytes: number;
   readonly textureBytes: number;
   /** Bytes created and freed since the start; their difference is what is held. */

@@ -1,20 +1,34 @@
 /** A graphics device that keeps what is written to it: what is drawn can be read back without one. */
 
-import { type GLBufferAttribute, type Group, Mesh, type WebGLRenderer } from "three";
+import { type GLBufferAttribute, type Group, Mesh, PerspectiveCamera, type WebGLRenderer } from "three";
+
+import { PageMesh } from "../../src/three/page.ts";
 
 /** A buffer with its bytes. */
-interface FakeBuffer {
+export interface FakeBuffer {
   bytes: Uint8Array;
 }
 
-/** As much of a WebGL 2 context as meshes without images need. */
+/** An array of images: what was written to "layer level". */
+export interface FakeImages {
+  written: Map<string, Uint8Array>;
+}
+
+/** As much of a WebGL 2 context as meshes need whose images come with all their levels. */
 export class FakeContext {
   readonly ARRAY_BUFFER = 0x8892;
   readonly ELEMENT_ARRAY_BUFFER = 0x8893;
+  readonly COPY_READ_BUFFER = 0x8f36;
   readonly COPY_WRITE_BUFFER = 0x8f37;
   readonly VERTEX_ARRAY_BINDING = 0x85b5;
   readonly STATIC_DRAW = 0x88e4;
+  readonly TEXTURE_2D_ARRAY = 0x8c1a;
+  readonly READ_FRAMEBUFFER = 0x8ca8;
+  readonly DRAW_FRAMEBUFFER = 0x8ca9;
   readonly #bound = new Map<number, FakeBuffer | null>();
+  readonly #attached = new Map<number, readonly [FakeImages, string]>();
+  /** Set by the renderer, as three.js's state does. */
+  images: FakeImages | null = null;
 
   getParameter(): null {
     return null;
@@ -40,6 +54,70 @@ export class FakeContext {
     this.#bound.get(target)!.bytes.set(bytes, offset);
   }
 
+  copyBufferSubData(from: number, to: number, fromOffset: number, toOffset: number, bytes: number): void {
+    const source = this.#bound.get(from)!.bytes;
+    if (fromOffset + bytes > source.length) throw new RangeError(`copies ${fromOffset} + ${bytes} of ${source.length}`);
+    this.#bound.get(to)!.bytes.set(source.subarray(fromOffset, fromOffset + bytes), toOffset);
+  }
+
+  getExtension(): object {
+    return {};
+  }
+
+  isEnabled(): boolean {
+    return false;
+  }
+
+  disable(): void {
+    // There is no scissor.
+  }
+
+  createTexture(): FakeImages {
+    return { written: new Map() };
+  }
+
+  texStorage3D(): void {
+    // Room is made as it is written.
+  }
+
+  texParameteri(): void {
+    // Nothing is drawn.
+  }
+
+  texSubImage3D(_target: number, level: number, ...rest: unknown[]): void {
+    this.images!.written.set(`${rest[2]} ${level}`, (rest[8] as Uint8Array).slice());
+  }
+
+  compressedTexSubImage3D(_target: number, level: number, ...rest: unknown[]): void {
+    this.images!.written.set(`${rest[2]} ${level}`, (rest[7] as Uint8Array).slice());
+  }
+
+  deleteTexture(images: FakeImages): void {
+    images.written.clear();
+  }
+
+  createFramebuffer(): object {
+    return {};
+  }
+
+  bindFramebuffer(): void {
+    // What is attached counts.
+  }
+
+  deleteFramebuffer(): void {
+    // Nothing was made.
+  }
+
+  framebufferTextureLayer(target: number, _at: number, images: FakeImages, level: number, layer: number): void {
+    this.#attached.set(target, [images, `${layer} ${level}`]);
+  }
+
+  blitFramebuffer(): void {
+    const [from, source] = this.#attached.get(this.READ_FRAMEBUFFER)!;
+    const [to, target] = this.#attached.get(this.DRAW_FRAMEBUFFER)!;
+    to.written.set(target, from.written.get(source)!.slice());
+  }
+
   deleteBuffer(buffer: FakeBuffer): void {
     // A mesh that is drawn after its memory was given back is noticed.
     buffer.bytes = new Uint8Array(0);
@@ -49,11 +127,23 @@ export class FakeContext {
 /** A renderer over a {@link FakeContext}, which must stand as the global `WebGL2RenderingContext`. */
 export function fakeRenderer(): WebGLRenderer {
   const context = new FakeContext();
-  const renderer = { getContext: () => context, xr: { isPresenting: false }, compileAsync: async () => undefined };
+  const state = {
+    bindTexture: (_target: number, images: FakeImages) => {
+      context.images = images;
+    },
+    unbindTexture: () => undefined,
+    pixelStorei: () => undefined,
+  };
+  const renderer = {
+    getContext: () => context,
+    state,
+    xr: { isPresenting: false },
+    compileAsync: async () => undefined,
+  };
   return renderer as unknown as WebGLRenderer;
 }
 
-/** One mesh as the next frame draws it. */
+/** A mesh, or a range of a page, as the next frame draws it. */
 export interface DrawnMesh {
   readonly name: string;
   /** Names of its vertex attributes, sorted, joined by spaces. */
@@ -64,21 +154,41 @@ export interface DrawnMesh {
   readonly faces: readonly number[];
 }
 
-/** What a stage draws in the next frame: what is switched on, and has faces to draw. */
+/** What a stage draws in the next frame, to a camera that sees all of it: what is switched on, and has faces to draw. */
 export function drawnMeshes(object: Group): DrawnMesh[] {
   const meshes = object.children.filter((child) => child instanceof Mesh && child.visible);
   return meshes.flatMap((child) => {
     const { name, geometry } = child as Mesh;
-    // A segment that is made ready is drawn without a face.
-    if (geometry.drawRange.count === 0) return [];
     const index = valuesOf(geometry.index as unknown as GLBufferAttribute);
-    const faces: number[] = [];
-    for (let face = 0; face < index.length / 3; face += 1) {
-      if (new Set(index.subarray(face * 3, face * 3 + 3)).size === 3) faces.push(face);
-    }
     const positions = Uint16Array.from(valuesOf(geometry.getAttribute("code") as unknown as GLBufferAttribute));
-    return [{ name, attributes: Object.keys(geometry.attributes).sort().join(" "), positions, faces }];
+    const attributes = Object.keys(geometry.attributes).sort().join(" ");
+    return rangesOf(child as Mesh, index.length).map(([start, count]) => {
+      const corners = index.subarray(start, start + count);
+      // A page's indices count from its own first vertex.
+      const first = child instanceof PageMesh ? Math.min(...corners) : 0;
+      const faces: number[] = [];
+      for (let face = 0; face < count / 3; face += 1) {
+        if (new Set(corners.subarray(face * 3, face * 3 + 3)).size === 3) faces.push(face);
+      }
+      return { name, attributes, positions: positions.subarray(4 * first), faces };
+    });
   });
+}
+
+/** Starts and counts of indices. */
+function rangesOf(mesh: Mesh, indexCount: number): readonly (readonly [number, number])[] {
+  if (!(mesh instanceof PageMesh)) return [[0, indexCount]];
+  const camera = new PerspectiveCamera(1, 1, 1, 1e9);
+  camera.position.set(0, 1e8, 0);
+  camera.lookAt(0, 0, 0);
+  camera.updateMatrixWorld();
+  const render = mesh.onBeforeRender as unknown as (renderer: null, scene: null, camera: PerspectiveCamera) => void;
+  render.call(mesh, null, null, camera);
+  const { elementSize } = mesh.geometry.index as unknown as GLBufferAttribute;
+  return Array.from({ length: mesh._multiDrawCount }, (_, range) => [
+    mesh._multiDrawStarts[range]! / elementSize,
+    mesh._multiDrawCounts[range]!,
+  ]);
 }
 
 function valuesOf({ buffer, elementSize }: GLBufferAttribute): Uint16Array | Uint32Array {

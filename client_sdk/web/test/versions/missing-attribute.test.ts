@@ -1,13 +1,15 @@
 /** Segments of one scene may lack an attribute that others have: they are drawn as ground without a value. */
 
 import { readFileSync } from "node:fs";
-import { type Mesh, PerspectiveCamera } from "three";
+import { Group, PerspectiveCamera } from "three";
 import { afterAll, beforeAll, describe, expect, it, vi } from "vitest";
 import { prepareDecoders } from "../../src/core/payload/engines.ts";
 import { decodeGlb } from "../../src/core/payload/glb.ts";
 import type { SceneManifest } from "../../src/core/types.ts";
 import { GpuStore } from "../../src/three/gpu-store.ts";
 import { GroundMaterial } from "../../src/three/ground-material.ts";
+import type { PageMesh } from "../../src/three/page.ts";
+import { Pages } from "../../src/three/pages.ts";
 import { SegmentGround } from "../../src/three/segment-ground.ts";
 import { FakeContext, fakeRenderer } from "./fake-gpu.ts";
 
@@ -27,36 +29,43 @@ describe("height_change_m in view", () => {
     ["good-full.glb", false],
     ["good-bare.glb", false],
   ])("%s", async (file, hasChange) => {
+    const group = new Group();
     const material = new GroundMaterial({ stepM: 2 ** -12, textures: null } as unknown as SceneManifest, []);
     material.setMode({ kind: "attribute", name: NAME, min: -2, max: 2 }, "light");
-    const ground = await uploaded(file, material);
-    const mesh = ground.mesh!;
+    const store = new GpuStore(fakeRenderer());
+    const pages = new Pages(group, store, material, Number.POSITIVE_INFINITY, async () => null);
+    const show = (name: string): void => {
+      pages.setMeasure(name);
+      ground.setMeasure(name);
+    };
+    const data = await decodeGlb(new Uint8Array(readFileSync(new URL(file, PAYLOADS))), 3);
+    const ground = new SegmentGround(store, pages, data.segment, data, NAME);
+    for (let step = 0; step < 100 && !ground.isWhole; step += 1) ground.step(() => []);
+    ground.isShown = true;
+    show(NAME);
+    const mesh = group.children[0] as PageMesh;
     expect(mesh.geometry.hasAttribute("measure")).toBe(hasChange);
     expect(drawnUniforms(mesh)).toEqual({ hasMeasure: hasChange, scale: hasChange ? [-256, 2 ** -7] : [0, 0] });
     // To another attribute and back, as a reader of the map does.
-    ground.setMeasure("grade");
+    show("grade");
     expect(mesh.geometry.hasAttribute("measure")).toBe(file !== "good-bare.glb");
-    ground.setMeasure(NAME);
+    show(NAME);
     expect(mesh.geometry.hasAttribute("measure")).toBe(hasChange);
     ground.free();
+    expect(store.bufferBytes).toBe(0);
   });
 });
 
-async function uploaded(file: string, material: GroundMaterial): Promise<SegmentGround> {
-  const data = await decodeGlb(new Uint8Array(readFileSync(new URL(file, PAYLOADS))), 3);
-  const ground = new SegmentGround(new GpuStore(fakeRenderer()), data.segment, data, material, NAME);
-  for (let step = 0; step < 100 && ground.mesh === null; step += 1) ground.step();
-  return ground;
-}
-
-function drawnUniforms(mesh: Mesh): { hasMeasure: boolean; scale: number[] } {
+function drawnUniforms(mesh: PageMesh): { hasMeasure: boolean; scale: number[] } {
   const render = mesh.onBeforeRender as unknown as (renderer: null, scene: null, camera: PerspectiveCamera) => void;
-  render(null, null, new PerspectiveCamera());
+  const camera = new PerspectiveCamera(1, 1, 1, 1e9);
+  camera.position.set(0, 1e8, 0);
+  camera.lookAt(0, 0, 0);
+  camera.updateMatrixWorld();
+  render.call(mesh, null, null, camera);
+  expect(mesh._multiDrawCount).toBe(1);
   const { uniforms } = mesh.material as unknown as {
-    uniforms: { hasMeasure: { value: boolean }; measureScale: { value: { x: number; y: number } } };
+    uniforms: { hasMeasure: { value: boolean }; traits: { value: Float32Array } };
   };
-  return {
-    hasMeasure: uniforms.hasMeasure.value,
-    scale: [uniforms.measureScale.value.x, uniforms.measureScale.value.y],
-  };
+  return { hasMeasure: uniforms.hasMeasure.value, scale: [...uniforms.traits.value.subarray(6, 8)] };
 }

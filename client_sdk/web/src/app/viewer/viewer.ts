@@ -98,8 +98,8 @@ export function createViewer(options: ViewerOptions): Viewer {
     contextLost: () => contextLost(),
     contextRestored: () => contextRestored(),
   });
-  const { spareGpuBytes } = sharesOf(options.budgets, files);
-  const stage = new Stage({ renderer: world.renderer, stream, files, spareGpuBytes });
+  const { spareGpuBytes, maxGpuBytes } = sharesOf(options.budgets, files);
+  const stage = new Stage({ renderer: world.renderer, stream, files, spareGpuBytes, maxGpuBytes });
   const markers = createMarkers();
   const brushLines = createBrushLines();
   world.scene.add(stage.object, markers.object, brushLines.object);
