@@ -6,7 +6,7 @@ Pieces are matched to the regions before by the area that they share, as a build
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
@@ -24,7 +24,7 @@ from terraport_pipeline.geometry.regions.region_totals import (
 from terraport_pipeline.naming.views import best_views
 from terraport_pipeline.published.ground import Ground
 
-__all__ = ["DRAWN", "MAX_REGIONS", "Cut", "Recut", "carried_unions", "recut"]
+__all__ = ["DRAWN", "MAX_REGIONS", "Cut", "Earlier", "Recut", "carried_unions", "recut"]
 
 MAX_REGIONS: Final = 65_536
 """Numbers of regions are 16 bits in a payload."""
@@ -52,8 +52,23 @@ class Cut:
     """What pieces are called, by number."""
     facts: Mapping[int, Mapping[str, Any]] = field(default_factory=dict)
     """What regions.json says of pieces beyond their measures, by number."""
-    stable_ids: Mapping[int, int] = field(default_factory=dict)
-    """Of pieces that had one in an earlier version, by number."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Earlier:
+    """The version that a cut follows, where that is not the ground itself: whose ids go on."""
+
+    region_of_face: Int32
+    """(F,) region there of the ground that every face is; -1 of ground that it does not have."""
+    area_m2: Float64
+    """(R,) of its regions."""
+    rows: Sequence[Mapping[str, Any]]
+    """(R,) what it says of them in regions.json, with ``stable_id``."""
+    labels: Sequence[str | None]
+    """(R,) what people call them."""
+    next_stable_id: int
+    held: Mapping[int, int]
+    """Region there, by number of the piece: these are the same whatever they share."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -75,13 +90,17 @@ class Recut:
         return len(self.document["regions"])
 
 
-def recut(ground: Ground, cut: Cut) -> Recut:
+def recut(ground: Ground, cut: Cut, earlier: Earlier | None = None) -> Recut:
     """Give the pieces of a cut their numbers, and measure them.
 
     Parameters
     ----------
     ground : Ground
     cut : Cut
+    earlier : Earlier, optional
+        The published version, where the ground is of one that nobody has seen: stable ids are
+        those of the published one, and none that only the other gave is used up. None where the
+        ground is published.
 
     Returns
     -------
@@ -107,19 +126,18 @@ def recut(ground: Ground, cut: Cut) -> Recut:
     before = ground.region_of_face
     weight = np.maximum(ground.area, _LEAST_M2)
     new, old = match_regions(_overlaps(pieces, before, weight))
-    assert ground.names.stable_ids is not None
-    ids, first_free = carry_ids(
-        count, (new, old), ground.names.stable_ids, ground.names.next_stable_id
-    )
-    ids = _held(ids, numbers, cut.stable_ids)
-    first_free = max(first_free, *(number + 1 for number in cut.stable_ids.values()), 0)
     region_of_piece = _numbered(count, new, old)
     regions = region_of_piece[pieces]
+    ids, first_free, kept = _stable_ids(ground, (new, old), earlier, numbers, pieces, weight)
     # (3) Facts.
     rows = _rows(ground, regions, count)
     piece_of_region = np.argsort(region_of_piece)
+    assert ground.names.stable_ids is not None
     region_of_id = {int(n): region for region, n in enumerate(ground.names.stable_ids)}
     called = {n: ground.names.label(region) for n, region in region_of_id.items()}
+    if earlier is not None:
+        rows_before = {int(row["stable_id"]): row for row in earlier.rows}
+        called = dict(zip(rows_before, earlier.labels, strict=True))
     old_of_piece = _lies_in(pieces, before, count)
     labels: dict[int, str] = {}
     for row, piece in zip(rows, piece_of_region.tolist(), strict=True):
@@ -127,15 +145,20 @@ def recut(ground: Ground, cut: Cut) -> Recut:
         row["stable_id"] = number
         name = cut.names.get(given)
         is_drawn = name is not None
-        if name is None:
+        rest = None if was < 0 else ground.document["regions"][was]
+        if earlier is not None and (is_drawn or number in called):
+            # What goes on from the published version is called as there.
+            rest = rows_before.get(number)
+            name = called.get(number) if name is None else name
+        elif name is None:
             name = None if was < 0 else ground.names.label(was)
         elif name == called.get(number):
-            was = region_of_id[number]  # the same under the same name, a few faces apart
+            # The same under the same name, a few faces apart.
+            rest = ground.document["regions"][region_of_id[number]]
         else:
-            was = -1
-        if was >= 0:
+            rest = None
+        if rest is not None:
             # What is left of a region is still what it was.
-            rest = ground.document["regions"][was]
             row.update({key: rest[key] for key in _OF_NAMES if key in rest})
         if name is not None:
             labels[number] = name
@@ -143,6 +166,7 @@ def recut(ground: Ground, cut: Cut) -> Recut:
             if name != called.get(number):
                 row["label"] = name
         row.update(cut.facts.get(given, {}))
+        row.pop(DRAWN, None)
         if is_drawn:
             row[DRAWN] = True
     # (4) Where to see them from; a region that is as it was keeps its place.
@@ -155,7 +179,7 @@ def recut(ground: Ground, cut: Cut) -> Recut:
         document["unions"] = carried_unions(
             ground.document["unions"], len(ground.names.stable_ids), _home(regions, before, weight)
         )
-    return Recut(regions, document, labels, len(new))
+    return Recut(regions, document, labels, kept)
 
 
 def carried_unions(unions: Any, count: int, home: Int64) -> list[list[float]]:
@@ -210,26 +234,57 @@ def _home(regions: Int32, before: Int32, area: Float64) -> Int64:
     return home
 
 
-def _overlaps(pieces: Int32, before: Int32, area: Float64) -> Overlaps:
-    span = int(before.max()) + 1
+def _overlaps(
+    pieces: Int32,
+    before: Int32,
+    area: Float64,
+    new_m2: Float64 | None = None,
+    old_m2: Float64 | None = None,
+) -> Overlaps:
+    """Area that pieces share with regions before; wholes are stated where faces are not all."""
+    span = int(before.max(initial=0)) + 1
     keys = pieces.astype(np.int64) * span + before
     pairs, row = np.unique(keys, return_inverse=True)
     shared: Float64 = np.bincount(row, area).astype(np.float64)
     new, old = np.divmod(pairs, span)
-    both = np.bincount(pieces, area)[new] + np.bincount(before, area)[old]
+    whole_new = np.bincount(pieces, area) if new_m2 is None else new_m2
+    whole_old = np.bincount(before, area) if old_m2 is None else old_m2
+    both = whole_new[new] + whole_old[old]
     similarity = np.minimum(shared / np.maximum(both - shared, 0.5 * both), 1.0)
     return Overlaps(new.astype(np.int32), old.astype(np.int32), shared, similarity)
 
 
-def _held(ids: Int64, numbers: Int32, held: Mapping[int, int]) -> Int64:
-    """Give pieces the stable ids that they had; who had been given one of these takes theirs."""
-    ids = ids.copy()
-    place = {number: at for at, number in enumerate(numbers.tolist())}
-    for number, stable_id in held.items():
-        at = place[number]
-        ids[ids == stable_id] = ids[at]
-        ids[at] = stable_id
-    return ids
+def _stable_ids(
+    ground: Ground,
+    matched: tuple[Int32, Int32],
+    earlier: Earlier | None,
+    numbers: Int32,
+    pieces: Int32,
+    weight: Float64,
+) -> tuple[Int64, int, int]:
+    """Give every piece its stable id; say which is free next, and how many were there before."""
+    count = len(numbers)
+    if earlier is None:
+        assert ground.names.stable_ids is not None
+        ids, first_free = carry_ids(
+            count, matched, ground.names.stable_ids, ground.names.next_stable_id
+        )
+        return ids, first_free, len(matched[0])
+    known = earlier.region_of_face >= 0
+    shared = _overlaps(
+        pieces[known], earlier.region_of_face[known], weight[known],
+        np.bincount(pieces, weight).astype(np.float64), earlier.area_m2,
+    )  # fmt: skip
+    held_new = np.flatnonzero(np.isin(numbers, list(earlier.held))).astype(np.int32)
+    held_old = np.array([earlier.held[int(n)] for n in numbers[held_new]], np.int32)
+    open_ = ~np.isin(shared.new, held_new) & ~np.isin(shared.old, held_old)
+    new, old = match_regions(
+        Overlaps(shared.new[open_], shared.old[open_], shared.area[open_], shared.similarity[open_])
+    )
+    both = np.concatenate([held_new, new]), np.concatenate([held_old, old])
+    old_ids = np.array([row["stable_id"] for row in earlier.rows], np.int64)
+    ids, first_free = carry_ids(count, both, old_ids, earlier.next_stable_id)
+    return ids, first_free, len(both[0])
 
 
 def _numbered(count: int, new: Int32, old: Int32) -> Int32:

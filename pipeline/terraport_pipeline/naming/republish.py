@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -41,7 +42,14 @@ class Republished:
     """Payloads that clients load again."""
 
 
-def republish(scene: Scene, ground: Ground, new: Recut, progress: Progress) -> Republished:
+def republish(
+    scene: Scene,
+    ground: Ground,
+    new: Recut,
+    progress: Progress,
+    *,
+    over: tuple[Path, str] | None = None,
+) -> Republished:
     """Publish the version with other regions, then set their labels.
 
     Parameters
@@ -52,6 +60,9 @@ def republish(scene: Scene, ground: Ground, new: Recut, progress: Progress) -> R
     new : Recut
     progress : Progress
         A step of segments.
+    over : (Path, str), optional
+        Scene directory to publish in, and the version that must stand there; None where that is
+        `scene` itself. Then the version is published whatever differs.
 
     Returns
     -------
@@ -68,26 +79,33 @@ def republish(scene: Scene, ground: Ground, new: Recut, progress: Progress) -> R
     manifest = scene.manifest
     changed = np.zeros(len(scene.index), np.bool_)
     changed[ground.segment_of_face[new.regions != ground.region_of_face]] = True
-    if changed.any() or new.document != ground.document:
-        manifest = _publish(scene, ground, new, changed, progress)
+    target, version = over or (scene.path, manifest.version)
+    if over is not None or changed.any() or new.document != ground.document:
+        manifest = _publish(scene, ground, new, changed, target, version, progress)
     if any(ground.names.labels.get(number) != label for number, label in new.labels.items()):
-        change_labels(scene.path, new.labels)
+        change_labels(target, new.labels)
     return Republished(
         manifest.version, new.count, new.kept, len(changed), int(np.count_nonzero(changed))
     )
 
 
 def _publish(
-    scene: Scene, ground: Ground, new: Recut, changed: np.ndarray, progress: Progress
+    scene: Scene,
+    ground: Ground,
+    new: Recut,
+    changed: Bool,
+    target: Path,
+    version: str,
+    progress: Progress,
 ) -> Manifest:
     before, index = scene.manifest, scene.index
     scales = {a.name: AttributeScale(a.offset, a.step) for a in before.attributes}
     starts = np.searchsorted(ground.segment_of_face, np.arange(len(index) + 1))
     main, region_counts = main_labels(ground.segment_of_face, len(index), new.regions)
-    with SceneWriter(scene.path, expected_bytes=sum(f.bytes for f in before.files.values())) as out:
+    with SceneWriter(target, expected_bytes=sum(f.bytes for f in before.files.values())) as out:
         # The lock is held: what is published now stays so until the end.
-        if read_manifest(scene.path).version != before.version:
-            raise SceneBusyError(str(scene.path))
+        if read_manifest(target).version != version:
+            raise SceneBusyError(str(target))
         progress.start("regions: segments", float(len(index)), "segments")
         for segment in range(len(index)):
             glb = scene.payload(segment)

@@ -127,7 +127,7 @@ class _Before:
     given: RegionNames = field(default_factory=RegionNames)
     """Names that the version before gave."""
     drawn: frozenset[int] = frozenset()
-    """Stable ids of regions that people cut: they are brought after publication."""
+    """Stable ids of regions that people cut: they are cut anew, with their names."""
     warnings: list[str] = field(default_factory=list)
 
 
@@ -215,6 +215,8 @@ def _inherited(rows: list[dict[str, Any]], before: _Before) -> set[str]:
     kept = set(before.matched[0].tolist())
     heirs: set[str] = set()
     for region, old in before.lies_in.items():
+        if int(before.ids[old]) in before.drawn:
+            continue
         name = names.label(old)
         if name is not None and region not in kept and "label" not in rows[region]:
             rows[region]["label"] = name

@@ -7,6 +7,7 @@ alone: not on the clock, the number of threads or where an earlier build was int
 from __future__ import annotations
 
 import os
+import shutil
 import time
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -20,7 +21,12 @@ from terraport_pipeline.extent import Extent
 from terraport_pipeline.free_memory import MEMORY_SHARE, default_memory_bytes
 from terraport_pipeline.kernel_threads import limit_threads
 from terraport_pipeline.mesh_statement import MeshStatement
-from terraport_pipeline.naming.carried import NOTE_NAME, bring_names, note_names
+from terraport_pipeline.naming.carried import (
+    NOTE_NAME,
+    UNNAMED_NAME,
+    bring_names,
+    note_names,
+)
 from terraport_pipeline.option import (
     BYTES,
     COMMON,
@@ -56,6 +62,7 @@ from terraport_pipeline.workflow.texture_step import (
 )
 from terraport_pipeline.workflow.tile_ground import TileOptions
 from terraport_pipeline.workflow.workdir import WorkDirectory
+from terraport_store import read_manifest
 from terraport_store.errors import StoreError
 from terraport_store.layout import MAX_LEVELS
 from terraport_store.manifest import CrsInfo
@@ -259,19 +266,10 @@ def build(options: BuildOptions, progress: Progress | None = None) -> BuildRepor
             max_memory_bytes=options.max_memory_bytes or default_memory_bytes(),
         )
         try:
-            # What people drew or taught would be lost under the engine's regions.
-            note = runner.work.path / NOTE_NAME
-            unnamed = note_names(scene, note, watcher)
             version_of, published, files = _run_stages(runner, given, scene, options)
-            said, with_names = bring_names(scene, note, watcher)
-            said = [*unnamed, *said]
-            if said:
-                packed = runner.reports[-1]
-                facts = replace(packed.facts, warnings=(*packed.facts.warnings, *said))
-                runner.reports[-1] = replace(packed, facts=facts)
             report = BuildReport(
                 scene,
-                with_names or version_of,
+                version_of,
                 published,
                 tuple(runner.reports),
                 time.monotonic() - started,
@@ -334,12 +332,33 @@ def _run_stages(
         has_colour=brought.sample_colours is not None,
         build=build_info(recorded, input_info(source), runner.reports),
     )
-    version, published = publish_tiles(
-        runner, scene, surface, segmented, textures, base_texture, about, options.pack_options(),
-        brought.change,
+    publish = partial(
+        publish_tiles, runner, scene, surface, segmented, textures, base_texture, about,
+        options.pack_options(), brought.change,
         prepare=partial(runner.prepare, about.build, source.digest, survey=brought.worked_on),
     )  # fmt: skip
-    runner.remember(version, about.build, source.digest, survey=brought.worked_on)
+    # (4) What people drew or taught would be lost under the engine's regions: it is cut into them
+    # before anybody sees them, so that ids go on from what stands there.
+    note, unnamed = runner.work.path / NOTE_NAME, runner.work.path / UNNAMED_NAME
+    shutil.rmtree(unnamed, ignore_errors=True)  # of a build that was killed
+    faces = sum(surface.tiles.face_count(tile) for tile in range(surface.tiles.count))
+    said = note_names(scene, note, faces, runner.progress)
+    if note.exists():
+        packed, _ = publish(into=unnamed)
+        stood = read_manifest(scene).version
+        brought_names, version = bring_names(unnamed, scene, note, runner.progress)
+        published = version != stood
+        said += brought_names
+        shutil.rmtree(unnamed, ignore_errors=True)
+        note.unlink()
+    else:
+        packed, published = publish()
+        version = packed
+    if said:
+        report = runner.reports[-1]
+        facts = replace(report.facts, warnings=(*report.facts.warnings, *said))
+        runner.reports[-1] = replace(report, facts=facts)
+    runner.remember(packed, about.build, source.digest, survey=brought.worked_on)
     return version, published, dict(brought.inputs)
 
 

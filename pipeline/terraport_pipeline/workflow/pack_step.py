@@ -42,6 +42,7 @@ def publish_tiles(
     change: SurveyChange | None = None,
     *,
     prepare: Callable[[], None] = lambda: None,
+    into: Path | None = None,
 ) -> tuple[str, bool]:
     """Encode every tile's payloads and publish them, unless the scene already is that version.
 
@@ -64,6 +65,8 @@ def publish_tiles(
         What the survey changed, over a scene that was there.
     prepare : callable
         Called right before the scene is published, unless it is already.
+    into : Path, optional
+        Where to publish instead, over what stands in `scene`.
 
     Returns
     -------
@@ -142,6 +145,7 @@ def publish_tiles(
                 surface.deviation_m, about, options, context,
                 None if base_texture is None else (base_texture.textures, base_texture.info),
                 carried,
+                into=into,
             ),
             _PUBLISHED,
             {
@@ -159,7 +163,7 @@ def publish_tiles(
             },
         )  # fmt: skip
         record = runner.take_up(stage.name, stage.key)
-        if record is not None and not _is_published(scene, record.values):
+        if record is not None and not _is_published(into or scene, record.values):
             runner.work.forget(stage.name)  # packed once, and gone or replaced since
             record = None
         if record is None:

@@ -17,7 +17,7 @@ def test_cells_of_all_tiles_fit_or_are_refused() -> None:
     borders = Options(engine="borders")
     check_memory(TILES, borders, 1_000_000 * CELL_BYTES)
     with pytest.raises(
-        ResourceError, match=r"1,000,000 cells .* 0\.70 GiB; allowed are 0\.50 GiB: raise"
+        ResourceError, match=r"1,000,000 cells .* 0\.79 GiB; allowed are 0\.50 GiB: raise"
     ):
         check_memory(TILES, borders, 2**29)
 

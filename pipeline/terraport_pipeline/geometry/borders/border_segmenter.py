@@ -5,8 +5,9 @@
    neighbouring cells the step between them (``evidence.py``).
 3. Cells are united to *seeds*, a fifth of the region size wide at most.
 4. Seeds are united at rising cost, by the strength of their common border and the difference of
-   their means (``unions.py``), to one tree. Regions are what is united at the cost 1; small ones
-   then join a neighbour. Above that the unions go on, so that any granularity is read off the tree.
+   their means (``unions.py``), several times with costs a little off. What these runs agree on is
+   one tree (``consensus.py``); regions are what lasts longest in it (``lasting.py``). Small ones
+   join a neighbour. Above that the unions go on, so that any granularity is read off the tree.
 
 Every size is in metres and every threshold comes from the two units that it parts and from what
 lies within some region sizes around, so the same ground is cut alike whatever else was flown. Where
@@ -16,7 +17,7 @@ as it was.
 With one tile or many the cells are the same, and so is all that follows: the result does not depend
 on tiles, threads or the numbering of vertices.
 
-PURE: no I/O, no clock. About 200 bytes per face while cells are summed up, then 550 per cell.
+PURE: no I/O, no clock. About 200 bytes per face while cells are summed up, then 750 per cell.
 """
 
 from __future__ import annotations
@@ -35,12 +36,20 @@ from terraport_pipeline.geometry.borders.cells import (
     CellGraph,
     cells_of_faces,
 )
+from terraport_pipeline.geometry.borders.consensus import (
+    COMMON_LEVELS,
+    COST_OF_A_BORDER,
+    AgreedTree,
+    agreed_levels,
+    agreed_tree,
+)
 from terraport_pipeline.geometry.borders.evidence import (
     Weights,
     cell_features,
     contrast,
     gradients,
 )
+from terraport_pipeline.geometry.borders.lasting import lasting_regions
 from terraport_pipeline.geometry.borders.unions import CostRule, Units, unite_level, unite_seeds
 from terraport_pipeline.geometry.graph.merge_tree import MergeTree, merge_tree
 from terraport_pipeline.geometry.regions.colour import face_lab
@@ -69,8 +78,6 @@ _LEAST_SHARE: Final = 0.35
 """Least area of a region, as a share of the region size squared."""
 _LEAST_WIDTH: Final = 0.3
 """Least width of a region, as a share of the region size."""
-_LEVELS: Final = 16
-"""Steps of the rising cost up to regions."""
 _COARSER: Final = (1.25, 1.5, 2.0, 2.5, 3.0, 4.0, 6.0, np.inf)
 """Costs of the unions above regions."""
 _SQUARE_MM: Final = 1e6
@@ -139,7 +146,7 @@ class Evidence:
             np.column_stack(
                 [length, length * self.steepness, length * held, length[:, None] * step]
             ),
-            np.arange(cells.count, dtype=np.int32),
+            cells.keys,
         )
 
 
@@ -226,17 +233,20 @@ class BorderSegmenter:
         units = self._units(cells, before)
         rule = replace(self.rule, contrast=self.rule.contrast * self.strength)
         rule = replace(rule, noise=rule.noise * self.strength)
-        # (2) Seeds, then unions of seeds at rising cost.
+        # (2) Seeds, and unions that cost so little that nothing tips them.
         seeds, seed_of = unite_seeds(units, (self.region_size_m / _SEEDS) ** 2, rule)
         area = np.rint(seeds.sums[:, 0] * _SQUARE_MM).astype(np.int64)
         record = _TreeRecord(seeds.count)
         left = seeds
-        for level in range(1, _LEVELS + 1):
-            limit = COST_OF_A_BORDER * level / _LEVELS
-            left, rounds = unite_level(left, rule, limit)
-            record.add(rounds, level / _LEVELS)
+        for level in COMMON_LEVELS:
+            left, rounds = unite_level(left, rule, COST_OF_A_BORDER * level)
+            record.add(rounds, level)
+        # (3) What several runs of rising cost agree on, and what lasts longest of it.
+        agreed = agreed_tree(left, agreed_levels(left, rule), rule)
+        node, count = record.add_regions(agreed, lasting_regions(agreed))
+        left = left.united(node, count)
         pools = left.count
-        # (3) Small ones join the neighbour of least cost; what touches nothing, the nearest.
+        # (4) Small ones join the neighbour of least cost; what touches nothing, the nearest.
         left, rounds = unite_level(left, rule, np.inf, small=True)
         record.add(rounds, 1.0)
         islands = left.outlines() < rule.least_m2
@@ -280,11 +290,6 @@ class BorderSegmenter:
         return Evidence(near, wide, gradients(cells, near, wide), around)
 
 
-COST_OF_A_BORDER: Final = 4.0
-"""Cost, as ``unions.py`` counts it, at which two units are two regions: the mean over four pieces
-of surveys drawn by hand was least there (``benchmarks/results/2026-11-24-regions.md``)."""
-
-
 class _TreeRecord:
     """Rounds of unions, written down as the merges of two that a tree consists of."""
 
@@ -313,6 +318,34 @@ class _TreeRecord:
             node = np.empty(int(united.max()) + 1, np.int32)
             node[united[order][last]] = top[last]
             self._node, self._next = node, self._next + len(merged)
+
+    def add_regions(self, agreed: AgreedTree, regions: Int32) -> tuple[Int32, int]:
+        """Add the unions within regions of a tree over what is there; say which one is in which.
+
+        Returns
+        -------
+        node : ndarray of shape (U,), int32
+            Region of every leaf of `agreed`, numbered by first leaf.
+        count : int
+        """
+        leaves = len(self._node)
+        top = np.full(len(agreed.area_m2), -1, np.int32)
+        top[regions] = regions
+        for merge in range(len(agreed.children) - 1, -1, -1):
+            if top[leaves + merge] >= 0:
+                top[agreed.children[merge]] = top[leaves + merge]
+        kept = np.flatnonzero(top[leaves:] >= 0)
+        name = np.empty(len(top), np.int32)
+        name[:leaves] = self._node
+        name[leaves + kept] = self._next + np.arange(len(kept), dtype=np.int32)
+        self._children.append(name[agreed.children[kept]])
+        # All of them are kept by a cut at the cost 1, whatever level they are of.
+        self._costs.append(np.minimum(agreed.level[kept], 1.0))
+        self._next += len(kept)
+        node, count = number_by_first(top[:leaves])
+        self._node = np.empty(count, np.int32)
+        self._node[node] = name[top[:leaves]]
+        return node, count
 
     def children(self) -> Int32:
         """Nodes united by every merge, (M, 2)."""

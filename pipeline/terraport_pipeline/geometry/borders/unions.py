@@ -26,9 +26,9 @@ within them. The cost of uniting two has no unit; it is
 A unit's size is that of its outline, not of its surface (the length of its area vector): a tree's
 crown has four times the surface of the ground that it stands on.
 
-A round: every unit chooses the neighbour of least cost (ties: lower scramble of their names,
-``merge_order.py``). Units that choose each other are united, and a unit joins its choice where that
-has at least four times its area, and does not itself join another in that way.
+A round: every unit chooses the neighbour of least cost (ties: lower mix of their names). Units that
+choose each other are united, and a unit joins its choice where that has at least four times its
+area, and does not itself join another in that way.
 
 PURE: no I/O, no clock. Each round is linear in what is left.
 """
@@ -43,9 +43,8 @@ import numpy as np
 
 from terraport_payload.types import Bool, Float64, Int32, Int64
 from terraport_pipeline.geometry.regions.mean_units import join_choices
-from terraport_pipeline.geometry.regions.merge_order import scramble
 
-__all__ = ["CostRule", "Units", "unite_level", "unite_seeds"]
+__all__ = ["CostRule", "Units", "mutual_choices", "unite_level", "unite_seeds"]
 
 _MOST_ROUNDS: Final = 1000
 """Far above what ever happens: a round unites something, or is the last."""
@@ -73,6 +72,10 @@ class CostRule:
     """Gradient over a cell times this is a step's height: near means blur a step over two cells."""
     small_power: float = 0.5
     contact_power: float = 0.4
+    run: int = 0
+    """Number of the run; from 1 on every cost is off by a chance of its own (``consensus.py``)."""
+    chance: float = 0.15
+    """Standard deviation of the logarithm of that."""
     held_power: float = 0.7
     """Logarithm of the factor along a border that stood before, and against one within."""
 
@@ -92,9 +95,9 @@ class Units:
     contact: Float64
     """(E, 3 + K): length in metres; length times gradient; length times +1 where the border stood
     before, -1 where both sides were one region, 0 where nothing is known; length times the step of
-    the features from the lower unit to the other."""
-    name: Int32
-    """(U,) lowest cell."""
+    the features from the lower unit to the other. What stands in columns beyond is summed up."""
+    name: Int64
+    """(U,) lowest key of a cell: a place, whatever else was flown."""
 
     @property
     def count(self) -> int:
@@ -109,9 +112,9 @@ class Units:
         within += _sums(ends[inner, 0], self.contact[inner, :2], count)
         outer = self.contact[~inner]
         turned = ends[~inner, 0] > ends[~inner, 1]
-        outer[turned, 3:] *= -1.0
+        outer[turned, 3 : 2 + self.sums.shape[1]] *= -1.0
         pairs, contact = _summed_contacts(np.sort(ends[~inner], axis=1), outer, count)
-        name = np.full(count, np.iinfo(np.int32).max, np.int32)
+        name = np.full(count, np.iinfo(np.int64).max, np.int64)
         np.minimum.at(name, node, self.name)
         return Units(
             _sums(node, self.sums, count),
@@ -170,7 +173,10 @@ class Units:
         perimeter = self.perimeters()
         shorter = np.minimum(perimeter[low], perimeter[high])
         cost *= (shorter / length) ** rule.contact_power
-        result: Float64 = cost * np.exp(rule.held_power * self.contact[:, 2] / length)
+        cost *= np.exp(rule.held_power * self.contact[:, 2] / length)
+        if rule.run:
+            cost *= np.exp(rule.chance * _chances(self.name[low], self.name[high], rule.run))
+        result: Float64 = cost
         return result
 
 
@@ -243,6 +249,24 @@ def unite_level(
     return units, rounds
 
 
+def mutual_choices(units: Units, cost: Float64) -> tuple[Int32, int]:
+    """Unite the units that choose each other, and no others.
+
+    Parameters
+    ----------
+    units : Units
+    cost : ndarray of shape (E,)
+        Of every contact, finite.
+
+    Returns
+    -------
+    node : ndarray of shape (U,), int32
+        Union of every unit: of one or two.
+    count : int
+    """
+    return _chosen(units, cost, np.inf, np.ones(units.count))
+
+
 def _chosen(units: Units, cost: Float64, limit: float, size: Float64) -> tuple[Int32, int]:
     choice = _choose(units.count, units.pairs, cost, limit, units.name)
     node, count = join_choices(choice, size)
@@ -255,6 +279,33 @@ def _sums(labels: Int32 | Int64, values: Float64, count: int) -> Float64:
     for column in range(values.shape[1]):
         sums[:, column] = np.bincount(labels, values[:, column], count)
     return sums
+
+
+@numba.njit(cache=True, inline="always")
+def _mixed(a: int, b: int, run: int) -> np.uint64:
+    """Mix two names, in either order, and a number into 64 bits (finalisers of splitmix64)."""
+    x = np.uint64(min(a, b)) + np.uint64(run) * np.uint64(0x9E3779B97F4A7C15)
+    for other in (np.uint64(max(a, b)), np.uint64(0)):
+        x ^= x >> np.uint64(30)
+        x *= np.uint64(0xBF58476D1CE4E5B9)
+        x ^= x >> np.uint64(27)
+        x *= np.uint64(0x94D049BB133111EB)
+        x ^= x >> np.uint64(31)
+        x += other
+    return x
+
+
+@numba.njit(cache=True, nogil=True)
+def _chances(first: Int64, second: Int64, run: int) -> Float64:
+    """Numbers of mean 0 and deviation 1 by names and run, (E,): four parts of the mix summed."""
+    chances = np.empty(len(first), np.float64)
+    for row in range(len(first)):
+        mixed = _mixed(first[row], second[row], run)
+        total = 0.0
+        for part in range(4):
+            total += float((mixed >> np.uint64(16 * part)) & np.uint64(0xFFFF))
+        chances[row] = (total / 65535.0 - 2.0) * np.sqrt(3.0)
+    return chances
 
 
 @numba.njit(cache=True, nogil=True)
@@ -286,8 +337,8 @@ def _summed_contacts(ends: Int32, values: Float64, count: int) -> tuple[Int32, F
 
 
 @numba.njit(cache=True, nogil=True)
-def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int32) -> Int32:
-    """Choose for every unit the neighbour of least finite cost; of equals the lower scramble."""
+def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int64) -> Int32:
+    """Choose for every unit the neighbour of least finite cost; of equals the lower mix."""
     choice = np.full(count, -1, np.int32)
     least = np.full(count, np.inf)
     for i in range(len(pairs)):
@@ -297,7 +348,7 @@ def _choose(count: int, pairs: Int32, cost: Float64, limit: float, name: Int32) 
             u, v = pairs[i, side], pairs[i, 1 - side]
             if cost[i] < least[u] or (
                 cost[i] == least[u]
-                and scramble(name[u], name[v]) < scramble(name[u], name[choice[u]])
+                and _mixed(name[u], name[v], 0) < _mixed(name[u], name[choice[u]], 0)
             ):
                 least[u] = cost[i]
                 choice[u] = v

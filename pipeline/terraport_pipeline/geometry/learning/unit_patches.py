@@ -17,7 +17,6 @@ from scipy.sparse import coo_array, csr_array
 
 from terraport_payload.types import Float32, Float64, Int32, UInt8
 from terraport_pipeline.geometry.borders.border_segmenter import (
-    COST_OF_A_BORDER,
     BorderSegmenter,
 )
 from terraport_pipeline.geometry.borders.cells import (
@@ -26,6 +25,7 @@ from terraport_pipeline.geometry.borders.cells import (
     length_steps,
     summed_pairs,
 )
+from terraport_pipeline.geometry.borders.consensus import COST_OF_A_BORDER
 from terraport_pipeline.geometry.borders.unions import unite_level, unite_seeds
 from terraport_pipeline.geometry.learning.ground_units import GroundUnits
 from terraport_pipeline.geometry.regions.colour import face_lab

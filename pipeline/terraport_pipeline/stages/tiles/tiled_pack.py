@@ -274,13 +274,15 @@ def publish(
     context: Context,
     textured: tuple[TextureSet, TextureInfo] | None = None,
     carried: CarriedNumbers | None = None,
+    *,
+    into: Path | None = None,
 ) -> Packed:
     """Write base, payloads, cover and facts, and publish them in one act.
 
     Parameters
     ----------
     scene_dir : Path
-        Scene directory; untouched until everything is written.
+        Scene directory; untouched until everything is written. Ids go on from what stands there.
     base : Mesh
         The whole base, as it was covered.
     segmented : TiledSegmented
@@ -299,6 +301,8 @@ def publish(
         colours.
     carried : CarriedNumbers, optional
         Numbers of regions that go on; None where they are matched by their ground.
+    into : Path, optional
+        Another directory to publish in: what people named is cut into it first.
 
     Returns
     -------
@@ -318,7 +322,7 @@ def publish(
     if textured is not None:
         images, info = textured
         expected += info.image_bytes + len(images.images)
-    with SceneWriter(scene_dir, expected_bytes=expected) as writer:
+    with SceneWriter(into or scene_dir, expected_bytes=expected) as writer:
         # (2) Payloads in order of segment numbers, whichever tile holds them; the writer's lock is
         # held since (1), so the version before stays what it is.
         hashes = hashes_of(segmented, payloads)
