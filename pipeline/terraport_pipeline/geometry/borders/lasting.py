@@ -32,7 +32,7 @@ __all__ = ["lasting_regions"]
 
 _LEAST: Final = 0.55
 """Level up to which everything is united."""
-_MOST: Final = 1.3
+_MOST: Final = 1.2
 """Level above which nothing is."""
 
 
