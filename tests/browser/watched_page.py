@@ -11,10 +11,12 @@ from playwright.sync_api import BrowserContext, ConsoleMessage, Page
 __all__ = ["Watch", "save_shot"]
 
 # Software rendering: Chromium says so itself, and that reading pixels back is slow then. three.js
-# says that it cannot compile shaders beside the page's thread.
+# says that it cannot compile shaders beside the page's thread. ANGLE tells of uploads between
+# draws, after which it begins a new pass: levels of layers of images are such.
 _HARMLESS = (
     re.compile(r"GPU stall due to ReadPixels"),
     re.compile(r"Automatic fallback to software WebGL"),
+    re.compile(r"Running out of reserved outsideRenderPass queueSerial"),
     re.compile(r"KHR_parallel_shader_compile extension not supported"),
 )
 
