@@ -223,7 +223,12 @@ class Tree:
 
     @functools.cache  # noqa: B019 -- one tree a process
     def _statements(self, conftest: str) -> list[_Source]:
-        body = ast.parse(self._read(conftest)).body
+        """Each statement with the imports; hooks of pytest left out: they are of no test's own."""
+        body = [
+            node
+            for node in ast.parse(self._read(conftest)).body
+            if not (isinstance(node, ast.FunctionDef) and node.name.startswith("pytest_"))
+        ]
         imports = [node for node in body if isinstance(node, ast.Import | ast.ImportFrom)]
         return [
             replace(

@@ -5,12 +5,16 @@ from __future__ import annotations
 import gc
 import os
 import signal
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
 import pytest
 from hypothesis import HealthCheck, settings
+from xdist.remote import Producer
+from xdist.scheduler import LoadFileScheduling
 
 # Wall time is never asserted, neither of an example (deadline) nor of its making (too_slow): a busy
 # machine is no fault of theirs.
@@ -26,21 +30,22 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 # again, is a quarter of its time.
 gc.disable()
 
+ONE_AFTER_ANOTHER: Final = "browser"
+"""Folder whose files one worker runs: a browser draws with every core there is, so two of them gain
+nothing, and a worker that waits for its turn does nothing else."""
+
 STARTS_FIRST: Final = (
+    ONE_AFTER_ANOTHER,
     "engines/test_landings.py",  # compiles the C++ core while another worker compiles kernels
     "end_to_end/test_bad_input.py",
-    "browser/test_pictures.py",
     "end_to_end/test_labels.py",
     "end_to_end/test_whole_path.py",
-    "browser/test_headset.py",
     "pipeline/workflow/test_build.py",
     "engines/test_unity_api.py",
-    "browser/test_faults.py",
     "engines/test_engine_layers.py",
-    "browser/test_landings.py",
     "engines/test_faults.py",
 )
-"""Files that take longest; between the browser's, which wait for each other, others."""
+"""Files and folders that take longest."""
 
 SHARED_DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
 
@@ -56,11 +61,40 @@ def pytest_xdist_auto_num_workers() -> int:
     return 2 * cores
 
 
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> LoadFileScheduling | None:
+    """Hand out files with ``--dist loadfile``, but one folder as if it were one."""
+    return FilesAndOneFolder(config, log) if config.getoption("dist") == "loadfile" else None
+
+
+def pytest_xdist_setupnodes(config: pytest.Config) -> None:
+    """Compile the kernels before the workers of a whole run begin.
+
+    Else each worker, and each build that it starts, compiles the same ones at the same time. One
+    process goes forwards, one backwards; where they are compiled already both end at once.
+    """
+    if config.args_source is not pytest.Config.ArgsSource.TESTPATHS:
+        return
+    program = "from terraport_pipeline.warm import read_kernels, warm; warm(read_kernels()[::{}])"
+    ways = [subprocess.Popen([sys.executable, "-c", program.format(step)]) for step in (1, -1)]
+    for way in ways:
+        way.wait()
+
+
+class FilesAndOneFolder(LoadFileScheduling):
+    """A file's tests to one worker, and so all of the folder that runs one after another."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        folder = f"tests/{ONE_AFTER_ANOTHER}/"
+        return folder if nodeid.startswith(folder) else super()._split_scope(nodeid)
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put the longest files first: begun last, one of them keeps a single worker busy alone."""
+    """Put the longest first: begun last, one of them keeps a single worker busy alone."""
     folder = Path(__file__).parent
     rank = {folder / name: number for number, name in enumerate(STARTS_FIRST)}
-    items.sort(key=lambda item: rank.get(item.path, len(rank)))
+    items.sort(
+        key=lambda item: min(rank.get(at, len(rank)) for at in (item.path, *item.path.parents))
+    )
 
 
 def pytest_collection_finish() -> None:

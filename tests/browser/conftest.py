@@ -2,13 +2,12 @@
 
 Skipped where Chromium or the built page is missing, unless ``TERRAPORT_BROWSER=required``.
 ``TERRAPORT_SCREENSHOTS=FOLDER`` keeps what :func:`watched_page.save_shot` takes. One file of tests
-is one browser (``--dist loadfile``), and a browser without a graphics card takes all the CPU it is
-given: few files, a small window.
+is one browser, and one worker runs all files of this folder (``tests/conftest.py``): a browser
+without a graphics card takes all the CPU it is given. Few files, a small window.
 """
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 from collections.abc import Callable, Iterator
@@ -87,36 +86,21 @@ def playwright(chromium_path: str) -> Iterator[Playwright]:
         yield driver
 
 
-@pytest.fixture(scope="session")
-def common_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """One folder for all processes of a test run."""
-    own = tmp_path_factory.getbasetemp()
-    # The processes of pytest-xdist have folders of their own in a common one.
-    folder = (own.parent if "PYTEST_XDIST_WORKER" in os.environ else own) / "browser"
-    folder.mkdir(exist_ok=True)
-    return folder
-
-
 @pytest.fixture(scope="module")
-def browser(playwright: Playwright, chromium_path: str, common_folder: Path) -> Iterator[Browser]:
-    """A browser for the tests of one file: what one of them leaks, the next file is spared.
-
-    One at a time in all processes: each draws with every core there is.
-    """
-    with (common_folder / "browser.lock").open("w") as turn:
-        fcntl.flock(turn, fcntl.LOCK_EX)
-        running = playwright.chromium.launch(executable_path=chromium_path, args=list(FLAGS))
-        try:
-            yield running
-        finally:
-            running.close()
+def browser(playwright: Playwright, chromium_path: str) -> Iterator[Browser]:
+    """A browser for the tests of one file: what one of them leaks, the next file is spared."""
+    running = playwright.chromium.launch(executable_path=chromium_path, args=list(FLAGS))
+    try:
+        yield running
+    finally:
+        running.close()
 
 
 @pytest.fixture(scope="session")
-def scenes(chromium_path: str, common_folder: Path) -> Path:
-    """Folder of the two scenes; built once for all test processes."""
+def scenes(chromium_path: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of the two scenes."""
     del chromium_path
-    return small_scenes(common_folder)
+    return small_scenes(tmp_path_factory.mktemp("browser"))
 
 
 @pytest.fixture(scope="session")
