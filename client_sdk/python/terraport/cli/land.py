@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import importlib
 import json
 import warnings
 from collections.abc import AsyncIterator, Awaitable
@@ -15,40 +14,30 @@ from typing import Annotated, Any, Final
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
-from rich.table import Table
 
-from terraport.base import BaseMesh
 from terraport.cli.group import GroupOptions, land_together, place_of
+from terraport.cli.landing_files import require_pictures, write_landing
+from terraport.cli.landing_report import landing_facts, print_report, report_facts
 from terraport.cli.reach import explain_refusal, nothing_there, require_reach
 from terraport.client import connect
 from terraport.errors import (
     HttpError,
     LandingTimeoutError,
-    MissingExtraError,
     OutsideSceneWarning,
     ServerError,
     UsageError,
 )
-from terraport.frames import to_crs, to_scene
+from terraport.frames import to_scene
 from terraport.landing import Landing
-from terraport.live import Session
-from terraport.mesh import mixed_model, write_glb
-from terraport.obj import write_obj
 from terraport.places import find_place
 from terraport.scene_box import SceneBox
-from terraport.textures import vertex_colours
 from terraport.timeouts import Timeouts
 from terraport.trace import LandingTrace, write_trace
-from terraport_payload import AttributeScale, SegmentMesh
 
 __all__ = ["land", "register"]
 
 _RADIUS_M: Final = 60.0
 """Of a landing where nobody says."""
-_PICTURE: Final = (1280, 720)
-"""Width and height of ``--png`` in pixels."""
-_PHOTO_RELIEF: Final = 0.4
-"""Photographed colours hold the light of the day already: shade softly, cast no shadows."""
 
 
 def register(app: typer.Typer) -> None:
@@ -176,7 +165,7 @@ def land(
     coordinates = None if region is not None else place_of((x, y, z), group_options, repeat)
     # What cannot be written is said before the landing, which may take minutes.
     if png is not None:
-        _require_pictures()
+        require_pictures()
     for file in (glb, png, trace):
         if file is not None and not file.absolute().parent.is_dir():
             raise UsageError(f"no directory {file.absolute().parent} to write {file.name} into")
@@ -273,7 +262,7 @@ async def _land(
             return position if hit is None else hit.position
 
         # (2) Land. The trace is noted before the wait: a landing that fails is asked about most.
-        landing_facts, group_facts = [], None
+        facts_of_landings, group_facts = [], None
         if group_options is not None:
             landing, group_facts = await land_together(
                 session,
@@ -285,17 +274,17 @@ async def _land(
             )
             position = landing.plan.position
             traces.append(landing.trace)
-            landing_facts.append(_facts(landing))
+            facts_of_landings.append(landing_facts(landing))
         else:
             position = await target()
             for number in range(1, repeat + 1):
                 landing = await session.land(position, radius_m, coarse_radius_m=coarse_radius_m)
                 traces.append(landing.trace)
                 await _watch(landing, number, timeout_s)
-                landing_facts.append(_facts(landing))
+                facts_of_landings.append(landing_facts(landing))
 
         # (3) Write what was asked for, then say it: the report names the files.
-        facts = await _report_facts(session, position, manifest, landing_facts)
+        facts = await report_facts(session, position, manifest, facts_of_landings)
         if place is not None:
             facts["region"] = asdict(place)
         if group_facts is not None:
@@ -303,38 +292,16 @@ async def _land(
         if glb is not None or png is not None:
             base = await session.base()
             facts["files"] = await asyncio.to_thread(
-                _write, base, landing, manifest, glb=glb, png=png
+                write_landing, base, landing, manifest, glb=glb, png=png
             )
         if trace is not None:
             facts.setdefault("files", []).append({"file": str(trace)})
         if as_json:
             typer.echo(json.dumps(facts, indent=1))
         else:
-            _print(facts, landing)
+            print_report(facts, landing)
         if not (landing.segments or landing.plan.omitted_segments):
             typer.echo(f"warning: {nothing_there(landing)}", err=True)
-
-
-async def _report_facts(
-    session: Session,
-    position: tuple[float, float, float],
-    manifest: dict[str, Any],
-    landing_facts: list[dict[str, Any]],
-) -> dict[str, Any]:
-    """Return the members that every report has, as ``--json`` names them."""
-    return {
-        "scene": {
-            "id": session.scene.id,
-            "name": session.scene.name,
-            "version": session.scene.version,
-            "url": session.url,
-        },
-        "position": list(position),
-        "position_crs": list(to_crs(position, manifest["origin"], manifest.get("survey_units"))),
-        "survey_units": manifest.get("survey_units"),
-        "landings": landing_facts,
-        "visible_set_hash": await session.visible_set_hash(),
-    }
 
 
 @asynccontextmanager
@@ -368,165 +335,3 @@ async def _watch(landing: Landing, number: int, timeout_s: float) -> None:
             if isinstance(error, LandingTimeoutError):
                 raise
             await landing.ready(0.0)  # raises, and says how far it got
-
-
-def _facts(landing: Landing) -> dict[str, Any]:
-    """Return plan and statistics of one landing, as ``--json`` names them."""
-    plan = landing.plan
-    return {
-        "radius_m": plan.radius_m,
-        "effective_radius_m": plan.effective_radius_m,
-        "load_segments": len(plan.load),
-        "load_bytes": plan.load_bytes,
-        "load_triangles": plan.load_triangles,
-        "keep_segments": len(plan.keep),
-        "nearby_segments": len(plan.nearby),
-        "total_bytes": plan.total_bytes,
-        "total_triangles": plan.total_triangles,
-        "omitted_segments": plan.omitted_segments,
-        "omitted_by": plan.omitted_by,
-        "outside_m": landing.outside_m,
-        **asdict(landing.stats),
-    }
-
-
-def _write(
-    base: BaseMesh,
-    landing: Landing,
-    manifest: dict[str, Any],
-    *,
-    glb: Path | None,
-    png: Path | None,
-) -> list[dict[str, Any]]:
-    """Write what a viewer would draw here: base and detail, as one mesh.
-
-    Runs in a thread: decoding and writing some million faces would hold the connection up.
-    """
-    segments = {segment.id: segment.arrays() for segment in landing.segments}
-    deviation_m = float(manifest["hand_off"]["deviation_m"])
-    written = []
-    if glb is not None:
-        # Sunk at the rim, since a file has no eye to push the base away from.
-        model = mixed_model(base, segments, sink_rim_m=deviation_m)
-        scales = {
-            attribute["name"]: AttributeScale(attribute["offset"], attribute["step"])
-            for attribute in manifest["attributes"]
-        }
-        if glb.suffix.lower() == ".obj":
-            size = write_obj(model, glb)
-        else:
-            size = write_glb(model, glb, step_m=manifest["step_m"], attribute_scales=scales)
-        written.append({"file": str(glb), "bytes": size, "triangles": len(model.faces)})
-    if png is not None:
-        _write_picture(base, segments, landing, deviation_m, png)
-        written.append({"file": str(png), "bytes": png.stat().st_size})
-    return written
-
-
-def _require_pictures() -> None:
-    """Say before a landing, not after it, that pictures need an extra."""
-    try:
-        importlib.import_module("terraport_pipeline.engines.pictures")
-    except ModuleNotFoundError as error:
-        if (error.name or "").startswith("terraport"):
-            raise
-        raise MissingExtraError("--png", "terraport[pipeline]") from None
-
-
-def _write_picture(
-    base: BaseMesh,
-    segments: dict[int, SegmentMesh],
-    landing: Landing,
-    deviation_m: float,
-    path: Path,
-) -> None:
-    """Draw the landing obliquely from above."""
-    import numpy as np
-
-    from terraport_pipeline.engines.cameras import oblique
-    from terraport_pipeline.engines.pictures import render_mesh, save_png
-
-    width, height = _PICTURE
-    boxes = np.array([segment.bounds for segment in landing.segments], dtype=np.float64)
-    corners = boxes.reshape(-1, 3) if len(boxes) else base.mesh.positions
-    camera = oblique(corners, aspect=width / height)
-    model = mixed_model(base, segments, push_back_m=deviation_m, eye=camera.eye)
-    picture = render_mesh(
-        model.positions,
-        model.faces.astype(np.int32),
-        camera,
-        _PICTURE,
-        colours=vertex_colours(model),
-        normals=model.normals,
-        relief=_PHOTO_RELIEF,
-        shadows=False,
-        supersample=2,
-    )
-    save_png(picture, path)
-
-
-def _print(facts: dict[str, Any], landing: Landing) -> None:
-    console = Console()
-    scene, landings = facts["scene"], facts["landings"]
-    east, north, height = facts["position_crs"]
-    position = ", ".join(f"{value:,.2f}" for value in facts["position"])
-    console.print(f"[bold]{scene['name']}[/]  version {scene['version'][:12]}")
-    units = "" if facts["survey_units"] is None else " in the survey's own units"
-    console.print(
-        f"landed at {position} m  (E {east:,.2f}, N {north:,.2f}, H {height:,.2f}{units})"
-    )
-    table = Table("", *(f"landing {number}" for number in range(1, len(landings) + 1)), box=None)
-    for column in table.columns[1:]:
-        column.justify = "right"
-    for label, cell in _ROWS:
-        table.add_row(label, *(cell(landing_facts) for landing_facts in landings))
-    console.print(table)
-    group = facts.get("group")
-    if group is not None:
-        ready_names = ", ".join(group["ready"]) or "nobody"
-        console.print(f"group {group['name']} ({group['role']}): {ready_names} ready")
-        for state in ("degraded", "missing"):
-            if group[state]:
-                console.print(f"{state}: {', '.join(group[state])}", style="yellow")
-    console.print(f"visible set {facts['visible_set_hash']}", style="dim")
-    if landing.plan.omitted_segments:
-        console.print(
-            f"{landing.plan.omitted_segments} segments left out by {landing.plan.omitted_by}: "
-            f"whole to {landing.plan.effective_radius_m:,.1f} m",
-            style="yellow",
-        )
-    for file in facts.get("files", []):
-        size = f"  {_bytes(file['bytes'])}" if "bytes" in file else ""
-        console.print(f"wrote {file['file']}{size}", highlight=False)
-
-
-def _bytes(count: float) -> str:
-    return f"{count / 1e6:,.2f} MB" if count >= 1e5 else f"{count:,.0f} B"
-
-
-def _milliseconds(seconds: float | None) -> str:
-    return "-" if seconds is None else f"{seconds * 1000:,.1f} ms"
-
-
-def _speed(landing: dict[str, Any]) -> str:
-    if not landing["streamed_bytes"] or not landing["ready_s"]:
-        return "-"
-    return f"{landing['streamed_bytes'] / landing['ready_s'] / 1e6:,.1f} MB/s"
-
-
-_ROWS: Final = (
-    ("radius", lambda landing: f"{landing['radius_m']:g} m"),
-    ("to load", lambda landing: f"{landing['load_segments']:,} segments"),
-    ("", lambda landing: f"{landing['load_triangles']:,} triangles"),
-    ("", lambda landing: _bytes(landing["load_bytes"])),
-    ("held already", lambda landing: f"{landing['keep_segments']:,} segments"),
-    ("shown", lambda landing: f"{landing['total_triangles']:,} triangles"),
-    ("", lambda landing: _bytes(landing["total_bytes"])),
-    ("kept nearby", lambda landing: f"{landing['nearby_segments']:,} segments"),
-    ("streamed", lambda landing: _bytes(landing["streamed_bytes"])),
-    ("plan after", lambda landing: _milliseconds(landing["plan_s"])),
-    ("first segment after", lambda landing: _milliseconds(landing["first_segment_s"])),
-    ("ready after", lambda landing: _milliseconds(landing["ready_s"])),
-    ("speed", _speed),
-)
-"""Label and cell of each row of the table."""
