@@ -60,16 +60,27 @@ class GroundModel:
     spread: Float32
     """(K,) and the range of its middle half."""
 
-    def aligned(self, features: Float32) -> Float32:
+    def aligned(self, features: Float32, middle: Float32) -> Float32:
         """Shift features of another survey so that their medians are those of the first.
 
         Another light, another camera and another noise move all ground alike. By half the spread at
         most, which ground that is other ground would exceed; attributes of the survey not at all.
+
+        Parameters
+        ----------
+        features : ndarray of shape (U, K), float32
+        middle : ndarray of shape (K,), float32
+            Their medians.
+
+        Returns
+        -------
+        ndarray of shape (U, K), float32
+            `features` itself where nothing is shifted, as on the ground that was taught.
         """
-        shift = np.clip(
-            self.middle - np.median(features, axis=0), -self.spread / 2, self.spread / 2
-        )
+        shift = np.clip(self.middle - middle, -self.spread / 2, self.spread / 2)
         shift[len(shift) - 2 * len(self.attributes) :] = 0.0
+        if not shift.any():
+            return features
         moved: Float32 = (features + shift).astype(np.float32)
         return moved
 

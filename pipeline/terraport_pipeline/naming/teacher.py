@@ -141,6 +141,15 @@ class Teacher:
         return np.concatenate([parts[0], self.patches.features, parts[1]], axis=1)
 
     @cached_property
+    def quartiles(self) -> Float32:
+        """(3, K) of every feature over the ground: the same for every stroke."""
+        if self._same_units():
+            assert self._before is not None
+            return self._before.quartiles
+        quartiles: Float32 = np.percentile(self.features, [25, 50, 75], axis=0).astype(np.float32)
+        return quartiles
+
+    @cached_property
     def _measured(self) -> Float32:
         ground, mesh = self.ground, self.ground.mesh
         return ground_features(
@@ -216,13 +225,14 @@ class Teacher:
             kinds.append(np.full(len(rows[-1]), kind))
             counts[name] = len(units)
         forest = _grown(self.features[np.concatenate(rows)], np.concatenate(kinds), self.threads)
-        low, middle, high = np.percentile(self.features, [25, 50, 75], axis=0).astype(np.float32)
+        low, middle, high = self.quartiles
         model = GroundModel(names, self.cell_m, self.attributes, forest, middle, high - low)
         return model, counts
 
     def answer(self, model: GroundModel) -> Answer:
         """Say of all ground what a model calls it."""
-        likely = model.forest.predict(model.aligned(self.features), threads=self.threads)
+        features = model.aligned(self.features, self.quartiles[1])
+        likely = model.forest.predict(features, threads=self.threads)
         votes = evened_out(likely, self.patches.hold)
         best = votes.argmax(axis=1).astype(np.int32)
         of_face = self.units.of_face

@@ -9,6 +9,7 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numba
 import numpy as np
@@ -17,6 +18,9 @@ from terraport_payload.types import Float32, Float64, Int32, Int64
 from terraport_pipeline.geometry.mesh.chunks import in_chunks
 
 __all__ = ["Forest", "forest_fault"]
+
+_ROWS: Final = 128
+"""Of sixty features, 30 KiB: with a tree they fit into a core's own cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -101,13 +105,19 @@ def _predict(
     begin: int,
     end: int,
 ) -> None:
-    for row in range(begin, end):
+    # Some rows at a time go through one tree after the other: a tree stays in the nearest cache for
+    # all of them, where a row at a time would fetch the whole forest anew. Each row adds its leaves
+    # in the order of the trees either way.
+    for first in range(begin, end, _ROWS):
+        last = min(first + _ROWS, end)
         for root in roots:
-            node = root
-            while left[node] >= 0:
-                is_left = rows[row, feature[node]] <= threshold[node]
-                node = left[node] if is_left else right[node]
+            for row in range(first, last):
+                node = root
+                while left[node] >= 0:
+                    is_left = rows[row, feature[node]] <= threshold[node]
+                    node = left[node] if is_left else right[node]
+                for kind in range(share.shape[1]):
+                    out[row, kind] += share[node, kind]
+        for row in range(first, last):
             for kind in range(share.shape[1]):
-                out[row, kind] += share[node, kind]
-        for kind in range(share.shape[1]):
-            out[row, kind] /= len(roots)
+                out[row, kind] /= len(roots)

@@ -10,10 +10,11 @@ from __future__ import annotations
 
 from typing import Final
 
+import numba
 import numpy as np
 from scipy.sparse import csr_array
 
-from terraport_payload.types import Float32, Float64
+from terraport_payload.types import Float32, Float64, Int32
 
 __all__ = ["evened_out"]
 
@@ -43,24 +44,89 @@ def evened_out(votes: Float32, hold: csr_array) -> Float64:
         Not below 0; rows add up to 1. What one unit alone says against all around it is outvoted;
         across a border hardly anything passes.
     """
-    own = votes.astype(np.float64)
-    diagonal = _ENDS + np.asarray(hold.sum(axis=1)).reshape(-1, 1)
-    # Conjugate gradients with the diagonal taken out, all classes side by side.
+    own = np.ascontiguousarray(votes, np.float64)
+    diagonal = _ENDS + np.asarray(hold.sum(axis=1)).reshape(-1)
+    matrix = hold.tocsr()
+    # Conjugate gradients with the diagonal taken out, all classes side by side. Each round goes
+    # over the units three times, and not once for every operation.
     result = own.copy()
-    rest = _ENDS * own - (diagonal * result - hold @ result)
-    scaled = rest / diagonal
-    way = scaled.copy()
-    size = (rest * scaled).sum(axis=0)
+    image, way = np.empty_like(own), np.empty_like(own)
+    _product(matrix.indptr, matrix.indices, matrix.data, diagonal, result, image)
+    rest = _ENDS * own - image
+    size = _prepared(rest, diagonal, way)
     for _ in range(_ROUNDS):
         if np.abs(rest).max(initial=0.0) <= _EXACT * _ENDS:
             break
-        image = diagonal * way - hold @ way
-        step = size / np.maximum((way * image).sum(axis=0), 1e-300)
-        result += step * way
-        rest -= step * image
-        scaled = rest / diagonal
-        before, size = size, (rest * scaled).sum(axis=0)
-        way = scaled + (size / np.maximum(before, 1e-300)) * way
+        along = _product(matrix.indptr, matrix.indices, matrix.data, diagonal, way, image)
+        step = size / np.maximum(along, 1e-300)
+        before, size = size, _stepped(step, way, image, diagonal, result, rest)
+        _turned(size / np.maximum(before, 1e-300), rest, diagonal, way)
     np.maximum(result, 0.0, out=result)
     evened: Float64 = result / np.maximum(result.sum(axis=1, keepdims=True), 1e-300)
     return evened
+
+
+@numba.njit(cache=True, nogil=True)
+def _product(
+    start: Int32,
+    neighbours: Int32,
+    hold: Float64,
+    diagonal: Float64,
+    way: Float64,
+    image: Float64,
+) -> Float64:
+    """Set `image` to the system times `way`; return the products of both, by class."""
+    units, classes = way.shape
+    along = np.zeros(classes, np.float64)
+    for unit in range(units):
+        for kind in range(classes):
+            image[unit, kind] = diagonal[unit] * way[unit, kind]
+        for at in range(start[unit], start[unit + 1]):
+            other, weight = neighbours[at], hold[at]
+            for kind in range(classes):
+                image[unit, kind] -= weight * way[other, kind]
+        for kind in range(classes):
+            along[kind] += image[unit, kind] * way[unit, kind]
+    return along
+
+
+@numba.njit(cache=True, nogil=True)
+def _prepared(rest: Float64, diagonal: Float64, way: Float64) -> Float64:
+    """Set `way` to what is left, by the diagonal; return the products of both, by class."""
+    units, classes = rest.shape
+    size = np.zeros(classes, np.float64)
+    for unit in range(units):
+        for kind in range(classes):
+            way[unit, kind] = rest[unit, kind] / diagonal[unit]
+            size[kind] += rest[unit, kind] * way[unit, kind]
+    return size
+
+
+@numba.njit(cache=True, nogil=True)
+def _stepped(
+    step: Float64,
+    way: Float64,
+    image: Float64,
+    diagonal: Float64,
+    result: Float64,
+    rest: Float64,
+) -> Float64:
+    """Go a step; return the size of what is left, by class."""
+    units, classes = rest.shape
+    size = np.zeros(classes, np.float64)
+    for unit in range(units):
+        for kind in range(classes):
+            result[unit, kind] += step[kind] * way[unit, kind]
+            left = rest[unit, kind] - step[kind] * image[unit, kind]
+            rest[unit, kind] = left
+            size[kind] += left * left / diagonal[unit]
+    return size
+
+
+@numba.njit(cache=True, nogil=True)
+def _turned(turn: Float64, rest: Float64, diagonal: Float64, way: Float64) -> None:
+    """Set the next way."""
+    units, classes = rest.shape
+    for unit in range(units):
+        for kind in range(classes):
+            way[unit, kind] = rest[unit, kind] / diagonal[unit] + turn[kind] * way[unit, kind]

@@ -52,8 +52,6 @@ def absorb_small(
         nothing larger keeps its own.
     """
     neighbours, edges = pairs
-    along = vertices[edges[:, 0]].astype(np.float64) - vertices[edges[:, 1]]
-    length: Float64 = np.sqrt((along * along).sum(axis=1))
     labels = labels.astype(np.int32)
     for _ in range(_MOST_ROUNDS):
         piece, count = components(len(labels), neighbours, labels=labels)
@@ -65,7 +63,11 @@ def absorb_small(
         apart = a != b
         one = np.concatenate([a[apart], b[apart]]).astype(np.int64)
         other = np.concatenate([b[apart], a[apart]]).astype(np.int64)
-        border = np.concatenate([length[apart], length[apart]])
+        # Of borders alone: most pairs are within a piece.
+        ends = edges[apart]
+        along = vertices[ends[:, 0]].astype(np.float64) - vertices[ends[:, 1]]
+        length: Float64 = np.sqrt((along * along).sum(axis=1))
+        border = np.concatenate([length, length])
         # Only towards what is larger, so that no two change places for ever.
         larger = (total[other] > total[one]) | ((total[other] == total[one]) & (other < one))
         kept = small[one] & larger
