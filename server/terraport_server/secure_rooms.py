@@ -9,10 +9,26 @@ from OpenSSL import SSL
 
 from terraport_server.sending_transport import READ_ROOM_BYTES
 
-__all__ = ["ROOM_BYTES", "Rooms", "said_by_openssl"]
+__all__ = [
+    "BATCH_BYTES",
+    "MOST_BYTES",
+    "PIECE_BYTES",
+    "ROOM_BYTES",
+    "Rooms",
+    "said_by_openssl",
+]
 
 ROOM_BYTES: Final = 256 << 10
 """For what is encrypted and not sent yet."""
+
+PIECE_BYTES: Final = 128 << 10
+"""Encrypted by one call."""
+
+BATCH_BYTES: Final = 96 << 10
+"""So much is sent by one call as soon as a buffer of the caller's ends."""
+
+MOST_BYTES: Final = ROOM_BYTES - PIECE_BYTES - (8 << 10)
+"""In the room when another piece is put there: TLS adds 22 bytes to each 16 KiB."""
 
 _GROWN: Final = 64
 """Connections that keep OpenSSL's own buffer, 170 KiB: those that sent last."""
