@@ -128,7 +128,7 @@ class SourceFilter:
         self._sources[source] = until_s
         if self._attach():
             return True
-        self._sources.clear()
+        self.clear()  # or those of the program before would be dropped for ever
         return False
 
     def lift(self, now_s: float) -> float | None:

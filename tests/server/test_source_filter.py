@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import pytest
 
+from terraport_server import source_filter
 from terraport_server.source_filter import MOST_SOURCES, SourceFilter, filter_program
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the kernel's filters are Linux'")
@@ -99,6 +100,25 @@ def test_whoever_listens_next_begins_with_nothing() -> None:
         assert not comes_in(listener, DROPPED)
         SourceFilter(listener)
         assert comes_in(listener, DROPPED)
+
+
+def test_where_the_system_takes_no_longer_program_nothing_is_dropped(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    with listening() as listener:
+        dropped = SourceFilter(listener)
+        assert dropped.drop(DROPPED, 5.0)
+        monkeypatch.setattr(source_filter, "filter_program", lambda _: bytes(8 * 5000))
+        assert not dropped.drop("127.0.0.3", 5.0)
+        assert comes_in(listener, DROPPED)
+        assert dropped.lift(0.0) is None
+
+
+def test_as_many_as_may_be_of_version_6() -> None:
+    with listening("::") as listener:
+        dropped = SourceFilter(listener)
+        for number in range(MOST_SOURCES):
+            assert dropped.drop(f"2001:db8:0:{number:x}::/64", 5.0)
 
 
 def test_a_program_in_bytes() -> None:
