@@ -43,7 +43,6 @@ _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
 more are dropped unheard."""
 
-
 Headers = Sequence[tuple[bytes, bytes]]
 
 
@@ -65,7 +64,6 @@ class HttpConnection(BoundedRequests):
     _in_vain = True
     """Whether it got nothing but refusals so far."""
     _refusals = 0
-    """Answers of that kind."""
     _weight = 0
     """Bytes that came and were not answered yet."""
 

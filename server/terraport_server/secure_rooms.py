@@ -11,8 +11,11 @@ from terraport_server.sending_transport import READ_ROOM_BYTES
 
 __all__ = [
     "BATCH_BYTES",
+    "HIGH_WATER_BYTES",
     "MOST_BYTES",
+    "MOST_OWN_BYTES",
     "PIECE_BYTES",
+    "RECORDS_AT_ONCE",
     "ROOM_BYTES",
     "Rooms",
     "said_by_openssl",
@@ -29,6 +32,15 @@ BATCH_BYTES: Final = 96 << 10
 
 MOST_BYTES: Final = ROOM_BYTES - PIECE_BYTES - (8 << 10)
 """In the room when another piece is put there: TLS adds 22 bytes to each 16 KiB."""
+
+RECORDS_AT_ONCE: Final = 32
+"""Of one read; more, which are tiny, in another step of the loop."""
+
+HIGH_WATER_BYTES: Final = 64 << 10
+"""As the event loops have it."""
+
+MOST_OWN_BYTES: Final = 16 << 10
+"""Of OpenSSL's own that waits for the socket; then nothing more is read until all of it is gone."""
 
 _GROWN: Final = 64
 """Connections that keep OpenSSL's own buffer, 170 KiB: those that sent last."""
