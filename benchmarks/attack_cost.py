@@ -6,7 +6,7 @@
     python benchmarks/attack_cost.py --only upgrades --seconds 20
     python benchmarks/attack_cost.py --only steps          # single messages alone
     python benchmarks/attack_cost.py --loop --only upgrades  # CPU of a step of the loop instead
-    python benchmarks/attack_cost.py --bar                  # the worst, against the bar: 4 minutes
+    python benchmarks/attack_cost.py --bar                  # the worst, against the bar: 6 minutes
     python benchmarks/attack_cost.py --smoke               # a twelfth, another with each commit
 
 ``terraport serve`` with default settings and a token, as a process of its own, serves a scene of
@@ -33,9 +33,11 @@ that they would not take on machines of their own; what is left is the service's
 beyond the bar: own p99 of land to ready more than twice that of nobody, or of plans more than
 20 ms. With ``--only``: of them these.
 
-``--floor``: after each attack the same honest client beside processes that send nothing and use as
-much CPU as the attackers did (``attackers_cores``), at the same ``nice``. What it waits there more
-than beside nobody is the machine's doing, shared by both, and bounds what can be reached here.
+``--control``: after each attack the same honest client once more, beside the same attackers who
+now attack another service, a process of its own with the same scene: ``control_`` in its row. What
+the client waits there more than beside nobody is the machine's doing, whose cores, caches and
+network all share, and no service's alone. With ``--bar`` of those that are beyond it, and what they
+are said to be beyond has it beside.
 
 ``--loop`` serves in this process and has no honest client: it measures how much CPU one step of the
 event loop takes beside each attack. A landing is some five of them, so it says the same on a
@@ -125,7 +127,9 @@ AGAINST_BAR: Final = (
     "slow headers", "silent upgrades", "pings first", "pieces first", "half messages",
     "no upgrades", "requests", "odd requests", "short requests", "pipelined bodies",
     "chunks of a byte", "hellos of 400 KB", "guessed tokens", "a thousand ranges",
-    "credit by the byte", "picks", "held again and again",
+    "credit by the byte", "picks", "held again and again", "held out of order", "long picks",
+    "comes and goes", "comes with all it holds", "deep messages", "closes first",
+    "other protocols",
 )  # fmt: skip
 TIMES_IDLE: Final = 2.0
 PLAN_BAR_MS: Final = 20.0
@@ -155,41 +159,6 @@ def attack(
         ended.value += sum(counts)
     with cpu.get_lock():
         cpu.value += (time.process_time() - began_cpu_s) / (time.perf_counter() - began_s)
-
-
-def burn(cores: float, nice: int, begun: Any, stop: Any) -> None:
-    """Child process: use so much of a core, and send nothing."""
-    os.nice(nice)
-    begun.release()
-    began_s, began_cpu_s = time.perf_counter(), time.process_time()
-    while not stop.is_set():
-        due_s = cores * (time.perf_counter() - began_s)
-        if time.process_time() - began_cpu_s > due_s:
-            time.sleep(0.002)  # as attackers do, between two looks at their sockets
-
-
-def measure_floor(
-    service: ServiceProcess, side: int, attacked: dict[str, Any], seconds: float, nice: int
-) -> dict[str, Any]:
-    """Land beside processes that use as much CPU as those attackers did, and send nothing."""
-    context = multiprocessing.get_context("spawn")
-    begun, stop = context.Semaphore(0), context.Event()
-    cores = attacked["attackers_cores"] / PROCESSES
-    others = [
-        context.Process(target=burn, args=(cores, nice, begun, stop), daemon=True)
-        for _ in range(PROCESSES)
-    ]
-    for other in others:
-        other.start()
-    for _ in others:
-        begun.acquire(timeout=60)
-    name = attacked["attack"]
-    honest = Honest(service.port, service.pid, side, anew=name in COMES_ANEW, joins=name in JOINS)
-    honest.land_until(time.perf_counter() + seconds)
-    honest.close()
-    end_attackers(others, stop)
-    row = {"attack": f"floor of {name}", "attackers": 0, **honest.row()}
-    return {**row, "burnt_cores": attacked["attackers_cores"], "alive": service.alive}
 
 
 def start_attackers(
@@ -245,7 +214,7 @@ def measure_loop(scenes: Path, name: str, attackers: int, seconds: float) -> dic
         loop = server._server._loop  # noqa: SLF001 - the one on which everything happens
         assert loop is not None
         steps = LoopSteps(loop)
-        until_s = time.monotonic() + 60 * seconds
+        until_s = time.monotonic() + (60 if attackers else 2) * seconds
         while steps.cpu_s < seconds and time.monotonic() < until_s:
             time.sleep(0.05)
         row = steps.stop()
@@ -261,11 +230,18 @@ def addresses_of(attackers: int) -> list[str]:
 
 
 def measure(
-    service: ServiceProcess, side: int, name: str, attackers: int, seconds: float, nice: int
+    service: ServiceProcess,
+    side: int,
+    name: str,
+    attackers: int,
+    seconds: float,
+    nice: int,
+    attacked: ServiceProcess | None = None,
 ) -> dict[str, Any]:
-    """Land beside so many attackers of one kind."""
+    """Land beside so many attackers of one kind, who attack this service or another one."""
     before_bytes = service.memory().anon
-    others, stop, ended, cpu = start_attackers(name, attackers, service.port, nice)
+    port = service.port if attacked is None else attacked.port
+    others, stop, ended, cpu = start_attackers(name, attackers, port, nice)
     # Until the service is in the middle of it, and has read labels and strokes: it answers before.
     time.sleep(min(3.0, seconds))
     honest = Honest(service.port, service.pid, side, anew=name in COMES_ANEW, joins=name in JOINS)
@@ -288,19 +264,40 @@ def measure(
     }
 
 
-def beyond_bar(rows: list[dict[str, Any]]) -> list[str]:
-    """Say which attacks are beyond the bar, beside the best of those rows where nobody attacks."""
+def measure_control(
+    scenes: Path, side: int, name: str, attackers: int, seconds: float, nice: int
+) -> dict[str, Any]:
+    """Land at a service of one's own beside attackers of another one."""
+    tokens = scenes.parent / "tokens"
+    with (
+        ServiceProcess(scenes, tokens_file=tokens, forwarded_allow_ips="") as service,
+        ServiceProcess(scenes, tokens_file=tokens, forwarded_allow_ips="") as attacked,
+    ):
+        row = measure(service, side, name, attackers, seconds, nice, attacked)
+    named = {f"control_{key}": value for key, value in row.items() if key.endswith("_ms")}
+    return {"attack": name, "landings": row["landings"], "attacks": row["attacks"], **named}
+
+
+def beyond_bar(rows: list[dict[str, Any]]) -> list[tuple[dict[str, Any], float]]:
+    """Return rows of attacks beyond the bar, and ready's p99 over the best of those at rest."""
     idle = {
         anew: min(row["own_p99_ms"] for row in rows if row["attack"] == name)
         for anew, name in ((False, NOBODY), (True, ANEW))
     }
-    said = []
+    beyond = []
     for row in rows:
         times = row["own_p99_ms"] / idle[row["attack"] in COMES_ANEW]
         if row["attackers"] and (times > TIMES_IDLE or row["own_plan_p99_ms"] > PLAN_BAR_MS):
-            ready = f"own p99 {row['own_p99_ms']} ms, {times:.1f} times idle"
-            said.append(f"{row['attack']}: {ready}; own plan p99 {row['own_plan_p99_ms']} ms")
-    return said
+            beyond.append((row, times))
+    return beyond
+
+
+def said_of(row: dict[str, Any], times: float, control: dict[str, Any]) -> str:
+    """Say by how much an attack is beyond the bar, and what the client waits beside another's."""
+    ready = f"own p99 {row['own_p99_ms']} ms, {times:.1f} times idle"
+    plan = f"own plan p99 {row['own_plan_p99_ms']} ms"
+    beside = f"{control['control_own_p99_ms']} and {control['control_own_plan_p99_ms']}"
+    return f"{row['attack']}: {ready}; {plan}; while another is attacked {beside}"
 
 
 def _commit_number() -> int:
@@ -316,7 +313,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=10.0, help="of each trial")
     parser.add_argument("--only", choices=[*ATTACKS, STEPS], action="append", help="repeatable")
     parser.add_argument("--bar", action="store_true", help="the worst, against the bar")
-    parser.add_argument("--floor", action="store_true", help="and what their CPU alone costs")
+    parser.add_argument("--control", action="store_true", help="and while another is attacked")
     parser.add_argument("--loop", action="store_true")
     parser.add_argument("--smoke", action="store_true")
     arguments = parser.parse_args()
@@ -373,16 +370,16 @@ def main() -> int:
             print(json.dumps(row), flush=True)
             rows.append(row)
             right &= row["alive"] and row["landings"] > 0
-            if arguments.floor and count:
-                with ServiceProcess(
-                    scenes, tokens_file=scenes.parent / "tokens", log=log, forwarded_allow_ips=""
-                ) as service:
-                    floor = measure_floor(service, side, row, seconds, nice)
-                print(json.dumps(floor), flush=True)
-    if arguments.bar:
-        beyond = beyond_bar(rows)
-        print("\n".join(beyond) or "nothing is beyond the bar")
-        right &= not beyond
+            if arguments.control and count and not arguments.bar:
+                print(json.dumps(measure_control(scenes, side, name, count, seconds, nice)))
+        if arguments.bar and not arguments.loop:
+            beyond = beyond_bar(rows)
+            for row, times in beyond:
+                control = measure_control(scenes, side, row["attack"], MANY, seconds, nice)
+                print(said_of(row, times, control), flush=True)
+            if not beyond:
+                print("nothing is beyond the bar")
+            right &= not beyond
     return 0 if right else 1
 
 

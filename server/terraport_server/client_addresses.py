@@ -72,6 +72,11 @@ class ClientAddresses:
         self._arrived[key] += 1
         return self._arrived[key]
 
+    def arrived(self, key: str, now_s: float) -> tuple[int, float]:
+        """Return how many there were in this window, and when it ends."""
+        self._look_at_clock(now_s)
+        return self._arrived[key], self._window_ends_s
+
     def came_in_vain(self, key: str, now_s: float) -> None:
         """Note that a connection ended which was never let in and got nothing but refusals."""
         self._look_at_clock(now_s)

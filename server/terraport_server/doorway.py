@@ -13,9 +13,10 @@ import asyncio
 import functools
 import socket
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, cast
 
 from terraport_server.entrance import PROXIES, Entrance
+from terraport_server.source_filter import SourceFilter
 
 if TYPE_CHECKING:
     from terraport_server.secure_context import SecureContext
@@ -70,13 +71,19 @@ class Doorway:
         self._tls = tls
         self._timeout_s = handshake_timeout_s
         self._max_coming = max_coming
+        self._dropped = SourceFilter(listener)
+        """Who came so often that he is not even turned away any more."""
+        self._lifting: asyncio.TimerHandle | None = None
         self._coming: dict[asyncio.Task[None], str | None] = {}
-        """And what each counts under; the oldest first."""
+        """And what each that can be given up counts under; the oldest first."""
         self._accepting = self._loop.create_task(self._accept())
 
     def close(self) -> None:
         """Accept no more; may be called again."""
         self._accepting.cancel()
+        if self._lifting is not None:
+            self._lifting.cancel()
+        self._dropped.clear()  # the socket may be another process's, too
         self._listener.close()
 
     async def wait_closed(self) -> None:
@@ -115,10 +122,25 @@ class Doorway:
         if refused is not None:
             connection.close()
             self._refused("connections", refused, host)
+            if key is not None:
+                self._drop_where_often(key)
             return
+        self._dropped.let_go(connection)
         task = self._loop.create_task(self._let_in(connection, key))
         self._coming[task] = key
         task.add_done_callback(self._coming.pop)
+
+    def _drop_where_often(self, key: str) -> None:
+        """Have the kernel drop what else comes of an address that is turned away until a time."""
+        until_s = self._entrance.turned_away_until(key, self._loop.time())
+        if until_s is None or key in self._dropped or not self._dropped.drop(key, until_s):
+            return
+        if self._lifting is None:
+            self._lifting = self._loop.call_at(until_s, self._lift)
+
+    def _lift(self) -> None:
+        next_s = self._dropped.lift(self._loop.time())
+        self._lifting = None if next_s is None else self._loop.call_at(next_s, self._lift)
 
     def _make_room(self, key: str | None) -> bool:
         """End the oldest handshake of the address that has most, unless that is this one."""
@@ -138,6 +160,9 @@ class Doorway:
                 if self._tls is None:
                     if key is not None:
                         await self._entrance.turn(key)
+                    # Given up from here on, uvloop's transport would end without telling the
+                    # protocol, which counts already: for ever.
+                    self._coming[cast("asyncio.Task[None]", asyncio.current_task())] = None
                     await self._loop.connect_accepted_socket(self._make_connection, connection)
                 else:
                     turns = functools.partial(self._entrance.wait, key or PROXIES)

@@ -118,6 +118,13 @@ class Entrance:
             return f"{text}, expected at most {_ARRIVALS * most}"
         return self.is_in_vain(key, now_s)
 
+    def turned_away_until(self, key: str, now_s: float) -> float | None:
+        """Return until when an address is turned away whatever it does, or None."""
+        most = self._max_of_address
+        arrived, ends_s = self.addresses.arrived(key, now_s)
+        is_often = arrived > _ARRIVALS * most or self.is_in_vain(key, now_s) is not None
+        return ends_s if is_often else None
+
     def is_in_vain(self, key: str, now_s: float) -> str | None:
         """Return why an address is not heard that came again and again for nothing, or None."""
         in_vain, most = self.addresses.in_vain(key, now_s), _IN_VAIN * self._max_of_address

@@ -43,7 +43,6 @@ _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
 more are dropped unheard."""
 
-
 Headers = Sequence[tuple[bytes, bytes]]
 
 
@@ -64,6 +63,7 @@ class HttpConnection(BoundedRequests):
     """Whether it waits for its turn, and is not read meanwhile."""
     _in_vain = True
     """Whether it got nothing but refusals so far."""
+    _refusals = 0
     _weight = 0
     """Bytes that came and were not answered yet."""
 
@@ -102,6 +102,10 @@ class HttpConnection(BoundedRequests):
         """Hear how a request was answered."""
         if status < HTTPStatus.BAD_REQUEST:
             self._in_vain = False
+        elif self._in_vain and self._counted is not None:
+            if self._refusals:  # the first counts when the connection ends
+                self.entrance.addresses.came_in_vain(self._counted, self.loop.time())
+            self._refusals += 1
 
     def connection_lost(self, exc: Exception | None) -> None:
         """Stop the timers and count the connection out."""
@@ -205,6 +209,11 @@ class HttpConnection(BoundedRequests):
         """Go on with what came meanwhile; make sure that a connection closed now does close."""
         super().on_response_complete()
         self._let_go()
+        if self._refusals > 1 and self._in_vain and self._counted is not None:
+            text = self.entrance.is_in_vain(self._counted, self.loop.time())
+            if text is not None:
+                self._drop("connections", text)
+                return
         if self.transport.is_closing():
             self._abort_soon()
         elif self._unread and not (self._waits or self._over):
@@ -246,9 +255,14 @@ class HttpConnection(BoundedRequests):
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
         """Begin one request at a time; uvicorn comes by here for each."""
-        begin = super()._start_asgi_task
+        start = super()._start_asgi_task
         run = app if self._files is None else with_files(self._files, cycle, app)
-        self.entrance.wait(self._turn_key(self.headers), lambda: begin(cycle, run))
+
+        def begin() -> None:
+            if not (self._over or self.transport.is_closing()):  # else nobody waits for an answer
+                start(cycle, run)
+
+        self.entrance.wait(self._turn_key(self.headers), begin)
 
     def _on_room(self, stalled: bool) -> None:
         """Begin, or cease, to wait for a client that takes nothing of a file."""
@@ -304,7 +318,7 @@ class HttpConnection(BoundedRequests):
 
     def _refuse(self, status: HTTPStatus, reason: str, text: str) -> None:
         """Answer where nothing was answered yet, and close."""
-        if self._over:
+        if self._over or self.transport.is_closing():
             return
         if self.cycle is not None and not self.cycle.response_complete:
             # Half an answer may be under way: no other may be mixed into it.
@@ -326,6 +340,8 @@ class HttpConnection(BoundedRequests):
         if not self._over:
             self._over = True
             self._tell(reason, text)
+            if self.cycle is not None:
+                self.cycle.disconnected = True  # before an answer under way meets a closed handle
             self.transport.abort()
 
     def _tell(self, reason: str, text: str) -> None:

@@ -9,10 +9,38 @@ from OpenSSL import SSL
 
 from terraport_server.sending_transport import READ_ROOM_BYTES
 
-__all__ = ["ROOM_BYTES", "Rooms", "said_by_openssl"]
+__all__ = [
+    "BATCH_BYTES",
+    "HIGH_WATER_BYTES",
+    "MOST_BYTES",
+    "MOST_OWN_BYTES",
+    "PIECE_BYTES",
+    "RECORDS_AT_ONCE",
+    "ROOM_BYTES",
+    "Rooms",
+    "said_by_openssl",
+]
 
 ROOM_BYTES: Final = 256 << 10
 """For what is encrypted and not sent yet."""
+
+PIECE_BYTES: Final = 128 << 10
+"""Encrypted by one call."""
+
+BATCH_BYTES: Final = 96 << 10
+"""So much is sent by one call as soon as a buffer of the caller's ends."""
+
+MOST_BYTES: Final = ROOM_BYTES - PIECE_BYTES - (8 << 10)
+"""In the room when another piece is put there: TLS adds 22 bytes to each 16 KiB."""
+
+RECORDS_AT_ONCE: Final = 32
+"""Of one read; more, which are tiny, in another step of the loop."""
+
+HIGH_WATER_BYTES: Final = 64 << 10
+"""As the event loops have it."""
+
+MOST_OWN_BYTES: Final = 16 << 10
+"""Of OpenSSL's own that waits for the socket; then nothing more is read until all of it is gone."""
 
 _GROWN: Final = 64
 """Connections that keep OpenSSL's own buffer, 170 KiB: those that sent last."""

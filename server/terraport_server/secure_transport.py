@@ -19,28 +19,14 @@ from typing import Any, Final
 from cryptography.hazmat.bindings.openssl.binding import Binding
 from OpenSSL import SSL
 
+from terraport_server import secure_rooms
 from terraport_server.secure_rooms import ROOM_BYTES, Rooms, said_by_openssl
 from terraport_server.sending_transport import Data, SendingTransport
 
 __all__ = ["READ_BYTES", "SecureTransport"]
 
-_PIECE_BYTES: Final = 128 << 10
-"""Encrypted by one call."""
-
-_BATCH_BYTES: Final = 96 << 10
-"""So much is sent by one call as soon as a buffer of the caller's ends."""
-
-_MOST_BYTES: Final = ROOM_BYTES - _PIECE_BYTES - (8 << 10)
-"""In the room when another piece is put there: TLS adds 22 bytes to each 16 KiB."""
-
 READ_BYTES: Final = 16 << 10
 """Of the socket, at a time."""
-
-_RECORDS_AT_ONCE: Final = 32
-"""Of one read; more, which are tiny, in another step of the loop."""
-
-_HIGH_WATER_BYTES: Final = 64 << 10
-"""As the event loops have it."""
 
 _LIB: Final = Binding.lib
 _FFI: Final = Binding.ffi
@@ -67,7 +53,7 @@ class SecureTransport(SendingTransport):
 
     __slots__ = (
         "_backlog", "_backlog_bytes", "_connection", "_heard", "_high_bytes", "_is_closing",
-        "_is_lost", "_is_paused", "_is_watched", "_loop", "_low_bytes", "_protocol",
+        "_is_lost", "_is_paused", "_is_watched", "_loop", "_low_bytes", "_own_bytes", "_protocol",
         "_rest_is_due", "_rooms", "_said", "_ssl", "_tls", "_write_is_paused",
     )  # fmt: skip
 
@@ -89,9 +75,9 @@ class SecureTransport(SendingTransport):
         self._protocol: Any = protocol
         self._backlog: list[memoryview] = []  # short; and an empty deque takes 0.8 KB
         """Encrypted, for the socket."""
-        self._backlog_bytes = 0
-        self._high_bytes = _HIGH_WATER_BYTES
-        self._low_bytes = _HIGH_WATER_BYTES // 4
+        self._backlog_bytes = self._own_bytes = 0
+        self._high_bytes = secure_rooms.HIGH_WATER_BYTES
+        self._low_bytes = secure_rooms.HIGH_WATER_BYTES // 4
         self._write_is_paused = False
         self._is_closing = False
         self._is_lost = False
@@ -153,7 +139,7 @@ class SecureTransport(SendingTransport):
     def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
         """Set when the protocol is told to pause, and to go on."""
         if high is None:
-            high = _HIGH_WATER_BYTES if low is None else 4 * low
+            high = secure_rooms.HIGH_WATER_BYTES if low is None else 4 * low
         self._high_bytes, self._low_bytes = high, high // 4 if low is None else low
         self._tell_full()
 
@@ -174,8 +160,8 @@ class SecureTransport(SendingTransport):
         for data in buffers:
             if taken < len(data):
                 where, size = _FFI.from_buffer(data), len(data)
-                for start in range(taken, size, _PIECE_BYTES):
-                    count = min(_PIECE_BYTES, size - start)
+                for start in range(taken, size, secure_rooms.PIECE_BYTES):
+                    count = min(secure_rooms.PIECE_BYTES, size - start)
                     self._keep(0, self._encrypt(where + start, count, 0))
             taken = max(0, taken - len(data))
         self._tell_full()
@@ -188,10 +174,10 @@ class SecureTransport(SendingTransport):
         for data in buffers:
             where, size, start = _FFI.from_buffer(data), len(data), 0
             while start < size:
-                count = min(_PIECE_BYTES, size - start)
+                count = min(secure_rooms.PIECE_BYTES, size - start)
                 at = self._encrypt(where + start, count, at)
                 start, taken = start + count, taken + count
-                if at >= (_BATCH_BYTES if start == size else _MOST_BYTES):
+                if at >= (secure_rooms.BATCH_BYTES if start == size else secure_rooms.MOST_BYTES):
                     if not self._push(at):
                         self._rooms.grew(self)
                         return taken
@@ -231,7 +217,7 @@ class SecureTransport(SendingTransport):
             self._loop.remove_reader(self._connection.fileno())
 
     def _on_readable(self) -> None:
-        if self._is_paused or self._is_closing:
+        if not self._may_hear():
             self._unwatch()
             return
         if self._rest_is_due:
@@ -256,8 +242,12 @@ class SecureTransport(SendingTransport):
 
     def _hand_on_rest(self) -> None:
         self._rest_is_due = False
-        if self.is_reading():
+        if self._may_hear():
             self._hand_on()
+
+    def _may_hear(self) -> bool:
+        """Whether anything is read: who takes no answers to changes of keys may ask for no more."""
+        return self.is_reading() and self._own_bytes <= secure_rooms.MOST_OWN_BYTES
 
     def _hand_on(self) -> None:
         """Decrypt what came and hand it on, all at once; what has no room, in another step."""
@@ -266,7 +256,7 @@ class SecureTransport(SendingTransport):
         room: Any = protocol.get_buffer(-1) if is_buffered else None
         left, data, end = READ_BYTES if room is None else len(room), b"", None
         try:
-            for _ in range(_RECORDS_AT_ONCE):
+            for _ in range(secure_rooms.RECORDS_AT_ONCE):
                 piece = self._tls.recv(left)
                 data, left = data + piece if data else piece, left - len(piece)
                 if not left:
@@ -300,6 +290,8 @@ class SecureTransport(SendingTransport):
             self._keep(0, count)
         elif count:
             self._push(count)
+        if self._backlog:
+            self._own_bytes += count
 
     def _encrypt(self, where: Any, count: int, at: int) -> int:
         """Put some bytes into the room for what is sent; return where they end there."""
@@ -354,6 +346,10 @@ class SecureTransport(SendingTransport):
             return
         if not backlog:
             self._loop.remove_writer(self._connection.fileno())
+            was_deaf, self._own_bytes = self._own_bytes > secure_rooms.MOST_OWN_BYTES, 0
+            if was_deaf:
+                self._watch()
+                self._rest_soon()
         if self._write_is_paused and self._backlog_bytes <= self._low_bytes:
             self._write_is_paused = False
             self._protocol.resume_writing()

@@ -23,7 +23,7 @@ from rtree import core
 from rtree import index as rtree_index
 
 from terraport_payload import box_distances_m
-from terraport_payload.types import Float32, Int64
+from terraport_payload.types import Float32, Float64, Int64
 from terraport_store.packed_rtree import PackedRTree
 from terraport_store.spatial import SpatialIndex, validate_query
 
@@ -38,6 +38,10 @@ _CAPACITY: Final = 100
 
 _FEW: Final = 512
 """Up to so many ids are sorted; more are marked in an array over the whole scene."""
+
+_SHARE_OF_ALL: Final = 0.2
+"""Of the scene's extent in a query from which on every box is measured and the tree is not asked:
+it takes 0.1 us for each that it finds, and measuring takes 0.04."""
 
 _QUERY_SLACK: Final = 2.0**-50
 """By what share of its own size a query cube is widened. A box may lie beyond ``point + radius`` by
@@ -79,6 +83,10 @@ class RTreeIndex:
 
     def __init__(self, bounds: Float32) -> None:
         self._bounds = bounds
+        self._extent: tuple[Float32, Float32] | None = None
+        """Lower and upper corner of all boxes together."""
+        if len(bounds):
+            self._extent = (bounds[:, :3].min(axis=0), bounds[:, 3:].max(axis=0))
         self._lock = Lock()
         self._tree: rtree_index.Index | None = None
         self._hits = np.empty(len(bounds), dtype=np.int64)
@@ -110,8 +118,20 @@ class RTreeIndex:
             return np.zeros(0, dtype=np.int64)
         # The tree finds the boxes that meet the cube about the sphere; the exact test then decides.
         slack_m = (np.abs(point) + radius_m) * _QUERY_SLACK + _LEAST_SLACK_M
-        ids = self._in_cube(point - radius_m - slack_m, point + radius_m + slack_m)
+        low, high = point - radius_m - slack_m, point + radius_m + slack_m
+        if self._share(low, high) > _SHARE_OF_ALL:
+            return np.flatnonzero(box_distances_m(self._bounds, point) <= radius_m)
+        ids = self._in_cube(low, high)
         return ids[box_distances_m(self._bounds[ids], point) <= radius_m]
+
+    def _share(self, low: Float64, high: Float64) -> float:
+        """Return how much of the scene's extent a cube has, edge by edge."""
+        assert self._extent is not None
+        least, most = (corner.astype(np.float64) for corner in self._extent)
+        shared_m = np.minimum(high, most) - np.maximum(low, least)
+        is_flat = most <= least
+        edges_m = np.where(is_flat, 1.0, most - least)
+        return float(np.prod(np.where(is_flat, 1.0, np.clip(shared_m / edges_m, 0.0, 1.0))))
 
     def _in_cube(self, low: np.ndarray, high: np.ndarray) -> Int64:
         """Return the ids, ascending, of the boxes that meet a cube.

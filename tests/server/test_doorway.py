@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import socket
 import ssl
+import sys
 import time
 from collections.abc import Awaitable, Callable
 from contextlib import ExitStack
@@ -140,6 +141,91 @@ def test_silent_handshakes_leave_room_for_another_address(tmp_path: Path) -> Non
             doorway.close()
             for waiting in list(doorway._coming):
                 waiting.cancel()
+            await doorway.wait_closed()
+
+    asyncio.run(work())
+
+
+def test_who_gives_way_is_not_half_let_in() -> None:
+    """Given up between `connection_made` and the next step, it was never told of its end.
+
+    uvloop closes such a transport without a word, and the connection counted for its address, and
+    for all, for ever.
+    """
+    uvloop = pytest.importorskip("uvloop")
+    made: list[Host] = []
+
+    class Host(asyncio.Protocol):
+        is_lost = False
+
+        def connection_made(self, transport: asyncio.BaseTransport) -> None:
+            made.append(self)
+            # The next one is greeted in the same step, and the room is his.
+            assert doorway is not None
+            doorway._make_room("127.0.0.2")
+
+        def connection_lost(self, exc: Exception | None) -> None:
+            self.is_lost = True
+
+    doorway: Doorway | None = None
+
+    async def work() -> None:
+        nonlocal doorway
+        with socket.create_server(("127.0.0.1", 0)) as listener:
+            listener.setblocking(False)
+            doorway = Doorway(
+                listener, Host, Entrance("", 1 << 20, 1000), lambda *_: None,
+                tls=None, handshake_timeout_s=1.0, max_coming=1,
+            )  # fmt: skip
+            with socket.create_connection(listener.getsockname()):
+                await asyncio.sleep(0.2)
+                assert not made[0].is_lost
+            await asyncio.sleep(0.2)
+            assert made[0].is_lost  # now that the client left
+            doorway.close()
+            await doorway.wait_closed()
+
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
+        runner.run(work())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the kernel's filters are Linux'")
+def test_who_is_turned_away_for_a_time_is_not_even_accepted() -> None:
+    """Each was accepted and closed, 50 to 100 us of everybody's: 1,000 a second of an address."""
+    told: list[str] = []
+
+    async def work() -> None:
+        entrance = Entrance("", 1 << 20, 2)
+        with socket.create_server(("127.0.0.1", 0)) as listener, ExitStack() as stack:
+            listener.setblocking(False)
+            doorway = Doorway(
+                listener, lambda: Guest(entrance), entrance, lambda _, text, __: told.append(text),
+                tls=None, handshake_timeout_s=1.0, max_coming=1000,
+            )  # fmt: skip
+            for _ in range(5):
+                entrance.addresses.came_in_vain(KEY, asyncio.get_running_loop().time())
+
+            def come(source: str) -> socket.socket:
+                name = listener.getsockname()
+                made = socket.create_connection(name, 0.2, source_address=(source, 0))
+                return stack.enter_context(made)
+
+            def is_closed(source: str) -> bool:
+                return come(source).recv(1) == b""
+
+            assert await asyncio.to_thread(is_closed, KEY)
+            assert len(told) == 1
+            for _ in range(3):
+                with pytest.raises(TimeoutError):
+                    await asyncio.to_thread(come, KEY)
+            assert len(told) == 1
+            come("127.0.0.2")
+            doorway._dropped.lift(float("inf"))  # its time is over
+            entrance.addresses._in_vain.clear()
+            come(KEY)
+            await asyncio.sleep(0.05)
+            assert len(told) == 1
+            doorway.close()
             await doorway.wait_closed()
 
     asyncio.run(work())

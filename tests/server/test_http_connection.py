@@ -338,10 +338,37 @@ def test_an_address_that_connects_and_leaves_again_and_again(folder: Path) -> No
     with BackgroundServer(folder, max_connections_per_ip=2, forwarded_allow_ips="") as running:
         answered = 0
         for _ in range(40):
-            with connect(running) as raw, contextlib.suppress(OSError):
+            with socket.socket() as raw, contextlib.suppress(OSError):
+                raw.settimeout(5 if answered < 10 else 0.1)  # not even accepted at last
+                raw.connect(("127.0.0.1", running.port))
                 raw.sendall(b"GET /healthz HTTP/1.1\r\nConnection: close\r\n" + HOST + b"\r\n")
                 answered += answer(raw).startswith(b"HTTP/1.1 200")
         assert 10 <= answered <= 20
+
+
+def test_guesses_on_one_connection_come_to_an_end(folder: Path) -> None:
+    """Each cost as much as a connection that leads nowhere, and none of them counted."""
+    limits = {"max_connections_per_ip": 4, "forwarded_allow_ips": "", "token": "x" * 16}
+    with BackgroundServer(folder, **limits) as running, connect(running) as raw:
+        answers = b""
+        with contextlib.suppress(OSError):
+            for number in range(60):
+                guess = b"Authorization: Bearer guess-%04d\r\n" % number
+                raw.sendall(b"GET /scenes HTTP/1.1\r\n" + guess + HOST + b"\r\n")
+                if not (came := raw.recv(1 << 16)):
+                    break
+                answers += came
+        assert 8 <= answers.count(b"HTTP/1.1 401") <= 11
+        with connect_from(running, "127.0.0.2") as other:  # somebody else guesses wrong twice
+            for guess in (b"wrong", b"wrong too", b"x" * 16):
+                line = b"Authorization: Bearer " + guess + b"\r\n"
+                other.sendall(b"GET /scenes HTTP/1.1\r\n" + line + HOST + b"\r\n")
+                status = other.recv(1 << 16)[9:12]
+            assert status == b"200"
+
+
+def connect_from(server: BackgroundServer, address: str) -> socket.socket:
+    return socket.create_connection(("127.0.0.1", server.port), 10, source_address=(address, 0))
 
 
 def test_one_first_request_is_taken_apart_in_a_step_of_the_loop(

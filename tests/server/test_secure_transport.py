@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import ctypes
+import ctypes.util
 import hashlib
 import os
 import random
 import socket
 import ssl
+import struct
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -402,3 +405,78 @@ def test_a_key_of_another_certificate_is_refused(tmp_path: Path) -> None:
     write_certificate(tmp_path / "other", "localhost")
     with pytest.raises(OSError, match="mismatch"):
         SecureContext(tmp_path / "cert.pem", tmp_path / "other" / "key.pem")
+
+
+class KeyChanger:
+    """A client that changes keys again and again and asks for the same; by OpenSSL itself.
+
+    Python's ``ssl`` and pyOpenSSL cannot.
+    """
+
+    def __init__(self, raw: socket.socket) -> None:
+        name = ctypes.util.find_library("ssl")
+        if name is None:
+            pytest.skip("this machine has no libssl to load")
+        self.lib = ctypes.CDLL(name)
+        for call in ("TLS_client_method", "SSL_CTX_new", "SSL_new"):
+            getattr(self.lib, call).restype = ctypes.c_void_p
+        raw.setblocking(True)
+        self.context = ctypes.c_void_p(
+            self.lib.SSL_CTX_new(ctypes.c_void_p(self.lib.TLS_client_method()))
+        )
+        self.ssl = ctypes.c_void_p(self.lib.SSL_new(self.context))
+        assert self.lib.SSL_set_fd(self.ssl, raw.fileno()) == 1
+
+    def shake_hands(self) -> None:
+        assert self.lib.SSL_connect(self.ssl) == 1
+
+    def change(self, times: int) -> int:
+        """Return how often it could: no more once the socket takes nothing for half a second."""
+        for done in range(times):
+            self.lib.SSL_key_update(self.ssl, 1)  # and asks for the peer's
+            if self.lib.SSL_do_handshake(self.ssl) != 1:
+                return done
+        return times
+
+    def close(self) -> None:
+        self.lib.SSL_free(self.ssl)
+        self.lib.SSL_CTX_free(self.context)
+
+
+def test_answers_to_changes_of_keys_are_bounded(tmp_path: Path) -> None:
+    """A client that reads nothing had as many of them kept as it asked for."""
+
+    async def run() -> None:
+        write_certificate(tmp_path, "localhost")
+        context = SecureContext(tmp_path / "cert.pem", tmp_path / "key.pem")
+        loop = asyncio.get_running_loop()
+        with socket.create_server(("127.0.0.1", 0)) as listener, socket.socket() as raw:
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 8192)
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
+            listener.setblocking(False)
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 8192)
+            raw.connect(listener.getsockname())
+            accepted, _ = await loop.sock_accept(listener)
+            client, peer = KeyChanger(raw), Peer()
+            timeout = struct.pack("ll", 0, 500_000)
+            await asyncio.gather(
+                asyncio.to_thread(client.shake_hands),
+                context.accept(accepted, lambda: peer, 5.0, loop.call_soon),
+            )
+            raw.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, timeout)
+            done = await asyncio.to_thread(client.change, 20_000)
+            most_bytes = peer.transport.get_write_buffer_size()
+            assert 0 < most_bytes < 64 << 10
+            assert done < 20_000
+            # All is answered as soon as it reads, and heard again.
+            raw.setblocking(False)
+            async with asyncio.timeout(10):
+                while peer.transport.get_write_buffer_size():
+                    await loop.sock_recv(raw, 1 << 16)
+            assert peer.transport._may_hear()
+            peer.transport.abort()
+            await peer.lost
+            client.close()
+
+    asyncio.run(run())

@@ -7,6 +7,8 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from terraport_payload import box_distances_m
+from terraport_payload.types import Float64, Int64
 from terraport_store import BruteForceIndex, PackedRTree, RTreeIndex, spatial_index_of
 from terraport_store.rtree_index import MOST_RTREE_SEGMENTS
 
@@ -56,3 +58,26 @@ def test_an_answer_stays_when_another_is_asked_for() -> None:
         before = first.copy()
         tree.within((400.0, 0.0, 400.0), 5000.0)
         assert np.array_equal(first, before)
+
+
+@pytest.mark.parametrize("height_m", [0.0, 2.0])
+@pytest.mark.parametrize(("radius_m", "by_tree"), [(10.0, True), (60.0, False), (500.0, False)])
+def test_who_asks_for_much_of_a_scene_has_every_box_measured(
+    monkeypatch: pytest.MonkeyPatch, height_m: float, radius_m: float, by_tree: bool
+) -> None:
+    """The tree took 10 ms for 71,000 of 90,000, where all are measured in 2.7."""
+    x, z = (axis.ravel() for axis in np.meshgrid(np.arange(0.0, 200, 10), np.arange(0.0, 200, 10)))
+    flat = np.zeros(len(x))
+    bounds = np.stack([x, flat, z, x + 10, flat + height_m, z + 10], axis=1).astype(np.float32)
+    asked = []
+    in_cube = RTreeIndex._in_cube
+
+    def note(tree: RTreeIndex, low: Float64, high: Float64) -> Int64:
+        asked.append(low)
+        return in_cube(tree, low, high)
+
+    monkeypatch.setattr(RTreeIndex, "_in_cube", note)
+    ids = RTreeIndex(bounds).within((100.0, 1.0, 90.0), radius_m)
+    expected = np.flatnonzero(box_distances_m(bounds, (100.0, 1.0, 90.0)) <= radius_m)
+    assert ids.tolist() == expected.tolist()
+    assert bool(asked) == by_tree
