@@ -154,7 +154,7 @@ export class Stage implements Landings {
 
   land(position: Vec3, radiusM: number, options?: LandOptions): number {
     const landing = this.#stream.land(position, radiusM, options);
-    this.#residency.land(landing, position, radiusM, performance.now());
+    this.#residency.land(landing, position, radiusM, performance.now(), options);
     return landing;
   }
 
@@ -169,6 +169,7 @@ export class Stage implements Landings {
       return;
     }
     this.#servedVersion = event.sceneVersion;
+    this.#residency.sessionOpened();
     // Also where it was published between the files and the session: ids in a cover belong to one version (5.4).
     if (event.changed || (event.sceneVersion !== this.#files.manifest.version && !this.#isOldVersion)) {
       this.#leaveVersion();
