@@ -339,4 +339,10 @@ def test_regions_and_attributes_are_named(tiled: Tiled) -> None:
     assert document["accessors"][primitive["attributes"]["_GRADE"]]["normalized"]
     (features,) = primitive["extensions"]["EXT_mesh_features"]["featureIds"]
     assert features["featureCount"] == len(here)
+    # Drawn as photographed, whatever lamps the viewer has.
+    assert [material["extensions"] for material in document["materials"]] == [
+        {"KHR_materials_unlit": {}}
+    ]
+    assert "KHR_materials_unlit" in document["extensionsUsed"]
+    assert "KHR_materials_unlit" not in document["extensionsRequired"]
     assert features["propertyTable"] == 0

@@ -24,6 +24,7 @@ from terraport_store.manifest import Manifest
 __all__ = ["TileFacts", "encode_tile"]
 
 _EXTENSION: Final = "EXT_structural_metadata"
+_UNLIT: Final = "KHR_materials_unlit"
 
 _FACTS: Final = (
     ("area_m2", "Area of its surface, square metres"),
@@ -174,6 +175,10 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
     if used:
         document["extensionsUsed"].append(_EXTENSION)
         document["extensions"] = {_EXTENSION: {"schema": facts.schema, **used}}
+    # (3) A survey's colours have their light: lit again they are dark, without a lamp black.
+    for material in document["materials"]:
+        material["extensions"] = {_UNLIT: {}}
+    document["extensionsUsed"].append(_UNLIT)
     # Other tools need none of ours, and codes that are said to be normalised are not ours.
     del document["meshes"][0]["extras"]
     document["buffers"][0]["byteLength"] = len(binary)

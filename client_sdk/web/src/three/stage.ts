@@ -9,6 +9,7 @@ import { Group, PerspectiveCamera, type WebGLRenderer } from "three";
 
 import { gpuBytesOf } from "../core/gpu-budget.ts";
 import type { Residency } from "../core/residency.ts";
+import { passOn } from "../core/residency-events.ts";
 import type {
   Bounds,
   LandOptions,
@@ -30,7 +31,7 @@ import { closeImage } from "./mesh-upload.ts";
 import { emptyPage } from "./page.ts";
 import { regionColour, segmentColour, toCss } from "./palette.ts";
 import { StageLooks, type Theme } from "./stage-looks.ts";
-import { passOn, residencyOf, type StageOptions } from "./stage-options.ts";
+import { residencyOf, type StageOptions } from "./stage-options.ts";
 import { StreamCounters, stageStats } from "./stage-stats.ts";
 import type {
   GroundHit,
