@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import http.server
 import json
+import os
 import shutil
 import subprocess
 import threading
@@ -33,24 +35,48 @@ class _Quiet(http.server.SimpleHTTPRequestHandler):
 @pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Origin of the built examples."""
+    folder = tmp_path_factory.mktemp("examples")
+    for name in ("element", "fiber"):
+        _build(WEB / "examples" / name, folder / name)
+    with _served(folder) as origin:
+        yield origin
+
+
+def _build(app: Path, out: Path) -> None:
     node, vite = shutil.which("node"), WEB / "node_modules" / "vite" / "bin" / "vite.js"
     if node is None or not vite.is_file():
         pytest.skip("no Node on the PATH, or no node_modules (npm ci in client_sdk/web)")
-    folder = tmp_path_factory.mktemp("examples")
-    for name in ("element", "fiber"):
-        out = str(folder / name)
-        subprocess.run(
-            [node, str(vite), "build", "--config", "../vite.config.ts", "--outDir", out],
-            cwd=WEB / "examples" / name,
-            check=True,
-            capture_output=True,
-        )
+    config = str(WEB / "examples" / "vite.config.ts")
+    subprocess.run(
+        [node, str(vite), "build", "--config", config, "--outDir", str(out)],
+        cwd=app,
+        check=True,
+        capture_output=True,
+    )
+
+
+@contextlib.contextmanager
+def _served(folder: Path) -> Iterator[str]:
     handler = functools.partial(_Quiet, directory=str(folder))
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         thread = threading.Thread(target=server.serve_forever, daemon=True)
         thread.start()
         yield f"http://127.0.0.1:{server.server_address[1]}"
         server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def babylon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """Origin of the example in Babylon.js, which is no dependency: 97 MB for one page."""
+    tools = os.environ.get("TERRAPORT_TILES_TOOLS")
+    if tools is None or not (Path(tools) / "node_modules" / "@babylonjs" / "core").is_dir():
+        pytest.skip("no folder with `npm i @babylonjs/core` in TERRAPORT_TILES_TOOLS")
+    folder = tmp_path_factory.mktemp("babylon")
+    shutil.copytree(WEB / "examples" / "babylon", folder / "app")
+    (folder / "app" / "node_modules").symlink_to(Path(tools).resolve() / "node_modules")
+    _build(folder / "app", folder / "out")
+    with _served(folder / "out") as origin:
+        yield origin
 
 
 def _serve(scenes: Path, origin: str, **settings: str) -> Service:
@@ -207,3 +233,22 @@ def test_the_example_of_react_three_fiber_lands(
         page.goto(f"{example}/fiber/?scene={service.url}/scenes/{SMALL}")
         page.wait_for_function("window.stage?.status.phase === 'shown'")
         assert page.evaluate("stage.visible.length") > 0
+
+
+def test_the_example_of_babylon_lands_by_the_core_alone(page: Page, babylon: str) -> None:
+    with _serve(SAMPLE.parent, babylon) as running:
+        page.goto(f"{babylon}/?scene={running.url}/scenes/{SAMPLE.name}")
+        page.wait_for_function("window.residency?.visible.length > 0")
+        base_faces = page.evaluate("ground.getTotalIndices() / 3")
+        drawn = (
+            "[...drawn].filter(([, mesh]) => mesh.isEnabled()).map(([id]) => id)"
+            ".sort((a, b) => a - b)"
+        )
+        assert page.evaluate(drawn) == page.evaluate("residency.visible")
+        page.evaluate("land([9, 2, 4], 4)")
+        page.wait_for_function(
+            "residency.newest.landing === 2 && residency.newest.swapped === 'full'"
+        )
+        assert page.evaluate(drawn) == page.evaluate("residency.visible")
+        # Less is hidden of the base by a smaller landing.
+        assert page.evaluate("ground.getTotalIndices() / 3") > base_faces

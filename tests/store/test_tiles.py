@@ -292,6 +292,19 @@ def test_faces_that_no_segment_covers_never_go() -> None:
     assert [faces.tolist() for faces in parts.kept] == [[0], [3]]
 
 
+def test_regions_without_a_name_have_no_column_of_names(tiled: Tiled) -> None:
+    rows = tiled.scene.regions["regions"]
+    facts = TileFacts.of(tiled.manifest, rows, [""] * len(rows))
+    document, _, _ = split_glb(encode_tile(decode_glb(tiled.scene.payload(5)), facts))
+    metadata = document["extensions"]["EXT_structural_metadata"]
+    (table,) = metadata["propertyTables"]
+    assert set(metadata["schema"]["classes"]["region"]["properties"]) - set(
+        table["properties"]
+    ) == {"label"}
+    assert "required" not in metadata["schema"]["classes"]["region"]["properties"]["label"]
+    assert all(view["byteLength"] > 0 for view in document["bufferViews"])
+
+
 def test_regions_and_attributes_are_named(tiled: Tiled) -> None:
     labels = [f"ground {number}" for number in range(tiled.manifest.counts.regions)]
     rows = tiled.scene.regions["regions"]
@@ -313,6 +326,7 @@ def test_regions_and_attributes_are_named(tiled: Tiled) -> None:
     texts = data(columns["label"]["values"])
     named = [texts[a:b].decode() for a, b in itertools.pairwise(ends_at)]
     assert named == [labels[region] for region in here]
+    assert ends_at[-1] == len(texts)  # or the 3D Tiles validator counts an error
     areas = np.frombuffer(data(columns["area_m2"]["values"]), "<f4")
     assert_allclose(areas, [rows[region]["area_m2"] for region in here], rtol=1e-6)
     # 3D Metadata: value = offset + scale * code / 65535.
@@ -325,4 +339,10 @@ def test_regions_and_attributes_are_named(tiled: Tiled) -> None:
     assert document["accessors"][primitive["attributes"]["_GRADE"]]["normalized"]
     (features,) = primitive["extensions"]["EXT_mesh_features"]["featureIds"]
     assert features["featureCount"] == len(here)
+    # Drawn as photographed, whatever lamps the viewer has.
+    assert [material["extensions"] for material in document["materials"]] == [
+        {"KHR_materials_unlit": {}}
+    ]
+    assert "KHR_materials_unlit" in document["extensionsUsed"]
+    assert "KHR_materials_unlit" not in document["extensionsRequired"]
     assert features["propertyTable"] == 0

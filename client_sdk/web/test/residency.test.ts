@@ -1,7 +1,7 @@
 import { beforeEach, describe, expect, it } from "vitest";
 
 import { Residency } from "../src/core/residency.ts";
-import { BYTES, facts, plan } from "./residency-plans.ts";
+import { BYTES, facts, type LandingTold, landOn, plan, workOn } from "./residency-plans.ts";
 
 let residency: Residency;
 
@@ -9,49 +9,8 @@ beforeEach(() => {
   residency = new Residency({ maxInFlight: 4, maxInFlightBytes: 1e9, spareBytes: 3 * BYTES });
 });
 
-/** Decode and upload whatever is asked for until nothing is. Returns what was asked for. */
-function work(except: readonly number[] = []): number[] {
-  const requested: number[] = [];
-  for (;;) {
-    const requests = residency.takeDecodes();
-    for (const { segment, epoch } of requests) {
-      requested.push(segment);
-      if (except.includes(segment)) {
-        residency.decodeFailed(segment, epoch);
-      } else {
-        residency.decoded(segment, epoch, BYTES);
-      }
-    }
-    for (let next = residency.nextUpload(); next !== null; next = residency.nextUpload()) {
-      residency.uploaded(next);
-      residency.warmed(next);
-    }
-    if (requests.length === 0) {
-      residency.basePrepared(residency.comingRevision);
-      return requested;
-    }
-  }
-}
-
-function land(
-  landing: number,
-  load: readonly number[],
-  keep: readonly number[] = [],
-  nearby: readonly number[] = [],
-): void {
-  residency.land(landing, [0, 0, 0], 60, 0);
-  residency.planned(plan(landing, load, keep, nearby));
-  for (const segment of load) {
-    residency.arrived(facts(segment), landing);
-  }
-  residency.ready(
-    landing,
-    [...load, ...keep].sort((a, b) => a - b),
-    [],
-    5,
-    load.length * 10,
-  );
-}
+const work = (except?: readonly number[]) => workOn(residency, except);
+const land = (...landing: LandingTold) => landOn(residency, ...landing);
 
 describe("a landing", () => {
   it("is presentable when all of it and the base are on the GPU, and shown by swap alone", () => {
@@ -113,53 +72,6 @@ describe("a landing", () => {
     // What was left first goes first.
     expect(residency.takeFreed()).toEqual([1]);
     expect(residency.takeFreed()).toEqual([]);
-    expect(residency.spareBytes).toBe(3 * BYTES);
-  });
-
-  it("shows what it left in the next frame, with nothing to decode or upload", () => {
-    land(1, [1, 2]);
-    work();
-    residency.swap();
-    land(2, [3]);
-    work();
-    residency.swap();
-    land(3, [], [1, 2]);
-    expect(residency.takeDecodes()).toEqual([]);
-    expect(residency.nextUpload()).toBeNull();
-    residency.basePrepared(residency.comingRevision);
-    expect(residency.swap()).toMatchObject({ shown: [1, 2], hidden: [3] });
-  });
-
-  it("asks again for what was freed, without any payload", () => {
-    residency = new Residency({ maxInFlight: 4, maxInFlightBytes: 1e9, spareBytes: 0 });
-    land(1, [1]);
-    work();
-    residency.swap();
-    land(2, [2]);
-    work();
-    residency.swap();
-    land(3, [], [1]);
-    expect(work()).toEqual([1]);
-    expect(residency.fraction()).toBe(1);
-    expect(residency.swap()).toMatchObject({ shown: [1], hidden: [2] });
-  });
-
-  it("keeps on the GPU what is nearby, hidden, and shows it again at once", () => {
-    land(1, [1, 2, 3]);
-    work();
-    residency.swap();
-    land(2, [4], [1], [2]);
-    work();
-    expect(residency.swap()).toMatchObject({ visible: [1, 4], hidden: [2, 3] });
-    expect(residency.takeFreed()).toEqual([]);
-    expect(residency.spareBytes).toBe(BYTES);
-    land(3, [], [1, 2], [4]);
-    expect(work()).toEqual([]);
-    expect(residency.swap()).toMatchObject({ visible: [1, 2], shown: [2], hidden: [4] });
-    land(4, [5]);
-    work();
-    residency.swap();
-    expect(residency.takeFreed()).toEqual([3]);
     expect(residency.spareBytes).toBe(3 * BYTES);
   });
 
@@ -290,111 +202,6 @@ describe("a newer landing", () => {
     residency.planned(plan(2, []));
     expect(residency.decoded(1, 0, BYTES)).toBe(false);
     expect(residency.inFlight).toBe(0);
-  });
-});
-
-describe("bounds", () => {
-  it("decodes so many at a time, in the plan's order", () => {
-    residency.land(1, [0, 0, 0], 60, 0);
-    residency.planned(plan(1, [9, 8, 7, 6, 5, 4]));
-    for (const segment of [4, 5, 6, 7, 8, 9]) {
-      residency.arrived(facts(segment), 1);
-    }
-    expect(residency.takeDecodes().map(({ segment }) => segment)).toEqual([9, 8, 7, 6]);
-    expect(residency.takeDecodes()).toEqual([]);
-    residency.decoded(8, 0, BYTES);
-    expect(residency.takeDecodes()).toEqual([]); // It waits for its upload.
-    residency.uploaded(8);
-    expect(residency.takeDecodes()).toEqual([{ segment: 5, epoch: 0 }]);
-  });
-
-  it("decodes fewer large ones, but always one", () => {
-    residency = new Residency({ maxInFlight: 16, maxInFlightBytes: 40e6, spareBytes: 0 });
-    const ids = Array.from({ length: 30 }, (_, id) => id);
-    residency.land(1, [0, 0, 0], 60, 0);
-    residency.planned(plan(1, ids));
-    for (const id of ids) {
-      residency.arrived(facts(id), 1);
-    }
-    let maxInFlight = 0;
-    for (let round = 0; round < 30; round += 1) {
-      const requests = residency.takeDecodes();
-      expect(requests.length).toBeGreaterThan(0);
-      maxInFlight = round > 8 ? Math.max(maxInFlight, requests.length) : 0;
-      const first = requests[0]!;
-      for (const { segment, epoch } of requests) {
-        residency.decoded(segment, epoch, 22e6);
-      }
-      expect(first.segment).toBeGreaterThanOrEqual(0);
-      for (let next = residency.nextUpload(); next !== null; next = residency.nextUpload()) {
-        residency.uploaded(next);
-      }
-      if (residency.fraction() === 0.5 && round > 12) {
-        break;
-      }
-    }
-    expect(maxInFlight).toBeLessThanOrEqual(1);
-  });
-
-  it("keeps what an aim brought within the spare bytes, and what is wanted whatever it takes", () => {
-    for (const segment of [1, 2, 3, 4, 5]) {
-      residency.arrived(facts(segment), null);
-    }
-    work();
-    expect(residency.takeFreed()).toEqual([]);
-    expect(residency.spareBytes).toBe(3 * BYTES);
-    land(1, [], [1, 2, 3, 4, 5]);
-    expect(work().sort()).toEqual([4, 5]);
-    expect(residency.spareBytes).toBe(0);
-    expect(residency.swap()?.visible).toEqual([1, 2, 3, 4, 5]);
-    expect(residency.takeFreed()).toEqual([]);
-  });
-
-  it("remembers the newest 4096 of what aims brought, while there is no room for it", () => {
-    residency = new Residency({ maxInFlight: 4, maxInFlightBytes: 1e9, spareBytes: BYTES });
-    residency.arrived(facts(0), null);
-    expect(work()).toEqual([0]);
-    for (let segment = 1; segment <= 4096 + 2; segment += 1) {
-      residency.arrived(facts(segment), null);
-    }
-    expect(residency.takeDecodes()).toEqual([]);
-    residency.land(1, [0, 0, 0], 60, 0);
-    residency.planned(plan(1, [], [0])); // 0 is spare no longer.
-    expect(residency.takeDecodes().map((request) => request.segment)).toEqual([3, 4, 5, 6]);
-  });
-
-  it("frees what was left behind for what aims bring, and no aim for another", () => {
-    land(1, [1, 2]);
-    work();
-    residency.swap();
-    land(2, [3]);
-    work();
-    residency.swap();
-    for (const segment of [4, 5, 6]) residency.arrived(facts(segment), null);
-    expect(work()).toEqual([4, 5, 6]);
-    residency.arrived(facts(7), null);
-    expect(work()).toEqual([]);
-    expect(residency.takeFreed()).toEqual([1, 2]);
-    expect(residency.spareBytes).toBe(3 * BYTES);
-    // After the next swap they are left behind like everything else.
-    land(3, [8]);
-    work();
-    residency.swap();
-    expect(residency.takeFreed()).toEqual([4]);
-    residency.arrived(facts(9), null);
-    expect(work()).toEqual([9]);
-    expect(residency.takeFreed()).toEqual([5]);
-  });
-
-  it("puts a landing before any prefetch", () => {
-    residency.arrived(facts(8), null);
-    residency.land(1, [0, 0, 0], 60, 0);
-    residency.planned(plan(1, [5]));
-    residency.arrived(facts(5), 1);
-    expect(residency.takeDecodes().map(({ segment }) => segment)).toEqual([5, 8]);
-    residency.decoded(8, 0, BYTES);
-    residency.decoded(5, 0, BYTES);
-    expect(residency.nextUpload()).toBe(5);
   });
 });
 

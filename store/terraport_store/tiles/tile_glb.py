@@ -24,6 +24,7 @@ from terraport_store.manifest import Manifest
 __all__ = ["TileFacts", "encode_tile"]
 
 _EXTENSION: Final = "EXT_structural_metadata"
+_UNLIT: Final = "KHR_materials_unlit"
 
 _FACTS: Final = (
     ("area_m2", "Area of its surface, square metres"),
@@ -89,7 +90,8 @@ class TileFacts:
                 }
         if labels is not None:
             columns["label"] = list(labels)
-            described["label"] = {"type": "STRING", "required": True}
+            # A table of regions without a name has no such column: see `_column`.
+            described["label"] = {"type": "STRING"}
         classes: dict[str, Any] = {"region": {"properties": described}}
         properties: dict[str, str] = {}
         attributes: dict[str, Any] = {}
@@ -147,16 +149,13 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
     known = len(facts.regions.get("region", ()))
     if here is not None and known and int(here[-1]) < known:
         primitive["extensions"]["EXT_mesh_features"]["featureIds"][0]["propertyTable"] = 0
+        properties = {
+            name: values
+            for name, column in facts.regions.items()
+            if (values := _column(document, binary, column, here)) is not None
+        }
         used["propertyTables"] = [
-            {
-                "name": "regions",
-                "class": "region",
-                "count": len(here),
-                "properties": {
-                    name: _column(document, binary, column, here)
-                    for name, column in facts.regions.items()
-                },
-            }
+            {"name": "regions", "class": "region", "count": len(here), "properties": properties}
         ]
     # (2) What the codes of attributes mean.
     if mesh.attributes:
@@ -176,6 +175,10 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
     if used:
         document["extensionsUsed"].append(_EXTENSION)
         document["extensions"] = {_EXTENSION: {"schema": facts.schema, **used}}
+    # (3) A survey's colours have their light: lit again they are dark, without a lamp black.
+    for material in document["materials"]:
+        material["extensions"] = {_UNLIT: {}}
+    document["extensionsUsed"].append(_UNLIT)
     # Other tools need none of ours, and codes that are said to be normalised are not ours.
     del document["meshes"][0]["extras"]
     document["buffers"][0]["byteLength"] = len(binary)
@@ -184,14 +187,19 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
 
 def _column(
     document: dict[str, Any], binary: bytearray, column: AnyArray | list[str], rows: Int64
-) -> dict[str, Any]:
-    """Append a column of a property table; return what names it."""
+) -> dict[str, Any] | None:
+    """Append a column of a property table; return what names it, None for texts without a letter.
+
+    A bufferView has a byte at least, and 3D Metadata wants the texts' to end with the last offset,
+    which is 0 there.
+    """
     if isinstance(column, np.ndarray):
         return {"values": _view(document, binary, column[rows].tobytes())}
     texts = [column[row].encode() for row in rows.tolist()]
     offsets = np.cumsum([0, *(len(text) for text in texts)]).astype("<u4")
-    # A bufferView has a byte at least.
-    values = _view(document, binary, b"".join(texts) or b"\0")
+    if not any(texts):
+        return None
+    values = _view(document, binary, b"".join(texts))
     return {"values": values, "stringOffsets": _view(document, binary, offsets.tobytes())}
 
 

@@ -40,9 +40,8 @@ def test_a_folder_and_an_archive_hold_the_same(tmp_path: Path) -> None:
     files = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
     assert files == named
     labelled = split_glb((folder / "segments/5.glb").read_bytes())[0]
-    assert "label" in labelled["extensions"]["EXT_structural_metadata"]["propertyTables"][0][
-        "properties"
-    ]  # fmt: skip
+    classes = labelled["extensions"]["EXT_structural_metadata"]["schema"]["classes"]
+    assert "label" in classes["region"]["properties"]
 
     # The index of an archive (3TZ 1.3): viewers find a file by the hash of its name.
     data = (tmp_path / "bench.3tz").read_bytes()

@@ -75,6 +75,11 @@ export function sceneRoute(scene: string): Route {
   return { scene, place: null, mode: null };
 }
 
+/** A position as an address says it: who comes back by link or history asks for the very landing that a click asked for. */
+export function asAddressed([x, y, z]: Vec3): Vec3 {
+  return [Number(rounded(x, 2)), Number(rounded(y, 2)), Number(rounded(z, 2))];
+}
+
 /** Whether two places ask for the same landing; how it is looked at does not count. */
 export function isSameLanding(a: Place | null, b: Place | null): boolean {
   if (a === null || b === null) return a === b;

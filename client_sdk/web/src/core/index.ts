@@ -1,8 +1,8 @@
 /**
  * `@terraport/client/core`: scenes, streams and decoded segments, for any renderer. No three.js, no DOM.
  *
- * A landing is asked of a {@link Stream}; {@link Residency} says which segments an engine is to upload, show and free, and
- * {@link CoverCounters} which faces of the base to hide under them.
+ * A landing is asked of a {@link Stream}; {@link Residency}, to which {@link passOn} passes the stream's events, says which
+ * segments an engine is to upload, show and free, and {@link CoverCounters} which faces of the base to hide under them.
  */
 
 export { budgetsFor, type DeviceBudgets, type DeviceClass } from "./budgets.ts";
@@ -13,6 +13,7 @@ export { CoverCounters } from "./cover.ts";
 export { type GpuShares, sharesOf } from "./gpu-budget.ts";
 export type * from "./group-types.ts";
 export { Residency } from "./residency.ts";
+export { passOn } from "./residency-events.ts";
 export { StreamError } from "./scene/errors.ts";
 export { type HttpOptions, listScenes, type SceneList } from "./scene/load.ts";
 export { coarserPieces } from "./scene/regions.ts";

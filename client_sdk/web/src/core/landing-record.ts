@@ -33,14 +33,26 @@ export class LandingRecord {
     readonly position: Vec3,
     readonly radiusM: number,
     readonly askedAtMs: number,
+    /** Of {@link landingKey}: what makes another landing the same one. */
+    readonly key: string,
   ) {}
+
+  /** It was shown before, in this session, exactly so; the service's own answer follows. */
+  recall(plan: PlanFacts): void {
+    this.plan = plan;
+    this.#full = plan.keep;
+  }
 
   /** A plan came: the first, or another one after a reconnect. What was shown stays shown until the next `ready`. */
   planned(plan: PlanFacts): void {
+    const planned = new Set([...plan.keep, ...plan.load.map((facts) => facts.segment)]);
+    // Recalled, and it is so: not taken back, or eyes that are closed for it would have to close twice.
+    const holds =
+      this.readyMs === null && this.#full?.length === planned.size && this.#full.every((id) => planned.has(id));
     this.plan = plan;
     // Declared under the generation before; the new one declares its own.
     this.#inner = null;
-    this.#full = null;
+    if (!holds) this.#full = null;
     this.#loadBytes = new Map(plan.load.map((facts) => [facts.segment, facts.length]));
   }
 

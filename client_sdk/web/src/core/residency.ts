@@ -3,15 +3,17 @@
  *
  * A segment goes `held` (its payload is here) -> `decoding` -> `decoded` (waiting for, or under, upload) -> `uploaded` ->
  * `resident` (can be drawn at once), and from each of them back. What is *visible* is another matter: it changes in {@link Residency.swap} alone, to
- * exactly what the newest landing's `ready` or `degraded` said. (Two exceptions, where there is no choice: a new scene version,
- * and a segment that cannot be decoded again after the graphics context was lost.)
+ * exactly what the newest landing's `ready` or `degraded` said, or, until they are here, what `ready` said of the same landing
+ * before. (Two exceptions, where there is no choice: a new scene version, and a segment that cannot be decoded again after the
+ * graphics context was lost.)
  *
  * PURE: no I/O, no clock; whoever owns it decodes, uploads, frees, and says so.
  */
 
 import { LandingRecord } from "./landing-record.ts";
 import { SegmentShelf, type ShelfLimits } from "./segment-shelf.ts";
-import type { PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
+import { landingKey, ShownBefore } from "./shown-before.ts";
+import type { LandOptions, PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
 
 /** Segments that aims brought and that wait for spare room; beyond it the oldest goes. */
 const MAX_PREFETCHED = 4096;
@@ -38,6 +40,7 @@ export interface DecodeRequest {
 /** The segments of one stage. Not shared between stages; a call is a step, in whatever order events come. */
 export class Residency {
   readonly #shelf: SegmentShelf;
+  readonly #shownBefore = new ShownBefore();
   #visible: readonly number[] = [];
   #visibleIds = new Set<number>();
   #desired: readonly number[] = [];
@@ -111,11 +114,21 @@ export class Residency {
 
   /**
    * A landing was asked for: it is the newest from now on. What the one before wanted is kept until the plan is here, since a
-   * short hop wants most of it again.
+   * short hop wants most of it again. Where the same was shown before, and all of it is on the GPU, it may be shown at once.
    */
-  land(landing: number, position: Vec3, radiusM: number, nowMs: number): void {
-    this.#newest = new LandingRecord(landing, position, radiusM, nowMs);
-    this.#recompute();
+  land(landing: number, position: Vec3, radiusM: number, nowMs: number, options?: LandOptions): void {
+    const key = landingKey(position, radiusM, options);
+    this.#newest = new LandingRecord(landing, position, radiusM, nowMs, key);
+    const before = this.#shownBefore.recall(key, landing);
+    if (before?.keep.every((segment) => this.#shelf.stepOf(segment) === "resident")) {
+      this.#newest.recall(before);
+      this.#setDesired(before.keep);
+    } else this.#recompute();
+  }
+
+  /** A session began: another may have other bounds, so that the same landing shows something else. */
+  sessionOpened(): void {
+    this.#shownBefore.forget();
   }
 
   /** Its plan came; once more after a reconnect. */
@@ -172,7 +185,9 @@ export class Residency {
     // A reconnect declares what is shown once more: then nothing is to be swapped, and no blink is wasted on it.
     const isShown = record.swapped === "full" && sameIds([...visible].sort(ascending), this.#visible);
     record.ready(visible, missing, elapsedMs, payloadBytes);
-    record.swapped = isShown ? "full" : "nothing"; // After a reconnect the same set may be declared once more.
+    // After a reconnect, or of a return, the same set may be declared once more.
+    record.swapped = isShown ? "full" : "nothing";
+    if (isShown) this.#remember(record);
     for (const segment of visible) {
       this.#shelf.hold(segment, -1);
     }
@@ -208,6 +223,7 @@ export class Residency {
   versionChanged(): void {
     this.#epoch += 1;
     this.#shelf.clear();
+    this.#shownBefore.forget();
     this.#prefetched = [];
     this.#nearbyIds.clear();
     this.#facts.clear();
@@ -338,6 +354,7 @@ export class Residency {
     landing.swapped = kind;
     this.#visible = visible;
     this.#visibleIds = after;
+    this.#remember(landing);
     this.#shelf.leaveBehind(landing.landing, hidden);
     this.#prefetched = this.#prefetched.filter((segment) => this.#shelf.isAimedSince(segment, landing.landing));
     this.#recompute();
@@ -392,6 +409,15 @@ export class Residency {
     const expected = landing?.target()?.segments ?? landing?.expected() ?? [];
     const failed = expected.filter((segment) => this.#shelf.stepOf(segment) === "failed");
     return [...new Set([...(landing?.missing ?? []), ...failed])].sort(ascending);
+  }
+
+  /** What is shown is all that `ready` said: the same landing will show the same. */
+  #remember({ key, plan, missing, readyMs, swapped }: LandingRecord): void {
+    const isWhole = swapped === "full" && readyMs !== null && missing.length === 0;
+    const isShown = (segment: number): boolean => this.#visibleIds.has(segment);
+    if (isWhole && plan !== null && this.#newest?.target()?.segments.every(isShown)) {
+      this.#shownBefore.remember(key, plan, this.#visible);
+    }
   }
 
   #landing(landing: number): LandingRecord | null {

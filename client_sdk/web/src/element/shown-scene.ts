@@ -65,6 +65,8 @@ export class ShownScene {
   readonly #stream: Stream;
   readonly #abort = new AbortController();
   #waiting: Waiting | null = null;
+  /** The landing that was last told as shown whole. */
+  #told: number | null = null;
   #link: LinkState | null = null;
   #patience: number | null = null;
   #flight: {
@@ -201,9 +203,11 @@ export class ShownScene {
     this.#frame = null;
     this.#fly(nowMs);
     this.#controls.update();
+    // What is ready now is shown in this very frame.
+    this.stage.update();
     const { phase } = this.stage.status;
     if (phase === "presentable" || phase === "degraded-presentable") this.#swap();
-    this.stage.update();
+    this.#tellWhole();
     this.#renderer.render(this.#scene, this.camera);
     const isLanding = phase === "planning" || phase === "streaming";
     if (isLanding) this.#listeners.landing(this.stage.status);
@@ -218,9 +222,15 @@ export class ShownScene {
     if (this.#goal !== null) this.#leave(this.#goal, before.radiusM);
     this.#goal = null;
     this.#listeners.landing(this.stage.status);
-    if (this.stage.status.phase !== "shown") return;
-    this.#settle((waiting) => waiting.resolve(this.stage.status));
-    this.#listeners.landed(this.stage.status);
+  }
+
+  /** Tell of a landing that is shown whole, once, and not before the service's word: a return is shown earlier. */
+  #tellWhole(): void {
+    const { status } = this.stage;
+    if (status.phase !== "shown" || status.readyMs === null || status.landing === this.#told) return;
+    this.#told = status.landing;
+    this.#settle((waiting) => waiting.resolve(status));
+    this.#listeners.landed(status);
   }
 
   /** Begin the way to a place: the look is kept, from as far as shows the landing. */

@@ -3,7 +3,7 @@
 import type { WebGLRenderer } from "three";
 
 import { Residency } from "../core/residency.ts";
-import type { SceneFiles, Stream, StreamEvent } from "../core/types.ts";
+import type { SceneFiles, Stream } from "../core/types.ts";
 
 /** What a stage is made of. */
 export interface StageOptions {
@@ -36,32 +36,4 @@ export function residencyOf(options: StageOptions): Residency {
     maxInFlightBytes: MAX_IN_FLIGHT_BYTES,
     spareBytes: options.spareGpuBytes ?? DEFAULT_GPU_BYTES,
   });
-}
-
-/** Tell a residency what the stream says of landings and segments. */
-export function passOn(event: StreamEvent, residency: Residency): void {
-  switch (event.type) {
-    case "planned":
-      residency.planned(event.plan);
-      break;
-    case "arrived":
-      residency.arrived(event.facts, event.landing);
-      break;
-    case "degraded":
-      residency.degraded(event.landing, event.segments);
-      break;
-    case "ready":
-      residency.ready(event.landing, event.visible, event.missing, event.elapsedMs, event.payloadBytes);
-      break;
-    case "refused":
-      if (event.landing !== null) {
-        residency.refused(event.landing, event.message);
-      }
-      break;
-    case "dropped":
-      residency.dropped(event.segments);
-      break;
-    default:
-      break;
-  }
 }

@@ -9,6 +9,7 @@ import { Group, PerspectiveCamera, type WebGLRenderer } from "three";
 
 import { gpuBytesOf } from "../core/gpu-budget.ts";
 import type { Residency } from "../core/residency.ts";
+import { passOn } from "../core/residency-events.ts";
 import type {
   Bounds,
   LandOptions,
@@ -30,7 +31,7 @@ import { closeImage } from "./mesh-upload.ts";
 import { emptyPage } from "./page.ts";
 import { regionColour, segmentColour, toCss } from "./palette.ts";
 import { StageLooks, type Theme } from "./stage-looks.ts";
-import { passOn, residencyOf, type StageOptions } from "./stage-options.ts";
+import { residencyOf, type StageOptions } from "./stage-options.ts";
 import { StreamCounters, stageStats } from "./stage-stats.ts";
 import type {
   GroundHit,
@@ -154,7 +155,7 @@ export class Stage implements Landings {
 
   land(position: Vec3, radiusM: number, options?: LandOptions): number {
     const landing = this.#stream.land(position, radiusM, options);
-    this.#residency.land(landing, position, radiusM, performance.now());
+    this.#residency.land(landing, position, radiusM, performance.now(), options);
     return landing;
   }
 
@@ -169,6 +170,7 @@ export class Stage implements Landings {
       return;
     }
     this.#servedVersion = event.sceneVersion;
+    this.#residency.sessionOpened();
     // Also where it was published between the files and the session: ids in a cover belong to one version (5.4).
     if (event.changed || (event.sceneVersion !== this.#files.manifest.version && !this.#isOldVersion)) {
       this.#leaveVersion();

@@ -51,7 +51,10 @@ export interface LandingStatus {
   /** 0 to 1: bytes that came and were uploaded, of those that must. */
   readonly fraction: number;
   readonly plan: PlanFacts | null;
-  /** Milliseconds land -> ready (all bytes verified) and land -> presentable; null until then. */
+  /**
+   * Milliseconds land -> ready (all bytes verified) and land -> presentable; null until then. A place that was shown before may
+   * be shown again before the service's `ready`: `phase` is `shown` then, and `readyMs` null until it is there.
+   */
   readonly readyMs: number | null;
   readonly presentableMs: number | null;
   readonly payloadBytes: number;

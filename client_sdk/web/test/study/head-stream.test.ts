@@ -1,9 +1,9 @@
 import { describe, expect, it } from "vitest";
 
 import { Residency } from "../../src/core/residency.ts";
+import { passOn } from "../../src/core/residency-events.ts";
 import type { PlanFacts, SegmentFacts, Stream, StreamEvent, Vec3 } from "../../src/core/types.ts";
 import { HeadStream } from "../../src/study/head-stream.ts";
-import { passOn } from "../../src/three/stage-options.ts";
 import { cell, looking } from "./cells.ts";
 
 const OPTIONS = { baseErrorM: 0.2, maxErrorPx: 10, budgets: {} };

@@ -57,6 +57,11 @@ export function createGroupSection(store: ViewerStore, actions: GroupActions): H
         },
       },
     },
+    h(
+      "p",
+      { class: "hint" },
+      "Look at the scene together: who joins under the same name is in one group. The guide brings everybody to where he is.",
+    ),
     h("label", { for: "group-name" }, "Group"),
     group,
     h("label", { for: "group-own-name" }, "Your name, as the others see it"),

@@ -85,7 +85,9 @@ export function createEmbed(sources: EmbedSources): Embed {
         const settle = () => {
           const { status } = stage;
           const { link } = store.get();
-          const isOpen = status.landing === landing && status.phase !== "shown" && status.phase !== "refused";
+          // Of a return the picture is there before the service's word.
+          const isWhole = status.phase === "shown" && status.readyMs !== null;
+          const isOpen = status.landing === landing && !isWhole && status.phase !== "refused";
           if (isOpen && link?.state !== "closed") {
             if (link?.state === "open" && timer !== null) {
               window.clearTimeout(timer);

@@ -248,5 +248,6 @@ function landedText(landed: Landed, isCompletion: boolean): string {
   if (landed.degraded) return "The connection is slow: the middle of the landing is shown, the rest follows.";
   if (isCompletion) return `The landing is complete: ${size}.`;
   const bytes = landed.bytes === 0 ? "nothing had to be loaded" : `${formatBytes(landed.bytes)} loaded`;
-  return `Landed: ${size}, ${bytes}, ready after ${formatMs(landed.readyMs)}.`;
+  const ready = landed.readyMs === null ? "shown at once" : `ready after ${formatMs(landed.readyMs)}`;
+  return `Landed: ${size}, ${bytes}, ${ready}.`;
 }

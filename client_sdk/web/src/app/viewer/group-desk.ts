@@ -43,7 +43,8 @@ export function createGroupDesk({ store, stream, announcer, land }: GroupDeskOpt
   function told({ landing }: ViewerState): void {
     if (under === null || landing === null) return;
     const isOther = landing.landing !== under.landing;
-    if (!isOther && landing.phase !== "shown" && landing.phase !== "refused") return;
+    const isReady = landing.phase === "shown" && landing.readyMs !== null;
+    if (!isOther && !isReady && landing.phase !== "refused") return;
     const state = isOther || landing.phase === "refused" ? "declined" : "ready";
     stream.group({ type: "arrive", gathering: under.gathering, state });
     under = null;

@@ -119,7 +119,13 @@ export function createLandingDesk({ store, stage, unseen, arrived, shown }: Land
     update() {
       const { status } = stage;
       // The same facts in a new object are no news.
-      if (!isSame(status, store.get().landing)) store.set({ landing: status });
+      if (!isSame(status, store.get().landing)) {
+        const { landed } = store.get();
+        // A return is shown before the service has answered: how long that took comes behind.
+        const answered = landed?.readyMs === null && status.phase === "shown" && status.readyMs !== null;
+        const news = answered ? { landed: { ...landed, readyMs: status.readyMs, bytes: status.payloadBytes } } : {};
+        store.set({ landing: status, ...news });
+      }
       const { phase } = status;
       if ((phase === "presentable" || phase === "degraded-presentable") && !swapPending) {
         // Once: `unseen` may take frames to get dark.
@@ -138,6 +144,7 @@ function isSame(a: LandingStatus, b: LandingStatus | null): boolean {
     a.phase === b.phase &&
     a.fraction === b.fraction &&
     a.plan === b.plan &&
+    a.readyMs === b.readyMs &&
     a.refusal === b.refusal
   );
 }

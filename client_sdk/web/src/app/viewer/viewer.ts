@@ -10,7 +10,7 @@ import { isTouch, prefersLessMotion } from "../device.ts";
 import { h, setAttribute } from "../dom.ts";
 import { nothingNotice, steepNotice } from "../failures.ts";
 import { createFrameTimes } from "../frame-times.ts";
-import { parseRoute, type Route } from "../route.ts";
+import { asAddressed, parseRoute, type Route } from "../route.ts";
 import { saveFile } from "../save-file.ts";
 import { createStore } from "../store.ts";
 import { EYE_HEIGHT_M, type WalkInput } from "../walk-pose.ts";
@@ -188,8 +188,9 @@ export function createViewer(options: ViewerOptions): Viewer {
     cast,
     standNear: (hit) => standNear(hit, stage),
     pixelOf: camera.pixelOf,
-    aim: (position) => desk.aim(position, store.get().radiusM),
-    land(position) {
+    aim: (position) => desk.aim(asAddressed(position), store.get().radiusM),
+    land(place) {
+      const position = asAddressed(place);
       going.land({ position, radiusM: store.get().radiusM, look: null, isEntry: true, goes: true });
     },
     announce: shell.announcer.announce,
