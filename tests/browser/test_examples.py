@@ -2,55 +2,29 @@
 
 from __future__ import annotations
 
-import functools
-import http.server
 import json
 import shutil
-import subprocess
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from browser.built_examples import built_examples
 from browser.small_scenes import SMALL
 from browser.watched_page import Watch
 from faults.service import Service
 from playwright.sync_api import Page, Route, expect
-
-WEB = Path(__file__).resolve().parents[2] / "client_sdk" / "web"
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
 
 _TEXT = "document.querySelector('terraport-scene').shadowRoot.querySelector('p').textContent"
 
 
-class _Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_: Any) -> None:
-        pass
-
-
 @pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Origin of the built examples."""
-    node, vite = shutil.which("node"), WEB / "node_modules" / "vite" / "bin" / "vite.js"
-    if node is None or not vite.is_file():
-        pytest.skip("no Node on the PATH, or no node_modules (npm ci in client_sdk/web)")
-    folder = tmp_path_factory.mktemp("examples")
-    for name in ("element", "fiber"):
-        out = str(folder / name)
-        subprocess.run(
-            [node, str(vite), "build", "--config", "../vite.config.ts", "--outDir", out],
-            cwd=WEB / "examples" / name,
-            check=True,
-            capture_output=True,
-        )
-    handler = functools.partial(_Quiet, directory=str(folder))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever, daemon=True)
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_address[1]}"
-        server.shutdown()
+    with built_examples(tmp_path_factory.mktemp("examples"), "element", "fiber") as origin:
+        yield origin
 
 
 def _serve(scenes: Path, origin: str, **settings: str) -> Service:

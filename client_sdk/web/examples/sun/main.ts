@@ -28,7 +28,7 @@ const stream = openStream({ sceneUrl, budgets: { maxTriangles: 2_000_000 }, cach
 const stage = new Stage({ renderer, stream, files, shading: { lit: true, receiveShadow: true, castShadow: true } });
 stream.onEvent = (event) => stage.handle(event);
 scene.add(stage.object);
-stage.land([6, 2, 0], 8);
+stage.land([6, 2, 0], 6);
 
 const camera = new three.PerspectiveCamera(50, innerWidth / innerHeight, 0.1, 500);
 camera.position.set(24, 18, 26);
