@@ -3,7 +3,7 @@ import { Stage } from "@terraport/client/three";
 import * as three from "three";
 
 const sceneUrl = new URLSearchParams(location.search).get("scene") ?? "http://127.0.0.1:8080/scenes/sample";
-const renderer = new three.WebGLRenderer({ canvas: document.querySelector("canvas")!, antialias: true });
+const renderer = new three.WebGLRenderer({ canvas: document.querySelector("canvas")! });
 renderer.setSize(innerWidth, innerHeight, false);
 renderer.shadowMap.enabled = true;
 renderer.toneMapping = three.ACESFilmicToneMapping;
