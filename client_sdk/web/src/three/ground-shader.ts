@@ -123,10 +123,13 @@ ${IS_SHADED}
 #include <fog_pars_vertex>
 #include <clipping_planes_pars_vertex>
 #endif
+#if defined(SHADED) || defined(USE_LOGARITHMIC_DEPTH_BUFFER)
+#include <common>
+#endif
+#include <logdepthbuf_pars_vertex>
 #ifdef SHADED
 // Else three.js would not move a point along its normal before it looks whether that is in shadow.
 #define HAS_NORMAL
-#include <common>
 #include <shadowmap_pars_vertex>
 out vec3 vViewPosition;
 #endif
@@ -175,6 +178,7 @@ void main() {
     gl_Position.z = min(gl_Position.z, gl_Position.w * 0.999999);
 #endif
   }
+#include <logdepthbuf_vertex>
 
   vPlan = place.xz;
   vTilt = tilt.xyz;
@@ -254,6 +258,7 @@ ${IS_SHADED}
 #include <fog_pars_fragment>
 #include <clipping_planes_pars_fragment>
 #endif
+#include <logdepthbuf_pars_fragment>
 ${LIGHT}
 vec3 toLinear(vec3 c) {
   return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c));
@@ -342,6 +347,7 @@ void main() {
 #ifdef PAGED
   colour = mix(colour, freshColour, fresh * vSegment.a);
 #endif
+#include <logdepthbuf_fragment>
   gl_FragColor = vec4(colour, 1.0);
 #include <tonemapping_fragment>
   gl_FragColor = linearToOutputTexel(gl_FragColor);
