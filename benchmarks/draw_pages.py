@@ -65,11 +65,16 @@ def shader(name: str) -> str:
         "RAMP_STOPS - 2": str(stops - 2),
         "MAX_RANGES * TRAIT_VECTORS": str(ranges * vectors),
         "TRAIT_VECTORS": str(vectors),
+        # As in a scene without lights.
+        "IS_SHADED": "",
+        "LIGHT": "#define LIGHT(strength) mix(1.0, light, strength)",
         **{f"MODE_NUMBER.{mode}": number for mode, number in modes},
         **{f'MODE_NUMBER["{mode}"]': number for mode, number in modes},
     }
     body = _found(name + r" = /\* glsl \*/ `\n(.*?)`;", text)
-    return re.sub(r"\$\{(.*?)\}", lambda match: values[match[1]], body)
+    body = re.sub(r"\$\{(.*?)\}", lambda match: values[match[1]], body)
+    # Pieces of three.js, none of which such a scene makes use of.
+    return re.sub(r"#include <.*>", "", body).replace("NUM_CLIPPING_PLANES", "0")
 
 
 def _found(pattern: str, text: str) -> str:

@@ -2,67 +2,31 @@
 
 from __future__ import annotations
 
-import contextlib
-import functools
-import http.server
 import json
 import os
 import shutil
-import subprocess
-import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
+from browser.built_examples import EXAMPLES, built_examples
 from browser.small_scenes import SMALL
 from browser.watched_page import Watch
 from faults.service import Service
 from playwright.sync_api import Page, Route, expect
-
-WEB = Path(__file__).resolve().parents[2] / "client_sdk" / "web"
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
 
 _TEXT = "document.querySelector('terraport-scene').shadowRoot.querySelector('p').textContent"
 
 
-class _Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *_: Any) -> None:
-        pass
-
-
 @pytest.fixture(scope="module")
 def example(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     """Origin of the built examples."""
     folder = tmp_path_factory.mktemp("examples")
-    for name in ("element", "fiber"):
-        _build(WEB / "examples" / name, folder / name)
-    with _served(folder) as origin:
+    with built_examples(folder, EXAMPLES / "element", EXAMPLES / "fiber") as origin:
         yield origin
-
-
-def _build(app: Path, out: Path) -> None:
-    node, vite = shutil.which("node"), WEB / "node_modules" / "vite" / "bin" / "vite.js"
-    if node is None or not vite.is_file():
-        pytest.skip("no Node on the PATH, or no node_modules (npm ci in client_sdk/web)")
-    config = str(WEB / "examples" / "vite.config.ts")
-    subprocess.run(
-        [node, str(vite), "build", "--config", config, "--outDir", str(out)],
-        cwd=app,
-        check=True,
-        capture_output=True,
-    )
-
-
-@contextlib.contextmanager
-def _served(folder: Path) -> Iterator[str]:
-    handler = functools.partial(_Quiet, directory=str(folder))
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever, daemon=True)
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_address[1]}"
-        server.shutdown()
 
 
 @pytest.fixture(scope="module")
@@ -72,10 +36,10 @@ def babylon(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
     if tools is None or not (Path(tools) / "node_modules" / "@babylonjs" / "core").is_dir():
         pytest.skip("no folder with `npm i @babylonjs/core` in TERRAPORT_TILES_TOOLS")
     folder = tmp_path_factory.mktemp("babylon")
-    shutil.copytree(WEB / "examples" / "babylon", folder / "app")
-    (folder / "app" / "node_modules").symlink_to(Path(tools).resolve() / "node_modules")
-    _build(folder / "app", folder / "out")
-    with _served(folder / "out") as origin:
+    app = folder / "app" / "babylon"
+    shutil.copytree(EXAMPLES / "babylon", app)
+    (app / "node_modules").symlink_to(Path(tools).resolve() / "node_modules")
+    with built_examples(folder / "out", app) as origin:
         yield origin
 
 
@@ -237,7 +201,7 @@ def test_the_example_of_react_three_fiber_lands(
 
 def test_the_example_of_babylon_lands_by_the_core_alone(page: Page, babylon: str) -> None:
     with _serve(SAMPLE.parent, babylon) as running:
-        page.goto(f"{babylon}/?scene={running.url}/scenes/{SAMPLE.name}")
+        page.goto(f"{babylon}/babylon/?scene={running.url}/scenes/{SAMPLE.name}")
         page.wait_for_function("window.residency?.visible.length > 0")
         base_faces = page.evaluate("ground.getTotalIndices() / 3")
         drawn = (

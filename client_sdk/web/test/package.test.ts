@@ -39,9 +39,10 @@ async function built(source: string): Promise<Map<string, string>> {
   return new Map(readdirSync(folder).map((name) => [name, readFileSync(join(folder, name), "utf8")]));
 }
 
+/** What the README writes in TypeScript, one after the other: the later goes on from the earlier. */
 function exampleOf(readme: string): string {
   const text = readFileSync(join(HERE, readme), "utf8");
-  return /```ts\n([\s\S]*?)```/.exec(text)![1]!;
+  return [...text.matchAll(/```ts\n([\s\S]*?)```/g)].map(([, code]) => code).join("");
 }
 
 beforeAll(() => {

@@ -97,6 +97,14 @@ export class BaseGround {
     // Picking is face-boxes.ts's: three.js has no arrays of positions to walk.
     this.mesh.raycast = () => undefined;
     this.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => material.bind(this.#facts, camera);
+    this.mesh.onBeforeShadow = (_renderer, _scene, _camera, light: Camera) => material.bind(this.#facts, light);
+    this.dress();
+  }
+
+  /** After a change of what the ground takes part in. What is drawn of the base beside itself casts nothing. */
+  dress(): void {
+    this.#material.dress(this.mesh);
+    if (this.#compared !== null) this.#material.dress(this.#compared.mesh, false);
   }
 
   /** Whether it is on the GPU, both lists included. */
@@ -190,6 +198,7 @@ export class BaseGround {
       facts.measure = this.#facts.measure;
       this.#material.bind(facts, camera);
     };
+    this.dress();
     return true;
   }
 

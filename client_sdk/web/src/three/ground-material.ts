@@ -5,10 +5,13 @@ import {
   DataTexture,
   DoubleSide,
   GLSL3,
+  type Mesh,
   RGBAFormat,
   ShaderMaterial,
   SRGBColorSpace,
   type Texture,
+  UniformsLib,
+  UniformsUtils,
   Vector2,
   Vector3,
 } from "three";
@@ -22,6 +25,7 @@ import {
   TRAIT_VECTORS,
   VERTEX_SHADER,
 } from "./ground-shader.ts";
+import { ShadedMaterial, type Shading } from "./ground-shading.ts";
 import {
   attributeRamp,
   NO_VALUE,
@@ -76,10 +80,8 @@ const EYE_GRID_M = 0.0625;
 
 /** Material and its uniforms. `bind` is called for each draw, once per eye. */
 export class GroundMaterial {
-  /** For the base. */
-  readonly material: ShaderMaterial;
-  /** For pages. A material of its own: three.js would look its program up anew at every change between base and pages. */
-  readonly paged: ShaderMaterial;
+  readonly #base: ShadedMaterial;
+  readonly #paged: ShadedMaterial;
   /** For the model of the scene: the same uniforms, and another way from a place to its pixel. */
   readonly miniature: ShaderMaterial;
   #gridM: number;
@@ -127,14 +129,36 @@ export class GroundMaterial {
       glslVersion: GLSL3,
       vertexShader: VERTEX_SHADER,
       fragmentShader: FRAGMENT_SHADER,
-      uniforms: this.#uniforms,
+      // Fog and lights are three.js's to fill.
+      uniforms: { ...UniformsUtils.clone({ ...UniformsLib.fog, ...UniformsLib.lights }), ...this.#uniforms },
       side: DoubleSide,
-      toneMapped: false,
     };
-    this.material = new ShaderMaterial({ ...program, name: "ground" });
-    this.paged = new ShaderMaterial({ ...program, name: "pages", defines: { PAGED: "" } });
+    this.#base = new ShadedMaterial(program, "ground", []);
+    this.#paged = new ShadedMaterial(program, "pages", ["PAGED"]);
     this.miniature = new ShaderMaterial({ ...program, name: "miniature", defines: { MINIATURE: "" } });
     this.setMode({ kind: "colour" }, "light");
+  }
+
+  /** For the base. */
+  get material(): ShaderMaterial {
+    return this.#base.material;
+  }
+
+  /** For pages. A material of its own: three.js would look its program up anew at every change between base and pages. */
+  get paged(): ShaderMaterial {
+    return this.#paged.material;
+  }
+
+  /** What base and pages take part in; each mesh is to be dressed anew then. The model is a thing of its own. */
+  setShading(shading: Shading): void {
+    this.#base.set(shading);
+    this.#paged.set(shading);
+    this.miniature.toneMapped = this.material.toneMapped;
+  }
+
+  /** Shadows of a mesh that one of the two materials draws; `casts`: whether it is to cast any. */
+  dress(mesh: Mesh, casts = true): void {
+    (mesh.material === this.paged ? this.#paged : this.#base).dress(mesh, casts);
   }
 
   /** For every draw from now on. */
@@ -162,28 +186,18 @@ export class GroundMaterial {
     this.#uniforms.fresh.value = share;
   }
 
-  /**
-   * Compare base and detail at this column of the picture, pixels; null ends it. A program of its own: one that may discard
-   * pixels costs every frame.
-   */
+  /** Compare base and detail at this column of the picture, pixels; null ends it. */
   setSplit(splitX: number | null): void {
     this.#uniforms.splitX.value = splitX ?? 0;
-    const isCompared = splitX !== null;
-    if ("COMPARED" in this.material.defines !== isCompared) {
-      const compared = isCompared ? { COMPARED: "" } : {};
-      this.material.defines = compared;
-      this.paged.defines = { ...compared, PAGED: "" };
-      this.material.needsUpdate = true;
-      this.paged.needsUpdate = true;
-    }
+    this.#base.compare(splitX !== null);
+    this.#paged.compare(splitX !== null);
   }
 
-  /** Set what differs, and where this eye is. three.js calls it (onBeforeRender) with the eye's own camera. */
+  /** Set what differs, and where this eye is. three.js calls it (onBeforeRender, onBeforeShadow) with the eye's own camera, or a light's. */
   bind(facts: DrawFacts, camera: Camera): void {
     const { elements } = camera.matrixWorld;
     this.#bind(facts, elements[12]!, elements[13]!, elements[14]!);
-    // One material for all meshes: three.js would take the uniforms for those of the draw before.
-    this.material.uniformsNeedUpdate = true;
+    this.#base.touch();
   }
 
   /** As `bind`, for {@link miniature}: the eye is as far from the scene's middle as from the model's, in metres of the ground. */
@@ -204,7 +218,7 @@ export class GroundMaterial {
     u.hasMeasure.value = facts.hasMeasure;
     u.side.value = DETAIL_SIDE;
     this.#bindMesh(facts, elements[12]!, elements[13]!, elements[14]!);
-    this.paged.uniformsNeedUpdate = true;
+    this.#paged.touch();
   }
 
   #bind(facts: DrawFacts, x: number, y: number, z: number): void {
@@ -254,8 +268,8 @@ export class GroundMaterial {
     this.#nameColours.dispose();
     this.#ramps.dispose();
     this.#taught.dispose();
-    this.material.dispose();
-    this.paged.dispose();
+    this.#base.dispose();
+    this.#paged.dispose();
     this.miniature.dispose();
   }
 }

@@ -162,6 +162,11 @@ export class GroundSet {
     }
   }
 
+  /** After a change of what the ground takes part in. */
+  dress(): void {
+    this.#pages.dress();
+  }
+
   /** What is shown stays drawn, and must not be taken for segments of the new version; the rest goes. */
   leaveVersion(): void {
     for (const [segment, ground] of this.#grounds) {

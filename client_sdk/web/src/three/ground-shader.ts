@@ -1,4 +1,9 @@
-/** The one shader that draws base and segments, in every view mode (GLSL ES 3.00; three.js puts its own lines before). */
+/**
+ * The one shader that draws base and segments, in every view mode (GLSL ES 3.00; three.js puts its own lines before).
+ *
+ * What a three.js scene does to its own materials it does by pieces of shader, included here by their names: fog, clipping
+ * planes, lights, shadows, tone mapping. Each is compiled where it is used alone (ground-shading.ts).
+ */
 
 import { RAMP_STOPS } from "./palette.ts";
 
@@ -20,6 +25,48 @@ export const TRAIT_VECTORS = 3;
 
 /** How much of the shape's light is laid over the survey's own colours. */
 export const TINT_RELIEF = 0.35;
+
+/** Whether three.js's lights are worked out at all. */
+const IS_SHADED = /* glsl */ `
+#if defined(LIT) || (defined(SHADOWED) && defined(USE_SHADOWMAP))
+#define SHADED
+#endif
+`;
+
+/**
+ * Three.js's lights on matt ground, as on a MeshLambertMaterial: light for a colour of 1. `tilt` is not turned over for back
+ * faces, as nowhere here. LIGHT is what a colour is multiplied by, with the shape's own light laid on as strongly as is said.
+ *
+ * Colours that are not LIT have their light in them, so a shadow takes of it the share that it takes of three.js's lights there:
+ * nothing where no light came from, and never what the sky gives.
+ */
+const LIGHT = /* glsl */ `
+#ifdef SHADED
+#include <common>
+#define RE_Direct(light, place, normal, view, coat, material, sum) sum.directDiffuse += saturate(dot(normal, light.direction)) * light.color
+#define RE_IndirectDiffuse(light, place, normal, view, coat, material, sum) sum.indirectDiffuse += light
+#include <lights_pars_begin>
+#include <shadowmap_pars_fragment>
+in vec3 vViewPosition;
+
+const float UNLIT = 0.0001;
+
+vec3 lightOn(vec3 tilt, bool receiveShadow) {
+  vec3 normal = mat3(viewMatrix) * tilt;
+  ReflectedLight reflectedLight = ReflectedLight(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
+#include <lights_fragment_begin>
+#include <lights_fragment_end>
+  return RECIPROCAL_PI * (reflectedLight.directDiffuse + reflectedLight.indirectDiffuse);
+}
+#endif
+#ifdef LIT
+#define LIGHT(strength) sun
+#elif defined(SHADED)
+#define LIGHT(strength) (mix(1.0, light, strength) * sun)
+#else
+#define LIGHT(strength) mix(1.0, light, strength)
+#endif
+`;
 
 /**
  * A vertex's place comes first, by one expression for everything: `translation + stepM * code` is exact in float32, and so is
@@ -71,6 +118,22 @@ flat out float vLayer;
 
 invariant gl_Position;
 
+${IS_SHADED}
+#ifndef MINIATURE
+#include <fog_pars_vertex>
+#include <clipping_planes_pars_vertex>
+#endif
+#if defined(SHADED) || defined(USE_LOGARITHMIC_DEPTH_BUFFER)
+#include <common>
+#endif
+#include <logdepthbuf_pars_vertex>
+#ifdef SHADED
+// Else three.js would not move a point along its normal before it looks whether that is in shadow.
+#define HAS_NORMAL
+#include <shadowmap_pars_vertex>
+out vec3 vViewPosition;
+#endif
+
 void main() {
 #ifdef PAGED
   // What differs between the segments of a page, by the number of the range.
@@ -92,9 +155,22 @@ void main() {
   // Seen from the eye that the model's scale and place make of the real one; nothing stands before it to be pushed behind.
   away *= modelScale;
 #else
+#if defined(SHADED) || defined(USE_FOG) || NUM_CLIPPING_PLANES > 0
+  // Where the ground is, not where the base is pushed to: both sides of a rim are lit, veiled and cut alike.
+  vec4 mvPosition = vec4(mat3(viewMatrix) * away, 1.0);
+#include <fog_vertex>
+#include <clipping_planes_vertex>
+#endif
+#ifdef CASTER
+  // Behind the detail as a light sees it, so that the base casts nothing on that; lights may see in parallel lines.
+  vec3 sight = isOrthographic ? -vec3(viewMatrix[0].z, viewMatrix[1].z, viewMatrix[2].z) : away / max(length(away), 0.001);
+  away += pushM * sight;
+#else
   away += pushM * away / max(length(away), 0.001);
 #endif
+#endif
   gl_Position = projectionMatrix * vec4(mat3(viewMatrix) * away, 1.0);
+#ifndef CASTER
   if (gl_Position.w > 0.0) {
 #ifdef USE_REVERSED_DEPTH_BUFFER
     gl_Position.z = max(gl_Position.z, gl_Position.w * 0.000001);
@@ -102,6 +178,7 @@ void main() {
     gl_Position.z = min(gl_Position.z, gl_Position.w * 0.999999);
 #endif
   }
+#include <logdepthbuf_vertex>
 
   vPlan = place.xz;
   vTilt = tilt.xyz;
@@ -115,6 +192,15 @@ void main() {
   // 65535 means "no value"; a face with one such corner is grey.
   bool isNone = measure.x > 65534.5;
   vMeasure = vec2(isNone ? 0.0 : measureScale.x + measureScale.y * measure.x, isNone ? 1.0 : 0.0);
+#endif
+
+#ifdef SHADED
+  vViewPosition = -mvPosition.xyz;
+  vec3 transformedNormal = mat3(viewMatrix) * tilt.xyz;
+  // The base is known to within so much: detail that lies no higher above it does not shade it.
+  vec4 worldPosition = vec4(place + pushM * tilt.xyz, 1.0);
+#include <shadowmap_vertex>
+#endif
 }
 `;
 
@@ -164,7 +250,16 @@ uniform float splitX;
 uniform int side;
 
 out vec4 outColour;
+// As three.js calls it.
+#define gl_FragColor outColour
 
+${IS_SHADED}
+#ifndef MINIATURE
+#include <fog_pars_fragment>
+#include <clipping_planes_pars_fragment>
+#endif
+#include <logdepthbuf_pars_fragment>
+${LIGHT}
 vec3 toLinear(vec3 c) {
   return mix(c / 12.92, pow((c + 0.055) / 1.055, vec3(2.4)), step(0.04045, c));
 }
@@ -184,6 +279,9 @@ vec3 paled() {
 }
 
 void main() {
+#ifndef MINIATURE
+#include <clipping_planes_fragment>
+#endif
 #ifdef COMPARED
   if (side != 0 && (gl_FragCoord.x < splitX) != (side < 0)) {
     discard;
@@ -228,7 +326,12 @@ void main() {
   // Half a sky and a sun in the north-west, as on maps: level ground keeps its colour. The normal is not turned over for
   // back faces: the strip of a segment's underside that shows at the rim is to look like the ground it belongs to.
   float light = 0.32 + 0.25 * (0.5 + 0.5 * tilt.y) + 0.62 * max(dot(tilt, vec3(-0.5, 0.7071068, -0.5)), 0.0);
-  colour *= mix(1.0, light, strength);
+#ifdef LIT
+  vec3 sun = lightOn(tilt, receiveShadow);
+#elif defined(SHADED)
+  vec3 sun = (lightOn(tilt, true) + UNLIT) / (lightOn(tilt, false) + UNLIT);
+#endif
+  colour *= LIGHT(strength);
   if (highlight > -0.5 && !(hasRegion && abs(vRegion - highlight) < 0.5)) {
     colour = 0.3 * mix(vec3(dot(colour, vec3(0.2126, 0.7152, 0.0722))), colour, 0.25);
   }
@@ -238,12 +341,29 @@ void main() {
     if (name.a < 0.999 && clamp(at, 0.0, 1.0) == at) {
       // Unsure ground is striped, not paler: pale means nothing to whoever does not know the colour.
       bool isGap = name.a > 0.5 && fract((vPlan.x + vPlan.y) / taughtStripe) < 0.5;
-      colour = mix(colour, name.rgb * mix(1.0, light, 0.8 * relief), isGap ? 0.08 : taughtShare);
+      colour = mix(colour, name.rgb * LIGHT(0.8 * relief), isGap ? 0.08 : taughtShare);
     }
   }
 #ifdef PAGED
   colour = mix(colour, freshColour, fresh * vSegment.a);
 #endif
-  outColour = linearToOutputTexel(vec4(colour, 1.0));
+#include <logdepthbuf_fragment>
+  gl_FragColor = vec4(colour, 1.0);
+#include <tonemapping_fragment>
+  gl_FragColor = linearToOutputTexel(gl_FragColor);
+#ifndef MINIATURE
+#include <fog_fragment>
+#endif
+}
+`;
+
+/** What casts a shadow leaves its depth alone. */
+export const CASTER_SHADER = /* glsl */ `
+out vec4 outColour;
+#include <clipping_planes_pars_fragment>
+
+void main() {
+#include <clipping_planes_fragment>
+  outColour = vec4(1.0);
 }
 `;

@@ -7,5 +7,6 @@
 
 export { isBuried, judgeFooting, newStand, standNear } from "./footing.ts";
 export { type Gain, pointSpacingM } from "./gain.ts";
+export type { Shading } from "./ground-shading.ts";
 export { Stage, type StageOptions, type Theme } from "./stage.ts";
 export type * from "./types.ts";

@@ -164,6 +164,8 @@ export class Page {
     this.mesh = new PageMesh(room.geometry(room.index!), material.paged);
     this.mesh.geometry.boundingSphere = new Sphere();
     this.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => this.#choose(camera);
+    this.mesh.onBeforeShadow = (_renderer, _scene, _camera, light: Camera) => this.#choose(light);
+    this.dress();
     // Drawn for one frame without a range, wherever one looks: three.js then makes its vertex array, and that is not left for
     // the frame of a swap.
     this.mesh.frustumCulled = false;
@@ -264,6 +266,11 @@ export class Page {
     const attribute = name === null ? undefined : this.room.measures.get(name);
     this.#facts.hasMeasure = attribute !== undefined;
     setMeasure(this.mesh.geometry, attribute);
+  }
+
+  /** After a change of what the ground takes part in. */
+  dress(): void {
+    this.#material.dress(this.mesh);
   }
 
   free(): void {

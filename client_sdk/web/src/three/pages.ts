@@ -163,6 +163,11 @@ export class Pages {
     for (const page of this.#pages) page.setMeasure(name);
   }
 
+  /** After a change of what the ground takes part in. */
+  dress(): void {
+    for (const page of this.#pages) page.dress();
+  }
+
   /** Everything at once: what WebGL lost, or at the end. Ranges must be forgotten with it. */
   freeAll(): void {
     for (const page of [...this.#pages]) this.#free(page);

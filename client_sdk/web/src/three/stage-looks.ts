@@ -5,6 +5,7 @@ import type { WebGLRenderer } from "three";
 import type { BaseGround } from "./base-ground.ts";
 import type { GroundMaterial } from "./ground-material.ts";
 import type { GroundSet } from "./ground-set.ts";
+import type { Shading } from "./ground-shading.ts";
 import type { MiniaturePose, ViewMode } from "./types.ts";
 
 /** Light or dark page: decides the grey of "no value" alone. */
@@ -50,6 +51,12 @@ export class StageLooks {
     this.#material.setMode(mode, theme);
     this.#grounds.setMeasure(this.measureName);
     base.setMeasure(this.measureName);
+  }
+
+  setShading(shading: Shading, base: BaseGround): void {
+    this.#material.setShading(shading);
+    this.#grounds.dress();
+    base.dress();
   }
 
   /** These were shown by the newest swap. */

@@ -4,6 +4,7 @@ import type { WebGLRenderer } from "three";
 
 import { Residency } from "../core/residency.ts";
 import type { SceneFiles, Stream } from "../core/types.ts";
+import type { Shading } from "./ground-shading.ts";
 
 /** What a stage is made of. */
 export interface StageOptions {
@@ -22,6 +23,8 @@ export interface StageOptions {
    * their interval up to 30 ms, so that a landing does not take ten times as long there.
    */
   readonly uploadBudgetMs?: number;
+  /** What the ground takes part in of the scene around it, from the start; see `Stage.setShading`. */
+  readonly shading?: Shading;
 }
 
 const DEFAULT_GPU_BYTES = 128 * 1024 * 1024;

@@ -26,6 +26,7 @@ import { GpuStore } from "./gpu-store.ts";
 import { GroundMaterial } from "./ground-material.ts";
 import { castGround, groundOnVertical, type Pickable, pickableBase, type ShownGround } from "./ground-picking.ts";
 import { GroundSet } from "./ground-set.ts";
+import type { Shading } from "./ground-shading.ts";
 import { statusOf } from "./landing-status.ts";
 import { closeImage } from "./mesh-upload.ts";
 import { emptyPage } from "./page.ts";
@@ -99,6 +100,7 @@ export class Stage implements Landings {
     this.#looks = new StageLooks(this.#material, this.#grounds);
     this.#base = new BaseGround(this.#store, options.files, this.#material);
     this.#baseBoxes = pickableBase(options.files);
+    this.setShading(options.shading ?? {});
     this.object.name = "ground";
     this.object.matrixAutoUpdate = false;
     this.object.add(this.#base.mesh);
@@ -282,6 +284,14 @@ export class Stage implements Landings {
   /** How the ground is coloured from the next frame on. */
   setMode(mode: ViewMode, theme: Theme = "light"): void {
     this.#looks.setMode(mode, theme, this.#base);
+  }
+
+  /**
+   * What the ground takes part in of the scene around it, from the next frame on; what is not named is as by default. Nothing
+   * of it changes what is visible, or what is met by `cast`: a clipped point is met.
+   */
+  setShading(shading: Shading): void {
+    this.#looks.setShading(shading, this.#base);
   }
 
   /** Show one region in its colours and dim everything else, in every mode; null ends it. Changes nothing of what is visible. */
