@@ -16,6 +16,9 @@ TYPES = [
 ]  # fmt: skip
 
 
+SPLAT = [*TYPES[:3], *((name, "float", "f4") for name in ("f_dc_0", "scale_0", "rot_0"))]
+
+
 def header(kind: str, count: int, types=TYPES, tail="element face 2\nproperty list uchar int v\n"):
     lines = "".join(f"property {ply} {name}\n" for name, ply, _ in types)
     return (
@@ -119,6 +122,10 @@ def test_an_element_before_the_vertices_is_stepped_over(tmp_path) -> None:
     ("data", "text"),
     [
         (header("ascii", 1, TYPES[:2], "") + b"1 2\n", "the vertices have no z"),
+        (
+            header("ascii", 1, SPLAT, "") + b"1 2 3 0 0 0\n",
+            "these are Gaussian splats",
+        ),
         (header("ascii", 0, TYPES[:3], ""), "the header says 0 vertices"),
         (header("binary_middle", 1, TYPES[:3], ""), "format is 'binary_middle'"),
         (b"ply\nformat ascii 1.0\nelement face 1\nend_header\n", "no vertex element, only face"),

@@ -131,6 +131,11 @@ def test_damaged_coordinates_far_away_are_refused(tmp_path: Path) -> None:
         ("a.las", b"version https://git-lfs.github.com/spec/v1\n", "a Git LFS pointer"),
         ("a.laz", b"PK\x03\x04....", "a ZIP archive"),
         ("a.laz", b"<!DOCTYPE html>", "a web page"),
+        (
+            "dem.tif",
+            b"II*\x00\x08\x00\x00\x00",
+            "a TIFF picture, no survey; terraport wants the points",
+        ),
         ("a.obj", b"v 1 2 3\n", ".obj is no known kind of survey"),
         ("survey", b"v 1 2 3\n", "a name without ending is no known kind"),
     ],

@@ -201,6 +201,13 @@ def _check_names(path: Path, vertex: _Element) -> None:
             f"the vertices have no {', '.join(missing)}; their properties are {', '.join(names)}",
             "export the survey with coordinates named x, y, z",
         )
+    # Their middles lie beside the ground, colours are in f_dc: a grey, rough scene would come out.
+    if {"f_dc_0", "scale_0", "rot_0"} <= set(names):
+        raise ReadError(
+            path,
+            "these are Gaussian splats (f_dc_0, scale_0, rot_0), not points of a surface",
+            "give the point cloud that they were trained from, or one that their program exports",
+        )
     if len(set(names)) < len(names):
         raise ReadError(path, "two vertex properties have the same name", _AGAIN)
 

@@ -26,10 +26,17 @@ _MAGIC: Final = {
     "e57": (b"ASTM-E57",),
 }
 
+_RASTER_ADVICE: Final = (
+    "terraport wants the points that it was made of; of a raster of heights, gdal2xyz makes points"
+)
+
 _FOREIGN: Final = (
     (b"version https://git-lfs", "a Git LFS pointer", "fetch the file itself: git lfs pull"),
     (b"PK\x03\x04", "a ZIP archive", "unpack it and give the survey in it"),
     (b"\x1f\x8b", "a gzip archive", "unpack it and give the survey in it"),
+    (b"II*\x00", "a TIFF picture", _RASTER_ADVICE),
+    (b"MM\x00*", "a TIFF picture", _RASTER_ADVICE),
+    (b"II+\x00", "a TIFF picture", _RASTER_ADVICE),
     (b"<!DOCTYPE", "a web page", "download the file itself"),
     (b"<html", "a web page", "download the file itself"),
 )
