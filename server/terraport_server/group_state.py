@@ -10,7 +10,10 @@ from dataclasses import dataclass, field
 
 from terraport_wire import Gather
 
-__all__ = ["Barrier", "Group", "GroupLimits", "Seat"]
+__all__ = ["Barrier", "Group", "GroupLimits", "Place", "Seat"]
+
+Place = tuple[float, float, float]
+"""Where somebody stands: x, y, z in metres of the scene frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +44,8 @@ class Seat:
     """Address and token of who took it."""
     lost_s: float = 0.0
     """Since when it is lost."""
+    place: Place | None = None
+    """Centre of its last landing; None before the first."""
 
 
 @dataclass(slots=True)

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import AnyArray
-from terraport_server.group_state import Barrier, Group, GroupLimits, Seat
+from terraport_server.group_state import Barrier, Group, GroupLimits, Place, Seat
 from terraport_wire import (
     ID_DTYPE,
     Gather,
@@ -35,6 +35,10 @@ __all__ = ["Groups"]
 _NEWS_PERIOD_S: Final = 0.25
 """Between two rosters of a group, and between two gatherings: a member that joins and leaves, or a
 guide that gathers, as fast as it may costs each of the others four messages a second."""
+
+_PLACES_PERIOD_S: Final = 1.0
+"""From a roster to one that tells of landings alone (16.4): what each of n members may cause is a
+roster of n rows to n members."""
 
 
 class Groups:
@@ -93,6 +97,7 @@ class Groups:
         new_secret: str,
         may_guide: bool,
         owner: Hashable = None,
+        place: Place | None = None,
     ) -> str | None:
         """Take a seat, a new one or the one held before (16.1); return why not.
 
@@ -114,6 +119,9 @@ class Groups:
             Whether this client may take the guide's seat.
         owner
             Address and token of the client: whose groups and lost seats are counted together.
+        place
+            Where this connection landed last, in metres of the scene frame; None before its first
+            landing: then a seat that is taken again stays where it was.
 
         Notes
         -----
@@ -144,6 +152,8 @@ class Groups:
         elif seat.key is not None and seat.key != key:
             del self._memberships[seat.key]  # the old connection only looks alive
         seat.key = key
+        if place is not None:
+            seat.place = place
         self._memberships[key] = (group_id, seat.number)
         # The member first hears its own number, then who else is there, then where they go.
         self._posts.append(
@@ -208,6 +218,16 @@ class Groups:
         if barrier is not None and barrier.number == number and not barrier.is_open:
             barrier.states[seat.number] = state
             self._open_if_all_are_there(group)
+
+    def landed(self, key: Hashable, place: Place, now_s: float) -> None:
+        """Note where a member stands; the others hear of it before long (16.1, 16.4)."""
+        membership = self._find(key)
+        if membership is None or membership[1].place == place:
+            return
+        group, seat = membership
+        seat.place = place
+        self._changed(group, now_s, period_s=_PLACES_PERIOD_S)
+        self._note_due(group)
 
     def tick(self, now_s: float) -> None:
         """Act on what time alone decides: seats lost for too long, deadlines, rosters."""
@@ -346,12 +366,12 @@ class Groups:
         )
         self._tell(group, message)
 
-    def _changed(self, group: Group, now_s: float) -> None:
+    def _changed(self, group: Group, now_s: float, *, period_s: float = _NEWS_PERIOD_S) -> None:
         """Tell all of a change, at once or as soon as the period allows."""
-        due_s = max(now_s, group.roster_told_s + _NEWS_PERIOD_S)
+        due_s = max(now_s, group.roster_told_s + period_s)
         if due_s <= now_s:
             self._tell_roster(group, now_s)
-        else:
+        elif group.roster_due_s is None or due_s < group.roster_due_s:
             group.roster_due_s = due_s
 
     def _tell_gathering(self, group: Group, now_s: float) -> None:
@@ -362,7 +382,13 @@ class Groups:
     def _tell_roster(self, group: Group, now_s: float) -> None:
         group.roster_due_s, group.roster_told_s = None, now_s
         members = tuple(
-            Member(member=seat.number, name=seat.name, role=seat.role, present=seat.key is not None)
+            Member(
+                member=seat.number,
+                name=seat.name,
+                role=seat.role,
+                present=seat.key is not None,
+                position=seat.place,
+            )
             for seat in group.seats.values()
         )
         self._tell(group, Roster(group=group.id[1], members=members))

@@ -49,6 +49,26 @@ async def party(
     return sessions, groups
 
 
+def test_everybody_is_told_where_the_others_stand(server: BackgroundServer) -> None:
+    async def work() -> None:
+        async with AsyncExitStack() as stack:
+            sessions, groups = await party(stack, server.url, "where", 1)
+            assert [member.position for member in groups[0].members] == [None, None]
+            for place in (CENTRE, CORNER):
+                await (await sessions[1].land(place, 15.0)).ready(10)
+                async with asyncio.timeout(10):
+                    while groups[0].members[1].position != place:
+                        await asyncio.sleep(0.02)
+            assert groups[0].members[0].position is None
+            # Who comes now is told at once.
+            late = await opened(stack, server.url)
+            group = await late.join_group("where")
+            await group.members_present(3, 10)
+            assert [member.position for member in group.members] == [None, CORNER, None]
+
+    run(work())
+
+
 def test_the_guide_lands_everybody(server: BackgroundServer) -> None:
     """Each by its own budgets and from its own cache; the barrier opens when all are there."""
 

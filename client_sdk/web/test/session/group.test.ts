@@ -12,7 +12,7 @@ const ROSTER = {
   group: "tour",
   members: [
     { member: 1, role: "guide", present: true },
-    { member: 2, name: "Anna", role: "member", present: true },
+    { member: 2, name: "Anna", role: "member", present: true, position: [1, 2, 3] },
   ],
 } as const;
 const GATHERING = {
@@ -43,6 +43,11 @@ function joined(): void {
   state.onMessage(JOINED);
   state.onMessage(ROSTER);
 }
+
+it("knows where who has landed stands", () => {
+  joined();
+  expect(events.at(-1)!.group!.members.map(({ position }) => position)).toEqual([null, [1, 2, 3]]);
+});
 
 // When what is said, skipped and said again: the session corpus.
 it("knows who is there over a lost connection, and nothing more of a seat that was given away", () => {
