@@ -85,5 +85,7 @@ class GroupHall:
                 request=2, position=position, radius_m=radius_m, inner_radius_m=inner_radius_m
             )
             groups.gather(OTHER, gather, now_s)
+        elif what == "landed":
+            groups.landed(OTHER, *given, now_s)
         else:
             groups.arrived(OTHER, *given)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Coroutine
 from contextlib import AsyncExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from eventually import eventually
 from sdk.proxy import Proxy
 from server.grid_scene import SIDE, TILE_M
 
@@ -56,9 +58,8 @@ def test_everybody_is_told_where_the_others_stand(server: BackgroundServer) -> N
             assert [member.position for member in groups[0].members] == [None, None]
             for place in (CENTRE, CORNER):
                 await (await sessions[1].land(place, 15.0)).ready(10)
-                async with asyncio.timeout(10):
-                    while groups[0].members[1].position != place:
-                        await asyncio.sleep(0.02)
+                told = partial(lambda at: groups[0].members[1].position == at, place)
+                await asyncio.to_thread(eventually, told)
             assert groups[0].members[0].position is None
             # Who comes now is told at once.
             late = await opened(stack, server.url)

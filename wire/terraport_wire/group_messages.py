@@ -135,7 +135,7 @@ class Member(Part):
     position: Annotated[
         tuple[float, float, float] | None,
         Position(),
-        "Centre of its last landing in metres of the scene frame (x, y, z); absent before the first",
+        "Centre of its last landing, metres of the scene frame (x, y, z); absent before the first",
     ] = None
 
 

@@ -582,7 +582,7 @@ namespace Terraport.Wire
         /// <summary>False where its connection is lost and its seat is kept.</summary>
         public bool Present { get; set; }
 
-        /// <summary>Centre of its last landing in metres of the scene frame (x, y, z); absent before the first. Null where absent.</summary>
+        /// <summary>Centre of its last landing, metres of the scene frame (x, y, z); absent before the first. Null where absent.</summary>
         public Vec3? Position { get; set; }
 
         internal override Field[] Fields

@@ -1,4 +1,5 @@
 import { beforeEach, expect, it } from "vitest";
+import { awayText } from "../../src/app/panel/group-section.ts";
 import type { GroupEvent } from "../../src/core/group-types.ts";
 import { checkGroup } from "../../src/core/session/checks.ts";
 import { GroupState } from "../../src/core/session/group-state.ts";
@@ -43,6 +44,14 @@ function joined(): void {
   state.onMessage(JOINED);
   state.onMessage(ROSTER);
 }
+
+it("says how far somebody stands, and which way", () => {
+  expect(awayText([0, 9, 0], [0, 0, -12.4])).toBe("12 m north");
+  expect(awayText([0, 0, 0], [5, 0, 5])).toBe("7.1 m south-east");
+  expect(awayText([0, 0, 0], [-0.1, 0, -1500])).toBe("1,500 m north");
+  expect(awayText([0, 0, 0], [-200, 0, 1])).toBe("200 m west");
+  expect(awayText([1, 0, 1], [1.5, 40, 1])).toBe("beside you");
+});
 
 it("knows where who has landed stands", () => {
   joined();

@@ -174,7 +174,7 @@ struct MemberPart {
   std::string role;
   /// False where its connection is lost and its seat is kept.
   bool present = false;
-  /// Centre of its last landing in metres of the scene frame (x, y, z); absent before the first.
+  /// Centre of its last landing, metres of the scene frame (x, y, z); absent before the first.
   std::optional<Vec3> position;
 };
 

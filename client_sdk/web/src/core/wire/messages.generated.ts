@@ -163,7 +163,7 @@ export interface MemberPart {
   readonly role: "guide" | "member";
   /** False where its connection is lost and its seat is kept. */
   readonly present: boolean;
-  /** Centre of its last landing in metres of the scene frame (x, y, z); absent before the first. */
+  /** Centre of its last landing, metres of the scene frame (x, y, z); absent before the first. */
   readonly position?: Vec3 | undefined;
 }
 
