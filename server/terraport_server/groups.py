@@ -22,12 +22,9 @@ from terraport_wire import (
     ID_DTYPE,
     Gather,
     Gathered,
-    Gathering,
     Join,
     Joined,
-    Member,
     Message,
-    Roster,
 )
 
 __all__ = ["Groups"]
@@ -170,7 +167,7 @@ class Groups:
         )
         self._changed(group, now_s)
         if group.barrier is not None:
-            self._posts.append((key, _gathering(group.barrier, now_s)))
+            self._posts.append((key, group.barrier.gathering(now_s)))
         self._note_due(group)
         return None
 
@@ -377,21 +374,11 @@ class Groups:
     def _tell_gathering(self, group: Group, now_s: float) -> None:
         assert group.barrier is not None
         group.gathering_due_s, group.gathering_told_s = None, now_s
-        self._tell(group, _gathering(group.barrier, now_s))
+        self._tell(group, group.barrier.gathering(now_s))
 
     def _tell_roster(self, group: Group, now_s: float) -> None:
         group.roster_due_s, group.roster_told_s = None, now_s
-        members = tuple(
-            Member(
-                member=seat.number,
-                name=seat.name,
-                role=seat.role,
-                present=seat.key is not None,
-                position=seat.place,
-            )
-            for seat in group.seats.values()
-        )
-        self._tell(group, Roster(group=group.id[1], members=members))
+        self._tell(group, group.roster())
 
     def _note_due(self, group: Group) -> None:
         """Look at when a group has something to do, after whatever changed it."""
@@ -405,19 +392,6 @@ class Groups:
         self._posts += [
             (seat.key, message) for seat in group.seats.values() if seat.key is not None
         ]
-
-
-def _gathering(barrier: Barrier, now_s: float) -> Gathering:
-    gather = barrier.gather
-    left_ms = None if barrier.is_open else max(0, round(1000.0 * (barrier.deadline_s - now_s)))
-    return Gathering(
-        gathering=barrier.number,
-        guide=barrier.guide,
-        position=gather.position,
-        radius_m=gather.radius_m,
-        inner_radius_m=gather.inner_radius_m,
-        left_ms=left_ms,
-    )
 
 
 def _ids(numbers: list[int]) -> AnyArray:
