@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from terraport_payload.types import Int64, UInt64
+from terraport_server.group_state import Place
 from terraport_server.selection import SegmentTable
 from terraport_wire import (
     Arrived,
@@ -182,8 +183,8 @@ class Observer:
 class GroupPort(Protocol):
     """One session's way to the groups of its process; answers come by ``Session.tell_group``."""
 
-    def join(self, join: Join, now_s: float) -> str | None:
-        """Take a seat; return why not."""
+    def join(self, join: Join, place: Place | None, now_s: float) -> str | None:
+        """Take a seat, standing at that place if at any; return why not."""
 
     def leave(self, now_s: float) -> None:
         """Give up the seat, if there is one."""
@@ -193,6 +194,9 @@ class GroupPort(Protocol):
 
     def arrived(self, arrived: Arrived) -> None:
         """Note that this member's part of a group landing is over."""
+
+    def landed(self, place: Place, now_s: float) -> None:
+        """Note where the client lands; nothing where it has no seat."""
 
 
 class Authorise(Protocol):

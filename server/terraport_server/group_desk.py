@@ -10,7 +10,7 @@ import secrets
 from collections.abc import Callable, Hashable
 from typing import Final, Literal
 
-from terraport_server.group_state import GroupLimits
+from terraport_server.group_state import GroupLimits, Place
 from terraport_server.groups import Groups
 from terraport_wire import Arrived, Gather, Join, Message
 
@@ -127,8 +127,8 @@ class GroupDoor:
         self._owner = owner
         self.deliver = deliver
 
-    def join(self, join: Join, now_s: float) -> str | None:
-        """Take a seat; return why not."""
+    def join(self, join: Join, place: Place | None, now_s: float) -> str | None:
+        """Take a seat, standing at that place if at any; return why not."""
         refusal = self._desk.refusal(join, self._named_by_url)
         if refusal is None:
             refusal = self._desk.groups.join(
@@ -139,6 +139,7 @@ class GroupDoor:
                 new_secret=secrets.token_urlsafe(_SECRET_BYTES),
                 may_guide=self._may_guide(),
                 owner=self._owner(),
+                place=place,
             )
             self._desk.hand_out()
         return refusal
@@ -157,6 +158,11 @@ class GroupDoor:
     def arrived(self, arrived: Arrived) -> None:
         """Note that this member's part of a group landing is over."""
         self._desk.groups.arrived(self, arrived.gathering, arrived.state)
+        self._desk.hand_out()
+
+    def landed(self, place: Place, now_s: float) -> None:
+        """Note where the client lands; nothing where it has no seat."""
+        self._desk.groups.landed(self, place, now_s)
         self._desk.hand_out()
 
     def close(self, now_s: float) -> None:

@@ -8,9 +8,12 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass, field
 
-from terraport_wire import Gather
+from terraport_wire import Gather, Gathering, Member, Roster
 
-__all__ = ["Barrier", "Group", "GroupLimits", "Seat"]
+__all__ = ["Barrier", "Group", "GroupLimits", "Place", "Seat"]
+
+Place = tuple[float, float, float]
+"""Where somebody stands: x, y, z in metres of the scene frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +44,8 @@ class Seat:
     """Address and token of who took it."""
     lost_s: float = 0.0
     """Since when it is lost."""
+    place: Place | None = None
+    """Centre of its last landing; None before the first."""
 
 
 @dataclass(slots=True)
@@ -55,6 +60,18 @@ class Barrier:
     """What members have said, by number."""
     is_open: bool = False
     """Whether ``gathered`` was said, or nobody waits any more."""
+
+    def gathering(self, now_s: float) -> Gathering:
+        """Return what members are told of it at that time."""
+        left_ms = None if self.is_open else max(0, round(1000.0 * (self.deadline_s - now_s)))
+        return Gathering(
+            gathering=self.number,
+            guide=self.guide,
+            position=self.gather.position,
+            radius_m=self.gather.radius_m,
+            inner_radius_m=self.gather.inner_radius_m,
+            left_ms=left_ms,
+        )
 
 
 @dataclass(slots=True)
@@ -83,6 +100,20 @@ class Group:
             return None
         # 128 random bits, compared in a group that holds a few: no timing tells them apart.
         return next((seat for seat in self.seats.values() if seat.secret == secret), None)
+
+    def roster(self) -> Roster:
+        """Return who is there, and where; never a secret (16.1)."""
+        members = tuple(
+            Member(
+                member=seat.number,
+                name=seat.name,
+                role=seat.role,
+                present=seat.key is not None,
+                position=seat.place,
+            )
+            for seat in self.seats.values()
+        )
+        return Roster(group=self.id[1], members=members)
 
     def due_s(self, absence_s: float) -> float | None:
         """When there is something to do; None where the group is gone, or waits for nothing."""

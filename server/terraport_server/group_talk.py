@@ -6,6 +6,7 @@ PURE: no I/O, no clock. spec/wire-protocol.md, section 16.
 from __future__ import annotations
 
 from terraport_server.actions import GroupPort, Observer
+from terraport_server.group_state import Place
 from terraport_server.outbox import Outbox
 from terraport_wire import Arrived, ErrorCode, Gather, Join, Joined, Leave, Message
 
@@ -36,6 +37,8 @@ class GroupTalk:
         self._out = out
         self._max_radius_m = max_radius_m
         self._observer = observer
+        self._place: Place | None = None
+        """Centre of the newest landing that was taken: who joins later stands there (16.1)."""
 
     def receive(self, message: GroupMessage, now_s: float, *, draining: bool) -> None:
         """Take one message of the client."""
@@ -48,6 +51,12 @@ class GroupTalk:
             self.leave(now_s)
         elif self._port is not None:
             self._port.arrived(message)
+
+    def landed(self, place: Place, now_s: float) -> None:
+        """Note where the client lands, in metres of the scene frame."""
+        self._place = place
+        if self._port is not None:
+            self._port.landed(place, now_s)
 
     def leave(self, now_s: float) -> None:
         """Give up the seat, if there is one, and tell nothing more of the group."""
@@ -71,7 +80,7 @@ class GroupTalk:
         if draining:
             return f"got {message.TYPE} while the server goes away, expected a new connection"
         if isinstance(message, Join):
-            return self._port.join(message, now_s)
+            return self._port.join(message, self._place, now_s)
         if message.radius_m > most_m:
             return f"gather.radius_m: got {message.radius_m:g}, expected at most {most_m:g}"
         return self._port.gather(message, now_s)

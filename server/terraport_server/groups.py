@@ -17,17 +17,14 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import AnyArray
-from terraport_server.group_state import Barrier, Group, GroupLimits, Seat
+from terraport_server.group_state import Barrier, Group, GroupLimits, Place, Seat
 from terraport_wire import (
     ID_DTYPE,
     Gather,
     Gathered,
-    Gathering,
     Join,
     Joined,
-    Member,
     Message,
-    Roster,
 )
 
 __all__ = ["Groups"]
@@ -35,6 +32,10 @@ __all__ = ["Groups"]
 _NEWS_PERIOD_S: Final = 0.25
 """Between two rosters of a group, and between two gatherings: a member that joins and leaves, or a
 guide that gathers, as fast as it may costs each of the others four messages a second."""
+
+_PLACES_PERIOD_S: Final = 1.0
+"""From a roster to one that tells of landings alone (16.4): what each of n members may cause is a
+roster of n rows to n members."""
 
 
 class Groups:
@@ -93,6 +94,7 @@ class Groups:
         new_secret: str,
         may_guide: bool,
         owner: Hashable = None,
+        place: Place | None = None,
     ) -> str | None:
         """Take a seat, a new one or the one held before (16.1); return why not.
 
@@ -114,6 +116,9 @@ class Groups:
             Whether this client may take the guide's seat.
         owner
             Address and token of the client: whose groups and lost seats are counted together.
+        place
+            Where this connection landed last, in metres of the scene frame; None before its first
+            landing: then a seat that is taken again stays where it was.
 
         Notes
         -----
@@ -144,6 +149,8 @@ class Groups:
         elif seat.key is not None and seat.key != key:
             del self._memberships[seat.key]  # the old connection only looks alive
         seat.key = key
+        if place is not None:
+            seat.place = place
         self._memberships[key] = (group_id, seat.number)
         # The member first hears its own number, then who else is there, then where they go.
         self._posts.append(
@@ -160,7 +167,7 @@ class Groups:
         )
         self._changed(group, now_s)
         if group.barrier is not None:
-            self._posts.append((key, _gathering(group.barrier, now_s)))
+            self._posts.append((key, group.barrier.gathering(now_s)))
         self._note_due(group)
         return None
 
@@ -208,6 +215,16 @@ class Groups:
         if barrier is not None and barrier.number == number and not barrier.is_open:
             barrier.states[seat.number] = state
             self._open_if_all_are_there(group)
+
+    def landed(self, key: Hashable, place: Place, now_s: float) -> None:
+        """Note where a member stands; the others hear of it before long (16.1, 16.4)."""
+        membership = self._find(key)
+        if membership is None or membership[1].place == place:
+            return
+        group, seat = membership
+        seat.place = place
+        self._changed(group, now_s, period_s=_PLACES_PERIOD_S)
+        self._note_due(group)
 
     def tick(self, now_s: float) -> None:
         """Act on what time alone decides: seats lost for too long, deadlines, rosters."""
@@ -346,26 +363,22 @@ class Groups:
         )
         self._tell(group, message)
 
-    def _changed(self, group: Group, now_s: float) -> None:
+    def _changed(self, group: Group, now_s: float, *, period_s: float = _NEWS_PERIOD_S) -> None:
         """Tell all of a change, at once or as soon as the period allows."""
-        due_s = max(now_s, group.roster_told_s + _NEWS_PERIOD_S)
+        due_s = max(now_s, group.roster_told_s + period_s)
         if due_s <= now_s:
             self._tell_roster(group, now_s)
-        else:
+        elif group.roster_due_s is None or due_s < group.roster_due_s:
             group.roster_due_s = due_s
 
     def _tell_gathering(self, group: Group, now_s: float) -> None:
         assert group.barrier is not None
         group.gathering_due_s, group.gathering_told_s = None, now_s
-        self._tell(group, _gathering(group.barrier, now_s))
+        self._tell(group, group.barrier.gathering(now_s))
 
     def _tell_roster(self, group: Group, now_s: float) -> None:
         group.roster_due_s, group.roster_told_s = None, now_s
-        members = tuple(
-            Member(member=seat.number, name=seat.name, role=seat.role, present=seat.key is not None)
-            for seat in group.seats.values()
-        )
-        self._tell(group, Roster(group=group.id[1], members=members))
+        self._tell(group, group.roster())
 
     def _note_due(self, group: Group) -> None:
         """Look at when a group has something to do, after whatever changed it."""
@@ -379,19 +392,6 @@ class Groups:
         self._posts += [
             (seat.key, message) for seat in group.seats.values() if seat.key is not None
         ]
-
-
-def _gathering(barrier: Barrier, now_s: float) -> Gathering:
-    gather = barrier.gather
-    left_ms = None if barrier.is_open else max(0, round(1000.0 * (barrier.deadline_s - now_s)))
-    return Gathering(
-        gathering=barrier.number,
-        guide=barrier.guide,
-        position=gather.position,
-        radius_m=gather.radius_m,
-        inner_radius_m=gather.inner_radius_m,
-        left_ms=left_ms,
-    )
 
 
 def _ids(numbers: list[int]) -> AnyArray:

@@ -198,6 +198,7 @@ class Session:
             if self._take_generation(message.generation) and self._may_go(message):
                 if isinstance(message, Land):
                     deliveries.land(message, now_s)
+                    self._groups.landed(message.position, now_s)
                 else:
                     deliveries.aim(message, now_s)
         elif isinstance(message, Credit):

@@ -39,8 +39,12 @@ def test_who_guides_takes_the_others_along(
     expect(following.locator("#group-members")).to_contain_text("Anna, guide")
     expect(following.locator("[data-action=group-gather]")).to_be_hidden()
 
+    # Where who has landed stands, and who has not is nowhere yet.
     guide.land(PLACE, 30.0)
     assert follower.visible == []
+    assert leading.locator("[data-action=go-to-member]").count() == 0
+    guide_row = following.locator("#group-members li", has_text="Anna")
+    expect(guide_row.locator("[data-action=go-to-member]")).to_be_visible()
     leading.click("[data-action=group-gather]")
     # The guide is told when the other shows the same.
     expect(leading.locator("#group-members")).to_contain_text("came along")
@@ -55,6 +59,18 @@ def test_who_guides_takes_the_others_along(
     leading.click("[data-action=group-gather]")
     expect(leading.locator("#group-members")).to_contain_text("elsewhere")
     assert follower.visible == before
+    # 60 m east, 30 m south: as far as it is, and no other.
+    expect(guide_row).to_contain_text("67 m south-east")
+    expect(leading.locator("#group-members li", has_text="Ben")).to_contain_text("67 m north-west")
+    save_shot(following, "group-where")
+    # A click takes one there, with one's own radius, and the group hears of that, too.
+    guide_row.locator("[data-action=go-to-member]").click()
+    follower.until("JSON.stringify(terraport.state.landed?.place) === '[60,2,30]'")
+    assert follower.run("terraport.state.landed.radiusM === terraport.state.radiusM")
+    for page, name in ((following, "Anna"), (leading, "Ben")):
+        row = page.locator("#group-members li", has_text=name)
+        expect(row).to_contain_text("beside you")
+    save_shot(following, "group-beside")
     following.click("[data-action=group-go]")
     shown = "JSON.stringify([...terraport.visible])"
     follower.until(f"{shown} === '{guide.run(shown)}'")

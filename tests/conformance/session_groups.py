@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from terraport_server.group_state import GroupLimits
+from terraport_server.group_state import GroupLimits, Place
 from terraport_server.groups import Groups
 from terraport_server.session import Session
 from terraport_wire import Arrived, Gather, Join
@@ -27,9 +27,11 @@ class _Door:
         self._groups = groups
         self._number = number
 
-    def join(self, join: Join, now_s: float) -> str | None:
+    def join(self, join: Join, place: Place | None, now_s: float) -> str | None:
         secret = f"seat-{self._number}"
-        return self._groups.join(self, SCENE, join, now_s, new_secret=secret, may_guide=True)
+        return self._groups.join(
+            self, SCENE, join, now_s, new_secret=secret, may_guide=True, place=place
+        )
 
     def leave(self, now_s: float) -> None:
         self._groups.leave(self, now_s)
@@ -39,6 +41,9 @@ class _Door:
 
     def arrived(self, arrived: Arrived) -> None:
         self._groups.arrived(self, arrived.gathering, arrived.state)
+
+    def landed(self, place: Place, now_s: float) -> None:
+        self._groups.landed(self, place, now_s)
 
 
 class GroupHall:
@@ -80,5 +85,7 @@ class GroupHall:
                 request=2, position=position, radius_m=radius_m, inner_radius_m=inner_radius_m
             )
             groups.gather(OTHER, gather, now_s)
+        elif what == "landed":
+            groups.landed(OTHER, *given, now_s)
         else:
             groups.arrived(OTHER, *given)

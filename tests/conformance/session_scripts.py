@@ -276,6 +276,9 @@ NAMED_GROUPS: Final[dict[str, tuple[Operation, ...]]] = {
     "two guides": (("other", "join", "guide"), *_LEAD, *_AGAIN, ("pump", 5)),
     "a gather that only the guide may": (*_GUIDE, ("call", "gather", [0, 0, 0], 2.5, None, None),
         ("pump", 5), ("call", "gather", [0, 0, 0], 9.5, None, None), ("pump", 5)),
+    "where everybody stands":
+        (*_GUIDE, *_LATER, ("other", "landed", (-2.25, 0.5, 1e4)), _HERE, ("wait", 1.1),
+         ("pump", 40), *_AGAIN, ("pump", 8), *_LATER),
     "a landing of the group with a landing of its own":
         (*_CALLED, _HERE, ("pump", 40), ("call", "arrived", 1, "ready"), ("pump", 5),
          ("other", "arrived", 1, "declined"), ("pump", 5)),

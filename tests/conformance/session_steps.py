@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import json
 from dataclasses import replace
+from math import floor
 from pathlib import Path
 from typing import Any, Final
 
@@ -163,7 +164,10 @@ def event_row(event: told.Event) -> list[Any] | None:
         case told.GroupJoined():
             return ["joined", event.group, event.member, event.role]
         case told.GroupRoster():
-            members = [[one.member, one.name, one.role, one.present] for one in event.members]
+            members = [
+                [one.member, one.name, one.role, one.present, _millimetres(one.position)]
+                for one in event.members
+            ]
             return ["roster", members]
         case told.GroupCalled():
             called = event.gathering
@@ -203,3 +207,8 @@ def difference(history: dict[str, Any]) -> str | None:
         if actual != expected:
             return f"step {number}: got {actual}, expected {expected}"
     return None
+
+
+def _millimetres(position: tuple[float, float, float] | None) -> list[int] | None:
+    """A place in whole numbers: every language writes those alike."""
+    return None if position is None else [floor(1000.0 * side + 0.5) for side in position]

@@ -139,6 +139,18 @@ _CHANGES: list[tuple[str, str, str, dict[str, Any]]] = [
     ("arrived", "gathering_zero", "gathering", {"gathering": 0}),
     ("arrived", "state_unknown", "state", {"state": "soon"}),
     ("roster", "member_incomplete", "members.0.role", {"members": [{"member": 1}]}),
+    (
+        "roster",
+        "position_of_two",
+        "members.0.position",
+        {"members": [{**_MEMBER, "position": [1.0, 2.0]}]},
+    ),
+    (
+        "roster",
+        "position_nan",
+        "members.0.position",
+        {"members": [{**_MEMBER, "position": [1.0, math.nan, 2.0]}]},
+    ),
     ("roster", "members_of_numbers", "members.1", {"members": [_MEMBER, 5]}),
     (
         "roster",

@@ -215,7 +215,7 @@ FULL: tuple[m.Message, ...] = (
         group="Tour-2.a~b_",
         members=(
             m.Member(member=1, name="Größe ✓ 𝄞", role="guide", present=True),
-            m.Member(member=3, role="member", present=False),
+            m.Member(member=3, role="member", present=False, position=(12.5, -3.0, 1e-300)),
         ),
     ),
     m.Gathering(

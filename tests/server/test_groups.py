@@ -47,6 +47,7 @@ class Hall:
             new_secret=f"secret-{self.secrets}",
             may_guide=True,
             owner=options.get("owner", self.owner),
+            place=options.get("place"),
         )
 
     def hear(self) -> dict[str, list[Message]]:
@@ -97,6 +98,65 @@ def test_joined_is_told_to_one_and_the_roster_to_all() -> None:
             (2, "member", True),
         ]
         assert "secret" not in repr(roster)
+
+
+def places(inbox: list[Message]) -> list[tuple[float, float, float] | None]:
+    """Where everybody stands, as the last roster has it."""
+    return [m.position for m in [r for r in inbox if isinstance(r, Roster)][-1].members]
+
+
+def test_the_roster_says_where_who_has_landed_stands() -> None:
+    hall, _ = filled("a")
+    hall.join("x", scene="other")
+    hall.wait(1.0)
+    hall.groups.landed("a", (1.0, 2.0, 3.0), hall.now_s)
+    messages = hall.hear()
+    assert set(messages) == {"g", "a"}, "nobody outside the group hears of it"
+    assert places(messages["g"]) == [None, (1.0, 2.0, 3.0)]
+    # Who landed before he joined stands there; one without a seat is nobody's business.
+    hall.join("b", wants(), place=(7.0, 8.0, 9.0))
+    hall.groups.landed("nobody", (5.0, 5.0, 5.0), hall.now_s)
+    assert places(hall.wait(1.0)["g"]) == [None, (1.0, 2.0, 3.0), (7.0, 8.0, 9.0)]
+
+
+def test_a_seat_that_is_taken_again_stands_where_it_was() -> None:
+    hall, secrets = filled("a")
+    hall.groups.landed("a", (1.0, 2.0, 3.0), hall.now_s)
+    hall.groups.lost("a", hall.now_s)
+    assert places(hall.wait(1.0)["g"]) == [None, (1.0, 2.0, 3.0)]
+    hall.join("a2", wants(seat=secrets["a"]))
+    assert places(hall.wait(1.0)["g"]) == [None, (1.0, 2.0, 3.0)]
+    hall.join("a3", wants(seat=secrets["a"]), place=(4.0, 5.0, 6.0))
+    assert places(hall.wait(1.0)["g"]) == [None, (4.0, 5.0, 6.0)]
+
+
+def test_landings_alone_cost_each_member_one_roster_a_second() -> None:
+    hall, _ = filled("a", "b")
+    heard = 0
+    for step in range(400):  # ten seconds; three members land forty times a second each
+        for key in ("g", "a", "b"):
+            hall.groups.landed(key, (float(step), 0.0, 0.0), hall.now_s)
+        heard += len(hall.hear().get("b", []))
+        heard += len(hall.wait(0.025).get("b", []))
+    assert 9 <= heard <= 10
+    # The newest places are not lost, and to land there again tells nothing.
+    last = hall.wait(1.0)
+    assert places(last["b"]) == [(399.0, 0.0, 0.0)] * 3
+    hall.groups.landed("a", (399.0, 0.0, 0.0), hall.now_s)
+    assert hall.wait(5.0) == {}
+    assert hall.groups.wake_at_s() is None
+
+
+def test_a_landing_never_delays_what_else_there_is_to_tell() -> None:
+    hall, _ = filled("a")
+    hall.groups.landed("a", (1.0, 0.0, 0.0), hall.now_s)
+    hall.hear()
+    hall.wait(0.3)
+    hall.groups.landed("a", (2.0, 0.0, 0.0), hall.now_s)
+    assert hall.hear() == {}
+    hall.join("b")
+    assert places(hall.hear()["g"]) == [None, (2.0, 0.0, 0.0), None]
+    assert hall.wait(5.0) == {}, "it was told with the newcomer"
 
 
 def test_a_group_is_of_one_scene() -> None:

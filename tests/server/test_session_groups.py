@@ -10,7 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from server.session_model import Client, aim, assert_fatal, land, make_client, make_scene
 
 from terraport_server.actions import SendMessage, SessionLimits
-from terraport_server.group_state import GroupLimits
+from terraport_server.group_state import GroupLimits, Place
 from terraport_server.groups import Groups
 from terraport_server.session import Session
 from terraport_wire import (
@@ -47,11 +47,11 @@ class Port:
     def __init__(self, hall: Hall, number: int) -> None:
         self.hall, self.number = hall, number
 
-    def join(self, join: Join, now_s: float) -> str | None:
+    def join(self, join: Join, place: Place | None, now_s: float) -> str | None:
         self.hall.secrets += 1
         secret = f"s{self.hall.secrets}"
         refusal = self.hall.groups.join(
-            self.number, "row", join, now_s, new_secret=secret, may_guide=True
+            self.number, "row", join, now_s, new_secret=secret, may_guide=True, place=place
         )
         self.hall.hand_out()
         return refusal
@@ -67,6 +67,10 @@ class Port:
 
     def arrived(self, arrived: Arrived) -> None:
         self.hall.groups.arrived(self.number, arrived.gathering, arrived.state)
+        self.hall.hand_out()
+
+    def landed(self, place: Place, now_s: float) -> None:
+        self.hall.groups.landed(self.number, place, now_s)
         self.hall.hand_out()
 
 
@@ -138,6 +142,21 @@ def test_a_radius_beyond_the_servers_is_refused() -> None:
     (error,) = heard(guide, Error)
     assert (error.code, error.request) == ("group_refused", 2)
     assert "at most 500" in error.message
+
+
+def test_a_member_stands_where_its_last_landing_was_taken() -> None:
+    hall = Hall()
+    guide, member = hall.open(), hall.open()
+    guide.tell(wants("guide"))
+    member.tell(land(1, 3.0))
+    member.tell(wants())
+    hall.wait(1.0)
+    assert [one.position for one in heard(guide, Roster)[-1].members] == [None, (3.0, 0.0, 0.0)]
+    member.tell(land(2, 5.0))
+    member.tell(land(3, 7.0, 1e6))  # refused: too large
+    member.tell(aim(4, 9.0))
+    hall.wait(1.0)
+    assert [one.position for one in heard(guide, Roster)[-1].members] == [None, (5.0, 0.0, 0.0)]
 
 
 def test_a_draining_server_takes_nobody_in() -> None:

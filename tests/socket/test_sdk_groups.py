@@ -5,10 +5,12 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Coroutine
 from contextlib import AsyncExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from eventually import eventually
 from sdk.proxy import Proxy
 from server.grid_scene import SIDE, TILE_M
 
@@ -47,6 +49,25 @@ async def party(
     for group in groups:
         await group.members_present(1 + members, 10)
     return sessions, groups
+
+
+def test_everybody_is_told_where_the_others_stand(server: BackgroundServer) -> None:
+    async def work() -> None:
+        async with AsyncExitStack() as stack:
+            sessions, groups = await party(stack, server.url, "where", 1)
+            assert [member.position for member in groups[0].members] == [None, None]
+            for place in (CENTRE, CORNER):
+                await (await sessions[1].land(place, 15.0)).ready(10)
+                told = partial(lambda at: groups[0].members[1].position == at, place)
+                await asyncio.to_thread(eventually, told)
+            assert groups[0].members[0].position is None
+            # Who comes now is told at once.
+            late = await opened(stack, server.url)
+            group = await late.join_group("where")
+            await group.members_present(3, 10)
+            assert [member.position for member in group.members] == [None, CORNER, None]
+
+    run(work())
 
 
 def test_the_guide_lands_everybody(server: BackgroundServer) -> None:

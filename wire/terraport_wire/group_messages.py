@@ -132,6 +132,11 @@ class Member(Part):
     ] = None
     role: Annotated[str, Choice("guide", "member"), "A group has one guide at most"]
     present: Annotated[bool, Flag(), "False where its connection is lost and its seat is kept"]
+    position: Annotated[
+        tuple[float, float, float] | None,
+        Position(),
+        "Centre of its last landing, metres of the scene frame (x, y, z); absent before the first",
+    ] = None
 
 
 @dataclasses.dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -192,6 +192,7 @@ Variant describe(const std::optional<GroupFacts>& group) {
   for (const GroupMember& one : group->members) {
     Dictionary facts;
     facts.set("member", number(one.member)).set("name", one.name).set("role", nameOf(one.role)).set("present", one.isPresent);
+    if (one.position) facts.set("position", *one.position);
     members.add(facts.variant());
   }
   const GroupGathering& there = group->gathering;

@@ -45,7 +45,11 @@ class Group:
 
     @property
     def members(self) -> tuple[Member, ...]:
-        """Everybody in the group, ascending number; ``present`` is False where one is lost."""
+        """Everybody in the group, ascending number; ``present`` is False where one is lost.
+
+        ``position`` is the centre of a member's last landing in metres of the scene frame, None
+        before its first; it follows within about a second.
+        """
         return self._record.members
 
     @property

@@ -80,7 +80,12 @@ namespace Terraport.Tools
             foreach (GroupMember one in group.Members)
             {
                 json.Open('[').Value((long)one.Member).Value(one.Name).Value(one.Role.ToString().ToLowerInvariant());
-                json.Value(one.IsPresent).Close(']');
+                json.Value(one.IsPresent);
+                if (one.Position.HasValue)
+                    Numbers(json, one.Position.Value);
+                else
+                    json.Null();
+                json.Close(']');
             }
             json.Close(']').Key("gathering");
             GroupGathering gathering = group.Gathering;
@@ -142,9 +147,11 @@ namespace Terraport.Tools
             json.Close('}').Close('}');
         }
 
-        private static void DescribePosition(JsonText json, Vec3 position)
+        private static void DescribePosition(JsonText json, Vec3 position) { Numbers(json.Key("position"), position); }
+
+        private static void Numbers(JsonText json, Vec3 position)
         {
-            json.Key("position").Open('[').Value(position.X).Value(position.Y).Value(position.Z).Close(']');
+            json.Open('[').Value(position.X).Value(position.Y).Value(position.Z).Close(']');
         }
     }
 }

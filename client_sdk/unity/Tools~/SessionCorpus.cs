@@ -156,7 +156,8 @@ namespace Terraport.Tools
                 case StreamEventKind.Notice: return Row("notice", told.Notice);
                 case StreamEventKind.GroupJoined: return Row("joined", group.Name, group.Member, group.Role);
                 case StreamEventKind.GroupRoster:
-                    return Row("roster", group.Members.Select(one => Row(one.Member, one.Name, one.Role, one.IsPresent)));
+                    return Row("roster",
+                        group.Members.Select(one => Row(one.Member, one.Name, one.Role, one.IsPresent, Millimetres(one.Position))));
                 case StreamEventKind.GroupCalled: return Row("called", there.Number, there.Guide, !there.IsOver);
                 case StreamEventKind.GroupGathered: return Row("gathered", there.Number, there.Ready, there.Degraded, there.Missing);
                 case StreamEventKind.GroupRefused: return Row("group refused", told.Request, told.Code);
@@ -165,6 +166,16 @@ namespace Terraport.Tools
         }
 
         private static object[] Row(params object[] values) { return values; }
+
+        /// <summary>Whole numbers are written alike in every language.</summary>
+        private static object[] Millimetres(Vec3? position)
+        {
+            if (!position.HasValue) return null;
+            Vec3 at = position.Value;
+            return Row(Whole(at.X), Whole(at.Y), Whole(at.Z));
+        }
+
+        private static long Whole(double metres) { return (long)Math.Floor(1000.0 * metres + 0.5); }
 
         /// <summary>Compact JSON; what is named by an enumeration is a lower-case text.</summary>
         private static string Json(object value)

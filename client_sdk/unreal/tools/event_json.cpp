@@ -11,8 +11,12 @@ std::string hex(std::uint64_t value) {
   return digits;
 }
 
+void describeNumbers(JsonText& json, const Vec3& value) {
+  json.open('[').number(value.x).number(value.y).number(value.z).close(']');
+}
+
 void describeVector(JsonText& json, const char* name, const Vec3& value) {
-  json.key(name).open('[').number(value.x).number(value.y).number(value.z).close(']');
+  describeNumbers(json.key(name), value);
 }
 
 void describeLink(JsonText& json, const LinkState& link) {
@@ -62,7 +66,13 @@ void describeGroup(JsonText& json, const GroupFacts& group) {
   json.key("members").open('[');
   for (const GroupMember& one : group.members) {
     json.open('[').integer(one.member);
-    (one.name.empty() ? json.null() : json.text(one.name)).text(nameOf(one.role)).boolean(one.isPresent).close(']');
+    (one.name.empty() ? json.null() : json.text(one.name)).text(nameOf(one.role)).boolean(one.isPresent);
+    if (one.position) {
+      describeNumbers(json, *one.position);
+    } else {
+      json.null();
+    }
+    json.close(']');
   }
   json.close(']').key("gathering");
   const GroupGathering& gathering = group.gathering;

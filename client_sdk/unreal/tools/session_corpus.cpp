@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 #include <cstdlib>
 #include <memory>
 #include <sstream>
@@ -102,7 +103,18 @@ void writeRow(const StreamEvent& event, JsonText& into) {
   row("roster").open('[');
   for (const GroupMember& one : group.members) {
     into.open('[').integer(one.member);
-    (one.name.empty() ? into.null() : into.text(one.name)).text(nameOf(one.role)).boolean(one.isPresent).close(']');
+    (one.name.empty() ? into.null() : into.text(one.name)).text(nameOf(one.role)).boolean(one.isPresent);
+    if (one.position) {
+      // Whole numbers are written alike in every language.
+      into.open('[');
+      for (const double side : {one.position->x, one.position->y, one.position->z}) {
+        into.integer(static_cast<std::int64_t>(std::floor(1000.0 * side + 0.5)));
+      }
+      into.close(']');
+    } else {
+      into.null();
+    }
+    into.close(']');
   }
   into.close(']').close(']');
 }

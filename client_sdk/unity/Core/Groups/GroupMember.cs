@@ -3,12 +3,13 @@ namespace Terraport
     /// <summary>Somebody in a group.</summary>
     public sealed class GroupMember
     {
-        internal GroupMember(uint member, string name, GroupRole role, bool isPresent)
+        internal GroupMember(uint member, string name, GroupRole role, bool isPresent, Vec3? position)
         {
             Member = member;
             Name = name;
             Role = role;
             IsPresent = isPresent;
+            Position = position;
         }
 
         /// <summary>Number in the group, never given again in it.</summary>
@@ -22,5 +23,8 @@ namespace Terraport
 
         /// <summary>False where its connection is lost and its seat is kept.</summary>
         public bool IsPresent { get; }
+
+        /// <summary>Centre of its last landing, metres of the scene frame; null before the first.</summary>
+        public Vec3? Position { get; }
     }
 }

@@ -114,8 +114,8 @@ namespace Terraport.Sessions
             var gathered = message as GatheredMessage;
             if (roster != null && roster.Group == join.Group)
             {
-                facts = facts.With(
-                    Array.ConvertAll(roster.Members, one => new GroupMember(one.Member, one.Name, RoleOf(one.Role), one.Present)));
+                facts = facts.With(Array.ConvertAll(
+                    roster.Members, one => new GroupMember(one.Member, one.Name, RoleOf(one.Role), one.Present, one.Position)));
                 Report(StreamEventKind.GroupRoster);
             }
             else if (gathering != null)

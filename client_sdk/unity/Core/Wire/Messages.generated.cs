@@ -567,6 +567,7 @@ namespace Terraport.Wire
             new Field("name", false, new TextKind(1, 64, null)),
             new Field("role", true, new ChoiceKind("guide", "member")),
             new Field("present", true, new FlagKind()),
+            new Field("position", false, new PositionKind(10000000.0, false)),
         };
 
         /// <summary>Number in the group, never given again in it.</summary>
@@ -581,6 +582,9 @@ namespace Terraport.Wire
         /// <summary>False where its connection is lost and its seat is kept.</summary>
         public bool Present { get; set; }
 
+        /// <summary>Centre of its last landing, metres of the scene frame (x, y, z); absent before the first. Null where absent.</summary>
+        public Vec3? Position { get; set; }
+
         internal override Field[] Fields
         {
             get { return Table; }
@@ -594,6 +598,7 @@ namespace Terraport.Wire
                 case 1: return Name;
                 case 2: return Role;
                 case 3: return Present;
+                case 4: return Position;
             }
             throw NoField(field);
         }
@@ -606,6 +611,7 @@ namespace Terraport.Wire
                 case 1: Name = (string)value; return;
                 case 2: Role = (string)value; return;
                 case 3: Present = (bool)value; return;
+                case 4: Position = value == null ? (Vec3?)null : (Vec3)value; return;
             }
             throw NoField(field);
         }

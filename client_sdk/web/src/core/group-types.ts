@@ -12,6 +12,8 @@ export interface GroupMember {
   readonly role: GroupRole;
   /** False where his connection is lost and his seat is kept. */
   readonly isPresent: boolean;
+  /** Centre of his last landing, in metres of the scene frame; null before his first. */
+  readonly position: readonly [number, number, number] | null;
 }
 
 /** A landing of the whole group. */

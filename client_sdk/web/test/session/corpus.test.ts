@@ -144,7 +144,17 @@ function groupRow({ news, group, refusal }: GroupEvent): unknown[][] | null {
   if (group === null) return null;
   if (news === "joined") return [["joined", group.name, group.member, group.role]];
   if (news === "roster")
-    return [["roster", group.members.map((one) => [one.member, one.name, one.role, one.isPresent])]];
+    return [
+      [
+        "roster",
+        group.members.map((one) => [one.member, one.name, one.role, one.isPresent, millimetres(one.position)]),
+      ],
+    ];
   const { number, guide, isOver, ready, degraded, missing } = group.gathering!;
   return news === "called" ? [["called", number, guide, !isOver]] : [["gathered", number, ready, degraded, missing]];
+}
+
+/** Whole numbers are written alike in every language. */
+function millimetres(position: readonly number[] | null): number[] | null {
+  return position?.map((side) => Math.floor(1000 * side + 0.5)) ?? null;
 }

@@ -1,4 +1,5 @@
 import { beforeEach, expect, it } from "vitest";
+import { awayText } from "../../src/app/panel/group-section.ts";
 import type { GroupEvent } from "../../src/core/group-types.ts";
 import { checkGroup } from "../../src/core/session/checks.ts";
 import { GroupState } from "../../src/core/session/group-state.ts";
@@ -12,7 +13,7 @@ const ROSTER = {
   group: "tour",
   members: [
     { member: 1, role: "guide", present: true },
-    { member: 2, name: "Anna", role: "member", present: true },
+    { member: 2, name: "Anna", role: "member", present: true, position: [1, 2, 3] },
   ],
 } as const;
 const GATHERING = {
@@ -43,6 +44,19 @@ function joined(): void {
   state.onMessage(JOINED);
   state.onMessage(ROSTER);
 }
+
+it("says how far somebody stands, and which way", () => {
+  expect(awayText([0, 9, 0], [0, 0, -12.4])).toBe("12 m north");
+  expect(awayText([0, 0, 0], [5, 0, 5])).toBe("7.1 m south-east");
+  expect(awayText([0, 0, 0], [-0.1, 0, -1500])).toBe("1,500 m north");
+  expect(awayText([0, 0, 0], [-200, 0, 1])).toBe("200 m west");
+  expect(awayText([1, 0, 1], [1.5, 40, 1])).toBe("beside you");
+});
+
+it("knows where who has landed stands", () => {
+  joined();
+  expect(events.at(-1)!.group!.members.map(({ position }) => position)).toEqual([null, [1, 2, 3]]);
+});
 
 // When what is said, skipped and said again: the session corpus.
 it("knows who is there over a lost connection, and nothing more of a seat that was given away", () => {

@@ -102,7 +102,8 @@ struct FieldsOf<MemberPart> {
     return visitor.field("member", message.member, IntegerKind{1, 4294967295}) &&
            visitor.field("name", message.name, TextKind{1, 64, TextPattern::Any}) &&
            visitor.field("role", message.role, choiceOf("guide", "member")) &&
-           visitor.field("present", message.present, FlagKind{});
+           visitor.field("present", message.present, FlagKind{}) &&
+           visitor.field("position", message.position, PositionKind{10000000.0, false});
   }
 };
 

@@ -174,6 +174,8 @@ struct MemberPart {
   std::string role;
   /// False where its connection is lost and its seat is kept.
   bool present = false;
+  /// Centre of its last landing, metres of the scene frame (x, y, z); absent before the first.
+  std::optional<Vec3> position;
 };
 
 /// First message of a connection: who the client is, what it can take, what it holds.

@@ -82,7 +82,7 @@ void GroupState::onMessage(const ServerMessage& message) {
     if (roster->group != join_->group) return;
     facts_->members.clear();
     for (const MemberPart& one : roster->members) {
-      facts_->members.push_back({one.member, one.name.value_or(""), roleOf(one.role), one.present});
+      facts_->members.push_back({one.member, one.name.value_or(""), roleOf(one.role), one.present, one.position});
     }
     report(EventKind::GroupRoster);
   } else if (const auto* const gathering = std::get_if<GatheringMessage>(&message)) {

@@ -23,6 +23,8 @@ export interface GroupDesk {
   gather(): void;
   /** Go where the guide is, if that was not followed. */
   goThere(): void;
+  /** Go where somebody of the group stands, with the radius of one's own landings. */
+  goTo(position: Vec3): void;
   dispose(): void;
 }
 
@@ -90,6 +92,7 @@ export function createGroupDesk({ store, stream, announcer, land }: GroupDeskOpt
       if (landed !== null) stream.group({ type: "gather", position: landed.place, radiusM: landed.radiusM });
     },
     goThere,
+    goTo: (position) => void land(position, store.get().radiusM),
     dispose: stop,
   };
 }

@@ -146,11 +146,12 @@ export class GroupState {
 
   #onRoster(message: RosterMessage, group: GroupFacts): void {
     if (message.group !== group.name) return;
-    const members = message.members.map(({ member, name, role, present }) => ({
+    const members = message.members.map(({ member, name, role, present, position }) => ({
       member,
       name: name ?? null,
       role,
       isPresent: present,
+      position: position ?? null,
     }));
     this.#group = { ...group, members };
     this.#tell("roster");

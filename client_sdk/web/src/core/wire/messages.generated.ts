@@ -163,6 +163,8 @@ export interface MemberPart {
   readonly role: "guide" | "member";
   /** False where its connection is lost and its seat is kept. */
   readonly present: boolean;
+  /** Centre of its last landing, metres of the scene frame (x, y, z); absent before the first. */
+  readonly position?: Vec3 | undefined;
 }
 
 /** First message of a connection: who the client is, what it can take, what it holds. */
@@ -616,6 +618,7 @@ export const PARTS = {
     { name: "name", required: false, kind: { name: "text", shortest: 1, longest: 64, pattern: null } },
     { name: "role", required: true, kind: { name: "choice", options: ["guide", "member"] } },
     { name: "present", required: true, kind: { name: "flag" } },
+    { name: "position", required: false, kind: { name: "position", bound: 10000000.0, nonzero: false } },
   ],
 } as const satisfies Record<string, FieldTable>;
 

@@ -161,6 +161,8 @@ struct GroupMember {
   GroupRole role = GroupRole::Member;
   /// False where its connection is lost and its seat is kept.
   bool isPresent = false;
+  /// Centre of its last landing, metres of the scene frame; absent before the first.
+  std::optional<Vec3> position;
 };
 
 /// A landing of a whole group.
