@@ -39,6 +39,11 @@ FTerraportGroup GroupOf(const AActor& Actor, const terraport::GroupFacts& Facts)
 		Member.Name = TerraportText::FromUtf8(One.name);
 		Member.bGuide = One.role == terraport::GroupRole::Guide;
 		Member.bPresent = One.isPresent;
+		Member.bHasLanded = One.position.has_value();
+		if (Member.bHasLanded)
+		{
+			Member.Location = TerraportPlaces::WorldOf(Actor, *One.position);
+		}
 		Group.Members.Add(Member);
 	}
 	Group.Gathering = int64(Facts.gathering.number);

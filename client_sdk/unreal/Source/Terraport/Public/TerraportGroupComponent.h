@@ -30,6 +30,14 @@ struct TERRAPORT_API FTerraportGroupMember
 	/** False where the connection is lost and the seat is kept. */
 	UPROPERTY(BlueprintReadOnly, Category = "Terraport|Group")
 	bool bPresent = false;
+
+	/** False before they landed for the first time. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport|Group")
+	bool bHasLanded = false;
+
+	/** Where they landed last, world space. */
+	UPROPERTY(BlueprintReadOnly, Category = "Terraport|Group")
+	FVector Location = FVector::ZeroVector;
 };
 
 /** The group that this client has a seat in. */
