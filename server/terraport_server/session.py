@@ -394,7 +394,6 @@ class Session:
         return True
 
     def _close_if_drained(self) -> None:
-        if self._out.closing or self._draining_until_s is None:
-            return
-        if self._deliveries is None or not self._deliveries.landing_open:
+        lands = self._deliveries is not None and self._deliveries.landing_open
+        if not (self._out.closing or self._draining_until_s is None or lands):
             self._out.close(CloseCode.DRAINING, ErrorCode.DRAINING)

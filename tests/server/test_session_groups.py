@@ -309,6 +309,7 @@ class AnyHistory(RuleBasedStateMachine):
             assert not plans or plans[-1].generation in ready
             opened = [m.gathering for m in client.messages if isinstance(m, Gathered)]
             assert len(opened) <= len(client.messages)
+        self.hall.wait(1.0)  # two seats lost at once are told of one after the other
         assert self.hall.groups.wake_at_s() is None, "no barrier and no lost seat is left"
 
 
