@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -130,3 +131,51 @@ def test_bad_files_are_named(tmp_path, text: str, message: str) -> None:
     with pytest.raises(ReadError) as caught:
         read_survey(path)
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("version", [".5", "0.5", ".6", ".7"])
+@pytest.mark.parametrize(
+    ("fields", "types"),
+    [("FIELDS", "SIZE 8 8 8 4\nTYPE F F F F\n"), ("COLUMNS", "size 8 8 8 4\ntype f f f f\n")],
+)
+def test_older_versions_in_any_case(tmp_path, sample, version: str, fields: str, types) -> None:
+    """Without COUNT, HEIGHT, VIEWPOINT and POINTS, as PCL's first versions and ROS wrote them."""
+    path = tmp_path / "a.pcd"
+    head = f"# made here\n\nVERSION {version}\n{fields} X Y Z Intensity\n{types}WIDTH 500\n"
+    table = np.zeros(500, [("x", "<f8", 3), ("i", "<f4")])
+    table["x"], table["i"] = sample.points, sample.grade
+    path.write_bytes(head.encode() + b"DATA binary\n" + table.tobytes())
+    survey = read_in_order(path, sample.points)
+    np.testing.assert_array_equal(survey.attributes["Intensity"], sample.grade)
+    assert list(survey.attributes) == ["Intensity"]
+
+
+def test_text_with_wide_gaps_and_capitals(tmp_path) -> None:
+    path = tmp_path / "a.pcd"
+    head = "VERSION .7\nFIELDS X Y Z RGB\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\n"
+    rows = "1.5  2.5\t3.5 660510\n 4.5 5.5 6.5   16711935\n"
+    path.write_text(f"{head}WIDTH 2\nHEIGHT 1\nPOINTS 2\nDATA ASCII\n{rows}")
+    survey = read_in_order(path, np.array([[1.5, 2.5, 3.5], [4.5, 5.5, 6.5]]))
+    assert survey.colours is not None
+    assert survey.colours.tolist() == [[10, 20, 30], [255, 0, 255]]
+
+
+def test_compressed_fields_of_several_values_keep_their_points(tmp_path) -> None:
+    """PCL compresses field by field, and a field of three values point by point."""
+    points = np.array([[1, 2, 3], [4, 5, 6], [7, 8, 9], [2, 4, 8]], "<f4")
+    normals = np.arange(12, dtype="<f4").reshape(4, 3)
+    whole = points.T.tobytes() + normals.tobytes()
+    packed = b"".join(  # LZF with literal runs alone
+        bytes([len(whole[at : at + 32]) - 1]) + whole[at : at + 32]
+        for at in range(0, len(whole), 32)
+    )
+    head = (
+        "# .PCD v0.7\nVERSION 0.7\nFIELDS x y z normal\nSIZE 4 4 4 4\nTYPE F F F F\n"
+        "COUNT 1 1 1 3\nWIDTH 4\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 4\n"
+        "DATA binary_compressed\n"
+    )
+    path = tmp_path / "a.pcd"
+    path.write_bytes(head.encode() + struct.pack("<II", len(packed), len(whole)) + packed)
+    survey = read_in_order(path, points.astype(np.float64))
+    read = np.stack([survey.attributes[f"normal__000{n}"] for n in range(3)], axis=1)
+    np.testing.assert_array_equal(read, normals)

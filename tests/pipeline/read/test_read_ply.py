@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+import struct
 from pathlib import Path
 
 import numpy as np
 import pytest
 from pipeline.read.read_in_order import read_in_order
 
+from terraport_pipeline.engines.readers import read_ply
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.stages.read import read_survey
 
@@ -143,3 +145,71 @@ def test_bad_headers_are_named(tmp_path, data: bytes, text: str) -> None:
     with pytest.raises(ReadError) as caught:
         read_survey(path)
     assert text in str(caught.value)
+
+
+def with_lists(sample, kind: str) -> bytes:
+    """Vertices with lists before, between and after the scalars, and faces before the vertices."""
+    head = (
+        f"ply\nformat {kind} 1.0\nelement face 3\nproperty list uchar int vertex_indices\n"
+        f"element vertex {len(sample.points)}\nproperty list ushort short seen_by\n"
+        "property double x\nproperty double y\nproperty list int float weights\n"
+        "property double z\nproperty uchar diffuse_red\nproperty uchar diffuse_green\n"
+        "property uchar diffuse_blue\nproperty list uchar double nothing\nend_header\n"
+    ).encode()
+    e = "<" if kind == "binary_little_endian" else ">"
+    body = []
+    for n, (point, colour) in enumerate(zip(sample.points, sample.colours, strict=True)):
+        seen, weights = [-1] * (n % 4), [0.5] * (n % 3)
+        if kind == "ascii":
+            values = [len(seen), *seen, *point[:2], len(weights), *weights, point[2], *colour, 0]
+            body.append((" ".join(map(str, values)) + "\n").encode())
+        else:
+            form = f"{e}H{len(seen)}hddi{len(weights)}fd3BB"
+            body.append(
+                struct.pack(
+                    form, len(seen), *seen, *point[:2], len(weights), *weights, point[2], *colour, 0
+                )
+            )
+    triangle = struct.pack(f"{e}B3i", 3, 0, 1, 2) if kind != "ascii" else b"3 0 1 2\n"
+    pair = struct.pack(f"{e}B2i", 2, 0, 1) if kind != "ascii" else b"2 0 1\n"
+    return head + triangle + pair + triangle + b"".join(body)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("block", [1 << 24, 97])
+def test_lists_at_vertices_are_left_out_and_named(
+    tmp_path, sample, kind: str, block: int, monkeypatch
+) -> None:
+    monkeypatch.setattr(read_ply, "_LISTS_BYTES", block)
+    path = tmp_path / "a.ply"
+    path.write_bytes(with_lists(sample, kind))
+    survey = read_in_order(path, sample.points)
+    np.testing.assert_array_equal(survey.points, sample.points)
+    np.testing.assert_array_equal(survey.colours, sample.colours)
+    assert survey.attributes == {}
+    assert survey.warnings[:2] == (
+        "The vertices' lists (seen_by, weights, nothing) are left out.",
+        "Only the vertices are read; the file's 3 face elements are ignored.",
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_truncation_of_vertices_with_lists_is_a_read_error(
+    tmp_path, sample, kind: str
+) -> None:
+    path = tmp_path / "a.ply"
+    data = with_lists(sample, kind)
+    for length in range(3, len(data) - 3, 997):
+        path.write_bytes(data[:length])
+        with pytest.raises(ReadError):
+            read_survey(path)
+
+
+def test_a_list_of_negative_length_is_named(tmp_path) -> None:
+    path = tmp_path / "a.ply"
+    head = header("binary_little_endian", 2, TYPES[:3], "property list int uchar seen\n")
+    row = np.arange(3.0).tobytes()
+    path.write_bytes(head + row + b"\0" * 4 + row + b"\xff" * 4)
+    with pytest.raises(ReadError, match="a list has -1 values") as caught:
+        read_survey(path)
+    assert caught.value.location == "vertex 1"

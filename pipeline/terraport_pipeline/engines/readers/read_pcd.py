@@ -1,12 +1,13 @@
 """PCD (ascii, binary, binary_compressed) by pypcd4.
 
-Format: Point Cloud Library, "The PCD file format", version 0.7. Sizes are checked against the file
-before pypcd4 allocates anything. Padding fields (``_``) are left out; the viewpoint is ignored
-(PCL stores coordinates with it applied).
+Format: Point Cloud Library, "The PCD file format", versions .5 to .7; keywords and field names in
+any case. Sizes are checked against the file before pypcd4 allocates anything. Padding fields
+(``_``) are left out; the viewpoint is ignored (PCL stores coordinates with it applied).
 """
 
 from __future__ import annotations
 
+import io
 import re
 import struct
 from collections.abc import Callable, Iterator
@@ -32,6 +33,9 @@ _CHUNK_POINTS: Final = 1_000_000
 
 _PADDING: Final = "#$%&~~"
 """pypcd4's own name for fields that the file calls ``_``."""
+
+_VERSIONS: Final = (".5", ".6", ".7")
+"""Versions whose points are stored as those of 0.7; before .6 a header has no COUNT."""
 
 _PACKED: Final = ("rgb", "rgba")
 """Fields that hold 0x00RRGGBB in 32 bits, whatever type they claim."""
@@ -75,12 +79,14 @@ def stream_pcd(path: Path, *, bounded: bool = True, share: float = 1.0) -> PcdSt
     meta, start = _check_header(path)
     dtype = _row_type(path, meta, start)
     names = [name for name in dtype.names or () if not name.startswith(_PADDING)]
+    lower = {name.lower(): name for name in reversed(names)}
+    axes = [lower[axis] for axis in "xyz"]
     packed = next((n for n in names if n.lower() in _PACKED and dtype[n].itemsize == 4), None)
     colours = (packed,) if packed is not None else (find_colours(names) or ())
 
     def chunk_of(table: AnyArray) -> StreamChunk:
-        points = np.stack([table[axis].astype(np.float64) for axis in "xyz"], axis=1)
-        columns = {n: np.ascontiguousarray(table[n]) for n in names if n not in ("x", "y", "z")}
+        points = np.stack([table[axis].astype(np.float64) for axis in axes], axis=1)
+        columns = {n: np.ascontiguousarray(table[n]) for n in names if n not in axes}
         if packed is not None:
             columns[packed] = _unpacked(columns[packed])
         return StreamChunk(points, columns, len(table))
@@ -119,15 +125,38 @@ def _row_type(path: Path, meta: Any, start: int) -> np.dtype[Any]:
 
 
 def _whole_table(path: Path, meta: Any, start: int) -> AnyArray:
-    """Read all points by pypcd4."""
+    """Read all points of a text or of compressed data."""
     try:
-        table = PointCloud.from_path(path).pc_data
+        with path.open("rb") as file:
+            file.seek(start)
+            if meta.data == Encoding.ASCII:
+                dtype = meta.build_dtype()
+                table: AnyArray = np.loadtxt(file, dtype, max_rows=meta.points, ndmin=1)
+            else:
+                # pypcd4 reads the header of today's version only: it gets one.
+                whole = io.BytesIO(meta.compose_header().encode() + file.read())
+                table = np.atleast_1d(PointCloud.from_fileobj(io.BufferedReader(whole)).pc_data)
+                _interleave(table, meta)
     except _DAMAGED as error:
         raise _unreadable(path, start, error) from error
-    table = np.atleast_1d(table)
     if len(table) < meta.points:
         raise ReadError(path, f"the file ends after {len(table):,} of {meta.points:,} points", _CUT)
     return table
+
+
+def _interleave(table: AnyArray, meta: Any) -> None:
+    """Put the values of fields with COUNT > 1 in order: PCL compresses them point by point.
+
+    pypcd4 takes each of the values for a column of its own.
+    """
+    first = 0
+    for count in meta.count:
+        names = (table.dtype.names or ())[first : first + count]
+        first += count
+        if count > 1:
+            values = np.concatenate([table[name] for name in names]).reshape(len(table), count)
+            for name, column in zip(names, values.T, strict=True):
+                table[name] = column
 
 
 def _unreadable(path: Path, start: int, error: Exception) -> ReadError:
@@ -150,7 +179,7 @@ def _check_header(path: Path) -> tuple[Any, int]:
     meta, start = _read_header(path)
     if meta.points == 0:
         raise NoPointsError(path, "the header says 0 points", "export the survey again")
-    single = {name for name, count in zip(meta.fields, meta.count, strict=True) if count == 1}
+    single = {n.lower() for n, count in zip(meta.fields, meta.count, strict=True) if count == 1}
     missing = [axis for axis in "xyz" if axis not in single]
     if missing:
         fields = ", ".join(name for name in meta.fields if not name.startswith(_PADDING))
@@ -166,17 +195,16 @@ def _check_header(path: Path) -> tuple[Any, int]:
 def _read_header(path: Path) -> tuple[Any, int]:
     with path.open("rb") as file:
         head = file.read(_MAX_HEADER_BYTES)
-    match = re.search(rb"^DATA[ \t]+\S+[ \t]*\r?\n", head, re.MULTILINE)
+    match = re.search(rb"^DATA[ \t]+\S+[ \t]*\r?\n", head, re.MULTILINE | re.IGNORECASE)
     if match is None:
         raise ReadError(
             path,
             f"no DATA line within the first {len(head):,} bytes",
             "the file is cut off or no PCD: export the survey again",
         )
-    lines = head[: match.end()].decode("latin-1").splitlines()
     try:
-        meta = MetaData.parse_header([line.strip() for line in lines if line.strip()])
-    except (pydantic.ValidationError, ValueError, IndexError) as error:
+        meta = MetaData.model_validate(_header_entries(head[: match.end()].decode("latin-1")))
+    except (pydantic.ValidationError, ValueError, IndexError, KeyError) as error:
         reason = " ".join(str(error).split())[:160]
         raise ReadError(
             path, f"the PCD header is wrong ({reason})", "export the survey again"
@@ -189,6 +217,33 @@ def _read_header(path: Path) -> tuple[Any, int]:
             "export the survey again",
         )
     return meta, match.end()
+
+
+def _header_entries(text: str) -> dict[str, Any]:
+    """Parse a header; what the older versions do not state gets its default.
+
+    Raises
+    ------
+    ValueError, IndexError, KeyError
+        An entry has no value, is no number, or is missing.
+    """
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    words = {line[0].upper(): line[1:] for line in lines if not line[0].startswith("#")}
+    fields = words["FIELDS"] if "FIELDS" in words else words["COLUMNS"]  # COLUMNS before .7
+    version = words.get("VERSION", ["0.7"])[0]
+    height = int(words.get("HEIGHT", ["1"])[0])
+    width = int(words.get("WIDTH", words.get("POINTS", []))[0])
+    return {
+        "version": "0.7" if version.removeprefix("0") in _VERSIONS else version,
+        "fields": tuple(f"{_PADDING}{i}" if n == "_" else n for i, n in enumerate(fields)),
+        "size": tuple(int(word) for word in words.get("SIZE", ["4"] * len(fields))),
+        "type": tuple(word.upper() for word in words.get("TYPE", ["F"] * len(fields))),
+        "count": tuple(int(word) for word in words.get("COUNT", ["1"] * len(fields))),
+        "width": width,
+        "height": height,
+        "points": int(words["POINTS"][0]) if "POINTS" in words else width * height,
+        "data": words["DATA"][0].lower(),
+    }
 
 
 def _check_size(path: Path, meta: Any, start: int) -> None:

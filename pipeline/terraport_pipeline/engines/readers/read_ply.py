@@ -1,13 +1,14 @@
 """PLY (ASCII, binary little and big endian) by a structured NumPy type; no other code needed.
 
 Format: Greg Turk, "The PLY Polygon File Format", 1994. Every scalar property of the ``vertex``
-element is kept; other elements (faces) are counted and left alone. plyfile would do it too, but is
-GPL-3.
+element is kept; its list properties (the images of a point, by OpenMVS) and other elements (faces)
+are named in a warning and left out. plyfile would do it too, but is GPL-3.
 """
 
 from __future__ import annotations
 
 import itertools
+import struct
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -31,6 +32,9 @@ _CHUNK_POINTS: Final = 1_000_000
 
 _ASCII_CHUNK: Final = 200_000
 
+_LISTS_BYTES: Final = 1 << 24
+"""Bytes that are read at once of rows with lists; a single row is shorter."""
+
 _TYPES: Final = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
     "short": "i2", "int16": "i2", "ushort": "u2", "uint16": "u2",
@@ -46,14 +50,29 @@ _ENDIAN: Final = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian"
 _AGAIN: Final = "export the survey again"
 
 
+@dataclass(frozen=True, slots=True)
+class _Property:
+    name: str
+    code: str
+    """NumPy type code of the value, or of a list's values."""
+    count_code: str | None = None
+    """Type code of the number before a list's values; None of a scalar."""
+
+
 @dataclass(slots=True)
 class _Element:
     name: str
     count: int
-    properties: list[tuple[str, str]] = field(default_factory=list)
-    """(name, NumPy type code) of scalar properties, in order."""
-    lists: list[str] = field(default_factory=list)
-    """Names of list properties."""
+    properties: list[_Property] = field(default_factory=list)
+    """In file order."""
+
+    @property
+    def scalars(self) -> list[_Property]:
+        return [one for one in self.properties if one.count_code is None]
+
+    @property
+    def lists(self) -> list[_Property]:
+        return [one for one in self.properties if one.count_code is not None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,23 +99,24 @@ def stream_ply(path: Path, *, share: float = 1.0) -> PlyStream:
     """Check a file's header, and read its vertices in parts of a million.
 
     With a `share` below 1 about so much is read: of a binary file parts that are spread over it, of
-    a text its beginning. Columns keep their properties' spelling; ``x``, ``y``, ``z`` and the
-    colours are recognised in any case.
+    a text, or where vertices have lists, its beginning. Columns keep their properties' spelling;
+    ``x``, ``y``, ``z`` and the colours are recognised in any case.
 
     Raises
     ------
     ReadError
-        When the header is not PLY, x, y or z is missing, or a list property is in the way; names
-        the line. Vertices that are cut off or damaged are found while they are read; names the
-        byte or the vertex.
+        When the header is not PLY, or x, y or z is missing; names the line. Vertices that are cut
+        off or damaged are found while they are read; names the byte or the vertex.
     """
     with path.open("rb") as file:
         header = _read_header(path, file)
     vertex, before, others = _find_vertex(path, header)
     _check_names(path, vertex)
-    is_text = header.format == "ascii"
-    tables = _ascii_tables if is_text else partial(_binary_tables, share=share)
-    names = [name for name, _ in vertex.properties]
+    tables: Callable[..., Iterator[AnyArray]] = partial(_binary_tables, share=share)
+    in_order = header.format == "ascii" or any(element.lists for element in [vertex, *before])
+    if in_order:
+        tables = _ascii_tables if header.format == "ascii" else _listed_tables
+    names = [one.name for one in vertex.scalars]
     lower = {name.lower(): name for name in reversed(names)}
     axes = [lower[axis] for axis in "xyz"]
 
@@ -109,10 +129,10 @@ def stream_ply(path: Path, *, share: float = 1.0) -> PlyStream:
             }
             yield StreamChunk(points, columns, len(table))
             done += len(table)
-            if is_text and done >= share * vertex.count:
+            if in_order and done >= share * vertex.count:
                 return
 
-    return PlyStream(vertex.count, _ignored(others), find_colours(names) or (), chunks)
+    return PlyStream(vertex.count, _ignored(vertex, others), find_colours(names) or (), chunks)
 
 
 def has_faces(path: Path) -> bool:
@@ -125,11 +145,15 @@ def has_faces(path: Path) -> bool:
     return any(element.name == "face" and element.count for element in header.elements)
 
 
-def _ignored(others: list[_Element]) -> tuple[str, ...]:
-    if not others:
-        return ()
-    counts = " and ".join(f"{element.count:,} {element.name}" for element in others)
-    return (f"Only the vertices are read; the file's {counts} elements are ignored.",)
+def _ignored(vertex: _Element, others: list[_Element]) -> tuple[str, ...]:
+    warnings = []
+    if vertex.lists:
+        names = ", ".join(one.name for one in vertex.lists)
+        warnings.append(f"The vertices' lists ({names}) are left out.")
+    if others:
+        counts = " and ".join(f"{element.count:,} {element.name}" for element in others)
+        warnings.append(f"Only the vertices are read; the file's {counts} elements are ignored.")
+    return tuple(warnings)
 
 
 def _read_header(path: Path, file: BinaryIO) -> _Header:
@@ -154,9 +178,10 @@ def _read_header(path: Path, file: BinaryIO) -> _Header:
             elif words[0] == "element":
                 elements.append(_Element(words[1], int(words[2])))
             elif words[1] == "list":
-                elements[-1].lists.append(words[4])
+                count_code, code = (_PROPERTY[words[0]][word] for word in words[2:4])
+                elements[-1].properties.append(_Property(words[4], code, count_code))
             else:
-                elements[-1].properties.append((words[2], _PROPERTY[words[0]][words[1]]))
+                elements[-1].properties.append(_Property(words[2], _PROPERTY[words[0]][words[1]]))
         except (IndexError, KeyError, ValueError) as error:
             raise ReadError(
                 path, f"{raw.strip()!r} is no PLY header line", _AGAIN, f"line {number}"
@@ -180,20 +205,15 @@ def _find_vertex(path: Path, header: _Header) -> tuple[_Element, list[_Element],
     vertex, before = header.elements[at], header.elements[:at]
     if vertex.count <= 0:
         raise ReadError(path, f"the header says {vertex.count:,} vertices", _AGAIN)
-    for element in [vertex, *before]:
-        if element.lists and (header.format != "ascii" or element is vertex):
-            raise ReadError(
-                path,
-                f"element {element.name} has the list property {element.lists[0]}, whose rows have "
-                "no fixed size",
-                "export the points with scalar properties, vertices first",
-            )
+    negative = next((element for element in before if element.count < 0), None)
+    if negative is not None:
+        raise ReadError(path, f"the header says {negative.count:,} {negative.name}", _AGAIN)
     others = [e for e in header.elements if e is not vertex and e.count > 0]
     return vertex, before, others
 
 
 def _check_names(path: Path, vertex: _Element) -> None:
-    names = [name for name, _ in vertex.properties]
+    names = [one.name for one in vertex.scalars]
     missing = [axis for axis in "xyz" if axis not in {name.lower() for name in names}]
     if missing:
         raise ReadError(
@@ -214,7 +234,7 @@ def _check_names(path: Path, vertex: _Element) -> None:
 
 def _row_type(element: _Element, file_format: str) -> np.dtype[Any]:
     endian = _ENDIAN[file_format]
-    return np.dtype([(name, endian + code) for name, code in element.properties])
+    return np.dtype([(one.name, endian + one.code) for one in element.scalars])
 
 
 def _binary_tables(
@@ -247,6 +267,111 @@ def _binary_tables(
         yield table.astype(dtype.newbyteorder("="), copy=False)
 
 
+class _ListedRows:
+    """Finds where each row of a binary element with lists, and each run of its scalars, begins."""
+
+    def __init__(self, path: Path, element: _Element, file_format: str) -> None:
+        self._path, self._element = path, element
+        endian = _ENDIAN[file_format]
+        # Runs of scalars, with the list that follows each; the last run has none.
+        self._runs: list[np.dtype[Any]] = []
+        self._lists: list[tuple[struct.Struct, int]] = []
+        run: list[tuple[str, str]] = []
+        for one in element.properties:
+            if one.count_code is None:
+                run.append((one.name, endian + one.code))
+                continue
+            count = struct.Struct(endian + np.dtype(one.count_code).char)
+            self._lists.append((count, np.dtype(one.code).itemsize))
+            self._runs.append(np.dtype(run))
+            run = []
+        self._runs.append(np.dtype(run))
+
+    def blocks(self, file: BinaryIO) -> Iterator[tuple[bytes, list[list[int]]]]:
+        """Yield bytes, and for each row in them where its runs of scalars begin.
+
+        The file is left behind the element's last row.
+        """
+        data, done = b"", 0
+        while done < self._element.count:
+            more = file.read(_LISTS_BYTES)
+            data += more
+            rows, end = self._find(data, self._element.count - done, done)
+            if not rows and (not more or len(data) > _LISTS_BYTES):
+                raise ReadError(
+                    self._path,
+                    f"the file ends after {done:,} of {self._element.count:,} "
+                    f"{self._element.name} rows, or a list in the next is longer than "
+                    f"{_LISTS_BYTES:,} bytes",
+                    "it is cut off or damaged: copy or export it again",
+                    f"byte {file.tell() - len(data):,}",
+                )
+            yield data, rows
+            done += len(rows)
+            data = data[end:]
+        file.seek(-len(data), 1)
+
+    def _find(self, data: bytes, want: int, done: int) -> tuple[list[list[int]], int]:
+        """Find whole rows, and where the last one ends."""
+        steps = [
+            (run.itemsize, count.unpack_from, count.size, item)
+            for run, (count, item) in zip(self._runs, self._lists, strict=False)
+        ]
+        tail, size = self._runs[-1].itemsize, len(data)
+        rows: list[list[int]] = []
+        end = 0
+        while len(rows) < want:
+            at = end
+            starts = [at]
+            for before, unpack, width, item in steps:
+                at += before
+                if at + width > size:
+                    return rows, end
+                number = unpack(data, at)[0]
+                if not 0 <= number <= size:  # also floats, which no list's length is
+                    raise ReadError(
+                        self._path,
+                        f"a list has {number:,} values",
+                        "it is damaged: copy or export it again",
+                        f"{self._element.name} {done + len(rows):,}",
+                    )
+                at += width + int(number) * item
+                starts.append(at)
+            if at + tail > size:
+                return rows, end
+            rows.append(starts)
+            end = at + tail
+        return rows, end
+
+    def table(self, data: bytes, rows: list[list[int]], dtype: np.dtype[Any]) -> AnyArray:
+        """Take the scalars of the rows that were found."""
+        values = np.frombuffer(data, np.uint8)
+        starts = np.array(rows, np.int64)
+        table = np.empty(len(rows), dtype)
+        for column, run in enumerate(self._runs):
+            if run.names:
+                each = values[starts[:, column, None] + np.arange(run.itemsize)].view(run)[:, 0]
+                for name in run.names:
+                    table[name] = each[name]
+        return table
+
+
+def _listed_tables(
+    path: Path, header: _Header, vertex: _Element, before: list[_Element]
+) -> Iterator[AnyArray]:
+    """Yield vertices of a binary file where they, or elements before them, have lists."""
+    dtype = _row_type(vertex, header.format).newbyteorder("=")
+    with path.open("rb") as file:
+        file.seek(header.length)
+        for element in before:
+            for _ in _ListedRows(path, element, header.format).blocks(file):
+                pass
+        rows = _ListedRows(path, vertex, header.format)
+        for data, found in rows.blocks(file):
+            if found:
+                yield rows.table(data, found, dtype)
+
+
 def _ascii_tables(
     path: Path, header: _Header, vertex: _Element, before: list[_Element]
 ) -> Iterator[AnyArray]:
@@ -254,7 +379,7 @@ def _ascii_tables(
     # (1) Refuse a header that promises more than the file can hold, before memory is taken for
     # it.
     dtype = _row_type(vertex, "ascii")
-    columns = len(vertex.properties)
+    columns = len(vertex.properties)  # of a list one at least: its length
     size = path.stat().st_size
     if vertex.count * 2 * columns > size + 1:  # a digit and a blank for each value
         raise ReadError(
@@ -270,7 +395,7 @@ def _ascii_tables(
             file.readline()
         for first in range(0, vertex.count, _ASCII_CHUNK):
             want = min(_ASCII_CHUNK, vertex.count - first)
-            values = _parse_lines(path, list(itertools.islice(file, want)), first, columns)
+            values = _parse_lines(path, list(itertools.islice(file, want)), first, vertex)
             if len(values) < want:
                 raise ReadError(
                     path,
@@ -279,36 +404,67 @@ def _ascii_tables(
                     f"vertex {first + len(values):,}",
                 )
             table = np.zeros(want, dtype=dtype)
-            for column, (name, _) in enumerate(vertex.properties):
-                table[name] = values[:, column]
+            for column, one in enumerate(vertex.scalars):
+                table[one.name] = values[:, column]
             yield table
 
 
-def _parse_lines(path: Path, lines: list[bytes], first: int, columns: int) -> Float64:
+def _parse_lines(path: Path, lines: list[bytes], first: int, vertex: _Element) -> Float64:
     """Parse vertex lines; float64 holds every integer that PLY knows exactly."""
-    tokens = b" ".join(lines).split()
+    columns = len(vertex.scalars)
     try:
+        if vertex.lists:
+            tokens = [word for line in lines for word in _scalar_words(line.split(), vertex)]
+        else:
+            tokens = b" ".join(lines).split()
         return np.array(tokens, dtype="S").astype(np.float64).reshape(len(lines), columns)
     except ValueError as error:
-        raise _bad_line(path, lines, first, columns, error) from error
+        raise _bad_line(path, lines, first, vertex, error) from error
+
+
+def _scalar_words(words: list[bytes], vertex: _Element) -> list[bytes]:
+    """Leave out the lists of a row.
+
+    Raises
+    ------
+    ValueError
+        It has fewer or more values than it says.
+    """
+    out = []
+    at = 0
+    for one in vertex.properties:
+        if at >= len(words):
+            raise ValueError
+        if one.count_code is None:
+            out.append(words[at])
+            at += 1
+        else:
+            at += 1 + max(int(words[at]), 0)
+    if at != len(words):
+        raise ValueError
+    return out
 
 
 def _bad_line(
-    path: Path, lines: list[bytes], first: int, columns: int, cause: ValueError
+    path: Path, lines: list[bytes], first: int, vertex: _Element, cause: ValueError
 ) -> Exception:
     """Find the line that is no row of numbers."""
+    columns = len(vertex.scalars)
     for number, line in enumerate(lines):
         words = line.split()
         try:
+            if vertex.lists:
+                words = _scalar_words(words, vertex)
             np.array(words, dtype="S").astype(np.float64)
             fine = len(words) == columns
         except ValueError:
             fine = False
         if not fine:
             text = line.decode("latin-1").strip()[:80]
+            lists = f" and {len(vertex.lists)} lists" if vertex.lists else ""
             return ReadError(
                 path,
-                f"{text!r} is no row of {columns} numbers",
+                f"{text!r} is no row of {columns} numbers{lists}",
                 "the file is cut off or damaged: copy or export it again",
                 f"vertex {first + number:,}",
             )

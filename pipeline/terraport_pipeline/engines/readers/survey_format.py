@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import re
 from pathlib import Path
 from typing import Final
 
@@ -22,9 +23,15 @@ FORMATS: Final[dict[str, tuple[str, ...]]] = {
 _MAGIC: Final = {
     "las": (b"LASF",),
     "ply": (b"ply\n", b"ply\r", b"ply "),
-    "pcd": (b"# .PCD", b"VERSION .7", b"VERSION 0.7"),
+    "pcd": (b"# .PCD",),
     "e57": (b"ASTM-E57",),
 }
+
+_PCD: Final = re.compile(
+    rb"^\s*# \.PCD|^VERSION[ \t]+0?\.[567]\s|^(?:FIELDS|COLUMNS)[ \t].*\n[ \t]*SIZE[ \t]",
+    re.IGNORECASE | re.MULTILINE,
+)
+"""A line of a PCD header; comments may stand before it."""
 
 _RASTER_ADVICE: Final = (
     "terraport wants the points that it was made of; of a raster of heights, gdal2xyz makes points"
@@ -94,7 +101,7 @@ def find_format(path: Path) -> str:
     for start, what, advice in _FOREIGN:
         if head.startswith(start):
             raise ReadError(path, f"this is {what}, no survey", advice)
-    if head.lstrip().startswith(b"# .PCD") or b"\nFIELDS" in head[:512]:
+    if _PCD.search(head[:512]):
         return "pcd"
     # (3) By name, only for text, which has no first bytes of its own.
     suffix = path.suffix.lower()
