@@ -69,7 +69,7 @@ class Survey:
     warnings: tuple[str, ...] = ()
     """What the reader noticed and the user should know, whole sentences."""
     whole: tuple[str, ...] = ()
-    """Attributes that are whole numbers although floats: NaN where a file does not have them."""
+    """Attributes that are whole numbers although floats: NaN where a point has none."""
 
 
 @dataclass(frozen=True, slots=True)

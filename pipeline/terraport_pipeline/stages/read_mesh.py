@@ -16,6 +16,7 @@ import PIL.Image
 from terraport_payload.types import Bool, Float64, Int32
 from terraport_pipeline.engines.mesh_files.read_mesh import FileImage, FileMesh, read_mesh
 from terraport_pipeline.engines.photo_store import MAX_PIXELS
+from terraport_pipeline.engines.readers.attribute_names import distinct_names
 from terraport_pipeline.engines.readers.survey_crs import conversion_line, metre_factors
 from terraport_pipeline.errors import ReadError, SurveyError
 from terraport_pipeline.model import Crs
@@ -85,6 +86,8 @@ def run(given: MeshInput, context: Context, *, textured: bool) -> tuple[Mapping[
     names = _attributes(mesh)
     for number, name in enumerate(names):
         np.save(folder / f"attribute-{number}.npy", mesh.attributes[name].astype(np.float32))
+    renamed, notes = distinct_names(names)
+    warnings += notes
     is_textured = textured and mesh.texture is not None
     if is_textured:
         context.progress.start("read: textures", None, "images")
@@ -94,7 +97,8 @@ def run(given: MeshInput, context: Context, *, textured: bool) -> tuple[Mapping[
     values: dict[str, Json] = {
         "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,
         **({} if factors is None else {"units_m": factors[[0, 2]].tolist()}),
-        "attributes": names, "textured": is_textured, "has_colour": mesh.colours is not None,
+        "attributes": [*renamed.values()], "textured": is_textured,
+        "has_colour": mesh.colours is not None,
         "faces": len(mesh.faces), "vertices": len(mesh.vertices),
     }  # fmt: skip
     return values, Facts(counts, tuple(warnings), choices=placed.choices)

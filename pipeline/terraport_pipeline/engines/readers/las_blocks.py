@@ -22,6 +22,7 @@ __all__ = [
     "CHUNK_POINTS",
     "Blocks",
     "brief",
+    "count_records",
     "file_blocks",
     "iterate_blocks",
     "means_damage",
@@ -83,6 +84,23 @@ def file_blocks(path: Path, header: Any) -> Blocks | None:
     start, count = int(header.offset_to_point_data), int(header.point_count)
     if not header.are_points_compressed:
         return _row_blocks(start, int(header.point_format.size), count)
+    chunks, table = _chunk_table(path, header)
+    most = sum(chunk[0] for chunk in chunks)
+    end = start + 8 + sum(chunk[1] for chunk in chunks)
+    if not (chunks and most - chunks[-1][0] < count <= most and end == table):
+        return None
+    rows, sizes = np.array(chunks, np.int64).T
+    rows = rows.copy()
+    rows[-1] -= most - count
+    return Blocks(start + 8, rows, sizes)
+
+
+def _chunk_table(path: Path, header: Any) -> tuple[list[tuple[int, int]], int]:
+    """Read (points, bytes) of every chunk, and the byte of their table; none where it is damaged.
+
+    Where chunks have one size, the last is told as full and need not be.
+    """
+    start = int(header.offset_to_point_data)
     try:
         with path.open("rb") as file:
             file.seek(start)
@@ -93,18 +111,38 @@ def file_blocks(path: Path, header: Any) -> Blocks | None:
     except BaseException as error:
         if not means_damage(error) and not isinstance(error, (IndexError, TypeError)):
             raise
-        return None
+        return [], 0
     while chunks and chunks[-1] == (0, 0):  # writers that end a chunk before they know of more
         chunks.pop()
-    # Where chunks have one size, the last is told as full and need not be.
-    most = sum(chunk[0] for chunk in chunks)
-    end = start + 8 + sum(chunk[1] for chunk in chunks)
-    if not (chunks and most - chunks[-1][0] < count <= most and end == table):
-        return None
-    rows, sizes = np.array(chunks, np.int64).T
-    rows = rows.copy()
-    rows[-1] -= most - count
-    return Blocks(start + 8, rows, sizes)
+    return chunks, table
+
+
+def count_records(path: Path, header: Any) -> int | None:
+    """Count the point records that are in a file, whatever its header says.
+
+    Parameters
+    ----------
+    path : pathlib.Path
+    header : laspy.LasHeader
+
+    Returns
+    -------
+    int or None
+        Of a compressed file the least number that its table of chunks allows; None without one.
+    """
+    start, size = int(header.offset_to_point_data), path.stat().st_size
+    if header.are_points_compressed:
+        chunks, table = _chunk_table(path, header)
+        if not chunks or table != start + 8 + sum(chunk[1] for chunk in chunks):
+            return None
+        one_size = len({chunk[0] for chunk in chunks}) == 1
+        return sum(chunk[0] for chunk in chunks) - (chunks[-1][0] - 1 if one_size else 0)
+    # Records of other kinds may follow the points.
+    others = [int(getattr(header, "start_of_waveform_data_packet_record", 0))]
+    if header.version.minor >= 4 and header.number_of_evlrs:
+        others.append(int(header.start_of_first_evlr))
+    end = min([size, *(other for other in others if start < other)])
+    return max(end - start, 0) // int(header.point_format.size)
 
 
 def no_blocks(header: Any) -> Blocks:

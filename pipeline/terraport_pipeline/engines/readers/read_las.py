@@ -2,7 +2,8 @@
 
 COPC is LAZ with an index: its full resolution is read in file order. Every dimension is kept as an
 attribute under its LAS name, except X, Y, Z and colour, and except standard fields that hold their
-"not set" value in every point (0; 1 for the return numbers).
+"not set" value in every point (0; 1 for the return numbers). Where an extra dimension states a
+value for "no data", points with that value have NaN.
 
 For an extent only those blocks are read that may hold points within it, where the file has an index
 that says which (:mod:`.las_index`); a file whose header puts it outside the extent is not read.
@@ -12,7 +13,7 @@ from __future__ import annotations
 
 import contextlib
 import struct
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
@@ -27,6 +28,7 @@ from terraport_pipeline.engines.readers.las_blocks import (
     CHUNK_POINTS,
     Blocks,
     brief,
+    count_records,
     file_blocks,
     iterate_blocks,
     means_damage,
@@ -59,6 +61,15 @@ _RECORD_BYTES: Final = 54
 _EXTENDED_RECORD_BYTES: Final = 60
 """Sizes of LAS 1.4: public header block, and the heads of variable length records."""
 
+_NO_DATA_BYTE: Final = 40
+"""Byte of the description of an extra dimension at which its value for "no data" stands, widened to
+64 bits. laspy wraps what the dimension's own type cannot hold."""
+
+_LEGACY_COUNT: Final = 107
+"""Byte of the header at which the number of points of 32 bits stands."""
+
+_REPAIR: Final = "repair its header (LAStools: lasinfo -repair_counters)"
+
 _MAX_POINTS_PER_BYTE: Final = 2000
 
 _MOST_STEPS: Final = 2.0**52
@@ -80,6 +91,8 @@ class LasStream:
     warnings: tuple[str, ...]
     standard: frozenset[str]
     """Dimensions that the standard names; they are left out where they hold nothing."""
+    whole: frozenset[str]
+    """Columns of whole numbers that are floats because the file states a value for "no data"."""
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
     box: tuple[tuple[float, float, float], tuple[float, float, float]] | None
@@ -131,18 +144,19 @@ def open_las(
     with contextlib.ExitStack() as stack:
         stack.enter_context(reader)
         header = reader.header
-        count = int(header.point_count)
-        if count == 0:
-            raise NoPointsError(path, "the header says 0 points", "export the survey again")
+        count, warnings = _point_count(path, header)
+        header.point_count = count
         _check_size(path, header)
+        warnings += _further_records(path, header)
         blocks = file_blocks(path, header)
         if header.are_points_compressed and blocks is not None:
             reader = stack.enter_context(
                 laspy.open(path, laz_backend=laspy.LazBackend.LazrsParallel)
             )
+            reader.header.point_count = count
         # (3) Frame, extent and columns.
-        crs, warnings = _find_crs(header)
-        warnings += _tell_steps(header.scales)
+        crs, notes = _find_crs(header)
+        warnings += notes + _tell_steps(header.scales)
         box = _stated_box(header)
         selection, remarks = _select(path, header, box, blocks, extent)
         if share < 1.0:
@@ -155,6 +169,7 @@ def open_las(
                 "twice",
                 "the header is damaged: copy or export the file again",
             )
+        no_data = _stated_no_data(header)
 
         # (4) Chunks in file order.
         def chunks() -> Iterator[StreamChunk]:
@@ -165,18 +180,19 @@ def open_las(
                     points = _points_of(chunk, header)
                     if extent is not None and selection.intervals is not None:
                         _check_index(path, selection, numbers[extent.holds(points)])
-                    yield _chunk_of(points, chunk, names)
+                    yield _chunk_of(points, chunk, names, no_data)
                 return
             for first, chunk in _iterate(reader, path, count):
                 if first and first >= share * count:
                     return
-                yield _chunk_of(_points_of(chunk, header), chunk, names)
+                yield _chunk_of(_points_of(chunk, header), chunk, names, no_data)
 
         yield LasStream(
             count,
             crs,
             warnings,
             frozenset(header.point_format.standard_dimension_names),
+            _whole_columns(header, no_data),
             chunks,
             box,
             count if selection is None else selection.rows,
@@ -230,11 +246,54 @@ def _points_of(chunk: Any, header: Any) -> Float64:
     return _placed(ticks, header.scales, header.offsets)
 
 
-def _chunk_of(points: Float64, chunk: Any, names: Sequence[str]) -> StreamChunk:
+def _chunk_of(
+    points: Float64, chunk: Any, names: Sequence[str], no_data: Mapping[str, AnyArray]
+) -> StreamChunk:
     columns = {name: np.asarray(chunk[name]) for name in names}
+    for name, value in no_data.items():
+        # The standard states it in the stored type: before scale and offset.
+        stored = chunk.array[name]
+        missing = stored == value.astype(stored.dtype)
+        kind = columns[name].dtype if columns[name].dtype.kind == "f" else np.dtype(np.float64)
+        columns[name] = np.where(missing, kind.type(np.nan), columns[name].astype(kind))
     noise: Bool = np.isin(columns["classification"], _NOISE_CLASSES)
     noise |= columns["withheld"].astype(np.bool_)  # "deleted", says the standard
     return StreamChunk(points, columns, len(chunk), noise)
+
+
+def _stated_no_data(header: Any) -> dict[str, AnyArray]:
+    """Read which value of each extra dimension stands for "no data" (LAS 1.4, table 24).
+
+    Returns
+    -------
+    dict
+        By name, one value per component. A value that the stored type cannot hold marks no point.
+    """
+    structs = [s for vlr in header.vlrs.get("ExtraBytesVlr") for s in vlr.extra_bytes_structs]
+    extra = set(header.point_format.extra_dimension_names)
+    stated: dict[str, AnyArray] = {}
+    for record in structs:
+        name, count = record.format_name(), record.num_elements()
+        if not record.data_type or not record.options & record.NO_DATA_BIT_MASK:
+            continue
+        dtype = record.dtype().base
+        wide = {"f": np.float64, "i": np.int64, "u": np.uint64}[dtype.kind]
+        values = np.frombuffer(bytes(record), wide, count, _NO_DATA_BYTE)
+        with np.errstate(over="ignore"):
+            held = values.astype(dtype).astype(wide) == values
+        if name in extra and (dtype.kind == "f" or held.all()):
+            stated[name] = values if count > 1 else values[0]
+    return stated
+
+
+def _whole_columns(header: Any, no_data: Mapping[str, AnyArray]) -> frozenset[str]:
+    """Name the columns of whole numbers that become floats for their missing values."""
+    return frozenset(
+        f"{info.name}_{component}" if info.num_elements > 1 else info.name
+        for info in header.point_format.extra_dimensions
+        if info.name in no_data and info.scales is None and info.kind.name != "FloatingPoint"
+        for component in range(info.num_elements)
+    )
 
 
 def _check_index(path: Path, selection: Selection, rows: Int64) -> None:
@@ -306,6 +365,81 @@ def _check_records(path: Path) -> None:
             f"into {size:,} bytes",
             "the file is cut off or damaged: copy or export it again",
         )
+
+
+def _point_count(path: Path, header: Any) -> tuple[int, tuple[str, ...]]:
+    """Read how many points a header states; LAS 1.4 does so twice.
+
+    Beside the count of 64 bits there is the older one of 32, which is 0 where it cannot hold the
+    number or the point format is new. Some writers fill in only one of them.
+
+    Returns
+    -------
+    count : int
+    warnings : tuple of str
+
+    Raises
+    ------
+    NoPointsError
+        The file has no points.
+    ReadError
+        The header says that there are none, and compressed points follow.
+    """
+    count, legacy = int(header.point_count), 0
+    present = None if header.are_points_compressed else count_records(path, header)
+    warnings: tuple[str, ...] = ()
+    if header.version.minor >= 4:
+        with path.open("rb") as file:
+            file.seek(_LEGACY_COUNT)
+            (legacy,) = struct.unpack("<I", file.read(4).ljust(4, b"\0"))
+    if legacy not in (0, count):
+        taken = legacy if count == 0 or legacy <= (present or 0) < count else count
+        warning = (
+            f"The header states {count:,} points in the field of LAS 1.4 and {legacy:,} in the "
+            f"older one: {taken:,} are read. Export the file again to correct its header."
+        )
+        count, warnings = taken, (warning,)
+    if count == 0 and present:
+        warning = (
+            f"The header states 0 points, but {present:,} point records follow: all are read. Its "
+            f"writer did not finish the file: export it again, or {_REPAIR}."
+        )
+        count, warnings = present, (warning,)
+    if count == 0 and present is None and _stated_chunks(path, header):
+        raise ReadError(
+            path,
+            "the header says 0 points, but compressed points follow",
+            f"its writer did not finish the file: export it again, or {_REPAIR}",
+        )
+    if count == 0:
+        raise NoPointsError(path, "the header says 0 points", "export the survey again")
+    return count, warnings
+
+
+def _further_records(path: Path, header: Any) -> tuple[str, ...]:
+    """Warn of point records beyond those that the header states."""
+    present, count = count_records(path, header), int(header.point_count)
+    if present is None or present <= count:
+        return ()
+    least = "at least " if header.are_points_compressed else ""
+    warning = (
+        f"The header states {count:,} points, but {least}{present - count:,} further point "
+        "records follow: they are left out. If they are of the survey, its writer did not finish "
+        f"the file: export it again, or {_REPAIR}."
+    )
+    return (warning,)
+
+
+def _stated_chunks(path: Path, header: Any) -> int:
+    """Read the number of compressed chunks from the table behind the points; 0 without one."""
+    with path.open("rb") as file:
+        file.seek(int(header.offset_to_point_data))
+        (table,) = struct.unpack("<q", file.read(8).ljust(8, b"\xff"))
+        if table < 0:
+            return 0
+        file.seek(table)
+        _, chunks = struct.unpack("<II", file.read(8).ljust(8, b"\0"))
+    return int(chunks)
 
 
 def _check_size(path: Path, header: Any) -> None:

@@ -60,6 +60,8 @@ class SurveyStream:
     """Columns to leave out when every point has one value and it is one of these."""
     narrow: bool = False
     """Columns of whole numbers get an integer type."""
+    whole: frozenset[str] = frozenset()
+    """Columns of whole numbers that are floats because points may have no value."""
     stated_step: bool = False
     """Nothing is to suspect of 32-bit floats: the format says how fine its coordinates are, or the
     opener looks itself."""
@@ -220,6 +222,7 @@ def _open_las(path: Path, extent: Extent | None, share: float) -> Iterator[Surve
             stream.warnings,
             _LAS_COLOURS if stream.standard.issuperset(_LAS_COLOURS) else (),
             unset,
+            whole=stream.whole,
             stated_step=True,
             skipped=stream.count - stream.rows,
             box=stream.box,

@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_pipeline.engines.readers.attribute_names import distinct_names
 from terraport_pipeline.engines.readers.survey_colours import Depth, choose_depth
 from terraport_pipeline.engines.readers.survey_column import SurveyColumn
 from terraport_pipeline.errors import SurveyError
@@ -27,11 +28,13 @@ class Layout:
 
     names: list[str]
     """Attributes in their order."""
+    sources: list[str]
+    """Column of the files that each comes from: its name, unless two were the same in a scene."""
     dtypes: list[np.dtype[Any]]
     fills: list[float]
     """Value of each where a file does not have it."""
     whole: list[str]
-    """Attributes of whole numbers that are floats because some files do not have them."""
+    """Attributes of whole numbers that are floats because some points have no value."""
     has_colour: bool
     depths: list[Depth | None]
     """For every file how its colours become 0..255; None where it has none."""
@@ -72,6 +75,8 @@ def decide_layout(spooled: Sequence[Spooled], survey: SurveyFiles) -> tuple[Layo
         if column.says_nothing:
             continue
         dtype, fill = column.narrowed, 0.0
+        if dtype.kind == "f" and any(name in part.stream.whole for part in spooled):
+            whole.append(name)
         if name in lacking:
             if column.unset:
                 fill = float(column.unset[0])
@@ -83,10 +88,22 @@ def decide_layout(spooled: Sequence[Spooled], survey: SurveyFiles) -> tuple[Layo
         names.append(name)
         dtypes.append(dtype)
         fills.append(fill)
+    renamed, notes = distinct_names(names)
+    warnings += notes
     for name, without in gaps.items():
-        warnings.append(f"Attribute {name!r} is not in {listed(without)}: it has no value there.")
+        warnings.append(
+            f"Attribute {renamed[name]!r} is not in {listed(without)}: it has no value there."
+        )
     has_colour = any(depth is not None for depth in depths)
-    return Layout(names, dtypes, fills, whole, has_colour, depths), warnings
+    return Layout(
+        [renamed[name] for name in names],
+        names,
+        dtypes,
+        fills,
+        [renamed[name] for name in whole],
+        has_colour,
+        depths,
+    ), warnings
 
 
 def _with_gaps(name: str, dtype: np.dtype[Any], survey: SurveyFiles) -> np.dtype[Any]:

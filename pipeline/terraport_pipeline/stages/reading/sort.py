@@ -91,7 +91,7 @@ def _converted(raw: AnyArray, number: int, part: Spooled, layout: Layout) -> Any
             rows["colour"] = _GREY
         else:
             rows["colour"] = apply_depth(raw[part.fields[COLOUR]], depth)
-    for i, name in enumerate(layout.names):
+    for i, name in enumerate(layout.sources):
         rows[f"a{i}"] = raw[part.fields[name]] if name in part.fields else layout.fills[i]
     return rows
 

@@ -296,5 +296,7 @@ def _columns_of(chunk: StreamChunk, stream: SurveyStream) -> dict[str, AnyArray]
             out[name] = values
         else:
             for component in range(values.shape[1]):
-                out[f"{name}_{component}"] = values[:, component]
+                own = f"{name}_{component}"
+                taken = own in chunk.columns or own in out
+                out[f"{name}[{component}]" if taken else own] = values[:, component]
     return out
