@@ -1,23 +1,26 @@
-"""Room for the connections that the settings allow.
+"""File descriptors: enough for the connections that the settings allow, and some in reserve.
 
-A connection takes two descriptors while it streams; many systems start a process with 1,024 in
-all. Without this, ``max_connections`` would be a promise that the system breaks first.
+A connection takes one descriptor; many systems start a process with 1,024 in all. Without this,
+the process could run out of descriptors long before it has ``max_connections`` connections.
 """
 
 from __future__ import annotations
 
+import errno
 import logging
 from typing import Final
 
 from terraport_server.logs import log
 
-__all__ = ["make_room", "most_packs"]
+__all__ = ["first_reserved", "is_shortage", "make_room", "most_packs"]
 
-_PER_CONNECTION: Final = 2
 _OTHERS: Final = 256
 """A few packs, threads' pipes, log, listening sockets."""
 _PACKS: Final = 16_384
 """Of scenes in a folder, where the system lets a process have so many."""
+_RESERVED: Final = 64
+"""Descriptors that no accepted connection keeps, or a quarter of all if that is less: for refusing
+further connections, looking at scenes, and reading files."""
 
 
 def make_room(max_connections: int) -> None:
@@ -30,7 +33,7 @@ def make_room(max_connections: int) -> None:
         import resource  # Unix has it
     except ImportError:
         return
-    wanted = _PER_CONNECTION * max_connections + _OTHERS
+    wanted = max_connections + _OTHERS
     most = wanted + _PACKS
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft == resource.RLIM_INFINITY or soft >= most:
@@ -47,14 +50,35 @@ def make_room(max_connections: int) -> None:
         )
 
 
+def first_reserved() -> int | None:
+    """Return the lowest descriptor number that no connection may keep; None = without bound.
+
+    The system always gives the lowest number that is free, so a connection with a higher number
+    means that nearly all are in use.
+    """
+    most = _most_descriptors()
+    return None if most is None else most - min(_RESERVED, most // 4)
+
+
+def is_shortage(error: BaseException) -> bool:
+    """Return whether an operation failed because no file descriptor was free."""
+    return isinstance(error, OSError) and error.errno in {errno.EMFILE, errno.ENFILE}
+
+
 def most_packs() -> int | None:
     """Return how many packs may be open: half of what the process may; None = without bound.
 
     With more, no connection could be accepted any more.
     """
+    most = _most_descriptors()
+    return None if most is None else most // 2
+
+
+def _most_descriptors() -> int | None:
+    """Return how many descriptors this process may have; None = without bound."""
     try:
         import resource  # Unix has it
     except ImportError:
         return None
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return None if soft == resource.RLIM_INFINITY else soft // 2
+    return None if soft == resource.RLIM_INFINITY else soft

@@ -101,8 +101,9 @@ class Doorway:
                 continue  # nobody else waits
             except ConnectionError:
                 continue  # who waited is gone
-            except OSError:
-                await asyncio.sleep(_PAUSE_S)  # no descriptor is left
+            except OSError:  # no descriptor is left
+                if not (self._entrance.make_room() or self._make_room(None)):
+                    await asyncio.sleep(_PAUSE_S)
             await asyncio.sleep(0)
 
     def _greet_waiting(self) -> None:

@@ -35,6 +35,7 @@ from terraport_server.scene_links import (
     building_line,
     has_local_file,
     links_of,
+    scene_path,
     service_links,
     summary_of,
 )
@@ -112,7 +113,7 @@ async def get_scene(
     """Return the manifest with the scene's id and the addresses of its parts added."""
     links = links_of(served)
     if may_paint(service, token_pass, served):
-        links = {**links, "strokes": f"scenes/{served.id}/strokes"}
+        links = {**links, "strokes": f"{scene_path(served.id)}/strokes"}
     added = json.dumps({"id": served.id, "links": links}).encode()
     headers = {"Cache-Control": CHECK, "ETag": f'"{served.version}"', "Vary": "Authorization"}
     document = served.manifest_json[:-1] + b"," + added[1:]

@@ -1,20 +1,17 @@
 """Bodies of HTTP answers by ``sendfile``: the ASGI extension ``http.response.zerocopysend``.
 
 uvicorn does not have it. With it a range of an open file goes from the page cache to the socket,
-and the head of the answer with its first bytes, in one segment: two system calls for a body that
-the socket takes at once. Under TLS it is read piece by piece, as the socket takes it, through one
-buffer for all connections: no client that reads slowly has more of a body here than a piece. Not
-on every system: an application asks the scope.
-
-The transport's buffer must be empty, so that nothing is overtaken; where it is not, which takes a
-client that sends requests ahead, the bytes are read and go through the transport like any others.
+and the head of the answer with its first bytes, in one segment. When the socket is full, one small
+piece goes to the transport, which calls ``resume_writing`` when the socket has taken it: no second
+descriptor is needed to wait. Under TLS it is read piece by piece, as the socket takes it, through
+one buffer for all connections: no client that reads slowly has more of a body here than a piece.
+Not on every system: an application asks the scope.
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
-import socket
 from collections.abc import Callable
 from http import HTTPStatus
 from typing import Any, Final
@@ -30,8 +27,9 @@ FILES: Final = "http.response.zerocopysend"
 
 Done = Callable[[OSError | None], None]
 
-_MSG_MORE: Final = getattr(socket, "MSG_MORE", 0)
-"""The head waits for its body, so that both leave in one segment."""
+_PIECE_BYTES: Final = 16 << 10
+"""Bytes read and copied, not sent by ``sendfile``: those that leave with the head, and those that
+the transport holds while it waits for a full socket."""
 
 _REASONS: Final = {
     status.value: f"HTTP/1.1 {status.value} {status.phrase}\r\n".encode() for status in HTTPStatus
@@ -44,22 +42,16 @@ class FileSender:
     Parameters
     ----------
     transport
-        Of the connection.
-    stalled
-        Called with True whenever a wait for the client to take more begins, with False at its end.
+        Of the connection, whose protocol calls :meth:`on_room` in ``resume_writing``.
     """
 
-    def __init__(self, transport: asyncio.Transport, stalled: Callable[[bool], None]) -> None:
+    def __init__(self, transport: asyncio.Transport) -> None:
         self._transport = transport
         self._secure = transport if isinstance(transport, SendingTransport) else None
-        if self._secure is not None:
-            self._secure.set_write_buffer_limits(0)  # nothing is left: then a file goes on
-        self._stalled = stalled
+        transport.set_write_buffer_limits(0)  # nothing is left: then a file goes on
         self._loop = asyncio.get_running_loop()
-        self._direct: socket.socket | None = None
-        """Our own descriptor of the same socket: the loop refuses to watch the transport's."""
         self._done: Done | None = None
-        """Whom to tell that the body is with the socket, or lost; None where none is under way."""
+        """Called when the body is handed over, or lost; None where none is under way."""
         self._rest: tuple[bytes, int, int, int] = (b"", -1, 0, 0)
         """What is left of it: head, descriptor, offset, bytes."""
 
@@ -69,11 +61,6 @@ class FileSender:
         if isinstance(transport, SendingTransport):
             return hasattr(os, "preadv")
         return transport.get_extra_info("socket") is not None and hasattr(os, "sendfile")
-
-    @property
-    def is_clear(self) -> bool:
-        """Whether :meth:`begin` may be called: nothing would be overtaken."""
-        return self._done is None and not self._transport.get_write_buffer_size()
 
     def begin(self, head: bytes, file: int, offset: int, count: int, done: Done) -> bool:
         """Send bytes and a range of a file; never waits.
@@ -85,13 +72,13 @@ class FileSender:
         file, offset, count
             A descriptor, and what of it.
         done
-            Called once, where this returns False: with None when the socket has all, else with what
-            went wrong.
+            Called once, where this returns False: with None when socket and transport have all,
+            else with what went wrong.
 
         Returns
         -------
         bool
-            Whether the socket took all of it at once.
+            Whether socket and transport took all of it at once.
 
         Raises
         ------
@@ -99,18 +86,9 @@ class FileSender:
             When the connection is gone, or the file cannot be read or ends before `count`.
         """
         self._rest = (head, file, offset, count)
-        if self._secure is not None:
-            if self._push_secure(self._secure):
-                return True
-            self._done = done  # the transport says when there is room
-            return False
-        direct = self._direct or self._own_socket()
-        if self._push(direct):
+        if self._push():
             return True
-        # From here on the socket's own readiness pushes: no task is woken for a part of a body.
-        self._done = done
-        self._stalled(True)
-        self._loop.add_writer(direct.fileno(), self._on_writable, direct)
+        self._done = done  # on_room goes on: no task is woken for a part of a body
         return False
 
     async def answer(
@@ -141,10 +119,7 @@ class FileSender:
         cycle.response_started = True
         cycle.waiting_for_100_continue = False
         try:
-            if self._transport.get_write_buffer_size():
-                await self._send_read(cycle, head, message)
-            else:
-                await self._send_file(head, message)
+            await self._send_file(head, message)
         except ConnectionError:
             cycle.disconnected = True
             self._transport.abort()
@@ -161,12 +136,9 @@ class FileSender:
         cycle.on_response()
 
     def close(self) -> None:
-        """Tell whoever sends a body that the connection is gone; free the descriptor."""
+        """Tell the sender of a body that the connection is gone."""
         if self._done is not None:
             self._end(ConnectionResetError())
-        if self._direct is not None:
-            self._direct.close()
-            self._direct = None
 
     async def _send_file(self, head: bytes, message: Any) -> None:
         room = self._loop.create_future()
@@ -187,24 +159,42 @@ class FileSender:
             if self._done is done:  # cancelled
                 self._end(None)
 
-    def _push(self, direct: socket.socket) -> bool:
-        """Hand the socket what it takes; tell whether that was all."""
+    def _push(self) -> bool:
+        """Hand over what the socket takes now; return whether that was all."""
+        if self._transport.is_closing():
+            raise ConnectionResetError
+        if self._transport.get_write_buffer_size():
+            return False  # nothing may be overtaken
+        if self._secure is not None:
+            return self._push_secure(self._secure)
         head, descriptor, offset, left = self._rest
+        while head or left:
+            if not head:
+                offset, left = self._send_file_now(descriptor, offset, left)
+            piece = os.pread(descriptor, min(left, _PIECE_BYTES), offset)
+            if left and not piece:
+                raise OSError(f"the file ends {left} bytes before its range")
+            if head or piece:
+                self._transport.write(head + piece)
+            head, offset, left = b"", offset + len(piece), left - len(piece)
+            if self._transport.is_closing():
+                raise ConnectionResetError
+            if self._transport.get_write_buffer_size():
+                break
+        self._rest = (head, descriptor, offset, left)
+        return not left
+
+    def _send_file_now(self, descriptor: int, offset: int, left: int) -> tuple[int, int]:
+        """Send of the file what the socket takes; return offset and count of what remains."""
+        number = self._transport.get_extra_info("socket").fileno()
         try:
-            while head:
-                head = head[direct.send(head, _MSG_MORE if left else 0) :]
-            while left:
-                sent = os.sendfile(direct.fileno(), descriptor, offset, left)
-                if not sent:
-                    raise OSError(f"the file ends {left} bytes before its range")
+            while left and (sent := os.sendfile(number, descriptor, offset, left)):
                 offset, left = offset + sent, left - sent
         except BlockingIOError:
-            self._rest = (head, descriptor, offset, left)
-            return False
-        return True
+            pass
+        return offset, left
 
     def _push_secure(self, secure: SendingTransport) -> bool:
-        """Hand the transport what it takes; tell whether that was all."""
         head, descriptor, offset, left = self._rest
         while head or left:
             piece = secure.read_room[: min(left, READ_ROOM_BYTES)]
@@ -223,20 +213,10 @@ class FileSender:
 
     def on_room(self) -> None:
         """Go on: the transport has nothing left to send."""
-        if self._secure is None or self._done is None:
+        if self._done is None:
             return
         try:
-            if not self._push_secure(self._secure):
-                return
-        except OSError as error:
-            self._end(error)
-        else:
-            self._end(None)
-
-    def _on_writable(self, direct: socket.socket) -> None:
-        try:
-            if not self._push(direct):
-                self._stalled(True)  # it took something: the wait for it begins anew
+            if not self._push():
                 return
         except OSError as error:
             self._end(error)
@@ -244,30 +224,9 @@ class FileSender:
             self._end(None)
 
     def _end(self, error: OSError | None) -> None:
-        """Watch the socket no more, and tell."""
         assert self._done is not None
         done, self._done = self._done, None
-        if self._direct is not None:
-            self._loop.remove_writer(self._direct.fileno())
-            self._stalled(False)
         done(error)
-
-    async def _send_read(self, cycle: RequestResponseCycle, head: bytes, message: Any) -> None:
-        """Send behind what the transport still has."""
-        data = os.pread(message["file"], message["count"], message["offset"])
-        if len(data) < message["count"]:
-            raise OSError(f"the file ends {message['count'] - len(data)} bytes before its range")
-        self._transport.write(head + data)
-        if cycle.flow.write_paused:
-            await cycle.flow.drain()
-
-    def _own_socket(self) -> socket.socket:
-        raw = self._transport.get_extra_info("socket")
-        if raw.fileno() < 0:
-            raise ConnectionResetError
-        self._direct = socket.socket(fileno=os.dup(raw.fileno()))
-        self._direct.setblocking(False)
-        return self._direct
 
 
 def _head(cycle: RequestResponseCycle, start: Any) -> bytes:

@@ -24,6 +24,7 @@ from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
 from terraport_server.bounded_requests import BoundedRequests
 from terraport_server.client_addresses import too_many_of_address
 from terraport_server.deadline import Deadline
+from terraport_server.descriptors import first_reserved
 from terraport_server.entrance import PROXIES, Entrance
 from terraport_server.file_sender import FILES, FileSender, with_files
 from terraport_server.http_limits import HttpLimits
@@ -43,6 +44,11 @@ _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
 more are dropped unheard."""
 
+_NO_DESCRIPTOR: Final = (
+    "got a connection while all file descriptors of the service are in use, expected a free one; "
+    "try again later, or raise the service's limit of open files (ulimit -n)"
+)
+
 Headers = Sequence[tuple[bytes, bytes]]
 
 
@@ -52,6 +58,8 @@ class HttpConnection(BoundedRequests):
     entrance: Entrance
     refused: Callable[[str, str, str], None]
     """Told reason, text and client of each refusal, for metric and log."""
+    first_reserved: int | None = None
+    """Lowest descriptor number with which a connection is refused; None = without bound."""
 
     _end_timer: asyncio.TimerHandle | None = None
     _counted: str | None = None
@@ -78,11 +86,14 @@ class HttpConnection(BoundedRequests):
         """Count the connection, and begin to wait for a request."""
         super().connection_made(transport)
         if FileSender.can_serve(transport):
-            self._files = FileSender(transport, self._on_room)
+            self._files = FileSender(transport)
         limits, entrance = self.limits, self.entrance
         open_now, most = len(self.connections), limits.max_connections
         if open_now > most and not entrance.make_room():
             self._full = f"got connection {open_now}, expected at most {most}"
+        raw = transport.get_extra_info("socket")
+        if None not in (raw, self.first_reserved) and raw.fileno() >= self.first_reserved:
+            self._full = _NO_DESCRIPTOR
         key = entrance.addresses.counted(None if self.client is None else self.client[0])
         if key is not None:
             self._counted = key
@@ -264,13 +275,6 @@ class HttpConnection(BoundedRequests):
 
         self.entrance.wait(self._turn_key(self.headers), begin)
 
-    def _on_room(self, stalled: bool) -> None:
-        """Begin, or cease, to wait for a client that takes nothing of a file."""
-        if stalled:
-            self._stall_deadline.start()
-        else:
-            self._stall_deadline.stop()
-
     def _turn_key(self, headers: Headers | None) -> str:
         """Return whose turn it has to be: a proxy asks for many, each with turns of its own."""
         if self._counted is not None:
@@ -395,5 +399,6 @@ def http_protocol_class(
                 settings.max_connections_per_ip,
             ),
             "refused": staticmethod(refused),
+            "first_reserved": first_reserved(),
         },
     )

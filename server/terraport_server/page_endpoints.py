@@ -14,7 +14,7 @@ from fastapi.responses import HTMLResponse
 from starlette.exceptions import HTTPException
 
 from terraport_server.http_answers import CHECK, FOREVER, ServiceOfRequest, is_unchanged
-from terraport_server.scene_links import links_of, service_links
+from terraport_server.scene_links import links_of, scene_path, service_links
 from terraport_server.service import Service
 from terraport_server.viewer_page import ASSETS, PageFile, chosen_coding
 
@@ -102,7 +102,7 @@ def _list_page(service: Service) -> str:
     scene_ids = service.registry.ids() if service.gate.is_open else []
     for scene_id in scene_ids[:MOST_LISTED]:
         served = service.registry.get(scene_id)
-        name, path = html.escape(served.scene.manifest.name), f"scenes/{html.escape(scene_id)}"
+        name, path = html.escape(served.scene.manifest.name), scene_path(scene_id)
         counts = served.scene.manifest.counts
         report = f' · <a href="{path}/report">report</a>' if "report" in links_of(served) else ""
         rows.append(

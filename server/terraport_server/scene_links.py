@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import json
 from typing import Any, Final
+from urllib.parse import quote
 
 from terraport_server.served_scene import ServedScene
 from terraport_server.settings import Settings
 from terraport_store import SceneBuilding, path_inside
 from terraport_store.layout import OVERVIEW, PREVIEW, REPORT, REPORT_PDF
 
-__all__ = ["building_line", "has_local_file", "links_of", "service_links", "summary_of"]
-
+__all__ = [
+    "building_line",
+    "has_local_file",
+    "links_of",
+    "scene_path",
+    "service_links",
+    "summary_of",
+]
 
 _SAID_BY_BUILDS: Final = (
     ("report", "report", REPORT),
@@ -19,6 +26,11 @@ _SAID_BY_BUILDS: Final = (
     ("preview", PREVIEW, PREVIEW),
 )
 """Link, last part of its address, and file."""
+
+
+def scene_path(scene_id: str) -> str:
+    """Return the address of a scene relative to the server URL, percent-encoded (RFC 3986)."""
+    return f"scenes/{quote(scene_id, safe='')}"
 
 
 def links_of(served: ServedScene) -> dict[str, str]:
@@ -58,7 +70,7 @@ def _find(served: ServedScene) -> tuple[dict[str, str], bytes]:
 
 
 def _find_links(served: ServedScene) -> dict[str, str]:
-    root, query = f"scenes/{served.id}", f"?v={served.version}"
+    root, query = scene_path(served.id), f"?v={served.version}"
     links = {
         "self": root,
         "stream": f"{root}/stream",

@@ -18,9 +18,9 @@ from pathlib import Path
 from time import thread_time
 from typing import Final, Literal, TypeVar
 
-from terraport_server.descriptors import most_packs
+from terraport_server.descriptors import is_shortage, most_packs
 from terraport_server.errors import UnknownSceneError
-from terraport_server.logs import log
+from terraport_server.logs import LOGGER, log
 from terraport_server.scene_roots import FolderRoot, Look, SceneRoot
 from terraport_server.served_scene import KeptLabels, ServedScene
 from terraport_store import (
@@ -125,7 +125,8 @@ class SceneRegistry:
         """Look at the root once; open what is new, retire what was replaced or is gone.
 
         A scene that cannot be opened is logged once per change, and what was served before stays;
-        one whose storage does not answer is tried again with every look.
+        one whose storage does not answer, or for which no file descriptor was free, is tried again
+        with every look.
 
         Raises
         ------
@@ -154,7 +155,7 @@ class SceneRegistry:
                     pull_base_url=self._pull_base_url,
                 )
             except (StoreError, OSError) as error:
-                if isinstance(error, OriginError):
+                if _passes(error):
                     del self._stamps[scene_id]
                 log("scene not opened", level=logging.ERROR, scene=scene_id, reason=str(error))
                 continue
@@ -181,6 +182,8 @@ class SceneRegistry:
                 await self.refresh()
             except (StoreError, OSError) as error:
                 log("scenes not listed", level=logging.ERROR, reason=str(error))
+            except Exception:  # noqa: BLE001 - the watch must not end while the service runs
+                LOGGER.exception("scenes not refreshed")
 
     def close(self) -> None:
         """Close every scene that nobody holds; the others follow when they are released."""
@@ -238,7 +241,7 @@ class SceneRegistry:
             kept = await asyncio.to_thread(lambda: KeptLabels.of(read_labels(seen.files)))
         except (StoreError, OSError) as error:
             # Once per change; the labels read before stay.
-            if isinstance(error, OriginError):
+            if _passes(error):
                 del self._label_stamps[scene_id]
             log("labels not read", level=logging.ERROR, scene=scene_id, reason=str(error))
             return
@@ -247,6 +250,11 @@ class SceneRegistry:
         for served in [*self._current.values(), *self._retired]:
             if served.id == scene_id:
                 served.use_labels(kept)
+
+
+def _passes(error: Exception) -> bool:
+    """Return whether the same file may well be read at the next look."""
+    return isinstance(error, OriginError) or is_shortage(error)
 
 
 def _timed(work: Callable[[], T]) -> tuple[T, float]:

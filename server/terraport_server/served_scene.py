@@ -17,6 +17,7 @@ import xxhash
 
 from terraport_payload.texture import gpu_texture_bytes
 from terraport_server.actions import PullView, SceneView
+from terraport_server.descriptors import is_shortage
 from terraport_server.logs import SomePerMinute, log
 from terraport_server.payload_desk import PayloadDesk
 from terraport_server.pick_line import PickLine
@@ -174,6 +175,9 @@ class ServedScene:
         try:
             names = RegionNames.of(scene.regions)
         except (StoreError, OSError) as error:
+            if is_shortage(error):
+                scene.close()
+                raise
             # A name never takes the ground away: the scene is served without.
             log("regions not read", level=logging.ERROR, scene=scene_id, reason=str(error))
             names = RegionNames()

@@ -6,9 +6,10 @@ Under another server, or if uvicorn changes, the extension is missing and the se
 everything works, with larger buffers and more copies per chunk.
 
 Many frames go to a plain socket in one call, headers beside payload, past the transport while that
-has nothing to send. What the socket does not take of a frame goes through the transport, which
-keeps the order: a pong or a close comes behind it. Under TLS the transport is ours, and takes as
-much as the socket does. Measured: ``docs/decisions/0049-many-frames-a-call.md``.
+has nothing to send: by ``os.writev`` to the transport's own descriptor. What the socket does not
+take of a frame goes through the transport, which keeps the order: a pong or a close comes behind
+it. Under TLS the transport is ours, and takes as much as the socket does. Measured:
+``docs/decisions/0049-many-frames-a-call.md``.
 """
 
 from __future__ import annotations
@@ -54,8 +55,8 @@ class Connection(BoundedPeer):
     heard_s: float = 0.0
     """When bytes last came from the client, pongs included; the event loop's clock."""
 
-    _direct: socket.socket | None = None
-    """Our own descriptor of the same socket: the loop's own cannot be written to."""
+    _raw: Any = None
+    """The transport's socket, while it is open."""
     _secure: SendingTransport | None = None
     """The transport, under TLS."""
     _may_go_direct = False
@@ -75,7 +76,8 @@ class Connection(BoundedPeer):
             return
         if isinstance(transport, SendingTransport):
             self._secure = transport
-        self._may_go_direct = self._secure is not None or hasattr(socket.socket, "sendmsg")
+        self._raw = raw
+        self._may_go_direct = self._secure is not None or hasattr(os, "writev")
         if self.notsent_lowat_bytes:
             _set_option(raw, socket.IPPROTO_TCP, TCP_NOTSENT_LOWAT, self.notsent_lowat_bytes)
         if self.send_buffer_bytes:
@@ -85,12 +87,9 @@ class Connection(BoundedPeer):
             _set_option(raw, socket.IPPROTO_TCP, TCP_CONGESTION, name)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Close our own descriptor, too."""
+        """Write to the socket no more: its descriptor's number may be another connection's next."""
         super().connection_lost(exc)
-        self._secure = None
-        if self._direct is not None:
-            self._direct.close()
-            self._direct = None
+        self._secure = self._raw = None
         self._tell_clear()
 
     def data_received(self, data: bytes) -> None:
@@ -178,9 +177,7 @@ class Connection(BoundedPeer):
             When the client is gone.
         """
         if self._may_go_direct and not self.transport.get_write_buffer_size():
-            direct = self._secure or self._direct or self._own_socket()
-            if direct is not None:
-                return self._send_direct(direct, frames)
+            return self._send_direct(frames)
         self.flush()
         for number, (header, payload) in enumerate(frames, start=1):
             head = _frame_header(len(header) + len(payload)) + header
@@ -192,11 +189,9 @@ class Connection(BoundedPeer):
                 return number
         return len(frames)
 
-    def _send_direct(
-        self,
-        direct: socket.socket | SendingTransport,
-        frames: Sequence[tuple[bytes, memoryview]],
-    ) -> int:
+    def _send_direct(self, frames: Sequence[tuple[bytes, memoryview]]) -> int:
+        if self._raw is None:
+            raise WebSocketDisconnect(1006)
         before, self._unsent = self._unsent, b""
         heads: list[bytes] = []
         buffers: list[bytes | memoryview] = []
@@ -209,11 +204,11 @@ class Connection(BoundedPeer):
             total += len(head) + len(payload)
         try:
             if not self.send_buffer_bytes:
-                self._fit_buffer(direct)
-            if isinstance(direct, SendingTransport):
-                sent = direct.send_now(buffers)
+                self._fit_buffer()
+            if self._secure is not None:
+                sent = self._secure.send_now(buffers)
             else:
-                sent = direct.sendmsg(buffers)
+                sent = os.writev(self._raw.fileno(), buffers)
         except BlockingIOError:
             sent = 0
         except OSError:
@@ -232,11 +227,10 @@ class Connection(BoundedPeer):
             self.transport.write(bytes(payload[sent - len(head) :]))
         return number + 1
 
-    def _fit_buffer(self, direct: socket.socket | SendingTransport) -> None:
+    def _fit_buffer(self) -> None:
         now_s = self.loop.time()
         if self._buffer is None:
-            raw = direct.raw if isinstance(direct, SendingTransport) else direct
-            self._buffer = LinkBuffer(raw, now_s)
+            self._buffer = LinkBuffer(self._raw, now_s)
         self._buffer.look(now_s)
 
     def _tell_clear(self) -> None:
@@ -251,15 +245,6 @@ class Connection(BoundedPeer):
     def _is_open(self) -> bool:
         # What comes after a close is dropped, as uvicorn does.
         return not (self.disconnected or self.close_sent) and self.conn.state is State.OPEN
-
-    def _own_socket(self) -> socket.socket | None:
-        raw = self.transport.get_extra_info("socket")
-        try:
-            self._direct = socket.socket(fileno=os.dup(raw.fileno()))
-        except OSError:  # no descriptor is left: through the transport, with one copy more
-            return None
-        self._direct.setblocking(False)
-        return self._direct
 
 
 def protocol_class(

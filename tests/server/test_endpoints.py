@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import html
+import json
 import os
+import re
 import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
+from urllib.parse import quote, urljoin
+from urllib.request import urlopen
 
 import httpx
 import pytest
 from server.grid_scene import GridScene, write_grid_scene
+from server.plain_client import PlainClient
 
 from terraport_server import BackgroundServer, served_scene
 from terraport_store import Scene, change_labels
@@ -54,6 +61,52 @@ def test_scenes(http: httpx.Client, grid: GridScene) -> None:
     assert entry["segments"] == 36
     for name in ("self", "base", "cover", "regions", "labels"):
         assert http.get("/" + entry["links"][name]).status_code == 200
+
+
+NAMES = ("Pit #1 (Süd)", "50% done?", "a&b;c=d +e", "坑", "über 2%20x", 'it\'s <b>"q"')
+"""Folder names that mean something else in a URL, or cannot be in one."""
+
+
+def test_links_can_be_resolved_whatever_a_scene_is_called(grid: GridScene, tmp_path: Path) -> None:
+    for name in NAMES:
+        shutil.copytree(grid.path, tmp_path / name)
+        (tmp_path / name / "report.html").write_text(name)
+    with BackgroundServer(tmp_path, viewer=False) as server:
+        root = f"{server.url}/"
+
+        def get(link: str) -> bytes:
+            assert link.isascii()
+            with urlopen(urljoin(root, link), timeout=10) as answer:
+                return bytes(answer.read())
+
+        listed = json.loads(get("scenes"))["scenes"]
+        assert {line["id"] for line in listed} == set(NAMES)
+        for line in listed:
+            links = line["links"]
+            scene = json.loads(get(links["self"]))
+            assert scene["id"] == line["id"]
+            assert scene["links"].items() >= links.items()
+            assert get(links["report"]).decode() == line["id"]
+            assert get(links["segment"].replace("{segment}", "3")) == grid.payloads[3]
+            tileset = json.loads(get(links["tileset"]))
+            for uri in contents_of(tileset["root"]):
+                get(urljoin(urljoin(root, links["tileset"]), uri).removeprefix(root))
+            with PlainClient(urljoin(root, links["stream"]).removesuffix("/stream")) as client:
+                assert client.hello().scene.id == line["id"]
+        selves = {line["links"]["self"] for line in listed}
+        assert selves == {f"scenes/{quote(name, safe='')}" for name in NAMES}
+        hrefs = re.findall(r'<a href="(scenes/[^"]+)">', get("").decode())
+        assert len(hrefs) == 2 * len(NAMES)
+        for href in hrefs:
+            get(html.unescape(href))
+
+
+def contents_of(tile: dict[str, Any]) -> Iterator[str]:
+    for content in (tile.get("content"), *tile.get("contents", ())):
+        if content is not None:
+            yield content["uri"]
+    for child in tile.get("children", ()):
+        yield from contents_of(child)
 
 
 def test_what_is_beside_the_scenes_is_named_where_it_answers(

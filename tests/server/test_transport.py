@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import socket
 import time
 from collections.abc import Sequence
@@ -156,10 +157,8 @@ def test_pings_in_the_middle_of_a_frame_are_answered_between_frames(
     sent: list[list[int]] = []
     send_direct = Connection._send_direct
 
-    def counted(
-        self: Connection, direct: socket.socket, frames: Sequence[tuple[bytes, memoryview]]
-    ) -> int:
-        count = send_direct(self, direct, frames)
+    def counted(self: Connection, frames: Sequence[tuple[bytes, memoryview]]) -> int:
+        count = send_direct(self, frames)
         sent.append([len(payload) for _, payload in frames[:count]])
         return count
 
@@ -246,13 +245,16 @@ def test_the_congestion_control_is_the_one_that_was_set(tmp_path: Path) -> None:
 
 
 class TakesSoMuch:
-    """A socket, and the transport behind it: one call of the socket takes so many bytes."""
+    """A socket, and the transport behind it: one write to the socket takes so many bytes."""
 
     def __init__(self, most: int) -> None:
         self.most = most
         self.written: list[bytes] = []
 
-    def sendmsg(self, buffers: Sequence[bytes | memoryview]) -> int:
+    def fileno(self) -> int:
+        return -1
+
+    def writev(self, _descriptor: int, buffers: Sequence[bytes | memoryview]) -> int:
         data = b"".join(buffers)
         if not self.most:
             raise BlockingIOError
@@ -269,7 +271,7 @@ class TakesSoMuch:
         pass
 
 
-def test_whatever_a_socket_takes_the_stream_is_whole() -> None:
+def test_whatever_a_socket_takes_the_stream_is_whole(monkeypatch: pytest.MonkeyPatch) -> None:
     """Messages that wait, then frames; what is said to be sent is all there, and nothing else."""
     payloads = [b"a" * 5, b"b" * 130, b"", b"c" * 40]
     frames = [(b"head", memoryview(payload)) for payload in payloads]
@@ -279,7 +281,8 @@ def test_whatever_a_socket_takes_the_stream_is_whole() -> None:
         both = TakesSoMuch(most)
         connection = Connection.__new__(Connection)
         connection.transport = both  # type: ignore[assignment]
-        connection._direct = both  # type: ignore[assignment]
+        connection._raw = both
+        monkeypatch.setattr(os, "writev", both.writev)
         connection._may_go_direct = True
         connection.send_buffer_bytes = 1
         connection.send_message(b"say")
@@ -289,12 +292,12 @@ def test_whatever_a_socket_takes_the_stream_is_whole() -> None:
         assert (sent == len(frames)) == (most >= len(message) + sum(map(len, pieces[:3])))
 
 
-def test_without_a_descriptor_left_frames_go_through_the_transport(
+def test_without_writev_frames_go_through_the_transport(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The buffer that all clients share is copied then: what waits there must not change."""
     pit = write_grid_scene(tmp_path / "pit", cells=60, compress=False)
-    monkeypatch.setattr(Connection, "_own_socket", lambda _: None)
+    monkeypatch.delattr(os, "writev")
     with BackgroundServer(tmp_path, max_radius_m=1e4) as server:
         client = SlowClient(server.port)
         client.send(make_hello())
