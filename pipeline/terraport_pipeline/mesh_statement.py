@@ -54,5 +54,8 @@ class MeshStatement:
 
     @property
     def recorded(self) -> dict[str, Any]:
-        """What was stated, by the names of the options; empty where nothing was."""
-        return {name: value for name, value in asdict(self).items() if value not in (None, False)}
+        """What was stated, by the names of the options; JSON values, empty where nothing was."""
+        stated = {name: value for name, value in asdict(self).items() if value not in (None, False)}
+        if self.shift is not None:
+            stated["shift"] = [*self.shift]
+        return stated
