@@ -65,7 +65,7 @@ class Survey:
     """Every further per-point value by its name in the file, (N,) in the file's dtype."""
     crs: Crs | None
     format: str
-    """Reader that produced it: ``"las"``, ``"ply"``, ``"e57"``, ``"xyz"`` or ``"pcd"``."""
+    """Reader that produced it: ``las``, ``ply``, ``pcd``, ``e57``, ``ptx`` or ``xyz``."""
     warnings: tuple[str, ...] = ()
     """What the reader noticed and the user should know, whole sentences."""
     whole: tuple[str, ...] = ()

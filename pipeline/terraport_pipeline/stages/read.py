@@ -34,7 +34,7 @@ def read_survey(
     Parameters
     ----------
     survey : SurveyFiles or path
-        LAS, LAZ, COPC, PLY, PCD, E57, or text (XYZ, CSV, TXT, ASC, PTS).
+        LAS, LAZ, COPC, PLY, PCD, E57, PTX, or text (XYZ, CSV, TXT, ASC, PTS).
     progress : Progress, optional
         Told about points read (bytes, for text and for several files).
     max_points : int, optional

@@ -20,9 +20,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from terraport_payload.types import Float64
 from terraport_pipeline.engines.readers.point_order import HashThinning
 from terraport_pipeline.engines.readers.survey_chunk import tell_precision
 from terraport_pipeline.engines.readers.survey_crs import conversion_line, metre_factors
+from terraport_pipeline.engines.readers.text_units import check_units
 from terraport_pipeline.errors import OptionError, ReadError
 from terraport_pipeline.model import Crs
 from terraport_pipeline.stages.contract import Context, Facts, Json
@@ -101,9 +103,13 @@ def run(
         low = np.min([part.low for part in spooled], axis=0)
         high = np.max([part.high for part in spooled], axis=0)
         check_box(spooled, low, high)
+        if crs is None and survey.statement.crs is None and survey.statement.units is None:
+            # Before the numbers are judged: what a text states of its units is plainer.
+            _check_units(spooled, None, survey)
         factors, metre_crs, notes = metre_factors(
             survey.files[0].path, low, high, crs, survey.statement
         )
+        _check_units(spooled, factors, survey)
         warnings = [
             *_reader_warnings(spooled),
             *decided,
@@ -123,6 +129,11 @@ def run(
         path = survey.files[0].path if error.filename is None else Path(str(error.filename))
         raise ReadError(path, f"the file cannot be read ({error})", "check the disk") from error
     return _result(columns, outcome, metre_crs, warnings, choices)
+
+
+def _check_units(spooled: Sequence[Spooled], factors: Float64 | None, survey: SurveyFiles) -> None:
+    for part in spooled:
+        check_units(part.file.path, part.stream.units, factors, survey.statement)
 
 
 def _reader_warnings(spooled: Sequence[Spooled]) -> list[str]:

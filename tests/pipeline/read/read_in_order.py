@@ -11,6 +11,8 @@ import numpy as np
 from terraport_payload.types import Float64, Int64
 from terraport_pipeline.model import Survey
 from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.survey.survey_files import SurveyFiles
+from terraport_pipeline.survey_statement import SurveyStatement
 
 
 class _CountedProgress:
@@ -33,13 +35,16 @@ class _CountedProgress:
         """Each step's facts are of no interest here."""
 
 
-def read_in_order(path: Path, written: Float64) -> Survey:
+def read_in_order(path: Path, written: Float64, statement: SurveyStatement | None = None) -> Survey:
     """Read a survey that holds exactly the points `written`, in metres, to the millimetre.
 
     Progress is checked on the way: in the end, all of each step was told of.
     """
     progress = _CountedProgress()
-    survey = read_survey(path, progress=progress)
+    files = SurveyFiles.of(path)
+    if statement is not None:
+        files = replace(files, statement=statement)
+    survey = read_survey(files, progress=progress)
     assert progress.amounts == progress.totals, (progress.amounts, progress.totals)
     read_mm, written_mm = _millimetres(survey.points), _millimetres(written)
     read_order, written_order = np.lexsort(read_mm.T), np.lexsort(written_mm.T)

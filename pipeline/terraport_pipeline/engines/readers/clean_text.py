@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import codecs
 import io
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
+
+from terraport_pipeline.errors import ReadError
 
 if TYPE_CHECKING:
     from typing_extensions import Buffer  # in collections.abc from Python 3.12
 
-__all__ = ["CleanText"]
+__all__ = ["CleanText", "text_encoding"]
 
 BLOCK_BYTES: Final = 1 << 22
 """Text that is normalised at once."""
@@ -20,17 +24,61 @@ _BLANKS: Final = re.compile(rb"[ \t]+")
 _EDGES: Final = re.compile(rb"^[ \t\r]+|[ \t\r]+$", re.MULTILINE)
 
 
+_TAIL_OF_TABS: Final = re.compile(rb"^[ \r]+|[ \r]+$", re.MULTILINE)
+"""Edges where a tab is a delimiter: one at the end has an empty value behind it."""
+
+_COUNT: Final = re.compile(rb"^[0-9]+(?:\n|\Z)", re.MULTILINE)
+
+_UTF_16: Final = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+
+
+def text_encoding(path: Path, head: bytes) -> str:
+    """Return a text's encoding by its first bytes: ``utf-8``, ``utf-16-le`` or ``utf-16-be``.
+
+    Raises
+    ------
+    ReadError
+        It has zero bytes, and no mark of UTF-16.
+    """
+    if head[:2] in _UTF_16 and head[2:4] != b"\0\0":
+        return _UTF_16[head[:2]]
+    if b"\0" not in head:
+        return "utf-8"
+    zeros = {"utf-16-le": head[1:64:2], "utf-16-be": head[:64:2]}
+    is_wide = head.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE))
+    if is_wide or any(len(half) > 1 and not half.strip(b"\0") for half in zeros.values()):
+        raise ReadError(
+            path,
+            "this is UTF-16 without the mark that says so, or UTF-32",
+            "save it as UTF-8",
+            "byte 0",
+        )
+    raise ReadError(
+        path,
+        "this is no text: it has zero bytes",
+        "check the file's kind; terraport reads LAS, LAZ, PLY, PCD, E57, PTX and text",
+        f"byte {head.index(0):,}",
+    )
+
+
 class CleanText(io.RawIOBase):
-    """The file without comments, head lines and surplus blanks, as a stream for pyarrow.
+    """The rows of a file as a stream for pyarrow.
+
+    Comments, what is above the rows, surplus blanks, and lines that count the points of the next
+    block are left out; UTF-16 becomes UTF-8.
 
     Parameters
     ----------
     file : binary file
         At its beginning.
-    blanks : bool
-        Values are parted by any run of blanks and tabs.
+    encoding : str
+        As of :func:`text_encoding`.
+    delimiter : str
+        Of values; a blank stands for any run of blanks and tabs.
     skip_lines : int
         Lines before the first row, comments not counted.
+    counted : bool
+        Lines with a single whole number are counts.
     advance : callable
         Told of bytes read since last time.
     """
@@ -39,13 +87,19 @@ class CleanText(io.RawIOBase):
         self,
         file: io.BufferedReader,
         *,
-        blanks: bool,
+        encoding: str,
+        delimiter: str,
         skip_lines: int,
+        counted: bool,
         advance: Callable[[int], None],
     ) -> None:
         super().__init__()
-        self._file = file
-        self._blanks = blanks
+        self._blocks = _blocks(file, encoding)
+        self._blanks = delimiter == " "
+        self._edges = _TAIL_OF_TABS if delimiter == "\t" else _EDGES
+        self._counted = counted
+        self.counts = 0
+        """Sum of the counts within the rows."""
         self._advance = advance
         self._skip = skip_lines
         self._first = True
@@ -60,11 +114,10 @@ class CleanText(io.RawIOBase):
         """Fill a buffer, or some of it; 0 at the end."""
         view = memoryview(buffer).cast("B")
         while self._at == len(self._ready):
-            block = self._file.read(BLOCK_BYTES)
-            if not block:
+            block, size = next(self._blocks, (b"", 0))
+            if not size:
                 return 0
-            block += self._file.readline()
-            self._advance(len(block))
+            self._advance(size)
             self._ready, self._at = self._clean(block), 0
         chunk = self._ready[self._at : self._at + len(view)]
         view[: len(chunk)] = chunk
@@ -78,8 +131,26 @@ class CleanText(io.RawIOBase):
             block = _COMMENT.sub(b"", block)
         if self._blanks:
             block = _BLANKS.sub(b" ", block)
-        block = _EDGES.sub(b"", block)
+        block = self._edges.sub(b"", block)
         while self._skip and block:
             line, _, block = block.partition(b"\n")
             self._skip -= bool(line.strip())
+        if self._counted:
+            self.counts += sum(map(int, _COUNT.findall(block)))
+            block = _COUNT.sub(b"", block)
         return block
+
+
+def _blocks(file: io.BufferedReader, encoding: str) -> Iterator[tuple[bytes, int]]:
+    """Yield blocks of whole lines as UTF-8 or the like, and how long each is in the file."""
+    if encoding == "utf-8":
+        while block := file.read(BLOCK_BYTES):
+            block += file.readline()
+            yield block, len(block)
+        return
+    lines = codecs.getreader(encoding)(file)
+    at = 0
+    while text := lines.read(BLOCK_BYTES // 2):
+        text += lines.readline()
+        read, at = file.tell() - at, file.tell()
+        yield text.encode(), max(read, 1)

@@ -7,6 +7,7 @@ points lie is then seen as it is, which no thinning shows.
 
 from __future__ import annotations
 
+import codecs
 import contextlib
 import tempfile
 from collections.abc import Iterable, Iterator
@@ -90,14 +91,21 @@ def text_sample(path: Path, share: float) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="terraport-text-") as folder:
         sample = Path(folder, path.name)
         with path.open("rb") as source, sample.open("wb") as target:
-            target.write(source.read(_HEAD_BYTES) + source.readline())
+            # Of UTF-16 with its low bytes first, the byte that ends a line has another behind it.
+            wide = source.read(2) == codecs.BOM_UTF16_LE
+            source.seek(0)
+
+            def rest_of_line() -> bytes:
+                return source.readline() + (source.read(1) if wide else b"")
+
+            target.write(source.read(_HEAD_BYTES) + rest_of_line())
             begin = source.tell()
             for number in range(count):
                 middle = begin + int((number + 0.5) * max(size - begin, 0) / count)
                 if middle - _STRETCH_BYTES // 2 > source.tell():
-                    source.seek(middle - _STRETCH_BYTES // 2)
-                    source.readline()  # the rest of a line
-                target.write(source.read(_STRETCH_BYTES) + source.readline())
+                    source.seek(middle - middle % 2 - _STRETCH_BYTES // 2)
+                    rest_of_line()
+                target.write(source.read(_STRETCH_BYTES) + rest_of_line())
         yield sample
 
 

@@ -6,14 +6,14 @@ How the text is a table is found by :mod:`terraport_pipeline.engines.readers.tex
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-from pyarrow import csv
+from pyarrow import compute, csv
 
 from terraport_pipeline.engines.readers.clean_text import CleanText
 from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
@@ -40,9 +40,13 @@ class XyzStream:
     colours: tuple[str, ...]
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
+    units: Mapping[str, tuple[str, str]]
+    """Of x, y and z where the text states it: its words, and the unit."""
 
 
-def stream_xyz(path: Path, *, columns: tuple[str, ...] | None = None) -> XyzStream:
+def stream_xyz(
+    path: Path, *, columns: tuple[str, ...] | None = None, sampled: bool = False
+) -> XyzStream:
     """Read a text in parts; a first pass finds the columns' types.
 
     Parameters
@@ -51,15 +55,17 @@ def stream_xyz(path: Path, *, columns: tuple[str, ...] | None = None) -> XyzStre
         Its suffix matters in one case: ``.pts`` has intensity before colour.
     columns : tuple of str, optional
         What all columns are, in their order, whatever a header says.
+    sampled : bool
+        The file is a part of a text: it may have fewer points than it says.
 
     Raises
     ------
     ReadError
-        When the text is no table of numbers, x, y or z is missing, columns are degrees, or a line
-        is damaged; names the line where it can.
+        When the text is no table of numbers, x, y or z is missing, columns are degrees or can be
+        read in several ways, or a line is damaged; names the line where it can.
     """
     layout = find_layout(path, columns)
-    types = _find_types(path, layout)
+    types, rows, counted = _find_types(path, layout)
     wanted_names = [name for name in layout.names if not name.startswith(LEFT_OUT)]
     names = [n for n in wanted_names if types[n] in (pa.int64(), pa.float64())]
     text = [n for n in wanted_names if types[n] == pa.string()]
@@ -68,26 +74,36 @@ def stream_xyz(path: Path, *, columns: tuple[str, ...] | None = None) -> XyzStre
         warnings.append(_left_out(text))
     if layout.bare:
         warnings.append(_bare(layout))
+    if layout.titles:
+        warnings.append(_titles(layout.titles))
+    if layout.counted is not None and layout.counted + counted != rows and not sampled:
+        warnings.append(
+            f"The file says that it has {layout.counted + counted:,} points, and has {rows:,}: it "
+            "may be cut off."
+        )
     has_colour = all(name in names for name in _COLOURS)
 
     def chunks() -> Iterator[StreamChunk]:
-        for batch, read in _batches(path, layout, types):
+        for batch, read, _ in _batches(path, layout, types):
             columns = {name: batch.column(name).to_numpy(zero_copy_only=False) for name in names}
             points = np.stack([columns.pop(axis) for axis in "xyz"], axis=1)
             yield StreamChunk(points, columns, read)
 
-    return XyzStream(path.stat().st_size, tuple(warnings), _COLOURS if has_colour else (), chunks)
+    size, colours = path.stat().st_size, _COLOURS if has_colour else ()
+    return XyzStream(size, tuple(warnings), colours, chunks, layout.units)
 
 
-def _find_types(path: Path, layout: Layout) -> dict[str, pa.DataType]:
-    """Find the narrowest type that every row of each column has."""
+def _find_types(path: Path, layout: Layout) -> tuple[dict[str, pa.DataType], int, int]:
+    """Find the narrowest type that every row of each column has, the rows, and what counts say."""
     types = {axis: pa.float64() for axis in "xyz"}
     while True:
         seen: dict[str, pa.DataType] = {}
         nulls: set[str] = set()
-        count = 0
+        count = counted = 0
         try:
-            for batch, _ in _batches(path, layout, types):
+            for batch, _, counts in _batches(path, layout, types):
+                counted = counts
+                _check_colours(path, layout, batch)
                 seen = {name: batch.schema.field(name).type for name in layout.names}
                 nulls |= {n for n in layout.names if batch.column(n).null_count}
                 count += batch.num_rows
@@ -109,13 +125,31 @@ def _find_types(path: Path, layout: Layout) -> dict[str, pa.DataType]:
                 types[name] = pa.int64() if whole and name not in nulls else pa.float64()
             else:
                 types[name] = pa.null() if pa.types.is_null(kind) else pa.string()
-        return types
+        return types, count, counted
+
+
+def _check_colours(path: Path, layout: Layout, batch: Any) -> None:
+    """Refuse columns that are colours by the first rows of a bare file, and not by later ones."""
+    if layout.colour_top is None:
+        return
+    for name in _COLOURS:
+        span = compute.min_max(batch.column(name)).as_py()
+        low, high = span["min"], span["max"]
+        if isinstance(low, int | float) and (low < 0 or high > layout.colour_top):
+            first = layout.names.index("red") + 1
+            raise ReadError(
+                path,
+                f"columns {first} to {first + 2} are 0 to {layout.colour_top} as colours in the "
+                f"first rows, and {low:g} to {high:g} in later ones",
+                f"say what the columns are with --columns {','.join(layout.names)}, or with other "
+                "names where they are no colours",
+            )
 
 
 def _batches(
     path: Path, layout: Layout, types: dict[str, pa.DataType]
-) -> Iterator[tuple[Any, int]]:
-    """Yield (record batch, bytes of the file read since the last one)."""
+) -> Iterator[tuple[Any, int, int]]:
+    """Yield (record batch, bytes of the file read since the last one, points counted so far)."""
     read = 0
 
     def count(size: int) -> None:
@@ -125,8 +159,10 @@ def _batches(
     with path.open("rb") as file:
         source = CleanText(
             file,
-            blanks=layout.delimiter == " ",
+            encoding=layout.encoding,
+            delimiter=layout.delimiter,
             skip_lines=layout.skip_lines,
+            counted=layout.counted is not None,
             advance=count,
         )
         try:
@@ -138,7 +174,7 @@ def _batches(
         given = 0
         for batch in reader:
             so_far = read  # pyarrow reads ahead in a thread of its own, also while we are away
-            yield batch, so_far - given
+            yield batch, so_far - given, source.counts
             given = so_far
 
 
@@ -152,6 +188,7 @@ def _csv_options(layout: Layout, types: dict[str, pa.DataType]) -> tuple[Any, An
             null_values=list(NULLS),
             decimal_point=layout.decimal,
             strings_can_be_null=True,
+            check_utf8=False,  # text is left out, in whatever encoding it is
         ),
     )
 
@@ -161,7 +198,8 @@ def _no_table(path: Path, layout: Layout, error: pa.ArrowInvalid) -> ReadError:
     row = re.search(r"Row #(\d+)", reason)
     location = None
     if row is not None:
-        location = f"line {int(row[1]) + layout.skip_lines:,} (comments not counted)"
+        others = "comments" if layout.counted is None else "comments and counts"
+        location = f"line {int(row[1]) + layout.skip_lines:,} ({others} not counted)"
     return ReadError(
         path,
         f"the text is no table of {len(layout.names)} columns ({reason})",
@@ -172,6 +210,12 @@ def _no_table(path: Path, layout: Layout, error: pa.ArrowInvalid) -> ReadError:
 
 def _left_out(text: list[str]) -> str:
     return f"The columns {', '.join(text)} hold text and were left out."
+
+
+def _titles(titles: tuple[str, ...]) -> str:
+    shown = "; ".join(repr(line[:40]) for line in titles[:3])
+    more = f" and {len(titles) - 3:,} more" if len(titles) > 3 else ""
+    return f"What is above the table was left out: {shown}{more}."
 
 
 def _bare(layout: Layout) -> str:

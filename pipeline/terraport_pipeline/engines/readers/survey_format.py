@@ -16,6 +16,7 @@ FORMATS: Final[dict[str, tuple[str, ...]]] = {
     "ply": (".ply",),
     "pcd": (".pcd",),
     "e57": (".e57",),
+    "ptx": (".ptx",),
     "xyz": (".xyz", ".csv", ".txt", ".asc", ".pts", ".xyzrgb", ".dat"),
 }
 """Readers and the file name endings that belong to them."""
@@ -33,6 +34,12 @@ _PCD: Final = re.compile(
 )
 """A line of a PCD header; comments may stand before it."""
 
+_PTX: Final = re.compile(
+    rb"\s*\d+\s*\n\s*\d+\s*\n(?:[ \t]*[-+.\deE]+[ \t]+[-+.\deE]+[ \t]+[-+.\deE]+[ \t]*\r?\n){4}"
+    rb"(?:[ \t]*[-+.\deE]+[ \t]+[-+.\deE]+[ \t]+[-+.\deE]+[ \t]+[-+.\deE]+[ \t]*\r?\n){4}"
+)
+"""The lines above a scan of a PTX file, whatever its name."""
+
 _RASTER_ADVICE: Final = (
     "terraport wants the points that it was made of; of a raster of heights, gdal2xyz makes points"
 )
@@ -49,7 +56,11 @@ _FOREIGN: Final = (
 )
 
 
-_EXTRAS: Final = {"e57": ("E57", "pye57", "e57"), "xyz": ("text", "pyarrow", "text")}
+_EXTRAS: Final = {
+    "e57": ("E57", "pye57", "e57"),
+    "ptx": ("PTX", "pyarrow", "text"),
+    "xyz": ("text", "pyarrow", "text"),
+}
 """Readers of an extra of their own, for their size: what is read, package, extra."""
 
 
@@ -101,6 +112,8 @@ def find_format(path: Path) -> str:
     for start, what, advice in _FOREIGN:
         if head.startswith(start):
             raise ReadError(path, f"this is {what}, no survey", advice)
+    if path.suffix.lower() in FORMATS["ptx"] or _PTX.match(head):
+        return "ptx"
     if _PCD.search(head[:512]):
         return "pcd"
     # (3) By name, only for text, which has no first bytes of its own.

@@ -73,6 +73,8 @@ class SurveyStream:
     """Corners that the header states, in the file's unit."""
     remarks: tuple[str, ...] = ()
     """What changes how the file is read, and not what is read of it."""
+    units: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """Of x, y and z where a text states it: its words, and the unit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,6 +135,10 @@ def read_head(path: Path, name: str, extent: Extent | None = None) -> FileHead:
             return FileHead(e57.count, e57.crs)
     if name == "ply":
         return FileHead(stream_ply(path).count)
+    if name == "ptx":
+        from terraport_pipeline.engines.readers.read_ptx import stream_ptx  # of an extra
+
+        return FileHead(stream_ptx(path).count)
     return FileHead(path.stat().st_size // _BYTES_PER_POINT[name])
 
 
@@ -191,8 +197,8 @@ def open_stream(
     columns : tuple of str, optional
         What the columns of a text are; other formats name theirs.
     share : float
-        Read about this share, in pieces spread over the file; of E57, and of PLY as text, its
-        beginning. 1 reads all.
+        Read about this share, in pieces spread over the file; of E57, PTX, and PLY as text or with
+        lists, its beginning. 1 reads all.
 
     Raises
     ------
@@ -249,9 +255,15 @@ def _open_xyz(path: Path, columns: tuple[str, ...] | None, share: float) -> Iter
     from terraport_pipeline.engines.readers.read_xyz import stream_xyz  # of an extra
 
     with text_sample(path, share) if share < 1.0 else contextlib.nullcontext(path) as source:
-        text = stream_xyz(source, columns=columns)
+        text = stream_xyz(source, columns=columns, sampled=share < 1.0)
         yield SurveyStream(
-            "xyz", text.size, "bytes", text.chunks, warnings=text.warnings, colours=text.colours
+            "xyz",
+            text.size,
+            "bytes",
+            text.chunks,
+            warnings=text.warnings,
+            colours=text.colours,
+            units=text.units,
         )
 
 
@@ -274,8 +286,27 @@ def _open_e57(path: Path, _bounded: bool, share: float) -> Iterator[SurveyStream
         )
 
 
+@contextlib.contextmanager
+def _open_ptx(path: Path, _bounded: bool, share: float) -> Iterator[SurveyStream]:
+    from terraport_pipeline.engines.readers.read_ptx import stream_ptx  # of an extra
+
+    ptx = stream_ptx(path)
+    yield SurveyStream(
+        "ptx",
+        ptx.count,
+        "points",
+        lambda: first_chunks(ptx.chunks(), ptx.count, share),
+        warnings=ptx.warnings,
+        colours=ptx.colours,
+        narrow=True,
+        stated_step=True,
+        late_warnings=ptx.late_warnings,
+    )
+
+
 _OPENERS: Final[dict[str, Callable[[Path, bool, float], Any]]] = {
     "ply": _open_ply,
     "pcd": _open_pcd,
     "e57": _open_e57,
+    "ptx": _open_ptx,
 }

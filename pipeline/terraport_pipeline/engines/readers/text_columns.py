@@ -1,50 +1,68 @@
 """Which column of a text survey means what. PURE.
 
-With a header, names decide (any case; see :data:`ALIASES`); other columns keep their names.
+With a header, names decide (any case, several languages; see :data:`ALIASES`); other columns keep
+their names. A single letter counts only where no word means the same.
 
 Without one, the first three columns are x (east), y (north), z (up), and of the rest:
 
-1. three neighbouring columns, the 4th to 6th or the 5th to 7th, that hold whole numbers 0..255 in
-   every sampled row and are not all equal are red, green, blue. In ``.pts`` files (intensity
-   first) the 5th to 7th are tried first, elsewhere the 4th to 6th.
-2. three neighbouring columns of unit vectors are ``nx``, ``ny``, ``nz``.
-3. a single column, or the one before or after the colours, is ``intensity``.
+1. three neighbouring columns of unit vectors are ``nx``, ``ny``, ``nz``.
+2. three neighbouring columns that hold whole numbers 0..255, or 0..65,535 in each of them, are red,
+   green, blue. In ``.pts`` files, which have intensity first, the 5th to 7th are tried first.
+3. a single column, or the one before or after the colours, is ``intensity``; but not where it has
+   one value, or whole numbers as small as classes.
 4. everything else is ``column_4``, ``column_5``, ... by its place in the file, from 1.
+
+Where two readings fit (intensity 0..255 before or after the colours; numbers 0..1, or numbers as
+small as classes, that may be colours or not), both are returned, and the caller asks.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 
 from terraport_payload.types import Float64
+from terraport_pipeline.engines.readers.text_units import DEGREES, split_label
+from terraport_pipeline.survey_statement import LEFT_OUT
 
 __all__ = [
     "ALIASES",
-    "DEGREES",
+    "colour_depth",
+    "degree_columns",
     "first_column_names_points",
+    "header_readings",
     "name_bare_columns",
     "name_header_columns",
 ]
 
-ALIASES: Final[dict[str, tuple[str, ...]]] = {
-    "x": ("x", "e", "east", "easting", "coord_x", "utm_x", "x_m", "rechtswert", "este"),
-    "y": ("y", "n", "north", "northing", "coord_y", "utm_y", "y_m", "hochwert", "norte"),
-    "z": (
-        "z", "h", "height", "elevation", "elev", "altitude", "alt", "coord_z", "z_m", "höhe",
-        "hoehe", "cota", "quota",
-    ),
-    "red": ("red", "r"),
-    "green": ("green", "g"),
-    "blue": ("blue", "b"),
-}  # fmt: skip
-"""Column names that mean a coordinate or a colour, lower case."""
+ALIASES: Final[dict[str, str]] = {
+    "x": "x east easting eastings coordx xcoord xcoordinate coordinatex utmx utmeast utmeasting "
+    "pointx posx positionx xutm rechtswert rechts ostwert ost est este ostkoordinate östlich",
+    "y": "y north northing northings coordy ycoord ycoordinate coordinatey utmy utmnorth "
+    "utmnorthing pointy posy positiony yutm hochwert hoch nordwert nord norte nordkoordinate "
+    "nördlich",
+    "z": "z height heights elevation elev altitude coordz zcoord zcoordinate coordinatez utmz "
+    "pointz posz positionz zutm orthoheight ellipsoidalheight höhe hoehe geländehöhe cota quota "
+    "altura elevación elevacion elevazione hauteur hoogte höjd",
+    "red": "red diffusered colorr colourr rf rot rouge rojo rosso vermelho rood",
+    "green": "green diffusegreen colorg colourg gf grün gruen vert verde groen",
+    "blue": "blue diffuseblue colorb colourb bf blau bleu azul blu blauw",
+}
+"""Column names that mean a coordinate or a colour: lower case, letters alone."""
 
+_SHORT: Final = {"x": "e", "y": "n", "z": "h alt", "red": "r", "green": "g", "blue": "b"}
+"""Names that mean it only where no other column does."""
+
+_MEANINGS: Final = {word: key for key, words in ALIASES.items() for word in words.split()}
+_SHORT_MEANINGS: Final = {word: key for key, words in _SHORT.items() for word in words.split()}
+
+_AXES: Final = ("x", "y", "z")
 _COLOURS: Final = ("red", "green", "blue")
 
-DEGREES: Final = ("lon", "longitude", "long", "lat", "latitude")
+_ANGLES: Final = ("lon", "longitude", "long", "lat", "latitude")
 """Column names that mean an angle."""
 
 _MOST_DECIMALS: Final = 0.5
@@ -53,34 +71,116 @@ _MOST_DECIMALS: Final = 0.5
 _UNIT_TOLERANCE: Final = 0.02
 """Normals are written with three or more digits."""
 
+_DARK: Final = 31
+"""A column of whole numbers up to this is a class or the number of a return as likely as a colour:
+LAS has 32 classes."""
+
 
 def name_header_columns(header: Sequence[str]) -> list[str]:
     """Translate a header: aliases become x, y, z, red, green, blue; other names stay.
 
-    The first column that matches wins; a later one of the same meaning keeps its own name. Colours
-    are translated only where all three are there: a lone ``g`` is no green.
+    Of several columns of one meaning the one that is spelled x, y or z is taken, else the first;
+    the others keep their own names. Colours are translated only where all three are there: a lone
+    ``g`` is no green.
 
     Examples
     --------
-    >>> name_header_columns(["Northing", "Easting", "Height", "R", "G", "B", "class"])
+    >>> name_header_columns(["Northing", "Easting [m]", "Height", "R", "G", "B", "class"])
     ['y', 'x', 'z', 'red', 'green', 'blue', 'class']
+    >>> name_header_columns(["N", "X", "Y", "Z"])
+    ['N', 'x', 'y', 'z']
     """
-    labels = [raw.strip().strip('"').lstrip("/#").strip() for raw in header]
-    lower = {label.lower() for label in labels}
-    aliases = dict(ALIASES)
-    if not all(lower.intersection(ALIASES[colour]) for colour in _COLOURS):
-        aliases = {key: also for key, also in ALIASES.items() if key not in _COLOURS}
-    names: list[str] = []
-    for label in labels:
-        meaning = next((key for key, also in aliases.items() if label.lower() in also), label)
-        names.append(meaning if meaning and meaning not in names else label)
-    return [
-        name if name and name not in names[:index] else f"column_{index + 1}"
-        for index, name in enumerate(names)
+    return _named(header, {key: columns[0] for key, columns in _candidates(header).items()})
+
+
+def header_readings(header: Sequence[str]) -> list[list[str]]:
+    """Return every reading of a header that fits equally well; one where it is clear.
+
+    It is not where it names two whole sets of coordinates, or one of them twice. Columns that
+    belong to the other reading are :data:`LEFT_OUT`.
+
+    Examples
+    --------
+    >>> header_readings(["X", "Y", "Z", "Easting", "Northing"])
+    [['x', 'y', 'z', '-', '-'], ['-', '-', 'z', 'x', 'y']]
+    """
+    found = _candidates(header)
+    first = {key: columns[0] for key, columns in found.items()}
+    names = _named(header, first)
+    axes = [axis for axis in _AXES if axis in found]
+    several = [axis for axis in axes if len(found[axis]) > 1]
+    spelled = all(axis in first and _key(header[first[axis]]) == axis for axis in _AXES)
+    if not several or (spelled and not {"x", "y"} <= set(several)):
+        return [names]
+    second = {key: columns[-1] for key, columns in found.items()}
+    readings = []
+    for reading, other in ((first, second), (second, first)):
+        names = _named(header, reading)
+        for axis in several:
+            names[other[axis]] = LEFT_OUT
+        readings.append(names)
+    return readings
+
+
+def degree_columns(header: Sequence[str]) -> list[str]:
+    """Return the columns whose names or units say that they hold a position in degrees."""
+    names = name_header_columns(header)
+    by_unit = [
+        label
+        for label, name in zip(header, names, strict=True)
+        if name in ("x", "y") and split_label(_bare(label))[2] == DEGREES
     ]
+    if by_unit or {"x", "y"} <= set(names):
+        return by_unit
+    return [label for label in map(_bare, header) if _key(label) in _ANGLES]
 
 
-def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[str]:
+def _candidates(header: Sequence[str]) -> dict[str, list[int]]:
+    """Find the columns that may have each meaning, the likeliest first."""
+    found: dict[str, list[int]] = {}
+    for meanings in (_MEANINGS, _SHORT_MEANINGS):
+        of_these: dict[str, list[int]] = {}
+        for column, label in enumerate(header):
+            # What is in brackets is the more exact: "X (North)" is a northing.
+            _, groups, _ = split_label(_bare(label))
+            keys = [_key(group) for group in groups] + [_key(label)]
+            meaning = next((meanings[key] for key in keys if key in meanings), None)
+            if meaning is not None:
+                of_these.setdefault(meaning, []).append(column)
+        is_set = {"x", "y"} <= set(of_these)  # E, N next to X, Y: coordinates as well
+        for meaning, columns in of_these.items():
+            if meaning not in found or (is_set and meaning in _AXES):
+                found.setdefault(meaning, []).extend(columns)
+    for meaning, columns in found.items():
+        columns.sort(key=lambda column: _key(header[column]) != meaning)
+    if not set(_COLOURS) <= set(found):
+        found = {key: columns for key, columns in found.items() if key not in _COLOURS}
+    return found
+
+
+def _named(header: Sequence[str], meanings: dict[str, int]) -> list[str]:
+    by_column = {column: key for key, column in meanings.items()}
+    names = [by_column.get(column, _bare(label)) for column, label in enumerate(header)]
+    used = set(by_column.values())
+    for column, name in enumerate(names):
+        if column not in by_column:
+            if not name or name in used:
+                names[column] = f"column_{column + 1}"
+            used.add(names[column])
+    return names
+
+
+def _bare(label: str) -> str:
+    return label.strip().strip("\"'").lstrip("/#").strip()
+
+
+def _key(label: str) -> str:
+    """Reduce a column's name to what :data:`ALIASES` hold."""
+    name, _, _ = split_label(_bare(label))
+    return re.sub(r"[\W_]", "", name.lower())
+
+
+def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[list[str]]:
     """Name the columns of a file without a header, by the rules above.
 
     Parameters
@@ -90,28 +190,60 @@ def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[str]:
     intensity_first : bool
         The file is a ``.pts``.
 
+    Returns
+    -------
+    list of list of str
+        Every reading that fits; one where it is clear.
+
     Examples
     --------
     >>> rows = np.array([[1.5, 2.5, 3.5, 200, 180, 90], [1.6, 2.6, 3.6, 201, 181, 90]])
     >>> name_bare_columns(rows, intensity_first=False)
-    ['x', 'y', 'z', 'red', 'green', 'blue']
+    [['x', 'y', 'z', 'red', 'green', 'blue']]
     """
     count = sample.shape[1]
+    starts = range(3, count - 2)
+    normal = next((s for s in starts if _are_unit(sample[:, s : s + 3])), None)
+    taken = set() if normal is None else {normal, normal + 1, normal + 2}
+    fits = {
+        start: clear
+        for start in starts
+        if not taken & {start, start + 1, start + 2}
+        and (clear := _colour_fit(sample[:, start : start + 3])) is not None
+    }
+    clear_fits: list[int | None] = [start for start, clear in fits.items() if clear]
+    if intensity_first and 4 in fits:
+        colours: list[int | None] = [4]
+    else:
+        colours = clear_fits or [*fits, None]
+    return [_bare_names(sample, start, normal) for start in colours]
+
+
+def colour_depth(highest: float) -> int:
+    """Return the highest value that colours may have where one is so high.
+
+    Examples
+    --------
+    >>> colour_depth(0.9), colour_depth(254.0), colour_depth(300.0)
+    (1, 255, 65535)
+    """
+    return next(top for top in (1, 255, 65_535) if highest <= top or top == 65_535)
+
+
+def _bare_names(sample: Float64, colour: int | None, normal: int | None) -> list[str]:
+    count = sample.shape[1]
     names = ["x", "y", "z"] + [f"column_{index + 1}" for index in range(3, count)]
-    starts = [4, 3] if intensity_first else [3, 4]
-    colour = next((s for s in starts if s + 3 <= count and _are_colours(sample[:, s : s + 3])), -1)
-    if colour >= 0:
+    if normal is not None:
+        names[normal : normal + 3] = ["nx", "ny", "nz"]
+    if colour is not None:
         names[colour : colour + 3] = ["red", "green", "blue"]
-    for start in range(3, count - 2):
-        triple = sample[:, start : start + 3]
-        if all(name.startswith("column_") for name in names[start : start + 3]) and _are_unit(
-            triple
-        ):
-            names[start : start + 3] = ["nx", "ny", "nz"]
-            break
     beside = 3 if colour != 3 else 6
-    if beside < count and names[beside].startswith("column_") and (colour >= 0 or count == 4):
-        names[beside] = "intensity"
+    single = colour is not None or count == 4
+    if beside < count and names[beside].startswith("column_") and single:
+        values = sample[:, beside]
+        is_code = (values == np.rint(values)).all() and np.abs(values).max() <= _DARK
+        if not is_code and (np.ptp(values) > 0 or len(values) == 1):
+            names[beside] = "intensity"
     return names
 
 
@@ -119,7 +251,7 @@ def first_column_names_points(sample: Float64) -> str | None:
     """Say why the first column of a file without a header names points instead of being x.
 
     It does where it is no number, or where, beside coordinates with decimals, it is whole and
-    rises from row to row. A raster's x also does that, but its y is the same in a whole row.
+    another one in each row. The x of a raster may be whole, too, but comes again in each row of it.
 
     Parameters
     ----------
@@ -137,19 +269,25 @@ def first_column_names_points(sample: Float64) -> str | None:
         return "is text"
     if sample.shape[1] < 4 or len(sample) < 2 or not np.isfinite(sample[:, :4]).all():
         return None
-    counts = (first == np.rint(first)).all() and (np.diff(first) > 0).all()
+    counts = (first == np.rint(first)).all() and len(np.unique(first)) == len(first)
     decimals = (sample[:, 1:3] != np.rint(sample[:, 1:3])).mean(axis=0)
     return "counts the points" if counts and decimals.min() >= _MOST_DECIMALS else None
 
 
-def _are_colours(triple: Float64) -> bool:
-    whole = np.isfinite(triple).all() and (triple == np.rint(triple)).all()
-    return bool(
-        whole
-        and triple.min() >= 0
-        and triple.max() <= np.iinfo(np.uint8).max
-        and np.ptp(triple) > 0
-    )
+def _colour_fit(triple: Float64) -> bool | None:
+    """Whether three columns are colours clearly; None where they cannot be."""
+    if not np.isfinite(triple).all() or triple.min() < 0 or np.ptp(triple) == 0:
+        return None
+    highest = triple.max(axis=0)
+    if not (triple == np.rint(triple)).all():
+        return False if triple.max() <= 1 else None  # floats: colours, or shares of anything
+    top = colour_depth(float(triple.max()))
+    if triple.max() > top or (top > 255 and highest.min() <= 255):
+        return None
+    # All or nothing in a channel, with others that vary: an alpha channel, or an empty column.
+    constant = np.ptp(triple, axis=0) == 0
+    empty = constant & np.isin(highest, (0, 255, 65_535))
+    return bool(highest.min() > _DARK and (constant.all() or not empty.any()))
 
 
 def _are_unit(triple: Float64) -> bool:

@@ -1,27 +1,41 @@
 """How a text is a table of points: delimiter, decimal sign, header, and what its columns are.
 
-Delimiter (comma, semicolon, tab or blanks), decimal comma (with semicolons, tabs or blanks) and a
-header are detected from the start of the file; columns that the user states go before a header.
-Lines that begin with ``#`` or ``//`` are comments; one directly above the first row that names as
-many columns as the row has is the header (CloudCompare writes it so). A first line with a single
-whole number is a point count (PTS).
+Delimiter (comma, semicolon, tab or blanks), decimal comma and a header are detected from the start
+of the file; columns that the user states go before a header. The rows begin with the first line
+that has as many values as most lines, three of them numbers. The line above is the header where it
+names as many columns, also in a comment (``#`` or ``//``; CloudCompare writes it so), and between
+the two may be a row of units. What is above that is a title. A line with a single whole number is
+a count of points (PTS: one before each scan).
 """
 
 from __future__ import annotations
 
+import codecs
+import csv
 import re
+import shlex
 from collections import Counter
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from terraport_pipeline.engines.readers.clean_text import text_encoding
 from terraport_pipeline.engines.readers.text_columns import (
-    DEGREES,
+    colour_depth,
+    degree_columns,
     first_column_names_points,
+    header_readings,
     name_bare_columns,
     name_header_columns,
+)
+from terraport_pipeline.engines.readers.text_units import (
+    DEGREES,
+    split_label,
+    unit_of_line,
+    unit_row,
 )
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.survey_statement import LEFT_OUT
@@ -37,16 +51,31 @@ NULLS: Final = ("", "nan", "NaN", "NAN", "null", "NULL", "-", "*", "inf", "-inf"
 """What stands where a value is missing."""
 
 
+_COUNT: Final = re.compile(r"[0-9]+")
+
+_DECIMAL_COMMA: Final = re.compile(r"^[-+]?\d+,\d+$")
+
+_MOST_READINGS: Final = 3
+"""Readings that an error shows."""
+
+
 @dataclass(frozen=True, slots=True)
 class _Form:
     """How a text is a table, whatever its columns mean."""
 
+    encoding: str
     delimiter: str
     """One character; a blank stands for any run of blanks and tabs."""
     decimal: str
     skip_lines: int
     """Lines before the first row, comments not counted."""
     header: list[str] | None
+    titles: list[str]
+    """Lines above the header."""
+    notes: list[str]
+    """The same and comments: they may state a unit."""
+    counted: int | None
+    """Points by the count line before the first row; None without one."""
     cells: list[list[str]]
     """The first rows."""
 
@@ -55,6 +84,8 @@ class _Form:
 class Layout:
     """How a text is a table, and what its columns are called."""
 
+    encoding: str
+    """UTF-8 (and what is like it), or UTF-16 with its byte order."""
     delimiter: str
     """One character; a blank stands for any run of blanks and tabs."""
     decimal: str
@@ -63,6 +94,14 @@ class Layout:
     names: list[str]
     bare: bool
     """The file has no header, and nobody stated its columns."""
+    counted: int | None = None
+    """Points by the count line before the first row; further ones may follow (PTS)."""
+    colour_top: int | None = None
+    """Highest value that the colours may have, as found from the first rows of a bare file."""
+    units: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """Of x, y and z where the text states it: its words, and the unit."""
+    titles: tuple[str, ...] = ()
+    """Lines of title above the table."""
 
 
 def is_table(path: Path) -> bool:
@@ -82,81 +121,149 @@ def find_layout(path: Path, columns: tuple[str, ...] | None = None) -> Layout:
     Raises
     ------
     ReadError
-        When the text is no table of numbers, x, y or z is missing, or columns are degrees.
+        When the text is no table of numbers, x, y or z is missing, columns are degrees, or two
+        readings of the columns fit; the error then has the ``--columns`` of each.
     """
     form = _find_form(path)
+    top = None
     if columns is not None:
         names = _name_stated(path, form, columns)
     elif form.header is not None:
-        _refuse_degrees(path, form.header)
-        names = name_header_columns(form.header)
-        missing = [axis for axis in _AXES if axis not in names]
-        if missing:
-            raise ReadError(
-                path,
-                f"there is no column {', '.join(missing)}; the columns are {', '.join(names)}",
-                "name the coordinates x, y, z (or easting, northing, height), or state all columns "
-                "with --columns",
-            )
+        names = _name_by_header(path, form.header)
     else:
-        names = _name_bare(path, form)
+        names, top = _name_bare(path, form)
     is_bare = columns is None and form.header is None
-    return Layout(form.delimiter, form.decimal, form.skip_lines, names, is_bare)
+    return Layout(
+        form.encoding,
+        form.delimiter,
+        form.decimal,
+        form.skip_lines,
+        names,
+        is_bare,
+        form.counted,
+        top,
+        _units(path, form, names),
+        tuple(form.titles),
+    )
 
 
 def _find_form(path: Path) -> _Form:
-    # (1) The first lines, as text.
+    # (1) The first lines, as text; those that are comments apart.
     with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
-    if b"\x00" in head:
+    encoding = text_encoding(path, head)
+    text = _decoded(head, encoding)
+    if "\r" in text and "\n" not in text:
         raise ReadError(
             path,
-            "this is no text: it has zero bytes",
-            "check the file's kind; terraport reads LAS, LAZ, PLY, PCD, E57 and text",
-            f"byte {head.index(0):,}",
+            "its lines end with CR alone, expected LF or CR LF",
+            "save it with the line ends of Unix or Windows",
         )
-    lines = head.decode("utf-8-sig", errors="replace").splitlines()
+    found = text.split("\n")
     if len(head) == _SAMPLE_BYTES:
-        lines = lines[:-1]  # the last one may be cut
-    # (2) Rows, and the comment above them, which may name the columns.
-    above = ""
-    rows: list[str] = []
-    for line in lines:
-        bare = line.strip()
-        if not bare:
-            continue
-        if bare.startswith(("#", "//")):
-            above = above if rows else bare
-            continue
-        rows.append(bare)
-        if len(rows) > _SAMPLE_ROWS:
-            break
-    # (3) PTS: the first row may be the number of points.
-    skip = 0
-    if len(rows) > 1 and re.fullmatch(r"[0-9]+", rows[0]):
-        skip, rows = 1, rows[1:]
-    if not rows:
+        found = found[:-1]  # the last one may be cut
+    every = [line for raw in found if (line := raw.strip())]
+    lines = [line for line in every if not _is_comment(line)]
+    # (2) Delimiter by majority of the lines; a decimal comma only where it does not separate. The
+    # rows begin with the first line that is like most of those that can be rows.
+    last = [line for line in lines if not _COUNT.fullmatch(line)][-_SAMPLE_ROWS:]
+    if not last:
         raise ReadError(path, "there is not one row of numbers", "export the survey again")
-    # (4) Delimiter by majority of the rows; a decimal comma only where it does not separate.
-    delimiter, _ = Counter(map(_find_delimiter, rows)).most_common(1)[0]
-    cells = [_split(row, delimiter) for row in rows]
-    comma = delimiter != "," and any(re.search(r"\d,\d", cell) for cell in cells[-1])
-    decimal = "," if comma else "."
-    # (5) A header, in the first row or in the comment. A row with three numbers is a point, though
-    # its name or code is text.
-    header: list[str] | None = None
-    if sum(_is_number(cell, decimal) for cell in cells[0]) < min(len(_AXES), len(cells[0])):
-        header, skip, cells = cells[0], skip + 1, cells[1:]
-    elif above:
-        named = _split(above.lstrip("#/ \t"), delimiter)
-        header = named if len(named) == len(cells[0]) and not _is_number(named[0], ".") else None
-    if not cells or not any(_is_number(cell, decimal) for cell in cells[0]):
+    delimiter = _find_delimiter(last)
+    split = [_split(line, delimiter) for line in lines]
+    tail = [cell for cells in split[-_SAMPLE_ROWS:] for cell in cells]
+    decimal = "," if any(_DECIMAL_COMMA.search(cell) for cell in tail) else "."
+    can_be = [cells for cells in split if _is_row(cells, decimal)]
+    if not can_be:
         raise ReadError(
             path,
-            f"{rows[0][:60]!r} is not followed by rows of numbers",
+            f"{lines[0][:60]!r} is not followed by rows of numbers",
             "expected one point per line: x y z, then colours or other values",
         )
-    return _Form(delimiter, decimal, skip, header, cells)
+    width = Counter(map(len, can_be)).most_common(1)[0][0]
+    can_be = [cells for cells in can_be if len(cells) == width]
+    numeric = [
+        2 * sum(_is_number(row[column], decimal) for row in can_be) > len(can_be)
+        for column in range(width)
+    ]
+    first = next(
+        number
+        for number, cells in enumerate(split)
+        if cells in can_be
+        and all(_is_number(c, decimal) for c, n in zip(cells, numeric, strict=True) if n)
+    )
+    rows = [cells for cells in split[first:] if len(cells) > 1][:_SAMPLE_ROWS]
+    _refuse_comma_twice(path, rows, delimiter)
+    # (3) What is above the rows: titles, a header, units, the number of points.
+    counts = [int(line) for line in lines[:first] if _COUNT.fullmatch(line)]
+    titles = [line for line in lines[:first] if not _COUNT.fullmatch(line)]
+    comments = [line for line in every[: every.index(lines[first])] if _is_comment(line)]
+    header = _take_header(path, titles, rows, width, delimiter)
+    if header is None and not titles:
+        header = _header_in_comment(comments, width, delimiter)
+    return _Form(
+        encoding,
+        delimiter,
+        decimal,
+        first,
+        header,
+        titles,
+        [*titles, *comments],
+        counts[-1] if counts else None,
+        rows,
+    )
+
+
+def _take_header(
+    path: Path, titles: list[str], rows: list[list[str]], width: int, delimiter: str
+) -> list[str] | None:
+    """Take the header, and units below it, off the end of the lines above the rows."""
+    if not titles:
+        return None
+    units = unit_row(_split_names(titles[-1], width, delimiter) or [])
+    header = _split_names(titles[-2 if units and len(titles) > 1 else -1], width, delimiter)
+    if header is None:
+        names = _split(titles[-1], delimiter)
+        if len(names) == width - 1 and not any(row[-1] for row in rows):
+            header = [*names, ""]  # a delimiter at the end of each row
+        elif len(set(_AXES) & set(name_header_columns(names))) > 1:
+            raise ReadError(
+                path,
+                f"the header has {len(names)} columns ({titles[-1][:60]}), expected {width} as in "
+                f"the rows ({' '.join(rows[0])[:60]})",
+                "export the survey again, or state all columns with --columns",
+            )
+        else:
+            return None
+    titles.pop()
+    if units and titles:
+        titles.pop()
+        header = [
+            name if unit in ("", "-") else f"{name} [{unit}]"
+            for name, unit in zip(header, units, strict=True)
+        ]
+    return header
+
+
+def _header_in_comment(comments: list[str], width: int, delimiter: str) -> list[str] | None:
+    """Find the comment that names the columns: the last one, or one that names x, y and z."""
+    for number, line in enumerate(reversed(comments)):
+        names = _split_names(line.lstrip("#/ \t"), width, delimiter)
+        if names is None or _is_number(names[0], "."):
+            continue
+        if number == 0 or set(_AXES) <= set(name_header_columns(names)):
+            return names
+    return None
+
+
+def _split_names(line: str, width: int, delimiter: str) -> list[str] | None:
+    """Split a header into as many names as the rows have columns, if any delimiter does."""
+    for separator in (delimiter, ",", ";", "\t", " "):
+        names = _split(line, separator)
+        if len(names) == width:
+            return names
+    names = re.sub(r"\s+(?=[(\[{<])", "", line).split()  # a blank before a unit
+    return names if len(names) == width else None
 
 
 def _name_stated(path: Path, form: _Form, columns: tuple[str, ...]) -> list[str]:
@@ -185,11 +292,67 @@ def _name_stated(path: Path, form: _Form, columns: tuple[str, ...]) -> list[str]
     return names
 
 
+def _name_by_header(path: Path, header: list[str]) -> list[str]:
+    angles = degree_columns(header)
+    if angles:
+        raise _in_degrees(path, f"the columns {', '.join(angles)} are degrees")
+    readings = header_readings(header)
+    missing = [axis for axis in _AXES if axis not in readings[0]]
+    if missing:
+        raise ReadError(
+            path,
+            f"there is no column {', '.join(missing)}; the columns are {', '.join(readings[0])}",
+            "name the coordinates x, y, z (or easting, northing, height), or state all columns "
+            "with --columns",
+        )
+    if len(readings) > 1:
+        raise _which(path, f"its header ({', '.join(header)[:80]})", readings)
+    return readings[0]
+
+
+def _which(path: Path, what: str, readings: Sequence[Sequence[str]]) -> ReadError:
+    """Ask which of several readings is right."""
+    lines = [
+        "--columns " + shlex.quote(",".join(name.replace(",", "_") for name in reading))
+        for reading in readings[:_MOST_READINGS]
+    ]
+    return ReadError(
+        path,
+        f"{what} can be read in {len(readings)} ways, and no column says which is right",
+        f"add {' or '.join(lines)}",
+    )
+
+
+def _units(path: Path, form: _Form, names: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Find what the text states of the units of x, y and z, by axis: words, unit."""
+    units: dict[str, tuple[str, str]] = {}
+    if form.header is not None:
+        for name, label in zip(names, form.header, strict=True):
+            unit = split_label(label)[2]
+            if name in _AXES and unit is not None:
+                units[name] = (label, unit)
+    if not units:
+        line, unit = next(((t, u) for t in form.notes if (u := unit_of_line(t))), ("", None))
+        if unit is not None:
+            units = dict.fromkeys(_AXES, (line[:60], unit))
+    angle = next((words for words, unit in units.values() if unit == DEGREES), None)
+    if angle is not None:
+        raise _in_degrees(path, f"it states {angle!r}")
+    return units
+
+
+def _in_degrees(path: Path, what: str) -> ReadError:
+    return ReadError(
+        path, f"{what}, expected metres", "project the survey first, for example to its UTM zone"
+    )
+
+
 def _first_row(form: _Form) -> str:
     return " ".join(form.cells[0])[:60]
 
 
-def _name_bare(path: Path, form: _Form) -> list[str]:
+def _name_bare(path: Path, form: _Form) -> tuple[list[str], int | None]:
+    """Name the columns by their numbers, and say how high the colours may be."""
     cells, decimal = form.cells, form.decimal
     width = len(cells[0])
     if width < 3:
@@ -214,26 +377,56 @@ def _name_bare(path: Path, form: _Form) -> list[str]:
             f"say what the columns are, as in --columns {example} ({LEFT_OUT} leaves one out; "
             "northing y, easting x); or --columns x,y,z,... where the first is x",
         )
-    pts = path.suffix.lower() == ".pts"
-    return name_bare_columns(sample, intensity_first=pts)
+    readings = name_bare_columns(sample, intensity_first=path.suffix.lower() == ".pts")
+    if len(readings) > 1:
+        raise _which(path, f"it has no header, and a row ({_first_row(form)})", readings)
+    names = readings[0]
+    if "red" not in names:
+        return names, None
+    red = names.index("red")
+    return names, colour_depth(float(sample[:, red : red + 3].max()))
 
 
-def _refuse_degrees(path: Path, header: list[str]) -> None:
-    labels = [name.strip().strip('"').lower() for name in header]
-    angles = [name for name in labels if name in DEGREES]
-    if angles and not {"x", "y"} <= set(name_header_columns(header)):
+def _refuse_comma_twice(path: Path, rows: list[list[str]], delimiter: str) -> None:
+    """Refuse commas that part both values and decimals: 12,07,3,50 has two numbers, or four."""
+    cells = [cell for row in rows for cell in row]
+    whole = all(re.fullmatch(r"-?\d*", cell) for cell in cells)
+    if delimiter == "," and whole and any(re.match(r"-?0\d", cell) for cell in cells):
         raise ReadError(
             path,
-            f"the columns {', '.join(angles)} are degrees, expected metres",
-            "project the survey first, for example to its UTM zone",
-            "line 1",
+            f"commas stand between its values and within them ({','.join(rows[0])[:60]})",
+            "export it with decimal points, or with semicolons between the values",
         )
 
 
-def _find_delimiter(row: str) -> str:
+def _decoded(head: bytes, encoding: str) -> str:
+    """Decode the beginning of a text; what is no UTF-8 is taken as Windows-1252."""
+    try:
+        text = codecs.getincrementaldecoder(encoding)().decode(head)  # the last letter may be cut
+    except UnicodeDecodeError:
+        text = head.decode("cp1252", errors="replace")
+    return text.removeprefix("\ufeff")
+
+
+def _is_comment(line: str) -> bool:
+    return line.startswith(("#", "//"))
+
+
+def _find_delimiter(rows: list[str]) -> str:
+    delimiter = Counter(map(_delimiter_of, rows)).most_common(1)[0][0]
+    if delimiter != "\t":
+        return delimiter
+    # One tab between every two values, or runs of tabs and blanks? Runs leave a column empty.
+    tabs = Counter(row.count("\t") for row in rows).most_common(1)[0][0]
+    split = [row.split("\t") for row in rows if row.count("\t") == tabs]
+    is_run = any(all(not cell.strip() for cell in column) for column in zip(*split, strict=True))
+    return " " if is_run else "\t"
+
+
+def _delimiter_of(row: str) -> str:
     for delimiter in (";", "\t"):
         if row.count(delimiter) >= 2:
-            return " " if delimiter == "\t" and "," not in row else delimiter
+            return delimiter
     # A comma between every two values, or a decimal comma within blanks?
     if row.count(",") >= 2 and not re.search(r"\d[ \t]+-?\d", row):
         return ","
@@ -241,7 +434,23 @@ def _find_delimiter(row: str) -> str:
 
 
 def _split(row: str, delimiter: str) -> list[str]:
-    return row.split() if delimiter == " " else [cell.strip() for cell in row.split(delimiter)]
+    if '"' not in row:
+        cells = row.split() if delimiter == " " else row.split(delimiter)
+    else:
+        if delimiter == " ":
+            row = re.sub(r"[ \t]+", " ", row)
+        cells = next(csv.reader([row], delimiter=delimiter, skipinitialspace=True))
+    return [cell.strip() for cell in cells]
+
+
+def _is_row(cells: list[str], decimal: str) -> bool:
+    """Whether a line can be a point: three values that are numbers or missing, two of them there.
+
+    Names and codes may be text; of a table with fewer columns all must be numbers.
+    """
+    good = [cell for cell in cells if _is_number(cell, decimal)]
+    there = sum(cell not in NULLS for cell in good)
+    return len(cells) > 1 and len(good) >= min(len(_AXES), len(cells)) and there >= 2
 
 
 def _is_number(cell: str, decimal: str) -> bool:

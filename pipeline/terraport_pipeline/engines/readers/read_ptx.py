@@ -1,0 +1,210 @@
+"""PTX (Leica Cyclone, and many that write its form) by pyarrow's CSV reader (``terraport[text]``).
+
+A file is one scan after another, each a grid of returns: two lines with its columns and rows, four
+with the scanner's position and axes, four with a matrix, and a line ``x y z intensity [red green
+blue]`` for each cell. The matrix takes a row vector ``x y z 1`` to the survey's coordinates; the
+position repeats it. A cell without return is ``0 0 0``. Lengths are in metres.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO, Final
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import csv
+
+from terraport_payload.types import AnyArray, Float64
+from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
+from terraport_pipeline.errors import ReadError
+
+__all__ = ["PtxStream", "stream_ptx"]
+
+_CHUNK_ROWS: Final = 200_000
+
+_COLOURS: Final = ("red", "green", "blue")
+_NAMES: Final = {
+    3: ("x", "y", "z"),
+    4: ("x", "y", "z", "intensity"),
+    7: ("x", "y", "z", "intensity", *_COLOURS),
+}
+"""Columns by how many a row has."""
+
+_HEADER_WIDTHS: Final = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
+"""Values in the lines above a scan's rows."""
+
+_ROTATION_TOLERANCE: Final = 1e-3
+"""Matrices are written with 6 decimals; a scale differs more."""
+
+_BLANKS: Final = re.compile(rb"[ \t]+")
+_EDGES: Final = re.compile(rb"^ | ?\r?$", re.MULTILINE)
+
+_AGAIN: Final = "it is cut off or damaged: copy or export it again"
+
+
+@dataclass(frozen=True, slots=True)
+class _Scan:
+    rows: int
+    names: tuple[str, ...]
+    matrix: Float64
+    """(4, 4); row vectors times it are the survey's coordinates."""
+    start: int
+    """Byte of the first row."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PtxStream:
+    """An open file that yields its points chunk by chunk."""
+
+    count: int
+    """Cells of all scans, those without return included."""
+    warnings: tuple[str, ...]
+    late_warnings: Callable[[], tuple[str, ...]]
+    """What is known when all chunks were read."""
+    colours: tuple[str, ...]
+    """Names of red, green, blue, or none."""
+    chunks: Callable[[], Iterator[StreamChunk]]
+    """Makes the iterator; once."""
+
+
+def stream_ptx(path: Path) -> PtxStream:
+    """Check the headers of all scans, and read their points in parts.
+
+    Raises
+    ------
+    ReadError
+        A header is wrong, a matrix is no rotation and translation, or the file is cut off; names
+        the scan. Damaged rows are found while they are read.
+    """
+    # (1) Every header; what any scan has is a column, NaN in the others.
+    scans = _find_scans(path)
+    names = list(dict.fromkeys(n for scan in scans for n in scan.names if n not in ("x", "y", "z")))
+    total = sum(scan.rows for scan in scans)
+    empty = 0
+
+    # (2) Scan after scan.
+    def chunks() -> Iterator[StreamChunk]:
+        nonlocal empty
+        for number, scan in enumerate(scans):
+            for table in _tables(path, scan, number):
+                points = np.stack([table[axis] for axis in "xyz"], axis=1)
+                there = points.any(axis=1)
+                empty += len(points) - int(there.sum())
+                placed = points[there] @ scan.matrix[:3, :3] + scan.matrix[3, :3]
+                nothing = np.full(len(points), np.nan)
+                columns = {name: table.get(name, nothing)[there] for name in names}
+                if len(scans) > 1:
+                    columns["scan"] = np.full(len(placed), number, dtype=np.float64)
+                yield StreamChunk(placed, columns, len(points))
+
+    def late_warnings() -> tuple[str, ...]:
+        if not empty:
+            return ()
+        return (f"{empty:,} of {total:,} cells of the scans have no return: left out.",)
+
+    warnings: tuple[str, ...] = ()
+    has_colour = "red" in names
+    if has_colour and any("red" not in scan.names for scan in scans):
+        warnings = ("Some scans have no colour; their points are black.",)
+    return PtxStream(total, warnings, late_warnings, _COLOURS if has_colour else (), chunks)
+
+
+def _find_scans(path: Path) -> list[_Scan]:
+    """Read every header, and step over the rows."""
+    scans: list[_Scan] = []
+    with path.open("rb") as file:
+        while True:
+            lines = list(itertools.islice(_lines(file), len(_HEADER_WIDTHS)))
+            if not lines and scans:
+                return scans
+            columns, rows, matrix = _header(path, lines, len(scans))
+            start = file.tell()
+            width = len(file.readline().split())
+            if width not in _NAMES:
+                raise ReadError(
+                    path,
+                    f"a row of scan {len(scans)} has {width} values, expected 4 (x y z intensity) "
+                    "or 7 (and red green blue)",
+                    "export the survey again",
+                    f"byte {start:,}",
+                )
+            there = 1 + sum(1 for _ in itertools.islice(file, columns * rows - 1))
+            if there < columns * rows:
+                raise _cut(path, len(scans), there, columns * rows)
+            scans.append(_Scan(columns * rows, _NAMES[width], matrix, start))
+
+
+def _lines(file: BinaryIO) -> Iterator[bytes]:
+    """Yield the lines that are not blank, and read none ahead."""
+    while line := file.readline():
+        if line.strip():
+            yield line
+
+
+def _header(path: Path, lines: list[bytes], number: int) -> tuple[int, int, Float64]:
+    """Parse the lines above a scan's rows: columns, rows, matrix."""
+    values = [line.split() for line in lines]
+    try:
+        for line, width in zip(values, _HEADER_WIDTHS, strict=True):
+            np.array(line, dtype="S").astype(np.float64).reshape(width)
+        columns, rows = int(values[0][0]), int(values[1][0])
+        matrix = np.array(values[6:], dtype="S").astype(np.float64)
+    except ValueError as error:
+        shown = b" | ".join(line.strip() for line in lines).decode("latin-1")[:80]
+        raise ReadError(
+            path,
+            f"{shown!r} is not the header of scan {number}: expected two lines with its columns "
+            "and rows, four of three numbers, four of four",
+            f"it is no PTX, or {_AGAIN.removeprefix('it is ')}",
+        ) from error
+    if columns * rows <= 0:
+        raise ReadError(path, f"scan {number} has {columns:,} x {rows:,} cells", _AGAIN)
+    turn = matrix[:3, :3]
+    is_rigid = np.allclose(turn @ turn.T, np.eye(3), atol=_ROTATION_TOLERANCE)
+    is_affine = np.allclose(matrix[:, 3], (0, 0, 0, 1), atol=1e-9)
+    if not (np.isfinite(matrix).all() and is_affine and is_rigid and np.linalg.det(turn) > 0):
+        raise ReadError(
+            path,
+            f"the matrix of scan {number} is {matrix.tolist()}, expected a rotation with the "
+            "translation in its last row, and 0 0 0 1 in its last column",
+            "export the survey again",
+        )
+    return columns, rows, matrix
+
+
+def _tables(path: Path, scan: _Scan, number: int) -> Iterator[dict[str, AnyArray]]:
+    """Yield the rows of a scan, some at a time, column by column."""
+    with path.open("rb") as file:
+        file.seek(scan.start)
+        for first in range(0, scan.rows, _CHUNK_ROWS):
+            want = min(_CHUNK_ROWS, scan.rows - first)
+            lines = list(itertools.islice(file, want))
+            block = _EDGES.sub(b"", _BLANKS.sub(b" ", b"".join(lines)))
+            try:
+                table = csv.read_csv(
+                    io.BytesIO(block),
+                    csv.ReadOptions(use_threads=False, column_names=scan.names),
+                    csv.ParseOptions(delimiter=" "),
+                    csv.ConvertOptions(column_types=dict.fromkeys(scan.names, pa.float64())),
+                )
+            except pa.ArrowInvalid as error:
+                raise ReadError(
+                    path,
+                    f"a row of scan {number} is not {len(scan.names)} numbers "
+                    f"({' '.join(str(error).split())[:160]})",
+                    _AGAIN,
+                    f"row {first:,} of the scan, or up to {want:,} later",
+                ) from error
+            if table.num_rows < want:
+                raise _cut(path, number, first + table.num_rows, scan.rows)
+            yield {name: table.column(name).to_numpy() for name in scan.names}
+
+
+def _cut(path: Path, number: int, there: int, rows: int) -> ReadError:
+    return ReadError(path, f"scan {number} ends after {there:,} of {rows:,} rows", _AGAIN)
