@@ -23,10 +23,11 @@ from terraport_server.errors import RequestError, UnknownSceneError
 from terraport_server.file_sender import FILES
 from terraport_server.payload_desk import WINDOW_BYTES
 from terraport_server.payload_files import FileAnswer, PayloadFiles
+from terraport_server.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_store import OriginError, PayloadRange, StoreError
 
-__all__ = ["payload_routes"]
+__all__ = ["payload_routes", "segment_faults"]
 
 
 def payload_routes(service: Service) -> list[Route]:
@@ -60,7 +61,7 @@ class _Segments:
             return
         served.hold()
         try:
-            with self._faults(served, answer.segment):
+            with segment_faults(self._service, served, answer.segment):
                 where = await served.desk.whole(answer.segment)
                 if isinstance(where, PayloadRange):
                     where = where._replace(offset=where.offset + part.offset, length=part.length)
@@ -70,21 +71,27 @@ class _Segments:
         finally:
             served.release()
 
-    @contextmanager
-    def _faults(self, served: Any, segment: int) -> Iterator[None]:
-        """Say what a client is told of a payload that is not there, or not whole."""
-        service = self._service
-        try:
-            yield
-        except (OriginError, FileNotFoundError) as error:
-            served.tell_failure("segment_lost", segment, error)
-            text = f"segment {segment} cannot be had now; try again later"
-            raise RequestError(503, "segment_unavailable", text) from None
-        except StoreError:
-            served.desk.distrust(segment)
-            service.metrics.corrupt_segments.labels(service.metrics.scene_label(served.id)).inc()
-            text = f"segment {segment} is not whole on the server's disk"
-            raise RequestError(500, "segment_corrupt", text) from None
+
+@contextmanager
+def segment_faults(service: Service, served: ServedScene, segment: int) -> Iterator[None]:
+    """Tell the client of a payload that cannot be read, or is not whole.
+
+    Raises
+    ------
+    RequestError
+        What the client is told.
+    """
+    try:
+        yield
+    except (OriginError, FileNotFoundError) as error:
+        served.tell_failure("segment_lost", segment, error)
+        text = f"segment {segment} cannot be had now; try again later"
+        raise RequestError(503, "segment_unavailable", text) from None
+    except StoreError:
+        served.desk.distrust(segment)
+        service.metrics.corrupt_segments.labels(service.metrics.scene_label(served.id)).inc()
+        text = f"segment {segment} is not whole on the server's disk"
+        raise RequestError(500, "segment_corrupt", text) from None
 
 
 class _Packs:

@@ -18,7 +18,7 @@ from terraport_server.served_scene import ServedScene
 from terraport_server.service import Service
 from terraport_store import PayloadRange
 
-__all__ = ["FileAnswer", "Headers", "PayloadFiles"]
+__all__ = ["FileAnswer", "Headers", "PayloadFiles", "segment_number"]
 
 Headers = Sequence[tuple[bytes, bytes]]
 """Of a request: lower-case names."""
@@ -87,7 +87,7 @@ class PayloadFiles:
         self._check_token(headers, scene_id)
         version = _version(query) if query else None
         served = self._service.registry.get(scene_id, version)
-        segment = _number(number, len(served.lengths))
+        segment = segment_number(number, len(served.lengths))
         etag = f'"{served.hashes[segment]:016x}"'
         part = choose_part(method, headers, etag, served.lengths[segment])
         return self._answer(served, part, "model/gltf-binary", etag, version, segment)
@@ -146,7 +146,7 @@ def _version(query: bytes) -> str | None:
     return None
 
 
-def _number(text: str, count: int) -> int:
+def segment_number(text: str, count: int) -> int:
     """Return the number of a segment in an address; raises RequestError."""
     digits = text.removeprefix("-")
     if not (digits.isascii() and digits.isdecimal() and len(digits) <= 40):

@@ -18,7 +18,7 @@ from terraport_server.served_scene import ServedScene
 from terraport_store import read_names
 from terraport_store.tiles.placing import place_scene
 from terraport_store.tiles.scene_tiles import SceneTiles
-from terraport_store.tiles.tile_glb import TileFacts
+from terraport_store.tiles.tile_glb import TileFacts, unlit_glb
 from terraport_store.tiles.tileset import Tileset
 
 __all__ = ["MAX_KEPT_BYTES", "ServedTiles", "TileDesk"]
@@ -74,6 +74,16 @@ class TileDesk:
         """
         return (await self.tiles(served)).parts.get(name)
 
+    async def segment(self, served: ServedScene, number: int) -> bytes:
+        """Return a segment with unlit materials, as the parts of the base have them.
+
+        Raises
+        ------
+        StoreError, OSError
+            When it cannot be read, or is not whole.
+        """
+        return await self._in_thread(served, lambda: unlit_glb(served.scene.payload(number)))
+
     async def _tiles(self, served: ServedScene) -> ServedTiles:
         """Find or make what is served; its caller has the turn."""
         key = (served.id, served.version)
@@ -118,7 +128,7 @@ def _make(served: ServedScene) -> ServedTiles:
         tiles.cells,
         scene.index.bounds,
         place_scene(scene.manifest),
-        segment_uri=lambda number: f"segments/{number}.glb{query}",
+        segment_uri=lambda number: f"tiles/segments/{number}.glb{query}",
         part_uri=lambda number: f"tiles/{names[number]}.glb{query}",
         version=served.version,
     )

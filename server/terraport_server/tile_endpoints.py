@@ -1,7 +1,4 @@
-"""A scene as 3D Tiles over HTTP: the tileset, and the parts of the base that it names.
-
-Its segments are payload files: :mod:`terraport_server.payload_endpoints`.
-"""
+"""A scene as 3D Tiles over HTTP: the tileset, and the contents that it names."""
 
 from __future__ import annotations
 
@@ -22,6 +19,8 @@ from terraport_server.http_answers import (
     is_unchanged,
 )
 from terraport_server.logs import log
+from terraport_server.payload_endpoints import segment_faults
+from terraport_server.payload_files import segment_number
 from terraport_server.served_scene import ServedScene
 from terraport_store import StoreError
 
@@ -73,6 +72,26 @@ async def get_part(
         raise RequestError(404, "unknown_tile", text)
     if is_unchanged(request, headers["ETag"]):
         return Response(status_code=304, headers=headers)
+    return Response(data, media_type="model/gltf-binary", headers=headers)
+
+
+@tile_routes.get("/scenes/{scene_id}/tiles/segments/{segment}.glb", summary="An unlit segment")
+async def get_unlit_segment(
+    request: Request,
+    served: SceneOfRequest,
+    service: ServiceOfRequest,
+    segment: str,
+    v: str | None = None,
+) -> Response:
+    """Return a segment's payload with ``KHR_materials_unlit``, which the parts of the base have."""
+    number = segment_number(segment, len(served.hashes))
+    headers = caching_headers(
+        f'"{served.hashes[number]:016x}-unlit"', v, is_open=service.gate.is_open
+    )
+    if is_unchanged(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    with segment_faults(service, served, number):
+        data = await service.tiles.segment(served, number)
     return Response(data, media_type="model/gltf-binary", headers=headers)
 
 

@@ -21,7 +21,7 @@ from terraport_payload.grid import NULL_CODE
 from terraport_payload.types import AnyArray, Int64
 from terraport_store.manifest import Manifest
 
-__all__ = ["TileFacts", "encode_tile"]
+__all__ = ["TileFacts", "encode_tile", "unlit_glb"]
 
 _EXTENSION: Final = "EXT_structural_metadata"
 _UNLIT: Final = "KHR_materials_unlit"
@@ -175,14 +175,37 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
     if used:
         document["extensionsUsed"].append(_EXTENSION)
         document["extensions"] = {_EXTENSION: {"schema": facts.schema, **used}}
-    # (3) A survey's colours have their light: lit again they are dark, without a lamp black.
-    for material in document["materials"]:
-        material["extensions"] = {_UNLIT: {}}
-    document["extensionsUsed"].append(_UNLIT)
+    # (3) The light of its colours.
+    _make_unlit(document)
     # Other tools need none of ours, and codes that are said to be normalised are not ours.
     del document["meshes"][0]["extras"]
     document["buffers"][0]["byteLength"] = len(binary)
     return join_glb(document, bytes(binary))
+
+
+def unlit_glb(glb: bytes | memoryview) -> bytes:
+    """Return a payload with unlit materials, as all content of a tileset has; nothing else changes.
+
+    Raises
+    ------
+    PayloadError
+        When it is not a GLB.
+    """
+    document, binary, _ = split_glb(glb)
+    _make_unlit(document)
+    return join_glb(document, bytes(binary))
+
+
+def _make_unlit(document: dict[str, Any]) -> None:
+    """Mark materials as unlit: a survey's colours contain its light, and lit again they are dark.
+
+    All content of a tileset has to agree, or full detail differs from the base in brightness.
+    """
+    for material in document.get("materials", ()):
+        material.setdefault("extensions", {})[_UNLIT] = {}
+    used = document.setdefault("extensionsUsed", [])
+    if _UNLIT not in used:
+        used.append(_UNLIT)
 
 
 def _column(
