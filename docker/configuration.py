@@ -22,7 +22,15 @@ SECRETS: Final = {
     "upload": {"s3_writer"},
 }
 """What each service may see; no two share one that lets its bearer do anything."""
-PROFILES: Final[list[list[str]]] = [[], ["build"], ["s3"], ["build", "s3", "upload"]]
+PROFILES: Final[list[list[str]]] = [
+    [],
+    ["build"],
+    ["monitoring"],
+    ["s3"],
+    ["teach"],
+    ["build", "monitoring", "s3", "teach", "upload"],
+]
+"""The last one has every service."""
 
 
 def compose_config(scenes: Path, secrets: Path, alerts_to: str) -> dict[str, Any] | None:
@@ -47,7 +55,23 @@ def compose_config(scenes: Path, secrets: Path, alerts_to: str) -> dict[str, Any
     # What is written out escapes dollars again.
     config: dict[str, Any] = json.loads(text.replace("$$", "$"))
     check_secrets(config, secrets)
+    check_profiles(config)
     return config
+
+
+def check_profiles(config: dict[str, Any]) -> None:
+    """Without a profile proxy and service run alone; no bind mount is made by the engine."""
+    services = config["services"]
+    always = {name for name, service in services.items() if not service.get("profiles")}
+    assert always == {"proxy", "server"}, always
+    for name in ("server", "build", "teach", "upload"):
+        binds = [one for one in services[name]["volumes"] if one["type"] == "bind"]
+        for bind in binds:
+            # Left out it means true: a missing folder would be made, and belong to root.
+            assert bind["bind"].get("create_host_path") is False, (name, bind)
+    users = {services[name].get("user") for name in ("server", "build", "teach")}
+    assert len(users) == 1, users
+    say("ok: profiles: proxy and server alone without one; missing folders are errors")
 
 
 def check_secrets(config: dict[str, Any], secrets: Path) -> None:

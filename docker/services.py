@@ -82,7 +82,8 @@ class Services:
             command = command or [program]
         else:
             stage = self._stages[STAGES[service]]
-            user = int(stage.last("USER") or 0)
+            # Compose's own user goes first.
+            user = int(str(spec.get("user") or stage.last("USER") or 0).partition(":")[0])
             environment |= stage.environment(environment) | {"PATH": path}
             words = stage.words("CMD") if words is None and command is None else words
             command = command or stage.words("ENTRYPOINT")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import logging
+import os
 import secrets
 import time
 from datetime import UTC, datetime
@@ -43,16 +44,30 @@ stroke_routes = APIRouter()
 
 _JSON = "application/json"
 
+_READ_ONLY = (
+    "the service cannot write to this scene's folder, expected one that it may write strokes to; "
+    "mount the scenes writable, and let the service's user own them"
+)
+
 
 def may_paint(service: Service, token_pass: TokenPass, served: ServedScene) -> bool:
-    """Whether a token's bearer may paint on a scene, and there is a folder for it.
+    """Return whether a token's bearer may paint on a scene, and strokes can be kept in its folder.
 
     Where no token is asked for, everybody at this machine may, and nobody from elsewhere.
     """
+    is_local = served.fetchers is None
+    return is_local and _has_right(service, token_pass, served) and _is_writable(served)
+
+
+def _has_right(service: Service, token_pass: TokenPass, served: ServedScene) -> bool:
     if service.gate.is_open and not service.settings.checks_host:
         return False
-    is_local = served.fetchers is None
-    return is_local and token_pass.opens(served.id) and "teach" in token_pass.scopes
+    return token_pass.opens(served.id) and "teach" in token_pass.scopes
+
+
+def _is_writable(served: ServedScene) -> bool:
+    """Return whether files can be made in the scene's folder: it may be mounted read-only."""
+    return os.access(served.scene.path, os.W_OK)
 
 
 async def _painter(
@@ -65,13 +80,15 @@ async def _painter(
     if served.fetchers is not None:
         text = "this scene lies in object storage, expected one in a folder to paint on"
         raise RequestError(409, "no_strokes", text)
-    if not may_paint(service, token_pass, served):
+    if not _has_right(service, token_pass, served):
         text = "got a token without the right to teach, expected one with the scope teach"
         raise RequestError(403, ErrorCode.FORBIDDEN, text)
     origin, host = request.headers.get("origin"), request.headers.get("host")
     if not origin_is_allowed(origin, host, service.settings.allowed_origins):
         text = "got a request of a page of another origin, expected one of allowed_origins"
         raise RequestError(403, ErrorCode.FORBIDDEN, text)
+    if request.method != "GET" and not _is_writable(served):
+        raise RequestError(409, "no_strokes", _READ_ONLY)
     return token_pass
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -87,6 +88,20 @@ def test_several_paint_and_each_takes_back_their_own(
     assert anna.delete(f"{ADDRESS}/{stroke['id']}").status_code == 200
     assert anna.delete(f"{ADDRESS}/{stroke['id']}").json()["error"]["code"] == "unknown_stroke"
     assert [one.who for one in read_strokes(grid.path).strokes] == ["ben"]
+
+
+def test_scenes_that_are_mounted_read_only_offer_no_strokes(
+    anna: httpx.Client, guest: httpx.Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """They were offered, and each stroke was answered with 503 and "try again later"."""
+    assert anna.post(ADDRESS, json=BODY).status_code == 201
+    monkeypatch.setattr(os, "access", lambda _path, mode: not mode & os.W_OK)  # tests run as root
+    assert "strokes" not in anna.get("/scenes/grid").json()["links"]
+    assert len(anna.get(ADDRESS).json()["strokes"]) == 1
+    for answer in (anna.post(ADDRESS, json=BODY), anna.delete(f"{ADDRESS}/0")):
+        assert (answer.status_code, answer.json()["error"]["code"]) == (409, "no_strokes")
+        assert "cannot write" in answer.json()["error"]["message"]
+    assert guest.post(ADDRESS, json=BODY).status_code == 403
 
 
 def test_painting_is_a_right_of_its_own(
