@@ -27,7 +27,14 @@ from rich.progress import (
 )
 from rich.text import Text
 
-__all__ = ["ESTIMATE_UNIT", "NullProgress", "Progress", "ProgressBehind", "RichProgress"]
+__all__ = [
+    "ESTIMATE_UNIT",
+    "NullProgress",
+    "Progress",
+    "ProgressBehind",
+    "RichProgress",
+    "format_fact",
+]
 
 ESTIMATE_UNIT = "s (estimate)"
 """Unit of a step whose engine reports nothing: it advances by the clock against a forecast, and
@@ -39,6 +46,10 @@ _LOOK_S = 0.2
 _LARGEST_ESTIMATE = 0.99
 """An estimated step stops here until the engine really ends, so that the bar never claims to be
 complete."""
+
+
+_THOUSAND = 1000
+"""From here on numbers have no decimals, and a comma."""
 
 
 class Progress(Protocol):
@@ -191,7 +202,7 @@ class RichProgress:
         if self._task is None:
             return
         total = self._total if self._total is not None else max(self._amount, 1.0)
-        text = "  ".join(f"{name} {_format_fact(value)}" for name, value in facts.items())
+        text = "  ".join(f"{name} {format_fact(value)}" for name, value in facts.items())
         self._bars.update(self._task, total=total, completed=total, facts=text)
         self._bars.stop_task(self._task)
         if not self._console.is_terminal:
@@ -209,11 +220,18 @@ class _AmountColumn(ProgressColumn):
         return Text(f"{task.completed:,.0f}/{task.total:,.0f} {unit}", style="progress.download")
 
 
-def _format_fact(value: object) -> str:
+def format_fact(value: object) -> str:
+    """Format a value for people: thousands with commas, other numbers to four digits.
+
+    Examples
+    --------
+    >>> format_fact(3925.8813691526675), format_fact(1 / 6), format_fact(12), format_fact(True)
+    ('3,926', '0.1667', '12', 'yes')
+    """
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int):
         return f"{value:,}"
     if isinstance(value, float):
-        return f"{value:,.4g}"
+        return f"{value:,.0f}" if abs(value) >= _THOUSAND else f"{value:.4g}"
     return str(value)

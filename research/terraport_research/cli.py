@@ -132,7 +132,7 @@ def segmentation(
     output.mkdir(parents=True, exist_ok=True)
     write_evaluation(evaluation, output)
     if not quiet:
-        console.print(_score_table(evaluation))
+        _print_table(console, _score_table(evaluation))
         console.print(f"written: {output / 'segmentation.html'}", highlight=False)
 
 
@@ -244,11 +244,15 @@ def study(
         page = evaluate_study(paths, output)
     if not quiet:
         console = Console()
-        console.print(_booklet_table(page.tables[0]))
+        _print_table(console, _booklet_table(page.tables[0]))
         console.print(f"written: {output / 'study.html'}", highlight=False)
 
 
 _app.command("study")(study)
+
+
+_WIDEST_TABLE: Final = 1000
+"""Characters of a line, at most."""
 
 
 def _booklet_table(table: BookletTable) -> Table:
@@ -289,21 +293,28 @@ def _print_tables(console: Console, evaluation: Evaluation) -> None:
     for reason in evaluation.skipped:
         console.print(Text(f"not run: {reason}", style="yellow"))
     if evaluation.ground is not None:
-        console.print(_colour_table(evaluation))
-        console.print(_measured(evaluation.ground))
+        _print_table(console, _colour_table(evaluation))
+        _print_table(console, _measured(evaluation.ground))
     if evaluation.models:
-        console.print(_shape_table(evaluation))
+        _print_table(console, _shape_table(evaluation))
         for compared in evaluation.models:
-            console.print(_measured(compared))
+            _print_table(console, _measured(compared))
     if evaluation.scenes:
-        console.print(_depth_table(evaluation))
+        _print_table(console, _depth_table(evaluation))
 
 
 def _table(title: str, *columns: str) -> Table:
-    table = Table(title=title, title_justify="left")
+    table = Table(title=title, title_justify="left", box=None, header_style="dim", padding=(0, 1))
     for number, name in enumerate(columns):
-        table.add_column(name, justify="right" if number else "left", no_wrap=number == 0)
+        table.add_column(name, justify="right" if number else "left", no_wrap=True)
     return table
+
+
+def _print_table(console: Console, table: Table) -> None:
+    """Print a table with every figure whole: where it is wider, the terminal wraps its lines."""
+    unbounded = console.options.update(width=_WIDEST_TABLE)
+    console.width = max(console.width, console.measure(table, options=unbounded).maximum)
+    console.print(table)
 
 
 def _yes(value: bool) -> str:

@@ -30,16 +30,17 @@ from terraport_research.versions import commit_of_this
 OPTIONS = SegmentationOptions(algorithms=("graph", "automatic"), threads=1)
 
 
-def run(*arguments: object):
+def run(*arguments: object, columns: int = 160):
     app = typer.Typer()
     app.callback()(lambda: None)
     register(app)
     words = ["evaluate", "segmentation", *map(str, arguments)]
-    return CliRunner().invoke(app, words, env={"COLUMNS": "160"})
+    return CliRunner().invoke(app, words, env={"COLUMNS": str(columns)})
 
 
 def test_files_of_the_whole_command(tmp_path: Path) -> None:
-    result = run("-o", tmp_path / "out", "--algorithms", "graph,automatic", "--threads", 1)
+    words = ("-o", tmp_path / "out", "--algorithms", "graph,automatic", "--threads", 1)
+    result = run(*words, columns=40)
     assert result.exit_code == 0, result.output
     document = json.loads((tmp_path / "out/segmentation.json").read_text())
     assert set(document["algorithms"]) == {"people", "graph", "automatic"}
@@ -56,7 +57,11 @@ def test_files_of_the_whole_command(tmp_path: Path) -> None:
     assert page.count("seed 0") >= 1 + len(METRICS)
     text = (tmp_path / "out/segmentation.md").read_text()
     assert text.count("\n## ") == len(METRICS)
-    assert "graph" in result.output
+    # Every figure is printed whole, however narrow the terminal or the pipe.
+    assert "…" not in result.output
+    [line] = [one for one in result.output.splitlines() if one.split()[:1] == ["graph"]]
+    scores = [document["algorithms"]["graph"][metric] for metric in METRICS]
+    assert line.split()[1:8] == [f"{score:.3f}" for score in scores]
 
 
 def test_people_against_people_are_all_ordered_pairs() -> None:

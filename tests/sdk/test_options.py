@@ -6,7 +6,7 @@ import pytest
 
 import terraport
 from terraport.errors import UsageError
-from terraport.options import SessionOptions
+from terraport.options import SessionOptions, point
 
 
 @pytest.mark.parametrize(
@@ -31,3 +31,11 @@ def test_options_that_cannot_be_are_refused(options, text: str) -> None:
 def test_connect_refuses_before_it_does_anything(options, text: str) -> None:
     with pytest.raises(UsageError, match=text):
         terraport.connect(**{"url": "http://h/scenes/pit", **options})
+
+
+@pytest.mark.parametrize(
+    "position", ["here", None, (1.0, 2.0), (1.0, "two", 3.0), [[1, 2], 3, 4], 5.0, {"x": 1.0}]
+)
+def test_what_is_no_position_is_the_callers_error(position) -> None:
+    with pytest.raises(UsageError, match="expected three numbers x, y, z"):
+        point(position)

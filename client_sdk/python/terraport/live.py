@@ -8,7 +8,6 @@ called when.
 from __future__ import annotations
 
 import asyncio
-import warnings
 from collections.abc import Coroutine, Sequence
 from typing import Any
 
@@ -17,6 +16,7 @@ import xxhash
 
 from terraport.access import Access
 from terraport.base import BaseMesh
+from terraport.caller_line import CallerLine
 from terraport.coarser import CoarserPiece
 from terraport.disk_cache import DiskCache
 from terraport.disk_worker import DiskWorker
@@ -210,7 +210,7 @@ class Session:
 
     # ---- commands
 
-    async def land(
+    def land(
         self,
         position: Sequence[float],
         radius_m: float = 60.0,
@@ -220,7 +220,7 @@ class Session:
         deadline_s: float | None = None,
         stall_s: float | None = None,
         timeout_s: float | None = None,
-    ) -> Landing:
+    ) -> Coroutine[Any, Any, Landing]:
         """Land: ask for everything within a radius, and return when the plan is there.
 
         The segments follow while the caller goes on. A landing that is not ready is superseded by
@@ -265,6 +265,29 @@ class Session:
         SessionClosedError
             The session has ended.
         """
+        return self._land(
+            CallerLine.find(),
+            position,
+            radius_m,
+            coarse_radius_m=coarse_radius_m,
+            inner_radius_m=inner_radius_m,
+            deadline_s=deadline_s,
+            stall_s=stall_s,
+            timeout_s=timeout_s,
+        )
+
+    async def _land(
+        self,
+        caller: CallerLine,
+        position: Sequence[float],
+        radius_m: float,
+        *,
+        coarse_radius_m: float | None,
+        inner_radius_m: float | None,
+        deadline_s: float | None,
+        stall_s: float | None,
+        timeout_s: float | None,
+    ) -> Landing:
         self._require_open()
         number = self._state.land(
             position,
@@ -281,7 +304,7 @@ class Session:
         plan = await landing.planned(self._timeouts.plan_s if timeout_s is None else timeout_s)
         # Whatever loads or keeps something is in the scene: only empty plans are looked at.
         if not (len(plan.load) or len(plan.keep) or plan.omitted_segments):
-            record.outside_m = await self._warn_outside(plan.position, plan.radius_m)
+            record.outside_m = await self._warn_outside(plan.position, plan.radius_m, caller)
         return landing
 
     def aim(
@@ -468,7 +491,7 @@ class Session:
         self._link.renew()
 
     async def _warn_outside(
-        self, position: tuple[float, float, float], radius_m: float
+        self, position: tuple[float, float, float], radius_m: float, caller: CallerLine
     ) -> float | None:
         """Warn of a place that the scene does not reach; return how far away it is, if so."""
         try:
@@ -484,7 +507,7 @@ class Session:
         elif box.is_above_or_below(position):
             hint = ". Session.pick finds the surface above or below it"
         text = f"landing at {box.explain(position, radius_m)}{hint}"
-        warnings.warn(text, OutsideSceneWarning, stacklevel=3)
+        caller.warn(text, OutsideSceneWarning)
         return distance_m
 
     async def open(self) -> None:

@@ -86,7 +86,10 @@ def checked(build: Callable[[], _Message]) -> _Message:
 
 def point(values: Sequence[float]) -> tuple[float, float, float]:
     """Return three floats, or raise UsageError."""
-    numbers = np.asarray(values, dtype=np.float64)
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise UsageError(f"position is {values!r}, expected three numbers x, y, z") from None
     if numbers.shape != (3,):
         raise UsageError(f"position has shape {numbers.shape}, expected three numbers x, y, z")
     x, y, z = numbers.tolist()

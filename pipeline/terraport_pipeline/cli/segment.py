@@ -100,6 +100,13 @@ def segment(
     if not quiet:
         console = Console(soft_wrap=True)
         console.print(_table(body, result, time.perf_counter() - start))
+        if result.count == 1 and options.k != 1:
+            console.print(
+                f"warning: the mesh came out as one segment: engine {result.engine} finds no "
+                f"border by {result.by}; another --engine or --by may, and --k says how many",
+                markup=False,
+                highlight=False,
+            )
         console.print(f"written: {output}", markup=False, highlight=False)
 
 

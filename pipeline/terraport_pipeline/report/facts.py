@@ -13,6 +13,7 @@ import numpy as np
 
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.mesh_statement import MESH
+from terraport_pipeline.progress import format_fact
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.change_map import ChangeFacts, change_facts
 from terraport_pipeline.report.class_facts import name_table
@@ -29,6 +30,7 @@ __all__ = [
     "extent_line",
     "format_bytes",
     "input_line",
+    "named_count",
     "points_note",
     "read_build_record",
 ]
@@ -383,7 +385,7 @@ def _stages(record: Mapping[str, Any]) -> tuple[tuple[dict[str, Any], ...], str]
         counts = row.get("counts")
         result = (
             # Most zeros are exceptions that did not occur.
-            ", ".join(_fact(key, value) for key, value in counts.items() if value)
+            ", ".join(named_count(key, value) for key, value in counts.items() if value)
             if isinstance(counts, Mapping)
             else ""
         )
@@ -483,13 +485,23 @@ def _number(value: object, default: float) -> float:
     )
 
 
-def _fact(name: str, value: object) -> str:
-    """Write one count of a stage, its unit taken from its name."""
-    words, text = name.replace("_", " "), "yes" if value is True else str(value)
+def named_count(name: str, value: object) -> str:
+    """Write one count of a stage, its unit taken from its name.
+
+    Examples
+    --------
+    >>> named_count("cut_m3", 3925.8813691526675), named_count("changed_share", 1 / 6)
+    ('cut 3,926 m3', 'changed 16.7%')
+    >>> named_count("cell_m", 0.05), named_count("bytes_per_face", 11.84512)
+    ('cell 0.05 m', 'bytes per face 11.85')
+    """
+    words = name.replace("_", " ")
     if isinstance(value, int | float) and not isinstance(value, bool):
-        text = f"{value:,}" if isinstance(value, int) else f"{value:,.4g}"
-        if name.endswith("_m"):
-            return f"{words[:-2]} {text} m"
+        if name.endswith("_share"):
+            return f"{words[:-6]} {value:.1%}"
         if name.endswith("_bytes"):
             return f"{words[:-6]} {format_bytes(value)}"
-    return f"{words} {text}"
+        for unit in ("m", "m2", "m3"):
+            if name.endswith(f"_{unit}"):
+                return f"{words.removesuffix(unit)}{format_fact(value)} {unit}"
+    return f"{words} {format_fact(value)}"

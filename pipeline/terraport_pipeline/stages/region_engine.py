@@ -36,6 +36,7 @@ __all__ = [
     "ENGINES",
     "MOST_SCALE",
     "OF_ENGINES",
+    "SHAPE",
     "Engine",
     "EngineOptions",
     "RegionOptions",

@@ -12,7 +12,7 @@ from typing import Any, Final
 from rich.table import Table
 
 from terraport_pipeline.mesh_statement import MESH
-from terraport_pipeline.report.facts import extent_line
+from terraport_pipeline.report.facts import extent_line, named_count
 from terraport_pipeline.stages.contract import Facts
 from terraport_pipeline.stages.texture_sums import PHOTO_SHARES
 from terraport_pipeline.survey.one_survey import OUTSIDE
@@ -193,19 +193,8 @@ def write_build_report(report: BuildReport) -> Path:
 
 def _shown_facts(stage: StageReport) -> str:
     counts = stage.facts.counts
-    return "  ".join(_fact(name, counts[name]) for name in _available(stage.name, counts))
+    return "  ".join(named_count(name, counts[name]) for name in _available(stage.name, counts))
 
 
 def _available(stage: str, counts: dict[str, Any]) -> Iterable[str]:
     return (name for name in _SHOWN.get(stage, ()) if counts.get(name) is not None)
-
-
-def _fact(name: str, value: Any) -> str:
-    words = name.replace("_", " ")
-    if isinstance(value, str):
-        return f"{words} {value}"
-    if name.endswith("_m"):
-        return f"{words[:-2]} {value:.3g} m"
-    if name == "bytes_per_face" or not name.endswith("bytes"):
-        return f"{words} {value:,}"
-    return f"{words[:-6]} {value / 2**20:,.1f} MiB"

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,7 @@ def test_a_survey_becomes_a_scene_with_a_table(hill_file: Path, tmp_path: Path) 
     assert "report " not in output.partition("published")[2]
     assert "land terraport land http://127.0.0.1:8080/scenes/hill " in output
     assert "warning" not in output  # nothing was asked for that was not done
+    assert re.search(r"\d\.\d{8}", output) is None  # figures for people
     assert not (tmp_path / "hill" / "report.html").exists()
 
 

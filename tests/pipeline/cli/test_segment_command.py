@@ -74,6 +74,17 @@ def test_a_body_without_colour_falls_into_its_parts(body: Path, tmp_path: Path) 
     assert "closed, 1 separate piece" in result.output
 
 
+def test_a_mesh_that_stays_in_one_segment_is_a_warning(tmp_path: Path) -> None:
+    ball = tmp_path / "ball.ply"
+    trimesh.creation.icosphere(subdivisions=3).export(ball)
+    result = run(ball, "-o", tmp_path / "a.seg")
+    assert result.exit_code == 0, result.output
+    words = "warning: the mesh came out as one segment: engine graph finds no border by shape"
+    assert words in " ".join(result.output.split())
+    result = run(ball, "-o", tmp_path / "b.seg", "--k", 1)
+    assert "warning" not in result.output
+
+
 def test_k_is_how_many(body: Path, tmp_path: Path) -> None:
     for k in (1, 2, 5):
         assert run(body, "-o", tmp_path / "a.npy", "--k", k, "--force").exit_code == 0

@@ -28,7 +28,7 @@ from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
 from terraport_pipeline.geometry.tiles.tiled_cover import unite_covers
 from terraport_pipeline.geometry.tiles.tiled_means import JoinedRegions
 from terraport_pipeline.stages.contract import Facts, Form, Json, Stored
-from terraport_pipeline.stages.region_engine import COLOUR
+from terraport_pipeline.stages.region_engine import COLOUR, SHAPE
 from terraport_pipeline.stages.segment import Options
 from terraport_pipeline.stages.tiles.base_cover import NearBase
 from terraport_pipeline.stages.tiles.scene_facts import SceneScale, TiledScene
@@ -235,6 +235,11 @@ def _warnings(
         yield (
             "the surface has one colour and is therefore one region: --engine graph --segment-by "
             "shape tells regions apart by how the surface folds"
+        )
+    elif joined.count == 1 and options.segment_by == SHAPE:
+        yield (
+            f"the surface came out as one region: engine {options.engine} finds no border by "
+            "shape; another --engine or --segment-by may"
         )
     if baseless:
         yield (
