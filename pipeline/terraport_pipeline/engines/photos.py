@@ -10,6 +10,7 @@ that do not fit its lens is left out and named.
 
 from __future__ import annotations
 
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
@@ -61,9 +62,10 @@ class Named(Protocol):
 def find_photos(directory: Path, views: Iterable[Named]) -> dict[str, Path]:
     """Find the file of every view below a directory.
 
-    Names are compared without upper and lower case; a view named without an ending
-    (``DJI_0018``, as Metashape writes) matches any picture of that stem. Where several folders
-    hold the same name, the one whose folders agree with the view's longest is taken.
+    Names are compared without upper and lower case, and with accents composed (macOS decomposes
+    them); a view named without an ending (``DJI_0018``, as Metashape writes) matches any picture of
+    that stem. Where several folders hold the same name, the one whose folders agree with the
+    view's longest is taken, and of names that differ in case alone the one that is spelled alike.
 
     Parameters
     ----------
@@ -108,16 +110,21 @@ def _index(directory: Path) -> tuple[dict[str, list[Path]], dict[str, list[Path]
                 f"{directory} holds more than {MAX_FILES:,} files; give the folder of the photos"
             )
         if path.suffix.lower() in _ENDINGS and path.is_file():
-            by_name.setdefault(path.name.lower(), []).append(path)
-            by_stem.setdefault(path.stem.lower(), []).append(path)
+            by_name.setdefault(_comparable(path.name), []).append(path)
+            by_stem.setdefault(_comparable(path.stem), []).append(path)
     return by_name, by_stem
 
 
 _Index = dict[str, list[Path]]
 
 
+def _comparable(name: str) -> str:
+    """Write a name in lower case with composed accents: all spellings of a name are one."""
+    return unicodedata.normalize("NFC", name.lower())
+
+
 def _look_up(stated: str, by_name: _Index, by_stem: _Index) -> Path | None:
-    name = PurePosixPath(stated.replace("\\", "/").lower())
+    name = PurePosixPath(_comparable(stated.replace("\\", "/")))
     candidates = by_name.get(name.name, [])
     if not candidates and name.suffix not in _ENDINGS:
         candidates = by_stem.get(name.name, [])
@@ -128,16 +135,18 @@ def _pick(stated: str, name: PurePosixPath, candidates: Sequence[Path]) -> Path:
     if len(candidates) == 1:
         return candidates[0]
 
-    def shared(path: Path) -> int:
+    spelled = stated.replace("\\", "/").rpartition("/")[2]
+
+    def shared(path: Path) -> tuple[int, bool]:
         folders = zip(reversed(name.parent.parts), reversed(path.parent.parts), strict=False)
         count = 0
         for ours, theirs in folders:
-            if ours != theirs.lower():
+            if ours != _comparable(theirs):
                 break
             count += 1
-        return count
+        return count, path.name == spelled
 
-    ranked = sorted(candidates, key=lambda path: (-shared(path), str(path)))
+    ranked = sorted(sorted(candidates), key=shared, reverse=True)
     if shared(ranked[0]) == shared(ranked[1]):
         raise PhotoError(
             f"photo {stated} may be {ranked[0]} or {ranked[1]}; give a folder that has it once"

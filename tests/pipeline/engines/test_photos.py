@@ -51,6 +51,30 @@ def test_the_folders_of_a_name_decide_between_equal_names(tmp_path):
         find_photos(tmp_path, [view("a.jpg")])
 
 
+@pytest.mark.parametrize(
+    ("stored", "stated"),
+    [
+        ("Br\u00fcche_1.jpg", "Bru\u0308che_1.jpg"),
+        ("Bru\u0308che_1.jpg", "BR\u00dcCHE_1.JPG"),
+        ("\u1112\u1161\u11ab/a.jpg", "\ud55c/a.jpg"),
+        ("C\u0327e\u0301.JPG", "\u00e7\u00e9"),
+    ],
+)
+def test_accents_composed_and_decomposed_are_one_name(tmp_path, stored, stated):
+    """macOS decomposes accents; other programs compose them."""
+    path = save(tmp_path / stored)
+    save(tmp_path / "other" / "a.jpg")
+    assert find_photos(tmp_path, [view(stated)]) == {stated: path}
+
+
+def test_of_names_that_differ_in_case_alone_the_stated_one_is_taken(tmp_path):
+    lower, upper = save(tmp_path / "a.jpg"), save(tmp_path / "A.JPG")
+    views = [view("a.jpg"), view("A.JPG")]
+    assert find_photos(tmp_path, views) == {"a.jpg": lower, "A.JPG": upper}
+    with pytest.raises(PhotoError, match="may be"):
+        find_photos(tmp_path, [view("A.jpg")])
+
+
 def test_no_photo_at_all_is_an_error_that_names_some(tmp_path):
     save(tmp_path / "other.jpg")
     with pytest.raises(PhotoError, match=r"none of the 2 photos .*a.jpg, b.jpg.*1 pictures"):

@@ -97,5 +97,8 @@ def read_raw_cameras(path: Path, photo_size: PhotoSize | None = None) -> RawCame
     raw = read()
     (twice, times), *_ = Counter(camera.name for camera in raw.cameras).most_common(1)
     if times > 1:
-        raise ReadError(source, f"photo {twice!r} has two poses", "give one reconstruction")
+        raise ReadError(
+            source, f"photo {twice!r} has {times} poses, expected one",
+            "give one reconstruction; photos of several folders need names that tell them apart",
+        )  # fmt: skip
     return raw

@@ -14,6 +14,8 @@ before 1.2 wrote ``fx``, ``fy``, ``skew``, absolute ``cx`` and ``cy``, and OpenC
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 from xml.etree import ElementTree as ET
@@ -109,8 +111,14 @@ def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int, in
     whole = _move(path, chunk.find("transform"), "the chunk's transform")
     # (2) Cameras; the component's transform stands in for the chunk's.
     cameras, unaligned, slaves = [], 0, 0
-    for one in chunk.iterfind("cameras//camera"):
-        name = one.get("label") or f"camera {one.get('id')}"
+    listed = [
+        ("/".join((*groups, label)), label, one)
+        for groups, label, one in _labelled(chunk.find("cameras"))
+    ]
+    times = Counter(label for _, label, _ in listed)
+    for path_of_groups, label, one in listed:
+        # A group is a folder of photos: drones number the photos of every folder from 1.
+        name = path_of_groups if times[label] > 1 else label
         location = f"camera {name!r}"
         transform = one.find("transform")
         if transform is None and one.get("master_id") is not None:
@@ -134,6 +142,18 @@ def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int, in
         cameras.append(RawCamera(name, lens_of_sensor[sensor], to_world.T, centre))
         check_count(path, len(cameras), location)
     return cameras, unaligned, slaves
+
+
+def _labelled(
+    element: ET.Element | None, groups: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], str, ET.Element]]:
+    """Walk through all cameras, with the labels of their groups from the outside."""
+    for one in () if element is None else element:
+        if one.tag == "camera":
+            yield groups, one.get("label") or f"camera {one.get('id')}", one
+        elif one.tag == "group":
+            inner = one.get("label") or f"group {one.get('id')}"
+            yield from _labelled(one, (*groups, inner))
 
 
 _NOWHERE: Final = (1.0, np.eye(3), np.zeros(3))

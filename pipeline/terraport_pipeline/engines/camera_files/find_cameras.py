@@ -7,8 +7,8 @@ several files of one, is refused with their names: they may be different alignme
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -56,9 +56,10 @@ _OPENSFM: Final = "OpenDroneMap or OpenSfM"
 _PIX4D: Final = "Pix4D"
 
 _PLACES: Final = (
-    "cameras.txt", "cameras.bin", "colmap/cameras.txt", "colmap/cameras.bin", "0/cameras.bin",
-    "0/cameras.txt", "sparse/cameras.bin", "sparse/cameras.txt", "sparse/0/cameras.bin",
-    "sparse/0/cameras.txt", "colmap/sparse/0/cameras.bin", "reconstruction.json",
+    "cameras.txt", "cameras.bin", "colmap/cameras.txt", "colmap/cameras.bin",
+    "[0-9]*/cameras.[bt][ix][nt]", "sparse/cameras.bin", "sparse/cameras.txt",
+    "sparse/[0-9]*/cameras.[bt][ix][nt]", "colmap/sparse/[0-9]*/cameras.[bt][ix][nt]",
+    "reconstruction.json",
     "opensfm/reconstruction.json", "shots.geojson", "odm_report/shots.geojson",
     "*_calibrated_camera_parameters.txt", "params/*_calibrated_camera_parameters.txt",
     "1_initial/params/*_calibrated_camera_parameters.txt",
@@ -115,6 +116,9 @@ def reader_of(path: Path, photo_size: PhotoSize | None) -> tuple[Path, Callable[
         candidates = list(_inside(path))
         if candidates:
             source, form = _only(path, candidates)
+            models = _further_models(source, candidates)
+            if models:
+                return source, partial(_read_first_model, source, models)
         elif next(_sidecars(path), None) is not None:
             return path, partial(_read_all_sidecars, path, _asked(path, photo_size))
         else:
@@ -138,7 +142,7 @@ def _inside(folder: Path) -> Iterator[tuple[Path, str, _Format]]:
     """Find the files of cameras with the place that matched; each once, most complete first."""
     seen: set[Path] = set()
     for pattern in _PLACES:
-        for path in sorted(folder.glob(pattern)):
+        for path in sorted(folder.glob(pattern), key=_model_number):
             if path in seen or not path.is_file():
                 continue
             seen.add(path)
@@ -150,10 +154,12 @@ def _inside(folder: Path) -> Iterator[tuple[Path, str, _Format]]:
 def _only(folder: Path, candidates: list[tuple[Path, str, _Format]]) -> tuple[Path, _Format]:
     """Take the most complete file of the only program; refuse several that may differ."""
     source, place, form = candidates[0]
+    same = {source.parent, *_further_models(source, candidates)} if form.program == _COLMAP else {}
     rivals = [
         path
         for path, other_place, other in candidates
-        if other.program != form.program or (other_place == place and path != source)
+        if other.program != form.program
+        or (other_place == place and path != source and path.parent not in same)
     ]
     if rivals:
         names = [str(path.relative_to(folder)) for path in (source, *rivals)]
@@ -165,6 +171,52 @@ def _only(folder: Path, candidates: list[tuple[Path, str, _Format]]) -> tuple[Pa
             "name one of them with --cameras",
         )
     return source, form
+
+
+def _model_number(path: Path) -> tuple[bool, int, Path]:
+    """Order COLMAP's numbered models by number: 2 before 10."""
+    number = path.parent.name
+    return not number.isdecimal(), int(number) if number.isdecimal() else 0, path
+
+
+def _further_models(source: Path, candidates: list[tuple[Path, str, _Format]]) -> tuple[Path, ...]:
+    """List the folders of COLMAP's other models beside the one that is read.
+
+    COLMAP numbers them from 0: one for every set of photos that it could not join.
+    """
+    if not source.parent.name.isdecimal():
+        return ()
+    folders = {path.parent for path, _, form in candidates if form.program == _COLMAP}
+    numbered = [
+        folder
+        for folder in folders - {source.parent}
+        if folder.parent == source.parent.parent and folder.name.isdecimal()
+    ]
+    return tuple(sorted(numbered, key=lambda folder: int(folder.name)))
+
+
+def _read_first_model(source: Path, models: Sequence[Path]) -> RawCameras:
+    """Read one of COLMAP's models; tell how many photos the others have."""
+    raw = _read_colmap(source, partial(_no_photos, source))
+    used = {camera.name for camera in raw.cameras}
+    counts = []
+    for folder in models:
+        file = folder / "cameras.bin"
+        try:
+            cameras = _read_colmap(
+                file if file.is_file() else file.with_suffix(".txt"), partial(_no_photos, source)
+            ).cameras
+        except ReadError as error:
+            counts.append(f"{folder.name} cannot be read: {error.reason}")
+            continue
+        more = len({camera.name for camera in cameras} - used)
+        counts.append(f"{folder.name} has {len(cameras):,} photos, {more:,} of them only there")
+    text = (
+        f"Of COLMAP's {len(models) + 1} models only {source.parent.parent.name}/"
+        f"{source.parent.name} is used, with {len(used):,} photos ({'; '.join(counts)}): merge "
+        "them (colmap model_merger), or name another one with --cameras."
+    )
+    return replace(raw, warnings=(*raw.warnings, text))
 
 
 def _sidecars(folder: Path) -> Iterator[Path]:

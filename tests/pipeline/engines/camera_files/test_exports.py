@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +23,7 @@ from pipeline.engines.camera_files.known_cameras import (
     truth,
     write_agisoft,
     write_bundler,
+    write_colmap_binary,
     write_colmap_text,
     write_opensfm,
 )
@@ -444,6 +447,31 @@ def test_metashape_says_what_it_leaves_out(tmp_path):
     assert "rolling shutter" in second
 
 
+def grouped(path, labels):
+    """Cameras one after the other, each in the groups whose labels its own begins with."""
+    write_agisoft(path, flight(BROWN))
+    text = path.read_text()
+    cameras = re.findall('<camera id="1".*?</camera>', text)
+    for number, (camera, label) in enumerate(zip(cameras, labels, strict=True)):
+        *groups, own = label.split("|")
+        opened = "".join(f'<group id="{number}" label="{name}" type="folder">' for name in groups)
+        named = re.sub(' label="[^"]*"', f' label="{own}"', camera)
+        text = text.replace(camera, opened + named + "</group>" * len(groups), 1)
+    path.write_text(text)
+    return path
+
+
+def test_metashapes_groups_tell_equal_labels_apart(tmp_path):
+    """Drones number the photos of every folder from 1."""
+    labels = ["101|a", "101|b", "102|a", "deep|102|b", "102|c", "d"]
+    raw = read_raw_cameras(grouped(tmp_path / "cameras.xml", labels))
+    names = [camera.name for camera in raw.cameras]
+    assert names == ["flight/101/a", "flight/101/b", "flight/102/a", "flight/deep/102/b", "c", "d"]
+    labels[1] = "101|a"
+    with pytest.raises(ReadError, match=r"photo 'flight/101/a' has 2 poses, .*several folders"):
+        read_raw_cameras(grouped(tmp_path / "cameras.xml", labels))
+
+
 # --- Which file -----------------------------------------------------------------------------------
 
 
@@ -458,6 +486,34 @@ def test_a_folder_of_two_alignments_is_refused_with_their_names(tmp_path):
     with pytest.raises(ReadError, match=r"2 files .*\(first.xml, second.xml\)"):
         read(tmp_path / "b")
     assert read(tmp_path / "bundle.out").format == "Bundler"
+
+
+def some(cameras, *rows):
+    names, turns, centres, lens = cameras
+    return [[column[row] for row in rows] for column in (names, turns, centres)] + [lens]
+
+
+@pytest.mark.parametrize("place", ["", "sparse", "colmap/sparse"])
+@pytest.mark.parametrize("write", [write_colmap_text, write_colmap_binary])
+def test_colmaps_further_models_are_told_with_their_photos(tmp_path, place, write):
+    """One model for every set of photos that COLMAP could not join; some photos are in two."""
+    cameras = flight(SQUARE)
+    folder = tmp_path / place
+    write(folder / "0", some(cameras, 0, 1, 2))
+    write_colmap_text(folder / "2", some(cameras, 2, 3))
+    write_colmap_binary(folder / "10", some(cameras, 4, 5))
+    raw = read_raw_cameras(tmp_path)
+    assert [camera.name for camera in raw.cameras] == cameras[0][:3]
+    [text] = raw.warnings
+    assert "Of COLMAP's 3 models only" in text
+    assert (
+        "0 is used, with 3 photos (2 has 2 photos, 1 of them only there; 10 has 2 photos, 2" in text
+    )
+    assert read_raw_cameras(folder / "2").warnings == ()  # named, so meant
+    (folder / "10" / "images.bin").write_bytes(b"")
+    assert "10 cannot be read: the file ends" in read_raw_cameras(tmp_path).warnings[0]
+    shutil.rmtree(folder / "0")
+    assert "2 is used, with 2 photos" in read_raw_cameras(tmp_path).warnings[0]
 
 
 def test_cameras_elsewhere_are_told_how_to_be_exported(tmp_path):
