@@ -63,7 +63,7 @@ def inspect_mesh(given: MeshInput) -> dict[str, Any]:
     try:
         placed = place_mesh(given, mesh)
     except ReadError as error:
-        return {**facts, "place": None, "refused": str(error), "warnings": []}
+        return {**facts, "place": None, "refused": str(error), "warnings": [*mesh.warnings]}
     low, high = placed.positions.min(axis=0), placed.positions.max(axis=0)
     facts["place"] = {
         "up": given.up,
@@ -74,7 +74,7 @@ def inspect_mesh(given: MeshInput) -> dict[str, Any]:
         "high": high.tolist(),
         "size_m": (high - low).tolist(),
     }
-    return {**facts, "refused": missing, "warnings": [*placed.warnings]}
+    return {**facts, "refused": missing, "warnings": [*mesh.warnings, *placed.warnings]}
 
 
 def _median_edge(mesh: FileMesh) -> float:

@@ -28,7 +28,7 @@ from terraport_pipeline.cli.survey_tables import point_tables, survey_tables
 from terraport_pipeline.engines.camera_files import has_cameras
 from terraport_pipeline.engines.odm_project import find_odm_project, originals_in
 from terraport_pipeline.engines.pictures import save_png
-from terraport_pipeline.engines.readers.survey_format import is_binary_survey
+from terraport_pipeline.engines.readers.survey_format import is_binary_survey, is_foreign
 from terraport_pipeline.engines.readers.text_form import is_table
 from terraport_pipeline.errors import OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
@@ -280,7 +280,8 @@ def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any]
             return facts, _tables(facts)
         except SceneNotFoundError as error:
             no_scene = error
-    if has_cameras(target) or (target.is_file() and not is_binary_survey(target)):
+    is_other = target.is_file() and not is_binary_survey(target) and not is_foreign(target)
+    if has_cameras(target) or is_other:
         try:
             facts = inspect_cameras(target, photos)
         except ReadError:

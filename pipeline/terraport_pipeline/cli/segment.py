@@ -14,6 +14,7 @@ from rich.table import Table
 
 from terraport_payload.types import Float64
 from terraport_pipeline.cli.from_options import command_of
+from terraport_pipeline.engines.mesh_files.gltf_files import GLTF_ENDINGS
 from terraport_pipeline.engines.mesh_files.read_mesh import MESH_ENDINGS, FileMesh, read_mesh
 from terraport_pipeline.engines.mesh_files.write_segments import (
     SEGMENT_ENDINGS,
@@ -95,7 +96,7 @@ def segment(
     if options.by and options.by not in body.attributes and Path(options.by).is_file():
         values = _read_values(Path(options.by))
         options = replace(options, by=Path(options.by).name)
-    result = segment_mesh(body, options, values=values, y_up=mesh.suffix.lower() == ".glb")
+    result = segment_mesh(body, options, values=values, y_up=mesh.suffix.lower() in GLTF_ENDINGS)
     write_segments(output, result.labels, body.vertices, body.faces)
     if not quiet:
         console = Console(soft_wrap=True)

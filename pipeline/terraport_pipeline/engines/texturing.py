@@ -27,6 +27,7 @@ __all__ = [
     "Texturing",
     "bilinear",
     "decode_halved",
+    "rgb_of",
     "textured_colours",
 ]
 
@@ -136,11 +137,29 @@ def decode_halved(data: bytes, halvings: int) -> UInt8:
             width, height = opened.size
             wanted = (max(1, -(-width // 2**halvings)), max(1, -(-height // 2**halvings)))
             opened.draft("RGB", wanted)  # JPEG only; elsewhere it does nothing
-            image = opened.convert("RGB")
+            image = rgb_of(opened)
         factor = max(1, round(image.width / wanted[0]))
         return np.asarray(image.reduce(factor) if factor > 1 else image)
     except (OSError, SyntaxError, ValueError) as error:
         raise EngineError(f"an image of {len(data)} bytes does not decode: {error}") from error
+
+
+def rgb_of(image: PIL.Image.Image) -> PIL.Image.Image:
+    """Bring an image to 8 bits of red, green and blue; alpha is dropped.
+
+    Pillow's own conversion clips grey of 16 bits at 255: nearly all of it is white.
+
+    Raises
+    ------
+    ValueError
+        Its pixels are 32-bit numbers, which say no brightness.
+    """
+    if image.mode.startswith("I;16") or (image.mode == "I" and image.format == "PNG"):
+        levels = (np.asarray(image).astype(np.uint32) + 128) // 257
+        return PIL.Image.fromarray(levels.astype(np.uint8)).convert("RGB")
+    if image.mode in ("I", "F"):
+        raise ValueError(f"pixels of 32 bits (kind {image.mode}), expected 8 or 16 bits")
+    return image.convert("RGB")
 
 
 def bilinear(image: UInt8, uvs: AnyFloat) -> Float32:

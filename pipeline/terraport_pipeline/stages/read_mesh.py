@@ -71,7 +71,7 @@ def run(given: MeshInput, context: Context, *, textured: bool) -> tuple[Mapping[
             mesh.missing.location,
         )  # fmt: skip
     placed = place_mesh(given, mesh)
-    warnings = list(placed.warnings)
+    warnings = [*mesh.warnings, *placed.warnings]
     counts: dict[str, Json] = {
         "faces": len(mesh.faces), "vertices": len(mesh.vertices), **mesh.facts,
         "colours": mesh.origin_of_colours,

@@ -9,8 +9,9 @@ from typing import Final
 
 import xxhash
 
+from terraport_pipeline.engines.mesh_files.gltf_files import GLTF_ENDINGS, gltf_companions
 from terraport_pipeline.engines.mesh_files.obj_materials import obj_companions
-from terraport_pipeline.engines.mesh_files.read_mesh import MESH_ENDINGS
+from terraport_pipeline.engines.mesh_files.read_mesh import MESH_ENDINGS, ply_image
 from terraport_pipeline.engines.readers.read_ply import has_faces
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.mesh_statement import MeshStatement
@@ -38,7 +39,7 @@ class MeshInput:
     @property
     def up(self) -> str:
         """Axis that points up: ``y`` or ``z``."""
-        return self.mesh.up or ("y" if self.path.suffix.lower() == ".glb" else "z")
+        return self.mesh.up or ("y" if self.path.suffix.lower() in GLTF_ENDINGS else "z")
 
     @property
     def size_bytes(self) -> int:
@@ -102,6 +103,16 @@ def find_mesh(
         raise OptionError(f"columns of {meshes[0].name}, which is a mesh; expected a text")
     [path] = meshes
     place = MeshPlace() if mesh.shift is not None and survey.crs is not None else mesh_place(path)
-    companions = obj_companions(path) if path.suffix.lower() == ".obj" else ()
-    files = tuple(dict.fromkeys((path, *companions, *place.files)))
+    files = tuple(dict.fromkeys((path, *_companions(path), *place.files)))
     return MeshInput(path, files, place, survey, mesh)
+
+
+def _companions(path: Path) -> tuple[Path, ...]:
+    """List the materials, images and buffers that a mesh is read with."""
+    kind = path.suffix.lower()
+    if kind in GLTF_ENDINGS:
+        return gltf_companions(path)
+    if kind == _PLY:
+        image = ply_image(path)
+        return () if image is None or not image.is_file() else (image,)
+    return obj_companions(path) if kind == ".obj" else ()

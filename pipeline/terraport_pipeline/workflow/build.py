@@ -87,7 +87,8 @@ class BuildOptions:
 
     survey: Annotated[Path | tuple[Path, ...], Option(is_argument=True, many=True)]
     """Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57; a file, several, a folder of them, or
-    a pattern in quotes. Or a mesh that was reconstructed elsewhere: OBJ, GLB, PLY, STL or OFF."""
+    a pattern in quotes. Or a mesh that was reconstructed elsewhere: OBJ, GLB, glTF, PLY, STL
+    or OFF."""
     output: Annotated[
         Path | None,
         Option(

@@ -1,22 +1,30 @@
 """Material libraries beside an OBJ: which image, or which colour, each material has.
 
-A file that a library names and that is not there is no error yet: whoever needs the image says so,
-with the line that names it.
+A file that a library names and that is not there is no error yet: it is raised where the image is
+needed, with the line that names it.
 """
 
 from __future__ import annotations
 
 import re
+import unicodedata
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Final
 
 from terraport_pipeline.errors import ReadError
 
-__all__ = ["ObjMaterial", "obj_companions", "read_materials"]
+__all__ = ["ObjMaterial", "find_beside", "obj_companions", "read_materials"]
 
 _LIBRARY: Final = re.compile(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", re.MULTILINE)
+_OPTION: Final = re.compile(
+    r"-([a-z]+)((?:\s+(?:[-+]?[0-9.]+(?:e[-+]?[0-9]+)?|on|off|[rgbmlz])(?=\s)){1,3})\s+",
+    re.IGNORECASE,
+)
+"""An option before the file name of ``map_Kd``, with its values."""
+_UNCHANGED: Final = {"o": {"0"}, "s": {"1"}, "t": {"0"}, "mm": {"0", "1"}, "cc": {"off"}}
+"""Values of options that place or change an image which leave it unchanged."""
 _MAX_LIBRARY_BYTES: Final = 16 << 20
 """Largest material library: a hundred thousand materials."""
 
@@ -35,6 +43,8 @@ class ObjMaterial:
     """``Kd``, 0 to 255, where it is stated."""
     missing: ReadError | None = None
     """Why there is no image although the file means one."""
+    has_mask: bool = False
+    """Whether ``map_d`` cuts holes into it, which is not read."""
 
 
 def read_materials(path: Path, libraries: Sequence[tuple[int, str]]) -> dict[str, ObjMaterial]:
@@ -53,56 +63,94 @@ def read_materials(path: Path, libraries: Sequence[tuple[int, str]]) -> dict[str
         By name. Under the empty name what is missing where a whole library is.
     """
     found: dict[str, ObjMaterial] = {}
-    for line, name in libraries:
-        library = _beside(path, name)
-        if library is None or library.stat().st_size > _MAX_LIBRARY_BYTES:
-            reason = "is not beside it" if library is None else "is too large for one"
-            found[""] = ObjMaterial(
-                "",
-                missing=ReadError(
-                    path, f"its material library {name} {reason}", "copy it there with its images",
-                    f"line {line:,}",
-                ),
-            )  # fmt: skip
-            continue
-        found |= {material.name: material for material in _materials(path, library)}
+    for line, text in libraries:
+        for name in _library_names(path, text):
+            library = find_beside(path, name)
+            if library is None or library.stat().st_size > _MAX_LIBRARY_BYTES:
+                reason = "is not beside it" if library is None else "is too large for one"
+                found[""] = ObjMaterial(
+                    "",
+                    missing=ReadError(
+                        path, f"its material library {name} {reason}",
+                        "copy it there with its images", f"line {line:,}",
+                    ),
+                )  # fmt: skip
+                continue
+            found |= {material.name: material for material in _materials(path, library)}
     return found
 
 
 def obj_companions(path: Path) -> tuple[Path, ...]:
     """List the libraries and images that an OBJ is read with, each once."""
-    names = _LIBRARY.findall(path.read_bytes())
-    libraries = [(0, name.decode("utf-8", "replace")) for name in names]
-    files = [library for _, name in libraries if (library := _beside(path, name)) is not None]
-    images = [m.image for m in read_materials(path, libraries).values() if m.image is not None]
+    texts = [name.decode("utf-8", "replace") for name in _LIBRARY.findall(path.read_bytes())]
+    names = [name for text in texts for name in _library_names(path, text)]
+    files = [library for name in names if (library := find_beside(path, name)) is not None]
+    materials = read_materials(path, [(0, text) for text in texts]).values()
+    images = [material.image for material in materials if material.image is not None]
     return tuple(dict.fromkeys([*files, *images]))
 
 
+def _library_names(path: Path, text: str) -> list[str]:
+    """Split a ``mtllib`` line: one name, which may have blanks, or several."""
+    words = text.split()
+    if len(words) < 2 or find_beside(path, text) is not None:
+        return [text]
+    # A name with blanks that is not there is one name, unless a part of it is a file.
+    return words if any(find_beside(path, word) is not None for word in words) else [text]
+
+
 def _materials(path: Path, library: Path) -> Iterator[ObjMaterial]:
-    name: str | None = None
-    image: Path | None = None
-    colour: tuple[int, int, int] | None = None
-    missing: ReadError | None = None
+    material: ObjMaterial | None = None
     text = library.read_text(encoding="utf-8-sig", errors="replace")
     for number, line in enumerate(text.splitlines(), 1):
-        word, _, rest = line.strip().partition(" ")
-        rest = rest.strip()
+        word, *more = line.split(maxsplit=1)[:2] or [""]
+        word, rest = word.lower(), "".join(more).strip()
         if word == "newmtl":
-            if name is not None:
-                yield ObjMaterial(name, image, colour, missing)
-            name, image, colour, missing = rest, None, None, None
-        elif word == "Kd":
-            colour = _colour(rest)
-        elif word == "map_Kd" and rest:
-            # The whole rest is the name where there is such a file; else options stand before it.
-            image = _beside(path, rest) or _beside(path, rest.split()[-1])
-            if image is None:
+            if material is not None:
+                yield material
+            material = ObjMaterial(rest)
+        elif material is None or not rest:
+            continue
+        elif word == "kd":
+            material = replace(material, colour=_colour(rest))
+        elif word == "map_d":
+            material = replace(material, has_mask=True)
+        elif word == "map_kd":
+            image, reason = _image(path, rest)
+            missing = None
+            if reason:
                 missing = ReadError(
-                    library, f"the texture {rest.split()[-1]} of material {name} is not there",
-                    "copy it beside the OBJ", f"line {number:,}",
+                    library, f"the texture {reason[0]} of material {material.name} {reason[1]}",
+                    reason[2], f"line {number:,}",
                 )  # fmt: skip
-    if name is not None:
-        yield ObjMaterial(name, image, colour, missing)
+            material = replace(material, image=image, missing=missing)
+    if material is not None:
+        yield material
+
+
+def _image(path: Path, text: str) -> tuple[Path | None, tuple[str, str, str] | None]:
+    """Find the image that ``map_Kd`` names; else say which, why not, and what to do."""
+    # The whole text is the name where there is such a file; else options stand before it.
+    whole = find_beside(path, text)
+    if whole is not None:
+        return whole, None
+    name = text
+    while (option := _OPTION.match(name)) is not None:
+        values = [_plain_number(value) for value in option[2].lower().split()]
+        if not _UNCHANGED.get(option[1].lower(), set(values)).issuperset(values):
+            what = f"is moved, scaled or changed (-{option[1]}{option[2]})"
+            return None, (text, what, "export it again with its coordinates applied")
+        name = name[option.end() :]
+    # Of a name with options that are not known the last word.
+    image = find_beside(path, name) or find_beside(path, name.split()[-1])
+    return image, None if image else (name, "is not there", "copy it beside the OBJ")
+
+
+def _plain_number(word: str) -> str:
+    try:
+        return f"{float(word):g}"
+    except ValueError:
+        return word
 
 
 def _colour(text: str) -> tuple[int, int, int] | None:
@@ -115,15 +163,28 @@ def _colour(text: str) -> tuple[int, int, int] | None:
     return red, green, blue
 
 
-def _beside(path: Path, name: str) -> Path | None:
-    """Find a named file below the OBJ's folder, or by its bare name in it; None elsewhere.
+def find_beside(path: Path, name: str) -> Path | None:
+    """Find a named file below a mesh's folder, or by its bare name in it; None elsewhere.
 
-    A name never leads outside that folder: what is written there is not ours.
+    Upper and lower case count only where two names differ in nothing else: they do not on Windows,
+    where many of these names are written. A name never leads outside the folder.
     """
-    given = PurePosixPath(name.replace("\\", "/"))
+    given = PurePosixPath(name.strip().strip('"').replace("\\", "/"))
     within = not given.is_absolute() and ".." not in given.parts
-    for candidate in (given if within else given.name, given.name):
+    for candidate in (given if within else PurePosixPath(given.name), PurePosixPath(given.name)):
         file = path.parent / candidate
         if given.name and file.is_file():
             return file
+    for candidate in (given if within else PurePosixPath(given.name), PurePosixPath(given.name)):
+        folder = path.parent
+        for part in candidate.parts:
+            wanted = unicodedata.normalize("NFC", part).casefold()
+            like = [
+                entry
+                for entry in (folder.iterdir() if folder.is_dir() else ())
+                if unicodedata.normalize("NFC", entry.name).casefold() == wanted
+            ]
+            folder = like[0] if len(like) == 1 else folder / part
+        if given.name and folder.is_file():
+            return folder
     return None

@@ -1,4 +1,4 @@
-"""Triangle meshes of other programs as plain arrays: OFF, PLY, OBJ, STL, GLB.
+"""Triangle meshes of other programs as plain arrays: OFF, PLY, OBJ, STL, GLB, glTF.
 
 Triangles keep their order in the file, so that a table with a row a triangle belongs to it. OBJ is
 read here (:mod:`.read_obj`), the rest by trimesh.
@@ -7,6 +7,7 @@ read here (:mod:`.read_obj`), the rest by trimesh.
 from __future__ import annotations
 
 import io
+import re
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -15,11 +16,17 @@ import numpy as np
 import PIL.Image
 import trimesh
 
-from terraport_payload.colour import linear16_to_srgb
-from terraport_payload.types import AnyArray, Float32, Float64, Int32, Int64, UInt8
-from terraport_pipeline.engines.mesh_files.glb_forms import check_glb
+from terraport_payload.colour import linear16_to_srgb, srgb_to_linear16
+from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32, Int64, UInt8, UInt16
+from terraport_pipeline.engines.mesh_files.gltf_files import (
+    GLTF_ENDINGS,
+    GltfMaterial,
+    open_gltf,
+)
+from terraport_pipeline.engines.mesh_files.obj_materials import find_beside
 from terraport_pipeline.engines.mesh_files.read_obj import ObjMesh, read_obj
-from terraport_pipeline.engines.texturing import decode_halved
+from terraport_pipeline.engines.readers.survey_chunk import tell_precision
+from terraport_pipeline.engines.texturing import decode_halved, rgb_of
 from terraport_pipeline.errors import EngineError, ReadError
 from terraport_pipeline.geometry.mesh.face_blocks import same_places
 
@@ -29,10 +36,11 @@ __all__ = [
     "FileImage",
     "FileMesh",
     "FileTexture",
+    "ply_image",
     "read_mesh",
 ]
 
-MESH_ENDINGS: Final = (".off", ".ply", ".obj", ".stl", ".glb")
+MESH_ENDINGS: Final = (".off", ".ply", ".obj", ".stl", *GLTF_ENDINGS)
 
 MAX_MESH_BYTES: Final = 4 << 30
 """Largest file: about 100 M triangles as binary PLY. It is read whole."""
@@ -43,6 +51,12 @@ _INWARDS: Final = 0.2
 """How far from a corner towards its face's middle its colour is read."""
 _WIDEST_MEAN: Final = 8
 """Texels along a side of the mean that a vertex takes, at most."""
+_OUTSIDE: Final = 1e-3
+"""Share of an image by which corners may be outside it: rounding, no more."""
+_HEAD_BYTES: Final = 65536
+_PLY_IMAGE: Final = re.compile(
+    rb"^comment +TextureFile +(.+?)[ \t\r]*$", re.MULTILINE | re.IGNORECASE
+)
 _POSITIONS: Final = frozenset(("x", "y", "z", "nx", "ny", "nz"))
 _COLOURS: Final = frozenset(("red", "green", "blue", "alpha"))
 
@@ -94,6 +108,8 @@ class FileMesh:
     facts: dict[str, int] = field(default_factory=dict)
     """What else the file holds, by name: ``parts``, ``materials``, ``polygons`` that were cut into
     triangles."""
+    warnings: tuple[str, ...] = ()
+    """What the file holds that is not read, whole sentences."""
 
 
 def read_mesh(path: Path) -> FileMesh:
@@ -126,8 +142,10 @@ def read_mesh(path: Path) -> FileMesh:
     size = path.stat().st_size
     if size > MAX_MESH_BYTES:
         raise ReadError(path, f"{size} bytes, more than {MAX_MESH_BYTES}", "cut it into tiles")
-    parts = [_part_of_obj(path)] if kind == ".obj" else _parts_by_trimesh(path)
-    mesh = _joined(path, parts)
+    warnings: list[str] = []
+    read_parts = _parts_of_obj if kind == ".obj" else _parts_by_trimesh
+    parts = read_parts(path, warnings)
+    mesh = replace(_joined(path, parts), warnings=tuple(dict.fromkeys(warnings)))
     if len(mesh.faces) == 0:
         raise ReadError(
             path,
@@ -163,8 +181,19 @@ class _Part:
     facts: dict[str, int] = field(default_factory=dict)
 
 
-def _part_of_obj(path: Path) -> _Part:
+def _parts_of_obj(path: Path, warnings: list[str]) -> list[_Part]:
     mesh = read_obj(path)
+    if mesh.uncoloured:
+        warnings.append(
+            f"{mesh.uncoloured:,} of {len(mesh.vertices):,} vertices of {path.name} have no "
+            "colour, unlike the others: they are grey."
+        )
+    warnings += mesh.warnings
+    # Of a text whole numbers are taken for what was meant.
+    warnings += _coarse(mesh.vertices, (mesh.vertices != np.rint(mesh.vertices)).any(axis=0))
+    masked = [material.name for material in mesh.materials if material.has_mask]
+    if masked:
+        warnings.append(_transparent(masked[0]))
     # (1) The images that faces with wedges mean.
     has_wedge = np.zeros(len(mesh.faces), np.bool_)
     if mesh.wedges is not None:
@@ -185,15 +214,16 @@ def _part_of_obj(path: Path) -> _Part:
         if material.image is None and material.colour is not None:
             plain[number] = material.colour
     colours, origin = mesh.colours, "none" if mesh.colours is None else "vertices"
-    # One colour for all says nothing: programs write a grey for want of any.
-    tells = len(np.unique(plain[np.unique(mesh.material)], axis=0)) > 1
+    tells = _tells(plain[np.unique(mesh.material)])
     if texture is not None or (colours is None and tells):
         colours = _colours_of_texture(path, mesh, texture, plain[mesh.material])
         origin = "material" if texture is None else "texture"
     facts = {
         "parts": mesh.objects, "materials": len(mesh.materials), "polygons": mesh.polygons,
     }  # fmt: skip
-    return _Part(mesh.vertices, mesh.faces, colours, origin, {}, texture, mesh.line, missing, facts)
+    return [
+        _Part(mesh.vertices, mesh.faces, colours, origin, {}, texture, mesh.line, missing, facts)
+    ]
 
 
 def _colours_of_texture(
@@ -256,31 +286,152 @@ def _looked_up(image: UInt8, uvs: AnyArray) -> UInt8:
     return colours
 
 
-def _parts_by_trimesh(path: Path) -> list[_Part]:
+def _tells(colours: AnyArray) -> bool:
+    """Whether the colours of materials, (N, 3), mean something: one grey for all does not.
+
+    Programs write a grey or white for want of any; -1 is none.
+    """
+    distinct = np.unique(colours, axis=0)
+    return len(distinct) > 1 or len(np.unique(distinct)) > 1
+
+
+def _transparent(material: str) -> str:
+    return f"Transparent parts of the mesh are drawn opaque (material {material})."
+
+
+def _parts_by_trimesh(path: Path, warnings: list[str]) -> list[_Part]:
+    materials: tuple[GltfMaterial, ...] = ()
+    load: Any = trimesh.load_scene
+    kind = path.suffix.lower()
+    picture, missing = None, None
+    if kind == ".ply":
+        picture = ply_image(path)
+        if picture is not None and not picture.is_file():
+            missing = ReadError(
+                path, f"its texture {picture.name} is not beside it", "copy it there"
+            )
+            picture = None
     try:
-        if path.suffix.lower() == ".glb":
-            check_glb(path)
-        scene = trimesh.load_scene(path, process=False)
+        if kind in GLTF_ENDINGS:
+            gltf = open_gltf(path)
+            materials = gltf.materials
+            warnings += gltf.warnings
+            document = io.BytesIO(gltf.document)
+            scene = load(document, file_type="gltf", resolver=gltf, process=False)
+        else:
+            # The image of a PLY is not left to it: a missing one becomes a grey one.
+            more = {"skip_materials": True} if kind == ".ply" else {}
+            scene = load(path, process=False, **more)
         parts: list[_Part] = []
-        images: dict[int, FileImage] = {}
-        # Nodes in the order of the file: a mesh may stand in several places.
+        images: dict[tuple[int, str], FileImage] = {}
+        # Nodes in the order of the file: a mesh may be in several places.
         for name in scene.graph.nodes_geometry:
             transform, key = scene.graph[name]
-            if isinstance(scene.geometry[key], trimesh.Trimesh):
-                parts.append(
-                    _part_of_trimesh(path, scene.geometry[key], np.asarray(transform), images)
-                )
+            mesh = scene.geometry[key]
+            if isinstance(mesh, trimesh.Trimesh):
+                material = None
+                if materials:
+                    visual: Any = mesh.visual
+                    material = materials[int(visual.material.name)]
+                placed = np.asarray(transform)
+                parts.append(_part_of_trimesh(path, mesh, placed, material or picture, images))
+                warnings += _coarse(mesh.vertices)
+                warnings += _left_out(path, mesh, material)
     except ReadError:
         raise
     except Exception as error:  # whatever a damaged file makes its many readers raise
         raise ReadError(
             path, f"it cannot be read ({type(error).__name__}: {error})", "export it again"
         ) from error
+    if len(parts) > 1:
+        parts = [_used_alone(part) for part in parts]
+    parts = [replace(part, missing=missing) for part in parts]
+    if not parts and warnings:
+        raise ReadError(path, f"no triangle mesh: {warnings[0].rstrip('.')}", "export triangles")
+    # Base colours alone, and one grey for all of them, say nothing.
+    alone = all(part.origin_of_colours in ("material", "none") for part in parts)
+    plain = [
+        part.colours[0]
+        for part in parts
+        if part.colours is not None and part.origin_of_colours == "material"
+    ]
+    if alone and plain and not _tells(np.array(plain)):
+        parts = [replace(part, colours=None, origin_of_colours="none") for part in parts]
     return parts
 
 
+def _used_alone(part: _Part) -> _Part:
+    """Leave out the vertices that no face of a part uses: parts often share one list of them."""
+    used, corner = np.unique(part.faces, return_inverse=True)
+    count = len(part.vertices)
+    if len(used) == count:
+        return part
+    return replace(
+        part,
+        vertices=part.vertices[used],
+        faces=corner.reshape(-1, 3).astype(np.int32),
+        colours=None if part.colours is None else part.colours[used],
+        attributes={
+            name: values[used] if len(values) == count else values
+            for name, values in part.attributes.items()
+        },
+    )
+
+
+def _coarse(stored: Float64, axes: Bool | bool = True) -> tuple[str, ...]:
+    """Warn of coordinates, before a node moves them, that are too large for 32-bit floats."""
+    if not len(stored):
+        return ()
+    single = (stored == stored.astype(np.float32)).all(axis=0) & axes
+    return tell_precision(single, np.abs(stored).max(axis=0))
+
+
+def ply_image(path: Path) -> Path | None:
+    """Find the image that a PLY names, there or not; None where it names none.
+
+    Raises
+    ------
+    ReadError
+        It names several.
+    """
+    with path.open("rb") as file:
+        head = file.read(_HEAD_BYTES).partition(b"end_header")[0]
+    names = [name.decode("utf-8", "replace") for name in _PLY_IMAGE.findall(head)]
+    if len(names) > 1:
+        raise ReadError(
+            path, f"it has {len(names)} textures ({names[0]}, ..), expected one",
+            "export it as OBJ or GLB",
+        )  # fmt: skip
+    return (find_beside(path, names[0]) or path.parent / names[0]) if names else None
+
+
+def _left_out(path: Path, mesh: Any, material: GltfMaterial | None) -> list[str]:
+    """Tell what of a glTF part's picture is not read."""
+    if material is None or mesh.visual.uv is None or not material.texture:
+        return []
+    found = []
+    if not material.is_opaque and _has_alpha(mesh.visual.material.baseColorTexture):
+        found.append(_transparent(material.label))
+    if (codes := _vertex_codes(mesh)) is not None and np.ptp(codes):
+        found.append(
+            f"{path.name} has vertex colours (COLOR_0) on top of a texture; the texture alone is "
+            "used."
+        )
+    return found
+
+
+def _has_alpha(image: PIL.Image.Image) -> bool:
+    return image.has_transparency_data and bool(
+        np.asarray(image.convert("RGBA"))[..., 3].min() < 255
+    )
+
+
 def _part_of_trimesh(
-    path: Path, mesh: Any, transform: Float64, images: dict[int, FileImage]
+    path: Path,
+    mesh: Any,
+    transform: Float64,
+    material: GltfMaterial | Path | None,
+    images: dict[tuple[int, str], FileImage],
 ) -> _Part:
     vertices = np.asarray(mesh.vertices, np.float64)
     if not np.array_equal(transform, np.eye(4)):
@@ -289,9 +440,10 @@ def _part_of_trimesh(
     if np.linalg.det(transform[:3, :3]) < 0.0:  # a mirrored node: glTF 2.0, 3.7.4
         faces = np.ascontiguousarray(faces[:, ::-1])
     attributes = _attributes(mesh, len(vertices), len(faces))
-    texture = _texture_of_trimesh(mesh, faces, images)
+    texture = _texture_of_trimesh(path, mesh, faces, material, images)
     if texture is None:
-        colours, origin = _colours_of_trimesh(mesh, faces)
+        gltf = material if isinstance(material, GltfMaterial) else None
+        colours, origin = _colours_of_trimesh(mesh, faces, gltf)
         return _Part(vertices, faces, colours, origin, attributes)
     part = _Part(vertices, faces, None, "texture", attributes, texture)
     none = np.full((len(faces), 3), -1, np.int16)
@@ -299,27 +451,65 @@ def _part_of_trimesh(
 
 
 def _texture_of_trimesh(
-    mesh: Any, faces: Int32, images: dict[int, FileImage]
+    path: Path,
+    mesh: Any,
+    faces: Int32,
+    material: GltfMaterial | Path | None,
+    images: dict[tuple[int, str], FileImage],
 ) -> FileTexture | None:
-    """Texture of a node; `images` are those of the file so far, by the object that holds them."""
-    visual = mesh.visual
-    material = getattr(visual, "material", None)
-    image = getattr(material, "baseColorTexture", None) or getattr(material, "image", None)
-    uvs = getattr(visual, "uv", None)
-    if visual.kind != "texture" or image is None or uvs is None:
+    """Texture of a part, from the image of its material or of its PLY.
+
+    `images` are those of the file so far, by object and factor.
+    """
+    uvs = getattr(mesh.visual, "uv", None)
+    if material is None or uvs is None:
         return None
-    if id(image) not in images:
-        data = io.BytesIO()
-        # Without loss, and quickly: it is drawn into atlases, and dropped.
-        image.convert("RGB").save(data, "PNG", compress_level=1)
-        images[id(image)] = FileImage(f"image {len(images)}", data.getvalue())
     # trimesh counts v from below.
     wedges = (np.asarray(uvs, np.float64) * [1, -1] + [0, 1])[faces].astype(np.float32)
-    row = list(images).index(id(image))
+    if isinstance(material, Path):
+        image = FileImage(material.name, material)
+        return FileTexture(wedges, np.zeros(len(faces), np.int32), (image,))
+    if not material.texture:
+        return None
+    held = mesh.visual.material.baseColorTexture
+    if held is None:
+        raise ReadError(
+            path, f"its texture {material.texture} of material {material.label} is not read",
+            "export it again with textures as JPEG, PNG or WebP, within the file or beside it",
+        )  # fmt: skip
+    beyond = float(np.nanmax(np.abs(wedges - 0.5), initial=0.0)) - 0.5
+    if not material.repeats and beyond > _OUTSIDE:
+        raise ReadError(
+            path, f"the texture of material {material.label} is clamped or mirrored beyond its "
+            "edges (sampler), and texture coordinates go there",
+            "bake the texture into an atlas in the program that made it",
+        )  # fmt: skip
+    key = id(held), str(material.factor)
+    if key not in images:
+        data = io.BytesIO()
+        # Without loss, and quickly: it is drawn into atlases, and dropped.
+        _multiplied(rgb_of(held), material.factor).save(data, "PNG", compress_level=1)
+        images[key] = FileImage(f"image {len(images)}", data.getvalue())
+    row = list(images).index(key)
     return FileTexture(wedges, np.full(len(faces), row, np.int32), tuple(images.values()))
 
 
-def _colours_of_trimesh(mesh: Any, faces: Int32) -> tuple[UInt8 | None, str]:
+def _multiplied(image: PIL.Image.Image, factor: tuple[float, float, float]) -> PIL.Image.Image:
+    """Multiply an sRGB image in linear light, as a base colour factor does."""
+    if factor == (1.0, 1.0, 1.0):
+        return image
+    levels = np.repeat(np.arange(256, dtype=np.uint8)[:, None], 3, axis=1)
+    changed = linear16_to_srgb(_codes16(srgb_to_linear16(levels) / 65535.0 * factor))
+    return image.point(changed.T.ravel().tolist())
+
+
+def _codes16(linear: AnyArray) -> UInt16:
+    return np.rint(np.clip(linear, 0.0, 1.0) * 65535.0).astype(np.uint16)
+
+
+def _colours_of_trimesh(
+    mesh: Any, faces: Int32, material: GltfMaterial | None
+) -> tuple[UInt8 | None, str]:
     visual = mesh.visual
     if visual.kind == "vertex":
         return np.asarray(visual.vertex_colors, np.uint8)[:, :3], "vertices"
@@ -327,17 +517,31 @@ def _colours_of_trimesh(mesh: Any, faces: Int32) -> tuple[UInt8 | None, str]:
         return _of_vertices(np.asarray(visual.face_colors)[:, :3], faces, len(mesh.vertices)), (
             "faces"
         )
-    # A GLB has its colours beside the material. glTF asks for linear light; writers of 8 bits put
+    if material is None:
+        # A PLY with texture coordinates has its colours beside them.
+        own = np.asarray(mesh.vertex_attributes.get("color", ()))
+        is_read = own.shape[:1] == (len(mesh.vertices),) and own.ndim == _TABLE
+        return (own[:, :3].astype(np.uint8), "vertices") if is_read else (None, "none")
+    factor, codes = np.array(material.factor), _vertex_codes(mesh)
+    if codes is None:
+        return np.tile(linear16_to_srgb(_codes16(factor)), (len(mesh.vertices), 1)), "material"
+    # A glTF has its colours beside the material. It asks for linear light; writers of 8 bits put
     # sRGB there all the same, as 8 bits of linear light band.
-    codes = np.asarray(getattr(visual, "vertex_attributes", {}).get("color", ()))
+    if codes.dtype == np.uint8 and (factor == 1.0).all():
+        return np.ascontiguousarray(codes), "vertices"
+    linear = srgb_to_linear16(codes) if codes.dtype == np.uint8 else codes
+    return linear16_to_srgb(_codes16(linear / 65535.0 * factor)), "vertices"
+
+
+def _vertex_codes(mesh: Any) -> AnyArray | None:
+    """Colours of a glTF's vertices, (V, 3): uint8 as stored, or uint16 of linear light."""
+    codes = np.asarray(getattr(mesh.visual, "vertex_attributes", {}).get("color", ()))
     if codes.shape[:1] != (len(mesh.vertices),) or codes.ndim != _TABLE:
-        return None, "none"
-    if codes.dtype.kind == "f":
-        codes = np.rint(np.clip(codes, 0.0, 1.0) * 65535.0).astype(np.uint16)
+        return None
     codes = np.ascontiguousarray(codes[:, :3])
-    return linear16_to_srgb(codes) if codes.dtype == np.uint16 else codes.astype(np.uint8), (
-        "vertices"
-    )
+    if codes.dtype.kind == "f":
+        return _codes16(codes)
+    return codes if codes.dtype == np.uint16 else codes.astype(np.uint8)
 
 
 def _of_vertices(values: AnyArray, faces: Int32, n_vertices: int) -> UInt8:

@@ -1,12 +1,13 @@
 """Textured meshes of other programs: OBJ with MTL, as Pix4D, OpenDroneMap and Metashape write them.
 
-An OBJ gives every corner a texture coordinate of its own (a wedge), so a vertex on a seam stands in
-the file once, and neighbours over a seam share it. So they do here.
+An OBJ gives every corner a texture coordinate of its own (a wedge), so a vertex on a seam is in the
+file once, and neighbours over a seam share it. So they do here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
@@ -25,6 +26,10 @@ MAX_OBJ_BYTES: Final = 4 << 30
 _ADVICE: Final = "export it again as an OBJ of triangles"
 _CHANNELS: Final = 3
 _LEAST_OF_BYTES: Final = 2.0
+_BYTE: Final = 255.0
+_GREY: Final = 128
+_SHORT: Final = re.compile(rb"(?<![0-9.])[0-9](?:\.[0-9]{1,5})?e\+0?([678])\b", re.IGNORECASE)
+"""A number of a million or more in at most six digits."""
 _MIXED_SHOWN: Final = 40
 """Characters of a bad line that are shown."""
 
@@ -45,14 +50,18 @@ class ObjMesh:
     materials: tuple[ObjMaterial, ...]
     """Those that faces name, in the order of their first face."""
     colours: UInt8 | None
-    """(V, 3) sRGB, of ``v`` lines with six numbers (0..1, as MeshLab writes them, or 0..255); None
-    without."""
+    """(V, 3) sRGB, of ``v`` lines with six numbers (0..1, as MeshLab writes them, or 0..255); grey
+    on lines without beside others, None where no line has any."""
+    uncoloured: int
+    """Vertices without a colour although others have one."""
     line: Int64
     """(F,) line of the file, from 1."""
     polygons: int
     """Faces with more than three corners."""
     objects: int
     """``o`` lines; one body at least."""
+    warnings: tuple[str, ...]
+    """What its numbers lost on their way, whole sentences."""
 
 
 @dataclass(slots=True)
@@ -104,6 +113,7 @@ def read_obj(path: Path) -> ObjMesh:
     wedge_table = np.zeros((0, 2))
     if lines.wedges:
         wedge_table = _table(path, lines.wedges, lines.wedge_lines, 2, "vt")[:, :2]
+    colours, uncoloured = _colours(path, points[:, 3:])
     if not lines.faces:
         raise ReadError(path, "no face", _ADVICE)
     # (2) Corners of triangles. OBJ counts v from the bottom, images from the top.
@@ -117,8 +127,11 @@ def read_obj(path: Path) -> ObjMesh:
     # (3) Materials by the faces that name them.
     named = read_materials(path, lines.libraries)
     unknown = named.get("")
+    in_any_case = {name.casefold(): material for name, material in named.items()}
     materials = tuple(
-        named.get(name, ObjMaterial(name, missing=None if unknown is None else unknown.missing))
+        named.get(name)
+        or in_any_case.get(name.casefold())
+        or ObjMaterial(name, missing=None if unknown is None else unknown.missing)
         for name in lines.materials
     )
     return ObjMesh(
@@ -127,11 +140,24 @@ def read_obj(path: Path) -> ObjMesh:
         wedges,
         np.array(lines.face_materials, np.int32)[row],
         materials,
-        _colours(points[:, 3:]),
+        colours,
+        uncoloured,
         np.array(lines.face_lines, np.int64)[row],
         sum(len(text.split()) > _CHANNELS for text in lines.faces),
         max(lines.objects, 1),
+        tuple(_short_numbers(path, lines.points)),
     )
+
+
+def _short_numbers(path: Path, points: list[bytes]) -> Iterator[str]:
+    """Warn of large coordinates in six digits, as C++ streams write them by default."""
+    found = next(filter(None, map(_SHORT.search, points)), None)
+    if found is not None:
+        step = 10.0 ** (int(found[1]) - 5)
+        yield (
+            f"{path.name} has coordinates in six digits ({found[0].decode()}): they move in steps "
+            f"of {step:g} m, and detail below that is lost. Export the mesh with a local offset."
+        )
 
 
 def _sorted_lines(data: bytes) -> _Lines:
@@ -171,7 +197,7 @@ def _sorted_lines(data: bytes) -> _Lines:
 def _table(
     path: Path, rows: list[bytes], numbers: Sequence[int], columns: int, label: str
 ) -> Float64:
-    """Numbers of all lines of a kind, at least *columns* and as many on each."""
+    """Numbers of all lines of a kind, at least *columns* on each; NaN where others have more."""
     width = len(rows[0].split())
     try:
         values = np.array(b" ".join(rows).split(), dtype=np.float64)
@@ -179,32 +205,58 @@ def _table(
         values = np.zeros(0)
     if width >= columns and len(values) == width * len(rows) and np.isfinite(values).all():
         return values.reshape(len(rows), width)
-    # Which line it is, now that one is bad.
-    at = next((i for i, row in enumerate(rows) if not _is_row(row, width, columns)), 0)
-    shown = rows[at][:_MIXED_SHOWN].decode("utf-8", "replace").strip()
-    raise ReadError(
-        path, f"{label} {shown!r}, expected {max(width, columns)} finite numbers", _ADVICE,
-        f"line {numbers[at]:,}",
-    )  # fmt: skip
+    # One by one, as lines are bad or differ in how many numbers they have.
+    words = [_finite(row) for row in rows]
+    bad = next((at for at, found in enumerate(words) if len(found) < columns), None)
+    if bad is not None:
+        shown = rows[bad][:_MIXED_SHOWN].decode("utf-8", "replace").strip()
+        raise ReadError(
+            path, f"{label} {shown!r}, expected {columns} finite numbers", _ADVICE,
+            f"line {numbers[bad]:,}",
+        )  # fmt: skip
+    ragged = np.full((len(rows), max(map(len, words))), np.nan)
+    for at, found in enumerate(words):
+        ragged[at, : len(found)] = found
+    return ragged
 
 
-def _is_row(row: bytes, width: int, columns: int) -> bool:
-    words = row.split()
+def _finite(row: bytes) -> list[float]:
+    """Return the numbers of a line; nothing where one of them is not finite."""
     try:
-        finite = bool(np.isfinite([float(word) for word in words]).all())
+        values = [float(word) for word in row.split()]
     except ValueError:
-        return False
-    return finite and len(words) == width >= columns
+        return []
+    return values if np.isfinite(values).all() else []
 
 
-def _colours(further: Float64) -> UInt8 | None:
-    """Colours behind the three coordinates; four numbers (a weight) hold none."""
+def _colours(path: Path, further: Float64) -> tuple[UInt8 | None, int]:
+    """Read colours behind the three coordinates, and count the lines without beside others.
+
+    Four numbers (a weight) hold none.
+    """
     if further.shape[1] < _CHANNELS:
-        return None
-    colours = further[:, -_CHANNELS:]
+        return None, 0
+    colours = further[:, :_CHANNELS]
+    if further.shape[1] > _CHANNELS:
+        # x y z w r g b, or x y z r g b a: weights are 1, and opaque alphas 1 or 255.
+        full = further[~np.isnan(further[:, _CHANNELS])]
+        is_weight = bool((full[:, 0] == 1.0).all())
+        is_alpha = any((full[:, _CHANNELS] == one).all() for one in (1.0, _BYTE))
+        if further.shape[1] > _CHANNELS + 1 or is_weight == is_alpha:
+            raise ReadError(
+                path, f"v lines with {3 + further.shape[1]} numbers, expected x y z r g b", _ADVICE
+            )
+        colours = further[:, 1:] if is_weight else colours
+    # A line with some of the three has a weight: no colour.
+    none = np.isnan(colours).any(axis=1)
+    known = colours[~none]
+    if known.max() > _BYTE:
+        raise ReadError(path, f"a colour of {known.max():g}, expected 0 to 1 or 0 to 255", _ADVICE)
     # Most programs write shares, some of them a little more than 1; others write 8 bits.
-    scale = 255.0 if colours.max() < _LEAST_OF_BYTES else 1.0
-    return np.rint(np.clip(colours * scale, 0.0, 255.0)).astype(np.uint8)
+    scale = _BYTE if known.max() < _LEAST_OF_BYTES else 1.0
+    read = np.full(colours.shape, _GREY, np.uint8)
+    read[~none] = np.rint(np.clip(known * scale, 0.0, _BYTE))
+    return read, int(none.sum())
 
 
 def _corners(path: Path, lines: _Lines, vertices: int, wedges: int) -> tuple[Int32, Int64]:

@@ -9,7 +9,7 @@ from typing import Final
 
 from terraport_pipeline.errors import MissingReaderError, ReadError
 
-__all__ = ["FORMATS", "find_format", "is_binary_survey", "require_reader"]
+__all__ = ["FORMATS", "find_format", "is_binary_survey", "is_foreign", "require_reader"]
 
 FORMATS: Final[dict[str, tuple[str, ...]]] = {
     "las": (".las", ".laz"),
@@ -44,6 +44,11 @@ _RASTER_ADVICE: Final = (
     "terraport wants the points that it was made of; of a raster of heights, gdal2xyz makes points"
 )
 
+_TILE_ADVICE: Final = (
+    "its coordinates are relative to its tileset: export the model itself from the program that "
+    "made the tiles, as OBJ, GLB or PLY, or the cloud as LAS"
+)
+
 _FOREIGN: Final = (
     (b"version https://git-lfs", "a Git LFS pointer", "fetch the file itself: git lfs pull"),
     (b"PK\x03\x04", "a ZIP archive", "unpack it and give the survey in it"),
@@ -53,6 +58,11 @@ _FOREIGN: Final = (
     (b"II+\x00", "a TIFF picture", _RASTER_ADVICE),
     (b"<!DOCTYPE", "a web page", "download the file itself"),
     (b"<html", "a web page", "download the file itself"),
+    (b"b3dm", "the content of a 3D Tile", _TILE_ADVICE),
+    (b"i3dm", "the content of a 3D Tile", _TILE_ADVICE),
+    (b"cmpt", "the content of a 3D Tile", _TILE_ADVICE),
+    (b"pnts", "the content of a 3D Tile", _TILE_ADVICE),
+    (b"Kaydara FBX", "a mesh as FBX", "export it as OBJ, GLB or PLY"),
 )
 
 
@@ -136,6 +146,13 @@ def find_format(path: Path) -> str:
         f"{head[:8]!r})",
         f"terraport reads {readable}",
     )
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether a file's first bytes are those of something that people give by mistake."""
+    with path.open("rb") as file:
+        head = file.read(64)
+    return any(head.startswith(start) for start, _, _ in _FOREIGN)
 
 
 def is_binary_survey(path: Path) -> bool:

@@ -109,7 +109,8 @@ def test_a_textured_obj_by_its_wedges(tmp_path: Path) -> None:
 def test_a_textured_glb(tmp_path: Path) -> None:
     image = Image.fromarray(np.array([[[255, 0, 0], [0, 0, 255]]], np.uint8))
     visual = trimesh.visual.TextureVisuals(
-        uv=[[0.1, 0.5], [0.9, 0.5], [0.9, 0.1], [0.1, 0.9], [0.9, 0.9]], image=image
+        uv=[[0.1, 0.5], [0.9, 0.5], [0.9, 0.1], [0.1, 0.9], [0.9, 0.9]],
+        material=trimesh.visual.material.PBRMaterial(baseColorTexture=image),
     )
     trimesh.Trimesh(CORNERS, FACES, visual=visual, process=False).export(tmp_path / "a.glb")
     mesh = read_mesh(tmp_path / "a.glb")
@@ -153,4 +154,85 @@ def test_an_image_that_is_none(tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("newmtl left\nmap_Kd l.png\n")
     (tmp_path / "l.png").write_bytes(io.BytesIO(b"no image").getvalue())
     with pytest.raises(ReadError, match=r"l\.png"):
+        read_mesh(tmp_path / "a.obj")
+
+
+PLY_SQUARE = """ply
+format ascii 1.0
+{comment}element vertex 4
+property float x
+property float y
+property float z
+property uchar red
+property uchar green
+property uchar blue
+property float s
+property float t
+element face 2
+property list uchar int vertex_indices
+end_header
+0 0 0 10 90 30 0 0
+1 0 0 10 90 30 1 0
+1 1 0 10 90 30 1 1
+0 1 0 10 90 30 0 1
+3 0 1 2
+3 0 2 3
+"""
+
+
+def test_a_ply_with_texture_coordinates_has_its_image_or_its_own_colours(tmp_path: Path) -> None:
+    path = tmp_path / "a.ply"
+    path.write_text(PLY_SQUARE.format(comment=""))
+    mesh = read_mesh(path)
+    assert mesh.colours is not None
+    assert mesh.colours.tolist() == [[10, 90, 30]] * 4
+    path.write_text(PLY_SQUARE.format(comment="comment TextureFile Skin.png\n"))
+    assert "texture Skin.png is not beside it" in str(read_mesh(path).missing)
+    Image.new("RGB", (4, 4), (200, 100, 50)).save(tmp_path / "skin.PNG", "PNG")
+    mesh = read_mesh(path)
+    assert mesh.colours is not None
+    assert (mesh.missing, mesh.colours.tolist()) == (None, [[200, 100, 50]] * 4)
+    twice = "comment TextureFile Skin.png\ncomment TextureFile b.png\n"
+    path.write_text(PLY_SQUARE.format(comment=twice))
+    with pytest.raises(ReadError, match="2 textures"):
+        read_mesh(path)
+
+
+@pytest.mark.parametrize("kind", ["stl", "ply"])
+def test_large_coordinates_in_32_bits_are_told(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / f"a.{kind}"
+    moved = CORNERS + np.array([300_000.25, 6_500_000.75, 12.0])
+    trimesh.Trimesh(moved, FACES, process=False).export(path)
+    [text] = read_mesh(path).warnings
+    assert "steps of 0.5 m" in text
+
+
+@pytest.mark.parametrize(
+    ("mode", "value", "read"),
+    [
+        ("I;16", 40_000, [156] * 3),
+        ("L", 40, [40] * 3),
+        ("LA", (70, 9), [70] * 3),
+        ("P", 0, [0] * 3),
+    ],
+)
+def test_pixels_of_textures(tmp_path: Path, mode: str, value: object, read: list[int]) -> None:
+    text = TEXTURED.replace("usemtl right\n", "")
+    (tmp_path / "a.obj").write_text(text)
+    for kind in ("png", "tif"):
+        if (mode, kind) == ("LA", "tif"):
+            continue
+        (tmp_path / "a.mtl").write_text(f"newmtl left\nmap_Kd l.{kind}\n")
+        Image.new(mode, (4, 4), value).save(tmp_path / f"l.{kind}")  # type: ignore[arg-type]
+        mesh = read_mesh(tmp_path / "a.obj")
+        assert mesh.colours is not None
+        assert mesh.colours.tolist() == [read] * 4
+
+
+@pytest.mark.parametrize("mode", ["F", "I"])
+def test_textures_of_numbers_are_refused(tmp_path: Path, mode: str) -> None:
+    (tmp_path / "a.obj").write_text(TEXTURED.replace("usemtl right\n", ""))
+    (tmp_path / "a.mtl").write_text("newmtl left\nmap_Kd l.tif\n")
+    Image.new(mode, (4, 4), 70_000).save(tmp_path / "l.tif")
+    with pytest.raises(ReadError, match=r"l\.tif cannot be read: .*32 bits"):
         read_mesh(tmp_path / "a.obj")

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -7,10 +8,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from payload.images import pillow
+from PIL import Image
 from store.tiny_scene import lattice_mesh, textured
 
 from terraport.obj import write_obj
 from terraport_pipeline.engines.mesh_files.obj_materials import obj_companions
+from terraport_pipeline.engines.mesh_files.read_mesh import read_mesh
 from terraport_pipeline.engines.mesh_files.read_obj import read_obj
 from terraport_pipeline.errors import ReadError
 
@@ -140,6 +143,115 @@ def test_what_is_missing_is_named_by_line(tmp_path: Path) -> None:
 def test_no_file(tmp_path: Path) -> None:
     with pytest.raises(ReadError, match="no such file"):
         read_obj(tmp_path / "b.obj")
+
+
+def paint(folder: Path, **colours: tuple[int, int, int]) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, colour in colours.items():
+        Image.new("RGB", (4, 4), colour).save(folder / f"{name}.png")
+
+
+PLAIN_OPTIONS = "-clamp on -o 0 0 0 -s 1 1 -mm 0 1"
+LEFT_RIGHT = "newmtl left\nmap_Kd l.png\nnewmtl right\nmap_Kd r.png\n"
+
+
+@pytest.mark.parametrize(
+    ("head", "libraries"),
+    [
+        (
+            "mtllib a.mtl b.mtl",
+            {"a.mtl": LEFT_RIGHT[:25], "b.mtl": LEFT_RIGHT[25:]},
+        ),
+        ("mtllib b.mtl\nmtllib a.mtl", {"a.mtl": LEFT_RIGHT}),
+        ("mtllib A.MTL", {"a.mtl": LEFT_RIGHT.replace("l.png", "L.PNG")}),
+        ("mtllib a.mtl", {"a.mtl": LEFT_RIGHT.replace(" ", "\t").replace("map", "\tmap")}),
+        ("mtllib my lib.mtl", {"my lib.mtl": LEFT_RIGHT}),
+        ('mtllib "a.mtl"', {"a.mtl": LEFT_RIGHT.replace("l.png", '"l.png"')}),
+        ("mtllib a.mtl", {"a.mtl": LEFT_RIGHT.replace("l.png", "C:\\out\\tex\\L.png")}),
+        ("mtllib .\\a.mtl", {"a.mtl": LEFT_RIGHT.replace("\n", "\r\n")}),
+        ("mtllib a.mtl", {"a.mtl": LEFT_RIGHT.replace("newmtl left", "newmtl LEFT")}),
+        ("mtllib a.mtl", {"a.mtl": LEFT_RIGHT.replace("l.png", f"{PLAIN_OPTIONS} l.png")}),
+    ],
+)  # fmt: skip
+def test_libraries_and_images_as_programs_name_them(
+    tmp_path: Path, head: str, libraries: dict[str, str]
+) -> None:
+    paint(tmp_path, l=(200, 30, 30), r=(30, 30, 200))
+    for name, text in libraries.items():
+        (tmp_path / name).write_bytes(text.encode())
+    path = write(tmp_path, SEAM.replace("mtllib a.mtl", head))
+    left, right = read_obj(path).materials
+    assert (left.image, right.image) == (tmp_path / "l.png", tmp_path / "r.png")
+    assert {f.name for f in obj_companions(path)} == {*libraries, "l.png", "r.png"}
+
+
+def test_a_library_after_the_faces_and_a_name_with_decomposed_accents(tmp_path: Path) -> None:
+    paint(tmp_path / "tex", l=(9, 9, 9))
+    (tmp_path / "tex" / "l.png").rename(tmp_path / "tex" / "Bru\u0308cke.png")
+    (tmp_path / "a.mtl").write_text("newmtl left\nmap_Kd tex/Br\u00fccke.png\n", encoding="utf-8")
+    path = write(tmp_path, SEAM.replace("mtllib a.mtl\n", "") + "mtllib a.mtl\n")
+    assert read_obj(path).materials[0].image == tmp_path / "tex" / "Bru\u0308cke.png"
+
+
+def test_an_image_that_is_scaled_or_cut_out_is_not_taken_as_it_is(tmp_path: Path) -> None:
+    paint(tmp_path, l=(9, 9, 9))
+    text = "newmtl left\nmap_Kd -s 2 2 1 l.png\nnewmtl right\nmap_Kd l.png\nmap_d m.png\n"
+    (tmp_path / "a.mtl").write_text(text)
+    path = write(tmp_path, SEAM.replace(".25 52", ".33 52"))
+    left, _ = read_obj(path).materials
+    assert left.image is None
+    assert "a.mtl at line 2: the texture -s 2 2 1 l.png of material left" in str(left.missing)
+    assert "drawn opaque (material right)" in read_mesh(path).warnings[-1]
+
+
+CORNER = "v {} {} 0{}\n"
+
+
+@pytest.mark.parametrize(
+    ("more", "read"),
+    [
+        ([" 0.8 0.1 0.1", "", " 0 0 1"], [[204, 26, 26], [128] * 3, [0, 0, 255]]),
+        (["", " 200 30 30", " 1.0"], [[128] * 3, [200, 30, 30], [128] * 3]),
+        ([" 0 0.2 0.4 1", " 1 0 0 1", " 0 1 0 1"], [[0, 51, 102], [255, 0, 0], [0, 255, 0]]),
+        ([" 1 0 0.2 0.4", " 1 1 0 0", " 1 0 1 0"], [[0, 51, 102], [255, 0, 0], [0, 255, 0]]),
+    ],
+)
+def test_colours_on_some_lines_beside_weights_and_with_alpha(
+    tmp_path: Path, more: list[str], read: list[list[int]]
+) -> None:
+    places = [(0, 0), (1, 0), (1, 1)]
+    text = "".join(CORNER.format(*at, end) for at, end in zip(places, more, strict=True))
+    mesh = read_mesh(write(tmp_path, f"{text}f 1 2 3\n"))
+    assert mesh.colours is not None
+    assert mesh.colours.tolist() == read
+    grey = read.count([128] * 3)
+    assert [f"{grey} of 3 vertices" in text for text in mesh.warnings] == [True] * (grey > 0)
+
+
+@pytest.mark.parametrize("more", [" 1 0.5 0.5 1", " 0 0.5 0.5 0.5", " 0 0 300", " 1 2 3 4 5"])
+def test_colours_of_two_meanings_or_none(tmp_path: Path, more: str) -> None:
+    text = "".join(CORNER.format(*at, more) for at in ((0, 0), (1, 0), (1, 1)))
+    with pytest.raises(ReadError, match="expected"):
+        read_mesh(write(tmp_path, f"{text}f 1 2 3\n"))
+
+
+@pytest.mark.parametrize(
+    ("form", "words"),
+    [
+        ("{:.3f}", None),
+        ("{:.0f}", None),  # whole metres are what was meant, as far as can be told
+        ("{:g}", "in six digits .*steps of 10 m"),
+        ("{:.7g}", None),
+    ],
+)
+def test_large_coordinates_in_few_digits_are_told(
+    tmp_path: Path, form: str, words: str | None
+) -> None:
+    places = [(500_000.37, 4_512_345.61), (500_003.1, 4_512_345.9), (500_002.2, 4_512_377.3)]
+    text = "".join(f"v {form.format(x)} {form.format(y)} 3.25\n" for x, y in places)
+    found = read_mesh(write(tmp_path, f"{text}f 1 2 3\n")).warnings
+    assert bool(found) == bool(words)
+    assert words is None or re.search(words, found[0])
 
 
 @given(seed=st.integers(0, 2**32 - 1))

@@ -1,0 +1,314 @@
+"""glTF 2.0 (``.glb``, ``.gltf``) as its reader takes it, with what the reader would get wrong.
+
+trimesh leaves out what it does not know, without a word: base colours are rounded to 8 bits, KTX2
+images and extensions vanish, compressed triangles become zeros. So the description is read here
+first. What changes the geometry or the picture and is not read is refused or becomes a warning, by
+name; materials are reduced to base colour factor and texture; the rest is left to trimesh.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+from urllib.parse import unquote
+
+from terraport_pipeline.engines.mesh_files.obj_materials import find_beside
+from terraport_pipeline.errors import ReadError
+
+__all__ = ["GLTF_ENDINGS", "GltfFile", "GltfMaterial", "gltf_companions", "open_gltf"]
+
+GLTF_ENDINGS: Final = (".glb", ".gltf")
+
+_READ: Final = frozenset(
+    (
+        "EXT_texture_webp",
+        "KHR_materials_pbrSpecularGlossiness",
+        "KHR_materials_unlit",
+        "KHR_mesh_quantization",
+        "KHR_texture_transform",
+    )
+)
+"""Extensions that a file may require: read, refused where they change something, or of no meaning
+for base colours."""
+
+_HARMLESS: Final = re.compile(
+    r"KHR_materials_.*|KHR_lights_.*|KHR_xmp.*|KHR_animation_.*|KHR_texture_basisu|EXT_texture_.*"
+    r"|MSFT_texture_dds|EXT_structural_metadata|EXT_mesh_features|EXT_instance_features"
+    r"|EXT_feature_metadata|CESIUM_primitive_outline|KHR_draco_mesh_compression"
+    r"|(EXT|KHR)_meshopt_compression|EXT_mesh_gpu_instancing|CESIUM_RTC|EXT_lights_.*"
+)
+"""Extensions that change neither places nor base colours, and those that are looked for where they
+are used."""
+
+_DRACO: Final = "KHR_draco_mesh_compression"
+_TRANSFORM: Final = "KHR_texture_transform"
+_SPECULAR: Final = "KHR_materials_pbrSpecularGlossiness"
+_RTC: Final = "CESIUM_RTC"
+_INSTANCES: Final = "EXT_mesh_gpu_instancing"
+_PACKED: Final = ("EXT_meshopt_compression", "KHR_meshopt_compression")
+_FLOAT: Final = 5126
+_REPEAT: Final = 10497
+_TRIANGLES: Final = (4, 5)
+"""Primitive modes that are read: triangles and strips of them."""
+_JSON: Final = b"JSON"
+_HEAD: Final = struct.Struct("<4sIII4s")
+_CHUNK: Final = struct.Struct("<II")
+_BINARY: Final = "binary chunk"
+"""Name that the reader knows the GLB's own bytes by."""
+_PLAIN: Final = "export it again without compression or quantisation"
+_IDENTITY: Final = {"offset": [0, 0], "rotation": 0, "scale": [1, 1], "texCoord": 0}
+
+
+@dataclass(frozen=True, slots=True)
+class GltfMaterial:
+    """The base colour of a material."""
+
+    label: str
+    """For messages: its name, else its number."""
+    factor: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    """``baseColorFactor``, linear light."""
+    texture: str = ""
+    """Which image is meant, for messages; empty without one."""
+    repeats: bool = True
+    """Whether the image repeats beyond 0..1; else it is clamped or mirrored."""
+    is_opaque: bool = True
+    """Whether ``alphaMode`` ignores alpha."""
+
+
+@dataclass(frozen=True, slots=True)
+class GltfFile:
+    """A file as trimesh's reader of ``.gltf`` takes it, and what it does not take."""
+
+    path: Path
+    document: bytes
+    """JSON; every material is named by its row in `materials`."""
+    materials: tuple[GltfMaterial, ...]
+    warnings: tuple[str, ...]
+    binary: tuple[int, int] = (0, 0)
+    """Offset and length of the GLB's binary chunk."""
+
+    def __getitem__(self, uri: str) -> bytes:
+        """Read a buffer or image that the description names."""
+        if uri == _BINARY:
+            with self.path.open("rb") as file:
+                file.seek(self.binary[0])
+                return file.read(self.binary[1])
+        found = find_beside(self.path, unquote(uri))
+        if found is None:
+            raise ReadError(self.path, f"its file {uri[:80]} is not beside it", "copy it there")
+        return found.read_bytes()
+
+    get = __getitem__
+
+
+def open_gltf(path: Path) -> GltfFile:
+    """Read the description of a file, and refuse what would be read as another mesh than it is.
+
+    Parameters
+    ----------
+    path : Path
+        glTF 2.0, binary or as text with buffers.
+
+    Raises
+    ------
+    ReadError
+        Not glTF 2.0, cut off in its description, or in a form that is not read; it names the form.
+    """
+    tree, binary = _description(path)
+    if binary != (0, 0) and tree.get("buffers"):
+        tree["buffers"][0].setdefault("uri", _BINARY)
+    warnings = list(_unread(path, tree))
+    materials = _reduced_materials(path, tree)
+    _check_accessors(path, tree)
+    return GltfFile(path, json.dumps(tree).encode(), materials, tuple(warnings), binary)
+
+
+def gltf_companions(path: Path) -> tuple[Path, ...]:
+    """List the buffers and images that a file is read with, each once; those that are there."""
+    tree, _ = _description(path)
+    uris = [
+        part["uri"]
+        for name in ("buffers", "images")
+        for part in tree.get(name, ())
+        if not part.get("uri", "data:").startswith("data:")
+    ]
+    found = [find_beside(path, unquote(uri)) for uri in uris]
+    return tuple(dict.fromkeys(file for file in found if file is not None))
+
+
+def _description(path: Path) -> tuple[dict[str, Any], tuple[int, int]]:
+    """Read the JSON, and where the binary chunk is."""
+    binary = (0, 0)
+    if path.suffix.lower() == ".gltf":
+        data = path.read_bytes()
+    else:
+        with path.open("rb") as file:
+            head = file.read(_HEAD.size)
+            if len(head) < _HEAD.size or not head.startswith(b"glTF"):
+                raise ReadError(
+                    path, "it does not begin as a GLB", "export it again as binary glTF"
+                )
+            _, version, _, length, kind = _HEAD.unpack(head)
+            if version != 2 or kind != _JSON:
+                raise ReadError(
+                    path, f"glTF version {version}, expected 2", "export it again as glTF 2.0"
+                )
+            data = file.read(length)
+            chunk = file.read(_CHUNK.size)
+            if len(chunk) == _CHUNK.size:
+                binary = (_HEAD.size + length + _CHUNK.size, _CHUNK.unpack(chunk)[0])
+    try:
+        tree = json.loads(data)
+    except ValueError as error:
+        raise ReadError(path, f"its description is damaged: {error}", "export it again") from error
+    if not isinstance(tree, dict):
+        raise ReadError(path, "its description is not a JSON object", "export it again")
+    version = str(tree.get("asset", {}).get("version", "2.0"))
+    if not version.startswith("2"):
+        raise ReadError(path, f"glTF version {version}, expected 2", "export it again as glTF 2.0")
+    return tree, binary
+
+
+def _unread(path: Path, tree: dict[str, Any]) -> Iterator[str]:
+    """Refuse forms that are not read, and tell of what is left out."""
+    # (1) Extensions: required ones, those that move or multiply the mesh, and unknown ones.
+    required = set(tree.get("extensionsRequired", ()))
+    if _DRACO in required and not _reads_draco():
+        raise _draco_needed(path)
+    unknown = sorted(required - _READ - {_DRACO, _RTC, _INSTANCES})
+    if unknown:
+        raise ReadError(path, f"it requires {', '.join(unknown)}, which is not read", _PLAIN)
+    centre = tree.get("extensions", {}).get(_RTC)
+    if centre is not None:
+        raise ReadError(
+            path,
+            f"its coordinates are relative to the centre {centre.get('center')} ({_RTC}): it is "
+            "the content of a 3D Tile",
+            "export the model itself in the survey's coordinates, as GLB, OBJ or PLY",
+        )
+    nodes = tree.get("nodes", [])
+    if any(_INSTANCES in node.get("extensions", {}) for node in nodes):
+        raise ReadError(
+            path, f"its meshes are drawn many times ({_INSTANCES}), which is not read",
+            "export it again with the instances as meshes of their own",
+        )  # fmt: skip
+    for name in _PACKED:
+        if any(name in view.get("extensions", {}) for view in tree.get("bufferViews", ())):
+            raise ReadError(path, f"its buffers are compressed ({name})", _PLAIN)
+    others = [
+        name
+        for name in tree.get("extensionsUsed", ())
+        if name not in _READ and not _HARMLESS.fullmatch(name)
+    ]
+    if others:
+        yield f"{', '.join(others)} of {path.name} is not read: what it changes is missing."
+    # (2) What a reader of triangles leaves out.
+    primitives = [one for mesh in tree.get("meshes", ()) for one in mesh.get("primitives", ())]
+    left_out = sum(one.get("mode", 4) not in _TRIANGLES for one in primitives)
+    if left_out:
+        yield (
+            f"{left_out:,} of {len(primitives):,} primitives of {path.name} are points, lines or "
+            "triangle fans; they are left out."
+        )
+    posed = sum("skin" in node for node in nodes) + sum(
+        any(mesh.get("weights", ())) for mesh in tree.get("meshes", ())
+    )
+    if posed:
+        yield (
+            f"{posed:,} meshes of {path.name} have a skeleton or morph targets; they are taken "
+            "without."
+        )
+
+
+def _reduced_materials(path: Path, tree: dict[str, Any]) -> tuple[GltfMaterial, ...]:
+    """Replace the tree's materials by base colour textures, named by number; return the rest."""
+    materials = [*tree.get("materials", ()), {}]  # the last one for primitives without
+    for mesh in tree.get("meshes", ()):
+        for primitive in mesh.get("primitives", ()):
+            primitive.setdefault("material", len(materials) - 1)
+    reduced, found = [], []
+    for number, material in enumerate(materials):
+        base = material.get("pbrMetallicRoughness", {})
+        factor, texture = base.get("baseColorFactor"), base.get("baseColorTexture")
+        specular = material.get("extensions", {}).get(_SPECULAR)
+        if specular is not None:  # stands in for the other where both are stated
+            factor, texture = specular.get("diffuseFactor"), specular.get("diffuseTexture")
+        label = material.get("name") or f"number {number}"
+        image, repeats = "", True
+        reduced.append({"name": str(number), "pbrMetallicRoughness": {}})
+        if texture is not None:
+            _check_texture(path, label, texture)
+            reduced[-1]["pbrMetallicRoughness"] = {"baseColorTexture": {"index": texture["index"]}}
+            image, repeats = _image_of(tree, texture["index"])
+        red, green, blue, _alpha = factor or (1.0, 1.0, 1.0, 1.0)
+        opaque = material.get("alphaMode", "OPAQUE") == "OPAQUE"
+        found.append(GltfMaterial(label, (red, green, blue), image, repeats, opaque))
+    tree["materials"] = reduced
+    return tuple(found)
+
+
+def _check_texture(path: Path, label: str, texture: dict[str, Any]) -> None:
+    transform = texture.get("extensions", {}).get(_TRANSFORM, {})
+    moved = any(transform.get(key, same) != same for key, same in _IDENTITY.items())
+    if moved or texture.get("texCoord", 0):
+        what = f"transformed ({_TRANSFORM})" if moved else "a second set (texCoord)"
+        raise ReadError(
+            path, f"the texture coordinates of material {label} are {what}, expected TEXCOORD_0",
+            "export it again with its coordinates applied",
+        )  # fmt: skip
+
+
+def _image_of(tree: dict[str, Any], number: int) -> tuple[str, bool]:
+    """Describe the image of a texture for messages; and whether it repeats."""
+    texture = tree["textures"][number]
+    extensions = texture.get("extensions", {})
+    source = extensions.get("EXT_texture_webp", {}).get("source", texture.get("source"))
+    image = {} if source is None else tree["images"][source]
+    kinds = [image.get("uri", "data:")[:80], image.get("mimeType", ""), *extensions]
+    words = [kind for kind in kinds if kind and not kind.startswith("data:")]
+    sampler = tree.get("samplers", [])[texture["sampler"]] if "sampler" in texture else {}
+    repeats = all(sampler.get(axis, _REPEAT) == _REPEAT for axis in ("wrapS", "wrapT"))
+    return f"{number} ({', '.join(words) or 'no image'})", repeats
+
+
+def _check_accessors(path: Path, tree: dict[str, Any]) -> None:
+    """Refuse positions, and coordinates of textures, that would be read as something else."""
+    accessors = tree.get("accessors", [])
+    names = ("POSITION", "TEXCOORD_0") if tree.get("textures") else ("POSITION",)
+    for mesh in tree.get("meshes", ()):
+        for primitive in mesh.get("primitives", ()):
+            attributes = primitive.get("attributes", {})
+            is_draco = _DRACO in primitive.get("extensions", {})
+            for name in names:
+                number = attributes.get(name)
+                if not isinstance(number, int) or not 0 <= number < len(accessors):
+                    continue
+                accessor = accessors[number]
+                is_float = accessor.get("componentType") == _FLOAT
+                if "sparse" in accessor:
+                    raise ReadError(
+                        path, f"{name} is a sparse accessor, expected a whole one", _PLAIN
+                    )
+                if "bufferView" not in accessor and not (is_draco and _reads_draco()):
+                    if is_draco:
+                        raise _draco_needed(path)
+                    raise ReadError(path, f"{name} has no data (bufferView)", "export it again")
+                if not is_float and (name != "POSITION" or accessor.get("normalized")):
+                    raise ReadError(path, f"{name} holds integers, expected floats", _PLAIN)
+
+
+def _reads_draco() -> bool:
+    return importlib.util.find_spec("DracoPy") is not None
+
+
+def _draco_needed(path: Path) -> ReadError:
+    return ReadError(
+        path, f"its triangles are compressed ({_DRACO})",
+        f"pip install DracoPy reads them, or {_PLAIN}",
+    )  # fmt: skip
