@@ -67,6 +67,17 @@ def test_a_scan_without_colour_beside_one_with_colour_is_named(tmp_path, sample)
     assert "Some scans have no colour; their points are black." in survey.warnings
 
 
+def test_a_position_that_the_matrix_contradicts_is_named(tmp_path, sample) -> None:
+    """Both forms are written: points of the scanner, and points in place with no matrix."""
+    lines = scan(sample.points, sample.colours, np.zeros(3), turn=np.eye(3))
+    lines[2] = "3.000000 4.000000 0.000000"
+    path = tmp_path / "a.ptx"
+    path.write_text("\n".join(lines))
+    survey = read_in_order(path, sample.points[there(500)])
+    words = "1 of 1 scans state a position up to 5.00 m from where their matrix puts it"
+    assert any(words in warning for warning in survey.warnings)
+
+
 MIRROR = np.diag([1.0, -1.0, 1.0])
 
 

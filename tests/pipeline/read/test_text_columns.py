@@ -119,6 +119,8 @@ def test_headers_in_any_case_order_and_dress() -> None:
         ("OID_,POINT_X,POINT_Y,POINT_Z,Rf,Gf,Bf", ["OID_,x,y,z,red,green,blue"]),
         ("X (North),Y (East),Z", ["y,x,z"]),
         ("northing_ft,easting_ft,elev. ft", ["y,x,z"]),
+        ("Point,UTM_E,UTM_N,RL,Code", ["Point,x,y,z,Code"]),
+        ("X,Y,Z (depth)", ["x,y,Z (depth)"]),
         # A letter counts only where no word does: N is the number, E an error.
         ("N,X,Y,Z", ["N,x,y,z"]),
         ("E,X,Y,Z", ["E,x,y,z"]),

@@ -42,6 +42,8 @@ _HEADER_WIDTHS: Final = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
 _ROTATION_TOLERANCE: Final = 1e-3
 """Matrices are written with 6 decimals; a scale differs more."""
 
+_POSITION_TOLERANCE_M: Final = 0.01
+
 _BLANKS: Final = re.compile(rb"[ \t]+")
 _EDGES: Final = re.compile(rb"^ | ?\r?$", re.MULTILINE)
 
@@ -54,6 +56,8 @@ class _Scan:
     names: tuple[str, ...]
     matrix: Float64
     """(4, 4); row vectors times it are the survey's coordinates."""
+    stray_m: float
+    """Distance of the position that the header states from the matrix's."""
     start: int
     """Byte of the first row."""
 
@@ -108,11 +112,19 @@ def stream_ptx(path: Path) -> PtxStream:
             return ()
         return (f"{empty:,} of {total:,} cells of the scans have no return: left out.",)
 
-    warnings: tuple[str, ...] = ()
+    warnings = []
     has_colour = "red" in names
     if has_colour and any("red" not in scan.names for scan in scans):
-        warnings = ("Some scans have no colour; their points are black.",)
-    return PtxStream(total, warnings, late_warnings, _COLOURS if has_colour else (), chunks)
+        warnings.append("Some scans have no colour; their points are black.")
+    moved = [number for number, scan in enumerate(scans) if scan.stray_m > _POSITION_TOLERANCE_M]
+    if moved:
+        warnings.append(
+            f"{len(moved):,} of {len(scans):,} scans state a position up to "
+            f"{max(scan.stray_m for scan in scans):,.2f} m from where their matrix puts it: the "
+            "matrix is used."
+        )
+    colours = _COLOURS if has_colour else ()
+    return PtxStream(total, tuple(warnings), late_warnings, colours, chunks)
 
 
 def _find_scans(path: Path) -> list[_Scan]:
@@ -123,7 +135,8 @@ def _find_scans(path: Path) -> list[_Scan]:
             lines = list(itertools.islice(_lines(file), len(_HEADER_WIDTHS)))
             if not lines and scans:
                 return scans
-            columns, rows, matrix = _header(path, lines, len(scans))
+            columns, rows, position, matrix = _header(path, lines, len(scans))
+            stray_m = float(np.linalg.norm(position - matrix[3, :3]))
             start = file.tell()
             width = len(file.readline().split())
             if width not in _NAMES:
@@ -137,7 +150,7 @@ def _find_scans(path: Path) -> list[_Scan]:
             there = 1 + sum(1 for _ in itertools.islice(file, columns * rows - 1))
             if there < columns * rows:
                 raise _cut(path, len(scans), there, columns * rows)
-            scans.append(_Scan(columns * rows, _NAMES[width], matrix, start))
+            scans.append(_Scan(columns * rows, _NAMES[width], matrix, stray_m, start))
 
 
 def _lines(file: BinaryIO) -> Iterator[bytes]:
@@ -147,13 +160,14 @@ def _lines(file: BinaryIO) -> Iterator[bytes]:
             yield line
 
 
-def _header(path: Path, lines: list[bytes], number: int) -> tuple[int, int, Float64]:
-    """Parse the lines above a scan's rows: columns, rows, matrix."""
+def _header(path: Path, lines: list[bytes], number: int) -> tuple[int, int, Float64, Float64]:
+    """Parse the lines above a scan's rows: columns, rows, position, matrix."""
     values = [line.split() for line in lines]
     try:
         for line, width in zip(values, _HEADER_WIDTHS, strict=True):
             np.array(line, dtype="S").astype(np.float64).reshape(width)
         columns, rows = int(values[0][0]), int(values[1][0])
+        position = np.array(values[2], dtype="S").astype(np.float64)
         matrix = np.array(values[6:], dtype="S").astype(np.float64)
     except ValueError as error:
         shown = b" | ".join(line.strip() for line in lines).decode("latin-1")[:80]
@@ -175,7 +189,7 @@ def _header(path: Path, lines: list[bytes], number: int) -> tuple[int, int, Floa
             "translation in its last row, and 0 0 0 1 in its last column",
             "export the survey again",
         )
-    return columns, rows, matrix
+    return columns, rows, position, matrix
 
 
 def _tables(path: Path, scan: _Scan, number: int) -> Iterator[dict[str, AnyArray]]:

@@ -9,7 +9,7 @@ Without one, the first three columns are x (east), y (north), z (up), and of the
 2. three neighbouring columns that hold whole numbers 0..255, or 0..65,535 in each of them, are red,
    green, blue. In ``.pts`` files, which have intensity first, the 5th to 7th are tried first.
 3. a single column, or the one before or after the colours, is ``intensity``; but not where it has
-   one value, or whole numbers as small as classes.
+   one value, whole numbers as small as classes, or numbers above 65,535.
 4. everything else is ``column_4``, ``column_5``, ... by its place in the file, from 1.
 
 Where two readings fit (intensity 0..255 before or after the colours; numbers 0..1, or numbers as
@@ -39,14 +39,16 @@ __all__ = [
 ]
 
 ALIASES: Final[dict[str, str]] = {
-    "x": "x east easting eastings coordx xcoord xcoordinate coordinatex utmx utmeast utmeasting "
-    "pointx posx positionx xutm rechtswert rechts ostwert ost est este ostkoordinate östlich",
-    "y": "y north northing northings coordy ycoord ycoordinate coordinatey utmy utmnorth "
-    "utmnorthing pointy posy positiony yutm hochwert hoch nordwert nord norte nordkoordinate "
-    "nördlich",
-    "z": "z height heights elevation elev altitude coordz zcoord zcoordinate coordinatez utmz "
-    "pointz posz positionz zutm orthoheight ellipsoidalheight höhe hoehe geländehöhe cota quota "
-    "altura elevación elevacion elevazione hauteur hoogte höjd",
+    "x": "x east easting eastings coordx xcoord xcoordinate coordinatex utmx utme utmeast "
+    "utmeasting xutm pointx posx positionx rechtswert rechts ostwert ost ostkoordinate östlich "
+    "est este coordenadax coordinatax",
+    "y": "y north northing northings coordy ycoord ycoordinate coordinatey utmy utmn utmnorth "
+    "utmnorthing yutm pointy posy positiony hochwert hoch nordwert nord nordkoordinate nördlich "
+    "norte coordenaday coordinatay",
+    "z": "z height heights ht hgt elevation elev altitude rl reducedlevel coordz zcoord "
+    "zcoordinate coordinatez utmz zutm pointz posz positionz orthoheight ellipsoidalheight höhe "
+    "hoehe geländehöhe cota quota altura elevación elevacion elevazione coordenadaz hauteur "
+    "hoogte höjd",
     "red": "red diffusered colorr colourr rf rot rouge rojo rosso vermelho rood",
     "green": "green diffusegreen colorg colourg gf grün gruen vert verde groen",
     "blue": "blue diffuseblue colorb colourb bf blau bleu azul blu blauw",
@@ -59,6 +61,9 @@ _SHORT: Final = {"x": "e", "y": "n", "z": "h alt", "red": "r", "green": "g", "bl
 _MEANINGS: Final = {word: key for key, words in ALIASES.items() for word in words.split()}
 _SHORT_MEANINGS: Final = {word: key for key, words in _SHORT.items() for word in words.split()}
 
+_DOWNWARDS: Final = re.compile(r"depth|down|tiefe|profond|profund", re.IGNORECASE)
+"""What a column is called whose numbers grow downwards: no height."""
+
 _AXES: Final = ("x", "y", "z")
 _COLOURS: Final = ("red", "green", "blue")
 
@@ -70,6 +75,8 @@ _MOST_DECIMALS: Final = 0.5
 
 _UNIT_TOLERANCE: Final = 0.02
 """Normals are written with three or more digits."""
+
+_MOST_INTENSITY: Final = 65_535
 
 _DARK: Final = 31
 """A column of whole numbers up to this is a class or the number of a return as likely as a colour:
@@ -145,7 +152,7 @@ def _candidates(header: Sequence[str]) -> dict[str, list[int]]:
             _, groups, _ = split_label(_bare(label))
             keys = [_key(group) for group in groups] + [_key(label)]
             meaning = next((meanings[key] for key in keys if key in meanings), None)
-            if meaning is not None:
+            if meaning is not None and not _DOWNWARDS.search(label):
                 of_these.setdefault(meaning, []).append(column)
         is_set = {"x", "y"} <= set(of_these)  # E, N next to X, Y: coordinates as well
         for meaning, columns in of_these.items():
@@ -242,7 +249,8 @@ def _bare_names(sample: Float64, colour: int | None, normal: int | None) -> list
     if beside < count and names[beside].startswith("column_") and single:
         values = sample[:, beside]
         is_code = (values == np.rint(values)).all() and np.abs(values).max() <= _DARK
-        if not is_code and (np.ptp(values) > 0 or len(values) == 1):
+        is_time = np.abs(values).max() > _MOST_INTENSITY
+        if not (is_code or is_time) and (np.ptp(values) > 0 or len(values) == 1):
             names[beside] = "intensity"
     return names
 

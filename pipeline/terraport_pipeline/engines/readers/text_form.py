@@ -220,6 +220,7 @@ def _take_header(
     """Take the header, and units below it, off the end of the lines above the rows."""
     if not titles:
         return None
+    titles[-1] = titles[-1].lstrip("%!;* \t")  # comments of further programs
     units = unit_row(_split_names(titles[-1], width, delimiter) or [])
     header = _split_names(titles[-2 if units and len(titles) > 1 else -1], width, delimiter)
     if header is None:
