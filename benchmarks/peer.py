@@ -2,20 +2,27 @@
 
 ::
 
-    npm install --prefix FOLDER 3d-tiles-renderer@0.5.3 three@0.187.0
+    npm install --prefix FOLDER 3d-tiles-renderer@0.5.3 three@0.187.0 esbuild
     TERRAPORT_TILES_TOOLS=FOLDER python benchmarks/peer.py --scenes SCENES --scene sample_scene
 
 Both go to the same places in turn, with the same radius, over the same line (50 Mbit/s and 40 ms
 there and back, shaped by a relay of our own, since Chromium's network conditions do not reach
-WebSockets), through the same proxy (Caddy, TLS). The peer reads the service's live tileset: its
-segments are the payload that terraport streams, byte for byte. A hop ends with the frame after
-which the picture does not change any more. *Cold*: for the first time. *Warm*: the same places
-again, in the same page.
+WebSockets), through the same proxy (Caddy, TLS). Both pages are bundled, minified and compressed by
+brotli beforehand, and decode meshes in workers; JSON is compressed by the proxy. The peer's page
+has lights, as its examples have. A hop ends with the frame after which the picture does not change
+any more. *Cold*: for the first time. *Warm*: the same places again, in the same page.
+
+The peer reads the service's live tileset, whose segments have the vertices that terraport streams,
+byte for byte: ``peer`` as it is, where a cell of up to 12 segments replaces its part of the base as
+a whole (``REPLACE``), and ``peer+add`` with cells that segments are added to one by one (``ADD``):
+fewer bytes, but the base stays drawn and stands out of the detail.
 
 What is counted: time from the call to the last change; bytes on the line, with TLS and headers;
 HTTP requests of the page and its workers; frames of over 50 ms and frames whose picture changes,
 both up to the last change. The camera stands above, the same in both, with all of the scene in
-view; pictures are small, since WebGL is drawn by the CPU.
+view; pictures are small, since WebGL is drawn by the CPU. Every way is run several times in turn,
+in a new browser context each; a figure is the median of all hops, and behind it stand the least and
+the greatest median of a run.
 
 Skips, and says so, without Chromium, Caddy, the built page, or the peer's packages.
 """
@@ -24,6 +31,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import json
 import os
 import random
 import shutil
@@ -33,13 +41,15 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 try:
+    import httpx
     from browser.conftest import BUILT_PAGE, FLAGS, PROGRAMS
     from browser.driven_viewer import DrivenViewer
     from faults.service import Service
@@ -74,7 +84,8 @@ def main() -> int:
     parser.add_argument("--hops", type=int, default=10)
     parser.add_argument("--mbit", type=float, default=50.0)
     parser.add_argument("--round-trip-ms", type=float, default=40.0)
-    parser.add_argument("--only", default="terraport h1,terraport h2,peer h1,peer h2")
+    parser.add_argument("--runs", type=int, default=3, help="of each way, in turn")
+    parser.add_argument("--only", default="terraport h2,peer h2,peer+add h2")
     options = parser.parse_args()
     program = next(filter(None, map(shutil.which, PROGRAMS)), None)
     packages = None if TOOLS is None else Path(TOOLS) / "node_modules"
@@ -84,9 +95,10 @@ def main() -> int:
             "Chromium": program is not None,
             "Caddy": shutil.which("caddy") is not None,
             "the built page": (BUILT_PAGE / "index.html").is_file(),
-            "TERRAPORT_TILES_TOOLS, a folder with `npm i 3d-tiles-renderer three`": packages
+            "TERRAPORT_TILES_TOOLS, a folder with `npm i 3d-tiles-renderer three esbuild`": packages
             is not None
-            and (packages / "3d-tiles-renderer").is_dir(),
+            and (packages / "3d-tiles-renderer").is_dir()
+            and (packages / "esbuild").is_dir(),
         }.items()
         if not is_there
     ]
@@ -94,17 +106,21 @@ def main() -> int:
         print(f"skipped: without {', '.join(missing)}")
         return 0
     if options.smoke:
-        options.hops, options.only = 2, "terraport h2,peer h2"
+        options.hops, options.runs, options.only = 2, 1, "terraport h2,peer h2"
     with tempfile.TemporaryDirectory() as folder:
         served = Path(folder) / "served" / "scenes"
         served.mkdir(parents=True)
         (served / options.scene).symlink_to((options.scenes / options.scene).resolve())
         with Service(served) as service, sync_playwright() as driver:
             browser = driver.chromium.launch(executable_path=program, args=list(FLAGS))
+            print(f"Chromium {browser.version}, load {os.getloadavg()[0]:.1f} before")
             bench = Bench(browser, service, packages, Path(folder), options)
-            for name in options.only.split(","):
-                who, protocol = name.split()
-                bench.run(who, protocol)
+            for _ in range(options.runs):
+                for name in options.only.split(","):
+                    who, protocol = name.split()
+                    bench.run(who, protocol)
+            bench.print_all()
+            print(f"load {os.getloadavg()[0]:.1f} after")
             browser.close()
     for line in bench.missed:
         print(f"MISSED: {line}")
@@ -124,14 +140,19 @@ class Bench:
     ) -> None:
         self.browser = browser
         self.service = service
-        self.packages = packages
         self.folder = folder
+        self.page_folder = _bundled(packages, folder / "peer")
         self.options = options
         self.places: list[Place] = []
         self.radius_m = 0.0
         self.box: tuple[Place, Place] = ((0, 0, 0), (0, 0, 0))
         self.missed: list[str] = []
+        self.opened: dict[str, list[dict[str, float]]] = defaultdict(list)
+        """What opening the page took, by way, run by run."""
+        self.hops: dict[str, list[list[dict[str, float]]]] = defaultdict(list)
+        """By way and heat, run by run."""
         self._choose_places()
+        self._write_added_tileset()
 
     def _choose_places(self) -> None:
         """Choose places on the ground, by the page, over no line: the same for everybody."""
@@ -144,6 +165,21 @@ class Bench:
         self.radius_m = self.options.radius_m or float(viewer.run("terraport.state.radiusM"))
         print(f"{len(self.places)} places of {self.radius_m:g} m in {self.options.scene}")
         context.close()
+
+    def _write_added_tileset(self) -> None:
+        """Write the live tileset with cells that segments are added to, for the peer's page."""
+        address = f"/scenes/{self.options.scene}/"
+        tileset = httpx.get(f"{self.service.url}{address}tileset.json", timeout=60).json()
+
+        def changed(tile: dict[str, Any]) -> None:
+            tile["refine"] = "ADD"
+            if "content" in tile:
+                tile["content"]["uri"] = address + tile["content"]["uri"]
+            for child in tile.get("children", ()):
+                changed(child)
+
+        changed(tileset["root"])
+        (self.page_folder / "added.json").write_text(json.dumps(tileset))
 
     def _context(self) -> BrowserContext:
         width, height = SIZE
@@ -174,12 +210,17 @@ class Bench:
             page.on("requestfailed", lambda request: print(f"failed: {request.url}", flush=True))
             url = f"https://localhost:{line.port}"
             began_bytes, began_s = line.down_bytes, time.monotonic()
-            land = self._terraport(page, url) if who == "terraport" else self._peer(page, url)
-            opened = f"{line.down_bytes - began_bytes:,} bytes, {len(requests)} requests"
-            rest_ms = page.evaluate("watchRest(20)")
-            print(
-                f"\n{who}, {protocol}: opened with {opened}, {time.monotonic() - began_s:.1f} s;"
-                f" a frame at rest {rest_ms:.0f} ms"
+            is_ours = who == "terraport"
+            land = self._terraport(page, url) if is_ours else self._peer(page, url, who)
+            opened_ms = 1e3 * (time.monotonic() - began_s)
+            page.wait_for_timeout(2000)
+            self.opened[f"{who} {protocol}"].append(
+                {
+                    "ms": opened_ms,
+                    "bytes": line.down_bytes - began_bytes,
+                    "requests": len(requests),
+                    "restMs": page.evaluate("watchRest(20)"),
+                }
             )
             for heat in ("cold", "warm"):
                 hops = []
@@ -189,32 +230,42 @@ class Bench:
                     hops.append(
                         hop | {"bytes": line.down_bytes - before, "requests": len(requests) - asked}
                     )
-                self._print(who, protocol, heat, hops)
+                self.hops[f"{who} {protocol} {heat}"].append(hops)
+                times = [hop["allMs"] for hop in hops]
+                print(f"{who} {protocol} {heat}: {statistics.median(times):,.0f} ms", flush=True)
+                most = max(hop["changes"] for hop in hops)
+                if is_ours and most > WARM_MOST_CHANGES:
+                    self.missed.append(f"{protocol}, {heat}: {most:.0f} frames change the picture")
             context.close()
 
-    def _print(self, who: str, protocol: str, heat: str, hops: list[dict[str, float]]) -> None:
-        def low_to_high(key: str) -> str:
-            values = sorted(hop[key] for hop in hops)
-            middle = statistics.median(values)
-            return f"{middle:,.0f} ({values[0]:,.0f} to {values[-1]:,.0f})"
-
+    def print_all(self) -> None:
+        """Print medians over all runs as Markdown tables."""
         print(
-            f"{who:9} {protocol} {heat}: all detail ms {low_to_high('allMs')};"
-            f" frames until then {low_to_high('frames')}; over 50 ms {low_to_high('slow')};"
-            f" picture changes {low_to_high('changes')};"
-            f" bytes {sum(hop['bytes'] for hop in hops):,.0f};"
-            f" requests {sum(hop['requests'] for hop in hops):,.0f}",
-            flush=True,
+            "\n| opening | ms | bytes | requests | a frame at rest, ms |"
+            "\n| -- | -- | -- | -- | -- |"
         )
-        most = max(hop["changes"] for hop in hops)
-        if who == "terraport" and most > WARM_MOST_CHANGES:
-            self.missed.append(f"{protocol}, {heat}: {most:.0f} frames change the picture")
+        for way, runs in self.opened.items():
+            cells = [_medians([[run[key]] for run in runs]) for key in runs[0]]
+            print(f"| {way} | {' | '.join(cells)} |")
+        print(
+            "\n| hops | all detail, ms | frames until then | over 50 ms | picture changes |"
+            " bytes of a run | requests of a run |\n| -- | -- | -- | -- | -- | -- | -- |"
+        )
+        for way, runs in self.hops.items():
+            cells = [
+                _medians([[hop[key] for hop in hops] for hops in runs])
+                for key in ("allMs", "frames", "slow", "changes")
+            ]
+            cells += [
+                _medians([[sum(hop[key] for hop in hops)] for hops in runs])
+                for key in ("bytes", "requests")
+            ]
+            print(f"| {way} | {' | '.join(cells)} |")
 
     def _terraport(self, page: Page, url: str) -> Callable[[Place], dict[str, float]]:
         page.add_init_script(path=PARTS / "watch.js")
         viewer = DrivenViewer(page, url, self.options.scene)
         viewer.open()
-        page.wait_for_timeout(2000)
 
         def land(place: Place) -> dict[str, float]:
             hop: dict[str, float] = page.evaluate(
@@ -228,9 +279,10 @@ class Bench:
 
         return land
 
-    def _peer(self, page: Page, url: str) -> Callable[[Place], dict[str, float]]:
+    def _peer(self, page: Page, url: str, who: str) -> Callable[[Place], dict[str, float]]:
         page.add_init_script(path=PARTS / "watch.js")
-        tileset = f"/scenes/{self.options.scene}/tileset.json"
+        live = f"/scenes/{self.options.scene}/tileset.json"
+        tileset = "/peer/added.json" if who == "peer+add" else live
         page.goto(f"{url}/peer/index.html#tileset={tileset}")
         low, high = self.box
         middle = [(a + b) / 2 for a, b in zip(low, high, strict=True)]
@@ -239,7 +291,6 @@ class Bench:
         page.wait_for_function("window.peer?.isPlaced")
         page.evaluate("([eye, middle]) => peer.look(eye, middle)", [eye, middle])
         page.wait_for_function("peer.isSettled && peer.digest !== ''")
-        page.wait_for_timeout(2000)
 
         def land(place: Place) -> dict[str, float]:
             hop: dict[str, float] = page.evaluate(
@@ -277,13 +328,12 @@ class Bench:
 https://localhost:{port} {{
   bind 127.0.0.1
   tls internal
-  handle_path /tools/* {{
-    root * {self.packages}
-    file_server
-  }}
+  encode gzip
   handle_path /peer/* {{
-    root * {PARTS}
-    file_server
+    root * {self.page_folder}
+    file_server {{
+      precompressed br
+    }}
   }}
   handle {{
     reverse_proxy 127.0.0.1:{self.service.port}
@@ -312,6 +362,33 @@ https://localhost:{port} {{
             else:
                 return
         raise RuntimeError(f"caddy did not come up on port {port} within 30 s")
+
+
+def _bundled(packages: Path, folder: Path) -> Path:
+    """Write the peer's page into a folder, bundled, minified and compressed; return the folder."""
+    folder.mkdir()
+    source = folder / "source"
+    shutil.copytree(PARTS, source)
+    (source / "node_modules").symlink_to(packages)
+    options = ["--bundle", "--minify", "--format=esm", f"--outfile={folder / 'peer.js'}"]
+    command = [str(packages / ".bin" / "esbuild"), str(source / "peer.js"), *options]
+    subprocess.run([*command, "--log-level=warning"], check=True)
+    shutil.copy(PARTS / "index.html", folder)
+    compress = (
+        "const { readFileSync, writeFileSync } = require('fs');"
+        "for (const path of process.argv.slice(1)) writeFileSync(path + '.br',"
+        " require('zlib').brotliCompressSync(readFileSync(path)));"
+    )
+    paths = [str(folder / name) for name in ("peer.js", "index.html")]
+    subprocess.run(["node", "-e", compress, *paths], check=True)
+    return folder
+
+
+def _medians(runs: list[list[float]]) -> str:
+    """Return the median of all values, and the least and greatest median of a run."""
+    middles = sorted(statistics.median(values) for values in runs)
+    middle = statistics.median(value for values in runs for value in values)
+    return f"{middle:,.0f} ({middles[0]:,.0f} to {middles[-1]:,.0f})"
 
 
 if __name__ == "__main__":

@@ -217,7 +217,8 @@ set -e; cd /tmp; terraport synth -o q.laz --points 60k >/dev/null
 terraport build q.laz -o /scenes/quarry >/dev/null
 terraport validate /scenes/quarry
 terraport export /scenes/quarry -o /tmp/quarry.tif >/dev/null
-python -c 'import sklearn; from terraport_pipeline.engines.ktx2 import require_encoder; require_encoder()'
+python -c 'import sklearn'
+python -c 'from terraport_pipeline.engines.ktx2 import require_encoder as check; check()'
 """
     inside(root, stage, script, [(out, "/scenes")])
     assert (out / "quarry/scene.json").is_file()

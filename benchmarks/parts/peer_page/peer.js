@@ -1,9 +1,19 @@
 // 3DTilesRendererJS with its LoadRegion plugin, as a page of ours would use it: a sphere that is moved, full detail within.
+// Bundled by esbuild (benchmarks/peer.py). Meshes are decoded in workers; lights are those of the library's examples.
 // The camera refines nothing: what is loaded and drawn is the region's affair alone, as a landing's is.
 
 import { LoadRegionPlugin, SphereRegion } from "3d-tiles-renderer/three/plugins";
 import { TilesRenderer } from "3d-tiles-renderer/three";
-import { Matrix4, PerspectiveCamera, Scene, Sphere, Vector3, WebGLRenderer } from "three";
+import {
+  AmbientLight,
+  DirectionalLight,
+  Matrix4,
+  PerspectiveCamera,
+  Scene,
+  Sphere,
+  Vector3,
+  WebGLRenderer,
+} from "three";
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 
@@ -12,12 +22,16 @@ const renderer = new WebGLRenderer({ canvas: document.querySelector("#view"), an
 renderer.setPixelRatio(devicePixelRatio);
 renderer.setSize(innerWidth, innerHeight, false);
 const scene = new Scene();
+const sun = new DirectionalLight(0xffffff, 3);
+sun.position.set(1, 2, 3);
+scene.add(sun, new AmbientLight(0xffffff, 1));
 const camera = new PerspectiveCamera(55, innerWidth / innerHeight, 0.1, 1e6);
 const tiles = new TilesRenderer(parameters.get("tileset"));
 const regions = new LoadRegionPlugin();
 tiles.registerPlugin(regions);
 // Geometric errors of a landing's tiles are metres; the camera's are pixels and never reach this.
 tiles.errorTarget = 1e5;
+MeshoptDecoder.useWorkers(Math.min(4, navigator.hardwareConcurrency));
 const loader = new GLTFLoader(tiles.manager).setMeshoptDecoder(MeshoptDecoder);
 tiles.manager.addHandler(/\.(glb|gltf)(\?.*)?$/, loader);
 tiles.setCamera(camera);
