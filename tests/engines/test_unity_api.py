@@ -40,6 +40,9 @@ NOT_IN_FACTS: Final = {
     "PrimitiveType",
     "ExecuteAlways",
     "InitializeOnLoadAttribute",
+    # By which the KTX2 reader gets into a player, and into the preview.
+    "AlwaysLinkAssemblyAttribute",
+    "InitializeOnLoadMethodAttribute",
     "EditorApplication",
     "EditorApplication.CallbackFunction",
     "SceneView",
@@ -173,6 +176,22 @@ def test_an_assembly_defines_what_its_sources_ask_for(assembly: Path) -> None:
     }
     definition = json.loads(assembly.read_text(encoding="utf-8"))
     assert needed <= {entry["define"] for entry in definition.get("versionDefines", [])}
+
+
+def test_an_assembly_that_nothing_refers_to_is_linked_all_the_same() -> None:
+    """Unity's linker leaves it out of players; KTX2 could be read in the editor alone."""
+    named = {json.loads(path.read_text())["name"]: path for path in ASSEMBLIES}
+    referred = {
+        name for path in ASSEMBLIES for name in json.loads(path.read_text()).get("references", [])
+    }
+    alone = []
+    for name, path in named.items():
+        texts = [source.read_text(encoding="utf-8") for source in path.parent.glob("*.cs")]
+        registers = any("[RuntimeInitializeOnLoadMethod" in text for text in texts)
+        if registers and name not in referred:
+            alone.append(name)
+            assert any("AlwaysLinkAssembly]" in text for text in texts), name
+    assert alone == ["Terraport.Ktx"]
 
 
 def test_the_package_asks_for_no_module_that_a_release_lacks() -> None:

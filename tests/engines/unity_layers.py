@@ -113,7 +113,8 @@ def unity_layer(release: str = NEWEST) -> UnityLayer:
         for project, defines in PROJECTS.items():
             also = [*references, *(f"-d:{define}" for define in defines)]
             also.append(compiled(f"Packages.{project}.dll", stubs["Packages"], *also))
-            compiled(f"Terraport.Ktx.{project}.dll", sorted(ktx.rglob("*.cs")), *also)
+            for name, more in ((project, ()), (f"{project}.Editor", ("-d:UNITY_EDITOR",))):
+                compiled(f"Terraport.Ktx.{name}.dll", sorted(ktx.rglob("*.cs")), *also, *more)
             compiled(f"Samples.{project}.dll", files["Samples~"], *also)
         compiled("Terraport.Runtime.Tests.dll", files["Tests/Runtime"], *references, f"-r:{NUNIT}")
         compile_cs(stubs["Tests"], folder / "SceneOnStubs.exe", references, target="exe")

@@ -64,8 +64,8 @@ namespace Terraport.Unity.Editor
             // On the machine itself nobody listens in between.
             if (address.Scheme == "http" && !address.IsLoopback)
             {
-                findings.Add("Over http the token and the survey can be read by everybody on the way; Android and iOS refuse it "
-                    + "unless the player settings allow it.");
+                findings.Add("Over http the token and the survey can be read by everybody on the way. Use https; for a test set Project "
+                    + "Settings > Player > Other Settings > Allow downloads over HTTP, and on Android also Internet Access: Require.");
             }
         }
     }

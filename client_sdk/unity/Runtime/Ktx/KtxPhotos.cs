@@ -2,6 +2,13 @@ using System.Threading.Tasks;
 using KtxUnity;
 using Unity.Collections;
 using UnityEngine;
+using UnityEngine.Scripting;
+#if UNITY_EDITOR
+using UnityEditor;
+#endif
+
+// Nothing refers to this assembly: without it, a player build would leave the assembly out, and KTX2 could not be read there.
+[assembly:AlwaysLinkAssembly]
 
 namespace Terraport.Unity
 {
@@ -10,7 +17,13 @@ namespace Terraport.Unity
     /// </summary>
     public static class KtxPhotos
     {
-        /// <summary>Let <see cref="PhotoLoader"/> read KTX2. Done before the first scene is loaded; also with domain reload off.</summary>
+        /// <summary>
+        /// Let <see cref="PhotoLoader"/> read KTX2. Done before the first scene is loaded, also with domain reload off; in the editor also
+        /// when scripts are loaded, for the preview.
+        /// </summary>
+#if UNITY_EDITOR
+        [InitializeOnLoadMethod]
+#endif
         [RuntimeInitializeOnLoadMethod(RuntimeInitializeLoadType.BeforeSceneLoad)]
         public static void Register() { PhotoLoader.KtxReader = ReadAsync; }
 

@@ -8,6 +8,11 @@ namespace UnityEditor
     {
     }
 
+    [AttributeUsage(AttributeTargets.Method)]
+    public class InitializeOnLoadMethodAttribute : Attribute
+    {
+    }
+
     public class EditorApplication
     {
         public delegate void CallbackFunction();

@@ -13,5 +13,4 @@ public:
 		const char* Folder = std::getenv("TERRAPORT_STUB_SAVED");
 		return UTF8_TO_TCHAR(Folder != nullptr ? Folder : "/dev/null");
 	}
-	static FString ConvertRelativePathToFull(const FString& Path) { return Path; }
 };

@@ -1,6 +1,7 @@
 #include "TerraportSession.h"
 
 #include "GameFramework/Actor.h"
+#include "HAL/FileManager.h"
 #include "HAL/PlatformMemory.h"
 #include "HAL/PlatformTime.h"
 #include "Materials/MaterialInterface.h"
@@ -377,9 +378,10 @@ terraport::StreamOptions FTerraportSession::StreamOptionsOf(const FTerraportFile
 	Options.budgets.gpuFaceBytes = uint32(Backend->BytesOf(0, 3));
 	Options.budgets.maxSegments = uint64(std::max(Budgets.MaxSegments, 1));
 	Options.cacheBytes = uint64(std::max(Budgets.CacheMiB, 0)) * Mebibyte;
-	// The cache has a thread of its own; a path of the engine's is relative to its binaries.
-	Options.diskFolder =
-		TerraportText::ToUtf8(FPaths::ConvertRelativePathToFull(FPaths::ProjectSavedDir() / TEXT("Terraport")));
+	// The cache opens files without the engine, so its path must be absolute. FPaths::ConvertRelativePathToFull gives a
+	// relative one on Android and iOS; this is what the platform's own file layer writes to.
+	const FString Saved = FPaths::ProjectSavedDir() / TEXT("Terraport");
+	Options.diskFolder = TerraportText::ToUtf8(IFileManager::Get().ConvertToAbsolutePathForExternalAppForWrite(*Saved));
 	Options.diskBytes = uint64(std::max(Budgets.DiskMiB, 0)) * Mebibyte;
 	Options.creditBytes = uint64(std::max(Budgets.CreditMiB, 1)) * Mebibyte;
 	return Options;
