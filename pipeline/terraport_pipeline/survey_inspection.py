@@ -40,7 +40,6 @@ _PERCENTILES: Final = (("p5", 5), ("median", 50), ("p95", 95))
 
 _MANY_COPIES: Final = 0.01
 _MANY_OUTLIERS: Final = 0.02
-_MANY_BLACK: Final = 0.02
 """Shares of the points that are told of."""
 
 _NOISY: Final = 0.3
@@ -367,9 +366,6 @@ def _point_warnings(sample: SurveySample, facts: dict[str, Any]) -> list[str]:
             f"of them at {first['east']:,.0f}, {first['north']:,.0f}: they become holes, or are "
             "bridged."
         )
-    colours = facts["colours"]
-    if colours is not None and colours["black_share"] >= _MANY_BLACK:
-        warnings.append(f"{colours['black_share']:.1%} of the points are black: without colour?")
     return warnings
 
 

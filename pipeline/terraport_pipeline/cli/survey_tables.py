@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 from rich.text import Text
 
+from terraport_pipeline.engines.readers.survey_colours import DEPTH_TEXTS
 from terraport_pipeline.geometry.clouds.density_map import DensityMap, draw_text
 from terraport_pipeline.report.facts import format_bytes
 
@@ -26,8 +27,6 @@ _GAPS: Final = 3
 
 _BY_SIZE: Final = frozenset({"xyz", "pcd"})
 """Formats whose points are told by their bytes until they are read."""
-
-_DEPTHS: Final = {"unit": "0 to 1", "eight": "8 bits", "sixteen": "16 bits"}
 
 
 def survey_tables(facts: Mapping[str, Any]) -> Group:
@@ -152,7 +151,7 @@ def _measures(facts: Mapping[str, Any]) -> Table:
     if colours is None:
         table.add_row("colours", "none")
     else:
-        depths = ", ".join(_DEPTHS[depth] for depth in colours["depths"])
+        depths = ", ".join(DEPTH_TEXTS.get(depth, depth) for depth in colours["depths"])
         black = f", {colours['black_share']:.1%} black" if colours["black_share"] else ""
         table.add_row("colours", f"{depths}, {colours['distinct']:,} different ones{black}")
     return table

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from terraport_payload.types import Float32, Float64, Int64, UInt8
+from terraport_pipeline.engines.readers.survey_colours import GREY
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.geometry.clouds.normals import estimate_normals, orient_normals
 from terraport_pipeline.geometry.clouds.outliers import duplicate_mask, outlier_mask
@@ -34,9 +35,6 @@ NAME: Final = "clean"
 
 MIN_POINTS: Final = 50
 """Different points below which a surface cannot be told from chance."""
-
-_GREY: Final = 160
-"""sRGB of a survey without colour: the eye's middle between black and white on a lit surface."""
 
 _FLAT: Final = 1e-6
 """Thickness over extent below which a cloud counts as a plane or line: ten float32 steps."""
@@ -331,5 +329,5 @@ def _is_coarse(values: npt.NDArray[np.generic], converted: Float32) -> bool:
 
 def _colours(colours: UInt8 | None, stays: Int64) -> UInt8:
     if colours is None:
-        return np.full((len(stays), 3), _GREY, dtype=np.uint8)
+        return np.full((len(stays), 3), GREY, dtype=np.uint8)
     return colours[stays]

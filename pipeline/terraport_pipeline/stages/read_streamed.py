@@ -2,10 +2,10 @@
 
 The result depends on the points alone: not on how they lie in files, in which order, or whether
 some lie in several (tiles with a margin). Points outside the extent that was asked for are left
-out before anything is noted of them, however their file is read; those without finite coordinates,
-and those that a file marks as noise, are dropped and counted, feet become metres, fields that say
-nothing are left out, records that repeat another in every value are taken once, and all are put
-along a curve through the survey's box.
+out before anything is noted of them, however their file is read. Points without finite
+coordinates, with a height that stands for "no data", or that a file marks as noise, are dropped
+and counted. Feet become metres, fields that say nothing are left out, records that repeat another
+in every value are taken once, and all are put along a curve through the survey's box.
 
 Three passes, each over blocks: files to raw rows on disk, these to buckets that are consecutive
 along the curve, buckets to sorted columns. Memory: one part of a file or one bucket (about 200 MB),
@@ -21,8 +21,10 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.types import Float64
+from terraport_pipeline.engines.readers.height_edges import MAX_HEIGHT
 from terraport_pipeline.engines.readers.point_order import HashThinning
 from terraport_pipeline.engines.readers.survey_chunk import tell_precision
+from terraport_pipeline.engines.readers.survey_colours import brightness_warnings
 from terraport_pipeline.engines.readers.survey_crs import conversion_line, metre_factors
 from terraport_pipeline.engines.readers.text_units import check_units
 from terraport_pipeline.errors import OptionError, ReadError
@@ -31,7 +33,12 @@ from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.reading.layout import decide_layout
 from terraport_pipeline.stages.reading.sort import SurveyColumns, distribute, finish
 from terraport_pipeline.stages.reading.spool import Outcome, Spooled, spool_all
-from terraport_pipeline.stages.reading.strays import check_box, leave_strays
+from terraport_pipeline.stages.reading.strays import (
+    PointFilter,
+    check_box,
+    leave_strays,
+    leave_void_heights,
+)
 from terraport_pipeline.survey.one_survey import FAR, listed, one_crs
 from terraport_pipeline.survey.survey_files import SurveyFiles
 
@@ -99,7 +106,8 @@ def run(
         crs = one_crs([(part.file.name, part.stream.crs) for part in outcome.opened])
         crs = survey.crs_outside if crs is None else crs
         layout, decided = decide_layout(spooled, survey)
-        near = leave_strays(spooled)
+        taken, left = leave_void_heights(spooled)
+        taken = leave_strays(spooled, taken)
         low = np.min([part.low for part in spooled], axis=0)
         high = np.max([part.high for part in spooled], axis=0)
         check_box(spooled, low, high)
@@ -113,16 +121,18 @@ def run(
         warnings = [
             *_reader_warnings(spooled),
             *decided,
-            *_point_warnings(outcome),
+            *_point_warnings(outcome, taken),
+            *left,
             *notes,
             *_file_warnings(spooled, crs, [*survey.damaged, *outcome.damaged]),
         ]
         choices = () if factors is None else (conversion_line(factors, crs, survey.statement),)
         if not layout.has_colour:
             warnings.append("The survey has no colour (RGB): what no photo shows will be grey.")
-        buckets = distribute(spooled, layout, low, high, folder, context, thinning, near)
+        buckets = distribute(spooled, layout, low, high, folder, context, thinning, taken)
         columns = SurveyColumns(folder, layout, factors)
         finish(buckets, spooled, columns, folder, context, max_points)
+        warnings += brightness_warnings(columns.brightness, layout.rules)
     except OSError as error:
         if error.errno is not None and error.filename is None:
             raise  # our own writing: a full disk, named by the caller
@@ -148,13 +158,21 @@ def _reader_warnings(spooled: Sequence[Spooled]) -> list[str]:
     ]
 
 
-def _point_warnings(outcome: Outcome) -> list[str]:
+def _point_warnings(outcome: Outcome, taken: PointFilter) -> list[str]:
     """Tell of points that were dropped, and of coordinates that are too coarse."""
     warnings: list[str] = []
     read = sum(part.read for part in outcome.opened)
     dropped = sum(part.dropped for part in outcome.opened)
     if dropped:
         warnings.append(f"{dropped:,} of {read:,} points have no finite coordinates: dropped.")
+    voids = sum(part.voids for part in outcome.spooled) - sum(
+        part.heights.count(taken.voids) for part in outcome.spooled
+    )
+    if voids:
+        warnings.append(
+            f"{voids:,} of {read:,} points have a height beyond {MAX_HEIGHT:.0e}, which stands for "
+            "no data: they are left out."
+        )
     noise = sum(part.noise for part in outcome.spooled)
     if noise:
         warnings.append(
@@ -229,6 +247,7 @@ def _result(
                     - part.kept
                     - part.dropped
                     - part.noise
+                    - part.voids
                     - part.strays
                 ),
                 "repeats": part.repeats,
@@ -236,7 +255,7 @@ def _result(
             for part in outcome.spooled
         ],
         "outside": [[part.file.name, part.read + part.stream.skipped] for part in outcome.outside],
-        "colours": sorted({depth for depth in layout.depths if depth is not None}),
+        "colours": sorted({name for rule in layout.rules for name in rule.names}),
         "empty": [name for name, _ in outcome.empty],
         "damaged": [[name, reason] for name, reason in outcome.damaged],
         "remarks": [text for part in outcome.opened for text in part.stream.remarks],

@@ -63,8 +63,8 @@ def test_a_scan_without_colour_beside_one_with_colour_is_named(tmp_path, sample)
     path.write_text("\n".join(lines))
     survey = read_in_order(path, sample.points[there(500)])
     assert survey.colours is not None
-    assert not survey.colours[160:].any()
-    assert "Some scans have no colour; their points are black." in survey.warnings
+    assert (survey.colours[160:] == 160).all()
+    assert "There is no colour in scan 1: its points are grey." in survey.warnings
 
 
 def test_a_position_that_the_matrix_contradicts_is_named(tmp_path, sample) -> None:

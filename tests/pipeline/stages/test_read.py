@@ -59,12 +59,13 @@ def test_points_without_finite_coordinates_are_dropped_with_their_values(tmp_pat
     assert survey.warnings == ("2 of 3 points have no finite coordinates: dropped.",)
 
 
-def test_a_colour_that_is_nan_turns_black(tmp_path: Path) -> None:
+def test_a_colour_that_is_nan_turns_grey_and_is_counted(tmp_path: Path) -> None:
     path = tmp_path / "a.csv"
     path.write_text("x,y,z,r,g,b\n1,2,3,nan,1,2\n4,5,6,10,20,30\n")
     survey = read_survey(path)
     assert survey.colours is not None
-    assert survey.colours.tolist() == [[0, 0, 0], [10, 20, 30]]
+    assert survey.colours.tolist() == [[160, 160, 160], [10, 20, 30]]
+    assert any("1 of 2 points have no colour" in text for text in survey.warnings)
 
 
 def test_no_finite_point_is_an_error(tmp_path: Path) -> None:

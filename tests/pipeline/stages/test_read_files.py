@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import laspy
 import numpy as np
 import pytest
-from pipeline.laz_files import Hill, write_laz, write_tiles
+from pipeline.laz_files import Hill, las_data, write_laz, write_tiles
 from pyproj import CRS
 
 from terraport_pipeline.engines.readers import point_order
@@ -145,6 +146,47 @@ def test_a_file_with_8_bit_colours_among_others_is_not_black(tmp_path: Path) -> 
     assert survey.colours is not None
     assert survey.colours[survey.points[:, 0] >= 641_220].max() == 255
     assert any("in east.laz; there they are taken as 0..255" in w for w in survey.warnings)
+
+
+def _coloured(path: Path, rows, colours: np.ndarray) -> None:
+    las = las_data(HILL, rows)
+    las.red, las.green, las.blue = colours.astype(np.uint16).T
+    las.write(path, do_compress=True, laz_backend=laspy.LazBackend.Lazrs)
+
+
+def test_tiles_of_three_depths_and_one_without_colour(tmp_path: Path) -> None:
+    """8 bits with one slip, widened 8 bits, a mix of both, and zeros."""
+    eight = (HILL.colours // 257).astype(np.int64)
+    rows = [HILL.inside(column, line, 2) for column in (0, 1) for line in (0, 1)]
+    stored = [eight[rows[0]], eight[rows[1]] * 256, eight[rows[2]], eight[rows[3]] * 0]
+    stored[0][5] = [256, 90, 80]
+    stored[2][::3] *= 257
+    for number, (inside, colours) in enumerate(zip(rows, stored, strict=True)):
+        _coloured(tmp_path / f"t{number}.laz", inside, colours)
+    survey = read_survey(find_survey(tmp_path))
+    right = eight.copy()
+    right[np.flatnonzero(rows[0])[5]] = [255, 90, 80]
+    right[rows[3]] = 160
+    millimetres = np.rint(survey.points * 1000).astype(np.int64)
+    order = np.lexsort(millimetres.T)[np.argsort(np.lexsort(HILL.millimetres.T))]
+    np.testing.assert_array_equal(survey.colours[order], right)
+    warnings = "\n".join(survey.warnings)
+    assert "above 255 in 1 points: they are taken as 255. (In t0.laz.)" in warnings
+    assert "mix depths" in warnings
+    assert "each point is read by its own depth. (in t2.laz.)" in warnings.lower()
+    assert "The fields red, green, blue are 0 in every point. (In t3.laz.)" in warnings
+    assert "no colour (RGB) in t3.laz" in warnings
+
+
+def test_a_dark_tile_of_a_survey_at_night_stays_dark(tmp_path: Path) -> None:
+    rng = np.random.default_rng(1)
+    dusk = rng.exponential(250, HILL.colours.shape)
+    west, east = HILL.inside(0, 0, 2), HILL.inside(1, 0, 2)
+    _coloured(tmp_path / "west.laz", west, dusk[west])
+    _coloured(tmp_path / "east.laz", east, np.minimum(dusk[east], 255))
+    survey = read_survey(find_survey(tmp_path))
+    assert survey.colours.max() == int(dusk[west].max()) >> 8
+    assert "nearly black" in " ".join(survey.warnings)
 
 
 def test_damage_among_the_points_names_the_file_or_leaves_it_out(tmp_path: Path) -> None:

@@ -89,6 +89,12 @@ def write_las_feet(path: Path) -> Written:
     return replace(written, points=POINTS * 0.3048006096012192, warnings=warnings)
 
 
+GREY_POINTS = (
+    f"{COUNT - 400:,} of {COUNT - 80:,} points have no colour, or one that is marked as invalid: "
+    "they are grey."
+)
+
+
 def write_las_black(path: Path) -> Written:
     black = "The fields red, green, blue are 0 in every point."
     return replace(write_las(path, widen=0), colours=None, warnings=(black, GREY))
@@ -155,10 +161,11 @@ def write_e57(path: Path) -> Written:
     return Written(
         points[valid],
         {name: values[valid] for name, values in attributes.items()},
-        np.where(second[:, None], 0, COLOURS)[valid],
+        np.where(second[:, None], 160, COLOURS)[valid],
         (
             "80 points that the scanner marked invalid were left out.",
-            "Some scans have no colour; their points are black.",
+            "There is no colour in scan 1: its points are grey.",
+            GREY_POINTS,
         ),
     )
 

@@ -2,13 +2,15 @@
 
 All fields of all scans are kept; a field that only some scans have is NaN in the others. With more
 than one scan, the attribute ``scan`` says which one a point belongs to. Points marked invalid by
-the scanner are left out.
+the scanner are left out, and values marked invalid are NaN. The pose turns normals as it turns
+points.
 """
 
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -17,8 +19,9 @@ import numpy as np
 from pye57 import ScanHeader, libe57
 from pyproj import CRS
 from pyproj.exceptions import CRSError
+from scipy.spatial.transform import Rotation
 
-from terraport_payload.types import AnyArray, Float64
+from terraport_payload.types import AnyArray, Bool, Float64
 from terraport_pipeline.engines.readers.survey_chunk import StreamChunk, tell_precision
 from terraport_pipeline.errors import ReadError
 
@@ -30,6 +33,23 @@ _CARTESIAN: Final = ("cartesianX", "cartesianY", "cartesianZ")
 _SPHERICAL: Final = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 _INVALID: Final = ("cartesianInvalidState", "sphericalInvalidState")
 _COLOURS: Final = ("colorRed", "colorGreen", "colorBlue")
+_INVALID_VALUES: Final = {
+    "isColorInvalid": _COLOURS,
+    "isIntensityInvalid": ("intensity",),
+    "isTimeStampInvalid": ("timeStamp",),
+}
+"""Fields that say of which points others hold nothing."""
+
+_NORMAL: Final = "normalX"
+"""End of the name of a normal's first component; an extension's prefix comes before it."""
+
+_ZERO_LENGTH: Final = 1e-6
+_UNIT_ERROR: Final = 1e-3
+"""Lengths of a quaternion: below the first it states no rotation, and from the second off 1 on a
+warning is due."""
+
+_MOST_INTENSITY_RATIO: Final = 4.0
+"""Ranges of intensity of two scans that differ by more are of different units."""
 
 _MAX_POINTS_PER_BYTE: Final = 64
 """E57 packs bits; a point of less than an eighth of a bit holds no coordinates."""
@@ -47,6 +67,9 @@ class E57Stream:
     late_warnings: Callable[[], tuple[str, ...]]
     """Known when all parts were read."""
     colours: tuple[str, ...]
+    colour_limits: dict[int, tuple[float, float]]
+    """By scan, least and greatest value that the file states for a channel."""
+    scans: int
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
@@ -78,53 +101,187 @@ def _stream_image(path: Path, image: Any) -> E57Stream:
     root = image.root()
     headers, counts = _scans(path, root)
     total = sum(counts)
-    fields = [
-        [name for name in header.point_fields if name not in (*_shape(path, header, n), *_INVALID)]
-        for n, (header, count) in enumerate(zip(headers, counts, strict=True))
-        if count
+    scans = [
+        (n, header) for n, (header, count) in enumerate(zip(headers, counts, strict=True)) if count
     ]
-    if len(headers) > 1:
-        fields = [[*names, "scan"] for names in fields]
+    poses = {number: _pose(path, header, number) for number, header in scans}
+    left_out = {*_INVALID, *_INVALID_VALUES}
+    fields = [
+        [
+            *(
+                n
+                for n in header.point_fields
+                if n not in {*_shape(path, header, number), *left_out}
+            ),
+            *(["scan"] if len(headers) > 1 else []),
+        ]
+        for number, header in scans
+    ]
     names = list(dict.fromkeys(name for scan in fields for name in scan))
     partial = [name for name in names if any(name not in scan for scan in fields)]
     precisions: list[_Precision] = []
-    invalid = 0
+    invalid: Counter[str] = Counter()
 
     # (2) Scan after scan; points that the scanner marked invalid are counted, not handed out.
     def chunks() -> Iterator[StreamChunk]:
-        nonlocal invalid
-        for number, (header, count) in enumerate(zip(headers, counts, strict=True)):
-            if count == 0:
-                continue
+        for number, header in scans:
             precisions.append(precision := _Precision())
-            for points, table in _scan_parts(path, image, header, number, precision):
-                bad = next((table.pop(name) for name in _INVALID if name in table), None)
-                for name in _INVALID:
-                    table.pop(name, None)
-                good = np.ones(len(points), dtype=bool) if bad is None else bad == 0
-                invalid += int(np.count_nonzero(~good))
+            for points, table in _scan_parts(path, image, header, number, poses[number], precision):
+                good = _valid_points(table, _shape(path, header, number), len(points))
+                invalid["points"] += int(np.count_nonzero(~good))
+                for flag, marked in _INVALID_VALUES.items():
+                    bad = table.pop(flag, np.zeros(len(points))) != 0
+                    present = [name for name in marked if name in table]
+                    for name in present:
+                        table[name][bad] = np.nan
+                    invalid[", ".join(marked)] += int(np.count_nonzero(bad & good)) * bool(present)
                 table["scan"] = np.full(len(points), number, dtype=np.float64)
                 nothing = np.full(len(points), np.nan)
                 columns = {name: table.get(name, nothing)[good] for name in names}
-                yield StreamChunk(points[good], columns, len(points))
+                yield StreamChunk(points[good], columns, len(points), scan=number)
 
     def late_warnings() -> tuple[str, ...]:
-        coarse = next(filter(None, (scan.warnings() for scan in precisions)), ())
-        if not invalid:
-            return coarse
-        return (*coarse, f"{invalid:,} points that the scanner marked invalid were left out.")
+        texts = next(filter(None, (scan.warnings() for scan in precisions)), ())
+        if invalid["points"]:
+            texts += (
+                f"{invalid['points']:,} points that the scanner marked invalid were left out.",
+            )
+        for name in ("intensity", "timeStamp"):  # the survey tells of colours
+            if invalid[name]:
+                texts += (
+                    f"{invalid[name]:,} values of {name} are marked invalid: no value there.",
+                )
+        return texts
 
     # (3) What is worth saying before a point is read.
     has_colour = all(name in names for name in _COLOURS)
-    warnings: tuple[str, ...] = ()
-    if has_colour and any(name in partial for name in _COLOURS):
-        warnings += ("Some scans have no colour; their points are black.",)
+    warnings = tuple(text for _, _, texts in poses.values() for text in texts)
+    grey = [
+        str(number)
+        for (number, _), scan in zip(scans, fields, strict=True)
+        if not all(name in scan for name in _COLOURS)
+    ]
+    if has_colour and grey:
+        warnings += (f"There is no colour in scan {', '.join(grey)}: its points are grey.",)
     partial = [name for name in partial if not (has_colour and name in _COLOURS)]
     if partial:
         warnings += (f"Not every scan has {', '.join(partial)}; it is NaN in the others.",)
     return E57Stream(
-        total, _find_crs(root), warnings, late_warnings, _COLOURS if has_colour else (), chunks
+        total,
+        _find_crs(root),
+        warnings + _intensity_warnings(scans),
+        late_warnings,
+        _COLOURS if has_colour else (),
+        {n: limits for n, header in scans if (limits := _colour_limits(header)) is not None},
+        len(headers),
+        chunks,
     )
+
+
+def _valid_points(table: dict[str, AnyArray], shape: tuple[str, ...], count: int) -> Bool:
+    """Take out the columns that mark points as invalid, and mark those that are valid."""
+    states = [table.pop(name, None) for name in _INVALID]
+    if shape is _SPHERICAL:
+        states.reverse()
+    state = next((state for state in states if state is not None), np.zeros(count))
+    valid: Bool = state == 0
+    return valid
+
+
+def _pose(path: Path, header: Any, number: int) -> tuple[Float64 | None, Float64, list[str]]:
+    """Read a scan's rotation as a matrix (None without one), its translation, and what is odd."""
+    rotation, translation = None, np.zeros(3)
+    warnings: list[str] = []
+    if not header.has_pose():
+        return rotation, translation, warnings
+    pose = header.node["pose"]
+    if pose.isDefined("translation"):
+        translation = _components(path, pose["translation"], "xyz", number)
+    if pose.isDefined("rotation"):
+        quaternion = _components(path, pose["rotation"], "wxyz", number)
+        length = float(np.linalg.norm(quaternion))
+        written = " ".join(f"{value:g}" for value in quaternion)
+        if length < _ZERO_LENGTH:
+            warnings.append(
+                f"The pose of scan {number} states the quaternion {written}, which is no rotation: "
+                "its points are moved, and not turned."
+            )
+        else:
+            rotation = Rotation.from_quat(np.roll(quaternion, -1)).as_matrix()
+            if abs(length - 1.0) > _UNIT_ERROR:
+                warnings.append(
+                    f"The pose of scan {number} states the quaternion {written} of length "
+                    f"{length:g}, expected 1: it is scaled to that."
+                )
+    return rotation, translation, warnings
+
+
+def _components(path: Path, node: Any, names: str, number: int) -> Float64:
+    """Read the numbers of a structure by name, in whatever order they are written."""
+    values = np.array(
+        [float(_value(node[name])) if node.isDefined(name) else np.nan for name in names]
+    )
+    if not np.isfinite(values).all():
+        raise ReadError(
+            path,
+            f"the pose of scan {number} has {' '.join(f'{value:g}' for value in values)} for "
+            f"{' '.join(names)}, expected numbers",
+            "register and export the survey again",
+        )
+    return values
+
+
+def _value(node: Any) -> float:
+    """Value of a number in the header, whatever type it is stored in."""
+    return float(node.scaledValue() if hasattr(node, "scaledValue") else node.value())
+
+
+def _limits(header: Any, name: str, fields: Sequence[str]) -> list[tuple[float, float]]:
+    """Read the stated least and greatest values of fields; none where they are not all sane."""
+    node = header.node[name] if header.node.isDefined(name) else None
+    pairs = []
+    for field in fields:
+        ends = [f"{field}{end}" for end in ("Minimum", "Maximum")]
+        if node is None or not all(node.isDefined(end) for end in ends):
+            return []
+        low, high = (_value(node[end]) for end in ends)
+        if not (np.isfinite([low, high]).all() and low < high):
+            return []
+        pairs.append((low, high))
+    return pairs
+
+
+def _colour_limits(header: Any) -> tuple[float, float] | None:
+    """Read the range of a scan's colours.
+
+    None where channels have different ones: those are of what they hold, not what they can hold,
+    and say nothing of the depth.
+    """
+    pairs = set(_limits(header, "colorLimits", _COLOURS))
+    return pairs.pop() if len(pairs) == 1 else None
+
+
+def _intensity_warnings(scans: Sequence[tuple[int, Any]]) -> tuple[str, ...]:
+    """Warn of scans whose intensities cannot be compared by what they state of them."""
+    stated = {
+        number: pairs[0]
+        for number, header in scans
+        if (pairs := _limits(header, "intensityLimits", ["intensity"]))
+    }
+    if len(stated) < 2:
+        return ()
+    least, most = (pick(stated, key=lambda n: stated[n][1] - stated[n][0]) for pick in (min, max))
+    spans = [stated[n][1] - stated[n][0] for n in (least, most)]
+    if spans[1] <= _MOST_INTENSITY_RATIO * spans[0]:
+        return ()
+    each = " and ".join(
+        f"{stated[n][0]:g} to {stated[n][1]:g} in scan {n}" for n in sorted((least, most))
+    )
+    warning = (
+        f"The scans state intensities of different ranges ({each}): they are kept as they are, and "
+        "cannot be compared between scans."
+    )
+    return (warning,)
 
 
 class _Precision:
@@ -172,7 +329,12 @@ def _shape(path: Path, header: Any, number: int) -> tuple[str, str, str]:
 
 
 def _scan_parts(
-    path: Path, image: Any, header: Any, number: int, precision: _Precision
+    path: Path,
+    image: Any,
+    header: Any,
+    number: int,
+    pose: tuple[Float64 | None, Float64, list[str]],
+    precision: _Precision,
 ) -> Iterator[tuple[Float64, dict[str, AnyArray]]]:
     """Yield (points with the pose applied, every other field) of one scan."""
     # (1) One buffer per field, filled again for each chunk.
@@ -202,11 +364,22 @@ def _scan_parts(
         if shape is _SPHERICAL:
             points = _from_spherical(points)
         precision.look(points)
-        if header.has_pose():
-            points = points @ np.asarray(header.rotation_matrix).T + np.asarray(header.translation)
-        yield points, table
+        rotation, translation, _ = pose
+        if rotation is not None:
+            points = points @ rotation.T
+            for components in _normals(fields):
+                turned = np.stack([table[name] for name in components], axis=1) @ rotation.T
+                table.update(zip(components, turned.T, strict=True))
+        yield points + translation, table
         first += got
     reader.close()
+
+
+def _normals(fields: Sequence[str]) -> list[list[str]]:
+    """Find the fields that hold the components of directions: ``nor:normalX`` and so on."""
+    stems = [name.removesuffix("X") for name in fields if name.endswith(_NORMAL)]
+    triples = [[stem + axis for axis in "XYZ"] for stem in stems]
+    return [triple for triple in triples if all(name in fields for name in triple)]
 
 
 def _from_spherical(values: Float64) -> Float64:

@@ -73,6 +73,7 @@ class PtxStream:
     """What is known when all chunks were read."""
     colours: tuple[str, ...]
     """Names of red, green, blue, or none."""
+    scans: int
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
 
@@ -105,7 +106,7 @@ def stream_ptx(path: Path) -> PtxStream:
                 columns = {name: table.get(name, nothing)[there] for name in names}
                 if len(scans) > 1:
                     columns["scan"] = np.full(len(placed), number, dtype=np.float64)
-                yield StreamChunk(placed, columns, len(points))
+                yield StreamChunk(placed, columns, len(points), scan=number)
 
     def late_warnings() -> tuple[str, ...]:
         if not empty:
@@ -114,8 +115,9 @@ def stream_ptx(path: Path) -> PtxStream:
 
     warnings = []
     has_colour = "red" in names
-    if has_colour and any("red" not in scan.names for scan in scans):
-        warnings.append("Some scans have no colour; their points are black.")
+    grey = [str(number) for number, scan in enumerate(scans) if "red" not in scan.names]
+    if has_colour and grey:
+        warnings.append(f"There is no colour in scan {', '.join(grey)}: its points are grey.")
     moved = [number for number, scan in enumerate(scans) if scan.stray_m > _POSITION_TOLERANCE_M]
     if moved:
         warnings.append(
@@ -124,7 +126,7 @@ def stream_ptx(path: Path) -> PtxStream:
             "matrix is used."
         )
     colours = _COLOURS if has_colour else ()
-    return PtxStream(total, tuple(warnings), late_warnings, colours, chunks)
+    return PtxStream(total, tuple(warnings), late_warnings, colours, len(scans), chunks)
 
 
 def _find_scans(path: Path) -> list[_Scan]:

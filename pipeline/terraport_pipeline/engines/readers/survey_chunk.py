@@ -30,6 +30,8 @@ class StreamChunk:
     """What this part adds to the progress: points of the file, or bytes of a text."""
     noise: Bool | None = None
     """(n,) points that the file itself calls no part of the survey; None where it says nothing."""
+    scan: int = 0
+    """Scan of the file that all of them are of; 0 where it has no scans."""
 
 
 def tell_precision(single: Bool, top: Float64) -> tuple[str, ...]:

@@ -6,16 +6,25 @@ PURE.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final, Literal
+from dataclasses import dataclass, field
+from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import AnyArray, UInt8
+from terraport_payload.types import AnyArray, Bool, Float64, Int64, UInt8
 
-__all__ = ["Depth", "apply_depth", "choose_depth", "find_colours"]
+__all__ = [
+    "DEPTH_TEXTS",
+    "GREY",
+    "ColourCounts",
+    "ColourRule",
+    "brightness_warnings",
+    "choose_rule",
+    "find_colours",
+]
 
-Depth = Literal["unit", "eight", "sixteen"]
-"""How colour values become 0..255: from 0..1, from 0..255, or from 0..65,535."""
+GREY: Final = 160
+"""sRGB of a point without colour: the eye's middle between black and white on a lit surface."""
 
 _COLOUR_NAMES: Final = (
     ("red", "green", "blue"),
@@ -24,23 +33,184 @@ _COLOUR_NAMES: Final = (
 )
 """Field names that mean colour, compared in lower case."""
 
-_MAX_EIGHT_BIT: Final = 255
+_UNIT: Final = 1.0
+_EIGHT: Final = 255.0
+_SIXTEEN: Final = 65535.0
+DEPTH_TEXTS: Final = {"unit": "0 to 1", "eight": "8 bits", "sixteen": "16 bits"}
+"""Depths by name, for people."""
+
+_NAMES: Final = {_UNIT: "unit", _EIGHT: "eight", _SIXTEEN: "sixteen"}
+
+_EDGES: Final = np.array([0.0, 0.5, _UNIT, 2.0, 127.0, _EIGHT, 511.0, _SIXTEEN])
+"""Classes of a point's brightest channel: up to each value, from the one before."""
+
+_FEW: Final = 0.01
+"""Share of the points above a depth's greatest value that are slips of a writer, not its depth."""
+
+_BULK: Final = 0.1
+_DROP: Final = 1 / 16
+"""The values of a depth stop at its greatest one where the upper half of its range holds the first
+share of its points at least, and the equally wide range above less than the second share of these.
+Dark colours of a greater depth thin out steadily instead (an exponential never meets both)."""
+
+_SLIPS: Final = {_UNIT: 16.0, _EIGHT: 511.0}
+"""Greatest value of a point that still counts to each depth: a writer that rounds up or does not
+clip. Read by the next depth, such a point would be black."""
+
+_FAR_BEYOND: Final = 32
+"""Times that stated limits exceed the depth of the values, from which they are not believed."""
+
+_IMPOSSIBLE: Final = 0.05
+"""Share of points with values that are no colours from which the fields are something else."""
+
+_FEWEST: Final = 50
+"""Points below which a survey is refused anyway."""
+
+_BLACK_SHARE: Final = 0.02
+_DARK_MEDIAN: Final = 20
+_DARK_MOST: Final = 64
+"""A scene is told to be nearly black where half of the points have no channel as bright as the
+first, or 99 % none as bright as the second, of 255."""
 
 
-def choose_depth(
-    low: float, high: float, dtype: np.dtype[Any], *, where: str
-) -> tuple[Depth | None, tuple[str, ...]]:
-    """Choose by a survey's lowest and highest colour value how its colours become 0..255.
+@dataclass(slots=True)
+class ColourCounts:
+    """What is known of the colours of a file, or of a scan in it, while it is read in parts."""
 
-    The rules: floats within 0..1 are scaled by 255; whole numbers within 0..255 are taken as they
-    are; larger ones up to 65,535 lose their low byte (which is right both for files that multiply
-    by 256 and for those that multiply by 257); black everywhere means "no colour"; anything else
-    is no colour either.
+    limits: tuple[float, float] | None = None
+    """Least and greatest value that the file states a channel can have."""
+    bins: Int64 = field(default_factory=lambda: np.zeros(len(_EDGES) + 1, np.int64))
+    """Points with a colour by the class of their brightest channel."""
+    steps: int = 0
+    """Points above 255 whose channels are 8-bit values times 256 or 257."""
+    none: int = 0
+    """Points without colour: a channel is no finite number."""
+    negative: int = 0
+    beyond: int = 0
+    """Points with a channel beyond the stated limits."""
+    low: float = np.inf
+    high: float = -np.inf
+    whole: bool = True
+
+    def look(self, colours: AnyArray) -> None:
+        """Take the colours (n, 3) of further points into account."""
+        if colours.dtype.kind == "f":
+            finite = np.isfinite(colours).all(axis=1)
+            self.none += len(colours) - int(finite.sum())
+            colours = colours[finite]
+            self.whole = self.whole and bool((colours == np.rint(colours)).all())
+        if not len(colours):
+            return
+        top, least = colours.max(axis=1), colours.min(axis=1)
+        self.low, self.high = min(self.low, float(least.min())), max(self.high, float(top.max()))
+        self.bins += np.bincount(np.searchsorted(_EDGES, top), minlength=len(self.bins))
+        self.negative += int((least < 0).sum())
+        wide = colours[top > _EIGHT]
+        if len(wide):
+            self.steps += int(_are_widened(wide).sum())
+        if self.limits is not None:
+            self.beyond += int(((least < self.limits[0]) | (top > self.limits[1])).sum())
+
+    @property
+    def total(self) -> int:
+        """Points with a colour, black ones too."""
+        return int(self.bins.sum())
+
+    @property
+    def impossible(self) -> int:
+        """Points with a value that no depth has."""
+        return int(self.bins[-1]) + self.negative
+
+    def below(self, top: float) -> int:
+        """Points that are not black and have no channel above the greatest value of a depth."""
+        return int(self.bins[1 : int(np.searchsorted(_EDGES, top)) + 1].sum())
+
+    def above(self, top: float) -> int:
+        """Points with a channel above the greatest value of a depth."""
+        return int(self.bins[int(np.searchsorted(_EDGES, top)) + 1 :].sum())
+
+    def stops_at(self, top: float) -> bool:
+        """Whether a depth is that of some points at least, by how its values are distributed."""
+        below, above = self.below(top), self.above(top)
+        if not below or not above:
+            return below > 0
+        at = int(np.searchsorted(_EDGES, top))
+        upper, beyond = int(self.bins[at]), int(self.bins[at + 1])
+        if top == _EIGHT and self.steps >= (1 - _FEW) * above:
+            return True  # what is above was widened from 8 bits, and the others were not
+        return above <= _FEW * (below + above) or (
+            upper >= _BULK * below and beyond < _DROP * upper
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class ColourRule:
+    """How the colours of a file, or of a scan in it, become 0..255."""
+
+    tops: tuple[float, ...]
+    """Greatest value of each depth that its points have, ascending: a point has the first one that
+    holds its channels."""
+    low: float = 0.0
+    """Value of black."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Depths by name: ``unit`` (0..1), ``eight`` and ``sixteen`` bits, or their range."""
+        return tuple(
+            _NAMES[top] if top in _NAMES and not self.low else f"{self.low:g} to {top:g}"
+            for top in self.tops
+        )
+
+    def apply(self, colours: AnyArray) -> UInt8:
+        """Bring colours (n, 3) to 0..255; points without a possible one become grey."""
+        if colours.dtype.kind == "f" or colours.dtype.kind == "i":
+            possible = np.asarray(np.isfinite(colours).all(axis=1))
+            possible &= (colours >= min(0.0, self.low)).all(axis=1)
+            possible &= (colours <= max(_SIXTEEN, self.tops[-1])).all(axis=1)
+            if not possible.all():
+                out = np.full(colours.shape, GREY, np.uint8)
+                out[possible] = self._scaled(colours[possible])
+                return out
+        return self._scaled(colours)
+
+    def _scaled(self, colours: AnyArray) -> UInt8:
+        [first, *more] = self.tops
+        out = self._of_depth(colours, first)
+        top = colours.max(axis=1)
+        for before, depth in zip(self.tops, more, strict=False):
+            # A little above the smaller depth a writer rounded up, unless 8 bits were widened.
+            rows = np.flatnonzero(top > before)
+            slip = (top[rows] <= _SLIPS[before]) & ~_are_widened(colours[rows])
+            rows = rows[~slip]
+            out[rows] = self._of_depth(colours[rows], depth)
+        return out
+
+    def _of_depth(self, colours: AnyArray, top: float) -> UInt8:
+        if not self.low and top == _SIXTEEN:
+            # The high byte, whether 8 bits were widened by 256 or by 257.
+            return (np.clip(colours, 0, _SIXTEEN).astype(np.uint16) >> 8).astype(np.uint8)
+        if not self.low and top == _EIGHT and colours.dtype.kind != "f":
+            return np.clip(colours, 0, int(_EIGHT)).astype(np.uint8)
+        share: Float64 = (colours.astype(np.float64) - self.low) / (top - self.low)
+        scaled: UInt8 = np.rint(np.clip(share, 0.0, 1.0) * _EIGHT).astype(np.uint8)
+        return scaled
+
+
+def choose_rule(
+    counts: ColourCounts, dtype: np.dtype[Any], *, where: str
+) -> tuple[ColourRule | None, tuple[str, ...]]:
+    """Choose by the distribution of a file's colours how they become 0..255.
+
+    Floats mostly within 0..1 are scaled by 255; values within 0..255 are taken as they are; larger
+    ones up to 65,535 lose their low byte (which is right both for files that multiply by 256 and
+    for those that multiply by 257). Where the values of a smaller depth stop at its greatest one
+    and larger ones follow, the file mixes depths, and each point has its own. Limits that the file
+    states come first, unless its values contradict them.
 
     Parameters
     ----------
-    low, high : float
-        Of all finite values.
+    counts : ColourCounts
+        Of all points.
     dtype : numpy.dtype
         That the file has them in.
     where : str
@@ -48,28 +218,88 @@ def choose_depth(
 
     Returns
     -------
-    rule : {"unit", "eight", "sixteen"} or None
-        For :func:`apply_depth`; None when they are no colours.
+    rule : ColourRule or None
+        None when they are no colours, or black everywhere.
     warnings : tuple of str
     """
-    if low < 0.0 or high > np.iinfo(np.uint16).max:
-        warning = f"The fields {where} hold values from {low:g} to {high:g}, which are no colours."
+    if not counts.total:
+        return None, ()
+    if counts.impossible > _IMPOSSIBLE * counts.total and counts.limits is None:
+        warning = (
+            f"The fields {where} hold values from {counts.low:g} to {counts.high:g}, which are no "
+            "colours."
+        )
         return None, (warning,)
-    if high == 0.0:
+    if counts.high == 0.0:
         return None, (f"The fields {where} are 0 in every point.",)
-    if dtype.kind == "f" and high <= 1.0:
-        return "unit", ()
-    return ("eight" if high <= _MAX_EIGHT_BIT else "sixteen"), ()
+    tops = _depths(counts, dtype)
+    warnings: list[str] = []
+    if counts.limits is not None:
+        low, high = counts.limits
+        if counts.beyond <= _IMPOSSIBLE * counts.total and not (
+            tops[-1] < _SIXTEEN and high > _FAR_BEYOND * tops[-1]
+        ):
+            return ColourRule((high,), low), ()
+        warnings.append(
+            f"The colours are stated to be within {low:g} to {high:g}, and reach from "
+            f"{counts.low:g} to {counts.high:g}: they are read by their values instead."
+        )
+    if len(tops) > 1:
+        small, others = counts.below(tops[0]), counts.above(tops[0])
+        warnings.append(
+            f"The colours mix depths: {small:,} points have values up to {tops[0]:g}, and "
+            f"{others:,} larger ones up to {counts.high:g}. Each point is read by its own depth."
+        )
+    elif beyond := counts.above(tops[0]):
+        warnings.append(
+            f"Colour values go up to {counts.high:g}, above {tops[0]:g} in {beyond:,} points: they "
+            f"are taken as {tops[0]:g}."
+        )
+    return ColourRule(tops), tuple(warnings)
 
 
-def apply_depth(colours: AnyArray, rule: Depth) -> UInt8:
-    """Bring finite colours to 0..255 by the rule that the whole survey asks for."""
-    if rule == "unit":
-        unit: UInt8 = np.rint(colours * _MAX_EIGHT_BIT).astype(np.uint8)
-        return unit
-    if rule == "eight":
-        return colours.astype(np.uint8)
-    return (colours.astype(np.uint16) >> 8).astype(np.uint8)
+def _depths(counts: ColourCounts, dtype: np.dtype[Any]) -> tuple[float, ...]:
+    """Find the greatest value of each depth that the points of a file have, ascending."""
+    fractions = dtype.kind == "f" and (not counts.whole or counts.high <= _UNIT)
+    if fractions and counts.high <= _SLIPS[_UNIT]:
+        return (_UNIT,)
+    tops: list[float] = []
+    for top in (_UNIT, _EIGHT) if fractions else (_EIGHT,):
+        if counts.stops_at(top) and (not tops or counts.above(tops[-1])):
+            tops.append(top)
+    if not tops or counts.high > _SLIPS[tops[-1]]:
+        tops.append(_SIXTEEN if not tops or tops[-1] == _EIGHT else _EIGHT)
+    return tuple(tops)
+
+
+def brightness_warnings(points: Int64, rules: Sequence[ColourRule]) -> tuple[str, ...]:
+    """Warn of a scene that comes out black, or nearly.
+
+    Parameters
+    ----------
+    points : ndarray of shape (256,), int64
+        Points by their brightest channel.
+    rules : sequence of ColourRule
+        That their colours were read by.
+    """
+    total = int(points.sum())
+    if total < _FEWEST:
+        return ()
+    below = np.cumsum(points) / total
+    median, most = (int(np.searchsorted(below, share)) for share in (0.5, 0.99))
+    warnings: list[str] = []
+    black = float(points[0]) / total
+    if black >= _BLACK_SHARE:
+        warnings.append(f"{black:.1%} of the points are black: without colour?")
+    if median < _DARK_MEDIAN or most < _DARK_MOST:
+        depths = sorted({DEPTH_TEXTS.get(name, name) for rule in rules for name in rule.names})
+        warnings.append(
+            f"The scene is nearly black: half of the points are no brighter than {median} of 255, "
+            f"and 99 % no brighter than {most}. The colours were read as {', '.join(depths)}. If "
+            "they have another depth (10, 12 or 14 bits), multiply them to fill 16 bits (PDAL: "
+            "filters.assign), and build again."
+        )
+    return tuple(warnings)
 
 
 def find_colours(names: Sequence[str]) -> tuple[str, str, str] | None:
@@ -79,3 +309,9 @@ def find_colours(names: Sequence[str]) -> tuple[str, str, str] | None:
         if all(name in lower for name in triple):
             return lower[triple[0]], lower[triple[1]], lower[triple[2]]
     return None
+
+
+def _are_widened(colours: AnyArray) -> Bool:
+    """Mark the points (n,) whose channels are 8-bit values times 256 or 257."""
+    widened: Bool = (colours % 257 == 0).all(axis=1) | (colours % 256 == 0).all(axis=1)
+    return widened

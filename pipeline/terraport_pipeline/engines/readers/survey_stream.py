@@ -55,7 +55,12 @@ class SurveyStream:
     """pyproj.CRS as the file states it."""
     warnings: tuple[str, ...] = ()
     colours: tuple[str, ...] = ()
-    """The columns that hold red, green, blue; one (n, 3) column, or none."""
+    """The columns that hold red, green, blue; one (n, 3) column, or none. NaN is no colour."""
+    colour_limits: Mapping[int, tuple[float, float]] = field(default_factory=dict)
+    """By scan, least and greatest value that the file states its colours can have."""
+    scan_column: str | None = None
+    """Column that says which scan a point is of, where there are several: each has colours of its
+    own depth."""
     unset: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Columns to leave out when every point has one value and it is one of these."""
     narrow: bool = False
@@ -227,7 +232,7 @@ def _open_las(path: Path, extent: Extent | None, share: float) -> Iterator[Surve
             stream.crs,
             stream.warnings,
             _LAS_COLOURS if stream.standard.issuperset(_LAS_COLOURS) else (),
-            unset,
+            unset=unset,
             whole=stream.whole,
             stated_step=True,
             skipped=stream.count - stream.rows,
@@ -280,6 +285,8 @@ def _open_e57(path: Path, _bounded: bool, share: float) -> Iterator[SurveyStream
             stream.crs,
             stream.warnings,
             stream.colours,
+            colour_limits=stream.colour_limits,
+            scan_column="scan" if stream.scans > 1 else None,
             narrow=True,
             stated_step=True,
             late_warnings=stream.late_warnings,
@@ -298,6 +305,7 @@ def _open_ptx(path: Path, _bounded: bool, share: float) -> Iterator[SurveyStream
         lambda: first_chunks(ptx.chunks(), ptx.count, share),
         warnings=ptx.warnings,
         colours=ptx.colours,
+        scan_column="scan" if ptx.scans > 1 else None,
         narrow=True,
         stated_step=True,
         late_warnings=ptx.late_warnings,

@@ -10,7 +10,7 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_pipeline.engines.readers.attribute_names import distinct_names
-from terraport_pipeline.engines.readers.survey_colours import Depth, choose_depth
+from terraport_pipeline.engines.readers.survey_colours import ColourRule, choose_rule
 from terraport_pipeline.engines.readers.survey_column import SurveyColumn
 from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.stages.reading.spool import COLOUR, Spooled
@@ -19,7 +19,11 @@ from terraport_pipeline.survey.survey_files import SurveyFiles
 
 __all__ = ["Layout", "decide_layout"]
 
-_MAX_EIGHT_BIT: Final = 255
+_EIGHT: Final = 255.0
+_SIXTEEN: Final = 65535.0
+
+_DARK: Final = 0.05
+"""Share of points with values up to 255 in files of 16 bits from which the survey is a dark one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,9 +39,19 @@ class Layout:
     """Value of each where a file does not have it."""
     whole: list[str]
     """Attributes of whole numbers that are floats because some points have no value."""
-    has_colour: bool
-    depths: list[Depth | None]
-    """For every file how its colours become 0..255; None where it has none."""
+    colours: list[dict[int, ColourRule]]
+    """For every file, by scan, how its colours become 0..255; nothing where it has none."""
+
+    @property
+    def has_colour(self) -> bool:
+        """Any point has a colour."""
+        return any(self.colours)
+
+    @property
+    def rules(self) -> list[ColourRule]:
+        """Every rule once."""
+        every = {rule for rules in self.colours for rule in rules.values()}
+        return sorted(every, key=lambda rule: (rule.tops, rule.low))
 
     @property
     def row(self) -> np.dtype[Any]:
@@ -50,7 +64,7 @@ class Layout:
 
 def decide_layout(spooled: Sequence[Spooled], survey: SurveyFiles) -> tuple[Layout, list[str]]:
     """Decide what only the whole survey can: columns, their types, depth of the colours."""
-    depths, warnings = _colour_depths(spooled)
+    colours, warnings = _colour_rules(spooled)
     # (1) The union of all files' columns, each by what all its files hold.
     joined: dict[str, SurveyColumn] = {}
     lacking: dict[str, list[str]] = {}
@@ -94,15 +108,13 @@ def decide_layout(spooled: Sequence[Spooled], survey: SurveyFiles) -> tuple[Layo
         warnings.append(
             f"Attribute {renamed[name]!r} is not in {listed(without)}: it has no value there."
         )
-    has_colour = any(depth is not None for depth in depths)
     return Layout(
         [renamed[name] for name in names],
         names,
         dtypes,
         fills,
         [renamed[name] for name in whole],
-        has_colour,
-        depths,
+        colours,
     ), warnings
 
 
@@ -118,36 +130,73 @@ def _with_gaps(name: str, dtype: np.dtype[Any], survey: SurveyFiles) -> np.dtype
     )
 
 
-def _colour_depths(spooled: Sequence[Spooled]) -> tuple[list[Depth | None], list[str]]:
-    """Decide for every file how its colours become 0..255.
-
-    Files of one format and type go together, as if they were one file; but one that holds nothing
-    above 255 beside others that use 16 bits was written with 8 (a photo is never that dark).
-    """
-    groups: dict[tuple[str, str], list[Spooled]] = {}
+def _colour_rules(spooled: Sequence[Spooled]) -> tuple[list[dict[int, ColourRule]], list[str]]:
+    """Decide for every file, and every scan in it, how its colours become 0..255."""
+    # (1) Each by what it holds.
+    rules: list[dict[int, ColourRule]] = []
+    said: dict[str, list[str]] = {}
     for part in spooled:
-        if COLOUR in part.columns:
-            groups.setdefault((part.stream.format, part.columns[COLOUR].dtype.str), []).append(part)
-    rules: dict[int, Depth | None] = {}
-    warnings: list[str] = []
-    for (form, _), parts in groups.items():
-        columns = [part.columns[COLOUR] for part in parts]
-        low, high = min(c.low for c in columns), max(c.high for c in columns)
-        where = ", ".join(parts[0].stream.colours)
-        rule, notes = choose_depth(low, high, columns[0].dtype, where=where)
-        warnings += notes
-        few = "The colours use only 8 of the 16 bits that LAS gives them"
-        if form == "las" and rule == "eight":
-            warnings.append(f"{few}; they are taken as 0..255.")
-        dark: list[str] = []
-        for part, column in zip(parts, columns, strict=True):
-            rules[id(part)] = rule
-            if rule == "sixteen" and 0 < column.high <= _MAX_EIGHT_BIT:
-                rules[id(part)] = "eight"
-                dark.append(part.file.name)
-        if dark:
-            warnings.append(f"{few} in {listed(dark)}; there they are taken as 0..255.")
-    without = [part.file.name for part in spooled if rules.get(id(part)) is None]
+        chosen: dict[int, ColourRule] = {}
+        for scan, counts in part.colours.items():
+            rule, notes = choose_rule(
+                counts, part.columns[COLOUR].dtype, where=", ".join(part.stream.colours)
+            )
+            if rule is not None:
+                chosen[scan] = rule
+            for note in notes:
+                of = f" of {part.file.name}" if len(spooled) > 1 else ""
+                name = part.file.name if len(part.colours) == 1 else f"scan {scan}{of}"
+                said.setdefault(note, []).append(name)
+        rules.append(chosen)
+    _keep_dark(spooled, rules)
+    # (2) What is to be said of it.
+    one = len(spooled) == 1 and len(spooled[0].colours) <= 1
+    warnings = [note if one else f"{note} (In {listed(names)}.)" for note, names in said.items()]
+    narrow = [
+        part.file.name
+        for part, chosen in zip(spooled, rules, strict=True)
+        if part.stream.format == "las" and ColourRule((_EIGHT,)) in chosen.values()
+    ]
+    if narrow:
+        where = f" in {listed(narrow)}; there" if len(narrow) < len(spooled) else ";"
+        warnings.append(
+            f"The colours use only 8 of the 16 bits that LAS gives them{where} they are taken as "
+            "0..255."
+        )
+    without = [part.file.name for part, chosen in zip(spooled, rules, strict=True) if not chosen]
     if without and len(without) < len(spooled):
         warnings.append(f"There is no colour (RGB) in {listed(without)}: its points are grey.")
-    return [rules.get(id(part)) for part in spooled], warnings
+    grey = sum(
+        counts.none + counts.impossible if scan in chosen else counts.none + counts.total
+        for part, chosen in zip(spooled, rules, strict=True)
+        if chosen
+        for scan, counts in part.colours.items()
+    )
+    if grey:
+        points = sum(part.kept for part in spooled)
+        warnings.append(
+            f"{grey:,} of {points:,} points have no colour, or one that is marked as invalid: they "
+            "are grey."
+        )
+    return rules, warnings
+
+
+def _keep_dark(spooled: Sequence[Spooled], rules: list[dict[int, ColourRule]]) -> None:
+    """Read files without a value above 255 by 16 bits, too, where all of a survey is dark.
+
+    Alone such a file has 8 bits, and among bright ones as well: a photo is never that dark. Where
+    many points of the others are, it is one more of a survey in the dark.
+    """
+    eight, sixteen = ColourRule((_EIGHT,)), ColourRule((_SIXTEEN,))
+    groups: dict[tuple[str, str], list[int]] = {}
+    for number, part in enumerate(spooled):
+        if part.stream.scan_column is None and COLOUR in part.columns:
+            key = (part.stream.format, part.columns[COLOUR].dtype.str)
+            groups.setdefault(key, []).append(number)
+    for numbers in groups.values():
+        wide = [spooled[n].colours[0] for n in numbers if rules[n].get(0) == sixteen]
+        below = sum(counts.below(_EIGHT) for counts in wide)
+        if below > _DARK * max(1, sum(counts.total for counts in wide)):
+            for n in numbers:
+                if rules[n].get(0) == eight:
+                    rules[n] = {0: sixteen}

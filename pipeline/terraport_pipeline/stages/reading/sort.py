@@ -21,19 +21,16 @@ from terraport_pipeline.engines.readers.point_order import (
     point_hashes,
     thinning_rows,
 )
-from terraport_pipeline.engines.readers.survey_colours import apply_depth
+from terraport_pipeline.engines.readers.survey_colours import GREY
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.reading.layout import Layout
 from terraport_pipeline.stages.reading.spool import BLOCK_ROWS, COLOUR, Spooled
-from terraport_pipeline.stages.reading.strays import Near
+from terraport_pipeline.stages.reading.strays import PointFilter
 
 __all__ = ["SurveyColumns", "distribute", "finish"]
 
 _BUCKET_ROWS: Final = 1_000_000
 """Rows of a bucket, about; a bucket is sorted in memory."""
-
-_GREY: Final = 160
-"""sRGB of points whose file has no colour, in a survey that has; as the clean stage paints."""
 
 
 def distribute(
@@ -44,7 +41,7 @@ def distribute(
     folder: Path,
     context: Context,
     thinning: HashThinning | None,
-    near: Near | None,
+    taken: PointFilter,
 ) -> list[NpyWriter]:
     """Hand the rows out to buckets that follow one another along the curve."""
     # (1) Where buckets begin, from a sample. It decides their size, not what comes out.
@@ -60,8 +57,8 @@ def distribute(
     for number, part in enumerate(spooled):
         for _, raw in NpyReader(part.path).blocks(BLOCK_ROWS):
             context.progress.advance(len(raw))
-            if near is not None:
-                raw = raw[near.holds(raw["position"])]
+            inside = taken.holds(raw["position"])
+            raw = raw if inside.all() else raw[inside]
             if thinning is not None:  # the limit has fallen since
                 raw = raw[point_hashes(raw["position"]) <= np.uint64(thinning.limit)]
             rows = _converted(raw, number, part, layout)
@@ -86,11 +83,11 @@ def _converted(raw: AnyArray, number: int, part: Spooled, layout: Layout) -> Any
     rows["file"] = number
     rows["position"] = raw["position"]
     if layout.has_colour:
-        depth = layout.depths[number]
-        if depth is None:
-            rows["colour"] = _GREY
-        else:
-            rows["colour"] = apply_depth(raw[part.fields[COLOUR]], depth)
+        rows["colour"] = GREY
+        scan_field = part.fields.get(part.stream.scan_column or "")
+        for scan, rule in layout.colours[number].items():
+            of_scan = slice(None) if scan_field is None else raw[scan_field] == scan
+            rows["colour"][of_scan] = rule.apply(raw[part.fields[COLOUR]][of_scan])
     for i, name in enumerate(layout.sources):
         rows[f"a{i}"] = raw[part.fields[name]] if name in part.fields else layout.fills[i]
     return rows
@@ -109,6 +106,8 @@ class SurveyColumns:
             NpyWriter(folder / f"attribute-{i}.npy", dtype) for i, dtype in enumerate(layout.dtypes)
         ]
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
+        self.brightness: Int64 = np.zeros(256, np.int64)
+        """Points by their brightest channel."""
 
     @property
     def rows(self) -> int:
@@ -127,6 +126,7 @@ class SurveyColumns:
         self._points.append(points)
         if self._colours is not None:
             self._colours.append(rows["colour"])
+            self.brightness += np.bincount(rows["colour"].max(axis=1), minlength=256)
         for i, writer in enumerate(self._attributes):
             writer.append(rows[f"a{i}"])
 

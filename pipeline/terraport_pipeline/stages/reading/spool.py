@@ -14,9 +14,11 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.types import AnyArray, Bool, Float64
+from terraport_pipeline.engines.readers.height_edges import MAX_HEIGHT, HeightEdges
 from terraport_pipeline.engines.readers.npy_columns import NpyWriter
 from terraport_pipeline.engines.readers.point_order import HashThinning, point_hashes
 from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
+from terraport_pipeline.engines.readers.survey_colours import ColourCounts
 from terraport_pipeline.engines.readers.survey_column import SurveyColumn
 from terraport_pipeline.engines.readers.survey_stream import SurveyStream, open_stream
 from terraport_pipeline.errors import NoPointsError, ReadError, SurveyError
@@ -47,12 +49,17 @@ class Spooled:
     """Name of every column's field in the rows."""
     columns: dict[str, SurveyColumn]
     writer: NpyWriter
+    colours: dict[int, ColourCounts] = field(default_factory=dict)
+    """Of each scan, or of scan 0; empty without colours."""
     read: int = 0
     kept: int = 0
     dropped: int = 0
     """Points without finite coordinates."""
     noise: int = 0
     """Points left out because the file calls them no part of the survey."""
+    voids: int = 0
+    """Points whose height stands for "no data"."""
+    heights: HeightEdges = field(default_factory=HeightEdges)
     low: Float64 = field(default_factory=lambda: np.full(3, np.inf))
     high: Float64 = field(default_factory=lambda: np.full(3, -np.inf))
     single: Bool = field(default_factory=lambda: np.ones(3, dtype=bool))
@@ -63,10 +70,17 @@ class Spooled:
     repeats: int = 0
     """Its points that a file before it has, too, or that are in it twice."""
 
+    def look_at_colours(self, colours: AnyArray, scan: int) -> None:
+        """Take the colours of further points into account."""
+        if scan not in self.colours:
+            self.colours[scan] = ColourCounts(self.stream.colour_limits.get(scan))
+        self.colours[scan].look(colours)
+
     def look(self, points: Float64) -> None:
         """Take further finite points into account."""
         self.kept += len(points)
         if len(points):
+            self.heights.look(points[:, 2])
             self.low = np.minimum(self.low, points.min(axis=0))
             self.high = np.maximum(self.high, points.max(axis=0))
             self.single &= np.array([(p.astype(np.float32) == p).all() for p in points.T])
@@ -196,7 +210,8 @@ def _spool(
             stream = replace(stream, crs=file.crs_beside)
         reading.start(file, stream)
         for chunk in stream.chunks():
-            # (1) Which points are taken. Invariant: read = kept + dropped + noise + those outside.
+            # (1) Which points are taken. Invariant: read = kept + dropped + noise + voids + those
+            # outside.
             columns = _columns_of(chunk, stream)
             if part is None:
                 part = _open_rows(file, path, stream, columns)
@@ -209,6 +224,9 @@ def _spool(
             if chunk.noise is not None and not survey.statement.keep_noise:
                 part.noise += int((taken & chunk.noise).sum())
                 taken &= ~chunk.noise
+            is_void = taken & (np.abs(chunk.points[:, 2]) >= MAX_HEIGHT)
+            part.voids += int(is_void.sum())
+            taken &= ~is_void
             # (2) What they are: position, columns.
             points = (chunk.points if taken.all() else chunk.points[taken]) + 0.0  # no -0.0
             part.look(points)
@@ -216,7 +234,10 @@ def _spool(
             rows["position"] = points
             for name, values in columns.items():
                 good = values if taken.all() else values[taken]
-                part.columns[name].look(good)
+                if name == COLOUR:
+                    part.look_at_colours(good, chunk.scan)
+                else:
+                    part.columns[name].look(good)
                 rows[part.fields[name]] = good
             # (3) Those that may stay where the survey is thinned.
             if thinning is not None:
@@ -238,6 +259,13 @@ def _spool(
             file.path,
             f"{noise:,} of {read:,} points are marked as withheld or as noise; no other is left",
             "--keep-noise takes them",
+        )
+    if part is not None and part.voids:
+        raise NoPointsError(
+            file.path,
+            f"{part.voids:,} of {read:,} points have a height beyond {MAX_HEIGHT:.0e}, which "
+            "stands for no data; no other is left",
+            "export the survey with heights",
         )
     if extent is not None and (stream.skipped or read > dropped):
         corners = stream.box or (box if read > dropped else (None, None))
@@ -284,11 +312,7 @@ def _columns_of(chunk: StreamChunk, stream: SurveyStream) -> dict[str, AnyArray]
     has_colour = bool(stream.colours) and all(name in chunk.columns for name in stream.colours)
     if has_colour:
         channels = [chunk.columns[name] for name in stream.colours]
-        wide = channels[0] if len(channels) == 1 else np.stack(channels, axis=1)
-        if wide.dtype.kind == "f":
-            valid: Bool = np.all(np.isfinite(wide), axis=1)
-            wide = np.where(valid[:, None], wide, wide.dtype.type(0))
-        out[COLOUR] = wide
+        out[COLOUR] = channels[0] if len(channels) == 1 else np.stack(channels, axis=1)
     for name, values in chunk.columns.items():
         if has_colour and name in stream.colours:
             continue

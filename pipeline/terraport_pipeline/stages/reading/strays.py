@@ -1,20 +1,24 @@
-"""Points and files that lie too far from the others to be of one survey: left out, or refused."""
+"""Points and files that are no part of the survey by where they are: left out, or refused.
+
+Heights that stand for "no data", and points that lie too far from all others.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import Bool, Float64
+from terraport_payload.types import Bool, Float64, Int64
+from terraport_pipeline.engines.readers.height_edges import HeightEdges
 from terraport_pipeline.engines.readers.npy_columns import NpyReader
 from terraport_pipeline.errors import ReadError, SurveyError
 from terraport_pipeline.stages.reading.spool import BLOCK_ROWS, Spooled, widen
 from terraport_pipeline.survey.one_survey import FAR, refuse_far
 
-__all__ = ["MAX_SPAN_M", "Near", "check_box", "leave_strays"]
+__all__ = ["MAX_SPAN_M", "PointFilter", "check_box", "leave_strays", "leave_void_heights"]
 
 MAX_SPAN_M: Final = 1e7
 """No survey is wider than a quarter of the Earth: larger spans are damaged coordinates."""
@@ -25,55 +29,204 @@ _MEDIAN_POINTS: Final = 1_000_000
 _MOST_STRAYS: Final = 0.01
 """Share of points that may lie far from the others; more are another site, not a slip."""
 
+_VOID_GAP: Final = 50.0
+"""Least distance, in the file's unit, of a height that stands for "no data" from all others. Below
+it a shared height may be still water under a canopy, or a roof."""
+
+_VOID_SHARE: Final = 0.001
+"""Share of the points that have such a height, at least; a few are strays that cleaning drops."""
+
+_IMPOSSIBLE_HEIGHT: Final = 9000.0
+_IMPOSSIBLE_GAP: Final = 1000.0
+"""A height beyond the first and so far from all others is no ground, wherever its points lie."""
+
+_SCATTERED: Final = 0.5
+"""Share of the points with a shared height that have others of the survey in their cell from above,
+from which they are no surface of their own (still water at the foot of a cliff)."""
+
+_RIM: Final = 5
+"""Percentile of the coordinates at which the middle of a survey ends; cells cover three times its
+sides."""
+
+_CELL_POINTS: Final = 16
+_MOST_CELLS: Final = 1 << 22
+
+_SUSPECT_GAP: Final = 10.0
+_SUSPECT_SPREAD: Final = 0.5
+"""A shared height that stays is told of where it lies so far from the others, and so much of the
+range of theirs."""
+
 
 @dataclass(frozen=True, slots=True)
-class Near:
-    """Where the survey is, when some points are so far away that they cannot be of it."""
+class PointFilter:
+    """Which points are of the survey."""
 
-    middle: Float64
-    """(3,) median of all points."""
+    middle: Float64 | None = None
+    """(3,) median of all points, where some are so far away that they cannot be of it."""
+    voids: tuple[float, ...] = ()
+    """Heights that stand for "no data"."""
 
     def holds(self, points: Float64) -> Bool:
         """Tell which of some points (n, 3) are of the survey."""
-        near: Bool = np.abs(points - self.middle).max(axis=1) <= FAR
-        return near
+        taken: Bool = ~np.isin(points[:, 2], self.voids)
+        if self.middle is not None:
+            taken &= np.abs(points - self.middle).max(axis=1) <= FAR
+        return taken
 
 
-def leave_strays(spooled: Sequence[Spooled]) -> Near | None:
-    """Leave out the few points that lie hundreds of kilometres from all others, such as 0 0 0.
+def leave_void_heights(spooled: Sequence[Spooled]) -> tuple[PointFilter, tuple[str, ...]]:
+    """Leave out points whose height stands for "no data", such as -9999, or 0 in mountains.
+
+    Such a height is shared by many points, lies far below or above all others, and its points lie
+    among others as seen from above; a surface that is flat to the last digit (still water) has its
+    own place. Where it cannot be told, the points stay and a warning says so.
 
     Returns
     -------
-    Near or None
-        None where there is none, or where they are too many: then the survey is refused by
+    taken : PointFilter
+    warnings : tuple of str
+        What is left out, and what may be worth it.
+    """
+    edges = HeightEdges.joined(part.heights for part in spooled)
+    total = sum(part.kept for part in spooled)
+    voids: list[float] = []
+    warnings: list[str] = []
+    for counts in (edges.lowest, edges.highest):
+        for heights, gap in _far_heights(list(counts)):
+            count = sum(counts[height] for height in heights)
+            shared = _VOID_SHARE * total <= count <= total / 2
+            shared &= min(counts[height] for height in heights) > 1
+            is_void = gap >= _IMPOSSIBLE_GAP and min(map(abs, heights)) >= _IMPOSSIBLE_HEIGHT
+            if not is_void and shared and gap >= _VOID_GAP:
+                is_void = _scattered_share(spooled, heights) >= _SCATTERED
+            one_left = all(part.kept > part.heights.count(heights) for part in spooled)
+            listed = " and ".join(f"{height:,.15g}" for height in heights)
+            what = f"{count:,} of {total:,} points have the height {listed}, {gap:,.0f} away from "
+            if is_void and one_left:
+                voids += heights
+                warnings.append(f"{what}all others, which stands for no data: they are left out.")
+            elif shared and gap >= _SUSPECT_SPREAD * _range_of(edges, heights):
+                warnings.append(
+                    f"{what}all others: they are kept. If it stands for no data, remove them first "
+                    "(PDAL: filters.expression)."
+                )
+    taken = PointFilter(voids=tuple(voids))
+    if voids:
+        _, boxes = _outside(spooled, taken.holds)
+        for part, (least, most) in zip(spooled, boxes, strict=True):
+            part.voids += part.heights.count(voids)
+            part.kept -= part.heights.count(voids)
+            part.low, part.high = least, most
+            part.samples = [some[taken.holds(some)] for some in part.samples]
+    return taken, tuple(warnings)
+
+
+def _far_heights(heights: Sequence[float]) -> list[tuple[list[float], float]]:
+    """Group the heights at an end of the survey, and give how far each group is from the next.
+
+    The last group is where the others begin; it is left out.
+    """
+    groups: list[tuple[list[float], float]] = []
+    first = 0
+    for at in range(1, len(heights)):
+        gap = abs(heights[at] - heights[at - 1])
+        if gap >= _SUSPECT_GAP:
+            groups.append((list(heights[first:at]), gap))
+            first = at
+    return groups
+
+
+def _range_of(edges: HeightEdges, heights: Sequence[float]) -> float:
+    """Range of the heights apart from some at an end."""
+    others = [h for h in (*edges.lowest, *edges.highest) if h not in heights]
+    return max(others) - min(others)
+
+
+def _scattered_share(spooled: Sequence[Spooled], heights: Sequence[float]) -> float:
+    """Share of the points with some heights that have others in their cell, seen from above."""
+    # (1) Cells over nearly all points: a stray must not make them as wide as the survey.
+    some = _some_points(spooled)[:, :2]
+    low, high = np.percentile(some, (_RIM, 100 - _RIM), axis=0)
+    low, high = 2 * low - high, 2 * high - low
+    sides = np.maximum(high - low, 1e-9)
+    rows = sum(part.writer.rows for part in spooled)
+    cells = min(max(1, 9 * rows // _CELL_POINTS), _MOST_CELLS)
+    cell = max(float(np.sqrt(sides[0] * sides[1] / cells)), float(sides.max()) / cells)
+    columns, lines = (int(side / cell) + 1 for side in sides)
+    # (2) What each holds.
+    shared: Int64 = np.zeros(columns * lines, np.int64)
+    others = np.zeros(columns * lines, bool)
+    for part in spooled:
+        for _, block in NpyReader(part.path).blocks(BLOCK_ROWS):
+            points = block["position"]
+            points = points[((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1)]
+            column, line = ((points[:, :2] - low) / cell).astype(np.int64).T
+            number = line * columns + column
+            is_shared = np.isin(points[:, 2], heights)
+            shared += np.bincount(number[is_shared], minlength=len(shared))
+            others[number[~is_shared]] = True
+    return float(shared[others].sum() / max(1, shared.sum()))
+
+
+def _some_points(spooled: Sequence[Spooled]) -> Float64:
+    """Read at most a million points or so, of all files alike."""
+    step = max(1, sum(part.writer.rows for part in spooled) // _MEDIAN_POINTS)
+    chosen: Float64 = np.concatenate(
+        [
+            rows["position"][::step]
+            for part in spooled
+            for _, rows in NpyReader(part.path).blocks(BLOCK_ROWS)
+        ]
+    )
+    return chosen
+
+
+def _outside(
+    spooled: Sequence[Spooled], holds: Callable[[Float64], Bool]
+) -> tuple[list[int], list[tuple[Float64, Float64]]]:
+    """Count the points of each file that a rule leaves out, and find the box of the others."""
+    counts, boxes = [], []
+    for part in spooled:
+        count, box = 0, (np.full(3, np.inf), np.full(3, -np.inf))
+        for _, rows in NpyReader(part.path).blocks(BLOCK_ROWS):
+            inside = holds(rows["position"])
+            count += len(rows) - int(inside.sum())
+            widen(box, rows["position"][inside])
+        counts.append(count)
+        boxes.append(box)
+    return counts, boxes
+
+
+def leave_strays(spooled: Sequence[Spooled], taken: PointFilter) -> PointFilter:
+    """Leave out the few points that lie hundreds of kilometres from all others, such as 0 0 0.
+
+    Parameters
+    ----------
+    spooled : sequence of Spooled
+    taken : PointFilter
+        Points that are left out already.
+
+    Returns
+    -------
+    PointFilter
+        As it was where there are none, or where they are too many: then the survey is refused by
         :func:`check_box`. What the columns noted of them (greatest values) stays noted.
     """
     low = np.min([part.low for part in spooled], axis=0)
     high = np.max([part.high for part in spooled], axis=0)
     if float((high - low).max()) <= 2 * FAR:
-        return None
+        return taken
     # (1) The median of at most a million points.
     total = sum(part.writer.rows for part in spooled)
-    step = max(1, total // _MEDIAN_POINTS)
-    chosen = [
-        rows["position"][::step]
-        for part in spooled
-        for _, rows in NpyReader(part.path).blocks(BLOCK_ROWS)
-    ]
-    near = Near(np.median(np.concatenate(chosen), axis=0))
+    chosen = _some_points(spooled)
+    near = PointFilter(np.median(chosen[taken.holds(chosen)], axis=0), taken.voids)
     # (2) How many there are of each file, and the box of the others.
-    strays, boxes = [], []
-    for part in spooled:
-        count, box = 0, (np.full(3, np.inf), np.full(3, -np.inf))
-        for _, rows in NpyReader(part.path).blocks(BLOCK_ROWS):
-            inside = near.holds(rows["position"])
-            count += len(rows) - int(inside.sum())
-            widen(box, rows["position"][inside])
-        strays.append(count)
-        boxes.append(box)
-    some_left = all(n < part.writer.rows for n, part in zip(strays, spooled, strict=True))
+    before, _ = _outside(spooled, taken.holds)
+    counts, boxes = _outside(spooled, near.holds)
+    strays = [count - void for count, void in zip(counts, before, strict=True)]
+    some_left = all(n < part.writer.rows for n, part in zip(counts, spooled, strict=True))
     if sum(strays) > _MOST_STRAYS * total or not some_left:
-        return None
+        return taken
     for part, count, (least, most) in zip(spooled, strays, boxes, strict=True):
         part.kept, part.strays, part.low, part.high = part.kept - count, count, least, most
         part.samples = [some[near.holds(some)] for some in part.samples]
