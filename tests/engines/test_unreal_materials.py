@@ -9,7 +9,7 @@ from typing import Final
 from engines.cores import UNREAL
 
 SCRIPT: Final = UNREAL / "Content" / "Python" / "terraport_materials.py"
-LOADS: Final = UNREAL / "Source" / "Terraport" / "Private" / "TerraportSessionMaterials.cpp"
+LOADS: Final = UNREAL / "Source" / "Terraport" / "Private" / "TerraportMadeMaterials.h"
 
 
 def made_names() -> list[str]:

@@ -21,8 +21,15 @@
 enum EObjectFlags
 {
 	RF_NoFlags = 0,
+	RF_ClassDefaultObject = 0x10,
 	RF_Transient = 0x40,
 	RF_DuplicateTransient = 0x1000000
+};
+enum ELoadFlags
+{
+	LOAD_None = 0,
+	LOAD_Quiet = 0x2000,
+	LOAD_NoWarn = 0x2
 };
 inline EObjectFlags operator|(EObjectFlags A, EObjectFlags B)
 {
@@ -35,6 +42,8 @@ public:
 	virtual ~UObject() = default;
 	FString GetName() const { return FString(TEXT("Stub")); }
 	virtual void BeginDestroy() {}
+	/// No object of the stubs is its class's default.
+	bool HasAnyFlags(EObjectFlags) const { return false; }
 	bool IsUnreachable() const { return bStubUnreachable; }
 	bool bStubDestroyed = false;
 	bool bStubUnreachable = false;

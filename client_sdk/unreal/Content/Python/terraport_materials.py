@@ -1,11 +1,11 @@
 """Make the plugin's materials in the project, once, in the editor: four unlit, four lit.
 
-    Tools > Execute Python Script..., this file; or in the Output Log's Python prompt:
-    import terraport_materials; terraport_materials.make()
+init_unreal.py does it when the editor starts. By hand, in the Output Log's Python prompt:
+import terraport_materials; terraport_materials.make()
 
 Assets are binary and belong to one engine version, so the plugin ships what makes them. Needs the
-Python Editor Script Plugin, which is part of the engine. What it makes, as graphs, stands in
-docs/how-to/unreal.md.
+Python Editor Script Plugin, which is part of the engine and switched on by the plugin. What it
+makes, as graphs, stands in docs/how-to/unreal.md.
 """
 
 # ruff: noqa: INP001 - Unreal puts this folder on Python's path
@@ -32,13 +32,17 @@ def make(folder: str = FOLDER) -> list[str]:
     Unlit: a survey's colours have their light in them, and nothing is cheaper on a headset. Lit:
     the project's lights, and shadows, by the normals of the ground.
     """
-    paths = []
+    paths, made = [], 0
     for name, is_lit, is_base, is_textured in materials():
         path = f"{folder}/{name}"
         if not unreal.EditorAssetLibrary.does_asset_exist(path):
             _make_one(name, folder, is_lit=is_lit, is_base=is_base, is_textured=is_textured)
+            made += 1
         paths.append(path)
-    unreal.log(f"terraport: materials are in {folder}; tick Lit on a scene for the lit ones")
+    if made:
+        unreal.log(
+            f"terraport: made {made} materials in {folder}; tick Lit on a scene for lit"
+        )
     return paths
 
 

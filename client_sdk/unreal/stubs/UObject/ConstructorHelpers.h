@@ -10,4 +10,12 @@ struct ConstructorHelpers
 		TObjectPtr<T> Object;
 		FObjectFinder(const TCHAR*) {}
 	};
+
+	template <typename T>
+	struct FObjectFinderOptional
+	{
+		FObjectFinderOptional(const TCHAR*, uint32 = LOAD_None) {}
+		T* Get() { return nullptr; }
+		bool Succeeded() { return Get() != nullptr; }
+	};
 };

@@ -7,9 +7,11 @@
 #include "TerraportDynamicBackend.h"
 #include "TerraportGroundBackend.h"
 #include "TerraportLog.h"
+#include "TerraportMadeMaterials.h"
 #include "TerraportPlaces.h"
 #include "TerraportSession.h"
 #include "TerraportText.h"
+#include "UObject/ConstructorHelpers.h"
 
 #include <algorithm>
 #include <cmath>
@@ -141,6 +143,18 @@ ATerraportScene::ATerraportScene()
 	PrimaryActorTick.bTickEvenWhenPaused = true;
 	Root = CreateDefaultSubobject<USceneComponent>(TEXT("Root"));
 	SetRootComponent(Root);
+	// The class's default alone; scenes inherit it. A project in which the editor has not made them yet has none.
+	if (HasAnyFlags(RF_ClassDefaultObject))
+	{
+		for (const TCHAR* Path : TerraportMadeMaterials::Paths)
+		{
+			ConstructorHelpers::FObjectFinderOptional<UMaterialInterface> Found(Path, LOAD_NoWarn | LOAD_Quiet);
+			if (Found.Succeeded())
+			{
+				MadeMaterials.Add(Found.Get());
+			}
+		}
+	}
 }
 
 ATerraportScene::~ATerraportScene() = default;

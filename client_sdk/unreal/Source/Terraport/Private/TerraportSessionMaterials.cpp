@@ -4,6 +4,7 @@
 #include "MaterialDomain.h"
 #include "Materials/Material.h"
 #include "TerraportLog.h"
+#include "TerraportMadeMaterials.h"
 
 // What draws, where the scene's properties choose no material.
 
@@ -22,21 +23,12 @@ UMaterialInterface* Or(UMaterialInterface* Chosen, UMaterialInterface* Substitut
 
 FTerraportMaterials MadeMaterials(bool bLit)
 {
+	const TCHAR* const* Paths = TerraportMadeMaterials::Paths + (bLit ? TerraportMadeMaterials::FirstLit : 0);
 	FTerraportMaterials Materials;
-	if (bLit)
-	{
-		Materials.Colour = Made(TEXT("/Game/Terraport/M_TerraportLitColour.M_TerraportLitColour"));
-		Materials.Texture = Made(TEXT("/Game/Terraport/M_TerraportLitTexture.M_TerraportLitTexture"));
-		Materials.BaseColour = Made(TEXT("/Game/Terraport/M_TerraportLitBaseColour.M_TerraportLitBaseColour"));
-		Materials.BaseTexture = Made(TEXT("/Game/Terraport/M_TerraportLitBaseTexture.M_TerraportLitBaseTexture"));
-	}
-	else
-	{
-		Materials.Colour = Made(TEXT("/Game/Terraport/M_TerraportColour.M_TerraportColour"));
-		Materials.Texture = Made(TEXT("/Game/Terraport/M_TerraportTexture.M_TerraportTexture"));
-		Materials.BaseColour = Made(TEXT("/Game/Terraport/M_TerraportBaseColour.M_TerraportBaseColour"));
-		Materials.BaseTexture = Made(TEXT("/Game/Terraport/M_TerraportBaseTexture.M_TerraportBaseTexture"));
-	}
+	Materials.Colour = Made(Paths[0]);
+	Materials.Texture = Made(Paths[1]);
+	Materials.BaseColour = Made(Paths[2]);
+	Materials.BaseTexture = Made(Paths[3]);
 	return Materials;
 }
 } // namespace
@@ -66,7 +58,7 @@ FTerraportMaterials FTerraportSession::MaterialsOf(const FTerraportMaterials& Ch
 		UE_LOG(LogTerraport, Warning,
 			TEXT("%s has no base material, and none was found in /Game/Terraport: the base is not pushed back, and may poke "
 				 "through "
-				 "detail at the rim; run terraport_materials.py, and where this is a packaged game, cook that folder (see "
+				 "detail at the rim; the editor makes the materials when it starts with the Python Editor Script Plugin (see "
 				 "docs/how-to/unreal.md)"),
 			*Owner.GetName());
 	}

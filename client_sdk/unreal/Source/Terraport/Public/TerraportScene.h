@@ -304,6 +304,10 @@ private:
 	UPROPERTY()
 	TObjectPtr<USceneComponent> Root;
 
+	/** The materials that the editor made in the project: a packaged game has only what something refers to. */
+	UPROPERTY()
+	TArray<TObjectPtr<UMaterialInterface>> MadeMaterials;
+
 	UPROPERTY(Transient)
 	FTerraportTokenProvider TokenProvider;
 
