@@ -12,7 +12,13 @@ from typing import Final
 
 from terraport_server.logs import log
 
-__all__ = ["first_reserved", "is_shortage", "make_room", "most_packs"]
+__all__ = ["NO_DESCRIPTOR", "first_reserved", "is_shortage", "make_room", "most_packs"]
+
+NO_DESCRIPTOR: Final = (
+    "got a connection while all file descriptors of the service are in use, expected a free one; "
+    "try again later, or raise the service's limit of open files (ulimit -n)"
+)
+"""What the client of a refused connection is told."""
 
 _OTHERS: Final = 256
 """A few packs, threads' pipes, log, listening sockets."""

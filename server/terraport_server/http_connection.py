@@ -24,7 +24,7 @@ from uvicorn.protocols.http.httptools_impl import RequestResponseCycle
 from terraport_server.bounded_requests import BoundedRequests
 from terraport_server.client_addresses import too_many_of_address
 from terraport_server.deadline import Deadline
-from terraport_server.descriptors import first_reserved
+from terraport_server.descriptors import NO_DESCRIPTOR, first_reserved
 from terraport_server.entrance import PROXIES, Entrance
 from terraport_server.file_sender import FILES, FileSender, with_files
 from terraport_server.http_limits import HttpLimits
@@ -43,11 +43,6 @@ MAX_PIPELINED: Final = 16
 _FLOOD: Final = 2
 """Connections one too many are answered as long as there are fewer than so many times the bound;
 more are dropped unheard."""
-
-_NO_DESCRIPTOR: Final = (
-    "got a connection while all file descriptors of the service are in use, expected a free one; "
-    "try again later, or raise the service's limit of open files (ulimit -n)"
-)
 
 Headers = Sequence[tuple[bytes, bytes]]
 
@@ -93,7 +88,7 @@ class HttpConnection(BoundedRequests):
             self._full = f"got connection {open_now}, expected at most {most}"
         raw = transport.get_extra_info("socket")
         if None not in (raw, self.first_reserved) and raw.fileno() >= self.first_reserved:
-            self._full = _NO_DESCRIPTOR
+            self._full = NO_DESCRIPTOR
         key = entrance.addresses.counted(None if self.client is None else self.client[0])
         if key is not None:
             self._counted = key
