@@ -28,13 +28,13 @@ from parts.damaged_sets import DAMAGES, write_set
 from terraport_payload import SegmentMesh, decode_glb
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.errors import PhotoError
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.stages import texture
 from terraport_pipeline.synth.files import write_quarry
-from terraport_pipeline.synth.flight import FlightOptions, seen_by
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.flight import seen_by
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.photo_files import write_photos
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_store import Scene, validate_scene
 
 SMOKE: Final = ("none", "turned", "cut off")

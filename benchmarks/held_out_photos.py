@@ -49,15 +49,15 @@ from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.engines.texturing import Texturing as Drawn
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.published.scene_model import load_scene_model
 from terraport_pipeline.report.textures import find_vertex_colours, open_scene_photos
 from terraport_pipeline.synth.files import write_quarry
-from terraport_pipeline.synth.flight import FlightOptions, seen_by
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.flight import seen_by
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.photo_files import write_photos
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_store import Scene
 
 THREADS: Final = max(1, min(os.cpu_count() or 1, 2))

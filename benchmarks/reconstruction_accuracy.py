@@ -30,13 +30,15 @@ from parts.work_arrays import read_tiles, spacing_of
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.option import parse_count
-from terraport_pipeline.stages import clean, reconstruct
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options.tiles import TileOptions
+from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
 from terraport_pipeline.synth.files import load_options, truth_path, write_quarry
 from terraport_pipeline.synth.options import MIN_POINTS, QuarryOptions
 from terraport_pipeline.synth.quarry import Quarry, synthesise
 from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
-from terraport_pipeline.workflow.tile_ground import TileOptions, prepare
+from terraport_pipeline.workflow.tile_ground import prepare
 
 SAMPLES = 50_000
 """Places measured each way: the 95th percentile rests on 2,500."""

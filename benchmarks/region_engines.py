@@ -27,17 +27,15 @@ import numpy as np
 from terraport_payload.types import AnyInt
 from terraport_pipeline.geometry.borders.border_segmenter import BorderSegmenter
 from terraport_pipeline.geometry.graph.felzenszwalb import FelzenszwalbSegmenter
-from terraport_pipeline.geometry.graph.graph_segmenter import (
-    COLOUR_GRAPH,
-    SHAPE_GRAPH,
-    GraphSegmenter,
-)
+from terraport_pipeline.geometry.graph.graph_options import COLOUR_GRAPH, SHAPE_GRAPH
+from terraport_pipeline.geometry.graph.graph_segmenter import GraphSegmenter
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.regions.colour import face_lab
 from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter
 from terraport_pipeline.geometry.regions.mean_colour import MeanColourSegmenter
+from terraport_pipeline.geometry.regions.pool_options import TrianglePoolOptions
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
-from terraport_pipeline.geometry.regions.triangle_pool import TrianglePoolOptions, triangle_pools
+from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.truth_mesh import truth_mesh
 from terraport_pipeline.synth.truth_regions import true_regions

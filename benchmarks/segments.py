@@ -27,7 +27,8 @@ from scipy.spatial import cKDTree
 
 from terraport_payload.types import Float64, Int64
 from terraport_pipeline.geometry.graph.felzenszwalb import FelzenszwalbSegmenter
-from terraport_pipeline.geometry.graph.graph_segmenter import COLOUR_GRAPH, GraphSegmenter
+from terraport_pipeline.geometry.graph.graph_options import COLOUR_GRAPH
+from terraport_pipeline.geometry.graph.graph_segmenter import GraphSegmenter
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.mesh.face_measures import automatic_extent, face_centres
 from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter, grid_cells

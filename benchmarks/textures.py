@@ -63,8 +63,8 @@ from terraport_pipeline.stages.texture_set import TextureSet
 from terraport_pipeline.stages.view_gains import view_gains
 from terraport_pipeline.synth.camera_eye import CameraEye
 from terraport_pipeline.synth.files import write_quarry
-from terraport_pipeline.synth.flight import FlightOptions, plan_flight, seen_by
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.flight import plan_flight, seen_by
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.photo_files import photo_edge_m, write_photos
 from terraport_pipeline.workflow.build import BuildOptions, build
 

@@ -39,10 +39,10 @@ from terraport_payload.types import AnyFloat, UInt8
 from terraport_pipeline.engines.cameras import eye_level
 from terraport_pipeline.engines.pictures import render_mesh
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
+from terraport_pipeline.options.tiles import TileOptions
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.tile_ground import TileOptions
 
 SAMPLES: Final = 20_000
 NEAR_CELLS: Final = 2.0

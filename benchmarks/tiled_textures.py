@@ -37,16 +37,16 @@ from PIL import Image
 
 from terraport_pipeline.engines.texturing import bilinear
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
+from terraport_pipeline.options.texturing import Texturing
+from terraport_pipeline.options.tiles import TileOptions
 from terraport_pipeline.published.scene_model import SceneModel, load_scene_model
 from terraport_pipeline.synth.camera_eye import CameraEye
 from terraport_pipeline.synth.files import write_quarry
-from terraport_pipeline.synth.flight import FlightOptions, plan_flight, seen_by
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.flight import plan_flight, seen_by
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.photo_files import photo_edge_m, write_photos
 from terraport_pipeline.synth.quarry import Quarry
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.photo_input import Texturing
-from terraport_pipeline.workflow.tile_ground import TileOptions
 from terraport_store import Scene
 
 THREADS: Final = max(1, min(os.cpu_count() or 1, 2))

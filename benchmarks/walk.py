@@ -23,7 +23,7 @@ from terraport_pipeline.engines.cameras import eye_level
 from terraport_pipeline.engines.pictures import render_mesh, save_png
 from terraport_pipeline.published.scene_model import SceneModel, load_scene_model
 from terraport_pipeline.synth.files import load_options, truth_path
-from terraport_pipeline.synth.flight import FlightOptions
+from terraport_pipeline.synth.options import FlightOptions
 from terraport_pipeline.synth.surface import Surface
 from terraport_pipeline.synth.way import way_places
 from terraport_store import Scene

@@ -14,14 +14,14 @@ import sys
 import tempfile
 from pathlib import Path
 
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.progress import RichProgress
 from terraport_pipeline.report.report import ReportOptions, write_report
 from terraport_pipeline.synth.files import write_quarry
-from terraport_pipeline.synth.flight import FlightOptions, seen_by
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.flight import seen_by
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.photo_files import write_photos
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.photo_input import Texturing
 
 TARGET = Path(__file__).with_name("sample_scene")
 MAX_BYTES = 6_000_000

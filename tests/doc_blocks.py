@@ -69,7 +69,7 @@ class Shell:
         self._address = ADDRESS
         self.said = ""
         """What the last command printed."""
-        monkeypatch.setattr("terraport_server.cli.run", self._serve)
+        monkeypatch.setattr("terraport_server.serving.run", self._serve)
 
     def __enter__(self) -> Self:
         return self

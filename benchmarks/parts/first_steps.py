@@ -5,13 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options.tiles import TileOptions
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.stages import clean, reconstruct
+from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.workflow.read_step import look_at_survey, read_once
 from terraport_pipeline.workflow.runner import Result, Runner
-from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare
+from terraport_pipeline.workflow.tile_ground import clean_thinned, prepare
 from terraport_pipeline.workflow.workdir import StageRecord, WorkDirectory
 
 __all__ = ["read_and_clean", "single_tile_depth"]

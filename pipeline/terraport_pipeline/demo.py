@@ -10,17 +10,17 @@ from typing import Final
 from terraport_pipeline.announced import announced
 from terraport_pipeline.demo_scenes import QUARRY_ID, QUARRY_NAME
 from terraport_pipeline.errors import OptionError
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.report.input_cloud import find_input_cloud
 from terraport_pipeline.report.picture import PictureOptions
 from terraport_pipeline.report.report import ReportOptions, ReportResult, write_report
 from terraport_pipeline.report.textures import open_scene_photos
 from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
-from terraport_pipeline.synth.flight import FlightOptions, seen_by
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.flight import seen_by
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.photo_files import WrittenPhotos, write_photos
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_pipeline.workflow.report import BuildReport
 
 __all__ = ["FLIGHT", "DemoScene", "prepare_demo"]

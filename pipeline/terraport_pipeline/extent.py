@@ -11,9 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields
+from typing import TYPE_CHECKING
 
-from terraport_payload.types import Bool, Float64
 from terraport_pipeline.errors import OptionError
+
+if TYPE_CHECKING:  # the command line prints its help without NumPy
+    from terraport_payload.types import Bool, Float64
 
 __all__ = ["Extent"]
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-import psutil
-
 __all__ = ["MEMORY_SHARE", "available_memory_bytes", "default_memory_bytes"]
 
 MEMORY_SHARE: Final = 0.8
@@ -15,6 +13,8 @@ MEMORY_SHARE: Final = 0.8
 
 def available_memory_bytes() -> int:
     """Return what is free for this process: on the machine, or in its container if that is less."""
+    import psutil  # only builds ask, not those who read their help
+
     free = int(psutil.virtual_memory().available)
     try:
         limit = Path("/sys/fs/cgroup/memory.max").read_text(encoding="ascii").strip()

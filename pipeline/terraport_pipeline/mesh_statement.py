@@ -5,10 +5,9 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any, Final, Literal
-
-import numpy as np
 
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.option import Notation, Option
@@ -49,7 +48,7 @@ class MeshStatement:
     """Take a mesh for the points at its vertices, and reconstruct them."""
 
     def __post_init__(self) -> None:
-        if self.shift is not None and not np.isfinite(self.shift).all():
+        if self.shift is not None and not all(map(math.isfinite, self.shift)):
             raise OptionError(f"shift {self.shift}; expected three finite numbers")
 
     @property

@@ -38,6 +38,7 @@ __all__ = [
     "Section",
     "check_options",
     "docstrings_of",
+    "format_bytes",
     "option_fields",
     "parse_bytes",
     "parse_count",
@@ -76,6 +77,21 @@ def parse_count(text: str, what: str = "count") -> int:
         raise OptionError(f"{what} {text!r}; expected a number such as 300000, 300k or 5M")
     number = float(match[1].replace("_", "").replace(",", ""))
     return round(number * _COUNTS[match[2].lower()])
+
+
+def format_bytes(count: float) -> str:
+    """Write a size for people.
+
+    Examples
+    --------
+    >>> format_bytes(999), format_bytes(1010), format_bytes(1_234_567)
+    ('999 B', '1.01 kB', '1.23 MB')
+    """
+    for unit in ("B", "kB", "MB", "GB"):
+        if count < 1000 or unit == "GB":
+            return f"{count:.0f} B" if unit == "B" else f"{count:.3g} {unit}"
+        count /= 1000
+    raise AssertionError  # pragma: no cover - the last unit always returns
 
 
 def parse_bytes(text: str, what: str = "size") -> int:

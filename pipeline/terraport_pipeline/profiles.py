@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import Any, Final, Literal
 
 from terraport_pipeline.option import option_fields
-from terraport_pipeline.stages import texture
+from terraport_pipeline.options import texture
 
 __all__ = ["PROFILES", "Profile", "texture_options"]
 

@@ -6,7 +6,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.console import Console
@@ -15,27 +15,13 @@ from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors, watching
 from terraport_pipeline.cli.from_options import command_of
-from terraport_pipeline.report.facts import format_bytes
-from terraport_research.booklet_model import Table as BookletTable
-from terraport_research.page import write_page
-from terraport_research.reconstruction import (
-    Compared,
-    Evaluation,
-    Options,
-    evaluate,
-    to_json,
-)
-from terraport_research.segmentation import (
-    SegmentationEvaluation,
-    SegmentationOptions,
-    evaluate_segmentation,
-)
-from terraport_research.segmentation_page import HEADS, write_evaluation
-from terraport_research.study.evaluate import evaluate_study
-from terraport_research.study.playing import play_walk
-from terraport_research.study.walks import made_walk, read_walk
-from terraport_research.thesis.evaluate import evaluate_thesis
-from terraport_research.thesis.making import ThesisOptions
+from terraport_pipeline.option import format_bytes
+from terraport_research.options import ReconstructionOptions, SegmentationOptions, ThesisOptions
+
+if TYPE_CHECKING:
+    from terraport_research.booklet_model import Table as BookletTable
+    from terraport_research.reconstruction import Compared, Evaluation
+    from terraport_research.segmentation import SegmentationEvaluation
 
 __all__ = ["reconstruction", "register", "segmentation", "study", "thesis"]
 
@@ -58,7 +44,7 @@ def register(app: typer.Typer) -> None:
 
 
 def reconstruction(
-    options: Options,
+    options: ReconstructionOptions,
     output: Annotated[
         Path,
         typer.Option("--output", "-o", help="Folder for reconstruction.html, .json, pictures."),
@@ -83,6 +69,8 @@ def reconstruction(
 
         terraport evaluate reconstruction --algorithms none --scenes pit.laz --depth-points 500k
     """
+    from terraport_research.reconstruction import evaluate
+
     errors, console = Console(stderr=True, soft_wrap=True), Console()
     if quick:
         options = replace(
@@ -126,6 +114,9 @@ def segmentation(
 
         terraport evaluate segmentation --models psb.tar.xz --algorithms automatic --every 10
     """
+    from terraport_research.segmentation import evaluate_segmentation
+    from terraport_research.segmentation_page import write_evaluation
+
     errors, console = Console(stderr=True, soft_wrap=True), Console()
     with watching(errors, quiet=quiet) as progress:
         evaluation = evaluate_segmentation(options, progress)
@@ -162,6 +153,8 @@ def thesis(
 
         terraport evaluate thesis --pages depths --data data --depths 8,10,11,13
     """
+    from terraport_research.thesis.evaluate import evaluate_thesis
+
     errors, console = Console(stderr=True, soft_wrap=True), Console()
     with watching(errors, quiet=quiet) as progress:
         pages, left_out = evaluate_thesis(options, output, progress)
@@ -230,6 +223,10 @@ def study(
 
         terraport evaluate study logs/study-7-head.json logs/study-7-landings.json
     """
+    from terraport_research.study.evaluate import evaluate_study
+    from terraport_research.study.playing import play_walk
+    from terraport_research.study.walks import made_walk, read_walk
+
     with reporting_errors(Console(stderr=True, soft_wrap=True)):
         paths = list(logs or [])
         output.mkdir(parents=True, exist_ok=True)
@@ -264,6 +261,8 @@ def _booklet_table(table: BookletTable) -> Table:
 
 
 def _score_table(evaluation: SegmentationEvaluation) -> Table:
+    from terraport_research.segmentation_page import HEADS
+
     table = _table(
         f"Against people, k told {evaluation.options.mode} (Tables B.1 to B.7; lower is better)",
         *("algorithm", *HEADS.values(), "segments", "failed", "CPU s"),
@@ -276,6 +275,9 @@ def _score_table(evaluation: SegmentationEvaluation) -> Table:
 
 
 def _write(evaluation: Evaluation, output: Path) -> None:
+    from terraport_research.page import write_page
+    from terraport_research.reconstruction import to_json
+
     write_page(evaluation, output / "reconstruction.html")
     (output / "reconstruction.json").write_text(to_json(evaluation), encoding="utf-8")
     pictures = output / "pictures"

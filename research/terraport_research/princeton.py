@@ -18,14 +18,15 @@ from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
-from typing import Final, Literal, get_args
+from typing import Final
 
 import numpy as np
 
 from terraport_payload.types import Float64, Int32
 from terraport_pipeline.errors import SurveyError
+from terraport_research.options import Mode
 
-__all__ = ["CATEGORIES", "MODES", "Benchmark", "Mode", "Model", "mode_of_counts", "read_benchmark"]
+__all__ = ["CATEGORIES", "Benchmark", "Model", "mode_of_counts", "read_benchmark"]
 
 CATEGORIES: Final = (
     "Human", "Cup", "Glasses", "Airplane", "Ant", "Chair", "Octopus", "Table", "Teddy", "Hand",
@@ -34,10 +35,6 @@ CATEGORIES: Final = (
 """Twenty models each, 1 to 20 and so on."""
 _PER_CATEGORY: Final = 20
 
-Mode = Literal["by-segmentation", "by-model", "by-category", "by-dataset"]
-MODES: Final = get_args(Mode)
-"""How an algorithm is told k: what each person made of this model; what most people made of it;
-what most made of its category; 7 for all."""
 _FILES: Final = {
     "by-model": "nSeg-ByModel.txt",
     "by-category": "nSeg-ByCategory.txt",

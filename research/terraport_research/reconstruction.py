@@ -13,16 +13,14 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Any, Final
 
-from terraport_pipeline.errors import OptionError, PipelineError
-from terraport_pipeline.option import COUNT, Notation, Option, check_options
+from terraport_pipeline.errors import PipelineError
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_research.depth_sweep import DepthScene, sweep
-from terraport_research.name_list import NAMES, parse_names
+from terraport_research.options import ReconstructionOptions
 from terraport_research.pictures import picture_of_mesh, picture_of_samples
-from terraport_research.reconstructors import RECONSTRUCTORS
-from terraport_research.runs import TIME_LIMIT_S, Run, run
+from terraport_research.runs import Run, run
 from terraport_research.scores import Scores, score
 from terraport_research.subjects import STANFORD, Subject, body, quarry, stanford
 from terraport_research.verdicts import (
@@ -33,80 +31,9 @@ from terraport_research.verdicts import (
     judge_shape,
 )
 
-__all__ = ["MODELS", "Evaluation", "Options", "Result", "evaluate", "to_json"]
-
-MODELS: Final = ("bunny", "armadillo", "block", "gear")
-"""Four models, as the thesis had four: two of its own, and two with sharp edges."""
-
-_LEAST_POINTS: Final = 1000
-_MOST_POINTS: Final = 2_000_000
-"""Voronoi filtering takes 30 GB and an hour beyond it."""
+__all__ = ["Evaluation", "Result", "evaluate", "to_json"]
 
 _PACKAGES: Final = ("terraport", "numpy", "scipy", "numba", "pycolmap", "embreex")
-
-
-def _parse_depths(text: str, what: str) -> tuple[int, ...]:
-    try:
-        return tuple(sorted({int(word) for word in parse_names(text, what)}))
-    except ValueError as error:
-        raise OptionError(f"{what} {text!r}; expected whole numbers, for example 8,9,10") from error
-
-
-_DEPTHS: Final = Notation(
-    "DEPTH,DEPTH", _parse_depths, lambda depths: ", ".join(map(str, depths)) or "none"
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Algorithms, models, sizes and limits of a comparison."""
-
-    algorithms: Annotated[tuple[str, ...], Option(notation=NAMES)] = tuple(RECONSTRUCTORS)
-    """Algorithms to compare, by commas; none: only the depths."""
-    models: Annotated[tuple[str, ...], Option(notation=NAMES)] = MODELS
-    """Models with truth, by commas: bunny, armadillo, block, gear, stairs, torus, sphere."""
-    points: Annotated[int, Option(least=_LEAST_POINTS, most=_MOST_POINTS, notation=COUNT)] = 20_000
-    """Samples of each model and of the quarry: 20k."""
-    depths: Annotated[tuple[int, ...], Option(notation=_DEPTHS)] = (8, 9, 10, 11, 12, 13)
-    """Octree depths of Poisson in the figure, 4 to 16, by commas; none: only the algorithms."""
-    depth_points: Annotated[int, Option(least=_LEAST_POINTS, most=_MOST_POINTS, notation=COUNT)] = (
-        60_000
-    )
-    """Points of each scene that the depths are tried on."""
-    scenes: Annotated[tuple[str, ...], Option(notation=NAMES)] = (
-        "quarry",
-        "red_rocks",
-        "apaxco_quarry",
-    )
-    """Scenes that the depths are tried on, by commas: these, or paths of surveys."""
-    data: Annotated[Path | None, Option(unset="none: models and scenes made here")] = None
-    """Folder with real data: stanford/bunny.ply, stanford/armadillo.obj, red_rocks/red_rocks.laz,
-    apaxco_quarry/apaxco_quarry_500k.laz. What is not there is left out, and said."""
-    threads: Annotated[int | None, Option(least=1, most=64, unset="all cores")] = None
-    """Algorithms at once; each runs on one thread."""
-    time_limit_s: Annotated[float, Option(flags=("--time-limit",), above=0, unit="s")] = (
-        TIME_LIMIT_S
-    )
-    """Stop an algorithm after this many seconds."""
-    pictures: bool = True
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        for name in self.algorithms:
-            if name not in RECONSTRUCTORS:
-                raise OptionError(
-                    f"algorithm {name!r}; expected one of {', '.join(RECONSTRUCTORS)}"
-                )
-        for depth in self.depths:
-            if not 4 <= depth <= 16:
-                raise OptionError(f"depth {depth}; expected 4 to 16")
-        if self.data is not None and not self.data.is_dir():
-            raise OptionError(f"--data {self.data}; expected an existing folder")
-
-    @property
-    def workers(self) -> int:
-        """Algorithms at once, counted."""
-        return self.threads or os.cpu_count() or 1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +65,7 @@ class Compared:
 class Evaluation:
     """Results of a comparison: all algorithms on all clouds, verdicts, and what was left out."""
 
-    options: Options
+    options: ReconstructionOptions
     ground: Compared | None
     """The quarry: Table 3.1."""
     models: tuple[Compared, ...]
@@ -151,12 +78,12 @@ class Evaluation:
     versions: dict[str, str] = field(default_factory=dict)
 
 
-def evaluate(options: Options, progress: Progress | None = None) -> Evaluation:
+def evaluate(options: ReconstructionOptions, progress: Progress | None = None) -> Evaluation:
     """Compare reconstruction algorithms.
 
     Parameters
     ----------
-    options : Options
+    options : ReconstructionOptions
     progress : Progress, optional
         Advances by reconstructions.
 
@@ -197,7 +124,7 @@ def evaluate(options: Options, progress: Progress | None = None) -> Evaluation:
     )
 
 
-def _subjects(options: Options, scratch: Path) -> list[Callable[[], Subject]]:
+def _subjects(options: ReconstructionOptions, scratch: Path) -> list[Callable[[], Subject]]:
     makers: list[Callable[[], Subject]] = [partial(quarry, options.points, scratch)]
     for name in options.models:
         if name in STANFORD:
@@ -207,7 +134,9 @@ def _subjects(options: Options, scratch: Path) -> list[Callable[[], Subject]]:
     return makers
 
 
-def _compare(subject: Subject, options: Options, scratch: Path, watcher: Progress) -> Compared:
+def _compare(
+    subject: Subject, options: ReconstructionOptions, scratch: Path, watcher: Progress
+) -> Compared:
     """Run every algorithm on one cloud, several at once, and measure what they made."""
     watcher.start(f"{subject.title}: algorithms", float(len(options.algorithms)), "algorithms")
 
@@ -242,7 +171,7 @@ def _compare(subject: Subject, options: Options, scratch: Path, watcher: Progres
     )
 
 
-def _measured(key: str, outcome: Run, subject: Subject, options: Options) -> Result:
+def _measured(key: str, outcome: Run, subject: Subject, options: ReconstructionOptions) -> Result:
     if outcome.surface is None or outcome.colours is None:
         return Result(key, outcome, None)
     picture = None
@@ -254,7 +183,7 @@ def _measured(key: str, outcome: Run, subject: Subject, options: Options) -> Res
 
 
 def _sweeps(
-    options: Options, scratch: Path, watcher: Progress, skipped: list[str]
+    options: ReconstructionOptions, scratch: Path, watcher: Progress, skipped: list[str]
 ) -> tuple[DepthScene, ...]:
     scenes = []
     for name in options.scenes if options.depths else ():
@@ -287,7 +216,9 @@ def _colour_table(ground: Compared | None) -> dict[str, ColourVerdict]:
     }
 
 
-def _shape_table(options: Options, models: tuple[Compared, ...]) -> dict[str, ShapeVerdict]:
+def _shape_table(
+    options: ReconstructionOptions, models: tuple[Compared, ...]
+) -> dict[str, ShapeVerdict]:
     """Judge algorithms that came through on every model."""
     table = {}
     for key in options.algorithms:

@@ -15,6 +15,7 @@ from scipy.spatial import cKDTree
 
 from terraport_payload.types import UInt8
 from terraport_pipeline.geometry.clouds.carry import carry_values
+from terraport_research.options import TIME_LIMIT_S
 from terraport_research.reconstructors import (
     RECONSTRUCTORS,
     Reconstructor,
@@ -23,9 +24,7 @@ from terraport_research.reconstructors import (
 )
 from terraport_research.reconstructors.child import main as child_main
 
-__all__ = ["TIME_LIMIT_S", "Run", "run"]
-
-TIME_LIMIT_S: Final = 300.0
+__all__ = ["Run", "run"]
 
 _SERVER: Final = multiprocessing.get_context("forkserver")
 _SERVER.set_forkserver_preload(["terraport_research.reconstructors.child"])

@@ -8,18 +8,15 @@ import time
 from collections.abc import Iterator
 from concurrent.futures import Future, ProcessPoolExecutor
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from terraport_payload.types import Float64
-from terraport_pipeline.errors import OptionError
-from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_research.cutters import CUTTERS, Body, Cutter
-from terraport_research.name_list import NAMES
-from terraport_research.princeton import Mode, Model, read_benchmark
+from terraport_research.options import Mode, SegmentationOptions
+from terraport_research.princeton import Model, read_benchmark
 from terraport_research.procedural_bodies import WAISTS, procedural_models
 from terraport_research.segmentation_scores import METRICS, MeshFacts, Pieces, compare
 from terraport_research.versions import versions_of_this
@@ -29,7 +26,6 @@ __all__ = [
     "ModelScores",
     "Row",
     "SegmentationEvaluation",
-    "SegmentationOptions",
     "evaluate_segmentation",
     "score_model",
 ]
@@ -39,33 +35,6 @@ PEOPLE: Final = "people"
 
 _AHEAD: Final = 2
 """Models read while each worker is busy with one."""
-
-
-@dataclass(frozen=True, slots=True)
-class SegmentationOptions:
-    """Models, algorithms, and what these are told."""
-
-    models: Annotated[Path | None, Option(unset="four bodies made here")] = None
-    """Folder or tar archive of Princeton's MeshsegBenchmark-1.0, or a part of it: data/off,
-    data/seg/Benchmark, util/parameters."""
-    algorithms: Annotated[tuple[str, ...], Option(notation=NAMES)] = tuple(CUTTERS)
-    """Algorithms to compare, by commas; none: people against people alone."""
-    mode: Annotated[Mode, Option()] = "by-model"
-    """How many segments algorithms are told to make: by-segmentation, as the person that they are
-    compared with; by-model, as most people made of this model; by-category, as most made of its
-    kind; by-dataset, 7 for all."""
-    every: Annotated[int, Option(least=1)] = 1
-    """Take every Nth model alone: a look."""
-    seed: Annotated[int, Option(least=0)] = 0
-    """Of what algorithms draw by lot."""
-    threads: Annotated[int | None, Option(least=1, most=64, unset="all cores")] = None
-    """Models at once, each in a process."""
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        for name in self.algorithms:
-            if name not in CUTTERS:
-                raise OptionError(f"algorithm {name!r}; expected one of {', '.join(CUTTERS)}")
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,9 +7,29 @@ are made of are PURE; everything that touches the network is in :mod:`~terraport
 
 from __future__ import annotations
 
-from terraport_server.app import create_app
-from terraport_server.background_server import BackgroundServer
-from terraport_server.serving import run
-from terraport_server.settings import Settings
+import importlib
+from typing import TYPE_CHECKING, Any, Final
+
+if TYPE_CHECKING:
+    from terraport_server.app import create_app
+    from terraport_server.background_server import BackgroundServer
+    from terraport_server.serving import run
+    from terraport_server.settings import Settings
 
 __all__ = ["BackgroundServer", "Settings", "create_app", "run"]
+
+_HOMES: Final = {
+    "BackgroundServer": "background_server",
+    "Settings": "settings",
+    "create_app": "app",
+    "run": "serving",
+}
+"""Module of each name: imported when it is used, so that ``terraport serve --help`` is quick."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"{__name__}.{_HOMES[name]}"), name)
+    globals()[name] = value
+    return value

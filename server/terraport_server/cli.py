@@ -5,18 +5,13 @@ from __future__ import annotations
 import ipaddress
 import shlex
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 from urllib.parse import quote
 
 import typer
 
-from terraport_server.errors import ServerError, SettingsError
-from terraport_server.listeners import host_in_url
-from terraport_server.serving import run
-from terraport_server.setting_errors import read_settings, typed_name
-from terraport_server.settings import Settings
-from terraport_server.viewer_page import BUILT_PAGE
-from terraport_store import StoreError, is_url, list_scenes, read_manifest
+if TYPE_CHECKING:
+    from terraport_server.settings import Settings
 
 __all__ = ["register", "serve"]
 
@@ -111,6 +106,11 @@ def serve(
     default stands here twice.
     """
     # Options by the names of the settings.
+    from terraport_server.errors import ServerError, SettingsError
+    from terraport_server.serving import run
+    from terraport_server.setting_errors import read_settings, typed_name
+    from terraport_store import StoreError, is_url
+
     given: dict[str, Any] = {
         "scenes_url" if is_url(directory) else "scenes_dir": directory,
         "host": host,
@@ -156,6 +156,8 @@ def register(app: typer.Typer) -> None:
 
 def _announce(settings: Settings) -> None:
     """Print where, what and for whom: the port is had, and the log has not begun."""
+    from terraport_store import StoreError, list_scenes, read_manifest
+
     scheme = "https" if settings.tls_certificate else "http"
     address = _address(settings, scheme)
     access = "open to everyone who can connect" if settings.is_open else "with a token"
@@ -188,12 +190,16 @@ def _announce(settings: Settings) -> None:
 def _address(settings: Settings, scheme: str) -> str:
     """Return an address that can be opened on this machine: no wildcard, IPv6 in brackets."""
     # An address that stands for all of them is none that a browser could be pointed at.
+    from terraport_server.listeners import host_in_url
+
     host = "localhost" if _is_every_address(settings.host) else settings.host
     return f"{scheme}://{host_in_url(host)}:{settings.port}"
 
 
 def _viewer_line(settings: Settings, scheme: str) -> str:
     """Return the viewer's address, or why there is no viewer."""
+    from terraport_server.viewer_page import BUILT_PAGE
+
     if not settings.viewer:
         return "switched off"
     if settings.viewer_dir is None and not (BUILT_PAGE / "index.html").is_file():

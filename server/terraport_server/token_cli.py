@@ -11,15 +11,13 @@ import shlex
 import sys
 import time
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from terraport_server.errors import ServerError, SettingsError
-from terraport_server.signed_tokens import look_into, make_token, read_token
-from terraport_server.token_keys import TokenKey, new_key, read_keys, write_keys
-from terraport_server.token_scopes import LAND, SCOPES, Scope, scopes_of
-from terraport_wire import MAX_TOKEN_BYTES
+if TYPE_CHECKING:
+    from terraport_server.token_keys import TokenKey
+    from terraport_server.token_scopes import Scope
 
 __all__ = ["register"]
 
@@ -70,6 +68,9 @@ def new_key_command(
 
       terraport token new-key keys --algorithm EdDSA --id 2027
     """
+    from terraport_server.errors import SettingsError
+    from terraport_server.token_keys import new_key, read_keys, write_keys
+
     old = read_keys(file) if file.exists() else None
     keys = () if old is None else old.keys
     name = key_id or _free_id({key.id for key in keys})
@@ -123,6 +124,12 @@ def create(
       terraport token create --keys keys --name tour --all-scenes --scope guide > token
     """
     # What the token grants, and when.
+    from terraport_server.errors import SettingsError
+    from terraport_server.signed_tokens import make_token, read_token
+    from terraport_server.token_keys import read_keys
+    from terraport_server.token_scopes import LAND
+    from terraport_wire import MAX_TOKEN_BYTES
+
     scopes = _scopes(scope)
     if "land" in scopes and all_scenes == bool(scene):
         raise SettingsError("--scene", "expected --scene ID, once or more, or --all-scenes")
@@ -173,6 +180,11 @@ def show(
 
       terraport token show - --keys keys < token          is it accepted, too?
     """
+    from terraport_server.errors import SettingsError
+    from terraport_server.signed_tokens import look_into, read_token
+    from terraport_server.token_keys import read_keys
+    from terraport_wire import MAX_TOKEN_BYTES
+
     text = sys.stdin.readline(MAX_TOKEN_BYTES + 2).strip() if token == _STANDARD_INPUT else token
     decoded = look_into(text)
     if decoded is None:
@@ -212,6 +224,8 @@ def _with_plain_errors(command: Any, keys: str = "--keys") -> Any:
 
     @functools.wraps(command)
     def checked(*arguments: Any, **options: Any) -> None:
+        from terraport_server.errors import ServerError, SettingsError
+
         try:
             command(*arguments, **options)
         except SettingsError as error:
@@ -234,6 +248,9 @@ def _lines(keys: tuple[TokenKey, ...], revoked: Any) -> list[str]:
 
 
 def _scopes(words: list[str] | None) -> frozenset[Scope]:
+    from terraport_server.errors import SettingsError
+    from terraport_server.token_scopes import LAND, SCOPES, scopes_of
+
     wrong = [word for word in words or () if word not in SCOPES]
     if wrong:
         expected = ", ".join(SCOPES)
@@ -248,6 +265,8 @@ def _free_id(taken: set[str]) -> str:
 
 
 def _seconds(option: str, text: str) -> int:
+    from terraport_server.errors import SettingsError
+
     match = re.fullmatch(r"([1-9][0-9]{0,8})([smhd])", text.strip())
     seconds = 0 if match is None else int(match[1]) * _UNITS_S[match[2]]
     if not 0 < seconds <= _LONGEST_S:

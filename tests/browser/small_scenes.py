@@ -5,13 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Final
 
-from terraport_pipeline.stages import reconstruct, segment
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.synth.files import write_quarry
-from terraport_pipeline.synth.flight import FlightOptions, seen_by
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.flight import seen_by
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.photo_files import write_photos
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.photo_input import Texturing
 
 __all__ = ["PHOTOGRAPHED", "SMALL", "small_scenes"]
 

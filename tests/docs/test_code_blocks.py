@@ -21,7 +21,6 @@ import pytest
 from doc_blocks import ROOT, Shell, blocks_of, in_process, pages, working_in
 
 from terraport_pipeline.cli import build as build_command
-from terraport_pipeline.cli import report as report_command
 from terraport_pipeline.engines.camera_files import read_raw_cameras
 from terraport_pipeline.engines.camera_files.write_opensfm import write_opensfm
 from terraport_pipeline.geometry.photos.lens import View
@@ -29,6 +28,7 @@ from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.report.report import ReportResult
 from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.workflow.build import BuildOptions
+from terraport_pipeline.workflow.photo_input import locate_photos
 from terraport_pipeline.workflow.report import BuildReport
 from terraport_store import Scene, change_labels, read_manifest
 
@@ -145,7 +145,7 @@ def _read_only(options: BuildOptions, *_: Any, **__: Any) -> BuildReport:
         statement=options.statement,
     ).heads(NullProgress())
     if options.texture is not None:
-        options.texture.find(NullProgress())
+        locate_photos(options.texture, NullProgress())
     if not options.scene.exists():
         shutil.copytree("scenes/quarry", options.scene)
     return BuildReport(options.scene, "0" * 12, True, (), 0.0)
@@ -160,7 +160,7 @@ def _no_pictures(scene: Path, *_: Any, **__: Any) -> ReportResult:
 @pytest.mark.parametrize("page", [page for page in PAGES_THAT_RUN if page not in SLOW])
 def test_blocks_run(page: str, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(build_command, "_build", _read_only)
-    monkeypatch.setattr(report_command, "write_report", _no_pictures)
+    monkeypatch.setattr("terraport_pipeline.report.report.write_report", _no_pictures)
     _run(page, shell)
 
 
@@ -176,8 +176,7 @@ def test_blocks_run(page: str, shell: Shell, monkeypatch: pytest.MonkeyPatch) ->
 )
 def test_builds_and_exports_run(page: str, shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     # A report's pictures take longer than the build; tests/pipeline/look draws them.
-    monkeypatch.setattr(build_command, "write_report", _no_pictures)
-    monkeypatch.setattr(report_command, "write_report", _no_pictures)
+    monkeypatch.setattr("terraport_pipeline.report.report.write_report", _no_pictures)
     _run(page, shell)
 
 

@@ -17,7 +17,8 @@ from scipy.spatial import Delaunay, cKDTree
 import terraport.sync
 from terraport_payload import box_distances_m
 from terraport_pipeline.model import Mesh, Survey, to_crs, to_scene
-from terraport_pipeline.stages import pack, segment
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.stages import pack
 from terraport_pipeline.workflow.pack_step import publish_tiles
 from terraport_pipeline.workflow.segment_step import segment_tiles
 from terraport_server.background_server import BackgroundServer

@@ -10,15 +10,18 @@ from memory_tiles import MemoryTiles, digest_of_mesh
 
 from terraport_payload.types import Int32
 from terraport_pipeline.model import Mesh, Survey
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.options.tiles import TileOptions
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.stages import clean, reconstruct, segment
+from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.contract import Facts, Stored
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
 from terraport_pipeline.workflow.reconstruct_step import Reconstructed, Surface, reconstruct_tiles
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.segment_step import Segmented, segment_tiles
-from terraport_pipeline.workflow.tile_ground import Ground, TileOptions, clean_thinned, prepare
+from terraport_pipeline.workflow.tile_ground import Ground, clean_thinned, prepare
 from terraport_pipeline.workflow.workdir import Cost, StageRecord, WorkDirectory
 
 

@@ -8,8 +8,9 @@ from typer.testing import CliRunner
 
 from terraport_pipeline.cli import build as build_cli
 from terraport_pipeline.option import option_fields
+from terraport_pipeline.options import regions as segment
 from terraport_pipeline.profiles import PROFILES, texture_options
-from terraport_pipeline.stages import segment, texture
+from terraport_pipeline.stages import texture
 from terraport_pipeline.workflow.build import BuildOptions
 
 
@@ -21,6 +22,7 @@ def built_with(monkeypatch: pytest.MonkeyPatch, *arguments: str) -> BuildOptions
         raise typer.Exit(0)
 
     monkeypatch.setattr(build_cli, "_build", keep)
+    monkeypatch.setattr(build_cli, "expand_input", lambda given: [given])  # no file is read
     app = typer.Typer()
     build_cli.register(app)
     result = CliRunner().invoke(app, list(arguments))

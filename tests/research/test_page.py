@@ -3,8 +3,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from terraport_research.depth_sweep import DepthRow, DepthScene
+from terraport_research.options import ReconstructionOptions
 from terraport_research.page import page_of, write_page
-from terraport_research.reconstruction import Evaluation, Options
+from terraport_research.reconstruction import Evaluation
 
 SCENE = DepthScene(
     "pit",
@@ -22,7 +23,9 @@ SCENE = DepthScene(
 
 
 def evaluation_of(scenes: tuple[DepthScene, ...]) -> Evaluation:
-    return Evaluation(Options(), None, (), {}, {}, scenes, ("no bunny",), {"numpy": "2"})
+    return Evaluation(
+        ReconstructionOptions(), None, (), {}, {}, scenes, ("no bunny",), {"numpy": "2"}
+    )
 
 
 def test_the_figure_has_a_chart_for_faces_time_and_memory() -> None:

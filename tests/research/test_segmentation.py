@@ -15,13 +15,9 @@ from typer.testing import CliRunner
 from terraport_pipeline.errors import EngineError
 from terraport_research.cli import register
 from terraport_research.cutters import CUTTERS
+from terraport_research.options import SegmentationOptions
 from terraport_research.procedural_bodies import procedural_models
-from terraport_research.segmentation import (
-    PEOPLE,
-    SegmentationOptions,
-    evaluate_segmentation,
-    score_model,
-)
+from terraport_research.segmentation import PEOPLE, evaluate_segmentation, score_model
 from terraport_research.segmentation_page import to_json, to_markdown
 from terraport_research.segmentation_scores import METRICS, MeshFacts, compare
 from terraport_research.thesis_tables import THESIS_COLUMNS, THESIS_TABLES

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 from urllib.parse import quote
 
 import typer
@@ -15,22 +15,17 @@ from rich.console import Console
 
 from terraport_pipeline.cli.edge import watching
 from terraport_pipeline.cli.from_options import command_of
-from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.errors import PipelineError
+from terraport_pipeline.options.build import BuildOptions
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.profiles import PROFILES, Profile, texture_options
-from terraport_pipeline.progress import Progress
-from terraport_pipeline.published.scene_model import SceneModel
-from terraport_pipeline.published.work_directory import default_work_directory
-from terraport_pipeline.report.input_cloud import find_input_cloud
-from terraport_pipeline.report.report import write_report
-from terraport_pipeline.report.textures import open_scene_photos
-from terraport_pipeline.unforeseen import stage_failed
-from terraport_pipeline.workflow.build import BuildOptions
-from terraport_pipeline.workflow.build import build as run_build
-from terraport_pipeline.workflow.photo_input import Texturing, project_texturing
-from terraport_pipeline.workflow.report import BuildReport
-from terraport_store import StoreError, read_manifest
-from terraport_store.layout import REPORT, REPORT_PDF
+from terraport_pipeline.survey.inputs import expand_input
+
+if TYPE_CHECKING:
+    from terraport_pipeline.engines.photos import OpenPhotos
+    from terraport_pipeline.progress import Progress
+    from terraport_pipeline.published.scene_model import SceneModel
+    from terraport_pipeline.workflow.report import BuildReport
 
 __all__ = ["build", "register"]
 
@@ -94,6 +89,10 @@ def build(
 
         terraport serve scenes                           shows what was built
     """
+    for given in options.inputs:
+        expand_input(given)  # a wrong name is refused before anything slow is imported
+    from terraport_pipeline.workflow.photo_input import photo_folder, project_texturing
+
     console = Console(stderr=True, soft_wrap=True)
     of_project = None if options.texture is not None else project_texturing(options.inputs)
     if of_project is not None and profile is not None:
@@ -101,7 +100,9 @@ def build(
     if of_project is not None and options.base_texture:
         options = replace(options, texture=of_project)
         if not quiet:
-            text = f"textures from {of_project.folder}; name the cloud itself to build without"
+            text = (
+                f"textures from {photo_folder(of_project)}; name the cloud itself to build without"
+            )
             console.print(text, markup=False, highlight=False)
     with watching(console, quiet=quiet) as progress:
         built = _build(options, console, progress, with_report=report)
@@ -119,6 +120,9 @@ def build(
 
 def _last_lines(scene: Path) -> list[str]:
     """Say where the report is, the commands that serve the scene and land in it, and its tiles."""
+    from terraport_store import read_manifest
+    from terraport_store.layout import REPORT, REPORT_PDF
+
     lines = []
     if (scene / REPORT).exists():
         pdf = scene / REPORT_PDF
@@ -140,15 +144,22 @@ def _last_lines(scene: Path) -> list[str]:
 
 def _photos_beside(texturing: Texturing | None) -> Callable[[SceneModel], OpenPhotos] | None:
     """Open the build's photos again, for the report's pictures."""
+    from terraport_pipeline.report.textures import open_scene_photos
+
     if texturing is None or texturing.photos is None:
         return None
-    photos, cameras, offset = texturing.folder, texturing.cameras, texturing.camera_offset
+    from terraport_pipeline.workflow.photo_input import photo_folder
+
+    photos, cameras, offset = photo_folder(texturing), texturing.cameras, texturing.camera_offset
     return lambda model: open_scene_photos(model, photos, cameras, offset)
 
 
 def _build(
     options: BuildOptions, console: Console, progress: Progress, *, with_report: bool
 ) -> BuildReport:
+    from terraport_pipeline.workflow.build import build as run_build
+    from terraport_store.layout import REPORT
+
     try:
         built = run_build(options, progress)
         if with_report and (built.published or not (built.scene / REPORT).exists()):
@@ -160,6 +171,12 @@ def _build(
 
 
 def _report(options: BuildOptions, built: BuildReport, progress: Progress) -> None:
+    from terraport_pipeline.published.work_directory import default_work_directory
+    from terraport_pipeline.report.input_cloud import find_input_cloud
+    from terraport_pipeline.report.report import write_report
+    from terraport_pipeline.unforeseen import stage_failed
+    from terraport_store import StoreError
+
     try:
         write_report(
             built.scene,

@@ -19,25 +19,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-import terraport.sync
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.demo_scenes import (
-    QUARRY_ID,
-    QUARRY_NAME,
-    SHIPPED_ID,
-    SHIPPED_VIEW,
-    place_shipped_scene,
-)
 from terraport_pipeline.errors import PipelineError, StageFailedError
-from terraport_pipeline.option import parse_count
-from terraport_pipeline.progress import RichProgress
-from terraport_server.background_server import BackgroundServer
-from terraport_server.errors import ServerError
-from terraport_server.listeners import Listeners
-from terraport_store import end_building, say_building
+from terraport_pipeline.option import format_bytes, parse_count
 
 if TYPE_CHECKING:
+    import terraport.sync
     from terraport_pipeline.demo import DemoScene
+    from terraport_server.background_server import BackgroundServer
+    from terraport_server.listeners import Listeners
 
 __all__ = ["demo", "has_display", "register"]
 
@@ -48,9 +38,6 @@ STEP_M: Final = 70.0
 LANDING_TIMEOUT_S: Final = 60.0
 
 _HOST: Final = "127.0.0.1"
-
-_CAN_BUILD: Final = importlib.util.find_spec("numba") is not None
-"""Whether the extra is there with which surveys are built: looking at a scene needs none."""
 
 
 def register(app: typer.Typer) -> None:
@@ -101,6 +88,9 @@ def demo(
 
         terraport demo --points 1M --keep demo --port 8080 --no-open
     """
+    from terraport_pipeline.demo_scenes import QUARRY_ID, place_shipped_scene
+    from terraport_server.background_server import BackgroundServer
+
     errors, console = Console(stderr=True), Console()
     started = time.perf_counter()
     with (
@@ -115,12 +105,12 @@ def demo(
         scenes.mkdir(exist_ok=True)
         place_shipped_scene(scenes)
         with (
-            _announcing(scenes / QUARRY_ID) if _CAN_BUILD else contextlib.nullcontext(),
+            _announcing(scenes / QUARRY_ID) if _can_build() else contextlib.nullcontext(),
             BackgroundServer(scenes, listeners=listeners) as server,
         ):
             if serve:
                 _show_shipped(console, server, started, open_page)
-            if not _CAN_BUILD:
+            if not _can_build():
                 _say_extra(console, serve=serve)
                 return
             # (2) survey, scene and report: what an earlier demo left in the folder is taken up
@@ -168,6 +158,8 @@ def _show_shipped(
     console: Console, server: BackgroundServer, started: float, open_page: bool | None
 ) -> None:
     """Say where the scene that comes along is to be seen, and open the browser on it."""
+    from terraport_pipeline.demo_scenes import SHIPPED_ID, SHIPPED_VIEW
+
     viewer = server.viewer_url(SHIPPED_ID)
     address = server.url if viewer is None else f"{viewer}&{SHIPPED_VIEW}"
     console.print(f"viewer  {address}", highlight=False, soft_wrap=True)
@@ -182,10 +174,16 @@ def _show_shipped(
         webbrowser.open(address)
 
 
+def _can_build() -> bool:
+    """Whether the extra is there with which surveys are built: looking at a scene needs none."""
+    return importlib.util.find_spec("numba") is not None
+
+
 def _prepare(directory: Path, points: int, console: Console, *, photos: bool) -> DemoScene:
     """Make survey, scene and report."""
     # Here, after the page is shown: reconstruction, compilers and readers take seconds to import.
     from terraport_pipeline.demo import FLIGHT, prepare_demo
+    from terraport_pipeline.progress import RichProgress
     from terraport_pipeline.warm import warming
 
     with warming(), RichProgress(console) as progress:
@@ -197,6 +195,9 @@ def _prepare(directory: Path, points: int, console: Console, *, photos: bool) ->
 @contextlib.contextmanager
 def _announcing(quarry: Path) -> Iterator[None]:
     """Announce the quarry before the page first asks, which is before anything of it begins."""
+    from terraport_pipeline.demo_scenes import QUARRY_NAME
+    from terraport_store import end_building, say_building
+
     say_building(quarry, QUARRY_NAME, "beginning", None)
     try:
         yield
@@ -206,6 +207,9 @@ def _announcing(quarry: Path) -> Iterator[None]:
 
 def _await_quarry(server: BackgroundServer, version: str) -> None:
     """Wait until the service has seen that version; it looks once a second."""
+    from terraport_pipeline.demo_scenes import QUARRY_ID
+    from terraport_server.errors import ServerError
+
     until = time.monotonic() + LANDING_TIMEOUT_S
     while time.monotonic() < until:
         with contextlib.suppress(ServerError):
@@ -217,6 +221,8 @@ def _await_quarry(server: BackgroundServer, version: str) -> None:
 
 def _pages(server: BackgroundServer) -> dict[str, str]:
     """Return what there is to look at, the best first."""
+    from terraport_pipeline.demo_scenes import QUARRY_ID
+
     viewer = server.viewer_url(QUARRY_ID)
     pages = {} if viewer is None else {"viewer": viewer}
     return pages | {"report": f"{server.scene_url(QUARRY_ID)}/report", "scenes": server.url}
@@ -224,6 +230,9 @@ def _pages(server: BackgroundServer) -> dict[str, str]:
 
 @contextlib.contextmanager
 def _listening(port: int) -> Iterator[Listeners]:
+    from terraport_server.errors import ServerError
+    from terraport_server.listeners import Listeners
+
     try:
         listeners = Listeners(_HOST, port, 1)
     except ServerError as error:
@@ -253,8 +262,6 @@ def _directory(keep: Path | None) -> Iterator[Path]:
 
 
 def _print_steps(console: Console, demo_scene: DemoScene) -> None:
-    from terraport_pipeline.report.facts import format_bytes  # had by now; not before the page is
-
     table = Table(title="A scene from nothing", title_justify="left")
     table.add_column("step")
     table.add_column("time", justify="right")
@@ -281,6 +288,8 @@ def _print_steps(console: Console, demo_scene: DemoScene) -> None:
 
 def _land(console: Console, url: str) -> None:
     """Land in two places, then in the first again, and print what each cost."""
+    import terraport.sync
+
     table = Table(title="Three landings with the Python SDK", title_justify="left")
     for name in ("", "first", "further on", "back again"):
         table.add_column(name, justify="left" if not name else "right")

@@ -6,7 +6,7 @@ import json
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from rich.console import Console
@@ -15,18 +15,10 @@ from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.progress import NullProgress, RichProgress
-from terraport_pipeline.report.facts import format_bytes
-from terraport_pipeline.upkeep.difference import (
-    Compared,
-    Difference,
-    compare,
-    of_folder_before,
-    of_scene,
-    side_facts,
-)
-from terraport_pipeline.upkeep.ground_change import GroundChange, ground_change, why_not
-from terraport_store import Scene, is_url
+
+if TYPE_CHECKING:
+    from terraport_pipeline.upkeep.difference import Compared, Difference
+    from terraport_pipeline.upkeep.ground_change import GroundChange
 
 __all__ = ["diff", "register"]
 
@@ -102,6 +94,11 @@ def _compare(
     first: str, second: str | None, errors: Console, *, with_heights: bool
 ) -> tuple[dict[str, Any], Difference]:
     """Open both, compare them, and put together what is said."""
+    from terraport_pipeline.progress import NullProgress, RichProgress
+    from terraport_pipeline.upkeep.difference import compare, of_folder_before, of_scene
+    from terraport_pipeline.upkeep.ground_change import ground_change, why_not
+    from terraport_store import Scene, is_url
+
     with ExitStack() as opened:
         now = opened.enter_context(Scene.open(first))
         problem, ground = None, None
@@ -131,6 +128,8 @@ def _facts(
     problem: str | None,
 ) -> dict[str, Any]:
     """Return what ``--json`` prints."""
+    from terraport_pipeline.upkeep.difference import side_facts
+
     first, second = (side_facts(side) for side in sides)
     shares = ("kept", "changed", "new", "gone", "renumbered")
     change = sides[1].regions.get("change") if sides[1].manifest is not None else None
@@ -154,6 +153,8 @@ def _facts(
 
 
 def _show(console: Console, facts: dict[str, Any], difference: Difference) -> None:
+    from terraport_pipeline.option import format_bytes
+
     if difference.is_same:
         console.print(f"the same: version {facts['a']['version'][:12]}", highlight=False)
         return
@@ -171,6 +172,8 @@ def _show(console: Console, facts: dict[str, Any], difference: Difference) -> No
 
 def _sides(first: dict[str, Any], second: dict[str, Any]) -> Table:
     """Draw a row per fact, A beside B; what is the same stands dim."""
+    from terraport_pipeline.option import format_bytes
+
     table = _plain_table("", "A", "B")
 
     def row(name: str, one: str, other: str) -> None:
@@ -200,6 +203,8 @@ def _sides(first: dict[str, Any], second: dict[str, Any]) -> Table:
 
 
 def _segments(facts: dict[str, Any]) -> Table:
+    from terraport_pipeline.option import format_bytes
+
     table = _plain_table("segments", "number", "bytes")
     for column in table.columns[1:]:
         column.justify = "right"

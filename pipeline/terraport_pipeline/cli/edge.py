@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import typer
 from rich.console import Console
 
 from terraport_pipeline.errors import OptionError, PipelineError
-from terraport_pipeline.progress import NullProgress, Progress, RichProgress
-from terraport_pipeline.unforeseen import stage_failed
-from terraport_store import StoreError
+
+if TYPE_CHECKING:
+    from terraport_pipeline.progress import Progress
 
 __all__ = ["reporting_errors", "watching"]
 
@@ -33,7 +34,7 @@ def reporting_errors(console: Console) -> Iterator[None]:
     """
     try:
         yield
-    except (PipelineError, StoreError, OSError) as error:
+    except (PipelineError, OSError) as error:
         text = str(error)
         if isinstance(error, OSError) and error.filename is not None:
             text = f"{error.filename}: {error.strerror}"  # without its number
@@ -44,15 +45,25 @@ def reporting_errors(console: Console) -> Iterator[None]:
         raise typer.Exit(130) from error
     except (typer.Exit, typer.Abort, typer.BadParameter):  # said already
         raise
+    except ModuleNotFoundError:  # an extra is missing: the command line says which
+        raise
     except Exception as error:
-        failed = stage_failed(error, "this command", "nothing was finished by it")
-        console.print(f"error: {failed}", markup=False, highlight=False, soft_wrap=True)
+        from terraport_store import StoreError  # slow to import, and wrong words need none of it
+
+        text = str(error)
+        if not isinstance(error, StoreError):
+            from terraport_pipeline.unforeseen import stage_failed
+
+            text = str(stage_failed(error, "this command", "nothing was finished by it"))
+        console.print(f"error: {text}", markup=False, highlight=False, soft_wrap=True)
         raise typer.Exit(1) from error
 
 
 @contextmanager
 def watching(console: Console, *, quiet: bool) -> Iterator[Progress]:
     """Show progress on `console` while the block runs, or none."""
+    from terraport_pipeline.progress import NullProgress, RichProgress
+
     if quiet:
         yield NullProgress()
         return

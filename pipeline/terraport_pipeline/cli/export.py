@@ -5,19 +5,18 @@ from __future__ import annotations
 import time
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.export.hand_on import Exported, ExportRequest, export_scene
-from terraport_pipeline.export.products import ENDINGS, Product
+from terraport_pipeline.export.products import ENDINGS, Product, product_of
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.option import EXTENT
-from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.report.facts import format_bytes
-from terraport_store import is_url
+
+if TYPE_CHECKING:
+    from terraport_pipeline.export.hand_on import Exported
 
 __all__ = ["export", "register"]
 
@@ -27,16 +26,7 @@ _PACKAGES: Final = ("contourpy", "ezdxf", "pyogrio", "rasterio", "shapely")
 
 
 def register(app: typer.Typer) -> None:
-    """Add ``terraport export`` to the command line `app`.
-
-    Raises
-    ------
-    ModuleNotFoundError
-        A package of the extra is missing: better said now than in the midst of an export.
-    """
-    for package in _PACKAGES:
-        if find_spec(package) is None:
-            raise ModuleNotFoundError(f"No module named {package!r}", name=package)
+    """Add ``terraport export`` to the command line `app`."""
     app.command("export")(export)
 
 
@@ -158,6 +148,16 @@ def export(
     errors = Console(stderr=True)
     start = time.perf_counter()
     with reporting_errors(errors):
+        # (1) Wrong words, or a missing package, before anything slow is imported.
+        product = product_of(output, product, interval=interval, line=line)
+        for package in _PACKAGES:
+            if find_spec(package) is None:
+                raise ModuleNotFoundError(f"No module named {package!r}", name=package)
+        # (2) The export.
+        from terraport_pipeline.export.hand_on import ExportRequest, export_scene
+        from terraport_pipeline.progress import RichProgress
+        from terraport_store import is_url
+
         request = ExportRequest(
             output,
             product,
@@ -178,6 +178,8 @@ def export(
 
 
 def _line(written: Exported, seconds: float) -> str:
+    from terraport_pipeline.option import format_bytes
+
     facts = ", ".join(f"{name} {value}" for name, value in written.facts.items())
     beside = f"\nbeside it: {', '.join(written.companions)}" if written.companions else ""
     return (

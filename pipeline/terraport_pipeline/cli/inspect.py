@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from rich.console import Console, Group, RenderableType
@@ -15,40 +15,20 @@ from rich.status import Status
 from rich.table import Table
 from rich.text import Text
 
-from terraport_pipeline.camera_inspection import (
-    forecast_with_photos,
-    inspect_cameras,
-    inspect_photos,
-)
-from terraport_pipeline.cli.camera_tables import camera_tables
 from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.cli.label import regions_table
-from terraport_pipeline.cli.mesh_table import mesh_table
-from terraport_pipeline.cli.survey_tables import point_tables, survey_tables
-from terraport_pipeline.engines.camera_files import has_cameras
-from terraport_pipeline.engines.odm_project import find_odm_project, originals_in
-from terraport_pipeline.engines.pictures import save_png
-from terraport_pipeline.engines.readers.survey_format import is_binary_survey, is_foreign
-from terraport_pipeline.engines.readers.text_form import is_table
 from terraport_pipeline.errors import OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.free_memory import default_memory_bytes
-from terraport_pipeline.inspection import inspect_scene
-from terraport_pipeline.mesh_inspection import inspect_mesh
 from terraport_pipeline.mesh_statement import MeshStatement
 from terraport_pipeline.option import EXTENT, parse_offset
-from terraport_pipeline.progress import NullProgress, RichProgress
-from terraport_pipeline.report.density_picture import draw_density
-from terraport_pipeline.report.facts import extent_line, input_line
-from terraport_pipeline.report.scene_colour import SceneColour
-from terraport_pipeline.survey.find_mesh import find_mesh, is_mesh
-from terraport_pipeline.survey.find_survey import find_survey
-from terraport_pipeline.survey.survey_files import SurveyFiles
-from terraport_pipeline.survey_inspection import inspect_headers, inspect_points
+from terraport_pipeline.progress import NullProgress
+from terraport_pipeline.survey.inputs import expand_input
 from terraport_pipeline.survey_statement import SurveyStatement
-from terraport_pipeline.workflow.build import usable_cores
-from terraport_pipeline.workflow.photo_input import cameras_beside
-from terraport_store import SceneNotFoundError, is_url
+
+if TYPE_CHECKING:
+    from terraport_pipeline.survey.survey_files import SurveyFiles
+    from terraport_store import SceneNotFoundError
 
 __all__ = ["inspect", "register"]
 
@@ -156,6 +136,18 @@ def inspect(
 
         terraport inspect odm-project/
     """
+    for text in target:
+        if "://" not in text:
+            expand_input(Path(text))  # a wrong name is refused before anything slow is imported
+    from terraport_pipeline.cli.mesh_table import mesh_table
+    from terraport_pipeline.engines.camera_files import has_cameras
+    from terraport_pipeline.engines.odm_project import find_odm_project, originals_in
+    from terraport_pipeline.mesh_inspection import inspect_mesh
+    from terraport_pipeline.survey.find_mesh import find_mesh, is_mesh
+    from terraport_pipeline.survey.find_survey import find_survey
+    from terraport_pipeline.workflow.photo_input import cameras_beside
+    from terraport_store import SceneNotFoundError, is_url
+
     console = Console(stderr=True, soft_wrap=True)
     within = None if extent is None else Extent(*extent)
     asked = _Asked(console, Console(), density_map, only_headers=headers, as_json=as_json)
@@ -239,6 +231,9 @@ def _scene_at(url: str, *, is_alone: bool) -> tuple[dict[str, Any], Group]:
     OptionError
         It is no scene, or something else is asked of it.
     """
+    from terraport_pipeline.inspection import inspect_scene
+    from terraport_store import SceneNotFoundError
+
     advice = "surveys, photos and cameras are read from this machine: fetch them first"
     if not is_alone:
         raise OptionError(f"{url}: only a scene is inspected at an address, alone; {advice}")
@@ -257,6 +252,10 @@ def _show_with_cameras(
     asked: _Asked,
 ) -> None:
     """Show a survey, and how well the cameras of its photos fit it."""
+    from terraport_pipeline.camera_inspection import forecast_with_photos, inspect_photos
+    from terraport_pipeline.cli.camera_tables import camera_tables
+    from terraport_pipeline.progress import RichProgress
+
     survey_facts = _inspect_survey(survey, asked)
     with RichProgress(asked.console) as progress:
         facts = inspect_photos(survey, cameras, photos=photos, offset=offset, progress=progress)
@@ -273,6 +272,14 @@ def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any]
     SceneNotFoundError
         A folder that is neither; it may hold a survey.
     """
+    from terraport_pipeline.camera_inspection import inspect_cameras
+    from terraport_pipeline.cli.camera_tables import camera_tables
+    from terraport_pipeline.engines.camera_files import has_cameras
+    from terraport_pipeline.engines.readers.survey_format import is_binary_survey, is_foreign
+    from terraport_pipeline.engines.readers.text_form import is_table
+    from terraport_pipeline.inspection import inspect_scene
+    from terraport_store import SceneNotFoundError
+
     no_scene: SceneNotFoundError | None = None
     if not target.is_file():
         try:
@@ -296,6 +303,13 @@ def _scene_or_cameras(target: Path, photos: Path | None) -> tuple[dict[str, Any]
 
 def _inspect_survey(survey: SurveyFiles, asked: _Asked) -> dict[str, Any]:
     """Draw what the headers say as soon as they are read, then what the points say."""
+    from terraport_pipeline.cli.survey_tables import point_tables, survey_tables
+    from terraport_pipeline.engines.pictures import save_png
+    from terraport_pipeline.progress import RichProgress
+    from terraport_pipeline.report.density_picture import draw_density
+    from terraport_pipeline.survey_inspection import inspect_headers, inspect_points
+    from terraport_pipeline.workflow.build import usable_cores
+
     with RichProgress(asked.console) as progress:
         survey, heads = survey.heads(progress, check_meaning=False)
     facts = inspect_headers(survey, heads)
@@ -343,6 +357,9 @@ def _tables(facts: Mapping[str, Any]) -> Group:
 
 def _summary(facts: Mapping[str, Any]) -> Table:
     """Draw a row per fact of the whole scene; what the manifest may lack is said to be missing."""
+    from terraport_pipeline.report.facts import extent_line, input_line
+    from terraport_pipeline.report.scene_colour import SceneColour
+
     counts, location = facts["counts"], facts["place"]
     size, crs, outline = location["size_m"], location["crs"], location["bounds_crs"]
     table = Table(show_header=False, box=None, pad_edge=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from rich.console import Console
@@ -13,9 +13,9 @@ from rich.text import Text
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.extras import require_drawings
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.region_table import read_label_changes, region_rows, region_table_text
-from terraport_store import RegionNames, change_labels, is_url, read_manifest, read_names
+
+if TYPE_CHECKING:
+    from terraport_store import RegionNames
 
 __all__ = ["label", "regions_table", "register"]
 
@@ -117,6 +117,10 @@ def label(
     has to reconnect, and no client loads anything again. The report shows them when it is written
     again.
     """
+    from terraport_pipeline.progress import RichProgress
+    from terraport_pipeline.region_table import read_label_changes, region_rows, region_table_text
+    from terraport_store import change_labels, is_url, read_manifest, read_names
+
     console = Console(stderr=True, soft_wrap=True)
     # One of three: set labels from a table, write a table, or show the regions. Nothing is written
     # unless all of it can be.

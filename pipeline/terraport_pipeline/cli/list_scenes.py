@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from rich.console import Console
@@ -12,8 +12,9 @@ from rich.table import Table
 from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.report.facts import format_bytes
-from terraport_pipeline.upkeep.listing import SceneRow, list_rows
+
+if TYPE_CHECKING:
+    from terraport_pipeline.upkeep.listing import SceneRow
 
 __all__ = ["list_command", "register"]
 
@@ -53,6 +54,8 @@ def list_command(
 
         terraport list scenes --json | jq '.[].version'
     """
+    from terraport_pipeline.upkeep.listing import list_rows
+
     with reporting_errors(Console(stderr=True, soft_wrap=True)):
         rows = list(list_rows(location))
     if as_json:
@@ -107,6 +110,8 @@ def _crs_name(row: SceneRow) -> str:
 
 def _table(rows: list[SceneRow], *, is_wide: bool) -> Table:
     """Draw a row per scene; where it is needs a wide screen."""
+    from terraport_pipeline.option import format_bytes
+
     table = Table(box=None, header_style="dim", pad_edge=False, padding=(0, 2, 0, 0))
     table.add_column("scene", overflow="fold")
     table.add_column("version", no_wrap=True)

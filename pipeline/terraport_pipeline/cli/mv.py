@@ -8,8 +8,6 @@ import typer
 from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.progress import NullProgress, RichProgress
-from terraport_pipeline.upkeep.changing import move_scene, target_of
 
 __all__ = ["mv", "register"]
 
@@ -47,6 +45,9 @@ def mv(
 
         terraport mv s3://bucket/scenes/pit s3://bucket/archive/pit
     """
+    from terraport_pipeline.progress import NullProgress, RichProgress
+    from terraport_pipeline.upkeep.changing import move_scene, target_of
+
     console = Console(stderr=True, soft_wrap=True)
     with reporting_errors(console):
         whither = target_of(scene, target)

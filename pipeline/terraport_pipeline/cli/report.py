@@ -10,13 +10,6 @@ import typer
 from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.engines.odm_project import originals_in
-from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.report.facts import format_bytes
-from terraport_pipeline.report.input_cloud import find_input_cloud, read_input_cloud
-from terraport_pipeline.report.picture import PictureOptions
-from terraport_pipeline.report.report import ReportOptions, write_report
-from terraport_pipeline.report.textures import open_scene_photos
 
 __all__ = ["register", "report"]
 
@@ -91,6 +84,14 @@ def report(
 
         terraport report scenes/quarry --survey pit.laz
     """
+    from terraport_pipeline.engines.odm_project import originals_in
+    from terraport_pipeline.option import format_bytes
+    from terraport_pipeline.progress import RichProgress
+    from terraport_pipeline.report.input_cloud import find_input_cloud, read_input_cloud
+    from terraport_pipeline.report.picture import PictureOptions
+    from terraport_pipeline.report.report import ReportOptions, write_report
+    from terraport_pipeline.report.textures import open_scene_photos
+
     errors = Console(stderr=True)
     start = time.perf_counter()
     with reporting_errors(errors):

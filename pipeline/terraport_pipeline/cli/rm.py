@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import sys
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.report.facts import format_bytes
-from terraport_pipeline.upkeep.changing import Owned, owned_by, remove_scene
+
+if TYPE_CHECKING:
+    from terraport_pipeline.upkeep.changing import Owned
 
 __all__ = ["register", "rm"]
 
@@ -56,6 +57,9 @@ def rm(
 
         terraport rm s3://bucket/scenes/pit --yes
     """
+    from terraport_pipeline.option import format_bytes
+    from terraport_pipeline.upkeep.changing import owned_by, remove_scene
+
     with reporting_errors(Console(stderr=True, soft_wrap=True)):
         # (1) All or nothing: what is none is said before anything goes.
         owned = [owned_by(scene, only_work=work) for scene in dict.fromkeys(scenes)]
@@ -73,6 +77,8 @@ def rm(
 
 def _ask(owned: list[Owned]) -> None:
     """Ask on the terminal; raises typer.Exit where the answer is no."""
+    from terraport_pipeline.option import format_bytes
+
     if not _is_terminal():
         names = " ".join(one.location for one in owned)
         raise OptionError(f"nobody to ask whether {names} shall go; add --yes to remove")
@@ -88,6 +94,8 @@ def _is_terminal() -> bool:
 
 
 def _words(one: Owned, size: str) -> str:
+    from terraport_pipeline.option import format_bytes
+
     work = f"its work directory ({format_bytes(one.work_bytes)})"
     if not one.scene_bytes:
         return f"{one.location}: only {work}"

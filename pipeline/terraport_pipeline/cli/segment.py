@@ -5,29 +5,25 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
-import numpy as np
 import typer
 from rich.console import Console
 from rich.table import Table
 
-from terraport_payload.types import Float64
 from terraport_pipeline.cli.from_options import command_of
-from terraport_pipeline.engines.mesh_files.gltf_files import GLTF_ENDINGS
-from terraport_pipeline.engines.mesh_files.read_mesh import MESH_ENDINGS, FileMesh, read_mesh
-from terraport_pipeline.engines.mesh_files.write_segments import (
+from terraport_pipeline.engines.mesh_files.endings import (
+    GLTF_ENDINGS,
+    MESH_ENDINGS,
     SEGMENT_ENDINGS,
-    check_ending,
-    write_segments,
 )
 from terraport_pipeline.errors import OptionError, ReadError
-from terraport_pipeline.geometry.mesh.face_measures import face_areas
-from terraport_pipeline.stages.mesh_segments import (
-    MeshSegmentOptions,
-    MeshSegments,
-    segment_mesh,
-)
+from terraport_pipeline.options.mesh_segments import MeshSegmentOptions
+
+if TYPE_CHECKING:
+    from terraport_payload.types import Float64
+    from terraport_pipeline.engines.mesh_files.read_mesh import FileMesh
+    from terraport_pipeline.stages.mesh_segments import MeshSegments
 
 __all__ = ["register", "segment"]
 
@@ -84,6 +80,10 @@ def segment(
         terraport segment part.stl -o part.ply --by thickness.txt --engine tpa
     """
     # (1) What can be refused before work.
+    from terraport_pipeline.engines.mesh_files.read_mesh import read_mesh
+    from terraport_pipeline.engines.mesh_files.write_segments import check_ending, write_segments
+    from terraport_pipeline.stages.mesh_segments import segment_mesh
+
     check_ending(output)
     if output.exists() and not force:
         raise OptionError(f"{output} is there; expected a new file, or --force")
@@ -113,6 +113,8 @@ def segment(
 
 def _read_values(path: Path) -> Float64:
     """Read a number for each face or vertex: an array, or words of text."""
+    import numpy as np
+
     try:
         if path.suffix.lower() == ".npy":
             return np.asarray(np.load(path, allow_pickle=False), np.float64).reshape(-1)
@@ -124,6 +126,10 @@ def _read_values(path: Path) -> Float64:
 
 
 def _table(body: FileMesh, result: MeshSegments, seconds: float) -> Table:
+    import numpy as np
+
+    from terraport_pipeline.geometry.mesh.face_measures import face_areas
+
     area = np.bincount(result.labels, face_areas(body.vertices, body.faces))
     largest = np.sort(area)[::-1][:_SHOWN] / max(float(area.sum()), np.finfo(float).tiny)
     table = Table(show_header=False, box=None)

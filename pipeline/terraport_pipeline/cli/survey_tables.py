@@ -13,7 +13,7 @@ from rich.text import Text
 
 from terraport_pipeline.engines.readers.survey_colours import DEPTH_TEXTS
 from terraport_pipeline.geometry.clouds.density_map import DensityMap, draw_text
-from terraport_pipeline.report.facts import format_bytes
+from terraport_pipeline.option import format_bytes
 
 __all__ = ["forecast_table", "point_tables", "survey_tables"]
 

@@ -7,7 +7,7 @@ import shlex
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.console import Console
@@ -17,11 +17,12 @@ from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.from_options import command_of, options_of
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.option import Section
-from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.synth.files import WrittenQuarry, write_quarry
-from terraport_pipeline.synth.flight import FlightOptions, seen_by
-from terraport_pipeline.synth.options import QuarryOptions
-from terraport_pipeline.synth.photo_files import WrittenPhotos, write_photos
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
+
+if TYPE_CHECKING:
+    from terraport_pipeline.synth.files import WrittenQuarry
+    from terraport_pipeline.synth.options import QuarryOptions
+    from terraport_pipeline.synth.photo_files import WrittenPhotos
 
 __all__ = ["parse_size", "register", "synth"]
 
@@ -35,6 +36,8 @@ def register(app: typer.Typer) -> None:
 
 def _take_parameters(context: typer.Context, path: Path | None) -> Path | None:
     """Make a file's values the defaults of this call: what is stated beside it wins."""
+    from terraport_pipeline.synth.options import QuarryOptions
+
     if path is not None:
         with reporting_errors(Console(stderr=True, soft_wrap=True)):
             quarry = QuarryOptions.from_json(path)
@@ -98,6 +101,11 @@ def synth(
         terraport build quarry.laz -o scenes/quarry
     """
     # (1) with photos, their pixels decide how finely the ground is coloured
+    from terraport_pipeline.progress import RichProgress
+    from terraport_pipeline.synth.files import write_quarry
+    from terraport_pipeline.synth.flight import seen_by
+    from terraport_pipeline.synth.photo_files import write_photos
+
     flown = None
     if photos is not None:
         width, height = parse_size(photo_size)

@@ -12,8 +12,6 @@ from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.cli.extras import require_drawings, require_learning
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.option import parse_bytes
-from terraport_pipeline.progress import RichProgress
-from terraport_store import is_url
 
 __all__ = ["register", "teach"]
 
@@ -151,6 +149,9 @@ def teach(
 
         terraport teach scenes/pit-june --model pit.model
     """
+    from terraport_pipeline.progress import RichProgress
+    from terraport_store import is_url
+
     console = Console(stderr=True, soft_wrap=True)
 
     def say(lines: list[str]) -> None:

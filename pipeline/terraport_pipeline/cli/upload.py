@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final
 
 import typer
 from rich.console import Console
 
 from terraport_pipeline.cli.edge import reporting_errors
-from terraport_pipeline.progress import RichProgress
-from terraport_store import OriginError, is_url, meant_url, needing_obstore, read_manifest
+
+if TYPE_CHECKING:
+    from terraport_pipeline.progress import RichProgress
 
 __all__ = ["register", "upload"]
 
@@ -54,6 +55,9 @@ def upload(
 
         terraport serve s3://bucket/scenes
     """
+    from terraport_pipeline.progress import RichProgress
+    from terraport_store import OriginError, is_url, meant_url, needing_obstore, read_manifest
+
     errors = Console(stderr=True)
     with reporting_errors(errors):
         # (1) refuse what cannot be sent

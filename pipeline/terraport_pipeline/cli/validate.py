@@ -6,7 +6,7 @@ import json
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from rich.console import Console
@@ -15,12 +15,11 @@ from rich.text import Text
 
 from terraport_pipeline.cli.edge import reporting_errors
 from terraport_pipeline.engines.gltf_validator import PACKAGE
-from terraport_pipeline.progress import RichProgress
-from terraport_pipeline.validate.handoff_report import HandOffOptions, HandOffReport
-from terraport_pipeline.validate.level_mixes import LevelMixReport
-from terraport_pipeline.validate.validation import ValidationOptions, ValidationResult, validate
-from terraport_pipeline.validate.worst_place import describe, to_survey
-from terraport_store import is_url
+
+if TYPE_CHECKING:
+    from terraport_pipeline.validate.handoff_report import HandOffReport
+    from terraport_pipeline.validate.level_mixes import LevelMixReport
+    from terraport_pipeline.validate.validation import ValidationResult
 
 __all__ = ["register", "validate_command"]
 
@@ -87,6 +86,11 @@ def validate_command(
     """
     # Findings about the scene go to standard output and into the exit code; what keeps the check
     # from being made at all is an error.
+    from terraport_pipeline.progress import RichProgress
+    from terraport_pipeline.validate.handoff_report import HandOffOptions
+    from terraport_pipeline.validate.validation import ValidationOptions, validate
+    from terraport_store import is_url
+
     errors = Console(stderr=True)
     start = time.perf_counter()
     with reporting_errors(errors):
@@ -196,6 +200,8 @@ def _kinds(report: HandOffReport) -> Table:
 
 
 def _show_worst(console: Console, result: ValidationResult) -> None:
+    from terraport_pipeline.validate.worst_place import describe, to_survey
+
     worst = result.hand_off.worst if result.hand_off else None
     if worst is None or result.manifest is None:
         return
@@ -253,6 +259,8 @@ def _plain(result: ValidationResult) -> dict[str, Any]:
 
 
 def _plain_worst(result: ValidationResult) -> dict[str, Any] | None:
+    from terraport_pipeline.validate.worst_place import to_survey
+
     worst = result.hand_off.worst if result.hand_off else None
     if worst is None or result.manifest is None:
         return None

@@ -11,7 +11,7 @@ labels are carried back to the nearest faces that look the same way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -22,9 +22,8 @@ from terraport_pipeline.engines.body_sight import body_sight
 from terraport_pipeline.engines.decimate import decimate
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.geometry.graph.graph_merge import join_small
+from terraport_pipeline.geometry.graph.graph_options import BODY_GRAPH, GraphOptions
 from terraport_pipeline.geometry.graph.graph_segmenter import (
-    SHAPE_GRAPH,
-    GraphOptions,
     GraphSegmenter,
     graph_of_mesh,
     merge_graph,
@@ -41,13 +40,11 @@ from terraport_pipeline.geometry.mesh.face_measures import face_areas, face_cent
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
 from terraport_pipeline.geometry.regions.triangle_pool import face_similarity
 
-__all__ = ["BODY_GRAPH", "BodySegmenter", "base_pieces", "body_facts", "part_merges"]
+__all__ = ["BodySegmenter", "base_pieces", "body_facts", "part_merges"]
 
 PIECES: Final = 80
 """Pieces to begin with: what the best choice of unions leaves wrong of people's segmentations is a
 1 - RI of .029 (40 pieces: .038, 300: .018)."""
-BODY_GRAPH: Final = replace(SHAPE_GRAPH, small_share=0.002)
-"""How pieces are made; the threshold is not used."""
 _MOST_FACES: Final = 60_000
 """Bodies of more faces are cut on a copy."""
 _COPY_FACES: Final = 30_000

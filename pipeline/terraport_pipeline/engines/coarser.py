@@ -23,8 +23,9 @@ import PIL.Image
 from terraport_payload import SegmentMesh, Texture
 from terraport_payload.types import AnyArray, Bool, Float32, Int32, Int64, UInt8
 from terraport_pipeline.engines.decimate import decimate_tracked
-from terraport_pipeline.engines.images import MEDIA_TYPES, ImageFormat, decode_image, encode_image
+from terraport_pipeline.engines.images import MEDIA_TYPES, decode_image, encode_image
 from terraport_pipeline.errors import EngineError
+from terraport_pipeline.options.texture import ImageFormat
 
 __all__ = ["FACE_SHARE", "coarser", "levels_of", "odd_edges"]
 

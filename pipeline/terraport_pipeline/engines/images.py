@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 import PIL.Image
@@ -13,10 +13,10 @@ from terraport_payload.texture import read_image_header
 from terraport_payload.types import UInt8
 from terraport_pipeline.engines.ktx2 import encode_ktx2
 from terraport_pipeline.errors import EngineError
+from terraport_pipeline.options.texture import ImageFormat
 
-__all__ = ["MEDIA_TYPES", "ImageFormat", "decode_image", "encode_image"]
+__all__ = ["MEDIA_TYPES", "decode_image", "encode_image"]
 
-ImageFormat = Literal["jpeg", "webp", "png", "ktx2"]
 
 MEDIA_TYPES: Final[dict[str, str]] = {
     "jpeg": "image/jpeg",

@@ -120,7 +120,9 @@ def export_scene(
         The scene cannot be read.
     """
     # (1) What is wrong without looking at the scene.
-    product = product_of(request.output, request.product)
+    product = product_of(
+        request.output, request.product, interval=request.interval, line=request.line
+    )
     _check(request, product)
     write, companions = _WRITERS[product]
     names = companions(request.output)

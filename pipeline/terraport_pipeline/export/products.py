@@ -40,15 +40,22 @@ _USUAL: Final[dict[str, Product]] = {
 """What it holds where nobody says."""
 
 
-def product_of(path: Path, stated: Product | None) -> Product:
-    """Decide what a file shall hold.
+def product_of(
+    path: Path, stated: Product | None, *, interval: float | None = None, line: str | None = None
+) -> Product:
+    """Choose the product that a file holds: stated, implied by an option, by its name or ending.
 
     Parameters
     ----------
     path : Path
         Its ending is the format; tiles may be a folder, of any other name.
     stated : Product, optional
-        What the user says; needed where the ending leaves a choice (.tif, .dxf).
+        What the user says; needed where the ending leaves a choice (.tif, .dxf) and neither an
+        option nor the name decides it.
+    interval : float, optional
+        Between contours: only these have one.
+    line : str, optional
+        Of a section: only that has one.
 
     Raises
     ------
@@ -61,6 +68,8 @@ def product_of(path: Path, stated: Product | None) -> Product:
     ('points', 'heights')
     >>> product_of(Path("folder"), "tiles")
     'tiles'
+    >>> product_of(Path("pit.dxf"), None, interval=2), product_of(Path("regions.gpkg"), None)
+    ('contours', 'regions')
     """
     possible = ENDINGS.get(path.suffix.lower())
     if stated == "tiles" and possible is None:
@@ -71,6 +80,14 @@ def product_of(path: Path, stated: Product | None) -> Product:
             f"{' '.join(ENDINGS)}"
         )
     if stated is None:
+        implied: dict[str, bool] = {
+            "contours": interval is not None,
+            "section": line is not None,
+            path.stem.lower(): True,
+        }
+        for product in possible:
+            if implied.get(product):
+                return product
         usual = _USUAL.get(path.suffix.lower())
         if usual is not None:
             return usual

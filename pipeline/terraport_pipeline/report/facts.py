@@ -13,6 +13,7 @@ import numpy as np
 
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.mesh_statement import MESH
+from terraport_pipeline.option import format_bytes
 from terraport_pipeline.progress import format_fact
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.change_map import ChangeFacts, change_facts
@@ -28,7 +29,6 @@ __all__ = [
     "ReportFacts",
     "collect_facts",
     "extent_line",
-    "format_bytes",
     "input_line",
     "named_count",
     "points_note",
@@ -229,21 +229,6 @@ def _files_beside(record: Mapping[str, Any]) -> list[tuple[str, str]]:
 def _rows(record: Mapping[str, Any], key: str) -> list[Mapping[str, Any]]:
     listed = record.get(key)
     return [row for row in listed if isinstance(row, Mapping)] if isinstance(listed, list) else []
-
-
-def format_bytes(count: float) -> str:
-    """Write a size for people.
-
-    Examples
-    --------
-    >>> format_bytes(999), format_bytes(1010), format_bytes(1_234_567)
-    ('999 B', '1.01 kB', '1.23 MB')
-    """
-    for unit in ("B", "kB", "MB", "GB"):
-        if count < 1000 or unit == "GB":
-            return f"{count:.0f} B" if unit == "B" else f"{count:.3g} {unit}"
-        count /= 1000
-    raise AssertionError  # pragma: no cover - the last unit always returns
 
 
 def _cards(scene: Scene, total_bytes: int) -> tuple[dict[str, str], ...]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from terraport_pipeline.report.facts import format_bytes
+from terraport_pipeline.option import format_bytes
 
 __all__ = ["page_templates", "replace_bytes", "replace_page"]
 

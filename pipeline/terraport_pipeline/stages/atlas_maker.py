@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import AnyInt, Bool, Float32, Float64, Int32, UInt8, UInt16
-from terraport_pipeline.engines.images import ImageFormat, encode_image
+from terraport_pipeline.engines.images import encode_image
 from terraport_pipeline.engines.mesh_texels import Picture
 from terraport_pipeline.geometry.photos.lens import PACKED, View
 from terraport_pipeline.geometry.photos.photo_samples import SRGB_OFFSET, neutral_gains
@@ -26,6 +26,7 @@ from terraport_pipeline.geometry.textures.charts import Charts
 from terraport_pipeline.geometry.textures.gutters import fill_cells
 from terraport_pipeline.geometry.textures.texel_places import texel_places
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.options.texture import ImageFormat
 from terraport_pipeline.stages.choose_views import Photos
 
 __all__ = ["AtlasMaker", "BakedAtlas"]

@@ -9,14 +9,14 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from operator import attrgetter
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from terraport_payload.types import Float32, Float64, Int64, UInt8
 from terraport_pipeline.engines.readers.survey_colours import GREY
-from terraport_pipeline.errors import OptionError, SurveyError
+from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.geometry.clouds.normals import estimate_normals, orient_normals
 from terraport_pipeline.geometry.clouds.outliers import duplicate_mask, outlier_mask
 from terraport_pipeline.geometry.clouds.spacing import (
@@ -26,15 +26,13 @@ from terraport_pipeline.geometry.clouds.spacing import (
     remaining_neighbours,
 )
 from terraport_pipeline.model import Cloud, Survey, to_scene
-from terraport_pipeline.option import Option, check_options
+from terraport_pipeline.options.clean import MIN_POINTS, Options
 from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
 
-__all__ = ["FORM", "MIN_POINTS", "NAME", "Cleaned", "Options", "run"]
+__all__ = ["FORM", "NAME", "Cleaned", "Options", "run"]
 
 NAME: Final = "clean"
 
-MIN_POINTS: Final = 50
-"""Different points below which a surface cannot be told from chance."""
 
 _FLAT: Final = 1e-6
 """Thickness over extent below which a cloud counts as a plane or line: ten float32 steps."""
@@ -47,26 +45,6 @@ _EXACT_INTEGER: Final = 1 << 24
 
 _WIDE_M: Final = 8192.0
 """Extent above which a float32 coordinate is coarser than half a millimetre."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Outlier rule and number of neighbours: how strictly to clean."""
-
-    outlier_ratio: Annotated[float, Option(above=1)] = 3.0
-    """A point goes when it stands this many times farther from its neighbours than they do from
-    theirs. Lower removes more noise, and thin things (wires, fences) with it."""
-    outlier_deviations: float = 3.0
-    """And this many robust standard deviations above the cloud's median. Lower removes more."""
-    normal_neighbours: int = 16
-    """Points per normal. More smooths noise, and rounds edges."""
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        if not self.outlier_deviations >= 0:
-            raise OptionError(f"outlier deviations {self.outlier_deviations}; expected at least 0")
-        if not 6 <= self.normal_neighbours <= 64:
-            raise OptionError(f"normal neighbours {self.normal_neighbours}; expected 6 to 64")
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,10 +18,10 @@ from terraport_payload import (
 )
 from terraport_payload.types import Bool, Float64, Int32, Int64, UInt16
 from terraport_pipeline.engines.coarser import levels_of
-from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.mesh.uv import split_wedges
 from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.options.pack import Options
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.stages.contract import Facts, Json
 from terraport_pipeline.stages.texture_set import TextureSet
@@ -47,20 +47,6 @@ NAME: Final = "pack"
 
 EXPECTED_BYTES_PER_FACE: Final = 16
 """Free space asked for before writing; twice what a coloured face takes with few attributes."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """Name of the published scene."""
-
-    name: str
-    """The scene's name for people."""
-    levels: int = 1
-    """Payloads of each segment."""
-
-    def __post_init__(self) -> None:
-        if not 1 <= len(self.name) <= 200:
-            raise OptionError(f"name of {len(self.name)} characters; expected 1 to 200")
 
 
 @dataclass(frozen=True, slots=True)

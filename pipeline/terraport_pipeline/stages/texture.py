@@ -11,33 +11,30 @@ import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from terraport_payload.types import AnyInt, Bool, Float32, Int32, UInt8
-from terraport_pipeline.engines.images import ImageFormat
 from terraport_pipeline.engines.mesh_texels import Picture
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.engines.rays import RayScene
-from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.geometry.photos.view_choice import ViewChoice
 from terraport_pipeline.model import Mesh
-from terraport_pipeline.option import Option, check_options
+from terraport_pipeline.options.texture import Options
 from terraport_pipeline.ordered import in_order
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.stages import choose_views as choosing
 from terraport_pipeline.stages.atlas_maker import AtlasMaker, BakedAtlas
 from terraport_pipeline.stages.choose_views import Photos
 from terraport_pipeline.stages.contract import Context
-from terraport_pipeline.stages.texture_set import Source, TextureSet
+from terraport_pipeline.stages.texture_set import TextureSet
 from terraport_pipeline.stages.texture_sums import TextureSums
 from terraport_pipeline.stages.view_gains import view_gains
 
 __all__ = [
     "NAME",
-    "SIDES",
     "BakedTextures",
     "BaseTextures",
     "Options",
@@ -51,8 +48,6 @@ __all__ = [
 NAME: Final = "texture"
 
 
-SIDES: Final = (256, 512, 1024, 2048, 4096)
-
 _WORST_UNSEEN: Final = 0.2
 """Share of the surface without a photo from which a warning says so."""
 
@@ -60,46 +55,6 @@ _WORST_BORROWED: Final = 0.1
 """Share of the faces with a neighbour's photo from which a warning says so."""
 
 _DEFAULT_MEMORY: Final = 4 << 30
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """What textures are made of and how fine they are."""
-
-    source: Annotated[Source, Option(flags=("--texture-from",))] = "photos"
-    """What textures are drawn from. mesh: the images of a mesh that was textured elsewhere, which
-    is the default of such a mesh. vertex draws the colours of the cloud into images, to compare and
-    for loaders that know no vertex colours."""
-    texel_m: Annotated[
-        float | None,
-        Option(
-            flags=("--texel-size",),
-            least=1e-4,
-            most=1e3,
-            unit="m",
-            unset="as fine as the photos; of vertex colours two texels an edge",
-        ),
-    ] = None
-    """Metres of surface that one texel is wide. Twice as many take a quarter of the memory. Never
-    finer than a photo's pixel, nor, beside photos, than two texels an edge where no photo shows
-    the ground; coarser where a segment would not fit."""
-    kind: Annotated[ImageFormat, Option(flags=("--texture-format",))] = "jpeg"
-    """How images are packed. jpeg: every loader reads it. webp: a quarter smaller. png: without
-    loss. ktx2: an eighth on the GPU, encoded by Node."""
-    quality: Annotated[int, Option(flags=("--texture-quality",), least=1, most=100)] = 85
-    """Quality of jpeg, webp and ktx2: higher is larger and truer."""
-    max_side: int = 2048
-    """Longest side of a segment's image."""
-    base_side: int = 2048
-    """Longest side of the base's image; ``--base-texture``, which counts without textures, too."""
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        if self.max_side not in SIDES[:-1] or self.base_side not in SIDES:
-            raise OptionError(
-                f"texture sides {self.max_side} (segments) and {self.base_side} (base); expected "
-                "powers of two from 256 to 2048 and to 4096"
-            )
 
 
 def photo_bytes(max_memory_bytes: int | None) -> int:

@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from terraport_payload import Texture
 from terraport_payload.types import AnyInt, Float32, Int32, Int64, UInt8, UInt16
 
-__all__ = ["Source", "TextureSet"]
-
-
-Source = Literal["photos", "vertex", "mesh"]
+__all__ = ["TextureSet"]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -9,9 +9,10 @@ from typing import Final
 
 import xxhash
 
-from terraport_pipeline.engines.mesh_files.gltf_files import GLTF_ENDINGS, gltf_companions
+from terraport_pipeline.engines.mesh_files.endings import GLTF_ENDINGS, MESH_ENDINGS
+from terraport_pipeline.engines.mesh_files.gltf_files import gltf_companions
 from terraport_pipeline.engines.mesh_files.obj_materials import obj_companions
-from terraport_pipeline.engines.mesh_files.read_mesh import MESH_ENDINGS, ply_image
+from terraport_pipeline.engines.mesh_files.read_mesh import ply_image
 from terraport_pipeline.engines.readers.read_ply import has_faces
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.mesh_statement import MeshStatement

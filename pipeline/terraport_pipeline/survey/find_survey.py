@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Final
@@ -18,10 +17,10 @@ from terraport_pipeline.engines.readers.survey_format import (
 from terraport_pipeline.engines.readers.text_form import is_table
 from terraport_pipeline.errors import OptionError, ReadError, SurveyError
 from terraport_pipeline.extent import Extent
+from terraport_pipeline.survey.inputs import expand_input, natural_order
 from terraport_pipeline.survey.one_survey import listed
 from terraport_pipeline.survey.survey_files import TEXT, SurveyFile, SurveyFiles, prj_beside
 from terraport_pipeline.survey_statement import SurveyStatement
-from terraport_store import meant_url
 
 __all__ = ["MAX_FILES", "find_survey"]
 
@@ -82,7 +81,7 @@ def find_survey(
     ignored: list[tuple[str, str]] = []
     # (1) What was named: files as they are, folders searched, patterns expanded. Of several files
     # those whose kind cannot be told are kept without one: all damage is told together, later.
-    paths = [path for given in inputs for path in _expanded(given)]
+    paths = [path for given in inputs for path in expand_input(given)]
     alone = len(paths) == 1
     for path in paths:
         project = find_odm_project(path)
@@ -101,11 +100,11 @@ def find_survey(
         found.append(SurveyFile(path, path.name, kind, _size(path), prj=prj_beside(path)))
     # (2) Each file once, by its own name rather than a link's; in natural order.
     unique: dict[object, SurveyFile] = {}
-    for file in sorted(found, key=lambda file: (file.path.is_symlink(), _natural(file.name))):
+    for file in sorted(found, key=lambda file: (file.path.is_symlink(), natural_order(file.name))):
         first = unique.setdefault(_identity(file.path), file)
         if first is not file:
             ignored.append((file.name, f"is the same file as {first.name}"))
-    files = tuple(sorted(unique.values(), key=lambda file: _natural(file.name)))
+    files = tuple(sorted(unique.values(), key=lambda file: natural_order(file.name)))
     if len(files) > MAX_FILES:
         raise SurveyError(
             f"{len(files):,} files; a survey has at most {MAX_FILES:,}: merge some of them first"
@@ -135,26 +134,6 @@ def find_survey(
         extent=extent,
         statement=statement,
     )
-
-
-def _expanded(given: Path) -> list[Path]:
-    """Expand a pattern, unless there is a file of that very name."""
-    if given.exists():
-        return [given]
-    url = meant_url(given)
-    if url is not None:
-        raise SurveyError(
-            f"{url} is an address; surveys are read from this machine: fetch it first"
-        )
-    anchor = given
-    while re.search(r"[*?\[]", str(anchor)):
-        anchor = anchor.parent
-    if anchor == given:
-        raise SurveyError(f"no file {given}")
-    paths = list(anchor.glob(str(given.relative_to(anchor))))
-    if not paths:
-        raise SurveyError(f"no file matches {given}; check the folder and the ending")
-    return sorted(paths, key=lambda path: _natural(str(path)))
 
 
 def _search(
@@ -256,15 +235,3 @@ def _nothing_found(inputs: Sequence[Path], ignored: list[tuple[str, str]]) -> Su
         f"{where} holds no survey, but {listed([name for name, _ in ignored])}; terraport reads "
         f"{readable}"
     )
-
-
-def _natural(name: str) -> list[tuple[int, int, str]]:
-    """Key that sorts numbers in names by value.
-
-    Examples
-    --------
-    >>> sorted(["t10", "t9", "a"], key=_natural)
-    ['a', 't9', 't10']
-    """
-    pieces = re.split(r"([0-9]+)", name)
-    return [(0, int(p), "") if i % 2 else (1, 0, p) for i, p in enumerate(pieces)]

@@ -14,24 +14,19 @@ Frame: scene metres about the quarry's origin (x east, y up, z south), as
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
 
 from terraport_payload.types import Float64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.photos.lens import Lens, View
-from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.synth.noise import Noise
-from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
+from terraport_pipeline.synth.options import HALF_X, HALF_Y, FlightOptions, QuarryOptions
 from terraport_pipeline.synth.terrain import Terrain
 from terraport_pipeline.synth.way import way_places
 
-__all__ = ["MAX_PHOTOS", "MAX_PIXELS", "Flight", "FlightOptions", "plan_flight", "seen_by"]
-
-MAX_PHOTOS: Final = 2_000
-MAX_PIXELS: Final = 64_000_000
-"""Of one photo: rendering needs about 60 bytes a pixel."""
+__all__ = ["Flight", "plan_flight", "seen_by"]
 
 _NADIR_SHARE: Final = 0.6
 """Of all photos; the rest goes to the orbits, half each."""
@@ -59,50 +54,6 @@ _DRIFT: Final = 0.01
 """Wind: deviation of the attitude, and of the position as a share of the height."""
 
 _STREAM: Final = 5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FlightOptions:
-    """How the photos are taken; equal options give equal bytes.
-
-    Raises
-    ------
-    OptionError
-        When a value is out of its range.
-    """
-
-    count: Annotated[int, Option(flags=("--photo-count",), least=1, most=MAX_PHOTOS)] = 60
-    """Photos of the flight, straight down and oblique."""
-    width: int = 2000
-    height: int = 1500
-    """Height of a photo, pixels."""
-    overlap: Annotated[float, Option(least=0, most=0.95)] = 0.7
-    """Overlap of neighbouring photos straight down on the plateau, along and across the flight."""
-    way_share: Annotated[float, Option(flags=("--photo-way",), least=0, most=0.9)] = 0.0
-    """Share of the photos that follow the haul road, low over it: finer pixels where one walks."""
-    exposure_drift_ev: Annotated[float, Option(flags=("--exposure-drift",), least=0, most=3)] = 0.35
-    """Largest exposure error of a photo, in stops: 0.35 is a factor of 1.27 in light."""
-    vignetting: Annotated[float, Option(least=0, most=0.9)] = 0.18
-    """Share of the light that is lost in a photo's corner."""
-    sensor_noise: Annotated[float, Option(least=0, most=64)] = 1.2
-    """Noise of the sensor: standard deviation in grey levels of 255."""
-    quality: Annotated[int, Option(flags=("--photo-quality",), least=1, most=100)] = 92
-    """Quality of the JPEG files."""
-    truck: Annotated[bool, Option()] = True
-    """A truck drives through the scene: in every photo at another place, but for those that follow
-    the haul road; so low, nobody drives below."""
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        if not all(64 <= side <= 16_384 for side in (self.width, self.height)):
-            raise OptionError(
-                f"a photo of {self.width} x {self.height} pixels; expected sides of 64 to 16,384"
-            )
-        if self.width * self.height > MAX_PIXELS:
-            raise OptionError(
-                f"a photo of {self.width} x {self.height} pixels is too large, expected at most "
-                f"{MAX_PIXELS:,} pixels; take a smaller --photo-size"
-            )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -15,7 +15,17 @@ from typing import Annotated, Any, Final, Self
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.option import COMMON, COUNT, Option, check_options, option_fields
 
-__all__ = ["DESIGN_SIZE_M", "HALF_X", "HALF_Y", "MAX_POINTS", "MIN_POINTS", "QuarryOptions"]
+__all__ = [
+    "DESIGN_SIZE_M",
+    "HALF_X",
+    "HALF_Y",
+    "MAX_PHOTOS",
+    "MAX_PIXELS",
+    "MAX_POINTS",
+    "MIN_POINTS",
+    "FlightOptions",
+    "QuarryOptions",
+]
 
 DESIGN_SIZE_M: Final = 360.0
 """East-west side of the site for which the shape constants of :mod:`.terrain` are written."""
@@ -29,6 +39,10 @@ MIN_POINTS: Final = 1_000
 
 MAX_POINTS: Final = 200_000_000
 """Ten times the largest cloud asked for; beyond it the arrays alone pass 10 GB."""
+
+MAX_PHOTOS: Final = 2_000
+MAX_PIXELS: Final = 64_000_000
+"""Pixels of a photo at most: rendering needs about 60 bytes for each."""
 
 _SHAPE: Final = "Shape of the site"
 _SENSOR: Final = "Points and colours"
@@ -202,3 +216,47 @@ class QuarryOptions:
             if types[name] is int and not isinstance(value, int):
                 raise OptionError(f"{path}: {name} is {value!r}, expected a whole number")
         return cls(**values)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightOptions:
+    """How the photos are taken; equal options give equal bytes.
+
+    Raises
+    ------
+    OptionError
+        When a value is out of its range.
+    """
+
+    count: Annotated[int, Option(flags=("--photo-count",), least=1, most=MAX_PHOTOS)] = 60
+    """Photos of the flight, straight down and oblique."""
+    width: int = 2000
+    height: int = 1500
+    """Height of a photo, pixels."""
+    overlap: Annotated[float, Option(least=0, most=0.95)] = 0.7
+    """Overlap of neighbouring photos straight down on the plateau, along and across the flight."""
+    way_share: Annotated[float, Option(flags=("--photo-way",), least=0, most=0.9)] = 0.0
+    """Share of the photos that follow the haul road, low over it: finer pixels where one walks."""
+    exposure_drift_ev: Annotated[float, Option(flags=("--exposure-drift",), least=0, most=3)] = 0.35
+    """Largest exposure error of a photo, in stops: 0.35 is a factor of 1.27 in light."""
+    vignetting: Annotated[float, Option(least=0, most=0.9)] = 0.18
+    """Share of the light that is lost in a photo's corner."""
+    sensor_noise: Annotated[float, Option(least=0, most=64)] = 1.2
+    """Noise of the sensor: standard deviation in grey levels of 255."""
+    quality: Annotated[int, Option(flags=("--photo-quality",), least=1, most=100)] = 92
+    """Quality of the JPEG files."""
+    truck: Annotated[bool, Option()] = True
+    """A truck drives through the scene: in every photo at another place, but for those that follow
+    the haul road; so low, nobody drives below."""
+
+    def __post_init__(self) -> None:
+        check_options(self)
+        if not all(64 <= side <= 16_384 for side in (self.width, self.height)):
+            raise OptionError(
+                f"a photo of {self.width} x {self.height} pixels; expected sides of 64 to 16,384"
+            )
+        if self.width * self.height > MAX_PIXELS:
+            raise OptionError(
+                f"a photo of {self.width} x {self.height} pixels is too large, expected at most "
+                f"{MAX_PIXELS:,} pixels; take a smaller --photo-size"
+            )

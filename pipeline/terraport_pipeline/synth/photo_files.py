@@ -30,8 +30,8 @@ from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.synth._photo_kernels import develop_rows
 from terraport_pipeline.synth.camera_eye import TRUCK, TRUCK_SHADOW, CameraEye, Seen
 from terraport_pipeline.synth.colmap_text import offset_text, points_text
-from terraport_pipeline.synth.flight import Flight, FlightOptions, plan_flight
-from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.flight import Flight, plan_flight
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.truck import Truck, parking_places, place_truck
 
 __all__ = ["WrittenPhotos", "develop", "exposures", "photo_edge_m", "write_photos"]

@@ -8,9 +8,11 @@ from pathlib import Path
 from terraport_pipeline.engines.readers.survey_stream import FileHead, survey_size
 from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.extent import Extent
-from terraport_pipeline.stages import clean, reconstruct
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options.regions import Options as SegmentOptions
+from terraport_pipeline.options.tiles import TileOptions
+from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.region_engine import check_segment_by
-from terraport_pipeline.stages.segment import Options as SegmentOptions
 from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.workflow.before import find_before
 from terraport_pipeline.workflow.brought import Brought
@@ -25,7 +27,7 @@ from terraport_pipeline.workflow.read_step import (
 from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
 from terraport_pipeline.workflow.renew_step import renew_survey, survey_change
 from terraport_pipeline.workflow.runner import Runner
-from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare
+from terraport_pipeline.workflow.tile_ground import clean_thinned, prepare
 from terraport_pipeline.workflow.tile_memory import WholeForecast, forecast_whole
 
 __all__ = ["bring_survey"]

@@ -9,62 +9,51 @@ from __future__ import annotations
 import os
 import shutil
 import time
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Any
 
 from terraport_pipeline.announced import announced
 from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.errors import OptionError, PipelineError
-from terraport_pipeline.extent import Extent
-from terraport_pipeline.free_memory import MEMORY_SHARE, default_memory_bytes
+from terraport_pipeline.free_memory import default_memory_bytes
 from terraport_pipeline.kernel_threads import limit_threads
-from terraport_pipeline.mesh_statement import MeshStatement
 from terraport_pipeline.naming.carried import (
     NOTE_NAME,
     UNNAMED_NAME,
     bring_names,
     note_names,
 )
-from terraport_pipeline.option import (
-    BYTES,
-    COMMON,
-    COUNT,
-    EXTENT,
-    Option,
-    Section,
-    check_options,
-)
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options.build import BuildOptions
+from terraport_pipeline.options.texturing import Texturing
+from terraport_pipeline.options.tiles import TileOptions
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_pipeline.published.work_directory import default_work_directory
-from terraport_pipeline.stages import clean, pack, reconstruct, segment, texture
-from terraport_pipeline.stages.tiles import base_atlas
+from terraport_pipeline.stages import clean, pack, texture
 from terraport_pipeline.survey.find_mesh import MeshInput, find_mesh
 from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.survey.survey_files import SurveyFiles
-from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.unforeseen import build_failed
 from terraport_pipeline.workflow.bring_survey import bring_survey
 from terraport_pipeline.workflow.mesh_step import bring_mesh
 from terraport_pipeline.workflow.pack_step import build_info, publish_tiles
-from terraport_pipeline.workflow.photo_input import Texturing
+from terraport_pipeline.workflow.photo_input import locate_photos, recorded_textures
 from terraport_pipeline.workflow.read_step import input_info
 from terraport_pipeline.workflow.report import BuildReport, write_build_report
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.scene_lock import scene_locked
-from terraport_pipeline.workflow.scene_path import check_scene_path, default_scene_path
+from terraport_pipeline.workflow.scene_path import check_scene_path
 from terraport_pipeline.workflow.segment_step import segment_tiles
 from terraport_pipeline.workflow.texture_step import (
     texture_base_alone,
     texture_input,
     texture_tiles,
 )
-from terraport_pipeline.workflow.tile_ground import TileOptions
 from terraport_pipeline.workflow.workdir import WorkDirectory
 from terraport_store import read_manifest
 from terraport_store.errors import StoreError
-from terraport_store.layout import MAX_LEVELS
 from terraport_store.manifest import CrsInfo
 
 __all__ = [
@@ -72,150 +61,6 @@ __all__ = [
     "build",
     "usable_cores",
 ]
-
-
-_SURVEY: Final = "Survey"
-"""Heading of the options that say what is read, and what it means."""
-
-_MACHINE: Final = "Machine and tiles"
-"""Heading of the options that change how a build runs, not what it makes."""
-
-
-@dataclass(frozen=True, slots=True)
-class BuildOptions:
-    """Inputs and options of a build, one group a stage."""
-
-    survey: Annotated[Path | tuple[Path, ...], Option(is_argument=True, many=True)]
-    """Point cloud: LAS, LAZ, COPC, PLY, XYZ/CSV, PCD or E57; a file, several, a folder of them, or
-    a pattern in quotes. Or a mesh that was reconstructed elsewhere: OBJ, GLB, glTF, PLY, STL
-    or OFF."""
-    output: Annotated[
-        Path | None,
-        Option(
-            flags=("--output", "-o"),
-            unset="the survey's name without its ending, in the current directory",
-        ),
-    ] = None
-    """Scene directory to publish, or to renew."""
-    name: Annotated[str | None, Option(unset="the scene directory's name")] = None
-    """The scene's name for people."""
-    max_points: Annotated[
-        int | None, Option(least=clean.MIN_POINTS, notation=COUNT, unset="all of them")
-    ] = None
-    """Thin the survey to this many points while reading: 500k, 5M."""
-    statement: Annotated[SurveyStatement, Section(_SURVEY)] = field(default_factory=SurveyStatement)
-    """What the files do not say of the survey."""
-    mesh: Annotated[MeshStatement, Section(_SURVEY)] = field(default_factory=MeshStatement)
-    """What a mesh does not say of itself."""
-    extent: Annotated[
-        Extent | None, Option(heading=_SURVEY, notation=EXTENT, unset="all of it")
-    ] = None
-    """Build only the points within this rectangle, edges included, in the coordinates and the unit
-    of the survey's own CRS: 641200 8594700 641300 8594800. Of COPC, and of LAS and LAZ with a
-    LASindex (.lax), only what lies there is read."""
-    skip_damaged: Annotated[bool, Option(heading=_SURVEY)] = False
-    """Of a survey in several files, go on without those that cannot be read; the report names
-    them."""
-    clean: Annotated[clean.Options, Section("Surface")] = field(default_factory=clean.Options)
-    reconstruct: Annotated[reconstruct.Options, Section("Surface")] = field(
-        default_factory=reconstruct.Options
-    )
-    segment: Annotated[segment.Options, Section("Regions and segments")] = field(
-        default_factory=segment.Options
-    )
-    levels: Annotated[int, Option(heading="Regions and segments", least=1, most=MAX_LEVELS)] = 1
-    """Levels of every segment. 2 adds a coarser one with the same borders, a third of the bytes:
-    clients that ask for it show it in a ring around the full detail, before the base begins."""
-    texture: Annotated[Texturing | None, Section("Textures")] = None
-    """Textures instead of vertex colours, from photos or for comparison from the colours."""
-    base_texture: Annotated[int, Option(heading="Textures", unit="pixels")] = 2048
-    """Longest side of the base's image, drawn from the photos, or without them from the colours of
-    the points: 256, 512, 1024, 2048 or 4096. 0 leaves it the colours of its vertices."""
-    work: Annotated[Path | None, Option(heading=_MACHINE, unset=".SCENE.work beside the scene")] = (
-        None
-    )
-    """Work directory, with the results of all stages."""
-    resume: Annotated[bool, Option(heading=COMMON)] = True
-    """Take up stages of earlier builds whose input, options and code are unchanged."""
-    max_memory_bytes: Annotated[
-        int | None,
-        Option(
-            flags=("--max-memory",),
-            heading=COMMON,
-            least=2**28,
-            notation=BYTES,
-            unset=f"{MEMORY_SHARE * 100:.0f} % of what is free",
-        ),
-    ] = None
-    """Memory that the build may take: 8G. The less, the smaller the tiles."""
-    threads: Annotated[int | None, Option(heading=_MACHINE, least=1, unset="all cores")] = None
-    """Threads at most. The result does not depend on it."""
-    tiles: Annotated[TileOptions, Section(_MACHINE)] = field(default_factory=TileOptions)
-    """How large tiles are, and who works on them."""
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        self.pack_options()  # refused before any work, not after an hour
-        _ = self.base_image, self.texturing
-
-    @property
-    def inputs(self) -> tuple[Path, ...]:
-        """What was given as the survey: files, folders, patterns."""
-        return (self.survey,) if isinstance(self.survey, Path) else self.survey
-
-    @property
-    def scene(self) -> Path:
-        """Scene directory: the one that was asked for, or one of the survey's name."""
-        return default_scene_path(self.inputs) if self.output is None else self.output
-
-    @property
-    def base_image(self) -> base_atlas.Options | None:
-        """Options of the base's image where no photo gives one; None where it has none."""
-        return base_atlas.Options(self.base_texture) if self.base_texture else None
-
-    @property
-    def base_side(self) -> int:
-        """Longest side of the base's image in a scene with textures.
-
-        Raises
-        ------
-        OptionError
-            None is wanted.
-        """
-        if self.base_texture == 0:
-            raise OptionError(
-                "base texture 0 pixels, in a scene with textures; expected 256 or more"
-            )
-        return self.base_texture
-
-    @property
-    def texturing(self) -> Texturing | None:
-        """What textures are made of, the base's among them."""
-        if self.texture is None:
-            return None
-        options = replace(self.texture.options, base_side=self.base_side)
-        return replace(self.texture, options=options)
-
-    def pack_options(self) -> pack.Options:
-        """Options of the pack stage, made from the scene's name."""
-        name = self.scene.absolute().name if self.name is None else self.name
-        return pack.Options(name, self.levels)
-
-    def recorded(self) -> dict[str, Any]:
-        """Options that change the published bytes, as the manifest records them."""
-        # Scenes without them keep the bytes that they had before there were these options.
-        extent = {} if self.extent is None else {"extent": [*self.extent.values]}
-        statement = {"statement": self.statement.recorded} if self.statement.recorded else {}
-        return {
-            "max_points": self.max_points,
-            **extent,
-            **statement,
-            "clean": asdict(self.clean),
-            "reconstruct": asdict(self.reconstruct),
-            "segment": asdict(self.segment),
-            "base_texture": self.base_texture,
-            **({} if self.levels == 1 else {"levels": self.levels}),
-        }
 
 
 def build(options: BuildOptions, progress: Progress | None = None) -> BuildReport:
@@ -295,7 +140,7 @@ def _run_stages(
 ) -> tuple[str, bool, dict[str, Any]]:
     """Run all stages; return the scene's version, whether it was published now, and its files."""
     # (1) Photos that are not there are told of now, not after the reconstruction.
-    photos = None if options.texture is None else options.texture.find(runner.progress)
+    photos = None if options.texture is None else locate_photos(options.texture, runner.progress)
     # (2) The surface: reconstructed, or brought.
     texturing = options.texturing
     if isinstance(given, MeshInput):
@@ -318,7 +163,7 @@ def _run_stages(
     textures = base_texture = None
     recorded = {**options.recorded(), **brought.recorded}
     if texturing is not None:
-        recorded["texture"] = texturing.recorded(photos)
+        recorded["texture"] = recorded_textures(texturing, photos)
         asked = texture_input(texturing, photos, brought, runner.max_memory_bytes)
         textures = texture_tiles(runner, surface, segmented, asked)
         base_texture = textures.base

@@ -18,7 +18,8 @@ from terraport_pipeline.engines.mesh_texels import MeshTexels
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.mesh_statement import MESH
 from terraport_pipeline.model import Cloud
-from terraport_pipeline.stages import read_mesh, reconstruct
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.stages import read_mesh
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import IN_FOLDER, Facts
 from terraport_pipeline.stages.region_engine import check_segment_by

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, astuple, dataclass, field, replace
+from dataclasses import asdict, astuple, dataclass, replace
 from pathlib import Path
-from typing import Annotated, Any, Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import numpy as np
 import xxhash
@@ -24,113 +24,23 @@ from terraport_pipeline.engines.photos import (
 )
 from terraport_pipeline.errors import OptionError, PhotoError
 from terraport_pipeline.model import Crs
-from terraport_pipeline.option import COMMON, OFFSET, Option
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.progress import Progress
-from terraport_pipeline.stages import texture
 from terraport_pipeline.workflow.photo_check import checked_photos
 from terraport_pipeline.workflow.workdir import file_digest
 
-__all__ = ["LocatedPhotos", "Texturing", "camera_samples", "cameras_beside", "project_texturing"]
-
-_NOT_PHOTOS: Final = {"vertex": "vertex colours", "mesh": "the mesh"}
-"""What textures are made of without photos, by ``--texture-from``."""
+__all__ = [
+    "LocatedPhotos",
+    "camera_samples",
+    "cameras_beside",
+    "locate_photos",
+    "photo_folder",
+    "project_texturing",
+    "recorded_textures",
+]
 
 _MAX_SAMPLES: Final = 20_000
 """Points of the cloud that the cameras are tried on."""
-
-
-@dataclass(frozen=True, slots=True)
-class Texturing:
-    """What a build is asked for in the way of textures."""
-
-    options: texture.Options = field(default_factory=texture.Options)
-    photos: Annotated[Path | None, Option(heading=COMMON)] = None
-    """Folder of the survey's photos, or of the project that aligned them: the scene gets textures
-    from them."""
-    cameras: Annotated[
-        Path | None, Option(heading=COMMON, unset="looked for in the photos' folder and above it")
-    ] = None
-    """Where the photos were taken: file or project folder of COLMAP, OpenSfM, OpenDroneMap, Pix4D,
-    Metashape, RealityCapture, ContextCapture, VisualSFM or Bundler."""
-    camera_offset: Annotated[
-        tuple[float, float, float] | None,
-        Option(notation=OFFSET, unset="found where the cameras' files state it"),
-    ] = None
-    """Metres east, north and up to add to the cameras' coordinates."""
-
-    def __post_init__(self) -> None:
-        if self.options.source != "photos" and (self.photos or self.cameras):
-            raise OptionError(
-                f"photos for textures from {_NOT_PHOTOS[self.options.source]}; expected one or the "
-                f"other: leave out --photos, or --texture-from {self.options.source}"
-            )
-        if self.options.source == "photos" and self.photos is None:
-            raise OptionError(
-                "options of cameras or textures without photos; expected the folder of the photos "
-                "with --photos, or --texture-from vertex; of a mesh with textures of its own "
-                "--texture-from mesh"
-            )
-
-    @property
-    def folder(self) -> Path:
-        """Folder that the photos are looked for in: of an OpenDroneMap project the originals."""
-        if self.photos is None:
-            raise ValueError("textures without photos have no folder of them")
-        return originals_in(self.photos)
-
-    def find(self, progress: Progress) -> LocatedPhotos | None:
-        """Find cameras and photos and hash them; None with textures that need none.
-
-        Raises
-        ------
-        OptionError
-            No cameras are given, and none are beside the photos.
-        ReadError
-            The cameras cannot be read.
-        PhotoError
-            No photo of the cameras is there, or none can be used.
-        """
-        if self.photos is None:
-            return None
-        if not self.photos.is_dir():
-            raise PhotoError(f"{self.photos} is no folder; give the folder of the original photos")
-        cameras = self.cameras or cameras_beside(self.photos)
-        raw = read_raw_cameras(cameras, sizes_below(self.folder))
-        # Names and sizes are all that is looked at; poses in the scene need the cloud.
-        path_of_photo = find_photos(self.folder, raw.cameras)
-        refused: dict[str, PhotoError] = {}
-        for camera in raw.cameras:
-            if camera.name in path_of_photo:
-                try:
-                    fit_lens(camera.lens, path_of_photo[camera.name])
-                except PhotoError as error:
-                    refused[camera.name] = error
-        if len(refused) == len(path_of_photo):
-            raise none_usable(refused)
-        progress.start("texture: checksum of the photos", float(len(path_of_photo)), "photos")
-        digest = xxhash.xxh3_64()
-        for name in sorted(path_of_photo):
-            digest.update(f"{name}\0{file_digest(path_of_photo[name])}\0".encode())
-            progress.advance(1)
-        left_out = len(raw.cameras) - len(path_of_photo) + len(refused)
-        progress.done({"photos": len(path_of_photo) - len(refused), "left out": left_out})
-        return LocatedPhotos(
-            self,
-            cameras,
-            len(path_of_photo),
-            digest.hexdigest(),
-            _digest_of_cameras(raw),
-            raw.format,
-        )
-
-    def recorded(self, photos: LocatedPhotos | None) -> dict[str, Any]:
-        """Return what changes the published bytes, as the manifest records it."""
-        values: dict[str, Any] = asdict(self.options)
-        if photos is not None:
-            values["photos"] = {"count": photos.count, "xxh3": photos.photos_xxh3}
-            values["cameras"] = {"format": photos.format, "xxh3": photos.cameras_xxh3}
-            values["camera_offset"] = None if self.camera_offset is None else [*self.camera_offset]
-        return values
 
 
 @dataclass(frozen=True, slots=True)
@@ -174,7 +84,7 @@ class LocatedPhotos:
             As :func:`~terraport_pipeline.engines.camera_files.read_cameras` and
             :func:`~terraport_pipeline.engines.photos.open_photos`.
         """
-        folder = self.asked.folder
+        folder = photo_folder(self.asked)
         samples = camera_samples(points)
         placed = read_cameras(
             self.cameras,
@@ -210,6 +120,70 @@ class LocatedPhotos:
         progress.start("texture: do the photos show the survey", None, "photos")
         opened = self.open(points, colours, origin, crs, max_bytes=0)
         progress.done({"photos": len(opened.views), "left out": opened.left_out})
+
+
+def photo_folder(texturing: Texturing) -> Path:
+    """Return the folder that photos are searched in: of an OpenDroneMap project the originals."""
+    if texturing.photos is None:
+        raise ValueError("textures without photos have no folder of them")
+    return originals_in(texturing.photos)
+
+
+def locate_photos(texturing: Texturing, progress: Progress) -> LocatedPhotos | None:
+    """Find the cameras and photos and hash them; None with textures that need none.
+
+    Raises
+    ------
+    OptionError
+        No cameras are given, and none are beside the photos.
+    ReadError
+        The cameras cannot be read.
+    PhotoError
+        No photo of the cameras is there, or none can be used.
+    """
+    if texturing.photos is None:
+        return None
+    if not texturing.photos.is_dir():
+        raise PhotoError(f"{texturing.photos} is no folder; give the folder of the original photos")
+    cameras = texturing.cameras or cameras_beside(texturing.photos)
+    raw = read_raw_cameras(cameras, sizes_below(photo_folder(texturing)))
+    # Names and sizes are all that is looked at; poses in the scene need the cloud.
+    path_of_photo = find_photos(photo_folder(texturing), raw.cameras)
+    refused: dict[str, PhotoError] = {}
+    for camera in raw.cameras:
+        if camera.name in path_of_photo:
+            try:
+                fit_lens(camera.lens, path_of_photo[camera.name])
+            except PhotoError as error:
+                refused[camera.name] = error
+    if len(refused) == len(path_of_photo):
+        raise none_usable(refused)
+    progress.start("texture: checksum of the photos", float(len(path_of_photo)), "photos")
+    digest = xxhash.xxh3_64()
+    for name in sorted(path_of_photo):
+        digest.update(f"{name}\0{file_digest(path_of_photo[name])}\0".encode())
+        progress.advance(1)
+    left_out = len(raw.cameras) - len(path_of_photo) + len(refused)
+    progress.done({"photos": len(path_of_photo) - len(refused), "left out": left_out})
+    return LocatedPhotos(
+        texturing,
+        cameras,
+        len(path_of_photo),
+        digest.hexdigest(),
+        _digest_of_cameras(raw),
+        raw.format,
+    )
+
+
+def recorded_textures(texturing: Texturing, photos: LocatedPhotos | None) -> dict[str, Any]:
+    """Return what changes the published bytes, as the manifest records it."""
+    values: dict[str, Any] = asdict(texturing.options)
+    if photos is not None:
+        values["photos"] = {"count": photos.count, "xxh3": photos.photos_xxh3}
+        values["cameras"] = {"format": photos.format, "xxh3": photos.cameras_xxh3}
+        offset = texturing.camera_offset
+        values["camera_offset"] = None if offset is None else [*offset]
+    return values
 
 
 def project_texturing(inputs: Sequence[Path]) -> Texturing | None:

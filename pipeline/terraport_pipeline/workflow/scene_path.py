@@ -1,64 +1,16 @@
-"""Where a build puts its scene: where it was asked to, or beside you, called as the survey."""
+"""The place of a build's scene, checked before any work."""
 
 from __future__ import annotations
 
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Final
 
 from terraport_pipeline.errors import OptionError
 from terraport_store import meant_url
 from terraport_store.layout import MANIFEST_NAME
 
-__all__ = ["check_scene_path", "default_scene_path"]
-
-_WILDCARDS: Final = frozenset("*?[")
-
-
-def default_scene_path(inputs: Sequence[Path]) -> Path:
-    """Return where the scene of a survey goes that was given no place, in the current directory.
-
-    Parameters
-    ----------
-    inputs : sequence of Path
-        What was given as the survey: a file, a folder, or a pattern.
-
-    Returns
-    -------
-    Path
-        Relative: the file's name without its ending; the folder's name; of a pattern the name of
-        the folder that it looks into.
-
-    Raises
-    ------
-    OptionError
-        There are several inputs, of which none is the survey's name.
-
-    Examples
-    --------
-    >>> default_scene_path([Path("surveys/pit.copc.laz")]).name
-    'pit'
-    >>> default_scene_path([Path("tiles/2026/*.laz")]).name
-    '2026'
-    """
-    if len(inputs) != 1:
-        raise OptionError(
-            f"{len(inputs)} files and folders, and no name for their scene; give it one: "
-            "-o scenes/NAME"
-        )
-    [given] = inputs
-    literal = [part for part in given.parts if _WILDCARDS.isdisjoint(part)]
-    if len(literal) < len(given.parts) and not given.exists():  # a pattern
-        first = next(i for i, part in enumerate(given.parts) if not _WILDCARDS.isdisjoint(part))
-        name = Path(*given.parts[:first]).resolve().name
-    elif given.is_dir():
-        name = given.resolve().name
-    else:
-        stem = given.stem
-        name = stem[: -len(".copc")] if stem.lower().endswith(".copc") else stem
-    # A hidden folder would not be served.
-    return Path(name.lstrip(".") or "scene")
+__all__ = ["check_scene_path"]
 
 
 def check_scene_path(scene: Path, inputs: Sequence[Path], *, is_default: bool) -> None:

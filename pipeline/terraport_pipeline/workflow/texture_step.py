@@ -22,6 +22,7 @@ from terraport_pipeline.engines.mesh_texels import MeshTexels
 from terraport_pipeline.engines.photos import OpenPhotos
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.stages import texture
 from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
 from terraport_pipeline.stages.texture_set import TextureSet
@@ -31,7 +32,7 @@ from terraport_pipeline.stages.tiles.tiled_texture import Levels
 from terraport_pipeline.stages.tiles.tiled_views import TextureScale
 from terraport_pipeline.workflow import photo_input
 from terraport_pipeline.workflow.brought import Brought
-from terraport_pipeline.workflow.photo_input import LocatedPhotos, Texturing
+from terraport_pipeline.workflow.photo_input import LocatedPhotos
 from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.runner import (
     Result,
@@ -87,7 +88,7 @@ def texture_input(
     ----------
     asked : Texturing
     photos : LocatedPhotos or None
-        From ``asked.find``.
+        From :func:`.photo_input.locate_photos`.
     brought : Brought
         The scene's frame, samples that the cameras must look at, a mesh's own images.
     max_memory_bytes : int

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -32,8 +32,9 @@ from terraport_pipeline.geometry.tiles.tile_plan import (
     tile_shape,
 )
 from terraport_pipeline.model import Crs, Survey
-from terraport_pipeline.option import Option, check_options
-from terraport_pipeline.stages import clean, measure_survey, partition, reconstruct
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options.tiles import TileOptions
+from terraport_pipeline.stages import clean, measure_survey, partition
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import IN_FOLDER, STORED, Stored
 from terraport_pipeline.stages.tiles import solve_tile
@@ -52,7 +53,6 @@ from terraport_pipeline.workflow.workdir import StageRecord
 __all__ = [
     "FRAME",
     "Ground",
-    "TileOptions",
     "choose_tiles",
     "clean_thinned",
     "lattice_of",
@@ -70,23 +70,6 @@ join lets it reach (the base's hem is 1.5 wide)."""
 
 _THINNED_POINTS: Final = 1_500_000
 """Samples of the thinned copy: four per cell of a base of depth 9, and 0.8 GB to clean."""
-
-
-@dataclass(frozen=True, slots=True)
-class TileOptions:
-    """How large tiles are, and who works on them."""
-
-    depth: Annotated[
-        int | None,
-        Option(flags=("--tile-depth",), least=7, most=12, unset="what --max-memory allows"),
-    ] = None
-    """Octree depth of a tile: 10 is about 1.1 million faces, 9 a quarter of that."""
-    cluster: Annotated[str | None, Option(unset="processes of this machine")] = None
-    """Address of a Dask scheduler whose workers solve the tiles: tcp://host:8786. They must see the
-    same paths."""
-
-    def __post_init__(self) -> None:
-        check_options(self)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,8 @@ from terraport_pipeline.engines.body_parts import part_merges
 from terraport_pipeline.engines.shape_diameter import shape_diameter
 from terraport_pipeline.errors import SurveyError
 from terraport_pipeline.geometry.graph.face_graph import FaceGraph
-from terraport_pipeline.geometry.graph.graph_segmenter import SHAPE_GRAPH, graph_of_mesh
+from terraport_pipeline.geometry.graph.graph_options import SHAPE_GRAPH
+from terraport_pipeline.geometry.graph.graph_segmenter import graph_of_mesh
 from terraport_pipeline.geometry.graph.part_merge import PartMerges
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.mesh.face_measures import face_areas, face_centres

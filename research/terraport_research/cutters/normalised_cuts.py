@@ -12,7 +12,8 @@ from dataclasses import replace
 from typing import Final
 
 from terraport_payload.types import Int32
-from terraport_pipeline.geometry.graph.graph_segmenter import SHAPE_GRAPH, merge_graph
+from terraport_pipeline.geometry.graph.graph_options import SHAPE_GRAPH
+from terraport_pipeline.geometry.graph.graph_segmenter import merge_graph
 from terraport_pipeline.geometry.graph.merge_tree import MergeTree
 from terraport_research.cutters.contract import Body, Cut, Cutter
 

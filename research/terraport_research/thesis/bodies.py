@@ -8,17 +8,11 @@ from typing import Final
 from terraport_pipeline.progress import Progress
 from terraport_research.booklet_model import Column, Row, Table
 from terraport_research.cutters import CUTTERS, Body
+from terraport_research.options import ThesisOptions
 from terraport_research.princeton import Model, read_benchmark
 from terraport_research.procedural_bodies import WAISTS, procedural_models
 from terraport_research.segmentation_scores import MeshFacts, compare
-from terraport_research.thesis.making import (
-    Made,
-    Making,
-    ThesisOptions,
-    labelled_picture,
-    plain_picture,
-    view_of,
-)
+from terraport_research.thesis.making import Made, Making, labelled_picture, plain_picture, view_of
 
 __all__ = ["make_bodies"]
 

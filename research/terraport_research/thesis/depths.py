@@ -18,9 +18,10 @@ from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.quarry import synthesise
 from terraport_research.booklet_model import Column, Row, Table
 from terraport_research.depth_sweep import find_scene
+from terraport_research.options import ThesisOptions
 from terraport_research.reconstructors import Samples
 from terraport_research.runs import run
-from terraport_research.thesis.making import SIZE, Made, Making, ThesisOptions, plain_picture
+from terraport_research.thesis.making import SIZE, Made, Making, plain_picture
 
 __all__ = ["make_depths"]
 

@@ -9,10 +9,11 @@ from terraport_pipeline.errors import PipelineError
 from terraport_pipeline.progress import NullProgress, Progress
 from terraport_research.booklet import Booklet, read_pages, write_pages
 from terraport_research.booklet_model import Page
+from terraport_research.options import PAGES, ThesisOptions
 from terraport_research.thesis.bodies import make_bodies
 from terraport_research.thesis.depths import make_depths
 from terraport_research.thesis.landscapes import make_landscapes
-from terraport_research.thesis.making import PAGES, Maker, ThesisOptions
+from terraport_research.thesis.making import Maker
 from terraport_research.thesis.people import make_people
 from terraport_research.thesis.photos import make_photos
 from terraport_research.thesis.pools import make_pools

@@ -9,20 +9,15 @@ import numpy as np
 
 from terraport_payload.types import Int32
 from terraport_pipeline.errors import PipelineError
+from terraport_pipeline.geometry.regions.pool_options import REGION_POOLS
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh, segmenter_by_name
-from terraport_pipeline.geometry.regions.triangle_pool import REGION_POOLS, triangle_pools
+from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools
 from terraport_pipeline.progress import Progress
 from terraport_research.booklet_model import Column, Row, Table
 from terraport_research.cutters import CUTTERS, Body
+from terraport_research.options import ThesisOptions
 from terraport_research.segmentation_scores import rand_error
-from terraport_research.thesis.making import (
-    Made,
-    Making,
-    ThesisOptions,
-    labelled_picture,
-    plain_picture,
-    view_of,
-)
+from terraport_research.thesis.making import Made, Making, labelled_picture, plain_picture, view_of
 from terraport_research.thesis.pieces import Piece, closed_below, thesis_pieces
 
 __all__ = ["make_landscapes"]

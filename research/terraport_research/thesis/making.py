@@ -5,8 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Final
+from typing import Final
 
 import numpy as np
 
@@ -14,97 +13,25 @@ from terraport_payload.types import AnyInt, Float32, Float64, Int32, UInt8
 from terraport_pipeline.engines.cameras import Camera, oblique
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.engines.pictures import encode_jpeg, render_mesh
-from terraport_pipeline.errors import OptionError
-from terraport_pipeline.option import COUNT, Notation, Option, check_options
 from terraport_pipeline.progress import Progress
 from terraport_research.booklet_model import Figure, Page, Picture, Stamp, Table
-from terraport_research.cutters import CUTTERS
-from terraport_research.name_list import NAMES
-from terraport_research.princeton import Mode
+from terraport_research.options import ThesisOptions
 from terraport_research.versions import versions_of_this
 
 __all__ = [
-    "PAGES",
     "SIZE",
     "Made",
     "Maker",
     "Making",
-    "ThesisOptions",
     "labelled_picture",
     "plain_picture",
     "view_of",
 ]
 
-PAGES: Final = ("people", "bodies", "landscapes", "pools", "run-times", "depths", "photos")
-"""In the order of the page."""
 SIZE: Final = (400, 300)
 _SUPERSAMPLE: Final = 2
 _FRAMED: Final = 4000
 """Vertices that a camera frames."""
-_DEEPEST: Final = 14
-_THESIS_COMPARED: Final = ("tpa", "shape-diameter", "fitting-primitives")
-_AUTOMATIC: Final = "automatic"
-
-
-def _depths(text: str, what: str) -> tuple[int, ...]:
-    try:
-        return tuple(int(word) for word in text.split(","))
-    except ValueError:
-        raise OptionError(f"{what} {text!r}; expected whole numbers such as 8,10,11") from None
-
-
-def _compared() -> tuple[str, ...]:
-    """Algorithms of the thesis's pictures, as far as they are registered, and ours."""
-    return (*(key for key in _THESIS_COMPARED if key in CUTTERS), _AUTOMATIC)
-
-
-@dataclass(frozen=True, slots=True)
-class ThesisOptions:
-    """Which pages, from what, how large."""
-
-    pages: Annotated[tuple[str, ...], Option(notation=NAMES)] = PAGES
-    """Pages to make anew, by commas; the others stay as they were made before. none: write all
-    once more from the results, without computing anything."""
-    scores: Annotated[Path | None, Option(unset="segmentation.json in the output folder")] = None
-    """Results of terraport evaluate segmentation, for the page people."""
-    models: Annotated[Path | None, Option(unset="bodies made here")] = None
-    """Folder or tar archive of Princeton's models, for the page bodies."""
-    data: Annotated[Path | None, Option(unset="the synthetic quarry alone")] = None
-    """Folder of real surveys, for the page depths: red_rocks/red_rocks.laz and so on."""
-    scenes: Annotated[
-        tuple[str, ...], Option(notation=NAMES, unset="the scene that comes along")
-    ] = ()
-    """Built scenes with textures, paths by commas, for the page photos."""
-    algorithms: Annotated[tuple[str, ...], Option(notation=NAMES)] = _compared()
-    """Algorithms for the pages bodies and landscapes, by commas; any of terraport evaluate
-    segmentation."""
-    mode: Annotated[Mode, Option()] = "by-model"
-    """How many segments algorithms are told to make of a body."""
-    depths: Annotated[
-        tuple[int, ...],
-        Option(notation=Notation("DEPTH,DEPTH", _depths, lambda d: ",".join(map(str, d)))),
-    ] = (8, 10, 11)
-    """Octree depths side by side; the thesis shows 13 too, which takes minutes."""
-    depth_points: Annotated[int, Option(least=5_000, most=20_000_000, notation=COUNT)] = 60_000
-    """Points of each survey that the depths are tried on."""
-    most_faces: Annotated[int, Option(least=1_000, most=12_000_000, notation=COUNT)] = 1_000_000
-    """Largest of the thesis's meshes to time TPA on: 1M; 12M takes 2 GB of memory."""
-    seed: Annotated[int, Option(least=0)] = 0
-    """Of what is drawn by lot: noise, and what algorithms draw."""
-
-    def __post_init__(self) -> None:
-        check_options(self)
-        for name in self.pages:
-            if name not in PAGES:
-                raise OptionError(f"page {name!r}; expected some of {', '.join(PAGES)}, or none")
-        for name in self.algorithms:
-            if name not in CUTTERS:
-                raise OptionError(f"algorithm {name!r}; expected one of {', '.join(CUTTERS)}")
-        for depth in self.depths:
-            if not 4 <= depth <= _DEEPEST:
-                raise OptionError(f"depth {depth}; expected 4 to {_DEEPEST}")
-        if self.data is not None and not self.data.is_dir():
-            raise OptionError(f"--data {self.data}; expected an existing folder")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

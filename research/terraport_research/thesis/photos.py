@@ -15,7 +15,8 @@ from terraport_pipeline.progress import Progress
 from terraport_pipeline.published.landing_view import choose_landing, view_from_eye
 from terraport_pipeline.published.scene_model import WHOLE_FACES, SceneModel, load_scene_model
 from terraport_pipeline.report.textures import VertexColours, find_vertex_colours
-from terraport_research.thesis.making import Made, Making, ThesisOptions
+from terraport_research.options import ThesisOptions
+from terraport_research.thesis.making import Made, Making
 from terraport_store import Scene, StoreError
 
 __all__ = ["make_photos"]

@@ -7,16 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.geometry.regions.triangle_pool import REGION_POOLS, triangle_pools_many
+from terraport_pipeline.geometry.regions.pool_options import REGION_POOLS
+from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools_many
 from terraport_pipeline.progress import Progress
 from terraport_research.booklet_model import Column, Row, Table
-from terraport_research.thesis.making import (
-    Made,
-    Making,
-    ThesisOptions,
-    labelled_picture,
-    view_of,
-)
+from terraport_research.options import ThesisOptions
+from terraport_research.thesis.making import Made, Making, labelled_picture, view_of
 from terraport_research.thesis.pieces import thesis_pieces
 
 __all__ = ["make_pools"]

@@ -12,7 +12,8 @@ from terraport_payload.types import Float32, Int32, UInt8
 from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools
 from terraport_pipeline.progress import Progress
 from terraport_research.booklet_model import Column, Row, Table
-from terraport_research.thesis.making import Made, Making, ThesisOptions
+from terraport_research.options import ThesisOptions
+from terraport_research.thesis.making import Made, Making
 
 __all__ = ["coloured_ground", "make_run_times"]
 

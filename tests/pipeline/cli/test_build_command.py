@@ -8,7 +8,6 @@ import typer
 from pipeline.laz_files import Hill, write_tiles
 from typer.testing import CliRunner
 
-from terraport_pipeline.cli import build as command
 from terraport_pipeline.cli.build import register
 from terraport_store.validate import validate_scene
 
@@ -143,7 +142,7 @@ def test_ctrl_c_exits_with_130_and_says_how_to_go_on(
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(command, "run_build", interrupted)
+    monkeypatch.setattr("terraport_pipeline.workflow.build.build", interrupted)
     code, output = run(hill_file, "-o", tmp_path / "scene", "--quiet")
     assert code == 130
     assert "the same command goes on after the last finished stage" in output

@@ -12,7 +12,8 @@ from typer.testing import CliRunner, Result
 
 from terraport_pipeline.cli.segment import register
 from terraport_pipeline.engines.mesh_files.read_mesh import read_mesh
-from terraport_pipeline.stages.mesh_segments import MeshSegmentOptions, is_closed, segment_mesh
+from terraport_pipeline.options.mesh_segments import MeshSegmentOptions
+from terraport_pipeline.stages.mesh_segments import is_closed, segment_mesh
 
 
 def run(*arguments: object) -> Result:

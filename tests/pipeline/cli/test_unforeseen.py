@@ -13,6 +13,7 @@ from typer.testing import CliRunner
 
 from terraport_pipeline.cli import build, demo, report
 from terraport_pipeline.engines.tile_pool import TilePool
+from terraport_pipeline.report import report as report_writer
 from terraport_pipeline.stages import atlas_maker, clean, texture
 from terraport_pipeline.stages.tiles import tiled_views
 from terraport_pipeline.unforeseen import FAILURE_NAME
@@ -154,7 +155,7 @@ def test_a_report_that_fails_leaves_the_scene(
     field: Path, tmp_path: Path, broken: Callable[..., AbstractContextManager[None]]
 ) -> None:
     scene = tmp_path / "scene"
-    with broken(build, "write_report", TypeError("no picture")):
+    with broken(report_writer, "write_report", TypeError("no picture")):
         code, output = run("build", field / "field.xyz", "-o", scene, *SMALL[:-1])
     assert code == 1
     assert "the report failed in a way that nobody foresaw (TypeError: no picture)" in output
@@ -169,7 +170,7 @@ def test_another_command_that_fails_keeps_its_trace_too(
 ) -> None:
     monkeypatch.setenv("TMPDIR", str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    with broken(report, "write_report", AssertionError("never")):
+    with broken(report_writer, "write_report", AssertionError("never")):
         code, output = run("report", tmp_path)
     assert code == 1
     assert "Traceback" not in output

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.engines import body_parts
-from terraport_pipeline.engines.body_parts import BODY_GRAPH, PIECES, BodySegmenter
+from terraport_pipeline.engines.body_parts import PIECES, BodySegmenter
 from terraport_pipeline.engines.body_sight import body_sight
+from terraport_pipeline.geometry.graph.graph_options import BODY_GRAPH
 from terraport_pipeline.geometry.mesh.face_measures import face_areas, face_centres
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
 from terraport_research.procedural_bodies import procedural_models

@@ -15,9 +15,10 @@ from pipeline.engines.camera_files.known_cameras import (
 )
 
 from terraport_pipeline.engines.odm_project import find_odm_project
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.survey.find_survey import find_survey
-from terraport_pipeline.workflow.photo_input import Texturing, project_texturing
+from terraport_pipeline.workflow.photo_input import locate_photos, photo_folder, project_texturing
 
 
 def picture(path, size=(WIDTH // 10, HEIGHT // 10)):
@@ -58,11 +59,11 @@ def test_photos_are_the_originals(project):
     found = find_odm_project(project)
     assert found is not None
     assert found.photos == project / "images"
-    located = Texturing(photos=project).find(NullProgress())
+    located = locate_photos(Texturing(photos=project), NullProgress())
     assert located is not None
     assert located.count == 6
     assert located.format == "OpenSfM"
-    beside = Texturing(photos=project / "images").find(NullProgress())
+    beside = locate_photos(Texturing(photos=project / "images"), NullProgress())
     assert beside is not None
     assert beside.photos_xxh3 == located.photos_xxh3
 
@@ -70,7 +71,7 @@ def test_photos_are_the_originals(project):
 def test_the_project_given_as_the_survey_brings_its_photos(project):
     texturing = project_texturing([project])
     assert texturing is not None
-    assert texturing.folder == project / "images"
+    assert photo_folder(texturing) == project / "images"
     assert project_texturing([project / "images"]) is None
     assert project_texturing([project, project]) is None
 
@@ -87,7 +88,7 @@ def test_shots_of_all_assets(tmp_path):
     write_shots_geojson(tmp_path, cameras)
     for name in cameras[0]:
         picture(tmp_path / "images" / name)
-    located = Texturing(photos=tmp_path).find(NullProgress())
+    located = locate_photos(Texturing(photos=tmp_path), NullProgress())
     assert located is not None
     assert located.format == "OpenDroneMap shots"
 

@@ -14,7 +14,7 @@ from terraport_pipeline.demo import prepare_demo
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.report.picture import PictureOptions
 from terraport_pipeline.report.report import ReportOptions
-from terraport_pipeline.synth.flight import FlightOptions
+from terraport_pipeline.synth.options import FlightOptions
 from terraport_store import Scene
 
 

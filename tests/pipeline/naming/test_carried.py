@@ -20,9 +20,10 @@ from terraport_pipeline.naming.carried import NOTE_NAME, UNNAMED_NAME, bring_nam
 from terraport_pipeline.naming.plan import label_by_plan
 from terraport_pipeline.naming.recut import Cut, recut
 from terraport_pipeline.naming.republish import republish
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.published.ground import read_ground
-from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_pipeline.workflow.report import BuildReport
 from terraport_store import Scene, SceneBusyError, change_labels, read_manifest, validate_scene

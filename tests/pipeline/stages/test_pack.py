@@ -12,7 +12,9 @@ from scipy.spatial import cKDTree
 from terraport_payload import decode_glb, snap
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh, Survey
-from terraport_pipeline.stages import pack, reconstruct, segment
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.stages import pack
 from terraport_pipeline.workflow.pack_step import publish_tiles
 from terraport_pipeline.workflow.reconstruct_step import Surface
 from terraport_pipeline.workflow.runner import Runner

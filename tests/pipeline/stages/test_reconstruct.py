@@ -12,7 +12,8 @@ from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.cover.uncovered import uncovered_faces
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.model import Survey
-from terraport_pipeline.stages import clean, reconstruct
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.stages import clean
 
 
 @pytest.fixture(scope="module")

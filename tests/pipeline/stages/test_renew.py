@@ -16,7 +16,8 @@ from terraport_pipeline.stages import renew
 from terraport_pipeline.stages.contract import Context, Facts
 from terraport_pipeline.stages.partition import BLOCK_CELLS
 from terraport_pipeline.stages.survey_change import load_height_changes
-from terraport_pipeline.synth import QuarryOptions, synthesise
+from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.quarry import synthesise
 
 ORIGIN = np.array([641_200.0, 8_594_700.0, 1_287.0])
 SPACING_M = 0.39

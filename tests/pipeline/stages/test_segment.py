@@ -19,8 +19,10 @@ from pipeline.one_piece import (
 
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.model import Mesh, Survey
-from terraport_pipeline.stages import reconstruct, segment
-from terraport_pipeline.stages.region_engine import ENGINES, make_segmenter, sized
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.options.regions import ENGINES
+from terraport_pipeline.stages.region_engine import make_segmenter, sized
 from terraport_pipeline.stages.tiles import tiled_segment
 
 SMALL = segment.Options(min_faces=150, max_faces=900)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.errors import ResourceError
+from terraport_pipeline.options.regions import Options
 from terraport_pipeline.stages.contract import Stored
-from terraport_pipeline.stages.segment import Options
 from terraport_pipeline.stages.tiles.tile_engines import CELL_BYTES, check_memory
 
 TILES = [Stored({"keys": np.arange(count)}, {}) for count in (300_000, 700_000)]

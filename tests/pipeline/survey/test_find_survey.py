@@ -67,7 +67,7 @@ def test_a_file_that_is_linked_twice_counts_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("given", "told"),
     [
-        ("none.laz", "no file .*none.laz"),
+        ("none.laz", "none.laz: no such file or folder"),
         ("*.las", "no file matches .*las; check the folder"),
         ("empty", "is empty; expected a folder with a survey in it"),
         ("photos", "holds no survey, but 1.jpg; terraport reads .las"),

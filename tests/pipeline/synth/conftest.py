@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from terraport_pipeline.synth import Quarry, QuarryOptions, synthesise
 from terraport_pipeline.synth.camera_eye import CameraEye
+from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.quarry import Quarry, synthesise
 
 
 @pytest.fixture(scope="session")

@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.synth import Material, Quarry, QuarryOptions
 from terraport_pipeline.synth.appearance import Sunlight, grade
+from terraport_pipeline.synth.materials import Material
+from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.quarry import Quarry
 from terraport_pipeline.synth.surface import Surface
 
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.synth import QuarryOptions
 from terraport_pipeline.synth.blobs import BUSH, ROCK, TREE
+from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.synth.surface import Surface
 from terraport_pipeline.synth.triangulate import icosphere
 

@@ -5,9 +5,10 @@ from scipy.ndimage import binary_dilation
 
 from terraport_pipeline.engines.rays import Hits
 from terraport_pipeline.geometry.photos.lens import View
-from terraport_pipeline.synth import Material
 from terraport_pipeline.synth.camera_eye import NOTHING, TRUCK, TRUCK_SHADOW, CameraEye
-from terraport_pipeline.synth.flight import FlightOptions, plan_flight
+from terraport_pipeline.synth.flight import plan_flight
+from terraport_pipeline.synth.materials import Material
+from terraport_pipeline.synth.options import FlightOptions
 from terraport_pipeline.synth.truck import parking_places, place_truck
 
 

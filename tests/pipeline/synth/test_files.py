@@ -12,10 +12,12 @@ import pytest
 
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.stages.read import read_survey
-from terraport_pipeline.synth import Material, QuarryOptions, synthesise
 from terraport_pipeline.synth import files as module
 from terraport_pipeline.synth import quarry as maker
 from terraport_pipeline.synth.files import load_options, truth_path, write_quarry
+from terraport_pipeline.synth.materials import Material
+from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.quarry import synthesise
 
 OPTIONS = QuarryOptions(points=5_000, seed=2, size_m=120.0)
 

@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.synth import Material
 from terraport_pipeline.synth.fine_pattern import paint_fine_pattern
+from terraport_pipeline.synth.materials import Material
 from terraport_pipeline.synth.noise import Noise
 from terraport_pipeline.synth.surface import SurfacePoints
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.synth import QuarryOptions
-from terraport_pipeline.synth.flight import FlightOptions, plan_flight, seen_by
+from terraport_pipeline.synth.flight import plan_flight, seen_by
 from terraport_pipeline.synth.noise import Noise
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.terrain import Terrain
 from terraport_pipeline.synth.way import way_places
 

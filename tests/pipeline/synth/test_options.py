@@ -8,7 +8,7 @@ import pytest
 
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.option import option_fields
-from terraport_pipeline.synth import QuarryOptions
+from terraport_pipeline.synth.options import QuarryOptions
 
 
 @pytest.mark.parametrize(

@@ -10,9 +10,8 @@ from PIL import Image
 
 from terraport_pipeline.engines.camera_files import read_cameras
 from terraport_pipeline.errors import OptionError, ResourceError
-from terraport_pipeline.synth import QuarryOptions
 from terraport_pipeline.synth import photo_files as module
-from terraport_pipeline.synth.flight import FlightOptions
+from terraport_pipeline.synth.options import FlightOptions, QuarryOptions
 from terraport_pipeline.synth.photo_files import develop, exposures, write_photos
 
 QUARRY = QuarryOptions(points=1_000, seed=7, size_m=90.0, detail=1.0)

@@ -8,9 +8,11 @@ import pytest
 from scipy.spatial import cKDTree
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.synth import Material, Quarry, QuarryOptions, synthesise
 from terraport_pipeline.synth import quarry as module
 from terraport_pipeline.synth.appearance import grade
+from terraport_pipeline.synth.materials import Material
+from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.quarry import Quarry, synthesise
 
 SMALL = QuarryOptions(points=20_000, seed=3, size_m=90.0)
 

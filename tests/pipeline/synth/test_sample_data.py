@@ -8,7 +8,8 @@ from pathlib import Path
 import laspy
 import numpy as np
 
-from terraport_pipeline.synth import QuarryOptions, synthesise
+from terraport_pipeline.synth.options import QuarryOptions
+from terraport_pipeline.synth.quarry import synthesise
 
 DATA = Path(__file__).resolve().parents[3] / "data"
 

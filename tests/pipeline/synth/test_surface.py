@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.synth import Material, QuarryOptions
-from terraport_pipeline.synth.options import HALF_X, HALF_Y
+from terraport_pipeline.synth.materials import Material
+from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
 from terraport_pipeline.synth.surface import GROUND, Surface
 
 

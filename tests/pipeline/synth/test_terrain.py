@@ -3,9 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.synth import QuarryOptions
 from terraport_pipeline.synth.noise import Noise
-from terraport_pipeline.synth.options import HALF_X, HALF_Y
+from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
 from terraport_pipeline.synth.surface import Surface
 from terraport_pipeline.synth.terrain import _PIT, _WALL_AZIMUTH, Terrain
 

@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 
 from terraport_pipeline.synth.camera_eye import CameraEye
-from terraport_pipeline.synth.flight import FlightOptions, plan_flight
+from terraport_pipeline.synth.flight import plan_flight
+from terraport_pipeline.synth.options import FlightOptions
 from terraport_pipeline.synth.truck import Truck, parking_places, place_truck
 
 FORWARD_NORTH = Truck(np.array([10.0, 5.0, -20.0]), np.pi / 2, 1.0)

@@ -2,9 +2,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from terraport_pipeline.synth import QuarryOptions
 from terraport_pipeline.synth.noise import Noise
-from terraport_pipeline.synth.options import HALF_X, HALF_Y
+from terraport_pipeline.synth.options import HALF_X, HALF_Y, QuarryOptions
 from terraport_pipeline.synth.terrain import Terrain
 from terraport_pipeline.synth.way import way_places
 

@@ -21,11 +21,12 @@ from terraport_pipeline.errors import (
     SurveyError,
     WorkDirectoryError,
 )
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.published.scene_model import load_scene_model
 from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.report.facts import collect_facts
-from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_pipeline.workflow.scene_lock import scene_locked

@@ -13,8 +13,9 @@ from pipeline.laz_files import Hill, las_data, write_laz, write_tiles
 from terraport_pipeline.errors import OptionError, SurveyError
 from terraport_pipeline.extent import Extent
 from terraport_pipeline.inspection import inspect_scene
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
 from terraport_pipeline.report.facts import extent_line
-from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_store.reader import Scene
 

@@ -12,9 +12,10 @@ import pytest
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.naming.recut import Cut, recut
 from terraport_pipeline.naming.republish import republish
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
 from terraport_pipeline.progress import NullProgress
 from terraport_pipeline.published.ground import read_ground
-from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.validate.handoff_report import HandOffOptions
 from terraport_pipeline.validate.validation import ValidationOptions, validate
 from terraport_pipeline.workflow.build import BuildOptions, build

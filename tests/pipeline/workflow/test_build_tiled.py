@@ -13,8 +13,9 @@ from pipeline.one_piece import runner_in, surface_in_tiles
 
 from terraport_payload import decode_glb
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.options import regions as segment
 from terraport_pipeline.published.scene_model import load_scene_model
-from terraport_pipeline.stages import pack, segment
+from terraport_pipeline.stages import pack
 from terraport_pipeline.validate.handoff import check_hand_off
 from terraport_pipeline.validate.handoff_report import HandOffOptions
 from terraport_pipeline.workflow import segment_step

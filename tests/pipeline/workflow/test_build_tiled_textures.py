@@ -12,7 +12,8 @@ from pipeline.one_piece import runner_in, surface_in_tiles
 
 from terraport_payload import decode_glb
 from terraport_pipeline.engines.photos import OpenPhotos
-from terraport_pipeline.stages import pack, segment, texture
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.stages import pack, texture
 from terraport_pipeline.stages.tiles import base_atlas
 from terraport_pipeline.workflow import texture_step
 from terraport_pipeline.workflow.pack_step import publish_tiles

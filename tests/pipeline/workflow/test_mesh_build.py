@@ -15,14 +15,15 @@ from terraport_pipeline.engines.mesh_files.read_mesh import read_mesh
 from terraport_pipeline.errors import OptionError, PipelineError, ReadError, SurveyError
 from terraport_pipeline.mesh_inspection import inspect_mesh
 from terraport_pipeline.mesh_statement import MeshStatement
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.report.scene_colour import SceneColour
-from terraport_pipeline.stages import segment, texture
+from terraport_pipeline.stages import texture
 from terraport_pipeline.survey.find_mesh import find_mesh
 from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_pipeline.validate.handoff import HandOffOptions
 from terraport_pipeline.validate.validation import ValidationOptions, validate
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_store import Scene
 
 SIDE = 24

@@ -13,16 +13,17 @@ import pytest
 
 from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan, tile_shape
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.options.tiles import TileOptions
 from terraport_pipeline.published.scene_model import load_scene_model
 from terraport_pipeline.published.work_directory import default_work_directory
-from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.synth.files import write_quarry
 from terraport_pipeline.synth.options import QuarryOptions
 from terraport_pipeline.validate.handoff import check_hand_off
 from terraport_pipeline.validate.handoff_report import HandOffOptions
 from terraport_pipeline.workflow import reconstruct_step, tile_ground
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.tile_ground import TileOptions
 from terraport_pipeline.workflow.workdir import StageRecord, WorkDirectory
 from terraport_store import Scene
 from terraport_store.validate import validate_scene

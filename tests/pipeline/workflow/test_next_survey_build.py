@@ -9,8 +9,9 @@ import pytest
 
 from terraport_payload import SegmentMesh, decode_glb
 from terraport_payload.types import Float64
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
 from terraport_pipeline.report.change_map import find_change_map
-from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.workflow.build import BuildOptions, build
 from terraport_store import Scene
 from terraport_store.validate import validate_scene

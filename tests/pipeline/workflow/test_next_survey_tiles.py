@@ -26,8 +26,9 @@ from terraport_pipeline.geometry.regions.region_changes import ChangeMap
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.naming.plan import label_by_plan
+from terraport_pipeline.options import regions as segment
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.stages import pack, segment
+from terraport_pipeline.stages import pack
 from terraport_pipeline.stages.survey_change import SurveyChange
 from terraport_pipeline.workflow.before import find_before
 from terraport_pipeline.workflow.pack_step import publish_tiles

@@ -10,10 +10,11 @@ import pytest
 from pipeline.laz_files import Hill, write_laz, write_tiles
 
 from terraport_pipeline.errors import ReadError
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.options.tiles import TileOptions
 from terraport_pipeline.report.facts import input_line
-from terraport_pipeline.stages import reconstruct, segment
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.tile_ground import TileOptions
 from terraport_store.reader import Scene
 
 HILL = Hill(3000)

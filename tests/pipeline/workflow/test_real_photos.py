@@ -9,8 +9,8 @@ import pytest
 
 from terraport_payload import decode_glb
 from terraport_pipeline.engines.images import decode_image
+from terraport_pipeline.options.texturing import Texturing
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_store import Scene, validate_scene
 
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.workflow.scene_path import check_scene_path, default_scene_path
+from terraport_pipeline.options.build import default_scene_path
+from terraport_pipeline.workflow.scene_path import check_scene_path
 
 
 @pytest.fixture(autouse=True)

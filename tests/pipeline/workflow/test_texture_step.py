@@ -17,9 +17,11 @@ from terraport_pipeline.engines.camera_files.write_colmap import write_colmap
 from terraport_pipeline.engines.images import decode_image
 from terraport_pipeline.errors import OptionError, PhotoError
 from terraport_pipeline.extent import Extent
-from terraport_pipeline.stages import reconstruct, segment, texture
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options import regions as segment
+from terraport_pipeline.options.texturing import Texturing
+from terraport_pipeline.stages import texture
 from terraport_pipeline.workflow.build import BuildOptions, build
-from terraport_pipeline.workflow.photo_input import Texturing
 from terraport_store import Scene, validate_scene
 
 

@@ -16,8 +16,10 @@ from terraport_pipeline.engines.tile_pool import TilePool
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.mesh.deviation import distances_to_mesh
 from terraport_pipeline.geometry.tiles.tile_plan import tile_shape
+from terraport_pipeline.options import reconstruct
+from terraport_pipeline.options.tiles import TileOptions
 from terraport_pipeline.progress import NullProgress
-from terraport_pipeline.stages import clean, reconstruct
+from terraport_pipeline.stages import clean
 from terraport_pipeline.stages.read import read_survey
 from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.synth.files import write_quarry
@@ -26,7 +28,7 @@ from terraport_pipeline.workflow import reconstruct_step, tile_ground
 from terraport_pipeline.workflow.read_step import read_once
 from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
 from terraport_pipeline.workflow.runner import Runner
-from terraport_pipeline.workflow.tile_ground import TileOptions, clean_thinned, prepare
+from terraport_pipeline.workflow.tile_ground import clean_thinned, prepare
 from terraport_pipeline.workflow.workdir import WorkDirectory
 
 POINTS = 10_000

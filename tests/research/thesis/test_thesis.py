@@ -17,12 +17,12 @@ from terraport_pipeline.geometry.mesh.adjacency import components
 from terraport_pipeline.geometry.mesh.mesh_edges import edge_facts
 from terraport_pipeline.progress import NullProgress
 from terraport_research.cli import register
-from terraport_research.segmentation import SegmentationOptions, evaluate_segmentation
+from terraport_research.options import SegmentationOptions, ThesisOptions
+from terraport_research.segmentation import evaluate_segmentation
 from terraport_research.segmentation_page import to_json
 from terraport_research.thesis import landscapes, pieces, pools, run_times
 from terraport_research.thesis.bodies import make_bodies
 from terraport_research.thesis.evaluate import evaluate_thesis
-from terraport_research.thesis.making import ThesisOptions
 from terraport_research.thesis.people import make_people
 from terraport_research.thesis_tables import THESIS_TABLES
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from terraport.errors import GroupError, UsageError
-from terraport.group import Group, GroupLanding
-from terraport.landing import Landing
-from terraport.live import Session
+
+if TYPE_CHECKING:
+    from terraport.group import Group, GroupLanding
+    from terraport.landing import Landing
+    from terraport.live import Session
 
 __all__ = ["GroupOptions", "land_together", "place_of"]
 

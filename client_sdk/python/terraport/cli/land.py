@@ -9,17 +9,11 @@ from collections.abc import AsyncIterator, Awaitable
 from contextlib import asynccontextmanager
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
 
-from terraport.cli.group import GroupOptions, land_together, place_of
-from terraport.cli.landing_files import require_pictures, write_landing
-from terraport.cli.landing_report import landing_facts, print_report, report_facts
-from terraport.cli.reach import explain_refusal, nothing_there, require_reach
-from terraport.client import connect
 from terraport.errors import (
     HttpError,
     LandingTimeoutError,
@@ -27,12 +21,11 @@ from terraport.errors import (
     ServerError,
     UsageError,
 )
-from terraport.frames import to_scene
-from terraport.landing import Landing
-from terraport.places import find_place
-from terraport.scene_box import SceneBox
-from terraport.timeouts import Timeouts
-from terraport.trace import LandingTrace, write_trace
+
+if TYPE_CHECKING:
+    from terraport.cli.group import GroupOptions
+    from terraport.landing import Landing
+    from terraport.trace import LandingTrace
 
 __all__ = ["land", "register"]
 
@@ -154,6 +147,10 @@ def land(
 
     The first waits until the second, the guide, lands them both.
     """
+    from terraport.cli.group import GroupOptions, place_of
+    from terraport.cli.landing_files import require_pictures
+    from terraport.timeouts import Timeouts
+
     group_options = None if group is None else GroupOptions(group, guide, member_name, members)
     if region is not None and (x is not None or crs or ground):
         raise UsageError("got --region with X Y Z, --crs or --ground, expected one of them")
@@ -203,6 +200,8 @@ def land(
 
 async def _with_advice(landing: Awaitable[None], url: str, token: str | None) -> None:
     """Land; of a refusal say what can be typed about it."""
+    from terraport.cli.reach import explain_refusal
+
     try:
         await landing
     except (ServerError, HttpError) as error:
@@ -236,6 +235,15 @@ async def _land(
     One session for all of it: what the first landing loaded is held for the next. Traces are
     written whatever happens, files and the report only of a landing that is ready.
     """
+    from terraport.cli.group import land_together
+    from terraport.cli.landing_files import write_landing
+    from terraport.cli.landing_report import landing_facts, print_report, report_facts
+    from terraport.cli.reach import nothing_there, require_reach
+    from terraport.client import connect
+    from terraport.frames import to_scene
+    from terraport.places import find_place
+    from terraport.scene_box import SceneBox
+
     traces: list[LandingTrace] = []
     async with connect(url, token, **options) as session, _traced(trace, traces):
         manifest = await session.manifest()
@@ -307,6 +315,8 @@ async def _land(
 @asynccontextmanager
 async def _traced(path: Path | None, traces: list[LandingTrace]) -> AsyncIterator[None]:
     """Write the traces at the end, also of landings that failed: those are asked about."""
+    from terraport.trace import write_trace
+
     try:
         yield
     finally:
@@ -316,6 +326,8 @@ async def _traced(path: Path | None, traces: list[LandingTrace]) -> AsyncIterato
 
 async def _watch(landing: Landing, number: int, timeout_s: float) -> None:
     """Wait for a landing behind a progress bar (on a terminal)."""
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TransferSpeedColumn
+
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), DownloadColumn())
     with Progress(

@@ -21,9 +21,7 @@ from urllib.parse import unquote
 from terraport_pipeline.engines.mesh_files.obj_materials import find_beside
 from terraport_pipeline.errors import ReadError
 
-__all__ = ["GLTF_ENDINGS", "GltfFile", "GltfMaterial", "gltf_companions", "open_gltf"]
-
-GLTF_ENDINGS: Final = (".glb", ".gltf")
+__all__ = ["GltfFile", "GltfMaterial", "gltf_companions", "open_gltf"]
 
 _READ: Final = frozenset(
     (

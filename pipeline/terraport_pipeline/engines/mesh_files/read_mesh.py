@@ -18,11 +18,8 @@ import trimesh
 
 from terraport_payload.colour import linear16_to_srgb, srgb_to_linear16
 from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32, Int64, UInt8, UInt16
-from terraport_pipeline.engines.mesh_files.gltf_files import (
-    GLTF_ENDINGS,
-    GltfMaterial,
-    open_gltf,
-)
+from terraport_pipeline.engines.mesh_files.endings import GLTF_ENDINGS, MESH_ENDINGS
+from terraport_pipeline.engines.mesh_files.gltf_files import GltfMaterial, open_gltf
 from terraport_pipeline.engines.mesh_files.obj_materials import find_beside
 from terraport_pipeline.engines.mesh_files.read_obj import ObjMesh, read_obj
 from terraport_pipeline.engines.readers.survey_chunk import tell_precision
@@ -32,7 +29,6 @@ from terraport_pipeline.geometry.mesh.face_blocks import same_places
 
 __all__ = [
     "MAX_MESH_BYTES",
-    "MESH_ENDINGS",
     "FileImage",
     "FileMesh",
     "FileTexture",
@@ -40,7 +36,6 @@ __all__ = [
     "read_mesh",
 ]
 
-MESH_ENDINGS: Final = (".off", ".ply", ".obj", ".stl", *GLTF_ENDINGS)
 
 MAX_MESH_BYTES: Final = 4 << 30
 """Largest file: about 100 M triangles as binary PLY. It is read whole."""

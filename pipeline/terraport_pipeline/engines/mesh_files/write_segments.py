@@ -10,13 +10,13 @@ import numpy as np
 from terraport_payload.colour import srgb_to_linear16
 from terraport_payload.glb_container import join_glb
 from terraport_payload.types import Float64, Int32
+from terraport_pipeline.engines.mesh_files.endings import SEGMENT_ENDINGS
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.mesh.uv import split_wedges
 
-__all__ = ["SEGMENT_ENDINGS", "check_ending", "write_segments"]
+__all__ = ["check_ending", "write_segments"]
 
-SEGMENT_ENDINGS: Final = (".seg", ".npy", ".ply", ".glb")
 
 _EXACT: Final = 1 << 14
 """Coordinates up to this keep a thousandth in 32 bits; a PLY with larger ones has 64."""

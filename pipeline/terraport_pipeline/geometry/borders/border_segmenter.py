@@ -53,6 +53,7 @@ from terraport_pipeline.geometry.borders.lasting import lasting_regions
 from terraport_pipeline.geometry.borders.unions import CostRule, Units, unite_level, unite_seeds
 from terraport_pipeline.geometry.graph.merge_tree import MergeTree, merge_tree
 from terraport_pipeline.geometry.regions.colour import face_lab
+from terraport_pipeline.geometry.regions.engine_defaults import BORDERS_SIZE_M
 from terraport_pipeline.geometry.regions.mean_scale import ColourTotals, axis_index
 from terraport_pipeline.geometry.regions.pool_refine import number_by_first
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
@@ -154,7 +155,7 @@ class Evidence:
 class BorderSegmenter:
     """Regions by their borders; sizes in metres."""
 
-    region_size_m: float = 15.0
+    region_size_m: float = BORDERS_SIZE_M
     """Width of the ground that regions are looked for on: evidence is taken over a fraction of it,
     and less than a third of its square joins a neighbour. Lower tells more apart. > 0."""
     strength: float = 1.0

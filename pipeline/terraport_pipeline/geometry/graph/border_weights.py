@@ -10,7 +10,6 @@ A. Golovinskiy, T. Funkhouser, "Randomized cuts for 3D mesh analysis", ACM Trans
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Final
 
 import numba
@@ -18,47 +17,14 @@ import numpy as np
 
 from terraport_payload.types import AnyInt, Float32, Int32, Int64
 from terraport_pipeline.geometry.graph.face_graph import LAB_STEPS, UnitFacts
+from terraport_pipeline.geometry.graph.graph_options import EdgeWeights
 
-__all__ = ["EdgeWeights", "border_weights"]
+__all__ = ["border_weights"]
 
 
 _LEAST_WEIGHT: Final = 1e-3
 """No border weighs less than this share of its length: a perimeter of zero would make a piece that
 no size bound could move."""
-
-
-@dataclass(frozen=True, slots=True)
-class EdgeWeights:
-    """How much a border weighs per length.
-
-    1 where nothing tells two pieces apart, towards 0 where they should stay apart.
-    """
-
-    colour_scale: float = 2.5
-    """CIELAB difference at which a border weighs 1/e; 0 leaves colour out. Lower keeps fainter
-    borders, and noise. 0..1000."""
-    colour_noise: float = 1.0
-    """The scale is at least this many times the median difference between neighbouring pieces, so
-    that noise everywhere leaves no borders. 0 trusts ``colour_scale`` alone. 0..100."""
-    lightness: float = 0.25
-    """Weight of the lightness difference against the colour difference; below 1 makes shadows
-    fainter than changes of hue, 0 ignores light and dark altogether. 0..10."""
-    concavity: float = 1.0
-    """Exponent of ``1 - angle / pi`` where the surface folds inwards; 0 leaves shape out. On noisy
-    ground every stone folds, so colour decides; shape alone wants about 20. 0..100."""
-
-    def __post_init__(self) -> None:
-        """Refuse values outside their range before any work."""
-        for name, high in (
-            ("colour_scale", 1000.0),
-            ("colour_noise", 100.0),
-            ("lightness", 10.0),
-            ("concavity", 100.0),
-        ):
-            value = getattr(self, name)
-            if not 0.0 <= value <= high:
-                msg = f"{name} is {value}, expected a number in 0..{high:g}"
-                raise ValueError(msg)
 
 
 def border_weights(

@@ -30,6 +30,10 @@ from terraport_pipeline.geometry.regions.colour import (
     srgb_to_lab,
     white_distance_of_sums,
 )
+from terraport_pipeline.geometry.regions.engine_defaults import (
+    FELZENSZWALB_SCALE,
+    FELZENSZWALB_SHARE,
+)
 from terraport_pipeline.geometry.regions.pool_refine import join_nearest, number_by_first
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
 
@@ -40,9 +44,9 @@ __all__ = ["FelzenszwalbSegmenter", "felzenszwalb", "neighbour_differences"]
 class FelzenszwalbSegmenter:
     """Felzenszwalb and Huttenlocher's graph segmentation, once for regions, once for fine pools."""
 
-    region_scale: float = 100.0
+    region_scale: float = FELZENSZWALB_SCALE
     """k of the regions, CIELAB units x faces; larger gives larger parts. >= 0."""
-    region_share: float = 0.002
+    region_share: float = FELZENSZWALB_SHARE
     """Regions below this share of all faces join a neighbour. 0..1."""
     fine_scale: float = 10.0
     """k of the fine pools. >= 0."""

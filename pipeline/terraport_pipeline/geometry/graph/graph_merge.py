@@ -22,12 +22,13 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import Int32
-from terraport_pipeline.geometry.graph.border_weights import EdgeWeights, border_weights
+from terraport_pipeline.geometry.graph.border_weights import border_weights
 from terraport_pipeline.geometry.graph.face_graph import (
     FaceGraph,
     sum_areas,
     sum_facts,
 )
+from terraport_pipeline.geometry.graph.graph_options import EdgeWeights
 from terraport_pipeline.geometry.graph.merge_heap import merge_by_heap, record_merges, unite_units
 from terraport_pipeline.geometry.graph.merge_rounds import mutual_partners, unite_partners
 from terraport_pipeline.geometry.graph.merge_tree import MergeTree, merge_tree

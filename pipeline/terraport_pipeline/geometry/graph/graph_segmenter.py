@@ -12,13 +12,12 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from terraport_payload.types import Float32, Int32
-from terraport_pipeline.geometry.graph.border_weights import EdgeWeights
 from terraport_pipeline.geometry.graph.face_graph import (
     FaceGraph,
     face_graph,
@@ -26,16 +25,13 @@ from terraport_pipeline.geometry.graph.face_graph import (
     sum_areas,
 )
 from terraport_pipeline.geometry.graph.graph_merge import MergedGraph, join_small, merge_faces
+from terraport_pipeline.geometry.graph.graph_options import COLOUR_GRAPH, SHAPE_GRAPH, GraphOptions
 from terraport_pipeline.geometry.graph.merge_tree import MergeTree
 from terraport_pipeline.geometry.regions.pool_refine import join_nearest, number_by_first
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh
 from terraport_pipeline.geometry.regions.triangle_pool import face_similarity
 
 __all__ = [
-    "COLOUR_GRAPH",
-    "OPEN_SHAPE_GRAPH",
-    "SHAPE_GRAPH",
-    "GraphOptions",
     "GraphSegmenter",
     "automatic_seeds",
     "cut_by_count",
@@ -61,57 +57,6 @@ into 3 regions with seeds of 32 faces, into 5 that mean something with these).""
 _SHAPE_SEEDS: Final = 100_000
 """By shape alone seeds only save time, and blur folds (1 - RI .141 without, .153 with 4 faces on 28
 of Princeton's models, exponent 10): none below this many faces."""
-_MOST_ROUNDS: Final = 64
-"""Beyond this colours blur farther than any piece worth telling apart is wide."""
-
-
-@dataclass(frozen=True, slots=True)
-class GraphOptions:
-    """Parameters of the graph engine; the defaults are for coloured ground."""
-
-    threshold: float = 0.5
-    """Regions merge while that lowers the normalised cut by more than this; scale-free. Larger
-    gives more, smaller regions. > 0."""
-    small_share: float = 0.003
-    """Regions below this share of the whole area join a neighbour; 0 keeps them. 0..1."""
-    smooth_rounds: int = 8
-    """Times that every face's colour is averaged with its neighbours' first: against the noise of
-    single points. 0..64."""
-    fine_faces: int = 1000
-    """Most faces of a fine pool. >= 1."""
-    seed_faces: int | None = None
-    """Most faces of a seed; None chooses by the mesh, 1 leaves seeds out. >= 1."""
-    weights: EdgeWeights = field(default_factory=EdgeWeights)
-    """How borders are weighed."""
-
-    def __post_init__(self) -> None:
-        """Refuse values outside their range before any work."""
-        if not 0.0 < self.threshold < np.inf:
-            msg = f"threshold is {self.threshold}, expected a finite number above 0"
-            raise ValueError(msg)
-        if not 0.0 <= self.small_share < 1.0:
-            msg = f"small_share is {self.small_share}, expected 0 to below 1"
-            raise ValueError(msg)
-        if not 0 <= self.smooth_rounds <= _MOST_ROUNDS:
-            msg = f"smooth_rounds is {self.smooth_rounds}, expected 0..{_MOST_ROUNDS}"
-            raise ValueError(msg)
-        for name in ("fine_faces", "seed_faces"):
-            value = getattr(self, name)
-            if value is not None and value < 1:
-                msg = f"{name} is {value}, expected 1 or more"
-                raise ValueError(msg)
-
-
-COLOUR_GRAPH: Final = GraphOptions()
-"""For coloured ground, or a scalar that stands for the colour."""
-SHAPE_GRAPH: Final = GraphOptions(
-    threshold=5.0, small_share=0.01, weights=EdgeWeights(colour_scale=0.0, concavity=20.0)
-)
-"""For shape alone (CAD parts, scans without colour): concavity decides. Chosen on Princeton's
-models (docs/topics/segmentation.md)."""
-OPEN_SHAPE_GRAPH: Final = replace(SHAPE_GRAPH, threshold=2.5, small_share=0.003)
-"""For the shape of open ground. Halving a flat square lowers the cut by 4, halving a ball by 7.1: a
-threshold for closed bodies would part every field."""
 
 
 @dataclass(frozen=True, slots=True)

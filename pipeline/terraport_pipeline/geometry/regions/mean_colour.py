@@ -40,6 +40,12 @@ from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.geometry.mesh.face_measures import edge_steps
 from terraport_pipeline.geometry.mesh.unit_rows import rows_of_pairs
 from terraport_pipeline.geometry.regions.colour import face_lab
+from terraport_pipeline.geometry.regions.engine_defaults import (
+    MEANS_LEAK,
+    MEANS_LIGHTNESS,
+    MEANS_SMALL_SHARE,
+    MEANS_SPREAD,
+)
 from terraport_pipeline.geometry.regions.mean_scale import ColourTotals, axis_index
 from terraport_pipeline.geometry.regions.mean_units import MeanUnits, unite
 from terraport_pipeline.geometry.regions.pool_refine import join_nearest, number_by_first
@@ -76,18 +82,18 @@ _SCALAR_RANGE: Final = 100.0
 class MeanColourSegmenter:
     """Region growing: unites neighbouring units of like mean colour in rounds."""
 
-    spread: float = 0.95
+    spread: float = MEANS_SPREAD
     """Limit of the difference over the root of the summed variances of the faces' weighed colours.
     Lower tells more materials apart, and more of the patterns within one. The limit stays within
     2.3 and 12 CIELAB units. > 0."""
     difference: float | None = None
     """The limit itself, CIELAB units; None: from ``spread``."""
-    small_share: float = 0.002
+    small_share: float = MEANS_SMALL_SHARE
     """Regions below this share of all faces join a neighbour. 0..1."""
-    lightness: float = 0.25
+    lightness: float = MEANS_LIGHTNESS
     """Weight of lightness against a* and b*. Lower ignores shadows, and tells greys less apart.
     0..10."""
-    leak: float = 0.3
+    leak: float = MEANS_LEAK
     """Power of (perimeter / common border); 0 ignores how far two units touch. 0..2."""
     threads: int = 1
     """Threads at most; they change nothing but the time."""

@@ -5,10 +5,9 @@ PURE: no I/O, no clock.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final, Literal
-
-import numpy as np
 
 __all__ = ["FINE_POOLS", "REGION_POOLS", "TrianglePoolOptions"]
 
@@ -45,14 +44,14 @@ class TrianglePoolOptions:
     def __post_init__(self) -> None:
         """Refuse values outside their range before any work."""
         for name, low, high in (
-            ("threshold", np.nextafter(0, 1), np.inf),
+            ("threshold", math.nextafter(0, 1), math.inf),
             ("small_threshold", 0.0, 1.0),
-            ("mu", 0.0, np.inf),
-            ("tau", 0.0, np.inf),
-            ("attribute_range", np.nextafter(0, 1), np.inf),
+            ("mu", 0.0, math.inf),
+            ("tau", 0.0, math.inf),
+            ("attribute_range", math.nextafter(0, 1), math.inf),
         ):
             value = getattr(self, name)
-            if not (low <= value <= high and np.isfinite(value)):
+            if not (low <= value <= high and math.isfinite(value)):
                 msg = f"{name} is {value}, expected a finite number in {low:g}..{high:g}"
                 raise ValueError(msg)
         for name, allowed in (

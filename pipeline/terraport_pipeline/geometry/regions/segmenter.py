@@ -18,12 +18,12 @@ import numpy as np
 
 from terraport_payload.types import AnyFloat, Float32, Int32, UInt8
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
-from terraport_pipeline.geometry.regions.triangle_pool import (
+from terraport_pipeline.geometry.regions.pool_options import (
     FINE_POOLS,
     REGION_POOLS,
     TrianglePoolOptions,
-    triangle_pools_many,
 )
+from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools_many
 
 __all__ = [
     "SEGMENTERS",

@@ -20,10 +20,9 @@ from typing import Any, Final
 import numpy as np
 
 from terraport_payload.types import Float32, UInt8
-from terraport_pipeline.engines.images import ImageFormat
-from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.textures.cell_colours import CellColours, ColourField
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.options.base_texture import Options
 from terraport_pipeline.stages import texture
 from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
 from terraport_pipeline.stages.texture_set import TextureSet
@@ -61,22 +60,6 @@ quarry of 60,000 points from 2.7 to 1.8 levels, for twice the image's bytes and 
 
 _FILL: Final = 0.55
 """Share of an image that shows surface, about: the rest are gutters and what charts leave free."""
-
-
-@dataclass(frozen=True, slots=True)
-class Options:
-    """How fine the base's image is."""
-
-    side: int = 2048
-    """Longest side, pixels."""
-    quality: int = 85
-    """Of JPEG and WebP; lowered where mesh and image would have too many bytes."""
-    kind: ImageFormat = "jpeg"
-    """Format of the image."""
-
-    def __post_init__(self) -> None:
-        if self.side not in texture.SIDES:
-            raise OptionError(f"base texture {self.side} pixels; expected {texture.SIDES}")
 
 
 @dataclass(frozen=True, slots=True, eq=False)

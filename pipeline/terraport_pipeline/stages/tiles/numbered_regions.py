@@ -29,8 +29,8 @@ from terraport_pipeline.geometry.regions.region_numbers import (
     local_numbers,
 )
 from terraport_pipeline.geometry.tiles.tiled_means import JoinedRegions
+from terraport_pipeline.options.regions import MAX_REGIONS
 from terraport_pipeline.stages.contract import Context, Facts, Form, Stored
-from terraport_pipeline.stages.segment import MAX_REGIONS
 
 __all__ = [
     "NAME",

@@ -31,7 +31,7 @@ from terraport_pipeline.geometry.clouds.support import BINS, support_histogram, 
 from terraport_pipeline.geometry.mesh.trim import compact
 from terraport_pipeline.geometry.tiles.tile_plan import REACH_CELLS
 from terraport_pipeline.geometry.tiles.tile_weld import TileBorder
-from terraport_pipeline.stages import clean
+from terraport_pipeline.options.clean import MIN_POINTS
 from terraport_pipeline.stages.contract import Context, Json, Stored
 
 __all__ = ["TileTask", "border_of", "run", "sample_type"]
@@ -238,7 +238,7 @@ def _clean(
     # (1) Copies of a point have no normal of their own.
     stays = np.flatnonzero(~duplicate_mask(np.ascontiguousarray(samples["position"])))
     counts["duplicates"] = len(samples) - len(stays)
-    if len(stays) < clean.MIN_POINTS:
+    if len(stays) < MIN_POINTS:
         return None
     # (2) About the core's middle: float32 holds a tile's coordinates, not a survey's.
     local = samples["position"][stays] - np.array(task.origin)
@@ -256,7 +256,7 @@ def _clean(
     )
     counts["outliers"] = int(removed.sum())
     if removed.any():
-        if len(stays) - int(removed.sum()) < clean.MIN_POINTS:
+        if len(stays) - int(removed.sum()) < MIN_POINTS:
             return None
         neighbours = remaining_neighbours(points64, neighbours, removed, workers=workers)
         stays, points64 = stays[~removed], points64[~removed]

@@ -33,6 +33,7 @@ from terraport_pipeline.geometry.tiles.tiled_means import (
     tile_units,
 )
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.options.regions import Options
 from terraport_pipeline.stages.contract import Context, Json, Stored
 from terraport_pipeline.stages.region_engine import (
     border_segmenter,
@@ -40,7 +41,6 @@ from terraport_pipeline.stages.region_engine import (
     make_segmenter,
     segmenter_mesh,
 )
-from terraport_pipeline.stages.segment import Options
 
 __all__ = ["CELL_BYTES", "TileEngine", "check_memory", "tile_engine"]
 

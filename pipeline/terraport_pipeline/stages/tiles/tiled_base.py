@@ -36,9 +36,9 @@ from terraport_pipeline.geometry.mesh.trim import (
 )
 from terraport_pipeline.geometry.mesh.vertex_normals import vertex_normals
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.options.reconstruct import BASE_DEPTH, Options
 from terraport_pipeline.stages.clean import Cleaned
 from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
-from terraport_pipeline.stages.reconstruct import BASE_DEPTH, Options
 from terraport_pipeline.stages.tiles.detail_tiles import StoredTiles
 from terraport_pipeline.stages.tiles.tile_edges import HEM_SPACINGS
 

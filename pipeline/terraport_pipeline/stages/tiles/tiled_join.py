@@ -27,9 +27,9 @@ from terraport_pipeline.geometry.segments.segment_ids import renumber_rows
 from terraport_pipeline.geometry.segments.segment_shapes import QUANTILES
 from terraport_pipeline.geometry.tiles.tiled_cover import unite_covers
 from terraport_pipeline.geometry.tiles.tiled_means import JoinedRegions
+from terraport_pipeline.options.regions import COLOUR, Options
 from terraport_pipeline.stages.contract import Facts, Form, Json, Stored
-from terraport_pipeline.stages.region_engine import COLOUR, SHAPE
-from terraport_pipeline.stages.segment import Options
+from terraport_pipeline.stages.region_engine import SHAPE
 from terraport_pipeline.stages.tiles.base_cover import NearBase
 from terraport_pipeline.stages.tiles.scene_facts import SceneScale, TiledScene
 from terraport_pipeline.stages.tiles.tiled_segment import Regions, totals_of

@@ -56,9 +56,9 @@ from terraport_pipeline.geometry.tiles.tiled_means import (
     colours_of_faces,
 )
 from terraport_pipeline.model import Mesh
+from terraport_pipeline.options.regions import MAX_REGIONS, Options
 from terraport_pipeline.stages.contract import Context, Facts, Form, Json, Stored
 from terraport_pipeline.stages.region_engine import means_segmenter, sized
-from terraport_pipeline.stages.segment import MAX_REGIONS, Options
 from terraport_pipeline.stages.tiles.scene_facts import AttributeRange, SceneScale, TiledScene
 from terraport_pipeline.stages.tiles.tile_engines import tile_engine
 

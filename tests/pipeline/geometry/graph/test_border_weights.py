@@ -7,8 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.graph.border_weights import EdgeWeights, border_weights
+from terraport_pipeline.geometry.graph.border_weights import border_weights
 from terraport_pipeline.geometry.graph.face_graph import face_graph
+from terraport_pipeline.geometry.graph.graph_options import EdgeWeights
 
 SHAPE = EdgeWeights(colour_scale=0.0, concavity=10.0)
 COLOUR = EdgeWeights(colour_scale=10.0, colour_noise=0.0, lightness=0.5, concavity=0.0)

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from terraport_pipeline.geometry.graph.border_weights import EdgeWeights, border_weights
+from terraport_pipeline.geometry.graph.border_weights import border_weights
 from terraport_pipeline.geometry.graph.face_graph import face_graph
 from terraport_pipeline.geometry.graph.graph_merge import merge_faces
+from terraport_pipeline.geometry.graph.graph_options import EdgeWeights
 from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
 
 # --- the literal reference: dictionaries and exact integers --------------------------------------

@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from terraport_pipeline.geometry.graph.border_weights import EdgeWeights
-from terraport_pipeline.geometry.graph.graph_segmenter import (
+from terraport_pipeline.geometry.graph.graph_options import (
     COLOUR_GRAPH,
     OPEN_SHAPE_GRAPH,
     SHAPE_GRAPH,
+    EdgeWeights,
     GraphOptions,
+)
+from terraport_pipeline.geometry.graph.graph_segmenter import (
     GraphSegmenter,
     automatic_seeds,
     seed_levels,

@@ -7,18 +7,18 @@ import pytest
 
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs, vertex_pairs
 from terraport_pipeline.geometry.regions import triangle_pool
+from terraport_pipeline.geometry.regions.pool_options import (
+    FINE_POOLS,
+    REGION_POOLS,
+    TrianglePoolOptions,
+)
 from terraport_pipeline.geometry.regions.segmenter import (
     SEGMENTERS,
     SegmenterMesh,
     TriangleSegmenter,
     segmenter_by_name,
 )
-from terraport_pipeline.geometry.regions.triangle_pool import (
-    FINE_POOLS,
-    REGION_POOLS,
-    TrianglePoolOptions,
-    triangle_pools,
-)
+from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools
 
 
 def test_tpa_gives_what_two_runs_give(terrain):

@@ -12,10 +12,12 @@ import pytest
 from terraport_pipeline.geometry.mesh import adjacency
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.regions.colour import white_distance
-from terraport_pipeline.geometry.regions.triangle_pool import (
+from terraport_pipeline.geometry.regions.pool_options import (
     FINE_POOLS,
     REGION_POOLS,
     TrianglePoolOptions,
+)
+from terraport_pipeline.geometry.regions.triangle_pool import (
     chain_count,
     face_similarity,
     triangle_pools,

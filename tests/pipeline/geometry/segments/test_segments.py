@@ -9,12 +9,8 @@ import pytest
 
 from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
 from terraport_pipeline.geometry.mesh.chunks import CHUNK
-from terraport_pipeline.geometry.regions.triangle_pool import (
-    FINE_POOLS,
-    TrianglePoolOptions,
-    triangle_pools,
-    triangle_pools_many,
-)
+from terraport_pipeline.geometry.regions.pool_options import FINE_POOLS, TrianglePoolOptions
+from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools, triangle_pools_many
 from terraport_pipeline.geometry.segments.segments import SegmentOptions, build_segments
 
 REGIONS = TrianglePoolOptions(threshold=0.5, small_threshold=0.03)

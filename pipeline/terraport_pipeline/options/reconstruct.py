@@ -1,22 +1,24 @@
-"""How finely to reconstruct a survey: the options."""
+"""Options of the reconstruction: how finely."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Annotated, Final, Literal
 
-from terraport_pipeline.engines import poisson
 from terraport_pipeline.option import COUNT, Option, check_options
 
-__all__ = ["BASE_DEPTH", "NAME", "Options"]
+__all__ = ["BASE_DEPTH", "NAME", "POINT_WEIGHT", "Options"]
 
 NAME: Final = "reconstruct"
 
 BASE_DEPTH: Final = 9
 """Octree depth of a base by "poisson" where none was asked for."""
 
+POINT_WEIGHT: Final = 4.0
+"""Weight of the points against smoothness in screened Poisson, the solver's own default."""
+
 _MAX_DEPTH: Final = 16
-"""The solver's own limit on a 64-bit build."""
+"""Largest octree depth that a 64-bit build of the solver takes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +47,7 @@ class Options:
     holes, and invents more."""
     island_faces: Annotated[int, Option(least=1)] = 200
     """Loose pieces of detail with fewer faces go."""
-    point_weight: Annotated[float, Option(least=0, most=100)] = poisson.POINT_WEIGHT
+    point_weight: Annotated[float, Option(least=0, most=100)] = POINT_WEIGHT
     """How closely Poisson follows the points. Higher follows them and their noise, lower
     smooths."""
 
