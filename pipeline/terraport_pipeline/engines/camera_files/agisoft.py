@@ -88,7 +88,11 @@ def read_agisoft(path: Path) -> RawCameras:
             "place, which may be off by some pixels at its top and bottom."
         )
     if len(chunks) > 1:
-        warnings.append(f"{path.name} holds {len(chunks)} chunks; only one is used.")
+        label = chunk.get("label") or chunk.get("id")
+        warnings.append(
+            f"{path.name} holds {len(chunks)} chunks; only {label!r} with {len(cameras):,} photos "
+            "is used: merge the chunks in Metashape, or export the cameras of another one."
+        )
     frame = _frame(chunk)
     frames = (frame,) if frame.kind == "offset" else (frame, Frame("offset", "no offset"))
     return RawCameras("Agisoft XML", tuple(cameras), frames, tuple(warnings), _ADVICE)

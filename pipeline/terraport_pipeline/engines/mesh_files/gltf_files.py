@@ -77,6 +77,8 @@ class GltfMaterial:
     """Whether the image repeats beyond 0..1; else it is clamped or mirrored."""
     is_opaque: bool = True
     """Whether ``alphaMode`` ignores alpha."""
+    only_emits: bool = False
+    """Whether its only texture is of light that it emits, which is not read."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +125,12 @@ def open_gltf(path: Path) -> GltfFile:
         tree["buffers"][0].setdefault("uri", _BINARY)
     warnings = list(_unread(path, tree))
     materials = _reduced_materials(path, tree)
+    warnings += [
+        f"Material {one.label} of {path.name} has its texture as emitted light (emissiveTexture), "
+        "which is not read."
+        for one in materials
+        if one.only_emits
+    ][:1]
     _check_accessors(path, tree)
     return GltfFile(path, json.dumps(tree).encode(), materials, tuple(warnings), binary)
 
@@ -246,7 +254,8 @@ def _reduced_materials(path: Path, tree: dict[str, Any]) -> tuple[GltfMaterial, 
             image, repeats = _image_of(tree, texture["index"])
         red, green, blue, _alpha = factor or (1.0, 1.0, 1.0, 1.0)
         opaque = material.get("alphaMode", "OPAQUE") == "OPAQUE"
-        found.append(GltfMaterial(label, (red, green, blue), image, repeats, opaque))
+        emits = texture is None and "emissiveTexture" in material
+        found.append(GltfMaterial(label, (red, green, blue), image, repeats, opaque, emits))
     tree["materials"] = reduced
     return tuple(found)
 

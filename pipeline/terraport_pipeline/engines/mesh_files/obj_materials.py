@@ -15,7 +15,7 @@ from typing import Final
 
 from terraport_pipeline.errors import ReadError
 
-__all__ = ["ObjMaterial", "find_beside", "obj_companions", "read_materials"]
+__all__ = ["ObjMaterial", "decode_text", "find_beside", "obj_companions", "read_materials"]
 
 _LIBRARY: Final = re.compile(rb"^[ \t]*mtllib[ \t]+(.+?)[ \t\r]*$", re.MULTILINE)
 _OPTION: Final = re.compile(
@@ -82,7 +82,7 @@ def read_materials(path: Path, libraries: Sequence[tuple[int, str]]) -> dict[str
 
 def obj_companions(path: Path) -> tuple[Path, ...]:
     """List the libraries and images that an OBJ is read with, each once."""
-    texts = [name.decode("utf-8", "replace") for name in _LIBRARY.findall(path.read_bytes())]
+    texts = [decode_text(name) for name in _LIBRARY.findall(path.read_bytes())]
     names = [name for text in texts for name in _library_names(path, text)]
     files = [library for name in names if (library := find_beside(path, name)) is not None]
     materials = read_materials(path, [(0, text) for text in texts]).values()
@@ -101,7 +101,7 @@ def _library_names(path: Path, text: str) -> list[str]:
 
 def _materials(path: Path, library: Path) -> Iterator[ObjMaterial]:
     material: ObjMaterial | None = None
-    text = library.read_text(encoding="utf-8-sig", errors="replace")
+    text = decode_text(library.read_bytes())
     for number, line in enumerate(text.splitlines(), 1):
         word, *more = line.split(maxsplit=1)[:2] or [""]
         word, rest = word.lower(), "".join(more).strip()
@@ -161,6 +161,14 @@ def _colour(text: str) -> tuple[int, int, int] | None:
     except ValueError:  # not three, or no numbers
         return None
     return red, green, blue
+
+
+def decode_text(data: bytes) -> str:
+    """Decode UTF-8, or what older programs on Windows write."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return data.decode("cp1252", "replace")
 
 
 def find_beside(path: Path, name: str) -> Path | None:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
@@ -53,7 +54,12 @@ _PLY_IMAGE: Final = re.compile(
     rb"^comment +TextureFile +(.+?)[ \t\r]*$", re.MULTILINE | re.IGNORECASE
 )
 _POSITIONS: Final = frozenset(("x", "y", "z", "nx", "ny", "nz"))
-_COLOURS: Final = frozenset(("red", "green", "blue", "alpha"))
+_PLY_COLOURS: Final = (
+    ("red", "green", "blue"), ("diffuse_red", "diffuse_green", "diffuse_blue"), ("r", "g", "b"),
+)  # fmt: skip
+_COLOURS: Final = frozenset(("alpha", *(name for names in _PLY_COLOURS for name in names)))
+_LEAST_OF_BYTES: Final = 2.0
+"""Greatest colour from which numbers are not shares of 1."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -438,7 +444,8 @@ def _part_of_trimesh(
     texture = _texture_of_trimesh(path, mesh, faces, material, images)
     if texture is None:
         gltf = material if isinstance(material, GltfMaterial) else None
-        colours, origin = _colours_of_trimesh(mesh, faces, gltf)
+        own = _ply_colours(path, mesh, faces)
+        colours, origin = own or _colours_of_trimesh(mesh, faces, gltf)
         return _Part(vertices, faces, colours, origin, attributes)
     part = _Part(vertices, faces, None, "texture", attributes, texture)
     none = np.full((len(faces), 3), -1, np.int16)
@@ -557,16 +564,55 @@ def _attributes(mesh: Any, n_vertices: int, n_faces: int) -> dict[str, Float64]:
         columns += [(str(name).lstrip("_"), values) for name, values in held.items()]
     # PLY: columns that trimesh itself has no use for.
     for element in ("vertex", "face"):
-        data = mesh.metadata.get("_ply_raw", {}).get(element, {}).get("data")
-        names = getattr(getattr(data, "dtype", None), "names", None) or ()
-        items = [(name, data[name]) for name in names]
-        items = list(data.items()) if isinstance(data, dict) else items
+        items = _ply_columns(mesh, element).items()
         columns += [(n, v) for n, v in items if n not in _POSITIONS | _COLOURS]
     for name, values in columns:
         array = np.asarray(values)
-        if array.dtype.kind in "iufb" and array.size in (n_vertices, n_faces) and array.size:
+        is_column = array.ndim > 0 and array.size == len(array) > 0
+        if is_column and array.dtype.kind in "iufb" and array.size in (n_vertices, n_faces):
             found[name] = array.reshape(-1).astype(np.float64)
     return found
+
+
+def _ply_columns(mesh: Any, element: str) -> Mapping[str, Any]:
+    """Columns of a PLY as they are in the file, by name."""
+    data = mesh.metadata.get("_ply_raw", {}).get(element, {}).get("data")
+    if isinstance(data, dict):
+        return data
+    names = getattr(getattr(data, "dtype", None), "names", None) or ()
+    return {name: data[name] for name in names}
+
+
+def _ply_colours(path: Path, mesh: Any, faces: Int32) -> tuple[UInt8, str] | None:
+    """Colours of a PLY of any depth; trimesh takes the low byte of 16 bits."""
+    for element, origin, count in (
+        ("vertex", "vertices", len(mesh.vertices)), ("face", "faces", len(faces)),
+    ):  # fmt: skip
+        columns = _ply_columns(mesh, element)
+        for names in _PLY_COLOURS:
+            found = [np.asarray(columns[name]).reshape(-1) for name in names if name in columns]
+            if len(found) == len(names) and all(len(one) == count for one in found):
+                levels = _levels(path, np.stack(found, axis=1))
+                return _of_vertices(levels, faces, len(mesh.vertices)) if element == "face" else (
+                    levels
+                ), origin
+    return None
+
+
+def _levels(path: Path, values: AnyArray) -> UInt8:
+    """Bring colours to 8 bits: shares of 1, 8 or 16 bits, by their kind and greatest value."""
+    top = float(values.max(initial=0))
+    if values.dtype.kind == "f" and top < _LEAST_OF_BYTES:
+        scale = 255.0
+    elif top <= 255.0:
+        scale = 1.0
+    elif top <= 65535.0:
+        scale = 1.0 / 257.0
+    else:
+        raise ReadError(
+            path, f"a colour of {top:g}, expected 0 to 1, 255 or 65535", "export it again"
+        )
+    return np.rint(np.clip(values * scale, 0.0, 255.0)).astype(np.uint8)
 
 
 def _joined(path: Path, parts: list[_Part]) -> FileMesh:

@@ -15,7 +15,11 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32, Int64, UInt8
-from terraport_pipeline.engines.mesh_files.obj_materials import ObjMaterial, read_materials
+from terraport_pipeline.engines.mesh_files.obj_materials import (
+    ObjMaterial,
+    decode_text,
+    read_materials,
+)
 from terraport_pipeline.errors import ReadError
 
 __all__ = ["MAX_OBJ_BYTES", "ObjMesh", "read_obj"]
@@ -185,10 +189,10 @@ def _sorted_lines(data: bytes) -> _Lines:
             lines.face_lines.append(number)
             lines.face_materials.append(material)
         elif word == b"usemtl":
-            name = rest.strip().decode("utf-8", "replace")
+            name = decode_text(rest.strip())
             material = lines.materials.setdefault(name, len(lines.materials))
         elif word == b"mtllib":
-            lines.libraries.append((number, rest.strip().decode("utf-8", "replace")))
+            lines.libraries.append((number, decode_text(rest.strip())))
         elif word == b"o":
             lines.objects += 1
     return lines

@@ -472,6 +472,17 @@ def test_metashapes_groups_tell_equal_labels_apart(tmp_path):
         read_raw_cameras(grouped(tmp_path / "cameras.xml", labels))
 
 
+def test_metashapes_further_chunks_are_told(tmp_path):
+    path = tmp_path / "cameras.xml"
+    write_agisoft(path, flight(BROWN))
+    text = path.read_text()
+    chunk = text[text.index("<chunk") : text.index("</chunk>") + len("</chunk>")]
+    path.write_text(text.replace(chunk, chunk + chunk.replace("DJI", "IMG")))
+    [told] = [one for one in read_raw_cameras(path).warnings if "chunks" in one]
+    assert "holds 2 chunks; only" in told
+    assert "with 6 photos is used" in told
+
+
 # --- Which file -----------------------------------------------------------------------------------
 
 

@@ -270,6 +270,10 @@ def test_what_is_used_but_not_required_is_refused_by_name_too(
         (with_extension("ACME_displacement", lambda tree: tree), "ACME_displacement of a.glb"),
         (lambda tree: tree["materials"][0].update(alphaMode="MASK", name="leaf"), "material leaf"),
         (lambda tree: tree["nodes"][0].update(skin=0), "skeleton"),
+        (
+            lambda tree: tree["materials"].__setitem__(0, {"emissiveTexture": {"index": 0}}),
+            "emissiveTexture",
+        ),
         (with_extension("KHR_materials_sheen", lambda tree: tree["materials"][0]), None),
     ],
 )

@@ -236,3 +236,41 @@ def test_textures_of_numbers_are_refused(tmp_path: Path, mode: str) -> None:
     Image.new(mode, (4, 4), 70_000).save(tmp_path / "l.tif")
     with pytest.raises(ReadError, match=r"l\.tif cannot be read: .*32 bits"):
         read_mesh(tmp_path / "a.obj")
+
+
+@pytest.mark.parametrize(
+    ("kind", "names", "values", "read"),
+    [
+        ("uchar", "red green blue", "204 26 0", [204, 26, 0]),
+        ("ushort", "red green blue", "52428 6682 0", [204, 26, 0]),
+        ("ushort", "red green blue", "204 26 0", [204, 26, 0]),
+        ("float", "red green blue", "0.8 0.1 0", [204, 26, 0]),
+        ("double", "red green blue alpha", "0.8 0.1 0 1", [204, 26, 0]),
+        ("float", "red green blue", "204 26 0", [204, 26, 0]),
+        ("uchar", "diffuse_red diffuse_green diffuse_blue", "204 26 0", [204, 26, 0]),
+        ("int", "r g b", "204 26 0", [204, 26, 0]),
+        ("uint", "red green blue", "70000 0 0", None),
+    ],
+)
+@pytest.mark.parametrize("element", ["vertex", "face"])
+def test_colours_of_a_ply_in_any_depth(
+    tmp_path: Path, element: str, kind: str, names: str, values: str, read: list[int] | None
+) -> None:
+    columns = "".join(f"property {kind} {name}\n" for name in names.split())
+    of_vertex, of_face = (columns, "") if element == "vertex" else ("", columns)
+    on_vertex, on_face = (values, "") if element == "vertex" else ("", values)
+    text = (
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        f"property float z\n{of_vertex}element face 1\n"
+        f"property list uchar int vertex_indices\n{of_face}end_header\n"
+    )
+    text += "".join(f"{x} {y} 0 {on_vertex}\n" for x, y in ((0, 0), (1, 0), (1, 1)))
+    (tmp_path / "a.ply").write_text(f"{text}3 0 1 2 {on_face}\n")
+    if read is None:
+        with pytest.raises(ReadError, match="a colour of 70000"):
+            read_mesh(tmp_path / "a.ply")
+        return
+    mesh = read_mesh(tmp_path / "a.ply")
+    assert mesh.colours is not None
+    assert mesh.colours.tolist() == [read] * 3
+    assert mesh.attributes == {}

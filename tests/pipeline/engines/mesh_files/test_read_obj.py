@@ -193,6 +193,16 @@ def test_a_library_after_the_faces_and_a_name_with_decomposed_accents(tmp_path: 
     assert read_obj(path).materials[0].image == tmp_path / "tex" / "Bru\u0308cke.png"
 
 
+def test_names_of_older_programs_on_windows(tmp_path: Path) -> None:
+    paint(tmp_path, l=(9, 9, 9))
+    (tmp_path / "l.png").rename(tmp_path / "Fl\u00e4che.png")
+    text = "newmtl S\u00fcd\nmap_Kd Fl\u00e4che.png\n"
+    (tmp_path / "a.mtl").write_bytes(text.encode("cp1252"))
+    path = tmp_path / "a.obj"
+    path.write_bytes(SEAM.replace("usemtl left", "usemtl S\u00fcd").encode("cp1252"))
+    assert read_obj(path).materials[0].image == tmp_path / "Fl\u00e4che.png"
+
+
 def test_an_image_that_is_scaled_or_cut_out_is_not_taken_as_it_is(tmp_path: Path) -> None:
     paint(tmp_path, l=(9, 9, 9))
     text = "newmtl left\nmap_Kd -s 2 2 1 l.png\nnewmtl right\nmap_Kd l.png\nmap_d m.png\n"
