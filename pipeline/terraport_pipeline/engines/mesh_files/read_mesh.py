@@ -325,6 +325,7 @@ def _parts_by_trimesh(path: Path, warnings: list[str]) -> list[_Part]:
             scene = load(path, process=False, **more)
         parts: list[_Part] = []
         images: dict[tuple[int, str], FileImage] = {}
+        told: set[GltfMaterial] = set()
         # Nodes in the order of the file: a mesh may be in several places.
         for name in scene.graph.nodes_geometry:
             transform, key = scene.graph[name]
@@ -337,7 +338,9 @@ def _parts_by_trimesh(path: Path, warnings: list[str]) -> list[_Part]:
                 placed = np.asarray(transform)
                 parts.append(_part_of_trimesh(path, mesh, placed, material or picture, images))
                 warnings += _coarse(mesh.vertices)
-                warnings += _left_out(path, mesh, material)
+                if material is not None and material not in told:
+                    warnings += _left_out(path, mesh, material)
+                    told.add(material)
     except ReadError:
         raise
     except Exception as error:  # whatever a damaged file makes its many readers raise
@@ -406,14 +409,15 @@ def ply_image(path: Path) -> Path | None:
     return (find_beside(path, names[0]) or path.parent / names[0]) if names else None
 
 
-def _left_out(path: Path, mesh: Any, material: GltfMaterial | None) -> list[str]:
+def _left_out(path: Path, mesh: Any, material: GltfMaterial) -> list[str]:
     """Tell what of a glTF part's picture is not read."""
-    if material is None or mesh.visual.uv is None or not material.texture:
+    if mesh.visual.uv is None or not material.texture:
         return []
     found = []
     if not material.is_opaque and _has_alpha(mesh.visual.material.baseColorTexture):
         found.append(_transparent(material.label))
-    if (codes := _vertex_codes(mesh)) is not None and np.ptp(codes):
+    codes = _vertex_codes(mesh)
+    if codes is not None and (codes != np.iinfo(codes.dtype).max).any():  # white changes nothing
         found.append(
             f"{path.name} has vertex colours (COLOR_0) on top of a texture; the texture alone is "
             "used."
