@@ -159,3 +159,23 @@ def test_nothing_but_points_without_height_is_no_survey(tmp_path: Path) -> None:
     points = with_heights(np.ones(COUNT, bool), -3.4028234663852886e38)
     with pytest.raises(ReadError, match="stands for no data; no other is left"):
         read_survey(write_ply(tmp_path / "a.ply", points))
+
+
+def test_attributes_without_data_in_other_formats(tmp_path: Path) -> None:
+    """Float extremes are no values; a usual code is told, as it may be one."""
+    grade = np.where(SOME, np.float32(-3.4028235e38), np.float32(1.5))
+    grade[::2] = 2.5
+    code = np.where(SOME, -9999, 7)
+    code[0] = 8
+    path = tmp_path / "a.csv"
+    table = np.column_stack([GROUND, grade, code])
+    form = ["%.3f"] * 3 + ["%.8g", "%d"]
+    np.savetxt(path, table, fmt=form, delimiter=",", header="x,y,z,grade,code", comments="")
+    survey = read_survey(path)
+    gone = SOME & (np.arange(COUNT) % 2 == 1)
+    assert np.isnan(survey.attributes["grade"]).sum() == gone.sum()
+    assert np.nanmin(survey.attributes["grade"]) == 1.5
+    assert survey.attributes["code"].min() == -9999
+    told = void_warnings(survey.warnings)
+    assert f"Attribute 'code' is -9,999 in {(code == -9999).sum():,} points" in told
+    assert f"Attribute 'grade' has {gone.sum():,} values beyond 1e30" in told

@@ -6,13 +6,28 @@ PURE: no I/O, no clock.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
 from terraport_payload.types import AnyArray
 
-__all__ = ["SurveyColumn"]
+__all__ = ["SurveyColumn", "without_extremes"]
+
+_EXTREME: Final = 1e30
+"""Values from here on stand for no data: the greatest float, or 1e30 itself."""
+
+_VOID_CODES: Final = frozenset((-9999.0, -32767.0, -32768.0, -99999.0, -999999.0))
+"""Least values of a column that stand for no data as a rule, though the file does not say so."""
+
+
+def without_extremes(values: AnyArray) -> tuple[AnyArray, int]:
+    """Turn the float extremes of a column that stand for no data into NaN, and count them."""
+    if values.dtype.kind != "f":
+        return values, 0
+    extreme = np.isfinite(values) & (np.abs(values) >= _EXTREME)
+    count = int(extreme.sum())
+    return (np.where(extreme, values.dtype.type(np.nan), values) if count else values), count
 
 
 @dataclass(slots=True)
@@ -30,6 +45,10 @@ class SurveyColumn:
     constant: bool = True
     whole: bool = True
     """Finite whole numbers only."""
+    extremes: int = 0
+    """Values that stood for no data: float extremes."""
+    voids: int = 0
+    """Values that may stand for no data though nothing says so: a usual code below all others."""
 
     def look(self, values: AnyArray) -> None:
         """Take further values into account."""
@@ -45,7 +64,10 @@ class SurveyColumn:
         else:
             finite = values
         if finite.size:
-            self.low = min(self.low, float(finite.min()))
+            low = float(finite.min())
+            if low in _VOID_CODES:
+                self.voids += int((finite == low).sum())
+            self.low = min(self.low, low)
             self.high = max(self.high, float(finite.max()))
 
     def join(self, other: SurveyColumn) -> None:
@@ -55,12 +77,19 @@ class SurveyColumn:
         self.narrow = self.narrow and other.narrow
         self.low, self.high = min(self.low, other.low), max(self.high, other.high)
         self.whole = self.whole and other.whole
+        self.voids += other.voids
+        self.extremes += other.extremes
         self.constant = self.constant and other.constant and bool(self.first == other.first)
 
     @property
     def says_nothing(self) -> bool:
         """Whether the format fills the column with a default, and nobody changed it."""
         return self.constant and self.first in self.unset
+
+    @property
+    def void_code(self) -> float | None:
+        """Least value, where it is a usual code for no data and not the only value."""
+        return self.low if self.low in _VOID_CODES and self.low < self.high else None
 
     @property
     def narrowed(self) -> np.dtype[Any]:

@@ -104,6 +104,18 @@ def decide_layout(spooled: Sequence[Spooled], survey: SurveyFiles) -> tuple[Layo
         fills.append(fill)
     renamed, notes = distinct_names(names)
     warnings += notes
+    for name in names:
+        if extremes := joined[name].extremes:
+            warnings.append(
+                f"Attribute {renamed[name]!r} has {extremes:,} values beyond 1e30, which stand for "
+                "no data: it has no value there."
+            )
+        if (code := joined[name].void_code) is not None:
+            warnings.append(
+                f"Attribute {renamed[name]!r} is {code:,g} in {joined[name].voids:,} points, which "
+                "often stands for no data: it is taken as a value, in means too. If it is none, "
+                "leave it empty in the file, or state it (LAS: no_data of an extra dimension)."
+            )
     for name, without in gaps.items():
         warnings.append(
             f"Attribute {renamed[name]!r} is not in {listed(without)}: it has no value there."

@@ -19,7 +19,7 @@ from terraport_pipeline.engines.readers.npy_columns import NpyWriter
 from terraport_pipeline.engines.readers.point_order import HashThinning, point_hashes
 from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
 from terraport_pipeline.engines.readers.survey_colours import ColourCounts
-from terraport_pipeline.engines.readers.survey_column import SurveyColumn
+from terraport_pipeline.engines.readers.survey_column import SurveyColumn, without_extremes
 from terraport_pipeline.engines.readers.survey_stream import SurveyStream, open_stream
 from terraport_pipeline.errors import NoPointsError, ReadError, SurveyError
 from terraport_pipeline.stages.contract import Context
@@ -237,6 +237,8 @@ def _spool(
                 if name == COLOUR:
                     part.look_at_colours(good, chunk.scan)
                 else:
+                    good, extremes = without_extremes(good)
+                    part.columns[name].extremes += extremes
                     part.columns[name].look(good)
                 rows[part.fields[name]] = good
             # (3) Those that may stay where the survey is thinned.
