@@ -34,10 +34,13 @@ def test_a_folder_is_searched_and_the_rest_is_told(delivery: Path) -> None:
 
 def test_text_alone_is_a_survey_where_it_is_a_table(tmp_path: Path) -> None:
     (tmp_path / "README.txt").write_text("Delivered on Monday.\n")
+    (tmp_path / "gcp_list.txt").write_text("EPSG:32633\n500000.5 5200000.5 310.2 1024 768 a.jpg\n")
     (tmp_path / "points.txt").write_text("1 2 3\n4 5 6\n")
+    (tmp_path / "titled.csv").write_text("Quarry North\nX (m),Y (m),Z (m)\n1,2,3\n4,5,6\n")
     survey = find_survey(tmp_path)
-    assert names(survey) == ["points.txt"]
-    assert survey.ignored == (("README.txt", "is no table of points"),)
+    assert names(survey) == ["points.txt", "titled.csv"]
+    reason = "is no table of points"
+    assert sorted(survey.ignored) == [("README.txt", reason), ("gcp_list.txt", reason)]
 
 
 def test_files_and_patterns_in_natural_order(tmp_path: Path) -> None:

@@ -111,7 +111,8 @@ def is_table(path: Path) -> bool:
     except (OSError, ReadError):
         return False
     if form.header is None:
-        return len(form.cells[0]) >= len(_AXES)
+        # Under a title, numbers are as often a list: of control points under their CRS.
+        return len(form.cells[0]) >= len(_AXES) and not form.titles
     return set(_AXES) <= set(name_header_columns(form.header))
 
 
