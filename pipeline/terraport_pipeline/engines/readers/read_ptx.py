@@ -44,6 +44,9 @@ _ROTATION_TOLERANCE: Final = 1e-3
 
 _POSITION_TOLERANCE_M: Final = 0.01
 
+_SURPLUS: Final = (b"\t", b"  ", b" \n", b" \r", b"\n ")
+"""What stands in a text whose values are not parted by one blank each; looking is fast."""
+
 _BLANKS: Final = re.compile(rb"[ \t]+")
 _EDGES: Final = re.compile(rb"^ | ?\r?$", re.MULTILINE)
 
@@ -201,7 +204,9 @@ def _tables(path: Path, scan: _Scan, number: int) -> Iterator[dict[str, AnyArray
         for first in range(0, scan.rows, _CHUNK_ROWS):
             want = min(_CHUNK_ROWS, scan.rows - first)
             lines = list(itertools.islice(file, want))
-            block = _EDGES.sub(b"", _BLANKS.sub(b" ", b"".join(lines)))
+            block = b"".join(lines).lstrip(b" ")
+            if any(blanks in block for blanks in _SURPLUS):  # most writers have one blank alone
+                block = _EDGES.sub(b"", _BLANKS.sub(b" ", block))
             try:
                 table = csv.read_csv(
                     io.BytesIO(block),
