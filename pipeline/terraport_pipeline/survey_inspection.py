@@ -12,7 +12,15 @@ from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
+from pyproj import CRS
 
+from terraport_pipeline.crs_axes import (
+    UnusableAxesError,
+    code_of,
+    height_axis,
+    parts_of,
+    plan_axes,
+)
 from terraport_pipeline.engines.readers.survey_stream import FileHead, survey_size
 from terraport_pipeline.errors import ReadError, ResourceError, SurveyError
 from terraport_pipeline.geometry.clouds.density_map import DensityMap, widened
@@ -23,6 +31,7 @@ from terraport_pipeline.sample.survey_sample import SurveySample, sample_survey
 from terraport_pipeline.survey.one_survey import OUTSIDE, listed, one_crs
 from terraport_pipeline.survey.survey_files import SurveyFiles, meaning_of
 from terraport_pipeline.workflow.build_forecast import forecast_build
+from terraport_store import EAST_NORTH_UP
 
 __all__ = ["inspect_headers", "inspect_points", "inspect_survey"]
 
@@ -82,7 +91,8 @@ def inspect_headers(survey: SurveyFiles, heads: Sequence[FileHead]) -> dict[str,
         Plain values, ready for JSON: ``name``, ``refused`` (why a build refuses the survey by its
         headers, else None), ``warnings`` (what looks wrong, sentences),
         ``points`` (of text and PCD estimated by size), ``bytes``, ``crs``, ``units`` (of the CRS,
-        ``horizontal_m`` and ``vertical_m``: metres of each; None without one), ``bounds`` (None
+        ``horizontal_m`` and ``vertical_m``: metres of each, ``axes``: directions of x, y and z
+        where they are not east, north and up; None without one), ``bounds`` (None
         where a header does not say it; in the files' unit), ``files`` (each with ``name``,
         ``format``, ``points``, ``bytes``, ``bounds``) and ``left_out`` (``name``, ``reason``,
         ``damaged``). With an extent only of files that touch it, and ``within``: its ``values``,
@@ -104,20 +114,26 @@ def inspect_headers(survey: SurveyFiles, heads: Sequence[FileHead]) -> dict[str,
         about = survey_size(heads, survey.extent).points
         within = {"values": [*survey.extent.values], "points": about, "read": sum(rows)}
     names = [file.name for file in survey.files]
-    crs = one_crs(list(zip(names, (head.crs for head in heads), strict=True)))
-    refused, warnings = None, []
+    stated_crs = list(zip(names, (head.crs for head in heads), strict=True))
+    crs = one_crs(stated_crs, statement=survey.statement)
+    refused: str | None = None
+    warnings: list[str] = []
+    units = None
     try:
-        warnings = meaning_of(survey.files, heads, crs, survey.statement)
+        units, warnings = meaning_of(survey.files, heads, crs, survey.statement)
     except ReadError as error:
         refused = str(error)
+    taken = crs if survey.statement.system is None else survey.statement.system
+    if units is not None and units.crs_wkt:
+        taken = CRS.from_wkt(units.crs_wkt)
     return {
         "name": survey.title,
         "refused": refused,
         "warnings": [*_damage(survey), *warnings],
         "points": survey_size(heads).points,
         "bytes": survey.size_bytes,
-        "crs": None if crs is None else {"name": crs.name, "epsg": crs.to_epsg()},
-        "units": _units(crs),
+        "crs": None if taken is None else {"name": taken.name, "epsg": code_of(taken)},
+        "units": _units(taken),
         "bounds": whole,
         **({} if within is None else {"within": within}),
         "files": [
@@ -279,8 +295,9 @@ def _units(crs: Any | None) -> dict[str, Any] | None:
     """Units of a CRS's axes; heights are in the horizontal one where none is stated."""
     if crs is None:
         return None
-    level = [axis for axis in crs.axis_info if axis.direction not in ("up", "down")]
-    upright = [axis for axis in crs.axis_info if axis.direction in ("up", "down")]
+    axes = [axis for part in parts_of(crs) if part is not None for axis in part.axis_info]
+    level = [axis for axis in axes if axis.direction not in ("up", "down")]
+    upright = [axis for axis in axes if axis.direction in ("up", "down")]
     if not level:
         return None
     height = upright[0] if upright else level[0]
@@ -290,7 +307,22 @@ def _units(crs: Any | None) -> dict[str, Any] | None:
         "horizontal_m": None if is_angle else level[0].unit_conversion_factor,
         "vertical": height.unit_name,
         "vertical_m": None if is_angle and not upright else height.unit_conversion_factor,
+        **_axes(crs),
     }
+
+
+def _axes(crs: CRS) -> dict[str, list[str]]:
+    """Name the directions of x, y and z where they are not east, north and up."""
+    horizontal = parts_of(crs)[0]
+    if horizontal is None or horizontal.is_geographic or horizontal.is_geocentric:
+        return {}
+    try:
+        directions, _ = plan_axes(horizontal)
+    except UnusableAxesError:
+        return {}
+    height = height_axis(crs)
+    axes = (*directions, "up" if height is None else height[0])
+    return {} if axes == EAST_NORTH_UP else {"axes": [*axes]}
 
 
 def _density(sample: SurveySample) -> dict[str, Any]:
@@ -312,8 +344,8 @@ def _density(sample: SurveySample) -> dict[str, Any]:
         },
         "map": {
             "cell_m": coarse.cell_m,
-            "west": coarse.west / sample.units_m[0],
-            "north": coarse.north / sample.units_m[0],
+            "west": coarse.west / sample.units.horizontal_m,
+            "north": coarse.north / sample.units.horizontal_m,
             "points_per_m2": [[float(f"{value:.3g}") for value in row] for row in rows],
         },
     }
@@ -321,16 +353,17 @@ def _density(sample: SurveySample) -> dict[str, Any]:
 
 def _bounds(sample: SurveySample) -> list[list[float]]:
     """Corners of all points, in the survey's own units."""
-    horizontal_m, vertical_m = sample.units_m
-    units_m = np.array([horizontal_m, horizontal_m, vertical_m])
-    return [(sample.low / units_m).tolist(), (sample.high / units_m).tolist()]
+    ends = np.sort(sample.units.from_metres(np.array([sample.low, sample.high])), axis=0)
+    return [ends[0].tolist(), ends[1].tolist()]
 
 
 def _gaps(sample: SurveySample) -> list[dict[str, float]]:
-    unit_m = sample.units_m[0]
+    if not sample.gaps:
+        return []
+    places = sample.units.from_metres(np.array([(gap.east, gap.north) for gap in sample.gaps]))
     return [
-        {"area_m2": gap.area_m2, "east": gap.east / unit_m, "north": gap.north / unit_m}
-        for gap in sample.gaps
+        {"area_m2": gap.area_m2, "east": x, "north": y}
+        for gap, (x, y) in zip(sample.gaps, places.tolist(), strict=True)
     ]
 
 

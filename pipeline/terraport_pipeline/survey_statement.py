@@ -14,13 +14,13 @@ from terraport_pipeline.option import Notation, Option
 
 __all__ = ["LEFT_OUT", "METRES_PER_UNIT", "SurveyStatement"]
 
-METRES_PER_UNIT: Final = {"m": 1.0, "ft": 0.3048, "us-ft": 1200 / 3937}
+METRES_PER_UNIT: Final = {"m": 1.0, "cm": 0.01, "mm": 0.001, "ft": 0.3048, "us-ft": 1200 / 3937}
 """International feet are 2 parts in a million shorter than the US survey's: 4 m at 2,000 km."""
 
 LEFT_OUT: Final = "-"
 """Stands in ``--columns`` for a column that is not read."""
 
-LengthUnit = Literal["m", "ft", "us-ft"]
+LengthUnit = Literal["m", "cm", "mm", "ft", "us-ft"]
 
 
 def _parse_columns(text: str, what: str) -> tuple[str, ...]:
@@ -50,8 +50,8 @@ class SurveyStatement:
     """Coordinate reference system of the coordinates as they are: EPSG:26914, EPSG:2263+6360 with
     heights of their own, WKT or PROJ. It overrules what the files state."""
     units: Annotated[LengthUnit | None, Option(unset="the CRS's; without one metres")] = None
-    """Length unit of the coordinates: metres, international feet or US survey feet. It overrules
-    the CRS's; heights follow unless --height-units says theirs."""
+    """Length unit of the coordinates: metres, centimetres, millimetres, international feet or US
+    survey feet. It overrules the CRS's; heights follow unless --height-units says theirs."""
     height_units: Annotated[LengthUnit | None, Option(unset="as --units, or the CRS's")] = None
     """Length unit of the heights, where it is another."""
     columns: Annotated[

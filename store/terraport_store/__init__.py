@@ -43,7 +43,9 @@ from terraport_store.labelling import change_labels, read_labels, read_names
 from terraport_store.labels import MAX_LABEL_LENGTH, label_fault
 from terraport_store.location import REACH_S, needing_obstore, scene_files
 from terraport_store.manifest import (
+    EAST_NORTH_UP,
     AttributeInfo,
+    Axis,
     Bounds,
     BuildInfo,
     Counts,
@@ -71,9 +73,11 @@ from terraport_store.validate import Finding, validate_scene
 from terraport_store.writer import SceneWriter
 
 __all__ = [
+    "EAST_NORTH_UP",
     "MAX_LABEL_LENGTH",
     "REACH_S",
     "AttributeInfo",
+    "Axis",
     "Bounds",
     "BruteForceIndex",
     "BuildInfo",

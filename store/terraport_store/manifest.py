@@ -11,14 +11,18 @@ import json
 from collections.abc import Mapping
 from typing import Annotated, Any, Final, Literal
 
+import numpy as np
 import pydantic
 from pydantic import BaseModel, ConfigDict, Field, JsonValue, field_validator
 
+from terraport_payload.types import AnyFloat, Float64
 from terraport_store.errors import DamagedSceneError
 from terraport_store.layout import FORMAT_VERSION, MANIFEST_NAME, MAX_LEVELS, MAX_MANIFEST_BYTES
 
 __all__ = [
+    "EAST_NORTH_UP",
     "AttributeInfo",
+    "Axis",
     "Bounds",
     "BuildInfo",
     "Counts",
@@ -58,11 +62,68 @@ class CrsInfo(_Frozen):
     epsg: int | None = None
 
 
+Axis = Literal["east", "west", "north", "south", "up", "down"]
+"""Direction in which a coordinate grows."""
+
+EAST_NORTH_UP: Final[tuple[Axis, Axis, Axis]] = ("east", "north", "up")
+
+_TARGET: Final = {"east": 0, "west": 0, "north": 1, "south": 1, "up": 2, "down": 2}
+_BACKWARDS: Final = frozenset({"west", "south", "down"})
+
+
 class SurveyUnits(_Frozen):
-    """Metres in one unit of the survey's own coordinates, where that is not a metre."""
+    """The survey's own coordinates, where they are not easting, northing, height in metres."""
 
     horizontal_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    """Metres in one unit of x and y."""
     height_m: Annotated[float, Field(gt=0, allow_inf_nan=False)]
+    axes: tuple[Axis, Axis, Axis] = EAST_NORTH_UP
+    """Directions of x, y and z."""
+    crs_wkt: str = ""
+    """The CRS that these coordinates are in; empty where none is known."""
+
+    @field_validator("axes")
+    @classmethod
+    def _are_perpendicular(cls, axes: tuple[Axis, Axis, Axis]) -> tuple[Axis, Axis, Axis]:
+        if sorted(_TARGET[axis] for axis in axes[:2]) != [0, 1] or _TARGET[axes[2]] != 2:
+            raise ValueError(f"axes are {axes}, expected such as east, north, up")
+        return axes
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether x, y, z are a left-handed system."""
+        swapped = _TARGET[self.axes[0]] == 1
+        return (sum(axis in _BACKWARDS for axis in self.axes) + swapped) % 2 == 1
+
+    def to_metres(self, coordinates: AnyFloat) -> Float64:
+        """Convert x, y (and z) of the survey, (N, 2) or (N, 3), to easting, northing, height."""
+        given = np.asarray(coordinates, np.float64)
+        result = np.empty_like(given)
+        for column in range(given.shape[1]):
+            result[:, _TARGET[self.axes[column]]] = given[:, column] * self._unit(column)
+        return result
+
+    def from_metres(self, metres: AnyFloat) -> Float64:
+        """Convert easting, northing (and height) in metres to x, y (and z) of the survey."""
+        given = np.asarray(metres, np.float64)
+        result = np.empty_like(given)
+        for column in range(given.shape[1]):
+            result[:, column] = given[:, _TARGET[self.axes[column]]] / self._unit(column)
+        return result
+
+    def document(self) -> dict[str, Any]:
+        """Return the values for JSON, without those that are the default."""
+        document = self.model_dump(mode="json")
+        if self.axes == EAST_NORTH_UP:
+            del document["axes"]
+        if not self.crs_wkt:
+            del document["crs_wkt"]
+        return document
+
+    def _unit(self, column: int) -> float:
+        """Metres in a unit of a column, negative where it grows to the west, south or down."""
+        unit_m = self.height_m if column == 2 else self.horizontal_m
+        return -unit_m if self.axes[column] in _BACKWARDS else unit_m
 
 
 class Bounds(_Frozen):
@@ -218,8 +279,10 @@ class Manifest(_Frozen):
     def _document(self) -> dict[str, Any]:
         """Give the plain values; what a scene does not use changes none of its bytes."""
         document = self.model_dump(mode="json")
-        if document["survey_units"] is None:
+        if self.survey_units is None:
             del document["survey_units"]
+        else:
+            document["survey_units"] = self.survey_units.document()
         if document["levels"] == 1:
             del document["levels"]
         return document

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from terraport.client import connect
     from terraport.coarser import CoarserPiece
     from terraport.errors import LandingSuperseded, TerraportError
+    from terraport.frames import crs_positions
     from terraport.group import Arrivals, Group, GroupLanding
     from terraport.landing import Landing, LandingStats
     from terraport.live import Session
@@ -58,6 +59,7 @@ __all__ = [
     "Timeouts",
     "__version__",
     "connect",
+    "crs_positions",
     "decode_texture",
     "errors",
     "mixed_model",
@@ -88,6 +90,7 @@ _HOMES: Final = {
     "Timeouts": "timeouts",
     "__version__": "version",
     "connect": "client",
+    "crs_positions": "frames",
     "decode_texture": "textures",
     "mixed_model": "mesh",
     "to_trimesh": "mesh",

@@ -28,7 +28,7 @@ class SceneBox:
     high: Point
     origin: Point
     """Easting, northing, height of the scene frame's origin, metres."""
-    survey_units: Mapping[str, float] | None = None
+    survey_units: Mapping[str, Any] | None = None
     """As the manifest has it."""
 
     @classmethod

@@ -61,6 +61,12 @@ it("gives survey coordinates in the survey's own units", () => {
   expect(toSurvey(manifest, [1, -2, 3])).toEqual([4004, 7988, 96]);
 });
 
+it("gives survey coordinates along the survey's own axes", () => {
+  const surveyUnits = { horizontalM: 0.5, heightM: 2, axes: ["south", "west", "down"] } as const;
+  const manifest = { origin: [-700000, -1100000, 10], surveyUnits } as const;
+  expect(toSurvey(manifest, [4, 6, 8])).toEqual([2200016, 1399992, -8]);
+});
+
 function refusalOf(step: () => unknown): StreamError {
   try {
     step();

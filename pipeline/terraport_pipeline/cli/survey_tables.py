@@ -49,8 +49,9 @@ def survey_tables(facts: Mapping[str, Any]) -> Group:
         same = units["horizontal"] == units["vertical"]
         heights = "" if same else f", heights in {units['vertical']}"
         summary.add_row("unit", units["horizontal"] + heights)
+    axes = _axis_names(units)
     if facts["bounds"]:
-        for axis, span in zip(("east", "north", "height"), _spans(facts["bounds"]), strict=True):
+        for axis, span in zip(axes, _spans(facts["bounds"]), strict=True):
             summary.add_row(axis, span)
     if within := facts.get("within"):
         corners = " ".join(f"{value:.15g}" for value in within["values"])
@@ -62,7 +63,7 @@ def survey_tables(facts: Mapping[str, Any]) -> Group:
     table = Table(box=None, pad_edge=False, header_style="dim")
     table.add_column("file")
     table.add_column("kind")
-    for name in ("points", "bytes", "east", "north"):
+    for name in ("points", "bytes", *axes[:2]):
         table.add_column(name, justify="right")
     for file in files[:_FILES]:
         east, north, _ = _spans(file["bounds"], ".0f") if file["bounds"] else ("", "", "")
@@ -175,6 +176,12 @@ def _attributes(facts: Mapping[str, Any]) -> list[RenderableType]:
             listed += f"{', ' if listed else ''}missing: {column['missing']:,}"
         table.add_row(escape(column["name"]), column["type"], *ends, listed)
     return [table]
+
+
+def _axis_names(units: Mapping[str, Any] | None) -> tuple[str, str, str]:
+    """Name the columns of coordinates by the directions in which they count."""
+    x, y, z = (units or {}).get("axes", ("east", "north", "up"))
+    return x, y, "depth" if z == "down" else "height"
 
 
 def _map(facts: Mapping[str, Any]) -> list[RenderableType]:

@@ -40,7 +40,7 @@ class _Contour:
     height: float
     is_index: bool
     points: Float64
-    """(N, 2) easting, northing; a closed line ends where it begins."""
+    """(N, 2) plan coordinates; a closed line ends where it begins."""
 
 
 def write_contours(
@@ -99,7 +99,9 @@ def write_contours(
         "step": f"{grid.step:.6g} {frame.unit_name}",
         "interval": f"{interval:g} {frame.height_unit_name}",
         "lines": f"{len(lines):,}",
-        "heights": f"{lines[0].height:g} to {lines[-1].height:g}",
+        "heights": " to ".join(
+            f"{line.height * frame.height_sign:g}" for line in (lines[0], lines[-1])
+        ),
     }
 
 
@@ -144,15 +146,15 @@ def _write_dxf(path: Path, lines: list[_Contour], frame: SurveyFrame) -> None:
     for line in lines:
         layer = "CONTOURS_INDEX" if line.is_index else "CONTOURS"
         closed = bool((line.points[0] == line.points[-1]).all())
-        points = line.points[:-1] if closed else line.points
-        attributes = {"layer": layer, "elevation": line.height}
+        points = frame.plan_to_survey(line.points[:-1] if closed else line.points)
+        attributes = {"layer": layer, "elevation": line.height * frame.height_sign}
         space.add_lwpolyline(points.tolist(), close=closed, dxfattribs=attributes)
     save_drawing(drawing, path)
 
 
 def _write_shapes(path: Path, lines: list[_Contour], frame: SurveyFrame) -> None:
     properties: dict[str, list[Any]] = {
-        "height": [float(line.height) for line in lines],
+        "height": [float(line.height * frame.height_sign) for line in lines],
         "is_index": [bool(line.is_index) for line in lines],
     }
     shapes = [shapely.LineString(line.points) for line in lines]

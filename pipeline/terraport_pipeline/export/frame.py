@@ -1,32 +1,37 @@
-"""The coordinates that exports are written in: those of the survey, in its own unit.
+"""The coordinates that exports are written in: those of the survey, in its own unit and axes.
 
-A survey in feet is built in metres (:mod:`terraport_pipeline.engines.readers.survey_crs`), and the
-manifest then has the same projection with axes in metres, called "... (in metres)", and the length
-of the survey's units. What is handed on goes back to the survey's own units, and its own CRS where
-PROJ knows it by that name in these units; else it stays in metres, in the CRS that is stated.
+A scene is in metres east, north and up. Where the survey is not, the manifest says in which units,
+along which axes and in which CRS it is (``survey_units``), and what is handed on goes back to them.
+Where that CRS is not known (the user stated another unit than the CRS's), exports stay in the CRS
+of the scene.
+
+Two kinds of coordinates are told apart. *Plan* coordinates are easting, northing and height in the
+survey's units, whatever its axes: grids, cuts and outlines are computed in them. *Survey*
+coordinates have the survey's axes too (EPSG:2053 counts to the west and south): files have them,
+and people type them. Without such axes both are the same.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import shapely
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
 from terraport_payload.types import AnyFloat, Float64
+from terraport_pipeline.extent import Extent
 from terraport_pipeline.model import to_crs
-from terraport_store import Manifest
-from terraport_store.manifest import CrsInfo, SurveyUnits
+from terraport_pipeline.survey_statement import METRES_PER_UNIT
+from terraport_store import EAST_NORTH_UP, Manifest, SurveyUnits
+from terraport_store.manifest import CrsInfo
 
 __all__ = ["SurveyFrame", "survey_frame"]
 
-_METRIC: Final = " (in metres)"
-"""What the reader puts behind the name of a CRS whose axes it turned into metres."""
-
-_SAME_UNIT: Final = 1e-9
-"""Share by which two lengths of a unit may differ: feet of two kinds differ by two millionths."""
+_METRES: Final = SurveyUnits(horizontal_m=1.0, height_m=1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +42,17 @@ class SurveyFrame:
     """E0, N0, H0 in metres."""
     crs: CRS | None
     """None where the survey states none, or one that PROJ does not read."""
-    unit_m: float = 1.0
-    """Metres in a unit of easting and northing."""
-    height_unit_m: float = 1.0
-    """Metres in a unit of height."""
+    units: SurveyUnits = _METRES
 
     @property
-    def units_m(self) -> Float64:
-        """(3,) metres in a unit of easting, northing and height."""
-        return np.array([self.unit_m, self.unit_m, self.height_unit_m])
+    def unit_m(self) -> float:
+        """Metres in a unit of easting and northing."""
+        return self.units.horizontal_m
+
+    @property
+    def height_unit_m(self) -> float:
+        """Metres in a unit of height."""
+        return self.units.height_m
 
     @property
     def unit_name(self) -> str:
@@ -58,31 +65,81 @@ class SurveyFrame:
         return _unit_name(self.height_unit_m)
 
     @property
+    def decimals(self) -> int:
+        """Digits after the point that texts need for a tenth of a millimetre, four at least."""
+        longest_m = max(self.unit_m, self.height_unit_m, 1.0)
+        return 4 + math.ceil(math.log10(longest_m))
+
+    @property
+    def is_turned(self) -> bool:
+        """Whether survey coordinates have axes of their own."""
+        return self.units.axes != EAST_NORTH_UP
+
+    @property
+    def height_sign(self) -> float:
+        """-1 where the survey has depths, else 1."""
+        return -1.0 if self.units.axes[2] == "down" else 1.0
+
+    @property
     def shift(self) -> tuple[float, float, float]:
-        """What to add to small coordinates: whole units near the scene's origin."""
-        east, north, height = np.round(np.array(self.origin) / self.units_m).tolist()
-        return east, north, height
+        """What to add to small survey coordinates: whole units near the scene's origin."""
+        x, y, z = np.round(self.units.from_metres(np.array([self.origin]))[0]).tolist()
+        return x, y, z
 
     def to_survey(self, positions: AnyFloat) -> Float64:
-        """Convert scene positions (N, 3) to coordinates of the survey, in its unit."""
-        metres = to_crs(positions, np.array(self.origin))
-        return metres if self.unit_m == self.height_unit_m == 1.0 else metres / self.units_m
+        """Convert scene positions (N, 3) to survey coordinates."""
+        return self.units.from_metres(to_crs(positions, np.array(self.origin)))
+
+    def to_plan(self, positions: AnyFloat) -> Float64:
+        """Convert scene positions (N, 3) to easting, northing and height in the survey's units."""
+        return self._plan_units.from_metres(to_crs(positions, np.array(self.origin)))
+
+    def directions_to_survey(self, directions: AnyFloat) -> Float64:
+        """Convert directions (N, 3) of the scene frame to the survey's axes; lengths stay."""
+        turned = SurveyUnits(horizontal_m=1.0, height_m=1.0, axes=self.units.axes)
+        return turned.from_metres(to_crs(directions, np.zeros(3)))
+
+    def plan_to_survey(self, plan: AnyFloat) -> Float64:
+        """Convert plan coordinates, (N, 2) or (N, 3), to survey coordinates."""
+        if not self.is_turned:
+            return np.asarray(plan, np.float64)
+        return self.units.from_metres(self._plan_units.to_metres(plan))
+
+    def survey_to_plan(self, coordinates: AnyFloat) -> Float64:
+        """Convert survey coordinates, (N, 2) or (N, 3), to plan coordinates."""
+        if not self.is_turned:
+            return np.asarray(coordinates, np.float64)
+        return self._plan_units.from_metres(self.units.to_metres(coordinates))
+
+    def shape_to_survey(self, shape: shapely.Geometry) -> shapely.Geometry:
+        """Convert a shape in plan coordinates to survey coordinates."""
+        return shapely.transform(shape, self.plan_to_survey) if self.is_turned else shape
+
+    def extent_to_plan(self, extent: Extent) -> Extent:
+        """Convert an extent in survey coordinates to plan coordinates."""
+        return _extent_of(self.survey_to_plan(_ends_of(extent)))
+
+    def extent_to_survey(self, extent: Extent) -> Extent:
+        """Convert an extent in plan coordinates to survey coordinates."""
+        return _extent_of(self.plan_to_survey(_ends_of(extent)))
 
     def ground(self, east: AnyFloat, north: AnyFloat) -> tuple[Float64, Float64]:
-        """Convert eastings and northings to x and z of the scene, metres, float64."""
+        """Convert plan eastings and northings to x and z of the scene, metres, float64."""
         x = np.asarray(east, np.float64) * self.unit_m - self.origin[0]
         z = self.origin[1] - np.asarray(north, np.float64) * self.unit_m
         return x, z
 
     def heights(self, y: AnyFloat) -> Float64:
-        """Convert y of the scene to heights of the survey."""
+        """Convert y of the scene to plan heights."""
         return (np.asarray(y, np.float64) + self.origin[2]) / self.height_unit_m
 
     def in_metres(self, manifest: Manifest) -> SurveyFrame:
-        """Return the frame of formats that know metres alone (glTF)."""
-        if self.unit_m == self.height_unit_m == 1.0:
-            return self
-        return SurveyFrame(self.origin, _stated(manifest.crs))
+        """Return the frame of formats that know metres and heights alone (glTF)."""
+        return self if self.units == _METRES else SurveyFrame(self.origin, _stated(manifest.crs))
+
+    @property
+    def _plan_units(self) -> SurveyUnits:
+        return SurveyUnits(horizontal_m=self.unit_m, height_m=self.height_unit_m)
 
 
 def survey_frame(manifest: Manifest) -> SurveyFrame:
@@ -100,25 +157,23 @@ def survey_frame(manifest: Manifest) -> SurveyFrame:
     if units is None:
         return SurveyFrame(manifest.origin, stated)
     own = None
-    if stated is not None and manifest.crs is not None:
-        own = _own_crs(manifest.crs.name, units)
-        if own is None:
-            return SurveyFrame(manifest.origin, stated)
-    return SurveyFrame(manifest.origin, own, units.horizontal_m, units.height_m)
+    if units.crs_wkt:
+        try:
+            own = CRS.from_wkt(units.crs_wkt)
+        except CRSError:
+            own = None
+    if own is None and stated is not None:
+        return SurveyFrame(manifest.origin, stated)
+    return SurveyFrame(manifest.origin, own, units)
 
 
-def _own_crs(name: str, units: SurveyUnits) -> CRS | None:
-    """Find the CRS whose metric form a scene states; None where PROJ has none in these units."""
-    try:
-        own = CRS.from_user_input(name.removesuffix(_METRIC))
-    except CRSError:  # a name of the file's own
-        return None
-    for axis in own.axis_info:
-        is_height = axis.direction in ("up", "down")
-        unit_m = units.height_m if is_height else units.horizontal_m
-        if abs(axis.unit_conversion_factor - unit_m) > _SAME_UNIT * unit_m:
-            return None
-    return own
+def _ends_of(extent: Extent) -> Float64:
+    return np.array([(extent.xmin, extent.ymin), (extent.xmax, extent.ymax)])
+
+
+def _extent_of(ends: Float64) -> Extent:
+    low, high = ends.min(axis=0).tolist(), ends.max(axis=0).tolist()
+    return Extent(low[0], low[1], high[0], high[1])
 
 
 def _stated(info: CrsInfo | None) -> CRS | None:
@@ -134,7 +189,7 @@ def _stated(info: CrsInfo | None) -> CRS | None:
 
 
 def _unit_name(metres: float) -> str:
-    for name, size in (("m", 1.0), ("ft", 0.3048), ("us-ft", 1200 / 3937)):
+    for name, size in METRES_PER_UNIT.items():
         if abs(metres - size) < 1e-9:
             return name
     return f"{metres:.9g} m"

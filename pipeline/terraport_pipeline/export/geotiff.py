@@ -13,7 +13,7 @@ import numpy as np
 import rasterio
 import rasterio.shutil
 from rasterio.enums import ColorInterp
-from rasterio.transform import from_origin
+from rasterio.transform import Affine
 from rasterio.windows import Window as RasterWindow
 
 from terraport_payload.types import Float32
@@ -24,7 +24,7 @@ from terraport_pipeline.export.selection import SelectedScene
 from terraport_pipeline.progress import Progress
 from terraport_store import Scene
 
-__all__ = ["NODATA", "write_heights", "write_orthophoto"]
+__all__ = ["NODATA", "raster_transform", "write_heights", "write_orthophoto"]
 
 NODATA: Final = -9999.0
 """Height where there is no surface: what most height models have, and no ground."""
@@ -95,11 +95,13 @@ def write_heights(
         profile = {"dtype": "float32", "count": 1, "nodata": NODATA}
         with rasterio.open(plain, "w", **_profile(grid, selected.frame), **profile) as picture:
             picture.update_tags(**_tags(selected.scene, "height model"))
-            picture.set_band_description(1, "height")
+            sign = selected.frame.height_sign
+            picture.set_band_description(1, "depth" if sign < 0 else "height")
             picture.set_band_unit(1, _unit(selected.frame))
             for window, heights in height_windows(selected, grid):
                 there = np.isfinite(heights)
-                filled: Float32 = np.where(there, heights, np.float32(NODATA))
+                values = heights * np.float32(sign)
+                filled: Float32 = np.where(there, values, np.float32(NODATA))
                 picture.write(filled, 1, window=_raster_window(window))
                 covered += int(there.sum())
                 progress.advance(window.rows * window.columns)
@@ -114,7 +116,7 @@ def _profile(grid: PixelGrid, frame: SurveyFrame) -> dict[str, Any]:
         "driver": "GTiff",
         "width": grid.columns,
         "height": grid.rows,
-        "transform": from_origin(grid.west, grid.north, grid.step, grid.step),
+        "transform": raster_transform(frame, grid.west, grid.north, grid.step),
         "crs": None if frame.crs is None else rasterio.CRS.from_wkt(frame.crs.to_wkt()),
         "tiled": True,
         "blockxsize": BLOCK,
@@ -123,6 +125,18 @@ def _profile(grid: PixelGrid, frame: SurveyFrame) -> dict[str, Any]:
         "BIGTIFF": "IF_SAFER",
         "SPARSE_OK": True,
     }
+
+
+def raster_transform(frame: SurveyFrame, west: float, north: float, step: float) -> Affine:
+    """Return what makes survey coordinates of columns and rows; row 0 is the northernmost.
+
+    Where the survey's axes are not east and north, pixels still lie as seen with the north up, and
+    the transform turns them.
+    """
+    (x, y), (ax, ay), (bx, by) = frame.plan_to_survey(
+        np.array([(west, north), (step, 0.0), (0.0, -step)])
+    ).tolist()
+    return Affine(ax, bx, x, ay, by, y)
 
 
 def _optimise(plain: Path, path: Path, *, overviews: str, predictor: str) -> None:

@@ -136,7 +136,8 @@ def export_scene(
     ):
         frame = survey_frame(scene.manifest)
         regions, stable_ids = find_regions(scene, request.regions)
-        selection = Selection(request.extent, regions, stable_ids)
+        extent = None if request.extent is None else frame.extent_to_plan(request.extent)
+        selection = Selection(extent, regions, stable_ids)
         selected = SelectedScene(scene, frame, selection)
         ground_extent(selected)  # refuses a selection of nothing
         job = _Job(

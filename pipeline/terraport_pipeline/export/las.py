@@ -16,6 +16,7 @@ from laspy.vlrs.known import ClassificationLookupVlr
 from terraport_payload.types import AnyFloat, Float64, UInt8
 from terraport_pipeline.engines.texturing import bilinear, decode_halved
 from terraport_pipeline.errors import EngineError
+from terraport_pipeline.export.frame import SurveyFrame
 from terraport_pipeline.export.pieces import Piece, read_pieces
 from terraport_pipeline.export.selection import SelectedScene, choose_segments
 from terraport_pipeline.progress import Progress
@@ -26,8 +27,8 @@ __all__ = ["write_points"]
 _CLASS: Final = "classification"
 """Attribute of surveys that come as LAS: the ASPRS class, whole numbers."""
 
-_SCALE: Final = 1e-3
-"""Step of the coordinates in the file, unit of the CRS: a millimetre, or a thousandth of a foot."""
+_STEP_M: Final = 1e-3
+"""Step of the coordinates in the file, at most: powers of ten of the CRS's unit."""
 
 _POINT_FORMAT: Final = 7
 """LAS 1.4: colours, and classes above 31."""
@@ -79,7 +80,7 @@ def write_points(path: Path, selected: SelectedScene, progress: Progress) -> dic
     names = [attribute.name for attribute in manifest.attributes]
     extra = {name: _dimension(name) for name in names if name != _CLASS}
     header = laspy.LasHeader(point_format=_POINT_FORMAT, version="1.4")
-    header.scales, header.offsets = np.full(3, _SCALE), np.array(frame.shift)
+    header.scales, header.offsets = _scales(frame), np.array(frame.shift)
     header.system_identifier = "MODIFICATION"
     header.generating_software = f"terraport {manifest.build.terraport}"[:32]
     header.creation_date = None  # the same scene gives the same bytes
@@ -112,6 +113,13 @@ def write_points(path: Path, selected: SelectedScene, progress: Progress) -> dic
     facts = {"points": f"{total:,}", "class": ", else ".join(kinds) or "none"}
     progress.done(facts)
     return facts
+
+
+def _scales(frame: SurveyFrame) -> Float64:
+    """Return the steps of x, y and z: a millimetre, a thousandth of a foot, 1e-6 of a kilometre."""
+    units_m = np.array([frame.unit_m, frame.unit_m, frame.height_unit_m])
+    scales: Float64 = 10.0 ** np.floor(np.log10(_STEP_M / units_m) + 1e-9)
+    return scales
 
 
 def _points(

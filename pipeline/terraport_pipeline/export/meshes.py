@@ -117,15 +117,14 @@ def write_ply(
     if mesh.colours is not None:
         columns += [(name, "u1") for name in ("red", "green", "blue")]
     vertices = np.empty(len(first), columns)
-    normals = mesh.normals[first]
+    normals = frame.directions_to_survey(mesh.normals[first])
     for axis, name in enumerate("xyz"):
         vertices[name] = local[:, axis]
-    # Scene axes are x east, y up, z south.
-    vertices["nx"], vertices["ny"], vertices["nz"] = normals[:, 0], -normals[:, 2], normals[:, 1]
+        vertices[f"n{name}"] = normals[:, axis]
     if mesh.colours is not None:
         for channel, name in enumerate(("red", "green", "blue")):
             vertices[name] = mesh.colours[first, channel]
-    faces = number[mesh.faces]
+    faces = _corners(number[mesh.faces], frame)
     faces = faces[has_three_corners(faces)]
     rows = np.empty(len(faces), [("count", "u1"), ("corners", "<i4", 3)])
     rows["count"], rows["corners"] = 3, faces
@@ -166,7 +165,7 @@ def write_obj(
     first, number = same_places(mesh.positions)
     local = frame.to_survey(mesh.positions[first]) - shift
     # 0.1 mm, or 0.3 of it in feet: below the grid of any scene's positions.
-    form = "v %.4f %.4f %.4f"
+    form = f"v{f' %.{frame.decimals}f' * 3}"
     triangles = 0
     with path.open("wb") as file:
         _lines(file, [f"# {line}" for line in [*about, _shift_line(shift)]])
@@ -176,7 +175,7 @@ def write_obj(
                 form += " %.4f %.4f %.4f"
             _table(file, form, local)
             for start in range(0, len(mesh.faces), _ROWS):
-                rows = number[mesh.faces[start : start + _ROWS]] + 1
+                rows = _corners(number[mesh.faces[start : start + _ROWS]], frame) + 1
                 solid = has_three_corners(rows)
                 _table(file, "f %d %d %d", rows[solid])
                 triangles += int(solid.sum())
@@ -191,7 +190,7 @@ def write_obj(
         for run, (texture, span) in enumerate(mesh.texture_faces):
             name = "plain" if texture is None else f"texture_{run}"
             _lines(file, [f"usemtl {name}"])
-            corners = mesh.faces[span]
+            corners = _corners(mesh.faces[span], frame)
             rows = np.stack([number[corners] + 1, corners + 1], axis=2)
             solid = has_three_corners(rows[:, :, 0])
             _table(file, "f %d/%d %d/%d %d/%d", rows[solid].reshape(-1, 6))
@@ -203,6 +202,11 @@ def write_obj(
         materials += ["newmtl plain", "Kd 0.6 0.6 0.6", ""]
     path.with_suffix(".mtl").write_text("\n".join(materials) + "\n", encoding="ascii")
     return len(first), triangles
+
+
+def _corners(faces: AnyArray, frame: SurveyFrame) -> AnyArray:
+    """Order the corners of faces as programs do that take the survey's axes for right-handed."""
+    return faces[:, ::-1] if frame.units.is_mirrored else faces
 
 
 def write_glb(

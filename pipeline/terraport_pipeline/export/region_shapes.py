@@ -103,12 +103,12 @@ def region_shapes(
     Returns
     -------
     dict of int to shapely MultiPolygon
-        By region, in the survey's coordinates, corner by corner along the triangles' edges: the
+        By region, in plan coordinates, corner by corner along the triangles' edges: the
         centre of a face of ground that does not overhang lies in its own region's outline alone.
         Where ground lies over ground, by the winding number. Empty of what is vertical throughout.
     """
     edges, of_region = outline_edges(ground.mesh.faces, ground.region_of_face)
-    places = frame.to_survey(ground.mesh.vertices)[:, :2]
+    places = frame.to_plan(ground.mesh.vertices)[:, :2]
     count = len(ground.document["regions"])
     starts = np.searchsorted(of_region, np.arange(count + 1))
     shapes = {}
@@ -140,7 +140,8 @@ def _write_drawing(
     """Write hatches, which know holes, on a layer for every name."""
     drawing = new_drawing(frame)
     space = drawing.modelspace()
-    for row, shape in zip(rows, shapes, strict=True):
+    for row, plan_shape in zip(rows, shapes, strict=True):
+        shape = frame.shape_to_survey(plan_shape)
         name = row["label"] or f"region {row['stable_id']}"
         layer = _NO_LAYER_NAME.sub("_", name)[:_MAX_LAYER_NAME]
         colour = row["mean_colour"] or "#969696"

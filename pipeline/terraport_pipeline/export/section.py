@@ -25,6 +25,12 @@ from terraport_pipeline.progress import Progress
 
 __all__ = ["SectionLine", "parse_line", "write_section"]
 
+_COLUMNS: Final = {
+    "east": "easting", "west": "westing", "north": "northing", "south": "southing",
+    "up": "height", "down": "depth",
+}  # fmt: skip
+"""Names of coordinates in a table, by the direction in which they count."""
+
 _EXAMPLE: Final = '"641150,8594650 641250,8594750"'
 
 
@@ -48,7 +54,7 @@ class _CutLine:
     distance: Float64
     """(N,) from the line's start along it, unit of the survey."""
     coordinates: Float64
-    """(N, 3) easting, northing, height."""
+    """(N, 3) easting, northing, height in the survey's unit."""
 
 
 def parse_line(text: str) -> SectionLine:
@@ -108,6 +114,7 @@ def write_section(
         The line meets no surface.
     """
     frame = selected.frame
+    line = SectionLine(_pairs(frame.survey_to_plan(np.array(line.points))))
     lines = _cut(selected, line, progress)
     if not lines:
         raise OptionError(
@@ -115,11 +122,11 @@ def write_section(
             "unit of its survey (terraport inspect SCENE)"
         )
     if path.suffix.lower() == ".csv":
-        _write_csv(path, lines)
+        _write_csv(path, lines, frame)
     else:
         _write_dxf(path, lines, line, frame)
-    low = min(float(one.coordinates[:, 2].min()) for one in lines)
-    high = max(float(one.coordinates[:, 2].max()) for one in lines)
+    levels = np.concatenate([one.coordinates[:, 2] for one in lines]) * frame.height_sign
+    low, high = float(levels.min()), float(levels.max())
     length = sum(math.dist(a, b) for a, b in line.legs)
     return {
         "length": f"{length:,.2f} {frame.unit_name}",
@@ -167,13 +174,19 @@ def _box_of(start: tuple[float, float], end: tuple[float, float]) -> Extent:
     )
 
 
-def _write_csv(path: Path, lines: list[_CutLine]) -> None:
+def _pairs(points: Float64) -> tuple[tuple[float, float], ...]:
+    return tuple((float(x), float(y)) for x, y in points)
+
+
+def _write_csv(path: Path, lines: list[_CutLine], frame: SurveyFrame) -> None:
     with path.open("w", encoding="utf-8", newline="") as file:
         writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(["line", "distance", "easting", "northing", "height"])
+        writer.writerow(["line", "distance", *(_COLUMNS[axis] for axis in frame.units.axes)])
         for number, one in enumerate(lines, 1):
-            for distance, row in zip(one.distance, one.coordinates, strict=True):
-                writer.writerow([number, *(f"{value:.4f}" for value in (distance, *row))])
+            rows = frame.plan_to_survey(one.coordinates)
+            for distance, row in zip(one.distance, rows, strict=True):
+                texts = (f"{value:.{frame.decimals}f}" for value in (distance, *row))
+                writer.writerow([number, *texts])
 
 
 def _write_dxf(path: Path, lines: list[_CutLine], line: SectionLine, frame: SurveyFrame) -> None:
@@ -183,9 +196,11 @@ def _write_dxf(path: Path, lines: list[_CutLine], line: SectionLine, frame: Surv
     drawing.layers.add("SECTION_LINE", color=1)
     drawing.layers.add("PROFILE", color=7).off()
     space = drawing.modelspace()
-    space.add_lwpolyline(line.points, dxfattribs={"layer": "SECTION_LINE"})
+    points = _pairs(frame.plan_to_survey(np.array(line.points)))
+    space.add_lwpolyline(points, dxfattribs={"layer": "SECTION_LINE"})
     for one in lines:
-        space.add_polyline3d(one.coordinates.tolist(), dxfattribs={"layer": "SECTION"})
+        coordinates = frame.plan_to_survey(one.coordinates).tolist()
+        space.add_polyline3d(coordinates, dxfattribs={"layer": "SECTION"})
         profile = np.column_stack([one.distance, one.coordinates[:, 2]])
         space.add_lwpolyline(profile.tolist(), dxfattribs={"layer": "PROFILE"})
     save_drawing(drawing, path)

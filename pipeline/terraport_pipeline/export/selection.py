@@ -31,7 +31,7 @@ class Selection:
     """What is handed on."""
 
     extent: Extent | None = None
-    """In the survey's own coordinates and unit; None for all of the ground."""
+    """Easting and northing in the survey's unit; None for all of the ground."""
     regions: frozenset[int] | None = None
     """Regions by their number in this version; None for all."""
     stable_ids: tuple[int, ...] = ()
@@ -125,7 +125,7 @@ def choose_segments(selected: SelectedScene, within: Extent | None = None) -> In
     ----------
     selected : SelectedScene
     within : Extent, optional
-        A window in the survey's coordinates, beside the selection's own extent.
+        A window in plan coordinates, in addition to the selection's own extent.
 
     Returns
     -------
@@ -159,9 +159,10 @@ def ground_extent(selected: SelectedScene) -> Extent:
     if len(chosen) == 0:
         whole = Extent(*low.min(axis=0), *high.max(axis=0))
         unit = f" ({frame.unit_name})"
+        asked = selection.extent and frame.extent_to_survey(selection.extent)
         raise OptionError(
-            f"extent {selection.extent}: nothing of the scene lies in it; the scene has "
-            f"{_rounded(whole)}{unit}, in the coordinates of its survey"
+            f"extent {asked}: nothing of the scene lies in it; the scene has "
+            f"{_rounded(frame.extent_to_survey(whole))}{unit}, in the coordinates of its survey"
         )
     if selection.extent is None:
         return Extent(*low[chosen].min(axis=0), *high[chosen].max(axis=0))
@@ -177,8 +178,8 @@ def _ground_boxes(selected: SelectedScene) -> tuple[Float64, Float64]:
     """Least and greatest easting and northing of every segment, (S, 2) each."""
     bounds, frame = selected.scene.index.bounds, selected.frame
     # z is -north: the box's least northing is at its greatest z.
-    low = frame.to_survey(bounds[:, [0, 1, 5]])[:, :2]
-    high = frame.to_survey(bounds[:, [3, 4, 2]])[:, :2]
+    low = frame.to_plan(bounds[:, [0, 1, 5]])[:, :2]
+    high = frame.to_plan(bounds[:, [3, 4, 2]])[:, :2]
     return low, high
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import pyogrio.raw
 import shapely
 
+from terraport_pipeline.crs_axes import code_of, epsg_of
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.export.frame import SurveyFrame
 
@@ -41,7 +42,7 @@ def write_shapes(
     geometry_type : str
         ``LineString`` or ``MultiPolygon``.
     shapes : sequence of shapely geometries
-        In the survey's coordinates.
+        In plan coordinates.
     properties : mapping of str to sequence
         Columns, one value a shape: text, numbers or truth; None or NaN for none.
     frame : SurveyFrame
@@ -54,7 +55,8 @@ def write_shapes(
     ending = path.suffix.lower()
     crs = None if frame.crs is None else frame.crs.to_wkt()
     if frame.crs is not None:
-        code = frame.crs.to_epsg()
+        # GeoJSON names a CRS by its code alone; of one with heights that of the plan will do.
+        code = code_of(frame.crs) if ending == ".geojson" else epsg_of(frame.crs)
         if code is not None:
             crs = f"EPSG:{code}"
         elif ending == ".geojson":
@@ -71,7 +73,9 @@ def write_shapes(
         warnings.filterwarnings("ignore", "'crs' was not provided")
         pyogrio.raw.write(
             path,
-            geometry=shapely.to_wkb(np.array(shapes, object)),
+            geometry=shapely.to_wkb(
+                np.array([frame.shape_to_survey(shape) for shape in shapes], object)
+            ),
             field_data=[values for values, _ in columns],
             field_mask=[missing for _, missing in columns],
             fields=list(properties),

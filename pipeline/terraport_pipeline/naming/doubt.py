@@ -68,13 +68,14 @@ def _doubt_image(teacher: Teacher, answer: Answer) -> Float32:
 
 def _write_picture(path: Path, teacher: Teacher, answer: Answer, frame: SurveyFrame) -> int:
     import rasterio
-    from rasterio.transform import from_origin
+
+    from terraport_pipeline.export.geotiff import raster_transform
 
     units = teacher.units
     image = _doubt_image(teacher, answer)
     x, z = units.corner_m
     # Rows run south with z, as those of a GeoTIFF do.
-    west, north, _ = frame.to_survey(np.array([[x, 0.0, z]]))[0].tolist()
+    west, north, _ = frame.to_plan(np.array([[x, 0.0, z]]))[0].tolist()
     step = units.cell_m / frame.unit_m
     with rasterio.open(
         path,
@@ -86,7 +87,7 @@ def _write_picture(path: Path, teacher: Teacher, answer: Answer, frame: SurveyFr
         dtype="float32",
         nodata=_NONE,
         crs=None if frame.crs is None else frame.crs.to_wkt(),
-        transform=from_origin(west, north, step, step),
+        transform=raster_transform(frame, west, north, step),
         compress="deflate",
     ) as file:
         file.write(image, 1)
@@ -96,7 +97,7 @@ def _write_picture(path: Path, teacher: Teacher, answer: Answer, frame: SurveyFr
 def _write_places(path: Path, teacher: Teacher, answer: Answer, frame: SurveyFrame) -> int:
     chosen = next_places(teacher, answer)
     plan = np.array([place.position_m for place in chosen]).reshape(-1, 2)
-    places = frame.to_survey(np.insert(plan, 1, 0.0, axis=1))[:, :2]
+    places = frame.to_plan(np.insert(plan, 1, 0.0, axis=1))[:, :2]
     columns: dict[str, Any] = {
         "doubt": [round(place.doubt, 3) for place in chosen],
         "likeliest": [place.likeliest for place in chosen],

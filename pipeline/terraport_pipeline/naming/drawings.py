@@ -278,7 +278,8 @@ def _conversion(path: Path, stated: CRS | None, frame: SurveyFrame) -> Any:
                 raise PlanError(
                     path, f"its coordinates do not convert ({error})", "check --crs"
                 ) from None
-        return np.stack(frame.ground(east, north), axis=1)
+        plan = frame.survey_to_plan(np.stack([east, north], axis=1))
+        return np.stack(frame.ground(*plan.T), axis=1)
 
     return convert
 

@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from typing import Final
-
+from terraport_pipeline.crs_axes import code_of
 from terraport_pipeline.export.frame import survey_frame
 from terraport_store import Manifest
 from terraport_store.tiles.placing import place_scene
 
 __all__ = ["crs_line", "tiles_line"]
 
-_METRIC: Final = " (in metres)"
-"""What the reader puts behind the name of a CRS whose axes it turned into metres."""
-
 
 def crs_line(manifest: Manifest) -> tuple[str, bool]:
     """Name the survey's CRS with its code; and whether there is one.
 
-    Of a survey in feet this is its own CRS, not the metric form that the scene is built in.
+    Of a survey in feet, or with axes to the south and west, this is its own CRS, not the one that
+    the scene is built in.
     """
     info = manifest.crs
     if info is None:
         return "none stated (build with --crs EPSG:n to add it)", False
-    own = survey_frame(manifest)
-    name, code = info.name.removesuffix(_METRIC), info.epsg
-    if manifest.survey_units is not None:
-        is_own = own.crs is not None and (own.unit_m != 1.0 or own.height_unit_m != 1.0)
-        code = own.crs.to_epsg() if is_own and own.crs is not None else None
+    name, code = info.name, info.epsg
+    if manifest.survey_units is not None and manifest.survey_units.crs_wkt:
+        own = survey_frame(manifest).crs
+        if own is not None:
+            name, code = own.name, code_of(own)
     return (f"{name} (EPSG:{code})" if code else name), True
 
 

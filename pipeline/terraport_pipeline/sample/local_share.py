@@ -21,6 +21,7 @@ from terraport_pipeline.stages import read_streamed
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.survey.one_survey import FAR
 from terraport_pipeline.survey.survey_files import SurveyFiles
+from terraport_store import SurveyUnits
 
 __all__ = ["GroundBoxes", "measure_local_share"]
 
@@ -52,7 +53,7 @@ class GroundBoxes:
         heads: Sequence[FileHead],
         low: Float64,
         high: Float64,
-        unit_m: float,
+        units: SurveyUnits,
     ) -> GroundBoxes:
         """Take the boxes that headers state, cut to the extent; else the sample's own.
 
@@ -63,7 +64,8 @@ class GroundBoxes:
             return cls(np.array([[low[0], low[1], high[0], high[1]]]))
         if survey.extent is not None:
             stated = [survey.extent.clipped(*corners) for corners in stated]
-        corners = np.array(stated, np.float64)[:, :, :2] * unit_m
+        ends = np.array(stated, np.float64)[:, :, :2].reshape(-1, 2)
+        corners = np.sort(units.to_metres(ends).reshape(-1, 2, 2), axis=1)
         if float(np.ptp(corners, axis=(0, 1)).max()) >= FAR:
             return cls(np.array([[low[0], low[1], high[0], high[1]]]))
         return cls(corners.reshape(-1, 4))

@@ -47,6 +47,7 @@ from terraport_pipeline.stages import clean, measure_survey, read_streamed
 from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.survey.survey_files import SurveyFiles
 from terraport_pipeline.workflow.build_forecast import SolvedGround
+from terraport_store import SurveyUnits
 
 __all__ = ["SurveySample", "sample_survey"]
 
@@ -67,8 +68,8 @@ class SurveySample:
     files: int
     warnings: tuple[str, ...]
     """What a build would say of reading and cleaning."""
-    units_m: tuple[float, float]
-    """Metres in a unit of the survey's eastings and northings, and of its heights."""
+    units: SurveyUnits
+    """Units and axes of the survey's own coordinates."""
     low: Float64
     high: Float64
     """(3,) corners of the sample's box, CRS frame."""
@@ -138,8 +139,8 @@ def sample_survey(
             expected = points_by_lines(survey, chosen, share, read, expected)
         count = read if share >= 1.0 else max(expected, read)
         low, high = np.array(facts.counts["low"]), np.array(facts.counts["high"])
-        horizontal_m, vertical_m = values.get("units_m", (1.0, 1.0))
-        box = GroundBoxes.of(survey, heads, low, high, float(horizontal_m))
+        units = SurveyUnits(**values.get("units", {"horizontal_m": 1.0, "height_m": 1.0}))
+        box = GroundBoxes.of(survey, heads, low, high, units)
         local_share = 1.0
         if share < 1.0:
             local_share = measure_local_share(
@@ -181,7 +182,7 @@ def sample_survey(
             whole=share >= 1.0,
             files=len(chosen.files),
             warnings=(*facts.warnings, *cleaned.facts.warnings),
-            units_m=(float(horizontal_m), float(vertical_m)),
+            units=units,
             low=low,
             high=high,
             measured=measured,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -17,11 +17,12 @@ from terraport_payload.types import Bool, Float64, Int32
 from terraport_pipeline.engines.mesh_files.read_mesh import FileImage, FileMesh, read_mesh
 from terraport_pipeline.engines.photo_store import MAX_PIXELS
 from terraport_pipeline.engines.readers.attribute_names import distinct_names
-from terraport_pipeline.engines.readers.survey_crs import conversion_line, metre_factors
+from terraport_pipeline.engines.readers.survey_crs import conversion_line, interpret_coordinates
 from terraport_pipeline.errors import ReadError, SurveyError
 from terraport_pipeline.model import Crs
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.survey.find_mesh import MeshInput
+from terraport_store import SurveyUnits
 
 __all__ = ["NAME", "PlacedMesh", "place_mesh", "run"]
 
@@ -54,7 +55,7 @@ def run(given: MeshInput, context: Context, *, textured: bool) -> tuple[Mapping[
     Returns
     -------
     values, facts
-        ``attributes``, ``crs``, ``units_m`` as of a survey; ``textured``, ``faces``, ``vertices``.
+        ``attributes``, ``crs``, ``units`` as of a survey; ``textured``, ``faces``, ``vertices``.
 
     Raises
     ------
@@ -71,6 +72,8 @@ def run(given: MeshInput, context: Context, *, textured: bool) -> tuple[Mapping[
             mesh.missing.location,
         )  # fmt: skip
     placed = place_mesh(given, mesh)
+    if placed.is_turned:
+        mesh = _turned(mesh)
     warnings = [*mesh.warnings, *placed.warnings]
     counts: dict[str, Json] = {
         "faces": len(mesh.faces), "vertices": len(mesh.vertices), **mesh.facts,
@@ -93,10 +96,10 @@ def run(given: MeshInput, context: Context, *, textured: bool) -> tuple[Mapping[
         context.progress.start("read: textures", None, "images")
         counts |= _write_texture(given, mesh, context, warnings)
         context.progress.done({"images": counts["images"]})
-    crs, factors = placed.crs, placed.factors
+    crs, units = placed.crs, placed.units
     values: dict[str, Json] = {
         "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,
-        **({} if factors is None else {"units_m": factors[[0, 2]].tolist()}),
+        **({} if units is None else {"units": units.document()}),
         "attributes": [*renamed.values()], "textured": is_textured,
         "has_colour": mesh.colours is not None,
         "faces": len(mesh.faces), "vertices": len(mesh.vertices),
@@ -110,9 +113,11 @@ class PlacedMesh:
 
     positions: Float64
     """(V, 3) easting, northing, height."""
+    is_turned: bool
+    """The corners of its faces stand in reverse order: its axes are a left-handed system."""
     crs: Crs | None
-    factors: Float64 | None
-    """(3,) metres in a unit of each axis; None where they are metres."""
+    units: SurveyUnits | None
+    """What brought them to metres; None where they are."""
     warnings: tuple[str, ...]
     choices: tuple[str, ...]
 
@@ -142,15 +147,33 @@ def place_mesh(given: MeshInput, mesh: FileMesh) -> PlacedMesh:
     low, high = used.min(axis=0), used.max(axis=0)
     if not (high - low).max() > 0:
         raise SurveyError(f"{given.path}: all {len(used):,} vertices lie at one place")
-    factors, crs, warnings = metre_factors(given.path, low, high, place.crs, given.survey)
+    units, crs, warnings = interpret_coordinates(given.path, low, high, place.crs, given.survey)
     if place.crs is not None and given.survey.system is None:
         choices.append(f"The mesh is taken to be in {place.crs.name}, as {place.crs_from} says.")
-    if factors is not None:
-        positions = positions * factors
-        choices.append(conversion_line(factors, place.crs, given.survey))
+    is_turned = False
+    if units is not None:
+        positions = units.to_metres(positions)
+        choices.append(conversion_line(units, place.crs, given.survey))
+        # Programs take x, y and z for a right-handed system, and order the corners by it.
+        is_turned = units.is_mirrored and _area_up(positions, mesh.faces) < 0.0
     return PlacedMesh(
-        np.ascontiguousarray(positions), crs, factors, tuple(warnings), tuple(choices)
+        np.ascontiguousarray(positions), is_turned, crs, units, tuple(warnings), tuple(choices)
     )
+
+
+def _turned(mesh: FileMesh) -> FileMesh:
+    """Reverse the order of the corners of every face."""
+    faces, texture = np.ascontiguousarray(mesh.faces[:, ::-1]), mesh.texture
+    if texture is not None:
+        texture = replace(texture, wedges=np.ascontiguousarray(texture.wedges[:, ::-1]))
+    return replace(mesh, faces=faces, texture=texture)
+
+
+def _area_up(positions: Float64, faces: Int32) -> float:
+    """Return the area seen from above of faces that point up, less that of the others."""
+    a, b, c = (positions[faces[:, corner], :2] for corner in range(3))
+    first, second = b - a, c - a
+    return float((first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum())
 
 
 def _attributes(mesh: FileMesh) -> list[str]:

@@ -20,12 +20,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_payload.types import Float64
+from terraport_pipeline.crs_axes import parts_of
 from terraport_pipeline.engines.readers.height_edges import MAX_HEIGHT
 from terraport_pipeline.engines.readers.point_order import HashThinning
 from terraport_pipeline.engines.readers.survey_chunk import tell_precision
 from terraport_pipeline.engines.readers.survey_colours import brightness_warnings
-from terraport_pipeline.engines.readers.survey_crs import conversion_line, metre_factors
+from terraport_pipeline.engines.readers.survey_crs import conversion_line, interpret_coordinates
 from terraport_pipeline.engines.readers.text_units import check_units
 from terraport_pipeline.errors import OptionError, ReadError
 from terraport_pipeline.model import Crs
@@ -41,6 +41,7 @@ from terraport_pipeline.stages.reading.strays import (
 )
 from terraport_pipeline.survey.one_survey import FAR, listed, one_crs
 from terraport_pipeline.survey.survey_files import SurveyFiles
+from terraport_store import SurveyUnits
 
 __all__ = ["NAME", "run"]
 
@@ -80,7 +81,7 @@ def run(
     -------
     values, facts
         ``attributes`` (names), ``crs``, ``format``, ``whole``, the box in ``low`` and ``high``, and
-        ``units_m`` (metres in a unit of the eastings, and of the heights) where they are not 1.
+        ``units`` (:class:`SurveyUnits`) where they are not metres east, north and up.
         What depends on the files stands in the facts' notes: ``files`` (xxh3, points, those of
         them outside the extent, repeats), and of what reading found ``colours`` (how deep),
         ``outside`` (name and points of files without a point within the extent), ``empty`` (names),
@@ -103,7 +104,8 @@ def run(
     try:
         outcome = spool_all(survey, folder, context, thinning, bounded, share)
         spooled = outcome.spooled
-        crs = one_crs([(part.file.name, part.stream.crs) for part in outcome.opened])
+        stated = [(part.file.name, part.stream.crs) for part in outcome.opened]
+        crs = one_crs(stated, statement=survey.statement)
         crs = survey.crs_outside if crs is None else crs
         layout, decided = decide_layout(spooled, survey)
         taken, left = leave_void_heights(spooled)
@@ -114,10 +116,11 @@ def run(
         if crs is None and survey.statement.crs is None and survey.statement.units is None:
             # Before the numbers are judged: what a text states of its units is plainer.
             _check_units(spooled, None, survey)
-        factors, metre_crs, notes = metre_factors(
-            survey.files[0].path, low, high, crs, survey.statement
+        doubts = [doubt for part in outcome.opened for doubt in part.stream.doubts]
+        units, metre_crs, notes = interpret_coordinates(
+            survey.files[0].path, low, high, crs, survey.statement, doubts
         )
-        _check_units(spooled, factors, survey)
+        _check_units(spooled, units, survey)
         warnings = [
             *_reader_warnings(spooled),
             *decided,
@@ -126,11 +129,11 @@ def run(
             *notes,
             *_file_warnings(spooled, crs, [*survey.damaged, *outcome.damaged]),
         ]
-        choices = () if factors is None else (conversion_line(factors, crs, survey.statement),)
+        choices = () if units is None else (conversion_line(units, crs, survey.statement),)
         if not layout.has_colour:
             warnings.append("The survey has no colour (RGB): what no photo shows will be grey.")
         buckets = distribute(spooled, layout, low, high, folder, context, thinning, taken)
-        columns = SurveyColumns(folder, layout, factors)
+        columns = SurveyColumns(folder, layout, units)
         finish(buckets, spooled, columns, folder, context, max_points)
         warnings += brightness_warnings(columns.brightness, layout.rules)
     except OSError as error:
@@ -141,7 +144,12 @@ def run(
     return _result(columns, outcome, metre_crs, warnings, choices)
 
 
-def _check_units(spooled: Sequence[Spooled], factors: Float64 | None, survey: SurveyFiles) -> None:
+def _check_units(
+    spooled: Sequence[Spooled], units: SurveyUnits | None, survey: SurveyFiles
+) -> None:
+    factors = None
+    if units is not None:
+        factors = np.array([units.horizontal_m, units.horizontal_m, units.height_m])
     for part in spooled:
         check_units(part.file.path, part.stream.units, factors, survey.statement)
 
@@ -199,6 +207,17 @@ def _file_warnings(
     """Tell of files that differ from the others, and of those that are left out."""
     warnings: list[str] = []
     without = [part.file.name for part in spooled if part.stream.crs is None]
+    vertical = None if crs is None else parts_of(crs)[1]
+    lacking = [
+        part.file.name
+        for part in spooled
+        if part.stream.crs is not None and parts_of(part.stream.crs)[1] is None
+    ]
+    if vertical is not None and lacking:
+        warnings.append(
+            f"No vertical system is stated in {listed(lacking)}: heights are taken to be in that "
+            f"of the others ({vertical.name})."
+        )
     if crs is not None and without:
         warnings.append(
             f"No coordinate reference system is stated in {listed(without)}: taken to be in "
@@ -225,7 +244,7 @@ def _result(
         "crs": {"name": crs.name, "wkt": crs.wkt, "epsg": crs.epsg} if crs else None,
         "format": ", ".join(formats),
         **({"whole": layout.whole} if layout.whole else {}),
-        **({} if columns.factors is None else {"units_m": columns.factors[[0, 2]].tolist()}),
+        **({} if columns.units is None else {"units": columns.units.document()}),
     }
     counts = {
         "points": columns.rows,

@@ -2,13 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
+from pyproj import CRS
+
+from terraport_pipeline.crs_axes import epsg_of, height_axis, is_one_system, parts_of
 from terraport_pipeline.errors import ReadError, SurveyError
 from terraport_pipeline.extent import Extent
+from terraport_pipeline.survey_statement import SurveyStatement
 
-__all__ = ["FAR", "OUTSIDE", "damage_of", "listed", "nothing_within", "one_crs", "refuse_far"]
+__all__ = [
+    "FAR",
+    "OUTSIDE",
+    "crs_groups",
+    "damage_of",
+    "listed",
+    "nothing_within",
+    "one_crs",
+    "refuse_far",
+]
 
 OUTSIDE: Final = "lies outside the extent"
 """Why a file is not read, or nothing of it is taken."""
@@ -20,7 +33,39 @@ FAR: Final = 100_000.0
 """Files of one survey lie nearer to each other than this, in metres or the CRS's unit."""
 
 
-def one_crs(files: Sequence[tuple[str, Any | None]], advice: str = "") -> Any | None:
+def crs_groups(files: Iterable[tuple[str, CRS | None]]) -> list[tuple[CRS, list[str]]]:
+    """Group files by the system that they state, however each spells it.
+
+    Parameters
+    ----------
+    files : iterable of (str, pyproj.CRS or None)
+        Name of every file, and what it states; files without a CRS are left out.
+
+    Returns
+    -------
+    list of (pyproj.CRS, list of str)
+        The fullest statement of each system (with heights, with an EPSG code), and the files.
+    """
+    by_text: dict[str, tuple[CRS, list[str]]] = {}  # comparing systems is slow, texts is not
+    for name, crs in files:
+        if crs is not None:
+            by_text.setdefault(crs.srs, (crs, []))[1].append(name)
+    groups: list[tuple[CRS, list[str]]] = []
+    fullest = sorted(by_text.values(), key=lambda stated: _fullness(stated[0]), reverse=True)
+    for crs, names in fullest:
+        group = next((names for other, names in groups if is_one_system(other, crs)), None)
+        if group is None:
+            groups.append((crs, [*names]))
+        else:
+            group += names
+    return groups
+
+
+def one_crs(
+    files: Sequence[tuple[str, CRS | None]],
+    advice: str = "",
+    statement: SurveyStatement | None = None,
+) -> CRS | None:
     """Find the coordinate reference system that all files which state one agree on.
 
     Parameters
@@ -29,6 +74,8 @@ def one_crs(files: Sequence[tuple[str, Any | None]], advice: str = "") -> Any | 
         Name of every file, and what it states.
     advice : str
         What else can be done where they differ.
+    statement : SurveyStatement, optional
+        The user's: a CRS of theirs overrules all files.
 
     Returns
     -------
@@ -40,26 +87,36 @@ def one_crs(files: Sequence[tuple[str, Any | None]], advice: str = "") -> Any | 
     SurveyError
         Two state different ones; names the files of each.
     """
-    groups: list[tuple[Any, list[str]]] = []
-    known: dict[str, list[str]] = {}  # the comparison of two systems is slow, that of texts is not
-    for name, crs in files:
-        if crs is None:
-            continue
-        text = crs.srs
-        if text not in known:
-            group = next((names for other, names in groups if other == crs), None)
-            if group is None:
-                group = []
-                groups.append((crs, group))
-            known[text] = group
-        known[text].append(name)
+    groups = crs_groups(files)
+    if len(groups) > 1 and statement is not None and statement.system is not None:
+        heights = {height_axis(crs) for crs, _ in groups} - {None}
+        says_heights = height_axis(statement.system) is not None or (
+            statement.height_units is not None or statement.units is not None
+        )
+        if len(heights) <= 1 or says_heights:
+            return next((crs for crs, _ in groups if height_axis(crs) is not None), groups[0][0])
+        advice = f"; or add the heights to --crs {statement.crs}, as in EPSG:26918+5703"
     if len(groups) > 1:
-        stated = "; ".join(f"{crs.name} in {listed(names)}" for crs, names in groups)
+        stated = "; ".join(f"{_described(crs)} in {listed(names)}" for crs, names in groups)
         raise SurveyError(
             f"the files are in {len(groups)} coordinate reference systems ({stated}); expected "
-            f"one: reproject some (PDAL filters.reprojection, las2las), or build them apart{advice}"
+            "one: reproject some (PDAL filters.reprojection, las2las), say with --crs which one "
+            f"all of them are in, or build them apart{advice}"
         )
     return groups[0][0] if groups else None
+
+
+def _fullness(crs: CRS) -> tuple[bool, bool, str]:
+    return parts_of(crs)[1] is not None, epsg_of(parts_of(crs)[0] or crs) is not None, crs.srs
+
+
+def _described(crs: CRS) -> str:
+    """Name a CRS with the unit of its heights: that alone may be the difference."""
+    height = height_axis(crs)
+    if height is None:
+        return str(crs.name)
+    kind = "depths" if height[0] == "down" else "heights"
+    return f"{crs.name} ({kind} in units of {height[1]:.9g} m)"
 
 
 def nothing_within(

@@ -17,7 +17,7 @@ import xxhash
 from pyproj import CRS
 from pyproj.exceptions import CRSError
 
-from terraport_pipeline.engines.readers.survey_crs import metre_factors
+from terraport_pipeline.engines.readers.survey_crs import interpret_coordinates
 from terraport_pipeline.engines.readers.survey_format import find_format
 from terraport_pipeline.engines.readers.survey_stream import FileHead, read_head
 from terraport_pipeline.errors import NoPointsError, ReadError, SurveyError
@@ -25,6 +25,7 @@ from terraport_pipeline.extent import Extent
 from terraport_pipeline.progress import Progress
 from terraport_pipeline.survey.one_survey import (
     FAR,
+    crs_groups,
     damage_of,
     listed,
     nothing_within,
@@ -32,6 +33,7 @@ from terraport_pipeline.survey.one_survey import (
     refuse_far,
 )
 from terraport_pipeline.survey_statement import SurveyStatement
+from terraport_store import SurveyUnits
 
 __all__ = ["TEXT", "SurveyFile", "SurveyFiles", "meaning_of", "prj_beside"]
 
@@ -161,7 +163,7 @@ class SurveyFiles:
             left = len(self.ignored) + len(empty) + len(damaged)
             progress.done({"files": len(heads), "points": points, "left out": left})
         # (2) Damage: refused with all names at once, or left out; so is a CRS of its own.
-        in_other_crs = _in_other_crs(heads)
+        in_other_crs = [] if self.statement.crs is not None else _in_other_crs(heads)
         if self.skip_damaged:
             for file, reason in in_other_crs:
                 del heads[file]
@@ -175,7 +177,7 @@ class SurveyFiles:
             )
         kept = tuple(heads)
         advice = "; --skip-damaged goes on without the fewer" if in_other_crs else ""
-        crs = one_crs([(file.name, heads[file].crs) for file in kept], advice)
+        crs = one_crs([(file.name, heads[file].crs) for file in kept], advice, self.statement)
         _near_each_other(kept, [heads[file] for file in kept])
         if check_meaning:
             meaning_of(kept, [heads[file] for file in kept], crs, self.statement)
@@ -190,23 +192,17 @@ class SurveyFiles:
 
 def _in_other_crs(heads: Mapping[SurveyFile, FileHead]) -> list[tuple[SurveyFile, str]]:
     """Find files in another CRS than most, and say so; none where no CRS is that of over half."""
-    by_text: dict[str, list[SurveyFile]] = {}  # comparing two systems is slow, texts is not
-    stated: dict[str, Any] = {}
-    for file, head in heads.items():
-        if head.crs is not None:
-            by_text.setdefault(head.crs.srs, []).append(file)
-            stated[head.crs.srs] = head.crs
-    if len(stated) < 2:
+    groups = crs_groups((file.name, head.crs) for file, head in heads.items())
+    if len(groups) < 2:
         return []
-    count = sum(map(len, by_text.values()))
-    usual = stated[max(by_text, key=lambda text: len(by_text[text]))]
-    others = {text: crs for text, crs in stated.items() if crs != usual}
-    if 2 * sum(len(by_text[text]) for text in others) >= count:
+    usual, most = max(groups, key=lambda group: len(group[1]))
+    if 2 * len(most) <= sum(len(names) for _, names in groups):
         return []
+    other = {name: crs for crs, names in groups if crs is not usual for name in names}
     return [
-        (file, f"it is in {crs.name}, most others in {usual.name}")
-        for text, crs in others.items()
-        for file in by_text[text]
+        (file, f"it is in {other[file.name].name}, most others in {usual.name}")
+        for file in heads
+        if file.name in other
     ]
 
 
@@ -237,12 +233,15 @@ def meaning_of(
     heads: Sequence[FileHead],
     crs: Any | None,
     statement: SurveyStatement,
-) -> list[str]:
-    """Refuse by the headers' boxes what :func:`.metre_factors` refuses when all points are read.
+) -> tuple[SurveyUnits | None, list[str]]:
+    """Refuse by the headers' boxes what :func:`.interpret_coordinates` refuses of all points.
 
     Returns
     -------
-    list of str
+    units : SurveyUnits or None
+        Units and axes of the coordinates; None where they are metres east, north and up, or not
+        known yet.
+    warnings : list of str
         What is doubtful, as whole sentences.
 
     Raises
@@ -251,13 +250,15 @@ def meaning_of(
     """
     corners = [(h.low, h.high) for h in heads if h.low is not None and h.high is not None]
     if len(corners) < len(heads):
-        return []
+        return None, []
     lows, highs = (np.array(corner, np.float64) for corner in zip(*corners, strict=True))
     low, high = lows.min(axis=0), highs.max(axis=0)
     # A box without size is no box; one as wide as a country holds a stray point.
     if not ((high > low)[:2].all() and float((high - low)[:2].max()) < FAR):
-        return []
-    return metre_factors(files[0].path, low, high, crs, statement)[2]
+        return None, []
+    doubts = [doubt for head in heads for doubt in head.doubts]
+    units, _, warnings = interpret_coordinates(files[0].path, low, high, crs, statement, doubts)
+    return units, warnings
 
 
 def _near_each_other(files: Sequence[SurveyFile], heads: Sequence[FileHead]) -> None:
@@ -279,7 +280,8 @@ def _touching(
     if survey.extent is None or len(kept) == len(survey.files):
         return survey, tuple(heads[file] for file in survey.files)
     outside = [file for file in survey.files if heads[file].rows == 0]
-    crs = one_crs([(file.name, heads[file].crs) for file in survey.files])
+    stated = [(file.name, heads[file].crs) for file in survey.files]
+    crs = one_crs(stated, statement=survey.statement)
     if not kept:
         boxes = [(heads[file].low, heads[file].high) for file in outside]
         raise nothing_within(survey.title, survey.extent, boxes, crs)

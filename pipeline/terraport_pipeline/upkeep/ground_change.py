@@ -143,5 +143,5 @@ def _step_m(extent: Extent) -> float:
 def _boxes(selected: SelectedScene) -> Float64:
     """(S, 4) least easting and northing, greatest easting and northing of every segment."""
     bounds, frame = selected.scene.index.bounds, selected.frame
-    low, high = frame.to_survey(bounds[:, [0, 1, 5]]), frame.to_survey(bounds[:, [3, 4, 2]])
+    low, high = frame.to_plan(bounds[:, [0, 1, 5]]), frame.to_plan(bounds[:, [3, 4, 2]])
     return np.concatenate([low[:, :2], high[:, :2]], axis=1)

@@ -51,8 +51,8 @@ class SceneExtent:
         """Convert the manifest's bounds."""
         frame = survey_frame(manifest)
         (x0, y0, z0), (x1, y1, z1) = manifest.bounds.min, manifest.bounds.max
-        # z is -north: the least northing is at the greatest z.
-        low, high = frame.to_survey(np.array([(x0, y0, z1), (x1, y1, z0)])).tolist()
+        ends = np.sort(frame.to_survey(np.array([(x0, y0, z1), (x1, y1, z0)])), axis=0)
+        low, high = ends.tolist()
         east, north, height = zip(low, high, strict=True)
         return cls(east, north, height, frame.unit_name, frame.height_unit_name)
 

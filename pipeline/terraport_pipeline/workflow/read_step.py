@@ -87,9 +87,9 @@ def crs_of(read: StageRecord) -> Crs | None:
 
 
 def units_of(read: StageRecord) -> SurveyUnits | None:
-    """Length of the units of a survey as delivered; None where they are metres."""
-    units = read.values.get("units_m")
-    return None if units is None else SurveyUnits(horizontal_m=units[0], height_m=units[1])
+    """Units and axes of a survey as delivered; None where they are metres east, north and up."""
+    units = read.values.get("units")
+    return None if units is None else SurveyUnits(**units)
 
 
 def input_info(record: StageRecord) -> InputInfo:

@@ -88,7 +88,7 @@ def _renew(
     values, folder = frame.values, runner.work.path
     lattice = Lattice(tuple(values["anchor_m"]), values["cell_m"])
     measured = values["measured"]
-    kept = ("attributes", "crs", "units_m", "format", "whole", "low", "high")
+    kept = ("attributes", "crs", "units", "format", "whole", "low", "high")
     stated = {name: read.values[name] for name in kept if name in read.values}
     return runner.run(
         Stage(

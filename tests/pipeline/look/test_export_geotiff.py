@@ -16,12 +16,13 @@ import trimesh
 from numpy.testing import assert_array_equal
 from pyproj import CRS
 
-from terraport_pipeline.engines.readers.survey_crs import metre_factors
+from terraport_pipeline.engines.readers.survey_crs import interpret_coordinates
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.export import sampling
 from terraport_pipeline.export.frame import survey_frame
 from terraport_pipeline.export.hand_on import ExportRequest, export_scene
 from terraport_pipeline.extent import Extent
+from terraport_pipeline.survey_statement import SurveyStatement
 from terraport_store import change_labels, read_manifest
 
 EAST, NORTH, HEIGHT = 500_000.0, 6_000_000.0, 120.0
@@ -56,7 +57,7 @@ def restated(
     scene_path: Path,
     path: Path,
     crs: dict[str, object] | None,
-    units: dict[str, float] | None = None,
+    units: dict[str, object] | None = None,
 ) -> Path:
     """Copy a scene as if its survey had stated another CRS, or been in other units."""
     shutil.copytree(scene_path, path)
@@ -71,10 +72,10 @@ def restated(
 def in_feet(scene_path, tmp_path_factory) -> Path:
     """The scene as the build makes it of a survey in US survey feet."""
     low, high = np.array([2e6, 1.37e7, 100.0]), np.array([2.001e6, 1.3701e7, 150.0])
-    factors, metric, _ = metre_factors(Path("x.laz"), low, high, CRS.from_user_input(FEET))
+    feet, metric, _ = interpret_coordinates(Path("x.laz"), low, high, CRS.from_user_input(FEET))
     assert metric is not None
-    assert factors is not None
-    units = {"horizontal_m": factors[0], "height_m": factors[2]}
+    assert feet is not None
+    units = feet.document()
     path = tmp_path_factory.mktemp("feet") / "ground"
     crs = {"name": metric.name, "wkt": metric.wkt, "epsg": None}
     return restated(scene_path, path, crs, units)
@@ -207,8 +208,14 @@ def test_feet_without_a_crs_are_feet_and_heights_have_their_own(scene_path, tmp_
     feet = {"horizontal_m": 0.3048, "height_m": 0.3048}
     bare = survey_frame(read_manifest(restated(scene_path, tmp_path / "bare", None, feet)))
     assert (bare.crs, bare.unit_name, bare.height_unit_name) == (None, "ft", "ft")
-    crs = {"name": "WGS 84 / UTM zone 33N (in metres)", "wkt": "", "epsg": 32633}
-    units = {"horizontal_m": 1.0, "height_m": 1200 / 3937}
+    low, high = np.array([5e5, 6e6, 300.0]), np.array([5.001e5, 6.0001e6, 350.0])
+    own, metric, _ = interpret_coordinates(
+        Path("x.laz"), low, high, CRS(32633), SurveyStatement(height_units="us-ft")
+    )
+    assert own is not None
+    assert metric is not None
+    assert metric.epsg == 32633
+    crs, units = {"name": metric.name, "wkt": metric.wkt, "epsg": 32633}, own.document()
     tall = survey_frame(read_manifest(restated(scene_path, tmp_path / "tall", crs, units)))
     assert tall.crs == CRS.from_epsg(32633)
     assert (tall.unit_m, tall.height_unit_name) == (1.0, "us-ft")

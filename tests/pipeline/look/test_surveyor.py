@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pypdfium2
 import pytest
+from pyproj import CRS
 
 from terraport_pipeline.report import pdf_page
 from terraport_pipeline.report.input_cloud import InputCloud
@@ -156,7 +157,11 @@ def test_a_survey_in_feet_reads_feet(tmp_path, scene_path, cloud) -> None:
     scene = changed(
         shutil.copytree(scene_path, tmp_path / "feet"),
         crs={"name": "NAD83 / New York Long Island (ftUS) (in metres)", "epsg": 32118},
-        survey_units={"horizontal_m": foot, "height_m": foot},
+        survey_units={
+            "horizontal_m": foot,
+            "height_m": foot,
+            "crs_wkt": CRS.from_epsg(2263).to_wkt(),
+        },
     )
     result = write_report(scene, options=SMALL, cloud=lambda _: cloud)
     for text in (page_text(result.path), pdf_text(result.pdf_path)):

@@ -78,7 +78,7 @@ def land(
     ] = None,
     crs: Annotated[
         bool,
-        typer.Option("--crs", help="X Y Z are E, N, H as the survey has them."),
+        typer.Option("--crs", help="X Y Z are coordinates as the survey has them (E, N, H)."),
     ] = False,
     ground: Annotated[
         bool, typer.Option("--ground", help="Land on the surface above or below that place.")

@@ -14,6 +14,9 @@ from terraport.live import Session
 
 __all__ = ["landing_facts", "print_report", "report_facts"]
 
+_LETTERS: Final = {"east": "E", "west": "W", "north": "N", "south": "S", "up": "H", "down": "D"}
+"""Of coordinates by the direction in which they count."""
+
 
 async def report_facts(
     session: Session,
@@ -61,13 +64,15 @@ def print_report(facts: dict[str, Any], landing: Landing) -> None:
     """Print the report of :func:`report_facts`; `landing` is the last one."""
     console = Console()
     scene, landings = facts["scene"], facts["landings"]
-    east, north, height = facts["position_crs"]
+    axes = (facts["survey_units"] or {}).get("axes") or ("east", "north", "up")
+    place = ", ".join(
+        f"{_LETTERS[axis]} {value:,.2f}"
+        for axis, value in zip(axes, facts["position_crs"], strict=True)
+    )
     position = ", ".join(f"{value:,.2f}" for value in facts["position"])
     console.print(f"[bold]{scene['name']}[/]  version {scene['version'][:12]}")
     units = "" if facts["survey_units"] is None else " in the survey's own units"
-    console.print(
-        f"landed at {position} m  (E {east:,.2f}, N {north:,.2f}, H {height:,.2f}{units})"
-    )
+    console.print(f"landed at {position} m  ({place}{units})")
     table = Table("", *(f"landing {number}" for number in range(1, len(landings) + 1)), box=None)
     for column in table.columns[1:]:
         column.justify = "right"

@@ -6,6 +6,7 @@
  */
 
 import type { GroupCommand, GroupEvent } from "./group-types.ts";
+import type { SurveyAxis } from "./scene/survey.ts";
 
 /** x, y, z in metres of the scene frame. */
 export type Vec3 = readonly [number, number, number];
@@ -119,7 +120,12 @@ export interface SceneManifest {
   /** East, north, height of the frame's origin in the CRS, metres: E = E0 + x, N = N0 - z, H = H0 + y. */
   readonly origin: Vec3;
   /** Metres in one unit of the survey's own coordinates; null where they are metres. */
-  readonly surveyUnits: { readonly horizontalM: number; readonly heightM: number } | null;
+  readonly surveyUnits: {
+    readonly horizontalM: number;
+    readonly heightM: number;
+    /** Directions of x, y and z of the survey, where they are not east, north and up. */
+    readonly axes?: readonly [SurveyAxis, SurveyAxis, SurveyAxis];
+  } | null;
   readonly stepM: number;
   readonly bounds: Bounds;
   readonly attributes: readonly AttributeInfo[];

@@ -20,7 +20,6 @@ from typing import Any, Final
 
 import laspy
 import numpy as np
-from pyproj.exceptions import CRSError
 
 from terraport_payload.types import AnyArray, Bool, Float64, Int64
 from terraport_pipeline.engines.readers.file_sample import spread_pieces
@@ -34,6 +33,7 @@ from terraport_pipeline.engines.readers.las_blocks import (
     means_damage,
     no_blocks,
 )
+from terraport_pipeline.engines.readers.las_crs import LasCrs, las_crs
 from terraport_pipeline.engines.readers.las_index import Selection, select_blocks
 from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
 from terraport_pipeline.errors import NoPointsError, ReadError
@@ -87,7 +87,8 @@ class LasStream:
 
     count: int
     """Points in the file."""
-    crs: Any | None
+    stated: LasCrs
+    """What it says of its coordinates."""
     warnings: tuple[str, ...]
     standard: frozenset[str]
     """Dimensions that the standard names; they are left out where they hold nothing."""
@@ -155,8 +156,8 @@ def open_las(
             )
             reader.header.point_count = count
         # (3) Frame, extent and columns.
-        crs, notes = _find_crs(header)
-        warnings += notes + _tell_steps(header.scales)
+        stated = las_crs(header)
+        warnings += stated.warnings + _tell_steps(header.scales)
         box = _stated_box(header)
         selection, remarks = _select(path, header, box, blocks, extent)
         if share < 1.0:
@@ -189,7 +190,7 @@ def open_las(
 
         yield LasStream(
             count,
-            crs,
+            stated,
             warnings,
             frozenset(header.point_format.standard_dimension_names),
             _whole_columns(header, no_data),
@@ -538,17 +539,6 @@ def _iterate(reader: Any, path: Path, count: int) -> Iterator[tuple[int, Any]]:
             )
         yield first, chunk
         first += len(chunk)
-
-
-def _find_crs(header: Any) -> tuple[Any | None, tuple[str, ...]]:
-    try:
-        return header.parse_crs(), ()
-    except (CRSError, ValueError, KeyError, laspy.LaspyException) as error:
-        warning = (
-            f"The file's coordinate reference system cannot be understood ({brief(error)}); the "
-            "survey is treated as one without."
-        )
-        return None, (warning,)
 
 
 def _tell_steps(scales: Float64) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""What the coordinates of a survey mean: metres, feet, degrees, or something nobody said.
+"""What the coordinates of a survey mean: directions and units of x, y and z.
 
 The rules, in order; what a user states (:class:`.SurveyStatement`) overrules what files say:
 
@@ -6,32 +6,49 @@ The rules, in order; what a user states (:class:`.SurveyStatement`) overrules wh
    A mesh in degrees is no shape, and in an Earth-centred frame up is not up.
 2. Degrees or Earth-centred, but coordinates that cannot be that: the statement is wrong (it
    happens); the survey counts as one without CRS, with a warning.
-3. A projected CRS. Feet are converted to metres: the CRS becomes the same projection with axes in
-   metres, so that a scene coordinate still means a place. Heights follow their own unit where the
-   CRS states one, else the horizontal one. Coordinates outside the CRS's area that lie in it with x
-   and y swapped, or in the other unit, are refused; others outside it get a warning. So is a
-   projection that draws lengths more than 1 % wrong there (Web Mercator).
+3. A projected or local CRS. Coordinates are converted to easting, northing and height in metres:
+   feet, and axes that point south, west or down. The scene's CRS becomes the same projection with
+   such axes, so that a scene coordinate still means a place. Heights follow their own unit where
+   the CRS states one, else the horizontal one. Coordinates outside the CRS's area that lie in it
+   with x and y swapped, with their signs changed or in the other unit are refused; others outside
+   it get a warning. So is a projection that draws lengths more than 1 % wrong there (Web Mercator).
 4. No CRS and no unit: refused where the numbers look like degrees, or can hardly be metres (feet
    of a State Plane); large ones are taken as metres with a warning, small ones are a local frame.
+5. Statements of one file that contradict each other, or cannot be read, in the unit: refused until
+   the user says which is right.
 """
 
 from __future__ import annotations
 
-import copy
 import math
+from collections.abc import Iterable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from pyproj import CRS, Proj, Transformer
+from pyproj.crs import CompoundCRS
 from pyproj.exceptions import CRSError, ProjError
 
 from terraport_payload.types import Float64
+from terraport_pipeline.crs_axes import (
+    UnusableAxesError,
+    code_of,
+    epsg_of,
+    height_axis,
+    is_same_place,
+    own_code,
+    parts_of,
+    plan_axes,
+    with_axes,
+)
 from terraport_pipeline.errors import ReadError
 from terraport_pipeline.model import Crs
 from terraport_pipeline.survey_statement import METRES_PER_UNIT, SurveyStatement
+from terraport_store.manifest import EAST_NORTH_UP, Axis, SurveyUnits
 
-__all__ = ["conversion_line", "metre_factors"]
+__all__ = ["UnitDoubt", "conversion_line", "interpret_coordinates"]
 
 _EARTH_RADII_M: Final = (6.2e6, 6.5e6)
 """Distances from the Earth's centre at which a survey can lie."""
@@ -39,6 +56,8 @@ _EARTH_RADII_M: Final = (6.2e6, 6.5e6)
 _DEGREES_ADVICE: Final = (
     "project it first, for example to its UTM zone (QGIS, PDAL filters.reprojection, las2las)"
 )
+
+_DEGREES: Final = "EPSG:4326"
 
 _DEGREES_RATIO: Final = 100.0
 """Degrees are this many times taller than wide: a metre is 0.00001 degrees."""
@@ -64,17 +83,38 @@ _WORST_SCALE: Final = 0.01
 _BEYOND_DEGREES: Final = 5.0
 """A survey may lie so far north or south of its CRS's area."""
 
+_AXIS_NAMES: Final = {
+    "east": "easting", "west": "westing", "north": "northing", "south": "southing",
+}  # fmt: skip
+
 _OTHER_UNITS: Final = ("us-ft", "m")
 """Units that a survey may be in, against its CRS; both kinds of feet lie in the same area."""
 
 
-def metre_factors(
+@dataclass(frozen=True, slots=True)
+class UnitDoubt:
+    """A unit that a file states twice and differently, or in a way that cannot be read."""
+
+    is_height: bool
+    """Of the heights; else of x and y."""
+    reason: str
+
+    def is_settled(self, statement: SurveyStatement) -> bool:
+        """Whether the user says which unit it is."""
+        if statement.units is not None or (self.is_height and statement.height_units is not None):
+            return True
+        system = statement.system
+        return system is not None and not (self.is_height and height_axis(system) is None)
+
+
+def interpret_coordinates(
     path: Path,
     low: Float64,
     high: Float64,
-    crs: Any | None,
+    crs: CRS | None,
     statement: SurveyStatement | None = None,
-) -> tuple[Float64 | None, Crs | None, list[str]]:
+    doubts: Iterable[UnitDoubt] = (),
+) -> tuple[SurveyUnits | None, Crs | None, list[str]]:
     """Apply the rules above to a cloud of which only the box is known.
 
     Parameters
@@ -87,63 +127,98 @@ def metre_factors(
         As the files state it.
     statement : SurveyStatement, optional
         What the user states.
+    doubts : iterable of UnitDoubt
+        Of the files.
 
     Returns
     -------
-    factors : ndarray of shape (3,), float64, or None
-        What brings coordinates to metres; None where they are.
+    units : SurveyUnits or None
+        What brings coordinates to metres east, north and up; None where they are.
     crs : Crs or None
-        In metres.
+        Of those.
     warnings : list of str
 
     Raises
     ------
     ReadError
-        By rules 1, 3 and 4.
+        By rules 1, 3, 4 and 5.
     """
     statement = statement or SurveyStatement()
     warnings: list[str] = []
+    for doubt in doubts:
+        if not doubt.is_settled(statement):
+            option = "--height-units" if doubt.is_height else "--units"
+            raise ReadError(path, doubt.reason, f"say which is right: {option} m, ft or us-ft")
     # (1) What is stated by the user goes before what is stated by the files.
     if statement.system is not None:
         if crs is not None and crs != statement.system:
+            _refuse_lost_heights(path, crs, statement)
             warnings.append(
                 f"The files state {crs.name}; the survey is taken to be in "
                 f"{statement.system.name}, as --crs says."
             )
         crs = statement.system
     # (2) Degrees, or Earth-centred: refused where the numbers agree.
-    if crs is not None and (crs.is_geographic or crs.is_geocentric):
-        _refuse_angles(path, low, high, crs)
-        kind = "degrees" if crs.is_geographic else "Earth-centred"
-        warnings.append(_wrong_crs(crs, kind, low, high))
+    horizontal = None if crs is None else parts_of(crs)[0]
+    height = None if crs is None else height_axis(crs)
+    if horizontal is not None and (horizontal.is_geographic or horizontal.is_geocentric):
+        _refuse_angles(path, low, high, horizontal)
+        kind = "degrees" if horizontal.is_geographic else "Earth-centred"
+        warnings.append(_wrong_crs(horizontal, kind, low, high))
+        horizontal = None
+    # (3) Directions and units: by the user, else by the CRS, else metres where the numbers can be.
+    if horizontal is None:
         crs = None
-    # (3) The unit, by the user, else by the CRS, else metres where the numbers can be.
-    of_crs = (1.0, 1.0, 1.0) if crs is None else _unit_factors(crs)
-    if crs is None and statement.units is None:
-        warnings += _refuse_doubts(path, low, high, says_more=bool(warnings))
-    factors = _stated_factors(statement, of_crs)
-    if crs is not None and factors[0] != of_crs[0]:
+        if statement.units is None:
+            _refuse_lone_height(path, height, statement)
+            warnings += _refuse_doubts(path, low, high, says_more=bool(warnings))
+    else:
+        assert crs is not None
+        crs, horizontal = _with_stated_axes(path, low, high, crs, horizontal, statement)
+    of_crs = _units_of(path, horizontal, height)
+    units = _stated_units(statement, of_crs)
+    if crs is not None and units.horizontal_m != of_crs.horizontal_m:
         warnings.append(
-            f"{crs.name} has units of {of_crs[0]:.9g} m; coordinates are taken to be in units of "
-            f"{factors[0]:.9g} m, as --units says."
+            f"{crs.name} has units of {of_crs.horizontal_m:.9g} m; coordinates are taken to be in "
+            f"units of {units.horizontal_m:.9g} m, as --units says."
         )
-    area = [] if crs is None else _check_area(path, low, high, crs, factors, statement)
-    # (4) The CRS with axes in metres.
-    metric = None
-    if crs is not None:
-        is_metric = factors == of_crs == (1.0, 1.0, 1.0)
-        metric = Crs(crs.name, crs.to_wkt(), crs.to_epsg()) if is_metric else _in_metres(crs)
-    is_metres = factors == (1.0, 1.0, 1.0)
-    return None if is_metres else np.array(factors), metric, [*warnings, *area]
+    if units.axes[2] == "down" and high[2] <= 0.0:
+        warnings.append(
+            f"The CRS states depths, which count down, and all z are negative ({low[2]:,.2f} to "
+            f"{high[2]:,.2f}): the ground is taken to be above the datum. If z are heights, state "
+            "a CRS with heights: --crs EPSG:n+m."
+        )
+    if horizontal is not None and crs is not None:
+        warnings += _check_area(path, low, high, horizontal, units, statement)
+        if horizontal.is_engineering and _lists_north_first(horizontal):
+            warnings.append(
+                f"{crs.name} lists the northing first; x is taken as the easting, as files have "
+                "it. If the scene is a mirror image, swap x and y in the file."
+            )
+    is_plain = units == SurveyUnits(horizontal_m=1.0, height_m=1.0)
+    # (4) The CRS of the scene; the survey's own one is kept with the units.
+    if crs is None or horizontal is None:
+        return None if is_plain else units, None, warnings
+    scene = Crs(crs.name, crs.to_wkt(), code_of(crs))
+    if of_crs != SurveyUnits(horizontal_m=1.0, height_m=1.0):
+        corners = np.array([low[:2], high[:2], [low[0], high[1]]])
+        scene = _scene_crs(crs, of_crs, corners)
+    if is_plain:
+        return None, scene, warnings
+    # It is that of the survey where the user does not state another unit than it has.
+    says_heights = height is not None and units.height_m != of_crs.height_m
+    if units.horizontal_m == of_crs.horizontal_m and not says_heights:
+        units = units.model_copy(update={"crs_wkt": crs.to_wkt()})
+    return units, scene, warnings
 
 
-def conversion_line(factors: Float64, crs: CRS | None, statement: SurveyStatement | None) -> str:
-    """Say that coordinates were brought to metres, by which units, and who said so.
+def conversion_line(units: SurveyUnits, crs: CRS | None, statement: SurveyStatement | None) -> str:
+    """Say how coordinates were converted: by which units and axes, and who said so.
 
     Parameters
     ----------
-    factors : ndarray of shape (3,), float64
-        Of :func:`metre_factors`.
+    units : SurveyUnits
+        Of :func:`interpret_coordinates`.
     crs : CRS, optional
         That the files state.
     statement : SurveyStatement, optional
@@ -151,12 +226,165 @@ def conversion_line(factors: Float64, crs: CRS | None, statement: SurveyStatemen
     """
     if statement is not None and statement.system is not None:
         crs = statement.system
-    units = f"horizontal unit {factors[0]:.9g} m, height unit {factors[2]:.9g} m"
+    stated = f"horizontal unit {units.horizontal_m:.9g} m, height unit {units.height_m:.9g} m"
+    if units.axes != EAST_NORTH_UP:
+        stated += f"; x points {units.axes[0]}, y {units.axes[1]}, z {units.axes[2]}"
     said_by = "as stated" if crs is None else crs.name
+    if units.axes == EAST_NORTH_UP:
+        return (
+            f"The survey is not in metres ({said_by}: {stated}); its coordinates were converted to "
+            "metres."
+        )
     return (
-        f"The survey is not in metres ({said_by}: {units}); its coordinates were converted to "
-        "metres."
+        f"The survey is not easting, northing and height in metres ({said_by}: {stated}); its "
+        "coordinates were converted."
     )
+
+
+def _refuse_lost_heights(path: Path, crs: CRS, statement: SurveyStatement) -> None:
+    """Refuse a --crs without heights over files that state others than those it would imply."""
+    stated, system = height_axis(crs), statement.system
+    if stated is None or system is None or height_axis(system) is not None:
+        return
+    horizontal, _ = parts_of(system)
+    unit_m = 1.0 if horizontal is None else _units_of(path, horizontal, None).horizontal_m
+    vertical = parts_of(crs)[1]
+    name = crs.name if vertical is None else vertical.name
+    advice = "add them to --crs, as in EPSG:26918+5703"
+    if stated[0] == "down":
+        raise ReadError(
+            path,
+            f"the files state depths ({name}), and --crs {statement.crs} does not say what z is",
+            advice,
+        )
+    follows = statement.units is not None or statement.height_units is not None
+    if not follows and abs(stated[1] - unit_m) > 1e-5 * unit_m:
+        raise ReadError(
+            path,
+            f"the files state heights in units of {stated[1]:.9g} m ({name}), and --crs "
+            f"{statement.crs} does not say what z is",
+            f"{advice}, or add --height-units",
+        )
+
+
+def _refuse_lone_height(
+    path: Path, height: tuple[Axis, float] | None, statement: SurveyStatement
+) -> None:
+    """Refuse heights in a stated unit other than metres where nothing says that of x and y."""
+    if height is None or statement.height_units is not None or abs(height[1] - 1.0) < 1e-9:
+        return
+    raise ReadError(
+        path,
+        f"the file states heights in units of {height[1]:.9g} m, and no unit of x and y that fits",
+        "add --units m, ft or us-ft, and --height-units, or --crs EPSG:n",
+    )
+
+
+def _with_stated_axes(
+    path: Path,
+    low: Float64,
+    high: Float64,
+    crs: CRS,
+    horizontal: CRS,
+    statement: SurveyStatement,
+) -> tuple[CRS, CRS]:
+    """Settle which axes are meant where a text and the EPSG code in it have different ones.
+
+    Well-known text of before 2015 often leaves out the axes of a system that counts to the south
+    and west (EPSG:5513), and has its code; the numbers tell which is meant.
+    """
+    code = own_code(horizontal)
+    try:
+        listed = None if code is None else CRS.from_epsg(code)
+        if listed is None or plan_axes(listed)[0] == plan_axes(horizontal)[0]:
+            return crs, horizontal
+    except (CRSError, UnusableAxesError):
+        return crs, horizontal
+    fitting = []
+    for candidate in (listed, horizontal):
+        area = _Area.of(candidate, listed)
+        units = _stated_units(statement, _units_of(path, candidate, None))
+        if area is not None and area.holds(*_middle(low, high, candidate, units)):
+            fitting.append(candidate)
+    if len(fitting) != 1:
+        axes = " and ".join(plan_axes(listed)[0])
+        raise ReadError(
+            path,
+            f"it states {horizontal.name} as EPSG:{code}, whose axes point {axes}, without such "
+            "axes, and the coordinates do not tell which is meant",
+            f"say so: --crs EPSG:{code}, or the code of the same system with axes to the east and "
+            "north",
+        )
+    [meant] = fitting
+    vertical = parts_of(crs)[1]
+    if meant is horizontal:
+        return crs, horizontal
+    whole = meant if vertical is None else CompoundCRS(crs.name, [meant, vertical])
+    return whole, meant
+
+
+def _units_of(path: Path, horizontal: CRS | None, height: tuple[Axis, float] | None) -> SurveyUnits:
+    """Return directions and units by the CRS; metres east, north, up where it says nothing."""
+    try:
+        directions, unit_m = (
+            (EAST_NORTH_UP[:2], 1.0) if horizontal is None else plan_axes(horizontal)
+        )
+    except UnusableAxesError as error:
+        name = "" if horizontal is None else horizontal.name
+        raise ReadError(
+            path,
+            f"its coordinate reference system ({name}) has {error}, expected one axis to the east "
+            "or west, the other to the north or south, in one unit",
+            "convert the survey, or state the right one with --crs EPSG:n",
+        ) from None
+    upright, height_m = ("up", unit_m) if height is None else height
+    return SurveyUnits(
+        horizontal_m=unit_m, height_m=height_m, axes=(directions[0], directions[1], upright)
+    )
+
+
+def _stated_units(statement: SurveyStatement, of_crs: SurveyUnits) -> SurveyUnits:
+    """Return the units by the user before those of the CRS."""
+    horizontal, upright = of_crs.horizontal_m, of_crs.height_m
+    if statement.units is not None:
+        horizontal = upright = METRES_PER_UNIT[statement.units]
+    if statement.height_units is not None:
+        upright = METRES_PER_UNIT[statement.height_units]
+    return SurveyUnits(horizontal_m=horizontal, height_m=upright, axes=of_crs.axes)
+
+
+def _lists_north_first(crs: CRS) -> bool:
+    return [axis.direction for axis in crs.axis_info[:2]] == ["north", "east"]
+
+
+def _scene_crs(crs: CRS, of_crs: SurveyUnits, corners: Float64) -> Crs:
+    """Return the same CRS with axes east, north and up in metres.
+
+    Only a name where PROJ cannot say it, or does not agree on where the corners are.
+    """
+    changes = []
+    if of_crs.axes[:2] != EAST_NORTH_UP[:2]:
+        changes.append("east, north")
+    if of_crs.axes[2] == "down":
+        changes.append("up")
+    if (of_crs.horizontal_m, of_crs.height_m) != (1.0, 1.0):
+        changes.append("in metres")
+    name = f"{crs.name} ({', '.join(changes)})"
+    metric = with_axes(crs, EAST_NORTH_UP, 1.0, 1.0, name)
+    if metric is None:
+        return Crs(name, "", None)
+    horizontal, flat = parts_of(crs)[0], parts_of(metric)[0]
+    assert horizontal is not None
+    assert flat is not None
+    if not horizontal.is_engineering and not is_same_place(
+        horizontal, flat, corners, of_crs.to_metres
+    ):
+        return Crs(name, "", None)
+    code = epsg_of(metric)
+    known = None if code is None else CRS.from_epsg(code)
+    if known is not None and is_same_place(horizontal, known, corners, of_crs.to_metres):
+        return Crs(known.name, known.to_wkt(), code)
+    return Crs(name, metric.to_wkt(), None)
 
 
 def _refuse_angles(path: Path, low: Float64, high: Float64, crs: CRS) -> None:
@@ -215,32 +443,21 @@ def _can_be_metres(x: float, y: float) -> bool:
     return local_frame_in_x or (1e6 < x < 61e6 and w <= x % 1e6 <= e and s <= y <= n)
 
 
-def _stated_factors(
-    statement: SurveyStatement, of_crs: tuple[float, float, float]
-) -> tuple[float, float, float]:
-    """Metres per unit of each axis, by the user before the CRS."""
-    horizontal, _, upright = of_crs
-    if statement.units is not None:
-        horizontal = upright = METRES_PER_UNIT[statement.units]
-    if statement.height_units is not None:
-        upright = METRES_PER_UNIT[statement.height_units]
-    return horizontal, horizontal, upright
-
-
 def _check_area(
     path: Path,
     low: Float64,
     high: Float64,
     crs: CRS,
-    factors: tuple[float, float, float],
+    units: SurveyUnits,
     statement: SurveyStatement,
 ) -> list[str]:
-    """Refuse what is in its CRS's area only with x and y swapped or in the other unit."""
-    area = _Area.of(crs)
+    """Refuse what is in its CRS's area only with x and y swapped, negated or in the other unit."""
+    code = own_code(crs)
+    area = _Area.of(crs, None if code is None else _known(code))
     if area is None:
         return []  # a local or engineering system, or one without an area
-    unit = _unit_factors(crs)[0]
-    x, y = (0.5 * (low + high))[:2] * (factors[0] / unit)  # in the CRS's own unit
+    unit = _units_of(path, crs, None).horizontal_m
+    x, y = _middle(low, high, crs, units)
     where = f"about {x:,.0f}, {y:,.0f}"
     if area.holds(x, y):
         scale = area.scale(x, y)
@@ -253,12 +470,23 @@ def _check_area(
                 "add --units m to build it as it is",
             )
         return []
+    if units.axes[:2] != EAST_NORTH_UP[:2]:
+        turned = SurveyUnits(horizontal_m=1.0, height_m=1.0, axes=units.axes)
+        own_x, own_y = turned.from_metres(np.array([[x, y]]))[0].tolist()
+        if area.holds(own_x, own_y):
+            raise ReadError(
+                path,
+                f"its coordinates ({where}) are easting and northing, and the axes of {crs.name} "
+                f"point {units.axes[0]} and {units.axes[1]}",
+                f"state the same system with axes to the east and north: --crs {_turned(crs)}",
+            )
     if area.holds(y, x):
         raise ReadError(
             path,
             f"its coordinates ({where}) lie outside the area of {crs.name}, and within it with x "
             "and y swapped: the scene would be a mirror image",
-            "export it as easting, northing, height; of a text say --columns y,x,z",
+            f"export it as {_AXIS_NAMES[units.axes[0]]}, {_AXIS_NAMES[units.axes[1]]}, height; of "
+            "a text say --columns y,x,z",
         )
     for name in _OTHER_UNITS:
         share = METRES_PER_UNIT[name] / unit
@@ -278,21 +506,46 @@ def _check_area(
     ]
 
 
+def _middle(low: Float64, high: Float64, crs: CRS, units: SurveyUnits) -> tuple[float, float]:
+    """Return x and y of the middle of a box in the CRS's own unit."""
+    share = units.horizontal_m / plan_axes(crs)[1]
+    x, y = ((0.5 * (low + high))[:2] * share).tolist()
+    return x, y
+
+
+def _known(code: int) -> CRS | None:
+    try:
+        return CRS.from_epsg(code)
+    except CRSError:
+        return None
+
+
+def _turned(crs: CRS) -> str:
+    """Spell a CRS with axes to the east and north for the command line."""
+    turned = with_axes(crs, EAST_NORTH_UP, None, None)
+    if turned is None:
+        return "EPSG:n"
+    code = epsg_of(turned)
+    return f"EPSG:{code}" if code is not None else f"'{turned.to_wkt()}'"
+
+
 class _Area:
     """The area on Earth that a CRS is made for, in its own coordinates."""
 
     def __init__(self, crs: CRS, box: tuple[float, float, float, float]) -> None:
         self._box = box
-        self._to_degrees = Transformer.from_crs(crs, crs.geodetic_crs, always_xy=True)
+        # Its own degrees may be grads, and count from Paris or Ferro.
+        self._to_degrees = Transformer.from_crs(crs, _DEGREES, always_xy=True)
         self._proj = Proj(crs)
 
     @classmethod
-    def of(cls, crs: CRS) -> _Area | None:
-        """Make it, where the CRS has one."""
-        if crs.area_of_use is None or crs.geodetic_crs is None:
+    def of(cls, crs: CRS, known: CRS | None = None) -> _Area | None:
+        """Make it, where the CRS has one, or the system that EPSG knows it as."""
+        use = crs.area_of_use or (None if known is None else known.area_of_use)
+        if use is None or crs.geodetic_crs is None:
             return None
         try:
-            return cls(crs, crs.area_of_use.bounds)
+            return cls(crs, use.bounds)
         except (CRSError, ProjError):
             return None
 
@@ -314,31 +567,6 @@ class _Area:
         factors = self._proj.get_factors(longitude, latitude, errcheck=False)
         scale = math.sqrt(abs(float(factors.areal_scale)))
         return scale if math.isfinite(scale) and scale > 0 else 1.0
-
-
-def _unit_factors(crs: CRS) -> tuple[float, float, float]:
-    """Metres per unit of each axis."""
-    axes = [axis for axis in crs.axis_info if axis.unit_conversion_factor > 0]
-    level = [a.unit_conversion_factor for a in axes if a.direction not in ("up", "down")]
-    upright = [a.unit_conversion_factor for a in axes if a.direction in ("up", "down")]
-    horizontal = level[0] if level else 1.0
-    return horizontal, horizontal, upright[0] if upright else horizontal
-
-
-def _in_metres(crs: CRS) -> Crs:
-    """Return the same CRS with every axis in metres; only a name where PROJ cannot say it."""
-    name = f"{crs.name} (in metres)"
-    description = copy.deepcopy(crs.to_json_dict())
-    for component in [description, *description.get("components", [])]:
-        component.pop("id", None)
-        for axis in component.get("coordinate_system", {}).get("axis", []):
-            axis["unit"] = "metre"
-    description["name"] = name
-    try:
-        metric = CRS.from_json_dict(description)
-        return Crs(name, metric.to_wkt(), None)
-    except CRSError:
-        return Crs(name, "", None)
 
 
 def _wrong_crs(crs: CRS, kind: str, low: Float64, high: Float64) -> str:

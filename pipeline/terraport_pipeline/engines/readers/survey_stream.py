@@ -19,6 +19,7 @@ from terraport_pipeline.engines.readers.read_las import UNSET, open_las
 from terraport_pipeline.engines.readers.read_pcd import stream_pcd
 from terraport_pipeline.engines.readers.read_ply import stream_ply
 from terraport_pipeline.engines.readers.survey_chunk import StreamChunk
+from terraport_pipeline.engines.readers.survey_crs import UnitDoubt
 from terraport_pipeline.engines.readers.survey_format import find_format
 from terraport_pipeline.extent import Extent
 
@@ -80,6 +81,8 @@ class SurveyStream:
     """What changes how the file is read, and not what is read of it."""
     units: Mapping[str, tuple[str, str]] = field(default_factory=dict)
     """Of x, y and z where a text states it: its words, and the unit."""
+    doubts: tuple[UnitDoubt, ...] = ()
+    """Units that the file states in two ways."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +100,8 @@ class FileHead:
     """Points that are read where an extent and an index leave some out; None: all."""
     ranges: tuple[tuple[int, int], ...] | None = None
     """Bytes that are read then, as first and the one behind the last; None: all."""
+    doubts: tuple[UnitDoubt, ...] = ()
+    """Units that it states in two ways."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,7 +137,8 @@ def read_head(path: Path, name: str, extent: Extent | None = None) -> FileHead:
         with open_las(path, extent=extent) as las:
             rows = None if las.ranges is None else las.rows
             low, high = las.box or (None, None)
-            return FileHead(las.count, las.crs, low, high, rows, las.ranges)
+            stated = las.stated
+            return FileHead(las.count, stated.crs, low, high, rows, las.ranges, stated.doubts)
     if name == "e57":
         from terraport_pipeline.engines.readers.read_e57 import open_e57  # of an extra
 
@@ -229,7 +235,7 @@ def _open_las(path: Path, extent: Extent | None, share: float) -> Iterator[Surve
             stream.rows,
             "points",
             stream.chunks,
-            stream.crs,
+            stream.stated.crs,
             stream.warnings,
             _LAS_COLOURS if stream.standard.issuperset(_LAS_COLOURS) else (),
             unset=unset,
@@ -238,6 +244,7 @@ def _open_las(path: Path, extent: Extent | None, share: float) -> Iterator[Surve
             skipped=stream.count - stream.rows,
             box=stream.box,
             remarks=stream.remarks,
+            doubts=stream.stated.doubts,
         )
 
 

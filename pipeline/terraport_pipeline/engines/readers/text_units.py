@@ -21,7 +21,7 @@ __all__ = ["DEGREES", "check_units", "split_label", "unit_of_line", "unit_row"]
 DEGREES: Final = "degrees"
 
 _METRES: Final = {
-    **METRES_PER_UNIT, "mm": 0.001, "cm": 0.01, "dm": 0.1, "km": 1000.0,
+    **METRES_PER_UNIT, "dm": 0.1, "km": 1000.0,
     "in": 0.0254, "yd": 0.9144, "mi": 1609.344,
 }  # fmt: skip
 

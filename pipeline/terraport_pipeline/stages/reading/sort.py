@@ -26,6 +26,7 @@ from terraport_pipeline.stages.contract import Context
 from terraport_pipeline.stages.reading.layout import Layout
 from terraport_pipeline.stages.reading.spool import BLOCK_ROWS, COLOUR, Spooled
 from terraport_pipeline.stages.reading.strays import PointFilter
+from terraport_store import SurveyUnits
 
 __all__ = ["SurveyColumns", "distribute", "finish"]
 
@@ -96,8 +97,8 @@ def _converted(raw: AnyArray, number: int, part: Spooled, layout: Layout) -> Any
 class SurveyColumns:
     """The survey's columns, written row by row in metres."""
 
-    def __init__(self, folder: Path, layout: Layout, factors: Float64 | None) -> None:
-        self.layout, self.factors = layout, factors
+    def __init__(self, folder: Path, layout: Layout, units: SurveyUnits | None) -> None:
+        self.layout, self.units = layout, units
         self._points = NpyWriter(folder / "points.npy", np.float64, (3,))
         self._colours = (
             NpyWriter(folder / "colours.npy", np.uint8, (3,)) if layout.has_colour else None
@@ -119,8 +120,8 @@ class SurveyColumns:
         if not len(rows):
             return
         points = np.ascontiguousarray(rows["position"])
-        if self.factors is not None:
-            points = points * self.factors
+        if self.units is not None:
+            points = self.units.to_metres(points)
         self.low = np.minimum(self.low, points.min(axis=0))
         self.high = np.maximum(self.high, points.max(axis=0))
         self._points.append(points)

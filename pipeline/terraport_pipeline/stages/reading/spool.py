@@ -153,7 +153,8 @@ def spool_all(
     if outcome.spooled:
         return outcome
     if survey.extent is not None and outcome.outside:
-        crs = one_crs([(part.file.name, part.stream.crs) for part in outcome.outside])
+        stated = [(part.file.name, part.stream.crs) for part in outcome.outside]
+        crs = one_crs(stated, statement=survey.statement)
         boxes = [part.box for part in outcome.outside]
         raise nothing_within(survey.title, survey.extent, boxes, crs)
     names = listed([name for name, _ in (*outcome.damaged, *outcome.empty)])

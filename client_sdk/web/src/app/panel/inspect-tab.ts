@@ -199,7 +199,9 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
         : `${manifest.crs.name}${manifest.crs.epsg === null ? "" : ` (EPSG:${manifest.crs.epsg})`}`;
     const units = `As the survey has them: in units of ${manifest.surveyUnits?.horizontalM} m`;
     const heights = `heights of ${manifest.surveyUnits?.heightM} m.`;
-    setText(crs, isMetric ? system : `${system} ${units}, ${heights}`);
+    const axes = manifest.surveyUnits?.axes;
+    const directions = axes === undefined ? "" : ` They count ${axes[0]}, ${axes[1]} and ${axes[2]}.`;
+    setText(crs, isMetric ? system : `${system} ${units}, ${heights}${directions}`);
     setShown(copyPick, hasPick);
   }
 

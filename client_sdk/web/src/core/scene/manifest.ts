@@ -5,6 +5,7 @@ import type { JsonObject } from "../payload/json-values.ts";
 import { expectList, expectNumber, expectObject, expectTriple, expectWhole, shortly } from "../payload/json-values.ts";
 import type { AttributeInfo, Bounds, SceneManifest } from "../types.ts";
 import { StreamError } from "./errors.ts";
+import { isSurveyAxis } from "./survey.ts";
 
 /** A file of a version. */
 export interface FileFacts {
@@ -119,7 +120,12 @@ function readSurveyUnits(value: unknown): SceneManifest["surveyUnits"] {
     expectLength(units.height_m, "survey_units.height_m"),
   ];
   if (horizontalM === 0 || heightM === 0) throw new PayloadError("survey_units has a unit of 0 m");
-  return { horizontalM, heightM };
+  if (units.axes === undefined) return { horizontalM, heightM };
+  const axes = expectList(units.axes, "survey_units.axes");
+  const [x, y, z] = axes;
+  if (axes.length !== 3 || !isSurveyAxis(x) || !isSurveyAxis(y) || !isSurveyAxis(z))
+    throw new PayloadError(`survey_units.axes are ${JSON.stringify(axes)}, expected such as east, north, up`);
+  return { horizontalM, heightM, axes: [x, y, z] };
 }
 
 function readBounds(value: unknown): Bounds {
