@@ -135,7 +135,8 @@ def run(
         buckets = distribute(spooled, layout, low, high, folder, context, thinning, taken)
         columns = SurveyColumns(folder, layout, units)
         finish(buckets, spooled, columns, folder, context, max_points)
-        warnings += brightness_warnings(columns.brightness, layout.rules)
+        names = [part.file.name for part in spooled]
+        warnings += brightness_warnings(columns.brightness, names, layout.rules)
     except OSError as error:
         if error.errno is not None and error.filename is None:
             raise  # our own writing: a full disk, named by the caller

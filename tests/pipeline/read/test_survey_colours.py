@@ -84,7 +84,8 @@ def test_dark_colours_of_16_bits_are_not_brightened(colours: np.ndarray) -> None
 def test_a_scene_that_comes_out_nearly_black_is_told() -> None:
     def told(colours: np.ndarray) -> str:
         got, _, rule = read(colours.astype(np.uint16))
-        return " ".join(brightness_warnings(np.bincount(got.max(axis=1), minlength=256), [rule]))
+        counts = np.bincount(got.max(axis=1), minlength=256)[None]
+        return " ".join(brightness_warnings(counts, ["a.las"], [rule]))
 
     assert told(LIT) == told(LIT * 257) == told(LIT * 100) == ""
     for bits in (10, 12, 14):

@@ -178,6 +178,15 @@ def test_tiles_of_three_depths_and_one_without_colour(tmp_path: Path) -> None:
     assert "no colour (RGB) in t3.laz" in warnings
 
 
+def test_a_tile_of_a_depth_that_cannot_be_told_is_named(tmp_path: Path) -> None:
+    eight = (HILL.colours // 257).astype(np.int64)
+    west, east = HILL.inside(0, 0, 2), HILL.inside(1, 0, 2)
+    _coloured(tmp_path / "west.laz", west, eight[west] * 257)
+    _coloured(tmp_path / "east.laz", east, eight[east] * 16)  # 12 bits
+    warnings = " ".join(read_survey(find_survey(tmp_path)).warnings)
+    assert "The colours of east.laz are nearly black, and others are not" in warnings
+
+
 def test_a_dark_tile_of_a_survey_at_night_stays_dark(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     dusk = rng.exponential(250, HILL.colours.shape)

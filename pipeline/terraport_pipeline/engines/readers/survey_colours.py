@@ -272,34 +272,57 @@ def _depths(counts: ColourCounts, dtype: np.dtype[Any]) -> tuple[float, ...]:
     return tuple(tops)
 
 
-def brightness_warnings(points: Int64, rules: Sequence[ColourRule]) -> tuple[str, ...]:
-    """Warn of a scene that comes out black, or nearly.
+def brightness_warnings(
+    points: Int64, names: Sequence[str], rules: Sequence[ColourRule]
+) -> tuple[str, ...]:
+    """Warn of a scene that comes out black, or nearly, or of files that do.
 
     Parameters
     ----------
-    points : ndarray of shape (256,), int64
-        Points by their brightest channel.
+    points : ndarray of shape (F, 256), int64
+        Points of each file by their brightest channel.
+    names : sequence of str
+        Of the files.
     rules : sequence of ColourRule
         That their colours were read by.
     """
-    total = int(points.sum())
+    every = points.sum(axis=0)
+    total = int(every.sum())
     if total < _FEWEST:
         return ()
-    below = np.cumsum(points) / total
-    median, most = (int(np.searchsorted(below, share)) for share in (0.5, 0.99))
     warnings: list[str] = []
-    black = float(points[0]) / total
+    black = float(every[0]) / total
     if black >= _BLACK_SHARE:
         warnings.append(f"{black:.1%} of the points are black: without colour?")
-    if median < _DARK_MEDIAN or most < _DARK_MOST:
+    dark = [name for name, one in zip(names, points, strict=True) if _is_dark(one)]
+    if dark or _is_dark(every):
+        what = "The scene is nearly black"
+        if not _is_dark(every):
+            more = f" and {len(dark) - 1:,} more files" if len(dark) > 1 else ""
+            what = f"The colours of {dark[0]}{more} are nearly black, and others are not"
+            every = points[list(names).index(dark[0])]
+        median, most = _brightness(every)
         depths = sorted({DEPTH_TEXTS.get(name, name) for rule in rules for name in rule.names})
         warnings.append(
-            f"The scene is nearly black: half of the points are no brighter than {median} of 255, "
-            f"and 99 % no brighter than {most}. The colours were read as {', '.join(depths)}. If "
-            "they have another depth (10, 12 or 14 bits), multiply them to fill 16 bits (PDAL: "
+            f"{what}: half of the points are no brighter than {median} of 255, and 99 % no "
+            f"brighter than {most}. The colours were read as {', '.join(depths)}. If they have "
+            "another depth (10, 12 or 14 bits), multiply them to fill 16 bits (PDAL: "
             "filters.assign), and build again."
         )
     return tuple(warnings)
+
+
+def _brightness(points: Int64) -> tuple[int, int]:
+    """Brightest channel that half and 99 % of the points do not exceed."""
+    below = np.cumsum(points) / points.sum()
+    return int(np.searchsorted(below, 0.5)), int(np.searchsorted(below, 0.99))
+
+
+def _is_dark(points: Int64) -> bool:
+    if points.sum() < _FEWEST:
+        return False
+    median, most = _brightness(points)
+    return median < _DARK_MEDIAN or most < _DARK_MOST
 
 
 def find_colours(names: Sequence[str]) -> tuple[str, str, str] | None:

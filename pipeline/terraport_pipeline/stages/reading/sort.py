@@ -107,8 +107,8 @@ class SurveyColumns:
             NpyWriter(folder / f"attribute-{i}.npy", dtype) for i, dtype in enumerate(layout.dtypes)
         ]
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
-        self.brightness: Int64 = np.zeros(256, np.int64)
-        """Points by their brightest channel."""
+        self.brightness: Int64 = np.zeros((len(layout.colours), 256), np.int64)
+        """Points of each file by their brightest channel."""
 
     @property
     def rows(self) -> int:
@@ -127,7 +127,9 @@ class SurveyColumns:
         self._points.append(points)
         if self._colours is not None:
             self._colours.append(rows["colour"])
-            self.brightness += np.bincount(rows["colour"].max(axis=1), minlength=256)
+            code = rows["file"].astype(np.int64) * 256 + rows["colour"].max(axis=1)
+            counts = np.bincount(code, minlength=self.brightness.size)
+            self.brightness += counts.reshape(self.brightness.shape)
         for i, writer in enumerate(self._attributes):
             writer.append(rows[f"a{i}"])
 
