@@ -59,6 +59,8 @@ _HEAD: Final = struct.Struct("<4sIII4s")
 _CHUNK: Final = struct.Struct("<II")
 _BINARY: Final = "binary chunk"
 """Name that the reader knows the GLB's own bytes by."""
+_NAMING: Final = ("buffers", "images")
+"""Parts of a description that name other files."""
 _PLAIN: Final = "export it again without compression or quantisation"
 _IDENTITY: Final = {"offset": [0, 0], "rotation": 0, "scale": [1, 1], "texCoord": 0}
 
@@ -138,13 +140,12 @@ def open_gltf(path: Path) -> GltfFile:
 def gltf_companions(path: Path) -> tuple[Path, ...]:
     """List the buffers and images that a file is read with, each once; those that are there."""
     tree, _ = _description(path)
-    uris = [
-        part["uri"]
-        for name in ("buffers", "images")
-        for part in tree.get(name, ())
-        if not part.get("uri", "data:").startswith("data:")
-    ]
-    found = [find_beside(path, unquote(uri)) for uri in uris]
+    try:
+        named = [part.get("uri", "data:") for name in _NAMING for part in tree.get(name, ())]
+        uris = [uri for uri in named if not uri.startswith("data:")]
+        found = [find_beside(path, unquote(uri)) for uri in uris]
+    except (AttributeError, TypeError, ValueError):  # damaged: reading it says so
+        return ()
     return tuple(dict.fromkeys(file for file in found if file is not None))
 
 
@@ -175,7 +176,8 @@ def _description(path: Path) -> tuple[dict[str, Any], tuple[int, int]]:
         raise ReadError(path, f"its description is damaged: {error}", "export it again") from error
     if not isinstance(tree, dict):
         raise ReadError(path, "its description is not a JSON object", "export it again")
-    version = str(tree.get("asset", {}).get("version", "2.0"))
+    asset = tree.get("asset")
+    version = str(asset.get("version", "2.0")) if isinstance(asset, dict) else "missing"
     if not version.startswith("2"):
         raise ReadError(path, f"glTF version {version}, expected 2", "export it again as glTF 2.0")
     return tree, binary

@@ -439,9 +439,14 @@ def _part_of_trimesh(
     images: dict[tuple[int, str], FileImage],
 ) -> _Part:
     vertices = np.asarray(mesh.vertices, np.float64)
-    if not np.array_equal(transform, np.eye(4)):
+    if vertices.shape[1:] == (3,) and not np.array_equal(transform, np.eye(4)):
         vertices = vertices @ transform[:3, :3].T + transform[:3, 3]
     faces = np.asarray(mesh.faces, np.int64).reshape(-1, 3).astype(np.int32)
+    if vertices.shape[1:] != (3,) or (len(faces) and faces.max() >= len(vertices)):
+        raise ReadError(
+            path, f"a triangle of a part names vertex {faces.max(initial=0)} of {len(vertices)}",
+            "export it again",
+        )  # fmt: skip
     if np.linalg.det(transform[:3, :3]) < 0.0:  # a mirrored node: glTF 2.0, 3.7.4
         faces = np.ascontiguousarray(faces[:, ::-1])
     attributes = _attributes(mesh, len(vertices), len(faces))

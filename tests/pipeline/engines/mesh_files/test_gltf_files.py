@@ -355,3 +355,38 @@ def test_texture_coordinates_beyond_the_edge_of_a_clamped_image(tmp_path: Path) 
     path.write_bytes(data.replace(uvs.tobytes(), (uvs * np.float32(1.5)).tobytes()))
     with pytest.raises(ReadError, match="clamped or mirrored"):
         read_mesh(path)
+
+
+def places_in(tree: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Keys that lead to every value within."""
+    items = tree.items() if isinstance(tree, dict) else enumerate(tree)
+    found = []
+    for key, value in items:
+        found.append((*at, key))
+        found += places_in(value, (*at, key)) if isinstance(value, dict | list) else []
+    return found
+
+
+def test_a_damaged_description_is_an_error_of_the_file(tmp_path: Path) -> None:
+    """Any value in any place: read, or refused; nothing else breaks out."""
+    path = write_gltf(
+        tmp_path / "a.gltf", [pbr((0.5, 0.5, 0.5), textured=True)], [picture((9, 9, 9))]
+    )
+    whole = json.loads(path.read_text())
+    rng = np.random.default_rng(4)
+    places, values = places_in(whole), [None, -1, 99_999, "x", [], {}, 3.5, [[]]]
+    refused = 0
+    for number in rng.permutation(len(places) * len(values))[:150]:
+        *way, last = places[number // len(values)]
+        tree = json.loads(json.dumps(whole))
+        held = tree
+        for key in way:
+            held = held[key]
+        held[last] = values[number % len(values)]
+        path.write_text(json.dumps(tree))
+        try:
+            gltf_companions(path)
+            read_mesh(path)
+        except ReadError:
+            refused += 1
+    assert refused > 30
