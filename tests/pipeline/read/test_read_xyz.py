@@ -7,8 +7,9 @@ import pytest
 from pipeline.read.read_in_order import read_in_order
 
 from terraport_pipeline.engines.readers import clean_text, read_xyz
-from terraport_pipeline.errors import ReadError
+from terraport_pipeline.errors import ReadError, SurveyError
 from terraport_pipeline.stages.read import read_survey
+from terraport_pipeline.survey.find_survey import find_survey
 from terraport_pipeline.survey_statement import SurveyStatement
 
 NO_CRS = (
@@ -196,6 +197,15 @@ def test_intensity_before_or_after_colour_is_never_taken_for_colour(
     survey = read_in_order(path, sample.points, statement)
     np.testing.assert_array_equal(survey.colours, sample.colours)
     np.testing.assert_array_equal(survey.attributes["intensity"], np.arange(500) % 230 + 20)
+
+
+def test_a_folder_whose_texts_can_be_read_in_two_ways_says_how(tmp_path, sample) -> None:
+    for name in ("a.xyz", "b.xyz"):
+        (tmp_path / name).write_text(rows(sample, "xyzirgb"))
+    survey = find_survey(tmp_path, skip_damaged=True)
+    with pytest.raises(SurveyError, match=r"not one of its files can be used: a\.xyz") as caught:
+        read_survey(survey)
+    assert "--columns x,y,z,intensity,red,green,blue" in str(caught.value)
 
 
 def test_two_sets_of_coordinates_in_a_header_are_refused_with_both_readings(

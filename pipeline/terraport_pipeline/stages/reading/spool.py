@@ -124,6 +124,7 @@ def spool_all(
 ) -> Outcome:
     """Write every file down."""
     outcome = Outcome()
+    first_error: ReadError | None = None
     alone = len(survey.files) == 1
     reading = _Reading(survey, context)
     for number, file in enumerate(survey.files):
@@ -139,6 +140,7 @@ def spool_all(
                 raise
             if not survey.skip_damaged:
                 raise damage_of([error], len(survey.files)) from error
+            first_error = first_error or error
             outcome.damaged.append((file.name, error.reason))
             path.unlink(missing_ok=True)
         else:
@@ -158,7 +160,8 @@ def spool_all(
         boxes = [part.box for part in outcome.outside]
         raise nothing_within(survey.title, survey.extent, boxes, crs)
     names = listed([name for name, _ in (*outcome.damaged, *outcome.empty)])
-    raise SurveyError(f"{survey.title}: not one of its files can be used: {names}")
+    reason = "" if first_error is None else f"; {first_error}"
+    raise SurveyError(f"{survey.title}: not one of its files can be used: {names}{reason}")
 
 
 class _Reading:
