@@ -343,3 +343,15 @@ def test_text_in_windows_1252_beside_the_numbers_is_left_out(tmp_path) -> None:
     survey = read_survey(path)
     assert len(survey.points) == 2
     assert "The columns Art hold text and were left out." in survey.warnings
+
+
+def test_northing_before_easting_without_a_header_is_suspected(tmp_path, sample) -> None:
+    path = tmp_path / "a.xyz"
+    path.write_text(rows(sample, "yxzrgb"))
+    with pytest.raises(ReadError, match="or like northing before easting") as caught:
+        read_survey(path)
+    assert "--columns y,x,z" in caught.value.advice
+    stated = SurveyStatement(columns=tuple("yxzrgb"))
+    np.testing.assert_array_equal(
+        read_in_order(path, sample.points, stated).colours, sample.colours
+    )

@@ -417,11 +417,14 @@ def _refuse_doubts(path: Path, low: Float64, high: Float64, *, says_more: bool) 
     if max(abs(x), abs(y)) < _LOCAL:
         return []
     if not _can_be_metres(x, y):
+        swapped = _can_be_metres(y, x)
         raise ReadError(
             path,
             f"no coordinate reference system is stated, and coordinates about {x:,.0f}, {y:,.0f} "
-            "are hardly metres: they look like feet",
-            "add --crs EPSG:n (epsg.io finds it by place), or else --units us-ft, ft or m",
+            "are hardly metres: they look like feet"
+            + (", or like northing before easting" if swapped else ""),
+            "add --crs EPSG:n (epsg.io finds it by place), or else --units us-ft, ft or m"
+            + ("; of a text with northings first say --columns y,x,z,..." if swapped else ""),
         )
     if says_more:
         return []
