@@ -17,6 +17,13 @@ import {
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 
+/** The base alone: where segments are added to it, those outside of the landing are not asked for. */
+class BaseRegion extends SphereRegion {
+  intersectsTile(volume, tile) {
+    return !tile.content?.uri?.includes("segments/");
+  }
+}
+
 const parameters = new URLSearchParams(location.hash.slice(1));
 const renderer = new WebGLRenderer({ canvas: document.querySelector("#view"), antialias: true });
 renderer.setPixelRatio(devicePixelRatio);
@@ -34,8 +41,13 @@ tiles.errorTarget = 1e5;
 MeshoptDecoder.useWorkers(Math.min(4, navigator.hardwareConcurrency));
 const loader = new GLTFLoader(tiles.manager).setMeshoptDecoder(MeshoptDecoder);
 tiles.manager.addHandler(/\.(glb|gltf)(\?.*)?$/, loader);
-tiles.setCamera(camera);
-tiles.setResolutionFromRenderer(camera, renderer);
+// Where cells are replaced as a whole, every segment of one has to be there, or the ground has a hole. Where segments are
+// added, the regions alone choose: with a camera, all that it sees of a refined cell would be loaded.
+const isAdded = parameters.get("tileset").endsWith("/added.json");
+if (!isAdded) {
+  tiles.setCamera(camera);
+  tiles.setResolutionFromRenderer(camera, renderer);
+}
 scene.add(tiles.group);
 
 const failures = [];
@@ -56,7 +68,8 @@ function frame() {
     // The base everywhere: the root has no content, so it must be refined, and its children need not be.
     const baseErrorM = Math.max(...tiles.root.children.map((cell) => cell.geometricError));
     const everywhere = new Sphere(new Vector3().applyMatrix4(placed), 1e6);
-    regions.addRegion(new SphereRegion({ sphere: everywhere, errorTarget: baseErrorM }));
+    const Region = isAdded ? BaseRegion : SphereRegion;
+    regions.addRegion(new Region({ sphere: everywhere, errorTarget: baseErrorM }));
     isPlaced = true;
   }
   camera.updateMatrixWorld(true);
