@@ -11,8 +11,9 @@ import pytest
 from browser.driven_viewer import DrivenViewer
 from browser.small_scenes import SMALL
 from faults.service import Service
+from numpy.typing import NDArray
 from PIL import Image
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Error, Page, expect
 
 from terraport_store import Scene
 
@@ -88,3 +89,66 @@ def test_the_picture_is_what_is_shown(viewer: DrivenViewer, tmp_path: Path) -> N
     seen = shot[top : top + picture.shape[0], left : left + picture.shape[1]]
     assert picture[rows, columns].std() > 5
     assert np.abs(picture[rows, columns] - seen[rows, columns]).mean() < 4
+
+
+def test_the_picture_has_the_labels_of_a_measurement(viewer: DrivenViewer, tmp_path: Path) -> None:
+    """At two pixels of the device per pixel of the page, labels are where the page has them."""
+    page = viewer.page
+    viewer.look((0.0, 60.0, 40.0), 0.0, -60.0)
+    page.keyboard.press("m")
+    box = page.locator("#view").bounding_box()
+    assert box is not None
+    for share in (0.35, 0.6):
+        page.mouse.click(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"])
+    viewer.until("document.querySelectorAll('.label[data-kind=measure]').length === 2")
+    page.click("#tab-landing")
+    picture = Image.open(save(page, "save-picture", tmp_path)).convert("RGB")
+    pin = page.locator(".label[data-kind=measure]").first.bounding_box()
+    length = page.locator(".label[data-kind=length]").bounding_box()
+    view = page.locator("#view").bounding_box()
+    assert pin is not None
+    assert length is not None
+    assert view is not None
+    scale = picture.width / view["width"]
+
+    def colour(x: float, y: float) -> NDArray[np.float64]:
+        at = round((x - view["x"]) * scale), round((y - view["y"]) * scale)
+        return np.array(picture.getpixel(at), np.float64)
+
+    middle = colour(pin["x"] + pin["width"] / 2, pin["y"] + pin["height"] / 2)
+    assert np.abs(middle - [0xE0, 0x21, 0x8A]).max() < 40
+    # The box of the length is dark beside its words, which are white.
+    left, y = length["x"], length["y"] + length["height"] / 2
+    assert colour(left + 4, y).max() < 90
+    row = [colour(left + x, y).min() for x in np.arange(6, length["width"] - 6, 0.5)]
+    assert max(row) > 180
+
+
+def test_a_mode_is_an_object_or_its_text_and_nothing_else(viewer: DrivenViewer) -> None:
+    for given, kind in (
+        ("'slope'", "slope"),
+        ("'attribute:grade'", "attribute"),
+        ("{kind: 'regions'}", "regions"),
+        ("{kind: 'attribute', name: 'grade', min: 0, max: 1}", "attribute"),
+    ):
+        viewer.run(f"terraport.setMode({given})")
+        assert viewer.run("terraport.state.mode.kind") == kind
+    for wrong in (
+        "'gold'",
+        "'attribute:gold'",
+        "{kind: 'gold'}",
+        "{kind: 'toString'}",
+        "{kind: 'attribute', name: 'gold', min: 0, max: 1}",
+        "{kind: 'attribute', name: 'grade'}",
+        "null",
+        "undefined",
+        "7",
+    ):
+        script = "(() => { try { terraport.setMode(%s); return 'taken'; }"
+        refusal = viewer.run((script + " catch (error) { return error.message; } })()") % wrong)
+        assert "expected one of colour, regions" in refusal, wrong
+        assert "attribute:grade" in refusal
+    assert viewer.run("terraport.state.mode.name") == "grade"
+    for call in ("setView('fly')", "on('landed', () => {})"):
+        with pytest.raises(Error, match="expected"):
+            viewer.run(f"terraport.{call}")

@@ -53,3 +53,30 @@ def test_none_for_who_wants_none(
     page.click("[data-action=no-hints]")
     expect(page.locator("#hint")).to_be_hidden()
     assert viewer.run("localStorage.getItem('terraport.hints')") == "3"
+
+
+@pytest.mark.parametrize("how", ["drag", "wheel", "keys"])
+def test_the_first_goes_when_one_looks_round(
+    open_page: Callable[..., tuple[Page, Watch]], server: Service, how: str
+) -> None:
+    """Also after a landing: then the second has been done before, and the third comes."""
+    page, _ = open_page(hints=True)
+    viewer = DrivenViewer(page, server.url, SMALL)
+    viewer.open()
+    hint = page.locator("#hint")
+    if how == "keys":
+        viewer.land((0.0, 2.0, 0.0), 30.0)
+        page.evaluate("document.querySelector('.gain-card').hidden = true")
+    expect(hint).to_contain_text("look round")
+    page.mouse.move(300, 150)
+    if how == "drag":
+        page.mouse.down()
+        page.mouse.move(340, 160, steps=3)
+        page.mouse.up()
+    elif how == "wheel":
+        page.mouse.wheel(0, -100)
+    else:
+        page.keyboard.down("ArrowLeft")
+        viewer.until("!document.querySelector('#hint').textContent.includes('look')")
+        page.keyboard.up("ArrowLeft")
+    expect(hint).to_contain_text("before and after" if how == "keys" else "the ground")

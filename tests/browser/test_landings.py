@@ -164,7 +164,7 @@ def test_a_press_aims_and_its_end_lands(viewer: DrivenViewer) -> None:
     mouse.move(320, 200)
     mouse.down()
     viewer.until("terraport.state.aim !== null")
-    mouse.move(330, 205)
+    mouse.move(324, 203)
     mouse.up()
     viewer.until("terraport.status.phase === 'shown'")
     assert viewer.visible != []

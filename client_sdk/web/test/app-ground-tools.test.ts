@@ -26,6 +26,7 @@ function toolsAtWall(view: "orbit" | "walk", foothold: Vec3 | null, met: GroundH
       store.set({ aim: { place: at, radiusM: 60, fraction: null, bytes: 0 } });
       calls.push(`aim ${at}`);
     },
+    cancelAim: () => store.set({ aim: null }),
     land: (at) => calls.push(`land ${at}`),
     announce: (text) => calls.push(text),
     refuse: (why) => calls.push(`refuse ${why}`),

@@ -1,6 +1,7 @@
 /** The ways to colour a scene's ground, and their names in text. PURE. */
 
 import type { RegionFacts, SceneManifest } from "../core/types.ts";
+import { MODE_NUMBER } from "./ground-shader.ts";
 import type { ViewMode } from "./types.ts";
 
 /** A way to colour the ground. */
@@ -52,4 +53,24 @@ export function keyOfMode(mode: ViewMode): string {
 /** The scene's mode of that text; null where it has none such. */
 export function modeOfKey(key: string, manifest: SceneManifest, regions: readonly RegionFacts[] = []): ViewMode | null {
   return modesOf(manifest, regions).find(({ mode }) => keyOfMode(mode) === key)?.mode ?? null;
+}
+
+/**
+ * A mode, given as one or as its text.
+ *
+ * @throws RangeError on what is no mode of this scene: another text or kind, an attribute that the scene does not have, a
+ * range without numbers.
+ */
+export function modeFrom(
+  given: ViewMode | string,
+  manifest: SceneManifest,
+  regions: readonly RegionFacts[] = [],
+): ViewMode {
+  const mode = typeof given === "string" ? modeOfKey(given, manifest, regions) : given;
+  const isAttribute = mode?.kind === "attribute" && manifest.attributes.some(({ name }) => name === mode.name);
+  if (isAttribute && Number.isFinite(mode.min) && Number.isFinite(mode.max)) return mode;
+  // Kinds without values of their own can be asked for in every scene: what has none is drawn paled.
+  if (mode && mode.kind !== "attribute" && Object.hasOwn(MODE_NUMBER, mode.kind)) return mode;
+  const keys = modesOf(manifest, regions).map((choice) => keyOfMode(choice.mode));
+  throw new RangeError(`got mode ${JSON.stringify(given)}, expected one of ${keys.join(", ")}`);
 }

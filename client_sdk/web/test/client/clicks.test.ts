@@ -146,6 +146,7 @@ describe.skipIf(TERRAPORT_URL === undefined)("clicks on a real scene", () => {
         standNear: (hit) => standNear(hit, scene.ground),
         pixelOf: () => null,
         aim: nothing,
+        cancelAim: () => store.set({ aim: null }),
         land: (position) => going.land({ position, radiusM, look: null, isEntry: true, goes: true }),
         announce: nothing,
         refuse: (reason) => {

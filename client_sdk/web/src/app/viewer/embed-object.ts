@@ -1,8 +1,10 @@
 /** Puts `window.terraport` together. */
 
 import { version } from "../../../package.json";
+import type { RegionFacts } from "../../core/types.ts";
 import type { Stage } from "../../three/stage.ts";
 import type { GroundHit, LandingStatus } from "../../three/types.ts";
+import { modeFrom } from "../../three/view-modes.ts";
 import type { CameraDesk, Ray } from "./camera-desk.ts";
 import { readDiagnostics } from "./diagnostics.ts";
 import type { Embed, EmbedListeners } from "./embed.ts";
@@ -17,6 +19,7 @@ import type { World } from "./world.ts";
 /** Modules behind the members of `window.terraport`. */
 export interface EmbedSources {
   readonly store: ViewerStore;
+  readonly regions: readonly RegionFacts[];
   readonly stage: Stage;
   readonly world: World;
   readonly camera: CameraDesk;
@@ -114,8 +117,11 @@ export function createEmbed(sources: EmbedSources): Embed {
       });
     },
     aim: (position, radiusM = store.get().radiusM) => desk.aim(position, radiusM),
-    setMode: (mode) => store.set({ mode }),
-    setView: going.setView,
+    setMode: (mode) => store.set({ mode: modeFrom(mode, store.get().manifest, sources.regions) }),
+    setView(view) {
+      if (view !== "orbit" && view !== "walk") throw new RangeError(`got view "${view}", expected orbit or walk`);
+      going.setView(view);
+    },
     async look(pose) {
       camera.setFree(pose);
       await nextFrame();

@@ -39,7 +39,8 @@ export interface Embed {
    * when there is a link again. */
   land(position: Vec3, radiusM?: number, options?: LandOptions): Promise<LandingStatus>;
   aim(position: Vec3, radiusM?: number): void;
-  setMode(mode: ViewMode): void;
+  /** A mode, or its text, as `slope` or `attribute:NAME`; throws RangeError on what is no mode of this scene. */
+  setMode(mode: ViewMode | string): void;
   setView(view: "orbit" | "walk"): void;
   /** Put the eye anywhere; null gives it back to the user. Resolves after the frame was drawn. */
   look(pose: FreePose | null): Promise<void>;
@@ -66,11 +67,14 @@ export interface EmbedListeners {
   emit<Name extends keyof EmbedEvents>(name: Name, event: EmbedEvents[Name]): void;
 }
 
+const EVENTS: readonly (keyof EmbedEvents)[] = ["stream", "swap", "state"];
+
 /** Make the list of listeners, empty. */
 export function createEmbedListeners(): EmbedListeners {
   const listeners = new Map<keyof EmbedEvents, Set<(event: never) => void>>();
   return {
     on(name, listener) {
+      if (!EVENTS.includes(name)) throw new RangeError(`got event "${name}", expected one of ${EVENTS.join(", ")}`);
       const set = listeners.get(name) ?? new Set();
       listeners.set(name, set);
       set.add(listener as (event: never) => void);

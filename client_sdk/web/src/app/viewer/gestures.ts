@@ -8,9 +8,9 @@ export interface GestureTarget {
   /** `factor` below 1 brings nearer what is at (x, y). */
   zoom(factor: number, x: number, y: number): void;
   tap(x: number, y: number): void;
-  /** Held still: the aim begins, follows the finger, and ends with `pressEnd`. False where there is nothing to aim at. */
+  /** Held still: the aim begins, and ends with `pressEnd`. False where there is nothing to aim at. */
   press(x: number, y: number): boolean;
-  pressMove(x: number, y: number): void;
+  /** Let go, or cancelled: by a drag, a second finger, the wheel, the system. */
   pressEnd(cancelled: boolean): void;
   /** A contact goes down that paints: then it neither drags, presses nor taps, until it is lifted. */
   paint(x: number, y: number): boolean;
@@ -18,7 +18,7 @@ export interface GestureTarget {
   paintEnd(cancelled: boolean): void;
 }
 
-/** A tap may tremble by so many pixels. */
+/** A tap or a press may move by so many pixels; beyond it is a drag. */
 const STILL_PX = 8;
 const PRESS_MS = 450;
 
@@ -33,8 +33,9 @@ interface Contact {
 /**
  * Listen on the canvas; returns how to stop.
  *
- * One contact is a tap, a press (held still) or a drag, decided once and kept until it is lifted; two are a pinch. A gesture
- * that has had two contacts ends only when both are lifted.
+ * One contact is a tap, a press (held still), or a drag as soon as it moves, even after it was held still: a page that draws
+ * slowly receives the movement late, and a drag must never land. Two are a pinch. A gesture that has had two contacts ends
+ * only when both are lifted.
  */
 export function listenToGestures(canvas: HTMLElement, target: GestureTarget): () => void {
   const contacts = new Map<number, Contact>();
@@ -51,6 +52,10 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
     const box = canvas.getBoundingClientRect();
     return { x: event.clientX - box.left, y: event.clientY - box.top };
   };
+
+  function isStill({ startX, startY }: Contact, x: number, y: number): boolean {
+    return Math.hypot(x - startX, y - startY) < STILL_PX;
+  }
 
   function stopPressTimer(): void {
     if (pressTimer !== null) window.clearTimeout(pressTimer);
@@ -109,14 +114,13 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
         target.paintMove(x, y);
         return;
       }
-      if (!contact.moved && Math.hypot(x - contact.startX, y - contact.startY) < STILL_PX) return;
-      if (!contact.moved && !pressed) stopPressTimer();
+      if (!contact.moved && isStill(contact, x, y)) return;
+      endPress(true);
       contact.moved = true;
       contact.x = x;
       contact.y = y;
-      if (pressed) target.pressMove(x, y);
-      else if (wasPinch) return;
-      else if (pans) target.pan(dx, dy);
+      if (wasPinch) return;
+      if (pans) target.pan(dx, dy);
       else target.drag(dx, dy);
     },
     options,
@@ -151,12 +155,15 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
       endPaint(cancelled);
       return;
     }
+    // The browser may leave out the last movement: compare where the contact is lifted as well.
+    const { x, y } = canvasPointOf(event);
+    const isDrag = cancelled || contact.moved || !isStill(contact, x, y);
     if (pressed) {
-      endPress(cancelled);
+      endPress(isDrag);
       return;
     }
     stopPressTimer();
-    if (!cancelled && !contact.moved && !wasPinch && !pans) target.tap(contact.startX, contact.startY);
+    if (!isDrag && !wasPinch && !pans) target.tap(contact.startX, contact.startY);
   }
 
   canvas.addEventListener("pointerup", (event) => lift(event, false), options);
@@ -166,6 +173,9 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
     "wheel",
     (event) => {
       event.preventDefault();
+      // Turning the wheel with a button down is looking around.
+      for (const contact of contacts.values()) contact.moved = true;
+      endPress(true);
       const { x, y } = canvasPointOf(event);
       // Lines and pages to pixels, as browsers scroll; a notch of a wheel is about a tenth nearer.
       const pixels = event.deltaY * (event.deltaMode === 1 ? 32 : event.deltaMode === 2 ? 400 : 1);

@@ -16,6 +16,7 @@ export interface GroundToolOptions {
   standNear(hit: GroundHit): Vec3 | null;
   pixelOf(position: Vec3): { readonly x: number; readonly y: number } | null;
   aim(position: Vec3): void;
+  cancelAim(): void;
   /** Land there, and go there. */
   land(position: Vec3): void;
   announce(text: string): void;
@@ -29,7 +30,6 @@ export interface GroundTools {
   /** Aim, where the tool lands; else as a tap. */
   aimAt(x: number, y: number): void;
   press(x: number, y: number): boolean;
-  pressMove(x: number, y: number): void;
   pressEnd(cancelled: boolean): void;
   undoPoint(): void;
   /** Pick or measure along a ray, as the tool is; as `tap` for who points by hand. */
@@ -47,7 +47,7 @@ const PICK_START_M = 15;
 
 /** The tool is read from the store at every gesture, so that it may change in the middle of one. */
 export function createGroundTools(options: GroundToolOptions): GroundTools {
-  const { store, stream, rayAt, cast, standNear, pixelOf, aim, land, announce, refuse } = options;
+  const { store, stream, rayAt, cast, standNear, pixelOf, aim, cancelAim, land, announce, refuse } = options;
   let pickNumber = 0;
 
   function isOnTarget(x: number, y: number): boolean {
@@ -136,12 +136,10 @@ export function createGroundTools(options: GroundToolOptions): GroundTools {
       else tap(x, y);
     },
     press: (x, y) => store.get().tool === "land" && aimAt(x, y),
-    pressMove(x, y) {
-      aimAt(x, y);
-    },
     pressEnd(cancelled) {
       const { aim: target } = store.get();
-      if (!cancelled && target !== null) land(target.place);
+      if (cancelled) cancelAim();
+      else if (target !== null) land(target.place);
     },
     undoPoint() {
       const { measured } = store.get();

@@ -2,6 +2,7 @@
 
 import { h } from "../dom.ts";
 import { icon } from "../icons.ts";
+import { walkLetters } from "./keys.ts";
 
 /** Modal list of keys and gestures. */
 export interface HelpDialog {
@@ -14,7 +15,7 @@ const SECTIONS: readonly (readonly [title: string, rows: readonly (readonly [wha
     "Land",
     [
       ["Land there", "Click or tap the ground. You are taken there when its detail is here."],
-      ["Aim first", "Hold, move, and let go. Detail begins to load while you hold."],
+      ["Aim first", "Hold still, and let go. Detail begins to load while you hold; a drag cancels it."],
       ["Cancel", "Escape"],
       ["With keys alone", "Enter lands at the middle of the picture; Space or E aims there first."],
       ["Before and after", "C"],
@@ -24,7 +25,7 @@ const SECTIONS: readonly (readonly [title: string, rows: readonly (readonly [wha
     "Orbit",
     [
       ["Turn", "Drag; ← → and Page up, Page down or ↑ ↓"],
-      ["Move", "Right button or Shift and drag, two fingers; W A S D"],
+      ["Move", "Right button or Shift and drag, two fingers; WASD"],
       ["Nearer, farther", "Wheel, pinch; + and −"],
       ["Whole scene", "H or Home"],
     ],
@@ -33,7 +34,7 @@ const SECTIONS: readonly (readonly [title: string, rows: readonly (readonly [wha
     "Walk",
     [
       ["Look round", "Drag; ← →, Page up, Page down"],
-      ["Walk", "W A S D, ↑ ↓, or the pad on a touch screen"],
+      ["Walk", "WASD, ↑ ↓, or the pad on a touch screen"],
       ["Run", "Shift"],
       ["Orbit or walk", "V"],
     ],
@@ -77,5 +78,13 @@ export function createHelpDialog(): HelpDialog {
       ),
     ),
   );
-  return { element, open: () => element.showModal() };
+  const walks = [...element.querySelectorAll("dd")].filter((dd) => dd.textContent.includes("WASD"));
+  const texts = walks.map((dd) => dd.textContent);
+  return {
+    element,
+    open() {
+      for (const [row, dd] of walks.entries()) dd.textContent = texts[row]!.replace("WASD", walkLetters());
+      element.showModal();
+    },
+  };
 }

@@ -54,6 +54,7 @@ export function createHints(
   isTouch: boolean,
 ): Hints | null {
   const hints = hintsFor(isTouch);
+  let hasLooked = false;
   let seen = seenHints(storage.getItem(HINTS_KEY), hints.length);
   if (seen === hints.length) return null;
 
@@ -91,14 +92,18 @@ export function createHints(
     announcer.announce(hint.text);
   }
 
-  const stop = store.subscribe((state) => {
-    if (hints[seen]?.isDone(state) === true) go(1);
-  });
+  /** In any order: who has landed already is not asked to, once he has looked round. */
+  function skipDone(state: ViewerState): void {
+    while (seen === 0 ? hasLooked : hints[seen]?.isDone(state) === true) go(1);
+  }
+
+  const stop = store.subscribe(skipDone);
   show();
   return {
     element,
     looked() {
-      if (seen === 0) go(1);
+      hasLooked = true;
+      skipDone(store.get());
     },
     dispose: stop,
   };

@@ -19,43 +19,77 @@ export type KeyAction =
   | "compare"
   | "help";
 
+/** Actions by what is printed on the key. */
 const ACTIONS: Readonly<Record<string, KeyAction>> = {
-  Space: "aim",
-  KeyE: "aim",
-  Enter: "land",
-  NumpadEnter: "land",
-  Escape: "cancel",
-  Home: "home",
-  KeyH: "home",
-  KeyV: "view",
-  KeyL: "tool-land",
-  KeyP: "tool-pick",
-  KeyM: "tool-measure",
-  KeyT: "tool-brush",
-  Backspace: "undo",
-  KeyI: "panel",
-  KeyB: "keep",
-  KeyC: "compare",
+  " ": "aim",
+  e: "aim",
+  enter: "land",
+  escape: "cancel",
+  home: "home",
+  h: "home",
+  v: "view",
+  l: "tool-land",
+  p: "tool-pick",
+  m: "tool-measure",
+  t: "tool-brush",
+  backspace: "undo",
+  i: "panel",
+  b: "keep",
+  c: "compare",
+  "?": "help",
+  "؟": "help",
 };
 
-const HELD = new Set([
-  "KeyW",
-  "KeyA",
-  "KeyS",
-  "KeyD",
-  "ArrowUp",
-  "ArrowDown",
-  "ArrowLeft",
-  "ArrowRight",
-  "PageUp",
-  "PageDown",
-  "Equal",
-  "NumpadAdd",
-  "Minus",
-  "NumpadSubtract",
-  "ShiftLeft",
-  "ShiftRight",
-]);
+/** Keys that move as long as they are held, by what is printed on them; the value is the direction. */
+const HELD: Readonly<Record<string, string>> = {
+  arrowup: "up",
+  arrowdown: "down",
+  arrowleft: "turn left",
+  arrowright: "turn right",
+  pageup: "nod up",
+  pagedown: "nod down",
+  "+": "nearer",
+  "=": "nearer",
+  "-": "farther",
+  _: "farther",
+  shift: "fast",
+};
+
+/** Keys that walk, by their position: the cross under the left hand, whatever is printed there. */
+const WALKS: Readonly<Record<string, string>> = { w: "forward", a: "left", s: "back", d: "right" };
+
+/** Letters printed on the keys that walk, as far as the browser or a pressed key has said; of a US keyboard otherwise. */
+const printed = { w: "W", a: "A", s: "S", d: "D" };
+
+/** The letters printed on the keys that walk: "W A S D", or "Z Q S D" on a French keyboard. */
+export function walkLetters(): string {
+  return Object.values(printed).join(" ");
+}
+
+/** The parts of a keyboard event that are read. */
+export type KeyPress = Pick<KeyboardEvent, "key" | "code">;
+
+/** The letter of a US keyboard at the key's position; "" for every other key. */
+function positionOf({ code }: KeyPress): string {
+  return code.startsWith("Key") ? code.slice(3).toLowerCase() : "";
+}
+
+/**
+ * What a key does: a direction while it is held, or an action.
+ *
+ * Letters mean what is printed on the key. On a keyboard of another script, where no key has Latin letters as its first
+ * meaning, they mean the key's position, as those keyboards have Latin letters printed there as well.
+ */
+export function meaningOf(event: KeyPress): { readonly held?: string; readonly action?: KeyAction } {
+  const position = positionOf(event);
+  const isOtherScript = /^\p{L}$/u.test(event.key) && !/\p{Script=Latin}/u.test(event.key);
+  const key = isOtherScript && position !== "" ? position : event.key.toLowerCase();
+  // On-screen keyboards and some remote desktops report no position.
+  const held = WALKS[event.code === "" ? key : position] ?? HELD[key];
+  if (held !== undefined) return { held };
+  const action = ACTIONS[key];
+  return action === undefined ? {} : { action };
+}
 
 /** The keyboard, as the viewer reads it. */
 export interface Keys {
@@ -63,65 +97,106 @@ export interface Keys {
   input(arrowsTurn: boolean): WalkInput;
   /** 1 nearer, -1 farther. */
   zoom(): number;
-  readonly isHolding: boolean;
   dispose(): void;
 }
 
-/** Whether a key that was pressed with the focus on `target` is meant for the scene. */
-function isForScene(target: EventTarget | null, canvas: HTMLElement): boolean {
-  return target === canvas || target === document.body;
-}
+/** Controls that take every key: typing there is no shortcut. A dialog is modal. */
+const TAKES_ALL =
+  "input:not([type=checkbox],[type=radio],[type=range],[type=color],[type=file],[type=button]),textarea,select,[contenteditable],dialog";
 
 /** Listen. `changed` is called when a held key goes down or up. */
 export function listenToKeys(canvas: HTMLElement, act: (action: KeyAction) => void, changed: () => void): Keys {
-  const pressedCodes = new Set<string>();
+  /** What each key that is down does, by its position. */
+  const pressed = new Map<string, string>();
+  /** The control that was clicked last; null once the user goes on with the Tab key. */
+  let clicked: Element | null = null;
   const abort = new AbortController();
   const options = { signal: abort.signal };
-  const on = (code: string, otherCode = "") => (pressedCodes.has(code) || pressedCodes.has(otherCode) ? 1 : 0);
+  const on = (held: string) => Number([...pressed.values()].includes(held));
+  const idOf = ({ code, key }: KeyPress) => code || key.toLowerCase();
 
+  /**
+   * Whether the focused control keeps this key. A control that was reached with the Tab key keeps those that it may use
+   * itself: Enter, Space, arrows. One that was clicked does not: the user has gone back to the scene.
+   */
+  function isTaken(target: EventTarget | null, key: string): boolean {
+    if (!(target instanceof Element) || target === canvas || target === document.body) return false;
+    if (target.closest(TAKES_ALL) !== null) return true;
+    const isClicked = target === clicked || target === (clicked as HTMLLabelElement | null)?.control;
+    return !isClicked && /^( |Enter|Home|End|Arrow.*|Page.*)$/.test(key);
+  }
+
+  document.addEventListener(
+    "pointerdown",
+    ({ target }) => {
+      // Look up the control before the click: a click may replace the icon of a button.
+      clicked = (target as Element).closest("button,a,summary,input,label,[tabindex]");
+    },
+    { ...options, capture: true },
+  );
   document.addEventListener(
     "keydown",
     (event) => {
-      // Whoever types into a field, or means a shortcut of the browser, does not move the camera.
-      if (!isForScene(event.target, canvas) || event.ctrlKey || event.metaKey || event.altKey) return;
-      // By what is printed on the key: where "?" is differs from keyboard to keyboard.
-      const action = event.key === "?" ? "help" : ACTIONS[event.code];
-      if (HELD.has(event.code)) {
-        if (!event.code.startsWith("Shift")) event.preventDefault();
-        pressedCodes.add(event.code);
+      if (event.key === "Tab") clicked = null;
+      // Shortcuts of the browser. While Meta is down, some systems do not report that other keys go up.
+      if (event.metaKey) pressed.clear();
+      if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing) return;
+      if (isTaken(event.target, event.key)) return;
+      const { held, action } = meaningOf(event);
+      if (held === undefined && action === undefined) return;
+      // In the capture phase: a tab that was clicked would take the arrows otherwise.
+      if (held !== "fast") {
+        event.preventDefault();
+        event.stopPropagation();
+      }
+      if (held !== undefined) {
+        const position = positionOf(event);
+        if (position in printed && event.key.length === 1) {
+          printed[position as keyof typeof printed] = event.key.toUpperCase();
+        }
+        pressed.set(idOf(event), held);
         changed();
       } else if (action !== undefined && !event.repeat) {
-        event.preventDefault();
         act(action);
       }
     },
-    options,
+    { ...options, capture: true },
   );
   document.addEventListener(
     "keyup",
     (event) => {
-      if (pressedCodes.delete(event.code)) changed();
+      if (pressed.delete(idOf(event))) changed();
+      // Firefox clicks a focused button when Space goes up.
+      if (event.key === " " && !isTaken(event.target, event.key)) event.preventDefault();
     },
     options,
   );
   // A key that goes up in another window is never told.
-  window.addEventListener("blur", () => pressedCodes.clear(), options);
+  window.addEventListener("blur", () => pressed.clear(), options);
+
+  // Only Chromium reports what is printed before a key is pressed.
+  const { keyboard } = navigator as { keyboard?: { getLayoutMap?(): Promise<ReadonlyMap<string, string>> } };
+  keyboard?.getLayoutMap?.().then(
+    (layout) => {
+      for (const key of Object.keys(printed) as (keyof typeof printed)[]) {
+        printed[key] = layout.get(`Key${key.toUpperCase()}`)?.toUpperCase() ?? printed[key];
+      }
+    },
+    () => undefined, // In a frame of another origin it may be forbidden.
+  );
 
   return {
     input(arrowsTurn) {
-      const sideways = on("ArrowRight") - on("ArrowLeft");
+      const ahead = on("up") - on("down");
       return {
-        forward: on("KeyW") - on("KeyS") + (arrowsTurn ? on("ArrowUp") - on("ArrowDown") : 0),
-        right: on("KeyD") - on("KeyA"),
-        turn: sideways,
-        nod: on("PageUp") - on("PageDown") + (arrowsTurn ? 0 : on("ArrowUp") - on("ArrowDown")),
-        fast: on("ShiftLeft", "ShiftRight") === 1,
+        forward: on("forward") - on("back") + (arrowsTurn ? ahead : 0),
+        right: on("right") - on("left"),
+        turn: on("turn right") - on("turn left"),
+        nod: on("nod up") - on("nod down") + (arrowsTurn ? 0 : ahead),
+        fast: on("fast") === 1,
       };
     },
-    zoom: () => on("Equal", "NumpadAdd") - on("Minus", "NumpadSubtract"),
-    get isHolding() {
-      return pressedCodes.size > 0;
-    },
+    zoom: () => on("nearer") - on("farther"),
     dispose() {
       abort.abort();
     },

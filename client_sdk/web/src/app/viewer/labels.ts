@@ -17,6 +17,8 @@ export interface Labels {
   set(labels: readonly Label[]): void;
   /** After the camera moved: put each where its place is now. */
   update(pixelOf: (position: Vec3) => { readonly x: number; readonly y: number } | null): void;
+  /** Draw what is shown into a picture of the canvas, as the page's style has it; `scale`: its pixels per CSS pixel. */
+  paint(context: CanvasRenderingContext2D, scale: number): void;
 }
 
 /** Make the layer. What it shows also stands in the panel: it is hidden from assistive technology. */
@@ -38,6 +40,36 @@ export function createLabels(): Labels {
         span.hidden = pixel === null;
         if (pixel !== null) span.style.transform = `translate(${pixel.x.toFixed(1)}px, ${pixel.y.toFixed(1)}px)`;
       }
+    },
+    paint(context, scale) {
+      const corner = element.getBoundingClientRect();
+      context.save();
+      context.scale(scale, scale);
+      context.textAlign = "center";
+      context.textBaseline = "middle";
+      for (const { element: span } of entries) {
+        const { left, top, width, height } = span.getBoundingClientRect();
+        if (width === 0) continue; // Hidden.
+        const style = getComputedStyle(span);
+        const border = Number.parseFloat(style.borderTopWidth);
+        const [x, y, radius] = [left - corner.left, top - corner.top, Number.parseFloat(style.borderTopLeftRadius)];
+        context.beginPath();
+        // A radius of 50 % is a circle.
+        const isRound = style.borderTopLeftRadius.endsWith("%");
+        const inset = border / 2;
+        context.roundRect(x + inset, y + inset, width - border, height - border, isRound ? width / 2 - inset : radius);
+        context.fillStyle = style.backgroundColor;
+        context.fill();
+        if (border > 0) {
+          context.strokeStyle = style.borderTopColor;
+          context.lineWidth = border;
+          context.stroke();
+        }
+        context.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+        context.fillStyle = style.color;
+        context.fillText(span.textContent, x + width / 2, y + height / 2);
+      }
+      context.restore();
     },
   };
 }

@@ -189,6 +189,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     standNear: (hit) => standNear(hit, stage),
     pixelOf: camera.pixelOf,
     aim: (position) => desk.aim(asAddressed(position), store.get().radiusM),
+    cancelAim: () => desk.cancelAim(),
     land(place) {
       const position = asAddressed(place);
       going.land({ position, radiusM: store.get().radiusM, look: null, isEntry: true, goes: true });
@@ -288,7 +289,7 @@ export function createViewer(options: ViewerOptions): Viewer {
     heightAt: highest,
     group,
     savePicture: () => {
-      world.picture().then(
+      world.picture(labels.paint).then(
         (picture) => saveFile(picture, `${manifest.id}.jpg`),
         (error: unknown) => panel.flash(`No picture: ${error instanceof Error ? error.message : "try again"}`),
       );
@@ -318,6 +319,7 @@ export function createViewer(options: ViewerOptions): Viewer {
   const element = h("main", { id: "viewer", class: "viewer" }, view, panel.element, help.element);
   const embed = createEmbed({
     store,
+    regions,
     stage,
     world,
     camera,
@@ -374,7 +376,6 @@ export function createViewer(options: ViewerOptions): Viewer {
       zoom: (factor, x, y) => moving(() => camera.zoom(factor, cast(camera.rayAt(x, y))?.position ?? null)),
       tap: tools.tap,
       press: tools.press,
-      pressMove: tools.pressMove,
       pressEnd: tools.pressEnd,
       paint: (x, y) => brush?.press(x, y) ?? false,
       paintMove: (x, y) => brush?.move(x, y),
@@ -417,10 +418,12 @@ export function createViewer(options: ViewerOptions): Viewer {
     if (session !== null) {
       session.frame(timeMs, xrFrame ?? undefined);
     } else {
-      if (camera.update(timeMs, dtS, walkInput(), keys.zoom())) {
+      const [input, zoom] = [walkInput(), keys.zoom()];
+      if (camera.update(timeMs, dtS, input, zoom)) {
         isBusy = true;
         going.moved();
       }
+      if (input.forward || input.right || input.turn || input.nod || zoom) hints?.looked();
     }
     // In a headset too: uploads go on, within its smaller budget.
     stage.update();

@@ -18,8 +18,8 @@ export interface World {
   /** Make the programs of what is in the scene now, so that no frame has to wait for them when it first shows it. */
   prepare(): void;
   render(): void;
-  /** What is shown, as JPEG, over the page's sky. */
-  picture(): Promise<Blob>;
+  /** What is shown, as JPEG, over the page's sky; `paint` draws over it, at so many of its pixels per CSS pixel. */
+  picture(paint: (context: CanvasRenderingContext2D, scale: number) => void): Promise<Blob>;
   dispose(): void;
 }
 
@@ -115,7 +115,7 @@ export function createWorld(container: HTMLElement, name: string, events: WorldE
     render() {
       renderer.render(scene, camera);
     },
-    picture() {
+    picture(paint) {
       const sheet = document.createElement("canvas");
       sheet.width = canvas.width;
       sheet.height = canvas.height;
@@ -131,6 +131,7 @@ export function createWorld(container: HTMLElement, name: string, events: WorldE
       // Drawn and copied in one task: the browser may empty the canvas after it.
       renderer.render(scene, camera);
       context.drawImage(canvas, 0, 0);
+      paint(context, canvas.width / canvas.clientWidth);
       return new Promise((resolve, reject) => {
         sheet.toBlob(
           (blob) => (blob === null ? reject(new Error("the picture could not be written")) : resolve(blob)),
