@@ -25,17 +25,31 @@ class _Quiet(http.server.SimpleHTTPRequestHandler):
         pass
 
 
+_BUILD = """
+import { build } from "vite";
+const [configFile, root, outDir, three] = process.argv.slice(1);
+const alias = [{ find: /^three(?=$|\\/)/, replacement: three }];
+await build({ configFile, root, logLevel: "error", resolve: { alias }, build: { outDir } });
+"""
+
+
 @contextlib.contextmanager
-def built_examples(folder: Path, *examples: Path) -> Iterator[str]:
-    """Build these projects into a folder, each below its own name; the origin that serves it."""
+def built_examples(folder: Path, *examples: Path, three: str = "three") -> Iterator[str]:
+    """Build these projects into a folder, each below its own name; the origin that serves it.
+
+    ``three`` names the installed package that three.js is taken from.
+    """
     node, vite = shutil.which("node"), WEB / "node_modules" / "vite" / "bin" / "vite.js"
-    if node is None or not vite.is_file():
-        pytest.skip("no Node on the PATH, or no node_modules (npm ci in client_sdk/web)")
+    if node is None or not vite.is_file() or not (WEB / "node_modules" / three).is_dir():
+        pytest.skip(f"no Node on the PATH, or no vite or {three} (npm ci in client_sdk/web)")
     config = str(EXAMPLES / "vite.config.ts")
     for example in examples:
         subprocess.run(
-            [node, str(vite), "build", "--config", config, "--outDir", str(folder / example.name)],
-            cwd=example,
+            [
+                *(node, "--input-type=module", "-e", _BUILD),
+                *(config, str(example), str(folder / example.name), three),
+            ],
+            cwd=WEB,
             check=True,
             capture_output=True,
         )

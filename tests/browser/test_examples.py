@@ -64,14 +64,9 @@ def _opened(page: Page, example: str, scene: str, **attributes: str) -> None:
         document.addEventListener('DOMContentLoaded', () => {{
           const host = document.querySelector('terraport-scene');
           for (const name of ['opened', 'landed', 'failed'])
-            host.addEventListener(name, ({{ detail }}) => {{
-              // Errors have no members of their own that would come out of the page.
-              const isError = detail instanceof Error;
-              window.told.push([
-                name,
-                isError ? {{ code: detail.code, message: detail.message }} : detail,
-              ]);
-            }});
+            // As JSON: what an event holds can be logged and sent.
+            host.addEventListener(name, ({{ detail }}) =>
+              window.told.push([name, JSON.parse(JSON.stringify(detail))]));
           for (const [name, value] of Object.entries({attributes!r}))
             host.setAttribute(name, value);
         }});
@@ -117,6 +112,25 @@ def test_it_lands_where_it_is_told_and_where_one_clicks(
     page.mouse.up()
     page.wait_for_timeout(500)
     assert page.evaluate("told.length") == 0
+
+
+def test_it_tells_a_refused_origin_from_a_server_that_is_away(
+    open_page: Callable[..., tuple[Page, Watch]], example: str, scenes: Path
+) -> None:
+    """Browsers give one error for both; the first is mended by an option of the service."""
+    page, watch = open_page()
+    watch.allow(r"blocked by CORS policy|ERR_FAILED|ERR_CONNECTION_REFUSED")
+    with Service(scenes, allowed_origins='["https://another.example"]') as running:
+        url = f"{running.url}/scenes/{SMALL}"
+        _opened(page, example, url)
+        failed = _told(page, "failed")
+    assert failed["code"] == "origin_not_allowed"
+    assert f"--allow-origin {example}" in failed["message"]
+    page.evaluate("told.length = 0")
+    page.goto(f"{example}/element/?scene={url}&again")
+    failed = _told(page, "failed")
+    assert failed["code"] == "unreachable"
+    assert "is the server running" in failed["message"]
 
 
 def test_it_says_what_it_cannot_do(

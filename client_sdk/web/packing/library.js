@@ -21,7 +21,8 @@ for (const name of readdirSync(dist, { recursive: true, encoding: "utf8" })) {
   if (right !== text) writeFileSync(file, right);
 }
 
-// What no compiler takes along.
+// What no compiler takes along; npm packs a licence that lies beside package.json.
+copyFileSync(new URL("../../../LICENSE", import.meta.url), new URL("../LICENSE", import.meta.url));
 prepareTranscoder();
 mkdirSync(new URL("core/transcoder/", dist), { recursive: true });
 for (const name of ["basis_transcoder.js", "basis_transcoder.wasm"]) {

@@ -66,8 +66,18 @@ test("the example of the README is built, and typed", async () => {
   for (const worker of ["stream.worker", "scene.worker"]) {
     expect([...chunks.keys()].some((name) => name.startsWith(worker))).toBe(true);
   }
+  // By the types of the newest version of three.js that the package allows, and of the oldest.
+  const oldest = join(HERE, "node_modules", "types-three-oldest");
+  for (const paths of [{}, ...(existsSync(oldest) ? [{ three: [oldest], "three/*": [join(oldest, "*")] }] : [])]) {
+    checkTypes(paths);
+  }
+}, 240_000);
+
+/** Check `main.ts` by the compiler, with some modules found elsewhere. */
+function checkTypes(paths: object): void {
   const config = {
     compilerOptions: {
+      paths,
       target: "ES2022",
       module: "ESNext",
       moduleResolution: "Bundler",
@@ -82,7 +92,7 @@ test("the example of the README is built, and typed", async () => {
   writeFileSync(join(project, "tsconfig.json"), JSON.stringify(config));
   const tsc = join(HERE, "node_modules", "typescript", "bin", "tsc");
   execFileSync(process.execPath, [tsc, "-p", project], { stdio: "inherit" });
-}, 240_000);
+}
 
 test("the example of the element is built", async () => {
   const chunks = await built(readFileSync(join(HERE, "examples/element/main.ts"), "utf8"));
@@ -100,7 +110,7 @@ test("what is not used is not in the bundle", async () => {
 
 test("it brings no source, no test, no page", () => {
   const folder = join(project, "node_modules", "@terraport", "client");
-  expect(readdirSync(folder).sort()).toEqual(["README.md", "dist", "package.json"]);
+  expect(readdirSync(folder).sort()).toEqual(["LICENSE", "README.md", "dist", "package.json"]);
   expect(existsSync(join(folder, "dist", "app"))).toBe(false);
 });
 

@@ -4,7 +4,7 @@
  * PURE.
  */
 
-import type { PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
+import type { PlanFacts, SegmentSummary, Vec3 } from "./types.ts";
 
 /** The next set of a landing that may be shown: all of it, or its declared inner part. */
 export interface ShowableSet {
@@ -56,7 +56,7 @@ export class LandingRecord {
     this.#loadBytes = new Map(plan.load.map((facts) => [facts.segment, facts.length]));
   }
 
-  arrived(facts: SegmentFacts): void {
+  arrived(facts: SegmentSummary): void {
     this.#arrived.add(facts.segment);
     // An aim's bytes are not this landing's; and `ready` brings the sum that counts.
     if (this.#full === null && this.#loadBytes.has(facts.segment)) {

@@ -13,7 +13,7 @@
 import { LandingRecord } from "./landing-record.ts";
 import { SegmentShelf, type ShelfLimits } from "./segment-shelf.ts";
 import { landingKey, ShownBefore } from "./shown-before.ts";
-import type { LandOptions, PlanFacts, SegmentFacts, Vec3 } from "./types.ts";
+import type { LandOptions, PlanFacts, SegmentSummary, Vec3 } from "./types.ts";
 
 /** Segments that aims brought and that wait for spare room; beyond it the oldest goes. */
 const MAX_PREFETCHED = 4096;
@@ -47,7 +47,7 @@ export class Residency {
   #desiredIds = new Set<number>();
   #nearbyIds = new Set<number>();
   /** Of what plans and arrivals told of what is desired. */
-  #facts = new Map<number, SegmentFacts>();
+  #facts = new Map<number, SegmentSummary>();
   #prefetched: number[] = [];
   #newest: LandingRecord | null = null;
   #coming: readonly number[] | null = null;
@@ -149,7 +149,7 @@ export class Residency {
   }
 
   /** A segment's payload is here: for a landing, or (null) for an aim. */
-  arrived(facts: SegmentFacts, landing: number | null): void {
+  arrived(facts: SegmentSummary, landing: number | null): void {
     if (this.#shelf.hold(facts.segment, landing === null ? (this.#newest?.landing ?? 0) : -1)) {
       this.#shelf.forgive(facts.segment);
       this.#recompute();
@@ -295,7 +295,7 @@ export class Residency {
   }
 
   /** That, most urgent first; without facts where no plan told how large it is. */
-  awaited(): readonly { readonly segment: number; readonly facts: SegmentFacts | undefined }[] {
+  awaited(): readonly { readonly segment: number; readonly facts: SegmentSummary | undefined }[] {
     const ids = this.#toShow.filter((segment) => this.#isAwaited(segment));
     return ids.map((segment) => ({ segment, facts: this.#facts.get(segment) }));
   }

@@ -26,6 +26,9 @@ export interface SegmentFacts {
   readonly bounds: Bounds;
 }
 
+/** A segment of a landing, or one that came. Plain values: what an event holds can be written as JSON. */
+export type SegmentSummary = Omit<SegmentFacts, "xxh3">;
+
 /** Hard bounds of every landing; an absent one does not bound. */
 export interface Budgets {
   readonly maxTriangles?: number;
@@ -317,7 +320,7 @@ export interface PlanFacts {
   readonly effectiveRadiusM: number;
   /** How far the coarser level reaches beyond it; null where there is none of it. */
   readonly coarseRadiusM: number | null;
-  readonly load: readonly SegmentFacts[];
+  readonly load: readonly SegmentSummary[];
   readonly keep: readonly number[];
   /** Held beyond the radius: kept ready for a hop back, not shown. */
   readonly nearby: readonly number[];
@@ -357,7 +360,7 @@ export type StreamEvent =
     }
   | { readonly type: "planned"; readonly plan: PlanFacts }
   /** A segment is whole and verified, and can be asked for by `mesh`. `landing` is null for what an aim brought. */
-  | { readonly type: "arrived"; readonly landing: number | null; readonly facts: SegmentFacts }
+  | { readonly type: "arrived"; readonly landing: number | null; readonly facts: SegmentSummary }
   | { readonly type: "degraded"; readonly landing: number; readonly segments: readonly number[] }
   | {
       readonly type: "ready";
@@ -422,9 +425,10 @@ export interface StreamOptions {
   /** http(s) URL ending in /scenes/{id}. */
   readonly sceneUrl: string;
   readonly token?: Token;
-  readonly budgets: Budgets;
-  /** Payload bytes kept in memory beside what is shown. */
-  readonly cacheBytes: number;
+  /** Default: those of a desktop computer (`budgetsFor`). */
+  readonly budgets?: Budgets;
+  /** Payload bytes kept in memory beside what is shown. Default: those of a desktop computer. */
+  readonly cacheBytes?: number;
   /** Payload bytes kept on disk over all scenes, for the next visit; 0, or no such storage, keeps none. Default 0. */
   readonly diskBytes?: number;
   readonly creditBytes?: number;

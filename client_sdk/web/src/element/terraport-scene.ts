@@ -1,9 +1,8 @@
 /** `<terraport-scene src token at radius mode>`: a scene in any page, walked by clicks. */
 
 import { budgetsFor, loadSceneInWorker, StreamError } from "../core/index.ts";
-import type { LandOptions, RegionFacts, SceneFiles, SceneManifest, Token, Vec3 } from "../core/types.ts";
+import type { LandOptions, SceneFiles, SceneManifest, Token, Vec3 } from "../core/types.ts";
 import type { LandingStatus, Stage } from "../three/index.ts";
-import { keyOfMode, modeOfKey, modesOf } from "../three/view-modes.ts";
 import { ShownScene } from "./shown-scene.ts";
 
 /** Events of the element: none of them bubbles. */
@@ -53,7 +52,6 @@ export class TerraportScene extends HTMLElement {
   readonly #sight: IntersectionObserver;
   #shown: ShownScene | null = null;
   #manifest: SceneManifest | null = null;
-  #regions: readonly RegionFacts[] = [];
   #opening: AbortController | null = null;
   #remarkTimer: number | null = null;
   #tokenSource: (() => string | Promise<string>) | null = null;
@@ -186,7 +184,6 @@ export class TerraportScene extends HTMLElement {
     canvas.part.add("canvas");
     this.#root.prepend(canvas);
     this.#manifest = files.manifest;
-    this.#regions = files.regions;
     this.#shown = new ShownScene(
       {
         canvas,
@@ -250,15 +247,14 @@ export class TerraportScene extends HTMLElement {
   }
 
   #setMode(): void {
-    const [key, manifest] = [this.getAttribute("mode"), this.#manifest];
-    if (this.#shown === null || manifest === null) return;
-    const mode = modeOfKey(key ?? "colour", manifest, this.#regions);
-    if (mode === null) {
-      const there = modesOf(manifest, this.#regions).map((choice) => keyOfMode(choice.mode));
-      this.#fail(new StreamError("invalid_attribute", `received mode="${key}", expected one of ${there.join(", ")}`));
+    const key = this.getAttribute("mode");
+    if (this.#shown === null) return;
+    try {
+      this.#shown.stage.setMode(key ?? "colour");
+    } catch (error) {
+      this.#fail(new StreamError("invalid_attribute", `attribute mode: ${(error as Error).message}`));
       return;
     }
-    this.#shown.stage.setMode(mode);
     this.#shown.draw();
   }
 

@@ -12,7 +12,7 @@ import type {
   MeshData,
   PickHit,
   PlanFacts,
-  SegmentFacts,
+  SegmentSummary,
   Stream,
   StreamEvent,
   StreamStats,
@@ -31,7 +31,7 @@ const KEPT_REACH = 1.25;
 export class HeadStream implements Stream {
   onEvent: (event: StreamEvent) => void = () => undefined;
   readonly #inner: Stream;
-  readonly #facts = new Map<number, SegmentFacts>();
+  readonly #facts = new Map<number, SegmentSummary>();
   readonly #held = new Set<number>();
   #plan: PlanFacts | null = null;
   #isReady = false;
@@ -47,7 +47,7 @@ export class HeadStream implements Stream {
   }
 
   /** Facts of a segment that was ever planned; undefined for another. */
-  factsOf(segment: number): SegmentFacts | undefined {
+  factsOf(segment: number): SegmentSummary | undefined {
     return this.#facts.get(segment);
   }
 
@@ -79,7 +79,7 @@ export class HeadStream implements Stream {
     return true;
   }
 
-  #declare(plan: PlanFacts, segments: readonly number[], eye: Vec3, held: readonly SegmentFacts[]): void {
+  #declare(plan: PlanFacts, segments: readonly number[], eye: Vec3, held: readonly SegmentSummary[]): void {
     const shown = new Set(segments);
     const reachM = plan.radiusM * KEPT_REACH;
     const nearby = held

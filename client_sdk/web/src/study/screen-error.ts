@@ -3,7 +3,7 @@
  * more than some pixels. PURE.
  */
 
-import type { Bounds, Budgets, SegmentFacts, Vec3 } from "../core/types.ts";
+import type { Bounds, Budgets, SegmentSummary, Vec3 } from "../core/types.ts";
 
 /** A plane: what has `normal . p + offset >= 0` lies on its inner side. */
 export interface Plane {
@@ -62,12 +62,12 @@ export function boxDistanceM([x, y, z]: Vec3, box: Bounds): number {
  * landing's plan. Ties by id.
  */
 export function refinedSegments(
-  segments: Iterable<SegmentFacts>,
+  segments: Iterable<SegmentSummary>,
   view: HeadView,
   options: ScreenErrorOptions,
 ): readonly number[] {
   const reachM = refineDistanceM(view.pixelsPerMetre, options);
-  const candidates: { readonly facts: SegmentFacts; readonly distanceM: number }[] = [];
+  const candidates: { readonly facts: SegmentSummary; readonly distanceM: number }[] = [];
   for (const facts of segments) {
     const distanceM = boxDistanceM(view.eye, facts.bounds);
     if (distanceM <= reachM && isInView(facts.bounds, view.planes)) candidates.push({ facts, distanceM });

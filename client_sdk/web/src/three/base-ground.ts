@@ -5,13 +5,13 @@
  * A hidden face is three times vertex 0 in the list, so lists keep their length and only blocks that changed are written.
  */
 
-import { type BufferGeometry, type Camera, ExternalTexture, type GLBufferAttribute, Mesh } from "three";
+import { type BufferGeometry, type Camera, type GLBufferAttribute, Mesh } from "three";
 
 import { CoverCounters } from "../core/cover.ts";
 import type { SceneFiles } from "../core/types.ts";
 import { type GpuBuffer, type GpuImages, type GpuStore, imageFormOf } from "./gpu-store.ts";
 import type { DrawFacts, GroundMaterial } from "./ground-material.ts";
-import { indexAttribute, layoutOf, MeshRoom, setMeasure, sphereOf, vertexParts } from "./mesh-room.ts";
+import { indexAttribute, layoutOf, MeshRoom, setMeasure, sphereOf, stayInFrame, vertexParts } from "./mesh-room.ts";
 import { MeshUpload } from "./mesh-upload.ts";
 import type { MiniaturePose } from "./types.ts";
 
@@ -90,14 +90,15 @@ export class BaseGround {
     this.mesh.name = "base";
     this.mesh.material = material.material;
     // The shader places the codes (translation, step): the mesh itself stays at the origin of the scene's frame.
-    this.mesh.matrixAutoUpdate = false;
+    stayInFrame(this.mesh);
     // After the detail, which stands before it nearly everywhere: what it hides is not shaded.
     this.mesh.renderOrder = 1;
     this.mesh.visible = false;
     // Picking is face-boxes.ts's: three.js has no arrays of positions to walk.
     this.mesh.raycast = () => undefined;
-    this.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => material.bind(this.#facts, camera);
-    this.mesh.onBeforeShadow = (_renderer, _scene, _camera, light: Camera) => material.bind(this.#facts, light);
+    this.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => material.bind(this.#facts, this.mesh, camera);
+    this.mesh.onBeforeShadow = (_renderer, _scene, _camera, light: Camera) =>
+      material.bind(this.#facts, this.mesh, light);
     this.dress();
   }
 
@@ -165,7 +166,7 @@ export class BaseGround {
       }
     }
     if (!this.mesh.visible) {
-      this.#facts.map = this.#images && new ExternalTexture(this.#images.texture);
+      this.#facts.map = this.#images && this.#store.asTexture(this.#images);
       this.mesh.visible = true;
       return 1;
     }
@@ -194,9 +195,10 @@ export class BaseGround {
     if (!this.mesh.visible) return false;
     const facts: DrawFacts = { ...this.#facts, side: -1 };
     this.#compared = this.#makeWhole("whole base");
-    this.#compared.mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => {
+    const { mesh } = this.#compared;
+    mesh.onBeforeRender = (_renderer, _scene, camera: Camera) => {
       facts.measure = this.#facts.measure;
-      this.#material.bind(facts, camera);
+      this.#material.bind(facts, mesh, camera);
     };
     this.dress();
     return true;
@@ -220,7 +222,7 @@ export class BaseGround {
     mesh.onBeforeRender = (renderer, _scene, camera: Camera) => {
       // Before the ground that it stands in, wherever that is nearer; in itself it still hides what lies behind.
       renderer.clearDepth();
-      if (this.#miniaturePose !== null) this.#material.bindMiniature(this.#facts, camera, this.#miniaturePose);
+      if (this.#miniaturePose !== null) this.#material.bindMiniature(this.#facts, mesh, camera, this.#miniaturePose);
     };
   }
 
@@ -238,7 +240,7 @@ export class BaseGround {
     this.#store.writeBuffer(buffer, 0, new Uint8Array(indices.buffer, indices.byteOffset, indices.byteLength));
     const mesh = new Mesh(this.#makeGeometry(indexAttribute(buffer.buffer, indices)), this.#material.material);
     mesh.name = name;
-    mesh.matrixAutoUpdate = false;
+    stayInFrame(mesh);
     mesh.renderOrder = this.mesh.renderOrder;
     mesh.raycast = () => undefined;
     setMeasure(mesh.geometry, this.#measure);

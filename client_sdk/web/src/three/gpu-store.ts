@@ -1,6 +1,6 @@
 /** Buffers and textures of WebGL, created empty, filled in slices, and counted. */
 
-import type { WebGLRenderer } from "three";
+import { ExternalTexture, type WebGLRenderer } from "three";
 
 import { imageBytes } from "../core/gpu-budget.ts";
 import type { CompressedImage, MeshImage } from "../core/types.ts";
@@ -184,6 +184,14 @@ export class GpuStore {
     }
   }
 
+  /** The images, as a texture that three.js draws with. */
+  asTexture({ texture }: GpuImages): ExternalTexture {
+    const external = new ExternalTexture(texture);
+    // Version 0.180 looks for it here alone, where it is an array; later ones put it here themselves.
+    (this.#renderer.properties.get(external) as { __webglTexture?: WebGLTexture }).__webglTexture = texture;
+    return external;
+  }
+
   freeImages(target: GpuImages): void {
     this.#gl.deleteTexture(target.texture);
     this.textureBytes -= target.bytes;
@@ -221,18 +229,23 @@ export class GpuStore {
     state.unbindTexture();
   }
 
+  /** Left as it was found: three.js remembers some of it, in some versions. The browser answers without the GPU. */
   #withUnpack(skipRows: number, act: () => void): void {
     const gl = this.#gl;
-    // Remembered by three.js as well. Its types lack the function.
-    const state = this.#renderer.state as unknown as { pixelStorei(name: GLenum, value: number | boolean): void };
-    state.pixelStorei(gl.UNPACK_FLIP_Y_WEBGL, false);
-    state.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
-    state.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
-    state.pixelStorei(gl.UNPACK_ROW_LENGTH, 0);
-    state.pixelStorei(gl.UNPACK_SKIP_PIXELS, 0);
-    state.pixelStorei(gl.UNPACK_SKIP_ROWS, skipRows);
+    const wanted: readonly (readonly [GLenum, number | boolean])[] = [
+      [gl.UNPACK_FLIP_Y_WEBGL, false],
+      [gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false],
+      [gl.UNPACK_ALIGNMENT, 4],
+      [gl.UNPACK_ROW_LENGTH, 0],
+      [gl.UNPACK_IMAGE_HEIGHT, 0],
+      [gl.UNPACK_SKIP_PIXELS, 0],
+      [gl.UNPACK_SKIP_IMAGES, 0],
+      [gl.UNPACK_SKIP_ROWS, skipRows],
+    ];
+    const found = wanted.map(([name]) => [name, gl.getParameter(name)] as const);
+    for (const [name, value] of wanted) gl.pixelStorei(name, value);
     act();
-    state.pixelStorei(gl.UNPACK_SKIP_ROWS, 0); // The one that three.js takes for granted.
+    for (const [name, value] of found) gl.pixelStorei(name, value);
   }
 }
 

@@ -5,6 +5,7 @@ import {
   DataTexture,
   DoubleSide,
   GLSL3,
+  Matrix4,
   type Mesh,
   RGBAFormat,
   ShaderMaterial,
@@ -194,34 +195,36 @@ export class GroundMaterial {
   }
 
   /** Set what differs, and where this eye is. three.js calls it (onBeforeRender, onBeforeShadow) with the eye's own camera, or a light's. */
-  bind(facts: DrawFacts, camera: Camera): void {
-    const { elements } = camera.matrixWorld;
-    this.#bind(facts, elements[12]!, elements[13]!, elements[14]!);
+  bind(facts: DrawFacts, mesh: Mesh, camera: Camera): void {
+    this.#bind(facts, eyeInFrame(mesh, camera));
     this.#base.touch();
   }
 
   /** As `bind`, for {@link miniature}: the eye is as far from the scene's middle as from the model's, in metres of the ground. */
-  bindMiniature(facts: DrawFacts, camera: Camera, { middle, at, scale }: MiniaturePose): void {
-    const { elements } = camera.matrixWorld;
-    const [x, y, z] = [0, 1, 2].map((axis) => middle[axis]! + (elements[12 + axis]! - at[axis]!) / scale);
+  bindMiniature(facts: DrawFacts, mesh: Mesh, camera: Camera, { middle, at, scale }: MiniaturePose): void {
+    const eye = eyeInFrame(mesh, camera);
+    eye.set(
+      middle[0] + (eye.x - at[0]) / scale,
+      middle[1] + (eye.y - at[1]) / scale,
+      middle[2] + (eye.z - at[2]) / scale,
+    );
     this.#uniforms.modelScale.value = scale;
-    this.#bind(facts, x!, y!, z!);
+    this.#bind(facts, eye);
     this.miniature.uniformsNeedUpdate = true;
   }
 
   /** As `bind`, for a page: `traits` are those of the ranges that are drawn, in their order. */
-  bindPage(facts: PageFacts, traits: Float32Array<ArrayBuffer>, camera: Camera): void {
-    const { elements } = camera.matrixWorld;
+  bindPage(facts: PageFacts, traits: Float32Array<ArrayBuffer>, mesh: Mesh, camera: Camera): void {
     const u = this.#uniforms;
     u.traits.value = traits;
     u.pushM.value = 0;
     u.hasMeasure.value = facts.hasMeasure;
     u.side.value = DETAIL_SIDE;
-    this.#bindMesh(facts, elements[12]!, elements[13]!, elements[14]!);
+    this.#bindMesh(facts, eyeInFrame(mesh, camera));
     this.#paged.touch();
   }
 
-  #bind(facts: DrawFacts, x: number, y: number, z: number): void {
+  #bind(facts: DrawFacts, eye: Vector3): void {
     const u = this.#uniforms;
     u.translation.value.set(...facts.translation);
     u.stepM.value = facts.stepM;
@@ -230,10 +233,10 @@ export class GroundMaterial {
     u.hasMeasure.value = facts.measure !== null;
     u.measureScale.value.set(facts.measure?.[0] ?? 0, facts.measure?.[1] ?? 0);
     u.side.value = facts.side;
-    this.#bindMesh(facts, x, y, z);
+    this.#bindMesh(facts, eye);
   }
 
-  #bindMesh(facts: MeshFacts, x: number, y: number, z: number): void {
+  #bindMesh(facts: MeshFacts, { x, y, z }: Vector3): void {
     const u = this.#uniforms;
     u.hasMap.value = facts.map !== null;
     u.map.value = facts.map;
@@ -272,6 +275,14 @@ export class GroundMaterial {
     this.#paged.dispose();
     this.miniature.dispose();
   }
+}
+
+const eyeNow = new Vector3();
+const intoFrame = new Matrix4();
+
+/** Where a camera is in the frame of the ground that it draws; overwritten by the next call. */
+function eyeInFrame(mesh: Mesh, camera: Camera): Vector3 {
+  return eyeNow.setFromMatrixPosition(camera.matrixWorld).applyMatrix4(intoFrame.copy(mesh.matrixWorld).invert());
 }
 
 /** A photograph has its own light; an image of the points' colours stands beside detail with those colours, lit. */

@@ -34,7 +34,7 @@ const IS_SHADED = /* glsl */ `
 `;
 
 /**
- * Three.js's lights on matt ground, as on a MeshLambertMaterial: light for a colour of 1. `tilt` is not turned over for back
+ * Three.js's lights on matt ground, as on a MeshLambertMaterial: light for a colour of 1. The normal is not turned over for back
  * faces, as nowhere here. LIGHT is what a colour is multiplied by, with the shape's own light laid on as strongly as is said.
  *
  * Colours that are not LIT have their light in them, so a shadow takes of it the share that it takes of three.js's lights there:
@@ -43,16 +43,19 @@ const IS_SHADED = /* glsl */ `
 const LIGHT = /* glsl */ `
 #ifdef SHADED
 #include <common>
+// Depths of shadow maps, before three.js 0.182.
+#include <packing>
 #define RE_Direct(light, place, normal, view, coat, material, sum) sum.directDiffuse += saturate(dot(normal, light.direction)) * light.color
 #define RE_IndirectDiffuse(light, place, normal, view, coat, material, sum) sum.indirectDiffuse += light
 #include <lights_pars_begin>
 #include <shadowmap_pars_fragment>
 in vec3 vViewPosition;
+in vec3 vViewTilt;
 
 const float UNLIT = 0.0001;
 
-vec3 lightOn(vec3 tilt, bool receiveShadow) {
-  vec3 normal = mat3(viewMatrix) * tilt;
+vec3 lightOn(bool receiveShadow) {
+  vec3 normal = normalize(vViewTilt);
   ReflectedLight reflectedLight = ReflectedLight(vec3(0.0), vec3(0.0), vec3(0.0), vec3(0.0));
 #include <lights_fragment_begin>
 #include <lights_fragment_end>
@@ -71,7 +74,8 @@ vec3 lightOn(vec3 tilt, bool receiveShadow) {
 /**
  * A vertex's place comes first, by one expression for everything: `translation + stepM * code` is exact in float32, and so is
  * its difference to the coarse part of the eye, a multiple of the grid's step as well. So equal vertices of two segments
- * get equal pixels, and four kilometres from the origin a head's movement is not rounded to half a millimetre.
+ * get equal pixels, and four kilometres from the origin a head's movement is not rounded to half a millimetre. The eye is in
+ * the ground's own frame; what moves, turns or scales the ground comes with the view's matrix, whose translation is not used.
  *
  * The base is pushed back along the line of sight (docs/topics/hand-off.md): a point stays on its pixel. What would be
  * pushed beyond the far plane is drawn just before it, and so still before the sky.
@@ -132,6 +136,7 @@ ${IS_SHADED}
 #define HAS_NORMAL
 #include <shadowmap_pars_vertex>
 out vec3 vViewPosition;
+out vec3 vViewTilt;
 #endif
 
 void main() {
@@ -157,19 +162,20 @@ void main() {
 #else
 #if defined(SHADED) || defined(USE_FOG) || NUM_CLIPPING_PLANES > 0
   // Where the ground is, not where the base is pushed to: both sides of a rim are lit, veiled and cut alike.
-  vec4 mvPosition = vec4(mat3(viewMatrix) * away, 1.0);
+  vec4 mvPosition = vec4(mat3(modelViewMatrix) * away, 1.0);
 #include <fog_vertex>
 #include <clipping_planes_vertex>
 #endif
 #ifdef CASTER
   // Behind the detail as a light sees it, so that the base casts nothing on that; lights may see in parallel lines.
-  vec3 sight = isOrthographic ? -vec3(viewMatrix[0].z, viewMatrix[1].z, viewMatrix[2].z) : away / max(length(away), 0.001);
+  vec3 parallel = normalize(inverse(mat3(modelViewMatrix)) * vec3(0.0, 0.0, -1.0));
+  vec3 sight = isOrthographic ? parallel : away / max(length(away), 0.001);
   away += pushM * sight;
 #else
   away += pushM * away / max(length(away), 0.001);
 #endif
 #endif
-  gl_Position = projectionMatrix * vec4(mat3(viewMatrix) * away, 1.0);
+  gl_Position = projectionMatrix * vec4(mat3(modelViewMatrix) * away, 1.0);
 #ifndef CASTER
   if (gl_Position.w > 0.0) {
 #ifdef USE_REVERSED_DEPTH_BUFFER
@@ -196,9 +202,10 @@ void main() {
 
 #ifdef SHADED
   vViewPosition = -mvPosition.xyz;
-  vec3 transformedNormal = mat3(viewMatrix) * tilt.xyz;
+  vec3 transformedNormal = normalize(normalMatrix * tilt.xyz);
+  vViewTilt = transformedNormal;
   // The base is known to within so much: detail that lies no higher above it does not shade it.
-  vec4 worldPosition = vec4(place + pushM * tilt.xyz, 1.0);
+  vec4 worldPosition = modelMatrix * vec4(place + pushM * tilt.xyz, 1.0);
 #include <shadowmap_vertex>
 #endif
 }
@@ -327,9 +334,9 @@ void main() {
   // back faces: the strip of a segment's underside that shows at the rim is to look like the ground it belongs to.
   float light = 0.32 + 0.25 * (0.5 + 0.5 * tilt.y) + 0.62 * max(dot(tilt, vec3(-0.5, 0.7071068, -0.5)), 0.0);
 #ifdef LIT
-  vec3 sun = lightOn(tilt, receiveShadow);
+  vec3 sun = lightOn(receiveShadow);
 #elif defined(SHADED)
-  vec3 sun = (lightOn(tilt, true) + UNLIT) / (lightOn(tilt, false) + UNLIT);
+  vec3 sun = (lightOn(true) + UNLIT) / (lightOn(false) + UNLIT);
 #endif
   colour *= LIGHT(strength);
   if (highlight > -0.5 && !(hasRegion && abs(vRegion - highlight) < 0.5)) {

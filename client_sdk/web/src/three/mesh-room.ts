@@ -1,6 +1,6 @@
 /** Buffers for the vertices and faces of one mesh, or of several behind each other. */
 
-import { type BufferAttribute, BufferGeometry, GLBufferAttribute, Sphere, Vector3 } from "three";
+import { type BufferAttribute, BufferGeometry, GLBufferAttribute, type Mesh, Sphere, Vector3 } from "three";
 
 import type { Bounds, MeshData } from "../core/types.ts";
 import type { GpuBuffer, GpuStore } from "./gpu-store.ts";
@@ -169,6 +169,13 @@ export function setMeasure(geometry: BufferGeometry, attribute: GLBufferAttribut
   } else {
     geometry.deleteAttribute("measure");
   }
+}
+
+/** A mesh at the origin of the ground's frame: it goes where the ground as a whole goes. */
+export function stayInFrame(mesh: Mesh): void {
+  mesh.matrixAutoUpdate = false;
+  // Else it would miss where the ground is already.
+  mesh.matrixWorldNeedsUpdate = true;
 }
 
 /** three.js draws with a buffer of ours wherever it takes an attribute with an array; its types do not say so. */

@@ -5,13 +5,30 @@
  * range by range from the same buffers. Ranges are looked through for each camera, so each eye draws what it sees.
  */
 
-import { BufferGeometry, type Camera, ExternalTexture, Frustum, type Material, Matrix4, Mesh, Sphere } from "three";
+import {
+  BufferGeometry,
+  type Camera,
+  type ExternalTexture,
+  Frustum,
+  type Material,
+  Matrix4,
+  Mesh,
+  Sphere,
+} from "three";
 
 import type { MeshData, MeshImage } from "../core/types.ts";
 import type { GpuImages, GpuStore, ImageForm } from "./gpu-store.ts";
 import { type GroundMaterial, linear } from "./ground-material.ts";
 import { MAX_RANGES, TRAIT_VECTORS } from "./ground-shader.ts";
-import { type IndexArray, MeshRoom, type RoomLayout, roomBytes, setMeasure, sphereOf } from "./mesh-room.ts";
+import {
+  type IndexArray,
+  MeshRoom,
+  type RoomLayout,
+  roomBytes,
+  setMeasure,
+  sphereOf,
+  stayInFrame,
+} from "./mesh-room.ts";
 import { segmentColour } from "./palette.ts";
 
 const TRAITS = 4 * TRAIT_VECTORS;
@@ -29,12 +46,15 @@ export class PageMesh extends Mesh {
   readonly _matricesTexture = null;
   readonly _indirectTexture = null;
   readonly _colorsTexture = null;
+  /** What versions before 0.186 and 0.184 ask for. */
+  readonly colorTexture = null;
+  readonly _multiDrawInstances = null;
 
   constructor(geometry: BufferGeometry, material: Material) {
     super(geometry, material);
     this.name = "page";
     // The shader places the codes: the mesh itself stays at the origin of the scene's frame.
-    this.matrixAutoUpdate = false;
+    stayInFrame(this);
     // Picking is face-boxes.ts's: three.js has no arrays of positions to walk.
     this.raycast = () => undefined;
   }
@@ -156,7 +176,7 @@ export class Page {
     const { room } = this;
     this.#material = material;
     this.#facts = {
-      map: this.images && new ExternalTexture(this.images.texture),
+      map: this.images && store.asTexture(this.images),
       hasTint: room.attributes.has("tint"),
       hasRegion: room.attributes.has("region"),
       hasMeasure: false,
@@ -292,7 +312,8 @@ export class Page {
 
   /** What of it this camera sees, and where its shader finds what differs. */
   #choose(camera: Camera): void {
-    seen.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse);
+    // In the frame of the ground, wherever that is.
+    seen.multiplyMatrices(camera.projectionMatrix, camera.matrixWorldInverse).multiply(this.mesh.matrixWorld);
     frustum.setFromProjectionMatrix(seen, camera.coordinateSystem, camera.reversedDepth);
     const { mesh } = this;
     const indexBytes = this.room.index!.elementSize;
@@ -306,7 +327,7 @@ export class Page {
     }
     mesh._multiDrawCount = count;
     // Sent at once, so one array will do for all pages; no more of it than is drawn.
-    this.#material.bindPage(this.#facts, traits.subarray(0, Math.max(count, 1) * TRAITS), camera);
+    this.#material.bindPage(this.#facts, traits.subarray(0, Math.max(count, 1) * TRAITS), mesh, camera);
   }
 }
 

@@ -45,6 +45,7 @@ import type {
   VisibleDigest,
 } from "./types.ts";
 import { UploadBudget } from "./upload-budget.ts";
+import { modeFrom } from "./view-modes.ts";
 
 export type { StageOptions, Theme };
 
@@ -57,7 +58,10 @@ const MAX_FRAME_UPLOAD_BYTES = 6 * 1024 * 1024;
 const RESTORED_REVISION = Number.MAX_SAFE_INTEGER;
 /** Base mesh, segments of the newest landing, and the swap between two landings. Owns what it puts on the GPU; `dispose` gives it back. */
 export class Stage implements Landings {
-  /** To be added to the scene, at the frame's origin, and never moved. */
+  /**
+   * To be added to the scene, and moved, turned and scaled as any object. Every position, direction and distance that a stage
+   * takes or tells is one of the scene's own frame, the object's inside: `object.worldToLocal` and `localToWorld` convert.
+   */
   readonly object = new Group();
   readonly #renderer: WebGLRenderer;
   readonly #stream: Stream;
@@ -102,7 +106,6 @@ export class Stage implements Landings {
     this.#baseBoxes = pickableBase(options.files);
     this.setShading(options.shading ?? {});
     this.object.name = "ground";
-    this.object.matrixAutoUpdate = false;
     this.object.add(this.#base.mesh);
     this.#compile();
   }
@@ -281,9 +284,14 @@ export class Stage implements Landings {
     this.#material.setTaught(picture);
   }
 
-  /** How the ground is coloured from the next frame on. */
-  setMode(mode: ViewMode, theme: Theme = "light"): void {
-    this.#looks.setMode(mode, theme, this.#base);
+  /**
+   * How the ground is coloured from the next frame on: a mode, or its text, as `slope` or `attribute:NAME`.
+   *
+   * @throws RangeError on what is no mode of this scene.
+   */
+  setMode(mode: ViewMode | string, theme: Theme = "light"): void {
+    const { manifest, regions } = this.#files;
+    this.#looks.setMode(modeFrom(mode, manifest, regions), theme, this.#base);
   }
 
   /**

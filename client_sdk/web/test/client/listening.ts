@@ -17,7 +17,7 @@ export interface Listening {
 
 /** Open a stream in this thread and listen. */
 export function listening(options: Partial<StreamOptions> & { sceneUrl: string }): Listening {
-  const stream = openDirectStream({ budgets: {}, cacheBytes: 1 << 28, ...options });
+  const stream = openDirectStream(options as StreamOptions);
   const events: StreamEvent[] = [];
   const waiting = new Set<(event: StreamEvent) => void>();
   stream.onEvent = (event) => {

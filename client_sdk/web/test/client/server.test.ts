@@ -45,7 +45,11 @@ async function throughProxy(): Promise<CuttingProxy> {
 }
 
 afterEach(async () => {
-  for (const { stream } of open.splice(0)) stream.close();
+  for (const { stream, events } of open.splice(0)) {
+    stream.close();
+    // Whoever logs events, or sends them on, does it as JSON.
+    expect(() => JSON.stringify(events)).not.toThrow();
+  }
   for (const proxy of proxies.splice(0)) await proxy.close();
 });
 

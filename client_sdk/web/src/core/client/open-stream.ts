@@ -1,6 +1,7 @@
 /** A stream whose socket, session, cache and decoders are in workers: the page's side of it. */
 
 import { StreamError } from "../scene/errors.ts";
+import { streamUrl } from "../scene/urls.ts";
 import { checkAim, checkGroup, checkLand, checkPick } from "../session/checks.ts";
 import type {
   LandOptions,
@@ -13,6 +14,7 @@ import type {
   Vec3,
 } from "../types.ts";
 import { sharedNowMs } from "./clock.ts";
+import { sessionOptionsOf } from "./stream-options.ts";
 import { receivedError, sentError, workerFailure } from "./worker-errors.ts";
 import type { StreamAnswer, StreamCommand, StreamMessage, StreamQuestion } from "./worker-messages.ts";
 
@@ -36,6 +38,8 @@ type WithoutId<Q> = Q extends StreamQuestion ? Omit<Q, "id"> : never;
  * rejected; such a stream cannot be used any more, not even by `reconnect`: open another one.
  *
  * `land` and `aim` throw RangeError on numbers that the protocol does not allow; `pick` rejects with it.
+ *
+ * @throws StreamError `invalid_url`; RangeError on options that the protocol does not allow.
  */
 export function openStream(options: StreamOptions): Stream {
   const page = new PageStream(options);
@@ -69,6 +73,11 @@ class PageStream {
   #ended: StreamError | null = null;
 
   constructor(options: StreamOptions) {
+    // A worker's addresses are relative to its script, not to the page.
+    const sceneUrl = new URL(options.sceneUrl, location.href).href;
+    // Refused here, where the mistake is: from within the worker it would be told as a link that is closed.
+    streamUrl(sceneUrl);
+    sessionOptionsOf(options);
     this.#worker = new Worker(new URL("./stream.worker.ts", import.meta.url), {
       type: "module",
       name: "terraport stream",
@@ -79,8 +88,6 @@ class PageStream {
       this.#fail(workerFailure("the stream's worker", event));
     };
     this.#worker.onmessageerror = (event) => this.#fail(workerFailure("the stream's worker", event));
-    // A worker's addresses are relative to its script, not to the page.
-    const sceneUrl = new URL(options.sceneUrl, location.href).href;
     const { token, ...others } = options;
     this.#askToken = typeof token === "function" ? token : null;
     this.send({

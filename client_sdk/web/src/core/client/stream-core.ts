@@ -17,6 +17,8 @@ import type {
   MeshData,
   PickHit,
   PlanFacts,
+  SegmentFacts,
+  SegmentSummary,
   StreamEvent,
   StreamOptions,
   StreamStats,
@@ -26,10 +28,8 @@ import type { PlanMessage } from "../wire/messages.generated.ts";
 import { sharedNowMs } from "./clock.ts";
 import type { DiskShelf } from "./disk-shelf.ts";
 import { Link } from "./link.ts";
-import { CLIENT } from "./version.ts";
+import { sessionOptionsOf } from "./stream-options.ts";
 import { asStreamError } from "./worker-errors.ts";
-
-const DEFAULT_CREDIT_BYTES = 16 * 1024 * 1024;
 
 /** Picks that wait for an answer; a server answers far fewer at a time. */
 const MAX_PICKS = 64;
@@ -67,18 +67,10 @@ export class StreamCore {
   /** @throws RangeError or StreamError on options that cannot be. */
   constructor(options: StreamOptions, platform: StreamCorePlatform) {
     this.#platform = platform;
-    this.#cacheBytes = options.cacheBytes;
+    const { cacheBytes, ...sessionOptions } = sessionOptionsOf(options);
+    this.#cacheBytes = cacheBytes;
     this.#sceneUrl = options.sceneUrl;
-    this.#session = new ClientSession(
-      {
-        client: options.client ?? CLIENT,
-        budgets: options.budgets,
-        creditBytes: options.creditBytes ?? DEFAULT_CREDIT_BYTES,
-        releaseFactor: options.releaseFactor,
-      },
-      options.cacheBytes,
-      xxh3,
-    );
+    this.#session = new ClientSession(sessionOptions, cacheBytes, xxh3);
     this.#link = new Link({
       session: this.#session,
       url: streamUrl(options.sceneUrl),
@@ -215,7 +207,7 @@ export class StreamCore {
         return { type: "planned", plan: planFacts(event.landing, event.plan) };
       case "arrived":
         this.#platform.disk?.put(event.entry);
-        return { type: "arrived", landing: event.landing, facts: event.entry.facts };
+        return { type: "arrived", landing: event.landing, facts: summaryOf(event.entry.facts) };
       case "ready": {
         const { landing, visible, missing, payloadBytes } = event;
         const readyAtMs = sharedNowMs();
@@ -255,6 +247,11 @@ export class StreamCore {
   }
 }
 
+/** Without the hash, a bigint, which JSON does not have. */
+function summaryOf({ xxh3: _, ...summary }: SegmentFacts): SegmentSummary {
+  return summary;
+}
+
 function planFacts(landing: number, plan: PlanMessage): PlanFacts {
   const reachM = plan.effective_radius_m;
   return {
@@ -263,7 +260,7 @@ function planFacts(landing: number, plan: PlanMessage): PlanFacts {
     radiusM: plan.radius_m,
     effectiveRadiusM: Math.min(reachM, plan.radius_m),
     coarseRadiusM: reachM > plan.radius_m ? reachM : null,
-    load: plan.load,
+    load: plan.load.map(summaryOf),
     keep: plan.keep,
     nearby: plan.nearby,
     loadBytes: plan.load_bytes,

@@ -62,7 +62,8 @@ export function parseJson(bytes: Uint8Array, url: string): unknown {
 /**
  * Fetch a file. The token goes to that server alone: redirects are not followed.
  *
- * @throws StreamError `unreachable` without an answer; the server's code where it refuses; `damaged` where another length
+ * @throws StreamError `unreachable` without an answer; `origin_not_allowed` where there is one that the browser keeps from
+ * this page; the server's code where it refuses; `damaged` where another length
  * comes than must.
  * @throws The signal's reason where it is aborted.
  */
@@ -87,9 +88,33 @@ export async function fetchBytes(
   } catch (error) {
     signal?.throwIfAborted();
     if (error instanceof StreamError) throw error;
-    const text = `no answer from ${url} (${reasonOf(error)}); is the server running, and reachable from here?`;
-    throw new StreamError("unreachable", text, undefined, { cause: error });
+    throw await withoutAnswer(url, signal, error);
   }
+}
+
+/**
+ * Why `fetch` failed: browsers give the same error for a server that is away and for an answer that they keep from the page.
+ * A request whose answer nobody wants to read tells the two apart.
+ */
+async function withoutAnswer(url: string, signal: AbortSignal | undefined, error: unknown): Promise<StreamError> {
+  // Of the page, also in its workers; Node has none.
+  const page = (globalThis as { origin?: string }).origin;
+  const { origin, protocol } = new URL(url, page);
+  const causedBy = { cause: error };
+  if (page !== undefined && page !== origin) {
+    if (protocol === "http:" && page.startsWith("https:") && !/^http:..(localhost|127\.|\[::1\])/.test(origin)) {
+      const text = `a page of ${page} may not load from ${origin}; serve the scene by https too`;
+      return new StreamError("unreachable", text, undefined, causedBy);
+    }
+    const answer = await fetch(url, { method: "HEAD", mode: "no-cors", signal: signal ?? null }).catch(() => null);
+    signal?.throwIfAborted();
+    if (answer !== null) {
+      const text = `${origin} answers, but not to pages of ${page}; start the service with --allow-origin ${page}`;
+      return new StreamError("origin_not_allowed", text, undefined, causedBy);
+    }
+  }
+  const text = `no answer from ${url} (${reasonOf(error)}); is the server running, and reachable from here?`;
+  return new StreamError("unreachable", text, undefined, causedBy);
 }
 
 async function readBody(url: string, response: Response, download: Download): Promise<Uint8Array<ArrayBuffer>> {

@@ -1,0 +1,28 @@
+/** What a stream is opened with: defaults, and what cannot be. PURE. */
+
+import { budgetsFor } from "../budgets.ts";
+import { check } from "../session/checks.ts";
+import { helloMessage, type SessionOptions } from "../session/options.ts";
+import type { StreamOptions } from "../types.ts";
+import { CLIENT } from "./version.ts";
+
+/**
+ * What a session is made with; where nothing is said, as on a desktop computer.
+ *
+ * @throws RangeError on numbers that the protocol does not allow.
+ */
+export function sessionOptionsOf(options: StreamOptions): SessionOptions & { readonly cacheBytes: number } {
+  const { maxTriangles, maxSegments, cacheBytes, creditBytes } = budgetsFor("desktop");
+  const complete = {
+    client: options.client ?? CLIENT,
+    budgets: options.budgets ?? { maxTriangles, maxSegments },
+    creditBytes: options.creditBytes ?? creditBytes,
+    releaseFactor: options.releaseFactor,
+    cacheBytes: options.cacheBytes ?? cacheBytes,
+  };
+  if (!(complete.cacheBytes >= 0)) {
+    throw new RangeError(`got cacheBytes ${complete.cacheBytes}, expected a number of bytes, 0 or more`);
+  }
+  check(helloMessage(complete, []));
+  return complete;
+}
