@@ -92,8 +92,9 @@ def test_everything_by_keyboard(page: Page, server: Service) -> None:
     assert viewer.run("terraport.state.tool") == "measure"
     press("Enter")
     before = viewer.run("terraport.state.measured[0]")
+    frames = viewer.run("terraport.frames")
     page.keyboard.down("KeyW")
-    page.wait_for_timeout(700)
+    viewer.until(f"terraport.frames > {frames} + 10")
     page.keyboard.up("KeyW")
     press("Enter")
     viewer.until("terraport.state.measured.length === 2")
