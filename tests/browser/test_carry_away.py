@@ -92,7 +92,7 @@ def test_the_picture_is_what_is_shown(viewer: DrivenViewer, tmp_path: Path) -> N
 
 
 def test_the_picture_has_the_labels_of_a_measurement(viewer: DrivenViewer, tmp_path: Path) -> None:
-    """At two pixels of the device per pixel of the page, labels are where the page has them."""
+    """Pins and lengths are where the page has them."""
     page = viewer.page
     viewer.look((0.0, 60.0, 40.0), 0.0, -60.0)
     page.keyboard.press("m")
@@ -101,6 +101,7 @@ def test_the_picture_has_the_labels_of_a_measurement(viewer: DrivenViewer, tmp_p
     for share in (0.35, 0.6):
         page.mouse.click(box["x"] + share * box["width"], box["y"] + 0.5 * box["height"])
     viewer.until("document.querySelectorAll('.label[data-kind=measure]').length === 2")
+    page.keyboard.press("i")
     page.click("#tab-landing")
     picture = Image.open(save(page, "save-picture", tmp_path)).convert("RGB")
     pin = page.locator(".label[data-kind=measure]").first.bounding_box()
