@@ -57,7 +57,7 @@ def read(tmp_path: Path, points: np.ndarray, **options: object) -> Read:
         ({3072: 26915, 4096: 5103}, 1.0, 1.0),
         # Systems of the user's own.
         ({3072: 32767, 3076: 9003, 4099: 9003}, US_FOOT, US_FOOT),
-        ({3072: 32767, 1026: "Pit grid", 3076: 9002, 4099: 9001}, FOOT, 1.0),
+        ({3072: 32767, 1026: "Grübe S", 3076: 9002, 4099: 9001}, FOOT, 1.0),
         ({3072: 32767, 3074: 32767, 3075: 1, 2048: 4269, 3076: 9002}, FOOT, FOOT),
         ({3072: 32767, 3076: 32767, 3077: 0.9144}, 0.9144, 0.9144),
         ({3076: 9002}, FOOT, FOOT),
@@ -80,9 +80,7 @@ def test_units_of_the_keys_count(
     is_local = code in (0, 32767)
     assert any("user's own" in text for text in found.warnings) == is_local
     assert found.crs is not None
-    assert CRS.from_wkt(found.crs["wkt"]).is_engineering == (is_local and 4099 not in keys) or (
-        is_local
-    )
+    assert ("Grübe S" in found.crs["name"]) == (1026 in keys)
     if code == 26915:
         assert found.crs["epsg"] in (26915, None)
 

@@ -13,10 +13,8 @@ from typing import Any, Final
 
 import laspy
 from laspy.vlrs.known import (
-    GeoAsciiParamsVlr,
     GeoDoubleParamsVlr,
     GeoKeyDirectoryVlr,
-    WktCoordinateSystemVlr,
 )
 from pyproj import CRS
 from pyproj.crs import CompoundCRS
@@ -28,6 +26,10 @@ from terraport_pipeline.engines.readers.las_blocks import brief
 from terraport_pipeline.engines.readers.survey_crs import UnitDoubt
 
 __all__ = ["LasCrs", "las_crs"]
+
+_WKT: Final = 2112
+_ASCII: Final = 34737
+"""Numbers of records of well-known text, and of the keys' texts."""
 
 _CITATION: Final = 1026
 _GEOGRAPHIC: Final = 2048
@@ -73,7 +75,7 @@ def las_crs(header: laspy.LasHeader) -> LasCrs:
     warning names the other where it says something else.
     """
     records = [*header.vlrs, *(header.evlrs or ())]
-    texts = [r.string.strip(" \0") for r in records if isinstance(r, WktCoordinateSystemVlr)]
+    texts = [text.decode("utf-8", "replace").strip(" \0") for text in _data(records, _WKT)]
     warnings: list[str] = []
     by_text = None
     for text in filter(None, texts):
@@ -99,11 +101,20 @@ def las_crs(header: laspy.LasHeader) -> LasCrs:
     return LasCrs(by_text, (), tuple(warnings))
 
 
+def _data(records: list[Any], number: int) -> list[bytes]:
+    """Return the bytes of records: laspy reads no text that is not ASCII."""
+    return [
+        record.record_data_bytes()
+        for record in records
+        if record.user_id == "LASF_Projection" and record.record_id == number
+    ]
+
+
 class _Keys:
     """Values of the GeoTIFF keys, by number."""
 
     def __init__(self, records: list[Any]) -> None:
-        text = b"".join(r.record_data_bytes() for r in records if isinstance(r, GeoAsciiParamsVlr))
+        text = b"".join(_data(records, _ASCII))
         reals = [
             float(real.value)
             for r in records

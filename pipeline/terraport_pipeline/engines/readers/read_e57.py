@@ -166,10 +166,11 @@ def _stream_image(path: Path, image: Any) -> E57Stream:
     partial = [name for name in partial if not (has_colour and name in _COLOURS)]
     if partial:
         warnings += (f"Not every scan has {', '.join(partial)}; it is NaN in the others.",)
+    crs, notes = _find_crs(root)
     return E57Stream(
         total,
-        _find_crs(root),
-        warnings + _intensity_warnings(scans),
+        crs,
+        warnings + notes + _intensity_warnings(scans),
         late_warnings,
         _COLOURS if has_colour else (),
         {n: limits for n, header in scans if (limits := _colour_limits(header)) is not None},
@@ -391,15 +392,19 @@ def _from_spherical(values: Float64) -> Float64:
     )
 
 
-def _find_crs(root: Any) -> Any | None:
+def _find_crs(root: Any) -> tuple[Any | None, tuple[str, ...]]:
     """Read the CRS from coordinateMetadata, which the standard leaves as free text (WKT mostly)."""
     if not root.isDefined("coordinateMetadata"):
-        return None
+        return None, ()
     text = str(root["coordinateMetadata"].value()).strip()
     try:
-        return CRS.from_user_input(text) if text else None
-    except CRSError:
-        return None
+        return CRS.from_user_input(text) if text else None, ()
+    except CRSError as error:
+        note = (
+            f"The file's coordinate reference system cannot be understood ({_brief(error)}); the "
+            "survey is treated as one without."
+        )
+        return None, (note,)
 
 
 def _brief(error: BaseException) -> str:

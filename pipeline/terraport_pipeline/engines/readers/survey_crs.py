@@ -491,6 +491,18 @@ def _check_area(
             f"export it as {_AXIS_NAMES[units.axes[0]]}, {_AXIS_NAMES[units.axes[1]]}, height; of "
             "a text say --columns y,x,z",
         )
+    for names, turned_x, turned_y in (
+        ("westing and southing", -x, -y),
+        ("southing and westing", -y, -x),
+    ):
+        if area.holds(turned_x, turned_y):
+            raise ReadError(
+                path,
+                f"its coordinates ({where}) lie outside the area of {crs.name}, and within it as "
+                f"{names}: the scene would be turned or a mirror image",
+                "export it as easting, northing, height, or state the CRS that counts so (as "
+                "EPSG:5513 does, and not EPSG:5514)",
+            )
     for name in _OTHER_UNITS:
         share = METRES_PER_UNIT[name] / unit
         if statement.units is None and abs(share - 1) > 0.1 and area.holds(x * share, y * share):
