@@ -205,11 +205,14 @@ def forecast_table(forecast: Mapping[str, Any], title: str) -> Table:
     cores = "core" if forecast["cores"] == 1 else "cores"
     table.add_row("time", f"about {_time(forecast['seconds'])} on {forecast['cores']} {cores}")
     tiles = "one tile" if forecast["tiles"] == 1 else f"{forecast['tiles']:,} tiles"
+    need, allowed = forecast["memory_bytes"] / 2**30, forecast["max_memory_bytes"] / 2**30
     table.add_row(
         "memory",
-        f"about {forecast['memory_bytes'] / 2**30:.1f} GiB of the "
-        f"{forecast['max_memory_bytes'] / 2**30:.1f} it may take; {tiles}, "
-        f"{forecast['workers']} at a time",
+        f"about {need:.1f} GiB of the {allowed:.1f} it may take; {tiles}, "
+        f"{forecast['workers']} at a time"
+        if need <= allowed
+        else f"about {need:.1f} GiB, for regions; allowed are {allowed:.1f}: terraport build "
+        "refuses it without a larger --max-memory or --region-size",
     )
     table.add_row(
         "disk",

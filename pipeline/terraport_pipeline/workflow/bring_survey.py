@@ -28,7 +28,12 @@ from terraport_pipeline.workflow.reconstruct_step import reconstruct_tiles
 from terraport_pipeline.workflow.renew_step import renew_survey, survey_change
 from terraport_pipeline.workflow.runner import Runner
 from terraport_pipeline.workflow.tile_ground import clean_thinned, prepare
-from terraport_pipeline.workflow.tile_memory import WholeForecast, forecast_whole
+from terraport_pipeline.workflow.tile_memory import (
+    WholeForecast,
+    check_cells,
+    count_cells,
+    forecast_whole,
+)
 
 __all__ = ["bring_survey"]
 
@@ -85,6 +90,12 @@ def bring_survey(
         ground = prepare(
             runner, renewed, cleaned, clean_options, reconstruct_options, tiles, in_one_piece
         )
+        points = ground.measured["points"]
+        area_m2 = points * ground.measured["surface_spacing_m"] ** 2
+        # Tiles solve their margins too.
+        faces = ground.forecast.faces * points / int(ground.plan.points.sum())
+        cells = count_cells(segment_options, area_m2, faces)
+        check_cells(cells, segment_options, runner.max_memory_bytes)
         reconstructed = reconstruct_tiles(runner, ground, tiles.cluster)
         facts = reconstructed.facts
         group.facts = replace(facts, warnings=(*anew, *facts.warnings))

@@ -18,9 +18,12 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from terraport_pipeline.geometry.tiles.tile_plan import TilePlan
+from terraport_pipeline.options.regions import Options
 from terraport_pipeline.workflow.tile_memory import (
     CLEAN_BYTES_PER_POINT,
     PROCESS_BYTES,
+    cell_bytes,
+    count_cells,
     forecast_tiles,
 )
 
@@ -146,7 +149,8 @@ class BuildForecast:
     seconds: float
     """With its report, on the cores of this machine were they those of the reference."""
     memory_bytes: int
-    """At the peak, of all processes."""
+    """At the peak, of all processes. More than allowed: regions need it, and the build is
+    refused."""
     scene_bytes: int
     work_bytes: int
     """Work directory beside the scene; it may be deleted."""
@@ -174,6 +178,7 @@ def forecast_build(ground: SolvedGround, *, max_memory_bytes: int, threads: int)
     thinned = min(ground.points, _THINNED_POINTS)
     cleaning = PROCESS_BYTES + CLEAN_BYTES_PER_POINT * thinned
     solving = _BESIDE_TILES_BYTES + tiles.workers * tiles.tile_bytes
+    uniting = cell_bytes(count_cells(Options(), ground.surface_m2, faces))
     handed_out = ground.row_bytes * (ground.points + int(ground.plan.points.sum()))
     per_face = _BYTES_PER_FACE + _BYTES_PER_ATTRIBUTE * ground.attributes
     several = ground.plan.count > 1
@@ -187,7 +192,7 @@ def forecast_build(ground: SolvedGround, *, max_memory_bytes: int, threads: int)
         tile_depth=ground.plan.shape.depth,
         workers=tiles.workers,
         seconds=round(seconds * (1.0 - _PARALLEL_SHARE + shared), 1),
-        memory_bytes=min(max_memory_bytes, max(cleaning, solving)),
+        memory_bytes=max(uniting, min(max_memory_bytes, max(cleaning, solving))),
         scene_bytes=round(_REPORT_BYTES + _BYTES_PER_BASE_FACE * base_faces + per_face * faces),
         work_bytes=round(
             _WORK_BYTES + handed_out + _WORK_BYTES_PER_THINNED * thinned + work_per_face * faces

@@ -41,7 +41,6 @@ from terraport_pipeline.stages.tiles.base_cover import CoverScale, NearBase
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
 from terraport_pipeline.stages.tiles.numbered_regions import NumberedRegions
 from terraport_pipeline.stages.tiles.scene_facts import SceneScale, TiledScene
-from terraport_pipeline.stages.tiles.tile_engines import check_memory
 from terraport_pipeline.stages.tiles.tiled_join import TiledSegmented
 from terraport_pipeline.stages.tiles.tiled_segment import Regions
 from terraport_pipeline.workflow.reconstruct_step import Surface
@@ -53,6 +52,7 @@ from terraport_pipeline.workflow.runner import (
     TileStage,
     for_tiles,
 )
+from terraport_pipeline.workflow.tile_memory import check_cells, count_cells
 
 __all__ = ["Labels", "Segmented", "segment_tiles", "tile_numbers"]
 
@@ -228,7 +228,9 @@ class _Passes:
         def unite(context: Context) -> Regions:
             samples = before.work.load(stood) if before is not None and stood is not None else None
             tiles = units.every()
-            check_memory(tiles, self.options, self.runner.max_memory_bytes)
+            if count_cells(self.options, 1.0, 1.0):  # engine borders: exact now
+                cells = sum(len(tile.arrays["keys"]) for tile in tiles)
+                check_cells(cells, self.options, self.runner.max_memory_bytes)
             return tiled_segment.regions(
                 tiles, scene.seams, scale.value(), self.options, context, before=samples
             )

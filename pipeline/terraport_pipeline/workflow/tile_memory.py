@@ -6,18 +6,26 @@ each stage, above what Python and its libraries take themselves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.errors import OptionError, ResourceError
+from terraport_pipeline.geometry.regions.engine_defaults import BORDERS_SIZE_M
 from terraport_pipeline.geometry.tiles.tile_plan import TilePlan
+from terraport_pipeline.options.regions import Options
+from terraport_pipeline.stages.region_engine import border_segmenter, sized
+from terraport_pipeline.stages.tiles.tile_engines import CELL_BYTES
 
 __all__ = [
     "TileForecast",
     "WholeForecast",
+    "cell_bytes",
+    "check_cells",
     "choose_plan",
+    "count_cells",
     "forecast_tiles",
     "forecast_whole",
     "tiles_fit",
@@ -47,6 +55,10 @@ _HELD_BYTES_PER_POINT: Final = 90
 PARENT_BYTES: Final = 900 * 2**20
 """The build itself while tiles are worked on: the thinned copy (0.2 GB), libraries, buffers. It
 takes up to 1.4 GB earlier and later, when no tile is."""
+
+_LEAST_CELL_SHARE: Final = 0.25
+"""Share of the allowed memory that cells of regions may always take: of a small survey the rest of
+the build takes less than ``PARENT_BYTES``."""
 
 _TILE_DEPTHS: Final = range(8, 11)
 """Two tiles of depth 10 fit into 4 GiB where the ground is no rougher than 1.5 times its plan (and
@@ -249,3 +261,55 @@ def _tile_bytes(plan: TilePlan, points: int, area_m2: float) -> int:
     solving = solver.memory_bytes + _HELD_BYTES_PER_POINT * load
     trimming = TRIM_BYTES_PER_FACE * solver.faces + _HELD_BYTES_PER_POINT * load
     return PROCESS_BYTES + max(cleaning, solving, trimming)
+
+
+def count_cells(options: Options, area_m2: float, faces: float) -> int:
+    """Estimate the cells of ground that engine borders unites at once; 0 for other engines.
+
+    Faces that are as large as cells leave some empty: as many as chance does.
+
+    Parameters
+    ----------
+    options : Options
+        Of regions, as asked.
+    area_m2 : float
+        Area of the surface.
+    faces : float
+        Number of its faces.
+    """
+    if options.engine != "borders" or options.in_one_piece:
+        return 0
+    cell_m = border_segmenter(sized(options, math.sqrt(area_m2))).cell_m
+    cells = area_m2 / cell_m**2
+    return round(-cells * math.expm1(-faces / cells))
+
+
+def cell_bytes(cells: int) -> int:
+    """Forecast the peak of a build while cells are united to regions."""
+    return PARENT_BYTES + CELL_BYTES * cells if cells else 0
+
+
+def check_cells(cells: int, options: Options, max_memory_bytes: int) -> None:
+    """Refuse cells that take more memory than a build allows itself.
+
+    Cells are united over the whole survey at once, whatever its tiles. Their number follows from
+    the surface's area, so this is known before any tile is solved.
+
+    Raises
+    ------
+    ResourceError
+        Says how much memory or which region size would do.
+    """
+    allowed = max(max_memory_bytes - PARENT_BYTES, int(_LEAST_CELL_SHARE * max_memory_bytes))
+    if CELL_BYTES * cells <= allowed:
+        return
+    size_m = options.borders_size_m or BORDERS_SIZE_M
+    # A quarter wider than their number says: fewer of the larger cells are empty.
+    fitting_m = 1.25 * size_m * math.sqrt(CELL_BYTES * cells / allowed)
+    raise ResourceError(
+        f"regions by engine borders: about {cells:,} cells of ground take "
+        f"{cell_bytes(cells) / 2**30:.1f} GiB with the rest of the build; allowed are "
+        f"{max_memory_bytes / 2**30:.1f} GiB: give --max-memory "
+        f"{cell_bytes(cells) / 2**30 + 0.1:.1f}G, --region-size {math.ceil(fitting_m)}m, or "
+        "--engine means"
+    )

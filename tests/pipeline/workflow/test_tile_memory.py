@@ -2,12 +2,22 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
 from terraport_pipeline.errors import OptionError, ResourceError
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice, TilePlan, plan_tiles, tile_shape
-from terraport_pipeline.workflow.tile_memory import choose_plan, forecast_tiles, forecast_whole
+from terraport_pipeline.options.regions import Options
+from terraport_pipeline.workflow.tile_memory import (
+    cell_bytes,
+    check_cells,
+    choose_plan,
+    count_cells,
+    forecast_tiles,
+    forecast_whole,
+)
 
 GIB = 1 << 30
 
@@ -101,3 +111,32 @@ def test_side_by_side_as_memory_and_threads_allow() -> None:
     assert many.tile_bytes == two.tile_bytes
     # Margins included: more faces than the survey's 2.8 per cell.
     assert 1.0 < many.faces / (2.8 * 4096**2) < 1.8
+
+
+def test_cells_of_regions_are_refused_before_any_tile_is_solved() -> None:
+    """Measured: 1.8 M points over 1.8 km2 have 2.3 M cells and stand at 2,729 MiB."""
+    borders = Options()
+    cells = count_cells(borders, 1.8e6, 3.7e6)
+    assert cells == pytest.approx(2.3e6, rel=0.1)
+    assert cell_bytes(cells) == pytest.approx(2729 * 2**20, rel=0.05)
+    check_cells(cells, borders, 3 * GIB)
+    with pytest.raises(ResourceError, match=r"allowed are 2\.2 GiB: give") as refused:
+        check_cells(cells, borders, int(2.2 * GIB))
+    # What it advises fits.
+    advised = re.search(r"--max-memory ([\d.]+)G, --region-size (\d+)m", str(refused.value))
+    assert advised is not None
+    check_cells(cells, borders, int(float(advised[1]) * GIB))
+    larger = Options(borders_size_m=float(advised[2]))
+    check_cells(count_cells(larger, 1.8e6, 3.7e6), larger, int(2.2 * GIB))
+
+
+def test_cells_never_exceed_the_faces_and_other_engines_have_none() -> None:
+    assert count_cells(Options(), 1e6, 1000.0) <= 1000
+    assert count_cells(Options(engine="means"), 1e6, 1e6) == 0
+    # All that 100 M points have: within the 6 GiB that such a build is shown with.
+    widest = count_cells(Options(), 20e6, 200e6)
+    assert cell_bytes(widest) < 6 * GIB
+
+
+def test_a_small_survey_may_use_little_memory() -> None:
+    check_cells(count_cells(Options(), 1600.0, 20_000.0), Options(), 2**28)

@@ -13,7 +13,6 @@ from typing import Any, Final, Protocol
 import numpy as np
 
 from terraport_payload.types import Float32, Float64, Int32
-from terraport_pipeline.errors import ResourceError
 from terraport_pipeline.geometry.borders.border_segmenter import BorderCut, RegionsBefore
 from terraport_pipeline.geometry.borders.cells import (
     CellGraph,
@@ -42,7 +41,7 @@ from terraport_pipeline.stages.region_engine import (
     segmenter_mesh,
 )
 
-__all__ = ["CELL_BYTES", "TileEngine", "check_memory", "tile_engine"]
+__all__ = ["CELL_BYTES", "TileEngine", "tile_engine"]
 
 CELL_BYTES: Final = 850
 """Of a cell of engine borders while all are united: 743 measured on 506,399 cells of a valley
@@ -88,28 +87,6 @@ class TileEngine(Protocol):
     def index(self, mesh: Mesh, units: Stored, scale: MeansScale) -> Float32:
         """Say by which number of every face, (F,), pools are merged to segments."""
         ...
-
-
-def check_memory(tiles: Sequence[Stored], options: Options, max_memory_bytes: int) -> None:
-    """Refuse to unite the cells of engine borders in more memory than a build allows itself.
-
-    They are united over the whole survey at once, whatever its tiles.
-
-    Raises
-    ------
-    ResourceError
-        Says how much it would take.
-    """
-    if options.engine != "borders" or options.in_one_piece:
-        return
-    cells = sum(len(tile.arrays["keys"]) for tile in tiles)
-    need = CELL_BYTES * cells
-    if need > max_memory_bytes:
-        raise ResourceError(
-            f"engine borders: {cells:,} cells of ground take about {need / 2**30:.2f} GiB; allowed "
-            f"are {max_memory_bytes / 2**30:.2f} GiB: raise --max-memory, or --region-size (twice "
-            "as large takes a quarter), or take engine means"
-        )
 
 
 def tile_engine(options: Options) -> TileEngine:
