@@ -100,7 +100,7 @@ def parse_bytes(text: str, what: str = "size") -> int:
     Raises
     ------
     OptionError
-        The text is not a number with k, M, G or T.
+        The text is not a number with k, M, G or T; only a million and more may go without.
 
     Examples
     --------
@@ -108,7 +108,8 @@ def parse_bytes(text: str, what: str = "size") -> int:
     1610612736
     """
     match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([kmgt]?)(?:i?b)?\s*", text.lower())
-    if match is None:
+    # Nobody means 8 bytes by --max-memory 8.
+    if match is None or (not match[2] and float(match[1]) < _SIZES["m"]):
         raise OptionError(f"{what} {text!r}; expected a number with K, M, G or T, for example 8G")
     return int(float(match[1]) * _SIZES[match[2]])
 
@@ -173,7 +174,7 @@ class Notation:
 
 COUNT: Final = Notation("COUNT", parse_count, "{:,}".format)
 LENGTH: Final = Notation("METRES", parse_length, "{:,.10g}".format)
-BYTES: Final = Notation("BYTES", parse_bytes, lambda size: f"{size / 2**20:.10g} MiB")
+BYTES: Final = Notation("BYTES", parse_bytes, lambda size: f"{round(size / 2**20, 3):.10g} MiB")
 EXTENT: Final = Notation(
     "XMIN YMIN XMAX YMAX",
     lambda values, _what: Extent(*values),

@@ -10,6 +10,7 @@ import socket
 import sys
 import time
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import uvicorn
@@ -234,20 +235,29 @@ def _secure_context(settings: Settings) -> SecureContext | None:
     except ImportError:
         what = 'TLS needs pyOpenSSL, expected "terraport[tls]" to be installed'
         raise SettingsError("tls_certificate", what) from None
+    certificate, key = settings.tls_certificate, settings.tls_key
+    _check_pem("tls_certificate", certificate, b"CERTIFICATE-----", "a certificate")
+    _check_pem("tls_key", key, b"PRIVATE KEY-----", "a private key")
+    if b"ENCRYPTED" in key.read_bytes():
+        what = f"got {key}, which is encrypted, expected a key without a passphrase"
+        raise SettingsError("tls_key", f"{what}: openssl pkey -in {key} -out plain.pem")
     try:
-        return SecureContext(settings.tls_certificate, settings.tls_key)
+        return SecureContext(certificate, key)
     except OSError as error:
-        raise _tls_error(settings, error) from None
+        what = f"got {key}, which does not fit {certificate} ({error.strerror or error})"
+        raise SettingsError("tls_key", f"{what}, expected the key of that certificate") from None
 
 
-def _tls_error(settings: Settings, error: OSError) -> SettingsError:
-    """Say which file is missing; OpenSSL's error does not."""
-    for name in ("tls_certificate", "tls_key"):
-        path = getattr(settings, name)
-        if path is not None and not path.is_file():
-            return SettingsError(name, f"there is no file {path}, expected one in PEM")
-    what = f"got {settings.tls_certificate}: {error.strerror or error}"
-    return SettingsError("tls_certificate", f"{what}, expected a certificate and its key in PEM")
+def _check_pem(setting: str, path: Path, mark: bytes, what: str) -> None:
+    """Refuse a file that is missing or holds something else; OpenSSL's error names neither."""
+    try:
+        text = path.read_bytes()
+    except FileNotFoundError:
+        raise SettingsError(setting, f"there is no file {path}, expected one in PEM") from None
+    except OSError as error:
+        raise SettingsError(setting, f"cannot read {path}: {error.strerror}") from None
+    if b"-----BEGIN" not in text or mark not in text:
+        raise SettingsError(setting, f"got {path}, expected {what} in PEM (-----BEGIN ...)")
 
 
 def run(

@@ -116,13 +116,13 @@ def test_bad_counts(text: str) -> None:
 
 @pytest.mark.parametrize(
     ("text", "expected"),
-    [("8G", 8 * 2**30), ("500m", 500 * 2**20), ("1.5 GiB", 3 * 2**29), ("1024", 1024)],
+    [("8G", 8 * 2**30), ("500m", 500 * 2**20), ("1.5 GiB", 3 * 2**29), ("10485760", 10 * 2**20)],
 )
 def test_sizes(text: str, expected: int) -> None:
     assert parse_bytes(text) == expected
 
 
-@pytest.mark.parametrize("text", ["", "G", "-1G", "8X", "1e9", "nan"])
+@pytest.mark.parametrize("text", ["", "G", "-1G", "8X", "1e9", "nan", "8", "4096"])
 def test_sizes_that_are_none(text: str) -> None:
     with pytest.raises(OptionError, match="expected a number"):
         parse_bytes(text)

@@ -145,12 +145,12 @@ def test_help_teaches() -> None:
         (["{dir}", "--port", "70000"], "--port: got 70000, expected a whole number from 0 to 65"),
         (["{dir}", "--tls-key", "x"], "--tls-key: got one of tls_certificate and tls_key"),
         (
-            ["{dir}", "--tls-key", "{dir}/x", "--tls-certificate", "{dir}/file"],
-            "--tls-key: there is no file {dir}/x, expected one in PEM",
+            ["{dir}", "--tls-key", "{dir}/file", "--tls-certificate", "{dir}/x"],
+            "--tls-certificate: there is no file {dir}/x, expected one in PEM",
         ),
         (
             ["{dir}", "--tls-key", "{dir}/file", "--tls-certificate", "{dir}/file"],
-            "--tls-certificate: got {dir}/file: ",
+            "--tls-certificate: got {dir}/file, expected a certificate in PEM",
         ),
     ],
 )

@@ -87,7 +87,7 @@ def test_a_folder_and_a_pattern_become_a_scene_and_say_what_was_read(tmp_path: P
         (
             ["--max-memory", "1k"],
             2,
-            "error: max memory 0.0009765625 MiB; expected at least 256 MiB",
+            "error: max memory 0.001 MiB; expected at least 256 MiB",
         ),
         (["--max-points", "10"], 2, "error: max points 10; expected at least 50"),
         (["--threads", "0"], 2, "error: threads 0; expected at least 1"),
