@@ -46,11 +46,13 @@ def region_rows(
     -------
     list of dict
         One row per region with ``stable_id`` (None where regions have none), ``label`` ("" for
-        none), ``region``, and, None where the file does not say: ``area_m2``, ``faces``,
+        none), ``region``, and, None where the file does not say: ``plan_area_m2``,
+        ``surface_area_m2``, ``above_toe_m3``, ``below_toe_m3``, ``toe_uncertainty_m3``,
+        ``objects_m3``, ``overhang_m3``, ``faces``,
         ``east_m``, ``north_m``, ``height_m`` (of the centre, in the survey's coordinates),
         ``lowest_m``, ``highest_m``, ``mean_colour`` (``#rrggbb``), ``slope_deg``, ``roughness_m``.
         Of a scene that was built over another also ``cut_m3``, ``fill_m3`` and
-        ``volume_uncertainty_m3``; of one that was taught ``class`` and ``confidence``. Equal
+        ``change_uncertainty_m3``; of one that was taught ``class`` and ``confidence``. Equal
         areas: by region.
     """
     rows = []
@@ -69,7 +71,9 @@ def region_rows(
                 "stable_id": names.stable_id(region),
                 "label": names.label(region) or "",
                 "region": region,
-                "area_m2": _number(values.get("area_m2")),
+                "plan_area_m2": _number(values.get("plan_area_m2")),
+                "surface_area_m2": _number(values.get("area_m2")),
+                **_toe_volumes(values.get("volume")),
                 "faces": _number(values.get("faces")),
                 "east_m": _sum(origin[0], x, 1),
                 "north_m": _sum(origin[1], z, -1),
@@ -79,7 +83,7 @@ def region_rows(
                 "mean_colour": _css(values.get("mean_colour")),
                 "slope_deg": _number(steep.get("mean")),
                 "roughness_m": _number(values.get("roughness_m")),
-                **(_volumes(values.get("change")) if was_renewed else {}),
+                **(_change_volumes(values.get("change")) if was_renewed else {}),
                 **(
                     {
                         "class": _word(values.get("class")),
@@ -90,7 +94,7 @@ def region_rows(
                 ),
             }
         )
-    rows.sort(key=lambda row: (-(_number(row["area_m2"]) or 0.0), row["region"]))
+    rows.sort(key=lambda row: (-(_number(row["surface_area_m2"]) or 0.0), row["region"]))
     return rows
 
 
@@ -232,13 +236,25 @@ def _text(path: Path) -> str:
         ) from None
 
 
-def _volumes(change: object) -> dict[str, float | None]:
-    """Volumes of a region; 0 where none of its ground moved."""
+def _toe_volumes(volume: object) -> dict[str, float | None]:
+    """Volumes of a region at its toe; None where it has none."""
+    values: Mapping[str, Any] = volume if isinstance(volume, Mapping) else {}
+    return {
+        "above_toe_m3": _number(values.get("above_m3")),
+        "below_toe_m3": _number(values.get("below_m3")),
+        "toe_uncertainty_m3": _number(values.get("uncertainty_m3")),
+        "objects_m3": _number(values.get("objects_m3")),
+        "overhang_m3": _number(values.get("overhang_m3")),
+    }
+
+
+def _change_volumes(change: object) -> dict[str, float | None]:
+    """Volumes of cut and fill of a region; 0 where none of its ground moved."""
     values: Mapping[str, Any] = change if isinstance(change, Mapping) else {}
     return {
         "cut_m3": _number(values.get("cut_m3", 0.0)),
         "fill_m3": _number(values.get("fill_m3", 0.0)),
-        "volume_uncertainty_m3": _number(values.get("uncertainty_m3", 0.0)),
+        "change_uncertainty_m3": _number(values.get("uncertainty_m3", 0.0)),
     }
 
 

@@ -100,7 +100,7 @@ def rebuilt(built: Built, tmp_path_factory: pytest.TempPathFactory) -> Rebuilt:
     with table.open(encoding="utf-8-sig", newline="") as file:
         rows = list(csv.DictReader(file))
     for row in rows:
-        row["label"] = f"piece {row['stable_id']} of {row['area_m2']} m²"
+        row["label"] = f"piece {row['stable_id']} of {row['surface_area_m2']} m²"
     with table.open("w", encoding="utf-8", newline="") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()

@@ -27,6 +27,14 @@ DOCUMENT: dict[str, Any] = {
             "stable_id": 2,
             "label": "rock",
             "area_m2": 99.25,
+            "plan_area_m2": 88.5,
+            "volume": {
+                "above_m3": 7.0,
+                "below_m3": 0.5,
+                "uncertainty_m3": 1.25,
+                "objects_m3": 0.0,
+                "overhang_m3": 2.0,
+            },
             "faces": 40,
             "centroid": [10.0, 2.5, -3.0],
             "height_m": {"min": 1.0, "mean": 2.5, "max": 4.125},
@@ -40,11 +48,13 @@ DOCUMENT: dict[str, Any] = {
 NAMES = RegionNames.of(DOCUMENT).with_labels({4: "pile, old", 7: "gone"})
 
 TABLE = """\
-stable_id,label,region,area_m2,faces,east_m,north_m,height_m,lowest_m,highest_m,mean_colour,\
-slope_deg,roughness_m
-2,rock,1,99.25,40,500010.0,8000003.0,102.5,101.0,104.125,#ff8000,11.5,0.0125
-4,"pile, old",0,12.5,7,,,,,,,,
-9,,2,12.5,9,,,,,,,,
+stable_id,label,region,plan_area_m2,surface_area_m2,above_toe_m3,below_toe_m3,toe_uncertainty_m3,\
+objects_m3,overhang_m3,faces,east_m,north_m,height_m,lowest_m,highest_m,mean_colour,slope_deg,\
+roughness_m
+2,rock,1,88.5,99.25,7.0,0.5,1.25,0.0,2.0,40,500010.0,8000003.0,102.5,101.0,104.125,#ff8000,11.5,\
+0.0125
+4,"pile, old",0,,12.5,,,,,,7,,,,,,,,
+9,,2,,12.5,,,,,,9,,,,,,,,
 """
 
 
@@ -60,7 +70,7 @@ def test_volumes_of_a_scene_that_was_built_over_another() -> None:
     first, *others = DOCUMENT["regions"]
     document = {**DOCUMENT, "change": {}, "regions": [{**first, "change": change}, *others]}
     rows = region_rows(NAMES, document, ORIGIN)
-    names = ("cut_m3", "fill_m3", "volume_uncertainty_m3")
+    names = ("cut_m3", "fill_m3", "change_uncertainty_m3")
     assert tuple(rows[0])[-3:] == names
     by_region = {row["region"]: [row[name] for name in names] for row in rows}
     assert by_region == {0: [12.5, 0.25, 1.5], 1: [0.0] * 3, 2: [0.0] * 3}

@@ -61,8 +61,8 @@ def diff(
 
     A segment is kept where number and bytes are the same: a client that has been in A does not load
     it again for B. Regions are compared by their stable ids. Heights are compared from straight
-    above, where segments differ, on at most a million pixels: least and greatest change, and the
-    volumes cut and filled.
+    above, where segments differ, on at most a million pixels: least and greatest change. Volumes of
+    cut and fill are those of the build, of a survey that was built over the one before: without B.
 
     Exit status 0: the same version under the same labels. 1: they differ. 2: an error.
 
@@ -132,7 +132,7 @@ def _facts(
 
     first, second = (side_facts(side) for side in sides)
     shares = ("kept", "changed", "new", "gone", "renumbered")
-    change = sides[1].regions.get("change") if sides[1].manifest is not None else None
+    change = sides[1].regions.get("change") if sides[0].manifest is None else None
     return {
         "same": difference.is_same,
         "a": first,
@@ -146,8 +146,8 @@ def _facts(
         },
         "heights": None if ground is None else asdict(ground),
         "heights_problem": problem,
-        # Of a scene that was built over the version before: by the surveys' own points.
-        "change_by_survey": change.get("whole") if isinstance(change, dict) else None,
+        # Of the build over the version before; of two scenes nobody has measured it.
+        "change": change.get("whole") if isinstance(change, dict) else None,
         "options": {name: list(values) for name, values in difference.options.items()},
     }
 
@@ -227,9 +227,9 @@ def _ground_lines(facts: dict[str, Any]) -> list[str]:
     ground = facts["heights"]
     if ground is not None:
         lines.append(
-            f"heights: {ground['lowest_m']:+,.2f} to {ground['highest_m']:+,.2f} m, cut "
-            f"{ground['cut_m3']:,.1f} m³, fill {ground['fill_m3']:,.1f} m³, on "
+            f"heights: {ground['lowest_m']:+,.2f} to {ground['highest_m']:+,.2f} m on "
             f"{ground['area_m2']:,.0f} m² where segments differ (pixels of {ground['step_m']:g} m)"
+            "; for volumes of cut and fill build the survey of B over the scene A"
         )
     elif facts["segments"]["kept"]["segments"] == facts["a"]["segments"] == facts["b"]["segments"]:
         lines.append("heights: the same, every segment is kept")
@@ -237,12 +237,11 @@ def _ground_lines(facts: dict[str, Any]) -> list[str]:
         lines.append(f"heights: not compared, {facts['heights_problem']}")
     else:
         lines.append("heights: no ground of both where segments differ")
-    measured = facts["change_by_survey"]
+    measured = facts["change"]
     if measured is not None:
         lines.append(
-            f"by the surveys' points, when B was built over the version before it: cut "
-            f"{measured['cut_m3']:,.1f} m³, fill {measured['fill_m3']:,.1f} m³ "
-            f"(± {measured['uncertainty_m3']:,.1f})"
+            f"volumes of the build: cut {measured['cut_m3']:,.1f} m³, fill "
+            f"{measured['fill_m3']:,.1f} m³, each ± {measured['uncertainty_m3']:,.1f} m³"
         )
     return lines
 
@@ -257,12 +256,12 @@ def _show_regions(console: Console, regions: dict[str, Any]) -> None:
     )
     if not rows:
         return
-    table = _plain_table("stable id", "", "label", "m² in A", "m² in B")
+    table = _plain_table("stable id", "", "label", "surface m² in A", "surface m² in B")
     for row in rows[:_REGIONS]:
         label = row["label"] if row["label"] is not None else row["label_before"]
         if row["state"] == "renamed" or (row["label_before"] or label) != label:
             label = f"{row['label_before'] or '(none)'} -> {row['label'] or '(none)'}"
-        areas = (row["area_before_m2"], row["area_m2"])
+        areas = (row["surface_area_before_m2"], row["surface_area_m2"])
         cells = ("" if area is None else f"{area:,.0f}" for area in areas)
         table.add_row(str(row["stable_id"]), row["state"], Text(label), *cells)
     console.print(table)

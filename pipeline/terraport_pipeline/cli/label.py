@@ -206,7 +206,16 @@ def regions_table(rows: list[dict[str, Any]], shown: int) -> Table:
         pad_edge=False,
         padding=(0, 2, 0, 0),
     )
-    for name in ("stable id", "label", "area m²", "slope °", "rough m", "from m", "to m", "colour"):
+    for name in (
+        "stable id",
+        "label",
+        "surface m²",
+        "slope °",
+        "rough m",
+        "from m",
+        "to m",
+        "colour",
+    ):
         table.add_column(
             name,
             justify="left" if name in ("label", "colour") else "right",
@@ -218,7 +227,7 @@ def regions_table(rows: list[dict[str, Any]], shown: int) -> Table:
         table.add_row(
             _cell(row["stable_id"], "{}"),
             Text(row["label"]),
-            _cell(row["area_m2"], "{:,.0f}"),
+            _cell(row["surface_area_m2"], "{:,.0f}"),
             _cell(row["slope_deg"], "{:.0f}"),
             _cell(row["roughness_m"], "{:.3f}"),
             _cell(row["lowest_m"], "{:.0f}"),

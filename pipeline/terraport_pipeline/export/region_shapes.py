@@ -25,12 +25,22 @@ __all__ = ["region_shapes", "write_region_shapes"]
 
 _PROPERTIES: Final = {
     "stable_id": "region", "label": "name", "class": "class", "confidence": "confidence",
-    "area_m2": "area_m2", "mean_colour": "colour", "slope_deg": "slope_deg",
-    "roughness_m": "rough_m", "lowest_m": "lowest_m", "highest_m": "highest_m", "cut_m3": "cut_m3",
-    "fill_m3": "fill_m3",
+    "plan_area_m2": "plan_area_m2", "surface_area_m2": "surface_area_m2",
+    "above_toe_m3": "above_toe_m3", "below_toe_m3": "below_toe_m3",
+    "toe_uncertainty_m3": "toe_uncertainty_m3", "objects_m3": "objects_m3",
+    "overhang_m3": "overhang_m3", "cut_m3": "cut_m3", "fill_m3": "fill_m3",
+    "change_uncertainty_m3": "change_uncertainty_m3", "mean_colour": "colour",
+    "slope_deg": "slope_deg", "roughness_m": "rough_m", "lowest_m": "lowest_m",
+    "highest_m": "highest_m",
 }  # fmt: skip
-"""What is written of a region by its name in the table of regions. At most ten characters each:
-Shapefiles cut longer ones."""
+"""What is written of a region by its name in the table of regions."""
+
+_SHORT: Final = {
+    "plan_area_m2": "plan_m2", "surface_area_m2": "surface_m2", "above_toe_m3": "above_m3",
+    "below_toe_m3": "below_m3", "toe_uncertainty_m3": "toe_unc_m3", "overhang_m3": "overh_m3",
+    "change_uncertainty_m3": "chg_unc_m3",
+}  # fmt: skip
+"""Names in a Shapefile, which holds ten characters."""
 
 _NO_LAYER_NAME: Final = re.compile(r'[<>/\\":;?*|=`,\x00-\x1f]')
 """What CAD programs refuse in the name of a layer."""
@@ -64,10 +74,15 @@ def write_region_shapes(path: Path, selected: SelectedScene, progress: Progress)
     scene, frame, selection = selected.scene, selected.frame, selected.selection
     ground = read_ground(scene, progress)
     wanted = selection.regions
-    shapes = region_shapes(ground, frame, progress, wanted)
+    shapes, cut = region_shapes(ground, frame, progress, wanted), 0
     if selection.extent is not None:
         box = shapely.box(*selection.extent.values)
-        shapes = {number: _areas(shape.intersection(box)) for number, shape in shapes.items()}
+        whole = shapes
+        shapes = {number: _areas(shape.intersection(box)) for number, shape in whole.items()}
+        cut = sum(
+            not shape.is_empty and shape.area < whole[number].area * (1.0 - 1e-9)
+            for number, shape in shapes.items()
+        )
     rows = region_rows(ground.names, ground.document, scene.manifest.origin)
     kept = [row for row in rows if not shapes.get(row["region"], shapely.MultiPolygon()).is_empty]
     if not kept:
@@ -77,13 +92,18 @@ def write_region_shapes(path: Path, selected: SelectedScene, progress: Progress)
         _write_drawing(path, kept, outlines, frame)
     else:
         columns = {
-            title: [row.get(key) if row.get(key) != "" else None for row in kept]
+            _SHORT.get(title, title) if path.suffix.lower() == ".shp" else title: [
+                row.get(key) if row.get(key) != "" else None for row in kept
+            ]
             for key, title in _PROPERTIES.items()
             if any(row.get(key) not in (None, "") for row in kept) or key == "label"
         }
         write_shapes(path, "regions", "MultiPolygon", outlines, columns, frame)
     named = sum(bool(row["label"]) for row in kept)
-    return {"regions": f"{len(kept):,}", "with a name": f"{named:,}"}
+    said = {"regions": f"{len(kept):,}", "with a name": f"{named:,}"}
+    if cut:
+        said["cut by the extent"] = f"{cut:,}; their areas and volumes are of the whole regions"
+    return said
 
 
 def region_shapes(

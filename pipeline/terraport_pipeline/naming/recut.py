@@ -16,11 +16,14 @@ from terraport_payload.types import Float64, Int32, Int64
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.clouds.height_changes import HEIGHT_CHANGE
 from terraport_pipeline.geometry.regions.region_match import Overlaps, carry_ids, match_regions
+from terraport_pipeline.geometry.regions.region_plan import RASTER, measure_plan, with_plan
 from terraport_pipeline.geometry.regions.region_totals import (
     slope_bins,
     tile_totals,
     totals_document,
 )
+from terraport_pipeline.geometry.regions.toe_volumes import SurveyNoise
+from terraport_pipeline.geometry.regions.top_surface import TopSurface
 from terraport_pipeline.naming.views import best_views
 from terraport_pipeline.published.ground import Ground
 
@@ -322,13 +325,15 @@ def _rows(ground: Ground, regions: Int32, count: int) -> list[dict[str, Any]]:
         roughness_scale_m=scale_m,
         bins=slope_bins(count),
     )
-    rows: list[dict[str, Any]] = totals_document(totals, list(attributes), scale_m)["regions"]
     old_rows = document["regions"]
     was, is_now = np.bincount(ground.region_of_face), np.bincount(regions)
     same = np.zeros(count, np.bool_)
     stays = min(count, len(was))
     in_place = np.bincount(regions[regions == ground.region_of_face], minlength=count)
     same[:stays] = (was[:stays] == is_now[:stays]) & (in_place[:stays] == is_now[:stays])
+    plan = _plan(ground, regions, count, frozenset(np.flatnonzero(~same).tolist()))
+    facts = with_plan(totals_document(totals, list(attributes), scale_m), plan)
+    rows: list[dict[str, Any]] = facts["regions"]
     for number in np.flatnonzero(same).tolist():
         rows[number] = {
             **old_rows[number],
@@ -339,11 +344,23 @@ def _rows(ground: Ground, regions: Int32, count: int) -> list[dict[str, Any]]:
     return rows
 
 
+def _plan(ground: Ground, regions: Int32, count: int, wanted: frozenset[int]) -> dict[str, Any]:
+    """Measure what regions are seen from above, by the raster that the build measured them by."""
+    mesh, raster = ground.mesh, ground.document.get(RASTER, {})
+    spacing_m = raster.get("spacing_m")
+    cell_m = raster.get("cell_m") or float(np.sqrt(2.0 * ground.area.mean()))
+    survey = None if spacing_m is None else SurveyNoise(spacing_m, raster["noise_m"])
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    top = TopSurface.over(low, high, count, cell_m)
+    top.add(mesh.vertices, mesh.faces, regions)
+    return measure_plan(top, survey, wanted)
+
+
 def _share_changes(ground: Ground, regions: Int32, rows: list[dict[str, Any]], same: Any) -> None:
     """Share the volumes of cut and fill of regions out over what became of them.
 
     By the height difference that faces have and their area seen from above; where no face has any,
-    by that area. A region's volumes add up to what they were.
+    by that area. A region's volumes add up to what they were; its uncertainty to no less.
     """
     old_rows = ground.document["regions"]
     changed = [n for n, row in enumerate(old_rows) if isinstance(row.get("change"), dict)]
@@ -374,7 +391,11 @@ def _share_changes(ground: Ground, regions: Int32, rows: list[dict[str, Any]], s
         for key in _OF_SHARES:
             share = np.bincount(at, weights[key][here])
             share = by_plan if share.sum() <= 0.0 else share
-            part = float(old_rows[number]["change"].get(key, 0.0)) * share / share.sum()
+            share = share / share.sum()
+            if key == "uncertainty_m3":
+                # As of independent errors, which add up to no less than those of the whole.
+                share = np.sqrt(share)
+            part = float(old_rows[number]["change"].get(key, 0.0)) * share
             for heir, value in zip(heirs.tolist(), part.tolist(), strict=True):
                 if value > 0.0:
                     volumes = rows[heir].setdefault("change", dict.fromkeys(_OF_SHARES, 0.0))

@@ -39,17 +39,17 @@ def name_table(
     groups: dict[str, list[dict[str, Any]]] = {}
     for row in rows:
         groups.setdefault(row["label"], []).append(row)
-    whole = sum(row["area_m2"] or 0.0 for row in rows)
+    whole = sum(row["surface_area_m2"] or 0.0 for row in rows)
     has_volumes = any("cut_m3" in row for row in rows)
     has_confidence = any(row.get("confidence") is not None for row in rows)
-    columns = ["regions", f"area {unit.name}²", "share"]
+    columns = ["regions", f"plan area {unit.name}²", f"surface area {unit.name}²", "share"]
     if has_volumes:
-        columns += [f"cut {unit.volume_name}", f"fill {unit.volume_name}"]
+        columns += [f"{name} {unit.volume_name}" for name in ("cut", "fill", "±")]
     if has_confidence:
         columns.append("confidence")
 
     def area(name: str) -> float:
-        return sum(row["area_m2"] or 0.0 for row in groups[name])
+        return sum(row["surface_area_m2"] or 0.0 for row in groups[name])
 
     ordered = sorted(groups, key=lambda name: (not name, -area(name), name))
     table = []
@@ -58,11 +58,13 @@ def name_table(
         cells = [
             name or _WITHOUT,
             f"{len(of_name):,}",
+            unit.area_value(sum(row["plan_area_m2"] or 0.0 for row in of_name)),
             unit.area_value(area(name)),
             f"{100 * area(name) / whole:.1f} %" if whole else "",
         ]
         if has_volumes:
-            for key in ("cut_m3", "fill_m3"):
+            # Uncertainties add up as of surveys that are apart throughout: none is too small.
+            for key in ("cut_m3", "fill_m3", "change_uncertainty_m3"):
                 volume = sum(row.get(key) or 0.0 for row in of_name)
                 cells.append(unit.volume_value(volume))
         if has_confidence:
@@ -73,7 +75,9 @@ def name_table(
 
 def _confidence(rows: Sequence[dict[str, Any]]) -> str:
     known = [
-        (r["area_m2"] or 0.0, r["confidence"]) for r in rows if r.get("confidence") is not None
+        (r["surface_area_m2"] or 0.0, r["confidence"])
+        for r in rows
+        if r.get("confidence") is not None
     ]
     total = sum(area for area, _ in known)
     return f"{sum(area * value for area, value in known) / total:.2f}" if total else ""

@@ -279,7 +279,7 @@ def _regions(scene: Scene) -> tuple[tuple[str, ...], tuple[dict[str, Any], ...],
     colours = distinct_colours(len(rows))
     columns: tuple[str, ...] = (
         "label",
-        f"area {unit.name}²",
+        f"surface {unit.name}²",
         "triangles",
         "mean colour",
         "slope",
@@ -344,7 +344,7 @@ def _region_cells(row: Mapping[str, Any], unit: SurveyUnit) -> list[dict[str, st
     low, high = row["lowest_m"], row["highest_m"]
     texts = (
         row["label"],
-        _formatted(row["area_m2"], "{:,.0f}", unit.plan_m**2),
+        _formatted(row["surface_area_m2"], "{:,.0f}", unit.plan_m**2),
         _formatted(row["faces"], "{:,.0f}"),
         "",
         _formatted(row["slope_deg"], "{:.0f}°"),

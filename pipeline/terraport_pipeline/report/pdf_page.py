@@ -359,7 +359,7 @@ class _Sheet:
         self._text(left, top - 8.0, "Regions: areas and volumes", 8.0, font=_BOLD, width=width)
         y = top - 20.0
         heads = (f"plan {area}", f"surface {area}", f"above toe {volume}", f"below toe {volume}")
-        first = max(width - 4 * 48.0, width * 0.25)
+        first = max(width - 4 * 52.0, width * 0.25)
         step = (width - first) / 4
         for number, head in enumerate(heads):
             self._text(

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from scipy import ndimage
 
 from terraport_payload.types import AnyFloat, Float32
 from terraport_pipeline.engines.palettes import distinct_colours
 from terraport_pipeline.geometry.photos.lens import View
 from terraport_pipeline.geometry.photos.view_cover import cover_points
-from terraport_pipeline.geometry.regions.toe_volumes import ToeVolume, toe_volumes
 from terraport_pipeline.model import Mesh
 from terraport_pipeline.region_table import region_rows
 from terraport_pipeline.report.accuracy import PERCENTILES, REACH_SPACINGS, Accuracy
@@ -54,15 +54,22 @@ FAR_SHARE: Final = 0.01
 
 OVERLAP_POINTS: Final = 20_000
 
+LOOSE_SHARE: Final = 0.03
+"""Share of a volume from which what may not be material is named."""
+
+MAX_LOOSE: Final = 5
+"""Regions that are named for it."""
+
 ACCURACY_UNKNOWN: Final = (
     "Unknown: the survey's points are not at hand. They are in the build's work directory; "
     "terraport report SCENE --work DIR looks for them there, --survey FILE reads them again."
 )
 
 VOLUME_NOTE: Final = (
-    "Numbers stand on the plan. Volumes lie above and below the surface triangulated between the "
-    "points of the region's border (its toe; inner borders too), as for a stockpile on uneven "
-    "ground."
+    "Numbers are on the plan. Plan area: ground of which the region is the highest surface. "
+    "Volumes are between the highest surface and the one triangulated between points around the "
+    "region (its toe; inner borders too). ±: half the 95 % interval by noise and spacing of the "
+    "points and the placement of the toe; none where the noise is not known."
 )
 
 _COLOUR: Final = {
@@ -191,8 +198,8 @@ def surveyor_facts(
     sheet = plan_sheet(east + plan.west_m, north - plan.north_m, wide_m, deep_m, unit)
     low, high = _box(scene)
     size = high - low
-    # (2) Regions: areas of the build, volumes of the plan's raster.
-    regions, region_total, regions_note = _regions(scene, plan)
+    # (2) Regions: areas and volumes of the build.
+    regions, region_total, regions_note, loose = _regions(scene, plan)
     # (3) Figures, and what to look out for.
     known = [] if accuracy is None else accuracy_figures(accuracy, unit)
     return SurveyorFacts(
@@ -219,6 +226,7 @@ def surveyor_facts(
         change=_change(scene.regions, unit),
         warnings=(
             *_own_warnings(manifest, accuracy, spacing_m, unit, has_crs=has_crs),
+            *loose,
             *manifest.build.warnings,
         ),
         notes=manifest.build.choices,
@@ -338,12 +346,12 @@ def _surface_area_m2(scene: Scene, detail: Mesh) -> float | None:
     return float(np.linalg.norm(across, axis=1).sum() / 2.0)
 
 
-def _regions(scene: Scene, plan: Plan) -> tuple[tuple[RegionLine, ...], int, str]:
+def _regions(scene: Scene, plan: Plan) -> tuple[tuple[RegionLine, ...], int, str, tuple[str, ...]]:
     """Tabulate the largest regions, largest first; how many there are; what to know of them."""
     try:
         names = RegionNames.of(scene.regions, file=scene.manifest.files["regions.json"].path)
     except DamagedSceneError as error:
-        return (), 0, str(error)
+        return (), 0, str(error), ()
     problem = ""
     try:
         names = names.with_labels(read_labels(scene.path))
@@ -351,49 +359,98 @@ def _regions(scene: Scene, plan: Plan) -> tuple[tuple[RegionLine, ...], int, str
         problem = f" Labels are left out: {error}."
     rows = region_rows(names, scene.regions, scene.manifest.origin)
     if not rows:
-        return (), 0, f"The scene has no regions.{problem}"
+        return (), 0, f"The scene has no regions.{problem}", ()
     seen = np.bincount(plan.region[plan.region >= 0], minlength=len(rows)) * plan.cell_m**2
-    if not any(row["area_m2"] for row in rows):
+    if not any(row["surface_area_m2"] for row in rows):
         rows.sort(key=lambda row: (-float(seen[row["region"]]), row["region"]))
     shown = rows[:MAX_REGIONS]
-    volumes = toe_volumes(plan.height_m, plan.region, plan.cell_m, [row["region"] for row in shown])
+    boxes = ndimage.find_objects(plan.region + 1)
     colours = distinct_colours(len(rows))
     lines = tuple(
-        _region_line(row, colours[row["region"]], volumes.get(row["region"]), scene, plan, seen)
-        for row in shown
+        _region_line(row, colours[row["region"]], boxes, scene, plan, seen) for row in shown
     )
-    return lines, len(rows), f"{VOLUME_NOTE}{problem}"
+    return lines, len(rows), f"{VOLUME_NOTE}{problem}", _loose_parts(rows, scene)
+
+
+def _loose_parts(rows: Sequence[Mapping[str, Any]], scene: Scene) -> tuple[str, ...]:
+    """Name the regions of whose volume a part may not be material."""
+    unit, found = SurveyUnit.of(scene.manifest), []
+    for row in rows:
+        above_m3, below_m3 = row["above_toe_m3"], row["below_toe_m3"]
+        if above_m3 is None or below_m3 is None or above_m3 <= below_m3:
+            continue
+        least_m3 = max(LOOSE_SHARE * above_m3, (row["toe_uncertainty_m3"] or 0.0) / 2)
+        for key, what in (
+            ("objects_m3", "may be trees, machines or walls (flanks steeper than 45°)"),
+            ("overhang_m3", "is empty space under overhangs"),
+        ):
+            part_m3 = min(row[key] or 0.0, above_m3)
+            if part_m3 > least_m3:
+                text = (
+                    f"{_name(row)}: up to {unit.volume(part_m3)} ({part_m3 / above_m3:.0%}) of "
+                    f"the {unit.volume(above_m3)} above its toe {what}; "
+                    f"{unit.volume(above_m3 - part_m3)} without."
+                )
+                found.append((part_m3, text))
+    found.sort(key=lambda pair: -pair[0])
+    return tuple(text for _, text in found[:MAX_LOOSE])
+
+
+def _name(row: Mapping[str, Any]) -> str:
+    number = row["region"] if row["stable_id"] is None else row["stable_id"]
+    return f"{number} · {row['label']}" if row["label"] else f"region {number}"
+
+
+def _middle(plan: Plan, number: int, box: tuple[slice, slice] | None) -> tuple[float, float] | None:
+    """Find the place that is furthest from a region's border: shares of width and height."""
+    if box is None:
+        return None
+    depth = ndimage.distance_transform_edt(np.pad(plan.region[box] == number, 1))[1:-1, 1:-1]
+    row, column = np.unravel_index(int(depth.argmax()), depth.shape)
+    rows, columns = plan.region.shape
+    return (
+        (box[1].start + float(column) + 0.5) / columns,
+        (box[0].start + float(row) + 0.5) / rows,
+    )
+
+
+def _with_uncertainty(value_m3: float | None, row: Mapping[str, Any], unit: SurveyUnit) -> str:
+    if value_m3 is None:
+        return ""
+    either = row["toe_uncertainty_m3"]
+    text = unit.volume_value(value_m3)
+    return text if either is None else f"{text} ± {unit.volume_value(either)}"
 
 
 def _region_line(
     row: Mapping[str, Any],
     colour: Any,
-    volume: ToeVolume | None,
+    boxes: Sequence[tuple[slice, slice] | None],
     scene: Scene,
     plan: Plan,
     seen_m2: AnyFloat,
 ) -> RegionLine:
     unit = SurveyUnit.of(scene.manifest)
-    facts = scene.regions["regions"][row["region"]]
-    plan_m2 = facts.get("plan_area_m2") if isinstance(facts, Mapping) else None
-    plan_m2 = float(seen_m2[row["region"]]) if plan_m2 is None else plan_m2
-    rows, columns = plan.height_m.shape
+    region, plan_m2 = row["region"], row["plan_area_m2"]
+    plan_m2 = float(seen_m2[region]) if plan_m2 is None else plan_m2
     number = str(row["region"] if row["stable_id"] is None else row["stable_id"])
     low, high = row["lowest_m"], row["highest_m"]
     red, green, blue = (int(level) for level in colour)
     return RegionLine(
-        name=f"{number} · {row['label']}" if row["label"] else f"region {number}",
+        name=_name(row),
         number=number,
         colour=f"#{red:02x}{green:02x}{blue:02x}",
         plan_area=unit.area_value(plan_m2),
-        surface_area="" if row["area_m2"] is None else unit.area_value(row["area_m2"]),
+        surface_area=""
+        if row["surface_area_m2"] is None
+        else unit.area_value(row["surface_area_m2"]),
         slope="" if row["slope_deg"] is None else f"{row['slope_deg']:.0f}°",
         heights=(
             "" if low is None or high is None else f"{unit.height(low)} to {unit.height(high)}"
         ),
-        above="" if volume is None else unit.volume_value(volume.above_m3),
-        below="" if volume is None else unit.volume_value(volume.below_m3),
-        place=(None if volume is None else (volume.middle[1] / columns, volume.middle[0] / rows)),
+        above=_with_uncertainty(row["above_toe_m3"], row, unit),
+        below=_with_uncertainty(row["below_toe_m3"], row, unit),
+        place=_middle(plan, region, boxes[region] if region < len(boxes) else None),
     )
 
 
@@ -412,7 +469,7 @@ def _change(document: Mapping[str, Any], unit: SurveyUnit) -> tuple[Figure, ...]
     return (
         Figure("cut", unit.volume(value("cut_m3")), either),
         Figure("fill", unit.volume(value("fill_m3")), either),
-        Figure("changed ground", unit.area(value("area_m2"))),
+        Figure("moved plan area", unit.area(value("area_m2"))),
     )
 
 

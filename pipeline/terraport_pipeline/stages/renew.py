@@ -23,7 +23,7 @@ import numpy as np
 from terraport_payload.types import AnyArray, Bool, Float64, Int32, Int64, UInt8, UInt64
 from terraport_pipeline.engines.readers.npy_columns import NpyReader, NpyWriter
 from terraport_pipeline.engines.readers.point_order import point_hashes
-from terraport_pipeline.geometry.clouds.change_raster import ChangeRaster, make_raster
+from terraport_pipeline.geometry.clouds.change_raster import make_raster
 from terraport_pipeline.geometry.clouds.ground_cells import (
     GroundSums,
     cell_keys,
@@ -37,6 +37,7 @@ from terraport_pipeline.geometry.clouds.ground_change import (
     find_changes,
 )
 from terraport_pipeline.geometry.clouds.height_changes import HeightChanges
+from terraport_pipeline.geometry.regions.region_changes import ChangeMap, region_volumes
 from terraport_pipeline.geometry.tiles.tile_plan import Lattice
 from terraport_pipeline.stages.contract import Context, Facts, Json
 from terraport_pipeline.stages.partition import BLOCK_CELLS
@@ -61,6 +62,9 @@ _CUBE_NOISE: Final = 3.0
 
 _COLOUR_SHARE: Final = 0.3
 """Of blocks renewed for their colour alone, from which the light was another."""
+
+_UNCOUNTED_SHARE: Final = 0.05
+"""Of the ground whose volumes count, from which ground that one survey lacks is a warning."""
 
 _MIXER: Final = np.uint64(0x9E3779B97F4A7C15)
 
@@ -208,6 +212,10 @@ def run(
     save_height_changes(context.folder, heights)
     anchor_m = np.array(lattice.anchor_m)[[0, 2]]
     low_m = anchor_m + np.array(raster.low) * scale.width_m
+    seen = ChangeMap(
+        (float(low_m[0]), float(low_m[1])), raster.cell_m, raster.dz_m, raster.lod_m, raster.moved,
+        scale.registration_m,
+    )  # fmt: skip
     values = {
         "blocks": len(changed),
         "changed_blocks": int(changed.sum()),
@@ -223,7 +231,7 @@ def run(
         },
     }
     colour_alone = changed & ~_blocks_with(change.shifted, cubes)
-    return values, _facts(values, change, raster, scale, int(colour_alone.sum()), widened)
+    return values, _facts(values, change, seen, raster.only, int(colour_alone.sum()), widened)
 
 
 def _occupied(surveys: tuple[_Columns, _Columns], cubes: _Cubes, context: Context) -> Int64:
@@ -327,13 +335,13 @@ def _write(
 def _facts(
     values: Mapping[str, Json],
     change: GroundChange,
-    raster: ChangeRaster,
-    scale: GroundScale,
+    seen: ChangeMap,
+    only: tuple[int, int],
     colour_alone: int,
     widened: int,
 ) -> Facts:
-    cut_m3, fill_m3 = raster.volumes_m3
-    area_m2 = raster.cell_m**2
+    whole = region_volumes(seen, [])[2]
+    gone_m2, added_m2 = (cells * seen.cell_m**2 for cells in only)
     counts = {
         "blocks": values["blocks"],
         "changed_blocks": values["changed_blocks"],
@@ -344,18 +352,24 @@ def _facts(
         "gains": [round(gain, 4) for gain in values["gains"]],
         "density_ratio": change.density_ratio,
         "shift_m": change.shift_m,
-        "moved_m2": raster.moved_m2,
-        "gone_m2": raster.only[0] * area_m2,
-        "added_m2": raster.only[1] * area_m2,
-        "cut_m3": cut_m3,
-        "fill_m3": fill_m3,
-        "volume_uncertainty_m3": raster.moved_m2 * scale.registration_m,
+        "survey_distance_m": seen.shared_m,
+        "moved_m2": whole.area_m2,
+        "gone_m2": gone_m2,
+        "added_m2": added_m2,
+        "cut_m3": whole.cut_m3,
+        "fill_m3": whole.fill_m3,
+        "volume_uncertainty_m3": whole.uncertainty_m3,
     }
     warnings = []
-    if abs(change.shift_m) > scale.registration_m:
+    if gone_m2 + added_m2 > _UNCOUNTED_SHARE * whole.area_m2:
+        warnings.append(
+            f"{gone_m2 + added_m2:,.0f} m2 of the ground that changed are in one survey alone: "
+            f"cut and fill are without them, over {whole.area_m2:,.0f} m2 that both surveys have."
+        )
+    if abs(change.shift_m) > seen.registration_m:
         warnings.append(
             f"The new survey lies {abs(change.shift_m):.2g} m beside the one before throughout, "
-            f"more than the {scale.registration_m:.2g} m that samples tell: check how both are "
+            f"more than the {seen.registration_m:.2g} m that samples tell: check how both are "
             "tied to their control points."
         )
     choices = []

@@ -98,7 +98,7 @@ class Difference:
     """Base mesh and cover, where they differ."""
     regions: tuple[dict[str, Any], ...]
     """Those that differ, largest first: ``stable_id``, ``state`` (changed, new, gone, renamed),
-    ``label``, ``label_before``, ``area_m2``, ``area_before_m2``."""
+    ``label``, ``label_before``, ``surface_area_m2``, ``surface_area_before_m2``."""
     regions_kept: int
     regions_problem: str | None
     """Why regions are not compared."""
@@ -272,7 +272,9 @@ def _regions(
             out.append(_region(number, "gone", old[0], None))
         if new is not None:
             out.append(_region(number, "new", None, new[0]))
-    out.sort(key=lambda row: -max(row["area_m2"] or 0.0, row["area_before_m2"] or 0.0))
+    out.sort(
+        key=lambda row: -max(row["surface_area_m2"] or 0.0, row["surface_area_before_m2"] or 0.0)
+    )
     return tuple(out), kept, None
 
 
@@ -284,8 +286,8 @@ def _region(
         "state": state,
         "label": None if new is None else new["label"],
         "label_before": None if old is None else old["label"],
-        "area_m2": None if new is None else new["area_m2"],
-        "area_before_m2": None if old is None else old["area_m2"],
+        "surface_area_m2": None if new is None else new["surface_area_m2"],
+        "surface_area_before_m2": None if old is None else old["surface_area_m2"],
     }
 
 

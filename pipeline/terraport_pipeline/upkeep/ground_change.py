@@ -1,6 +1,8 @@
 """How the ground of two scenes differs in height, where their segments differ.
 
 Where both hold the same segments the ground is the same: only pixels over the others are looked at.
+There are no volumes here: noise of two surfaces would count as cut and as fill. Those are measured
+from the surveys' points, when a survey is built over the scene of the one before.
 """
 
 from __future__ import annotations
@@ -41,10 +43,6 @@ class GroundChange:
     lowest_m: float | None
     highest_m: float | None
     """None where there is no such ground."""
-    cut_m3: float
-    """Below the first's surface."""
-    fill_m3: float
-    """Above it."""
 
 
 def why_not(first: Manifest, second: Manifest) -> str | None:
@@ -115,7 +113,7 @@ def ground_change(
 
     progress = progress or NullProgress()
     progress.start("heights", grid.rows * grid.columns, "pixels")
-    pixels, lowest, highest, cut, fill = 0, math.inf, -math.inf, 0.0, 0.0
+    pixels, lowest, highest = 0, math.inf, -math.inf
     for window, before, after in both_heights(first, second, grid, is_asked):
         change: Float32 = (after - before)[np.isfinite(before) & np.isfinite(after)]
         progress.advance(window.rows * window.columns)
@@ -123,13 +121,10 @@ def ground_change(
             continue
         pixels += len(change)
         lowest, highest = min(lowest, float(change.min())), max(highest, float(change.max()))
-        cut -= float(np.minimum(change, 0.0).sum(dtype=np.float64))
-        fill += float(np.maximum(change, 0.0).sum(dtype=np.float64))
     progress.done({})
     if pixels == 0:
         return None
-    area_m2 = step_m**2
-    return GroundChange(step_m, pixels * area_m2, lowest, highest, cut * area_m2, fill * area_m2)
+    return GroundChange(step_m, pixels * step_m**2, lowest, highest)
 
 
 def _step_m(extent: Extent) -> float:

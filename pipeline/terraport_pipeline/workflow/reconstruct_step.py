@@ -65,6 +65,8 @@ class Surface:
     """Hash of base and tiles."""
     spacing_m: float = 0.0
     """Typical distance between the points; see :class:`pack.About`."""
+    noise_m: float | None = None
+    """Standard deviation of the points across their surface; None of a mesh."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -172,6 +174,7 @@ def reconstruct_tiles(runner: Runner, ground: Ground, cluster: str | None = None
         base.digest,
         stage_key("surface", "", {}, {"base": base.digest, "tiles": tiles.digest}),
         float(ground.measured["spacing_m"]),
+        float(ground.measured["noise_m"]),
     )
     cloud = cleaned.cloud
     reconstructed = Reconstructed(

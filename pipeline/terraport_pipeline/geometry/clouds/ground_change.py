@@ -32,10 +32,7 @@ from terraport_pipeline.geometry.clouds.ground_cells import (
 from terraport_pipeline.geometry.clouds.ground_distance import LEAST, measure_ground
 from terraport_pipeline.geometry.mesh.chunks import in_chunks
 
-__all__ = ["CONFIDENCE", "GroundChange", "GroundScale", "block_keys", "find_changes"]
-
-CONFIDENCE: Final = 1.96
-"""Standard deviations of a level of detection at 95 %."""
+__all__ = ["GroundChange", "GroundScale", "block_keys", "find_changes"]
 
 _SURE: Final = 5.0
 """Standard deviations from which a change is beyond doubt."""

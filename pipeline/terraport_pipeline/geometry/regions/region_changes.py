@@ -1,8 +1,13 @@
 """Volumes of cut and fill by region: the raster of a change, shared out over the ground beneath.
 
-A cell of the raster belongs to the regions whose surface lies in it, to each in the share of its
-area as seen from above. So the volumes of all regions, and those of cells that no surface lies in,
-add up to the raster's.
+A cell of the raster belongs to the regions whose surface is in it, to each in the share of its
+area as seen from above. So the volumes of all regions, and those of cells that no surface is in,
+add up to the raster's. Uncertainties do not: errors of single cells partly cancel out in the whole.
+
+Uncertainty (:mod:`terraport_pipeline.geometry.volume_error`): the distance that the surveys are
+apart throughout, as measured on ground that did not move, is shared by all cells; the noise of each
+cell's height difference is independent; noise about no change, of which one sign is summed, is
+added.
 
 PURE: no I/O, no clock.
 """
@@ -11,12 +16,24 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from terraport_payload.types import AnyFloat, Bool, Float32, Float64, Int32, Int64
+from terraport_pipeline.geometry.volume_error import CONFIDENCE, clipping_bias, interval_m3
 
 __all__ = ["ChangeMap", "RegionVolumes", "add_shares", "region_volumes"]
+
+
+_BLOCK_CELLS: Final = 8
+"""Cells along a block whose mean tells what surveys are apart: noise of single cells is a tenth."""
+
+_LEAST_BLOCKS: Final = 5
+"""Blocks that did not move, from which the distance of the surveys is measured."""
+
+_MEDIAN_TO_DEVIATION: Final = 1.4826
+"""Standard deviation of normal values over their median size."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,13 +50,36 @@ class ChangeMap:
     moved: Bool
     """(nx, nz) counts for the volumes."""
     registration_m: float
-    """By which all heights may be off together."""
+    """By which all heights may be off together, as the levels of detection take it."""
 
     @property
     def counted(self) -> Bool:
         """(nx, nz) cells that have a volume."""
         counted: Bool = self.moved & ~np.isnan(self.dz_m)
         return counted
+
+    @property
+    def noise_m(self) -> Float64:
+        """(nx, nz) standard deviation of each cell's difference, without what all share."""
+        noise: Float64 = np.maximum(self.lod_m.astype(np.float64) - self.registration_m, 0.0)
+        return noise / CONFIDENCE
+
+    @property
+    def shared_m(self) -> float:
+        """Standard deviation of what large parts of the surveys are apart, where nothing moved.
+
+        The median size of the means of blocks of cells. Where too little ground did not move it is
+        what is taken for the levels of detection.
+        """
+        still = ~self.moved & ~np.isnan(self.dz_m)
+        i, j = np.nonzero(still)
+        block = (i // _BLOCK_CELLS) * (self.dz_m.shape[1] // _BLOCK_CELLS + 1) + j // _BLOCK_CELLS
+        cells = np.bincount(block)
+        sums = np.bincount(block, self.dz_m[still].astype(np.float64), len(cells))
+        large = cells >= _BLOCK_CELLS**2 // 2
+        if np.count_nonzero(large) < _LEAST_BLOCKS:
+            return self.registration_m
+        return _MEDIAN_TO_DEVIATION * float(np.median(np.abs(sums[large] / cells[large])))
 
     def cells_at(self, x: AnyFloat, z: AnyFloat) -> Int64:
         """Look up the cell that each place lies in, numbered row by row; -1 outside."""
@@ -70,8 +110,7 @@ class RegionVolumes:
     area_m2: float
     """As seen from above, of the cells that count."""
     uncertainty_m3: float
-    """Of either volume: what the surveys may be apart throughout, over the area. Errors of single
-    cells are far smaller, as they cancel out."""
+    """Half the 95 % interval of either volume."""
 
 
 def add_shares(
@@ -141,25 +180,38 @@ def region_volumes(
     cell, region = cell[with_area], keys[with_area, 1]
     # (2) Sums by region.
     numbers, which = np.unique(region, return_inverse=True)
+    shared_m, noise_m = change.shared_m, change.noise_m.ravel()[counted]
+    bias_m = clipping_bias(dz_m, noise_m)
+    amounts = np.stack(
+        [np.maximum(-dz_m, 0), np.maximum(dz_m, 0), np.ones(len(dz_m)), bias_m, noise_m**2]
+    )
+    shares_of = np.stack([share, share, share, share, share**2])
     sums = [
-        np.bincount(which.ravel(), share * amount[cell], len(numbers))
-        for amount in (np.maximum(-dz_m, 0), np.maximum(dz_m, 0), np.ones(len(dz_m)))
+        np.bincount(which.ravel(), part * amount[cell], len(numbers))
+        for part, amount in zip(shares_of, amounts, strict=True)
     ]
+    cell_m2 = change.cell_m**2
     regions = {
-        int(number): _volumes(change, *(float(column[row]) for column in sums))
+        int(number): _volumes(cell_m2, shared_m, *(float(column[row]) for column in sums))
         for row, number in enumerate(numbers.tolist())
     }
-    bare = dz_m[of_cell == 0]
-    return regions, _volumes_of(change, bare), _volumes_of(change, dz_m)
+    beyond, whole = (
+        _volumes(cell_m2, shared_m, *amounts[:, some].sum(axis=1).tolist())
+        for some in (of_cell == 0, np.ones(len(dz_m), np.bool_))
+    )
+    return regions, beyond, whole
 
 
-def _volumes_of(change: ChangeMap, dz_m: Float64) -> RegionVolumes:
-    cut, fill = float(np.maximum(-dz_m, 0).sum()), float(np.maximum(dz_m, 0).sum())
-    return _volumes(change, cut, fill, float(len(dz_m)))
-
-
-def _volumes(change: ChangeMap, cut: float, fill: float, cells: float) -> RegionVolumes:
+def _volumes(
+    cell_m2: float,
+    shared_m: float,
+    cut_m: float,
+    fill_m: float,
+    cells: float,
+    bias_m: float,
+    noise2_m2: float,
+) -> RegionVolumes:
     """Turn sums over cells into volumes."""
-    cell_m2 = change.cell_m**2
     area_m2 = cells * cell_m2
-    return RegionVolumes(cut * cell_m2, fill * cell_m2, area_m2, area_m2 * change.registration_m)
+    interval = interval_m3(area_m2 * shared_m, cell_m2 * float(np.sqrt(noise2_m2)))
+    return RegionVolumes(cut_m * cell_m2, fill_m * cell_m2, area_m2, interval + bias_m * cell_m2)

@@ -1,39 +1,94 @@
 """Volumes of regions above and below the surface that their border (the toe) spans.
 
 The reference is what surveyors take for a stockpile whose whole toe is seen and whose ground is not
-flat: the points of the border, triangulated. Here these are the cells of a raster of heights that
-lie just outside the region, at inner borders too (Delaunay's triangles, heights linear over each).
-What lies above the reference and what lies below it are two sums: Pix4D calls
-them cut and fill of the base "Triangulated", which a pit and a pile tell apart.
+flat: the points of the border, triangulated. Here these are the cells of a raster of the highest
+surface that are just outside the region, at inner borders too (Delaunay's triangles, heights linear
+over each). What is above the reference and what is below it are two sums: Pix4D calls them cut and
+fill of the base "Triangulated", which a pit and a pile tell apart.
+
+Uncertainty (:mod:`terraport_pipeline.geometry.volume_error`). A shift of the whole survey moves
+pile and toe alike, and cancels out. What is left:
+
+- noise of the points on the surface, independent: a point stands for the square of the spacing;
+- noise of the points at the toe, independent, each weighted with the area whose reference it
+  carries;
+- the height of the toe, shared: three quarters of what the ground is higher or lower at twice the
+  distance;
+- the placement of the border, shared: a quarter of a spacing or cell, times the height of the
+  surface above the reference there, along the border;
+- noise about the reference itself, of which only one sign is summed.
+
+Two parts of a volume may not be material: things with flanks steeper than loose material holds
+(trees, machines, walls), found as K. Zhang et al. filter point clouds, and empty space under
+overhangs. Neither is taken out of the volumes.
 
 References
 ----------
 Pix4D, "Which Base Surface is recommended for the Volume Calculation?", PIX4Dmapper support, article
 217114246. B. Delaunay, "Sur la sphère vide", Bulletin de l'Académie des Sciences de l'URSS 6, 1934.
+K. Zhang et al., "A progressive morphological filter for removing nonground measurements from
+airborne LIDAR data", IEEE Transactions on Geoscience and Remote Sensing 41, 2003. Departures:
+windows that double, and the heights below an object interpolated from around it.
 
 PURE: no I/O, no clock.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 from scipy import ndimage
 from scipy.interpolate import LinearNDInterpolator
-from scipy.spatial import QhullError
+from scipy.spatial import Delaunay, QhullError
 
 from terraport_payload.types import AnyFloat, AnyInt, Bool, Float64
+from terraport_pipeline.geometry.volume_error import clipping_bias, interval_m3, noise_m3
 
-__all__ = ["ToeVolume", "toe_volumes"]
+__all__ = ["SurveyNoise", "ToeVolume", "toe_volumes"]
 
-MAX_CELLS: Final = 10_000
+MAX_CELLS: Final = 20_000
 """Cells of a region that are summed up: of a larger one every n-th each way."""
+
+MAX_TOE: Final = 4_000
+"""Cells of a toe that are triangulated: of a longer one every n-th."""
 
 LEAST_CELLS: Final = 50
 """Cells of a region below which its volume is left out: it would be all border."""
+
+_TOE_SPACINGS: Final = 2.0
+"""Distance of the toe from the border, in spacings of the points or cells: beyond it triangles do
+not reach onto the region."""
+
+_CLOSED: Final = 2.0
+"""Half the width of notches in a border that are closed, over that distance."""
+
+_LIFT: Final = 0.75
+"""Standard deviation of the toe's height, of its difference to the ground at twice the distance."""
+
+_PLACEMENT: Final = 0.25
+"""Standard deviation of the placement of a region's border, spacings or cells."""
+
+_STEEP: Final = 1.0
+"""Slope of flanks from which something stands on the ground: loose material holds 0.9 (42 degrees)
+at most."""
+
+_WIDEST_OBJECT_M: Final = 12.0
+"""Of a crown or a machine. What is wider is ground."""
+
+_NOISE_DEVIATIONS: Final = 4.0
+"""By which the least of many heights is below their mean."""
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyNoise:
+    """What is known of the points that a surface rests on."""
+
+    spacing_m: float
+    noise_m: float
+    """Standard deviation of the points across their surface."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +97,22 @@ class ToeVolume:
 
     above_m3: float
     below_m3: float
-    cell_m: float
-    """Side of the cells that were summed up."""
-    middle: tuple[float, float]
-    """(row, column) of the raster furthest from the region's border: where its number stands."""
+    uncertainty_m3: float | None
+    """Half the 95 % interval of either; None where the noise of the survey is not known."""
+    objects_m3: float
+    """Part of `above_m3` that stands on the surface with flanks too steep for loose material."""
+    overhang_m3: float
+    """Empty space below the region's surface, where it is seen from above: part of `above_m3`, or
+    missing from `below_m3`."""
 
 
 def toe_volumes(
-    height_m: AnyFloat, region: AnyInt, cell_m: float, wanted: Sequence[int]
+    height_m: AnyFloat,
+    region: AnyInt,
+    cell_m: float,
+    wanted: Iterable[int],
+    survey: SurveyNoise | None = None,
+    empty_m: AnyFloat | None = None,
 ) -> dict[int, ToeVolume]:
     """Sum up volumes of regions over a raster of heights.
 
@@ -61,8 +124,11 @@ def toe_volumes(
         Region of each cell; negative: none.
     cell_m : float
         Side of a cell.
-    wanted : sequence of int
+    wanted : iterable of int
         Regions to measure.
+    survey : SurveyNoise, optional
+    empty_m : ndarray of shape (rows, columns), optional
+        Height of the empty space below the surface of each cell.
 
     Returns
     -------
@@ -77,68 +143,161 @@ def toe_volumes(
     >>> round(volume.above_m3 / (np.pi * 40**2 * 20 / 3), 2), volume.below_m3 < 100
     (1.0, True)
     """
-    labels = np.where(np.isnan(height_m), -1, region)
+    labels = np.where(np.isnan(height_m), -1, region).astype(np.int32)
     boxes = ndimage.find_objects(labels + 1)
+    margin = 1 + 2 * max(_windows(cell_m), default=0)
     volumes = {}
     for number in wanted:
         box = boxes[number] if 0 <= number < len(boxes) else None
         if box is None:
             continue
-        # (1) The region in its box, with no more cells than are needed.
-        inside = np.pad(labels[box] == number, 1)
-        heights = _widened(height_m, box)
-        step = max(1, int(np.ceil(np.sqrt(inside.sum() / MAX_CELLS))))
-        inside, heights = inside[::step, ::step], heights[::step, ::step]
-        side_m = cell_m * step
+        rows, columns = (slice(max(side.start - margin, 0), side.stop + margin) for side in box)
+        inside = labels[rows, columns] == number
         if int(inside.sum()) < LEAST_CELLS:
             continue
-        # (2) What lies between its surface and that of its toe.
-        places, border_m = _toe(heights, inside)
-        try:
-            toe = LinearNDInterpolator(places, border_m)
-        except QhullError:  # a border in one line
-            continue
-        over = heights[inside] - toe(np.argwhere(inside))
-        over = over[np.isfinite(over)] * side_m**2
-        depth = ndimage.distance_transform_edt(np.pad(inside, 1))[1:-1, 1:-1]
-        row, column = np.unravel_index(int(depth.argmax()), inside.shape)
-        volumes[number] = ToeVolume(
-            float(over[over > 0].sum()),
-            float(-over[over < 0].sum()),
-            side_m,
-            (box[0].start - 0.5 + step * float(row), box[1].start - 0.5 + step * float(column)),
-        )
+        heights = height_m[rows, columns].astype(np.float64)
+        empty = 0.0 if empty_m is None else float(empty_m[rows, columns][inside].sum())
+        volume = _volume(heights, inside, cell_m, survey, empty * cell_m**2)
+        if volume is not None:
+            volumes[number] = volume
     return volumes
 
 
-def _widened(height_m: AnyFloat, box: tuple[slice, slice]) -> Float64:
-    """Cut out a box with a rim of one cell around it; NaN beyond the raster."""
-    rows, columns = height_m.shape
-    top, left = box[0].start - 1, box[1].start - 1
-    cut = height_m[max(top, 0) : box[0].stop + 1, max(left, 0) : box[1].stop + 1]
-    beyond = (
-        (int(top < 0), int(box[0].stop + 1 > rows)),
-        (int(left < 0), int(box[1].stop + 1 > columns)),
+def _volume(
+    heights: Float64, inside: Bool, cell_m: float, survey: SurveyNoise | None, overhang_m3: float
+) -> ToeVolume | None:
+    """Measure one region; None where its border spans no surface."""
+    # (1) The reference at the cells: shares of three points of the toe each.
+    spacing_m = cell_m if survey is None else survey.spacing_m
+    away_m = _TOE_SPACINGS * max(spacing_m, cell_m)
+    places, toe_m, rise_m = _toe(heights, inside, away_m / cell_m)
+    some = slice(None, None, -(-len(places) // MAX_TOE))
+    places, toe_m, rise_m = places[some], toe_m[some], rise_m[some]
+    try:
+        triangles = Delaunay(places)
+    except QhullError:  # a border in one line
+        return None
+    cells = np.argwhere(inside)
+    step = int(np.ceil(np.sqrt(len(cells) / MAX_CELLS)))
+    if step > 1:
+        cells = cells[(cells % step == 0).all(axis=1)]
+    simplex = triangles.find_simplex(cells)
+    cells, simplex = cells[simplex >= 0], simplex[simplex >= 0]
+    if not len(cells):
+        return None
+    affine = triangles.transform[simplex]
+    first = np.einsum("nij,nj->ni", affine[:, :2], cells - affine[:, 2])
+    shares = np.column_stack([first, 1.0 - first.sum(axis=1)])
+    corners = triangles.simplices[simplex]
+    good = np.isfinite(shares).all(axis=1)  # a flat triangle has no shares
+    cells, shares, corners = cells[good], shares[good], corners[good]
+    # (2) What is above it and below it.
+    over_m = heights[cells[:, 0], cells[:, 1]] - (shares * toe_m[corners]).sum(axis=1)
+    cell_m2 = float(inside.sum()) * cell_m**2 / max(len(cells), 1)
+    above = over_m > 0
+    # (3) How uncertain either is, and what of it may not be material.
+    uncertainty_m3 = None
+    if survey is not None:
+        place_m = _PLACEMENT * max(survey.spacing_m, cell_m)
+        rim = inside & ~ndimage.binary_erosion(inside)
+        at_rim = rim[cells[:, 0], cells[:, 1]]
+        rim_m2 = float(rim.sum()) * cell_m * place_m
+        either = []
+        for side in (above, ~above):
+            weight_m2 = cell_m2 * np.bincount(
+                corners[side].ravel(), shares[side].ravel(), len(toe_m)
+            )
+            # Cells of a toe that are nearer than the points have one error.
+            alike = max(survey.spacing_m / (cell_m * (some.step or 1)), 1.0)
+            either.append(
+                interval_m3(
+                    noise_m3(cell_m2 * side.sum(), survey.spacing_m, survey.noise_m),
+                    float(np.sqrt(alike * (weight_m2**2).sum())) * survey.noise_m,
+                    float((weight_m2 * rise_m).sum()) * _LIFT,
+                    float(np.abs(over_m[side & at_rim]).sum()) / max(at_rim.sum(), 1) * rim_m2,
+                )
+            )
+        bias_m3 = cell_m2 * float(clipping_bias(over_m, survey.noise_m).sum())
+        uncertainty_m3 = max(either) + bias_m3
+    noise_m = 0.0 if survey is None else survey.noise_m
+    return ToeVolume(
+        cell_m2 * float(over_m[above].sum()),
+        -cell_m2 * float(over_m[~above].sum()),
+        uncertainty_m3,
+        _objects_m(heights, inside, cell_m, noise_m) * cell_m**2,
+        overhang_m3,
     )
-    return np.pad(cut.astype(np.float64), beyond, constant_values=np.nan)
 
 
-def _toe(heights: Float64, inside: Bool) -> tuple[Float64, Float64]:
-    """Take the cells just outside a region, where its toe stands: (row, column), and metres.
+def _toe(heights: Float64, inside: Bool, away_cells: float) -> tuple[Float64, Float64, Float64]:
+    """Take the ground around a region, where its toe is: (row, column), metres, and step.
 
-    Of the cells on both sides of a border the outer ones are the ground that a pile lies on; a mean
-    of both would take a strip of half a cell's slope off the whole pile. At the rim of the ground
-    the region's own cell counts, on its edge.
+    Triangles that cross the toe of a pile lift the surface just outside of it, and the border of a
+    region is only as exact as its triangles. So the ground is taken at a distance, at its own
+    place: on a slope that makes no difference. At the rim of the survey the region's own cell
+    counts, on its edge. The step is to the height at twice the distance.
     """
-    padded = np.pad(inside, 1)
+    # (1) The region without notches in its border: a point in one would carry the reference of a
+    # large part of the region.
+    wide = int(np.ceil(_CLOSED * away_cells)) + 1
+    padded = np.pad(inside, wide)
+    near = ndimage.distance_transform_edt(~padded) <= _CLOSED * away_cells
+    closed = padded | (ndimage.distance_transform_edt(near) > _CLOSED * away_cells)
+    cut = slice(wide - 1, 1 - wide)
+    padded, closed = padded[cut, cut], closed[cut, cut]
+    # (2) The ground at a distance.
     around = np.pad(heights, 1, constant_values=np.nan)
-    places, values = [], []
+    ground = ~np.isnan(around)
+    distance = ndimage.distance_transform_edt(~closed)
+    ring = ground & (distance > away_cells) & (distance <= away_cells + 1.0)
+    # Of a gap that is narrower the cells beside the region count.
+    reached = ndimage.distance_transform_edt(~ring) <= 2.0 * away_cells + 2.0
+    ring |= ground & (distance > 0) & (distance <= 1.0) & ~reached
+    places, values = [np.argwhere(ring) - 1.0], [around[ring]]
+    farther = ground & (distance > 2.0 * away_cells) & (distance <= 2.0 * away_cells + 1.0)
+    rises = [np.zeros(int(ring.sum()))]
+    if farther.any():
+        row, column = ndimage.distance_transform_edt(
+            ~farther, return_distances=False, return_indices=True
+        )
+        rises = [around[ring] - around[row[ring], column[ring]]]
     for step in ((1, 0), (-1, 0), (0, 1), (0, -1)):
         back = (-step[0], -step[1])
-        edge = padded & ~np.roll(padded, back, axis=(0, 1))
-        other, own = np.roll(around, back, axis=(0, 1))[edge], around[edge]
-        is_rim = np.isnan(other)
-        away = np.where(is_rim, 0.5, 1.0)[:, None] * np.array(step)
-        places.append(np.argwhere(edge) - 1.0 + away)
-        values.append(np.where(is_rim, own, other))
-    return np.concatenate(places), np.concatenate(values)
+        edge = padded & ~np.roll(ground, back, axis=(0, 1))
+        places.append(np.argwhere(edge) - 1.0 + 0.5 * np.array(step))
+        values.append(around[edge])
+        rises.append(np.zeros(int(edge.sum())))
+    return np.concatenate(places), np.concatenate(values), np.concatenate(rises)
+
+
+def _windows(cell_m: float) -> list[int]:
+    """Half widths of the windows that objects are looked for in, cells: 1, 2, 4, ..."""
+    widest = _WIDEST_OBJECT_M / 2 / cell_m
+    return [1 << k for k in range(12) if 1 << k <= max(widest, 1.0)]
+
+
+def _objects_m(heights: Float64, inside: Bool, cell_m: float, noise_m: float) -> float:
+    """Add up the heights of what stands on the surface with steep flanks, over a region's cells."""
+    ground = ~np.isnan(heights)
+    opened, half, marked = heights, 0, np.zeros_like(inside)
+    for window in _windows(cell_m):
+        size = 2 * window + 1
+        low = ndimage.minimum_filter(np.where(ground, opened, np.inf), size, mode="nearest")
+        low[np.isinf(low)] = -np.inf
+        wider = ndimage.maximum_filter(low, size, mode="nearest")
+        # Corners of a window are further from its middle than its sides.
+        most_m = _STEEP * np.sqrt(2.0) * (window - half) * cell_m + _NOISE_DEVIATIONS * noise_m
+        marked |= ground & (opened - wider > most_m)
+        opened, half = np.where(ground, np.minimum(opened, wider), np.nan), window
+    if not (marked & inside).any():
+        return 0.0
+    # The foot of a flank is not steep any more; below, the surface goes on as around.
+    marked = ground & ndimage.binary_dilation(marked, iterations=2)
+    around = ground & ndimage.binary_dilation(marked, iterations=2) & ~marked
+    try:
+        bare = LinearNDInterpolator(np.argwhere(around), heights[around])
+    except (QhullError, ValueError):
+        return 0.0
+    cells = marked & inside
+    steps_m = heights[cells] - bare(np.argwhere(cells))
+    return float(np.maximum(np.nan_to_num(steps_m), 0.0).sum())

@@ -7,7 +7,7 @@ sums of regions.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from operator import attrgetter
 from typing import Any, Final
@@ -17,6 +17,7 @@ import numpy as np
 from terraport_payload.types import AnyArray, Bool, Float32, Float64, Int32, UInt32
 from terraport_pipeline.geometry.mesh.curve import morton_codes
 from terraport_pipeline.geometry.regions.region_facts import add_borders
+from terraport_pipeline.geometry.regions.region_plan import with_plan
 from terraport_pipeline.geometry.regions.region_totals import (
     RegionTotals,
     add_totals,
@@ -32,6 +33,7 @@ from terraport_pipeline.stages.contract import Facts, Form, Json, Stored
 from terraport_pipeline.stages.region_engine import SHAPE
 from terraport_pipeline.stages.tiles.base_cover import NearBase
 from terraport_pipeline.stages.tiles.scene_facts import SceneScale, TiledScene
+from terraport_pipeline.stages.tiles.tiled_plan import loose_parts
 from terraport_pipeline.stages.tiles.tiled_segment import Regions, totals_of
 
 __all__ = ["FORM", "TiledSegmented", "join", "renumbered"]
@@ -73,6 +75,7 @@ def join(
     near: NearBase,
     options: Options,
     tolerance_m: float,
+    plan: Mapping[str, Json],
 ) -> TiledSegmented:
     """Give segments their numbers, unite covers and add up facts.
 
@@ -92,6 +95,8 @@ def join(
     options : Options
     tolerance_m : float
         Of the cover.
+    plan : mapping
+        Values of :func:`.tiled_plan.run`.
 
     Returns
     -------
@@ -139,7 +144,9 @@ def join(
         np.concatenate([totals.border_m, scene.seams.length_m[crossing]]),
     )
     totals = replace(totals, touching=touching, border_m=border_m)
-    facts = totals_document(totals, list(scene.attributes), scale.roughness_scale_m)
+    facts = with_plan(
+        totals_document(totals, list(scene.attributes), scale.roughness_scale_m), plan
+    )
     if len(joined.unions):
         facts["unions"] = [
             [one, other, round(cost, 3)]
@@ -189,7 +196,10 @@ def join(
         facts,
         tolerance_m,
         max_extent_m,
-        Facts(outcome, tuple(_warnings(scene, joined, options, baseless))),
+        Facts(
+            outcome,
+            (*_warnings(scene, joined, options, baseless), *loose_parts(plan["volumes"])),
+        ),
     )
 
 

@@ -43,14 +43,16 @@ def test_volumes_of_regions_and_beyond_add_up_to_the_whole() -> None:
     ]
     regions, beyond, whole = region_volumes(change, shares)
     assert list(regions) == [3, 7]
-    for name in ("cut_m3", "fill_m3", "area_m2", "uncertainty_m3"):
+    for name in ("cut_m3", "fill_m3", "area_m2"):
         pieces = [getattr(volumes, name) for volumes in (*regions.values(), beyond)]
         assert sum(pieces) == pytest.approx(getattr(whole, name))
         assert min(pieces) >= 0
     counted = steps[change.counted]
     assert whole.cut_m3 == pytest.approx(-counted[counted < 0].sum() * 4)
     assert whole.area_m2 == len(counted) * 4
-    assert whole.uncertainty_m3 == pytest.approx(0.05 * whole.area_m2)
+    # Errors that cells share add up, independent ones partly cancel out.
+    parts = [volumes.uncertainty_m3 for volumes in (*regions.values(), beyond)]
+    assert max(parts) < whole.uncertainty_m3 < sum(parts)
     assert beyond.area_m2 > 0
 
 
