@@ -40,9 +40,7 @@ def make(folder: str = FOLDER) -> list[str]:
             made += 1
         paths.append(path)
     if made:
-        unreal.log(
-            f"terraport: made {made} materials in {folder}; tick Lit on a scene for lit"
-        )
+        unreal.log(f"terraport: made {made} materials in {folder}; tick Lit on a scene for lit")
     return paths
 
 
