@@ -17,14 +17,17 @@ from typing import Final
 
 import numpy as np
 
-from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int64
+from terraport_payload.types import AnyFloat, AnyInt, Bool, Float32, Float64, Int32, Int64
 from terraport_pipeline.engines.rays import RayScene
 from terraport_pipeline.errors import OptionError
 from terraport_pipeline.geometry.cover.handoff_rays import (
+    STEEP_WEIGHT,
     RayKind,
     Rays,
     aim_rays,
+    border_base_faces,
     cumulative_face_area,
+    grazing_rays,
     hidden_base_faces,
     random_places,
     random_subsets,
@@ -37,6 +40,7 @@ from terraport_pipeline.published.mixed_model import (
     HandOffModel,
     MixedModel,
     ShownFaces,
+    face_normals,
 )
 from terraport_pipeline.validate.handoff_judge import MEASURE_REACH, Judge, Meetings
 from terraport_pipeline.validate.handoff_report import (
@@ -50,6 +54,9 @@ __all__ = ["check_hand_off", "check_hand_off_in_windows"]
 
 MAX_EXACT_SUBSETS: Final = 16
 """Mixed models that are really built; failing rays of further subsets count as holes unverified."""
+
+_PLACES_FAR_FROM_BASE: Final = 200_000
+"""Places of the detail that are tried for those that the base has nothing near."""
 
 _LEAST_SUBSETS: Final = 6
 """Of a window: none, all, and one of each random sort but one."""
@@ -232,6 +239,7 @@ class _Prover:
         self._subsets = random_subsets(_segment_centres(model), options.subsets, self._rng)
         self._area = cumulative_face_area(model.detail_vertices, model.detail_faces)
         self._top_m = float(model.detail_vertices[:, 1].max())
+        self._far = self._places_far_from_base(min(_PLACES_FAR_FROM_BASE, options.rays))
         self._built = 0
 
     def look(self, index: int) -> int:
@@ -239,7 +247,7 @@ class _Prover:
         model, tolerance = self._model, self._model.tolerance_m
         loaded = self._subsets[index]
         hidden = hidden_base_faces(model.cover_offsets, model.cover_segments, loaded)
-        rays = self._choose_rays(index, loaded)
+        rays = self._choose_rays(index, loaded, hidden)
         met = self._judge.meetings(rays)
         detail = ShownFaces(self._detail, loaded[model.segment_of_face])
         base = ShownFaces(self._base, ~hidden)
@@ -267,33 +275,96 @@ class _Prover:
         self._tally.under_base += int(self._judge.under_base(met, mixed, strict).sum())
         whole = loaded[model.segment_of_face[met.detail[1][rows]]]
         self._tally.overlaps += int((whole & (base_t[rows] < first_t[rows])).sum())
-        self._tally.distances.append(distance)
+        # Grazing rays look for what the base does not have: they would be all of the percentiles.
+        self._tally.distances.append(distance[rays.kind[rows] != RayKind.GRAZING])
         down = rays.kind[rows] == RayKind.DOWN
         self._tally.down.append(np.abs(mixed_t[rows] - first_t[rows])[down])
         lost = missed & np.isfinite(met.base_first[0])
         self._keep_worst(rays, first_t, rows, distance, (holes, lost), loaded)
         return len(rays.kind)
 
-    def _choose_rays(self, index: int, loaded: Bool) -> Rays:
-        """Half of the rays at places anywhere, half at the rim of what is loaded."""
+    def _choose_rays(self, index: int, loaded: Bool, hidden: Bool) -> Rays:
+        """Half of the rays at places anywhere, a quarter at the rim of what is loaded.
+
+        The last quarter grazes: along the border between hidden and shown base, and past detail
+        that is not loaded and that the base does not have.
+        """
         model, options = self._model, self._options
         count = options.rays // options.subsets + (index < options.rays % options.subsets)
         rim = rim_base_faces(model.cover_offsets, model.cover_segments, loaded)
-        at_rim = count // 2 if len(rim) else 0
-        targets = [
+        at_rim = count // 4 if len(rim) else 0
+        border = self._border_places(hidden, count // 8)
+        absent = np.flatnonzero(~loaded[model.segment_of_face[self._far[1]]])
+        chosen = self._rng.choice(absent, count // 8) if len(absent) else absent
+        targets = np.concatenate([border[0], self._far[0][chosen]])
+        faces = np.concatenate([border[1], self._far[1][chosen]])
+        normals = face_normals(model.detail_vertices, model.detail_faces, faces)
+        grazing = self._from_over_base(grazing_rays(targets, normals, self._free_m, self._rng))
+        places = [
             random_places(
                 model.detail_vertices,
                 model.detail_faces,
-                count - at_rim,
+                count - at_rim - len(grazing.kind),
                 self._rng,
                 cumulative_area=self._area,
-            )
+            )[0]
         ]
         if at_rim:
-            targets.append(
-                random_places(model.base_vertices, model.base_faces[rim], at_rim, self._rng)
+            places.append(
+                random_places(model.base_vertices, model.base_faces[rim], at_rim, self._rng)[0]
             )
-        return aim_rays(np.concatenate(targets), self._top_m, self._rng, ground_m=self._ground_m)
+        aimed = aim_rays(np.concatenate(places), self._top_m, self._rng, ground_m=self._ground_m)
+        return Rays(
+            np.concatenate([aimed.origins, grazing.origins]),
+            np.concatenate([aimed.directions, grazing.directions]),
+            np.concatenate([aimed.kind, grazing.kind]),
+        )
+
+    def _from_over_base(self, rays: Rays) -> Rays:
+        """Leave out rays that start below the base: they are no views from outside the ground."""
+        model = self._model
+        face = self._base.closest_hit(rays.origins, rays.directions)[1]
+        normals = face_normals(model.base_vertices, model.base_faces, np.maximum(face, 0))
+        over = (face < 0) | ((normals * rays.directions).sum(axis=1) < 0)
+        return Rays(rays.origins[over], rays.directions[over], rays.kind[over])
+
+    def _border_places(self, hidden: Bool, count: int) -> tuple[Float32, Int32]:
+        """Choose places of the detail over the border of the hidden base, and their faces.
+
+        Steep base faces are preferred.
+        """
+        model = self._model
+        border = border_base_faces(model.base_faces, hidden)
+        if not len(border):
+            return np.zeros((0, 3), np.float32), np.zeros(0, np.int32)
+        faces = model.base_faces[border]
+        weight = cumulative_face_area(model.base_vertices, faces, steep_weight=STEEP_WEIGHT)
+        drawn = random_places(model.base_vertices, faces, count, self._rng, cumulative_area=weight)
+        points = drawn[0].astype(np.float32)
+        inward = -face_normals(model.base_vertices, faces, drawn[1])
+        reach = np.float32(MEASURE_REACH * model.tolerance_m)
+        starts = points - inward * reach
+        t, face = self._detail.closest_hit(starts, inward)
+        near = np.flatnonzero(t <= 2 * reach)
+        return starts[near] + inward[near] * t[near, None], face[near]
+
+    def _places_far_from_base(self, count: int) -> tuple[Float32, Int32]:
+        """Find places of the detail that no base stands near, and their faces.
+
+        Steep faces are preferred.
+        """
+        model = self._model
+        vertices, faces = model.detail_vertices, model.detail_faces
+        weight = cumulative_face_area(vertices, faces, steep_weight=STEEP_WEIGHT)
+        drawn = random_places(vertices, faces, count, self._rng, cumulative_area=weight)
+        places, face = drawn[0].astype(np.float32), drawn[1]
+        far = np.flatnonzero(~self._judge.base_stands_near(places, face))
+        return places[far], face[far]
+
+    def _free_m(self, points: Float32, directions: Float32) -> Float32:
+        """Distance to the detail from places on it; the face of the place itself does not count."""
+        past = np.float32(1e-2 * self._model.tolerance_m)
+        return self._detail.closest_hit(points + directions * past, directions)[0] + past
 
     def _ground_m(self, points: Float64) -> Float64:
         """Height of the full detail at some places, seen from above; NaN where there is none."""

@@ -12,6 +12,7 @@ import numpy as np
 
 from terraport_payload.types import AnyInt, Bool, Float32, Int32
 from terraport_pipeline.engines.rays import RayScene
+from terraport_pipeline.geometry.cover.cover import STAND_IN_TOLERANCES
 from terraport_pipeline.geometry.cover.handoff_rays import Rays, strict_misses
 from terraport_pipeline.model import UP
 from terraport_pipeline.published.mixed_model import (
@@ -24,8 +25,14 @@ from terraport_pipeline.published.mixed_model import (
 
 __all__ = ["MEASURE_REACH", "Judge", "Meetings"]
 
-MEASURE_REACH: Final = 4.0
+MEASURE_REACH: Final = STAND_IN_TOLERANCES
 """Distances are measured up to this many tolerances; what lies further counts by its ray."""
+
+_MAX_PASSES: Final = 16
+"""Places in the air behind which a ray is judged again; a ray with more of them is a hole."""
+
+_STEP_PAST: Final = 1e-3
+"""Distance behind such a place at which the ray starts again, tolerances."""
 
 Hit = tuple[Float32, Int32]
 
@@ -82,6 +89,22 @@ class Judge:
         rays = met.rays
         return Places(rays.origins[rows], rays.directions[rows], met.detail[0][rows], normals)
 
+    def base_stands_near(self, points: Float32, faces: Int32) -> Bool:
+        """Tell where the full base crosses the normal or the vertical of places on the detail.
+
+        Parameters
+        ----------
+        points : ndarray of shape (R, 3), float32
+        faces : ndarray of shape (R,), int32
+            The detail faces that they are on.
+        """
+        model = self._model
+        normals = face_normals(model.detail_vertices, model.detail_faces, faces)
+        still = np.zeros_like(points)
+        places = Places(points, still, np.zeros(len(points), np.float32), normals)
+        reach = MEASURE_REACH * model.tolerance_m
+        return np.isfinite(places.distance(self._all_base, np.float32(np.inf), reach))
+
     def holes(
         self, met: Meetings, mixed: TracedModel, mixed_t: Float32, rows: AnyInt
     ) -> tuple[AnyInt, AnyInt]:
@@ -105,6 +128,27 @@ class Judge:
         smoothed : ndarray of int
             Those that are excused because the base never had what they look at.
         """
+        # Invariant: `ray[i]` is the ray of row i of `met`; passed rays wait for their next verdict.
+        ray = np.arange(len(mixed_t))
+        found, smoothed = [], []
+        for _ in range(_MAX_PASSES):
+            holes, bare, passing = self._judge_once(met, mixed, mixed_t, rows)
+            found.append(ray[holes])
+            smoothed.append(ray[bare])
+            met, mixed_t = self._behind_base(met, mixed_t, passing)
+            ray = ray[passing]
+            ahead = np.isfinite(met.detail[0])
+            smoothed.append(ray[~ahead])  # nothing is behind the place in the full detail either
+            rows = np.flatnonzero(ahead)
+            if not len(rows):
+                break
+        found.append(ray[rows])
+        return np.sort(np.concatenate(found)), np.sort(np.concatenate(smoothed))
+
+    def _judge_once(
+        self, met: Meetings, mixed: TracedModel, mixed_t: Float32, rows: AnyInt
+    ) -> tuple[AnyInt, AnyInt, AnyInt]:
+        """Judge rays at the first p and q: holes, smoothed, and rays that pass q in the air."""
         tolerance = self._model.tolerance_m
         rows = rows[mixed_t[rows] > met.detail[0][rows] + tolerance]
         # (1) at the place p: within the tolerance, or as near as the full base
@@ -120,11 +164,44 @@ class Judge:
         )
         open_rows = open_rows[missed]
         open_rows = open_rows[~self._base_is_replaced(met, mixed, open_rows)]
-        # (3) the base is nowhere on the ray: ground above or below p is no hole, the base smoothed
-        # the thing away; no ground at any height is one, whoever is to blame
-        bare = ~np.isfinite(met.base[0][open_rows])
-        bare[bare] = self.hit_places(met, open_rows[bare]).meets_vertical(mixed)
-        return np.sort(np.concatenate([certain, open_rows[~bare]])), open_rows[bare]
+        # (3) the base is nowhere on the ray, or q is in the air: ground above or below p is no
+        # hole, the base smoothed the thing away; no ground at any height is one, whoever is to
+        # blame
+        off_base = ~np.isfinite(met.base[0][open_rows])
+        excused = off_base | self._in_air(met, open_rows)
+        excused[excused] = self.hit_places(met, open_rows[excused]).meets_vertical(mixed)
+        holes = np.concatenate([certain, open_rows[~excused]])
+        return holes, open_rows[excused & off_base], open_rows[excused & ~off_base]
+
+    def _in_air(self, met: Meetings, rows: AnyInt) -> Bool:
+        """Tell where no detail is near q, and the ray has left the ground again before it.
+
+        The last detail before q tells: its back side is met where the ray leaves the ground. A ray
+        that is under the ground at q is not excused, as q hidden would let it pass there.
+        """
+        in_air = np.isfinite(met.base[0][rows])
+        at = rows[in_air]
+        places = self._base_places(met, at)
+        near = places.distance(
+            self._all_detail, np.float32(np.inf), MEASURE_REACH * self._model.tolerance_m
+        )
+        rays, model = met.rays, self._model
+        points = rays.origins[at] + rays.directions[at] * met.base[0][at, None]
+        face = self._detail.closest_hit(points, -rays.directions[at])[1]
+        normals = face_normals(model.detail_vertices, model.detail_faces, np.maximum(face, 0))
+        left_ground = (face >= 0) & ((normals * rays.directions[at]).sum(axis=1) > 0)
+        in_air[in_air] = ~np.isfinite(near) & left_ground
+        return in_air
+
+    def _behind_base(
+        self, met: Meetings, mixed_t: Float32, rows: AnyInt
+    ) -> tuple[Meetings, Float32]:
+        """Start some rays again behind the places q; returns what they meet, one row per ray."""
+        shift = met.base[0][rows] + np.float32(_STEP_PAST * self._model.tolerance_m)
+        rays = met.rays
+        origins = rays.origins[rows] + rays.directions[rows] * shift[:, None]
+        behind = Rays(origins, rays.directions[rows], rays.kind[rows])
+        return self.meetings(behind), mixed_t[rows] - shift
 
     def without_base(self, met: Meetings, rows: AnyInt) -> Bool:
         """Tell where there is no base at any height over or under the detail, (len(rows),)."""
@@ -142,14 +219,18 @@ class Judge:
         """Tell where the mixed model has surface at the place q where the ray meets the base."""
         near = np.zeros(len(rows), dtype=np.bool_)
         at = np.flatnonzero(np.isfinite(met.base[0][rows]))
-        some, model, rays = rows[at], self._model, met.rays
-        normals = face_normals(model.base_vertices, model.base_faces, met.base[1][some])
-        on_base = Places(rays.origins[some], rays.directions[some], met.base[0][some], normals)
+        on_base = self._base_places(met, rows[at])
         # Where a base face hides, it is the detail that stands for it.
         near[at] = _whole(
             *self._nearness(on_base, mixed, self._all_detail), self._model.tolerance_m
         )
         return near
+
+    def _base_places(self, met: Meetings, rows: AnyInt) -> Places:
+        """Gather where some rays meet the full base."""
+        model, rays = self._model, met.rays
+        normals = face_normals(model.base_vertices, model.base_faces, met.base[1][rows])
+        return Places(rays.origins[rows], rays.directions[rows], met.base[0][rows], normals)
 
     def _nearness(
         self, points: Places, mixed: TracedModel, standing_in: TracedModel

@@ -34,7 +34,7 @@ class KindReport:
     """Rays, hits and holes of one vantage point."""
 
     kind: str
-    """``"down"``, ``"above"`` or ``"eye"``."""
+    """``"down"``, ``"above"``, ``"eye"`` or ``"grazing"``."""
     rays: int
     hits: int
     """Rays that met the full detail."""
@@ -88,7 +88,7 @@ class HandOffReport:
     """Of both, rays that were not judged against a built mixed model."""
     distance_m: dict[str, float]
     """Percentiles (``p50``, ``p99``, ``p99.9``, ``max``) of the distance from the full detail to
-    the mixed model, over all hits."""
+    the mixed model, over all hits but those of grazing rays."""
     down_distance_m: dict[str, float]
     """The same over downward rays, along the ray: a plain difference of heights."""
     overlap: float

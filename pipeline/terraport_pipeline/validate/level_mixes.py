@@ -242,7 +242,7 @@ class _Prover:
                 (model.base_vertices, model.base_faces[~hidden]),
             ]
         )
-        anywhere = random_places(
+        anywhere, _ = random_places(
             model.detail_vertices, model.detail_faces, count - count // 2, self.rng
         )
         targets = np.concatenate([anywhere, self._on_borders(count // 2)])

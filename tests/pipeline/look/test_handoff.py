@@ -25,7 +25,7 @@ def test_a_right_cover_has_no_holes(model) -> None:
     assert report.worst is not None
     assert not report.worst.hole
     assert report.holes_per_million == 0.0
-    assert {kind.kind for kind in report.kinds} == {"down", "above", "eye"}
+    assert {kind.kind for kind in report.kinds} == {"down", "above", "eye", "grazing"}
 
 
 def test_a_cover_that_forgets_segments_has_holes_where_they_are_missing(model) -> None:
@@ -180,3 +180,29 @@ def test_visitors_below_the_base_are_counted_apart(detail, base, make_model) -> 
     report = check_hand_off(high, FEW)
     assert report.under_base > 100
     assert check_hand_off(model, FEW).under_base < 10  # the loose outer border alone
+
+
+def test_a_ray_past_a_missing_twig_is_judged_by_what_is_behind_it(detail, base, make_model) -> None:
+    # A twig that only tile 63 has, 6 m over the ground at its middle; far behind it a vane of the
+    # base that the detail has nothing of, hidden with tile 0.
+    twig = np.float32([[50, 16, 50], [51, 16, 50], [50, 16, 51], [50.3, 22, 50.3]])
+    outward = np.int32([[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]])
+    vane = np.float32([[10, 12, 20], [10, 30, 20], [10, 12, 80], [10, 30, 80]])
+    model = make_model(detail, base)
+    counts = np.diff(model.cover_offsets.astype(np.int64))
+    rows = [np.union1d(row, [63]) for row in np.split(model.cover_segments, np.cumsum(counts)[:-1])]
+    rows += [np.array([0]), np.array([0])]
+    two = np.int32([[0, 1, 2], [2, 1, 3]])
+    fat = replace(
+        model,
+        detail_vertices=np.concatenate([model.detail_vertices, twig]),
+        detail_faces=np.concatenate([model.detail_faces, outward + len(model.detail_vertices)]),
+        segment_of_face=np.concatenate([model.segment_of_face, np.full(4, 63, np.int32)]),
+        base_vertices=np.concatenate([model.base_vertices, vane]),
+        base_faces=np.concatenate([model.base_faces, two + len(model.base_vertices)]),
+        cover_offsets=np.concatenate([[0], np.cumsum([len(row) for row in rows])]),
+        cover_segments=np.concatenate(rows).astype(np.uint32),
+    )
+    report = check_hand_off(fat, FEW)
+    assert report.holes == 0
+    assert next(kind for kind in report.kinds if kind.kind == "grazing").strict_misses > 0

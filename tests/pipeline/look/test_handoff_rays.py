@@ -10,6 +10,7 @@ from terraport_pipeline.geometry.cover.handoff_rays import (
     RayKind,
     aim_rays,
     cumulative_face_area,
+    grazing_rays,
     hidden_base_faces,
     random_places,
     random_subsets,
@@ -58,8 +59,9 @@ def test_places_are_spread_by_area() -> None:
     vertices = np.float32([[0, 0, 0], [0, 0, 1], [1, 0, 0], [5, 0, 0], [5, 0, 2], [7, 0, 0]])
     faces = np.array([[0, 1, 2], [3, 4, 5]], dtype=np.int32)
     np.testing.assert_allclose(cumulative_face_area(vertices, faces), [0.5, 2.5])
-    places = random_places(vertices, faces, 20_000, np.random.default_rng(0))
+    places, face = random_places(vertices, faces, 20_000, np.random.default_rng(0))
     np.testing.assert_allclose((places[:, 0] > 4).mean(), 0.8, atol=0.02)
+    np.testing.assert_array_equal(face, places[:, 0] > 4)
     np.testing.assert_array_equal(places[:, 1], 0)
     first = places[places[:, 0] < 4]
     assert (first[:, 0] + first[:, 2] <= 1 + 1e-9).all()
@@ -69,7 +71,8 @@ def test_places_are_spread_by_area() -> None:
 def test_places_on_a_mesh_without_area_still_come() -> None:
     vertices = np.zeros((3, 3), np.float32)
     faces = np.array([[0, 1, 2]], dtype=np.int32)
-    assert random_places(vertices, faces, 4, np.random.default_rng(0)).tolist() == [[0, 0, 0]] * 4
+    places, _ = random_places(vertices, faces, 4, np.random.default_rng(0))
+    assert places.tolist() == [[0, 0, 0]] * 4
 
 
 def test_every_ray_passes_through_its_place_from_the_right_side() -> None:
@@ -86,3 +89,20 @@ def test_every_ray_passes_through_its_place_from_the_right_side() -> None:
     np.testing.assert_allclose(rays.origins[above, 1], 25.0, atol=1e-4)
     np.testing.assert_allclose(rays.origins[eye, 1] - places[eye, 1], 1.7, atol=1e-4)
     assert length[eye].max() < 82
+
+
+def test_grazing_rays_see_their_places_from_the_front() -> None:
+    rng = np.random.default_rng(6)
+    places = rng.uniform(0, 100, (2_000, 3)).astype(np.float32)
+    normals = np.tile(np.float32([1, 0, 0]), (2_000, 1))
+    free = np.where(np.arange(2_000) % 2, 2.0, np.inf).astype(np.float32)
+    rays = grazing_rays(places, normals, lambda _points, _directions: free, rng)
+    assert (rays.kind == RayKind.GRAZING).all()
+    ahead = places - rays.origins
+    length = np.linalg.norm(ahead, axis=1)
+    np.testing.assert_allclose(rays.directions * length[:, None], ahead, atol=1e-3)
+    angle = np.degrees(np.arcsin(-(rays.directions * normals).sum(axis=1)))
+    assert 0.9 < angle.min() < angle.max() < 60.1
+    assert np.median(angle) < 15
+    assert length[1::2].max() < 2.0  # from before what is in the way
+    assert length.max() > 50.0

@@ -26,7 +26,9 @@ def test_traced_and_built_mixed_models_agree(model, which) -> None:
     rng = np.random.default_rng(11)
     loaded = random_subsets(rng.uniform(0, 100, (model.segment_count, 3)), 9, rng)[which]
     hidden = hidden_base_faces(model.cover_offsets, model.cover_segments, loaded)
-    rays = aim_rays(random_places(model.detail_vertices, model.detail_faces, 5_000, rng), 15.0, rng)
+    rays = aim_rays(
+        random_places(model.detail_vertices, model.detail_faces, 5_000, rng)[0], 15.0, rng
+    )
     traced = MixedModel(
         ShownFaces(
             RayScene(model.detail_vertices, model.detail_faces), loaded[model.segment_of_face]

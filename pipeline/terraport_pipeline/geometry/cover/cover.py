@@ -23,10 +23,12 @@ Rules
    storeys (mine tunnels under a surface), where the ground would otherwise wait for the tunnel's
    segments.
 
-   Why grow by ``reach_m``: where a loaded segment ends and base begins, the two surfaces are up to
-   the deviation t apart. A ray at elevation angle e passes through such a slit unless they overlap
-   by t / tan(e). The default of ``2 t`` and at least one cell, on top of the base face's own width,
-   closes it for all but grazing rays.
+   Why grow by ``reach_m``: on a steep face the base is beside the detail, not over or under it. It
+   stands in for a place of the detail if it crosses the place's vertical, or the place's normal
+   within 4 tolerances (:data:`STAND_IN_TOLERANCES`, which the proof of the hand-off measures by).
+   So a base face has to list every segment within 4 tolerances of it in any direction. The default
+   is that length or one cell, the larger, and a twentieth more for positions that are rounded to
+   the payloads' grid afterwards.
 
 2. *Nearest base.* A detail face farther than ``2 t`` from every base face near its columns (a
    recess in a highwall that the base bridges over) is listed by all base faces around the four base
@@ -38,8 +40,14 @@ Rules
    water). Hiding it would tear a slit between the detail's rim and the next base face. Its list is
    emptied.
 
-Rays that are not vertical have no proof, only the margins of rules 1 and 2; `terraport validate`
-measures them.
+Why no hole on any other ray, by the definition in ``docs/topics/hand-off.md``: let a ray meet
+detail at a place p of a segment that is not loaded. If base stands in for p, rule 1 keeps it shown.
+If none does, let q be the next place of the base on the ray. If q is hidden, all detail within 4
+tolerances of q is loaded. If there is none, and q is in the air, the detail shows nothing at q
+either, and what is behind q on the ray is judged in the same way. One case is left: nothing stands
+in for p, the ray goes under the ground at p, and meets q, hidden, still under the ground and more
+than 4 tolerances from all detail. No list of bounded length excludes it; ``terraport validate``
+looks for it.
 
 Algorithm: both meshes are rasterised conservatively (exact triangle-square overlap) into one grid
 of columns with cells of ``max(t, median detail edge)``; the detail's cells are reduced to runs of
@@ -75,8 +83,14 @@ from terraport_pipeline.geometry.cover.far_detail import far_detail, median_edge
 from terraport_pipeline.geometry.mesh.chunks import in_chunks, side_by_side
 from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 
-__all__ = ["BaseCover", "build_cover"]
+__all__ = ["STAND_IN_TOLERANCES", "BaseCover", "build_cover"]
 
+STAND_IN_TOLERANCES: Final = 4.0
+"""Base stands in for detail up to this many tolerances from it, along the vertical or a normal."""
+
+_ROUNDING_SHARE: Final = 0.05
+"""Share added to the reach: published positions are rounded to a grid whose step is a fiftieth of
+the points' spacing."""
 
 _COVERED, _BARE, _PARTLY = 0, 1, 2
 _BASE_CHUNK: Final = 2**16
@@ -138,7 +152,8 @@ def build_cover(
     tolerance_m : float
         [t] usual deviation of base from detail (say its 99th percentile), metres, > 0.
     reach_m : float, optional
-        How far base faces are grown; None for the larger of twice the tolerance and one cell.
+        How far base faces are grown; None for the larger of four tolerances and one cell, and a
+        twentieth more.
     max_gap_m : float, optional
         See rule 1; None keeps everything in a column, which is what the proof needs.
     hide_partly_covered : bool
@@ -169,15 +184,15 @@ def build_cover(
     if n_base == 0 or n_detail == 0:
         return BaseCover(
             np.zeros(n_base + 1, np.uint32), np.zeros(0, np.uint32), tolerance_m,
-            reach_m or 2.0 * tolerance_m, n_base, 0, 0, n_detail,
+            reach_m or STAND_IN_TOLERANCES * tolerance_m, n_base, 0, 0, n_detail,
         )  # fmt: skip
     base = _contiguous(base_vertices, base_faces)
     detail = _contiguous(detail_vertices, detail_faces)
     segment = as_kernel_input(segment_of_face, np.int32)
     cell_m = max(tolerance_m, median_edge(*detail))
-    wanted_m = 2.0 * tolerance_m if reach_m is None else reach_m
+    wanted_m = STAND_IN_TOLERANCES * tolerance_m if reach_m is None else reach_m
     grid = fit_grid([base, detail], cell_m, wanted_m)
-    reach = max(wanted_m, grid.cell_m) if reach_m is None else reach_m
+    reach = (1.0 + _ROUNDING_SHARE) * max(wanted_m, grid.cell_m) if reach_m is None else reach_m
     # (1) detail columns as runs of (segment, lowest, highest)
     # (2) detail faces that no base face is close to
     runs, far = side_by_side(

@@ -24,7 +24,9 @@ __all__ = [
     "RayKind",
     "Rays",
     "aim_rays",
+    "border_base_faces",
     "cumulative_face_area",
+    "grazing_rays",
     "hidden_base_faces",
     "random_places",
     "random_subsets",
@@ -45,8 +47,18 @@ OBLIQUE_DEG: Final = (15.0, 80.0)
 """Below the horizon, for rays from above."""
 
 
+GRAZING_DEG: Final = (1.0, 60.0)
+"""Angle between a grazing ray and the face that it is aimed at; small angles more often."""
+
+GRAZING_REACH_M: Final = (0.5, 80.0)
+"""How far from the aimed place a grazing ray starts; nearer where the ground is in the way."""
+
+STEEP_WEIGHT: Final = 4.0
+"""Rays at a vertical face for one at a horizontal face of the same area, less one."""
+
+
 class RayKind(IntEnum):
-    """Vantage point of a ray: straight above, obliquely above, or at eye height."""
+    """Vantage point of a ray: straight above, obliquely above, at eye height, or grazing."""
 
     DOWN = 0
     """Straight down from over the scene."""
@@ -54,6 +66,8 @@ class RayKind(IntEnum):
     """Oblique from over the scene."""
     EYE = 2
     """From eye height above the ground."""
+    GRAZING = 3
+    """At a small angle to a face where the hand-off can fail, from where that face is seen."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,6 +173,32 @@ def rim_base_faces(offsets: AnyInt, segments: AnyInt, loaded: Bool) -> Int64:
     return np.flatnonzero((present > 0) & (present < total))
 
 
+def border_base_faces(base_faces: Int32, hidden: Bool) -> Int64:
+    """Find the base faces on either side of the border between hidden and shown ones.
+
+    Parameters
+    ----------
+    base_faces : ndarray of shape (B, 3), int32
+        Vertex indices.
+    hidden : ndarray of shape (B,), bool
+
+    Returns
+    -------
+    ndarray of shape (K,), int64
+        Faces with a vertex that a hidden and a shown face share, ascending.
+
+    Examples
+    --------
+    >>> faces = np.array([[0, 1, 2], [2, 1, 3], [3, 4, 5]], np.int32)
+    >>> border_base_faces(faces, np.array([True, False, False])).tolist()
+    [0, 1]
+    """
+    of_hidden, of_shown = (np.zeros(int(base_faces.max(initial=-1)) + 1, np.bool_) for _ in "ab")
+    of_hidden[base_faces[hidden]] = True
+    of_shown[base_faces[~hidden]] = True
+    return np.flatnonzero((of_hidden & of_shown)[base_faces].any(axis=1))
+
+
 def random_places(
     vertices: Float32,
     faces: Int32,
@@ -166,7 +206,7 @@ def random_places(
     rng: np.random.Generator,
     *,
     cumulative_area: Float64 | None = None,
-) -> Float64:
+) -> tuple[Float64, Int64]:
     """Choose places evenly over the surface of a mesh.
 
     Parameters
@@ -184,8 +224,10 @@ def random_places(
 
     Returns
     -------
-    ndarray of shape (count, 3), float64
+    points : ndarray of shape (count, 3), float64
         Points on faces, metres.
+    faces : ndarray of shape (count,), int64
+        The face that each is on.
     """
     running = cumulative_face_area(vertices, faces) if cumulative_area is None else cumulative_area
     drawn = rng.random(count) * running[-1]
@@ -198,10 +240,10 @@ def random_places(
         + corner[:, 1] * first * (1 - second)
         + corner[:, 2] * first * second
     )
-    return points
+    return points, face
 
 
-def cumulative_face_area(vertices: Float32, faces: Int32) -> Float64:
+def cumulative_face_area(vertices: Float32, faces: Int32, *, steep_weight: float = 0.0) -> Float64:
     """Sum face areas up, for :func:`random_places`.
 
     Parameters
@@ -210,6 +252,8 @@ def cumulative_face_area(vertices: Float32, faces: Int32) -> Float64:
         Metres.
     faces : ndarray of shape (F, 3), int32
         F >= 1.
+    steep_weight : float
+        A vertical face counts for this many of its areas on top of its own, others for less.
 
     Returns
     -------
@@ -218,7 +262,10 @@ def cumulative_face_area(vertices: Float32, faces: Int32) -> Float64:
     """
     corner = vertices[faces]
     edge, other = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
-    area = np.linalg.norm(np.cross(edge, other), axis=1).astype(np.float64) / 2
+    normal = np.cross(edge, other).astype(np.float64)
+    area = np.linalg.norm(normal, axis=1) / 2
+    if steep_weight:
+        area += steep_weight * np.hypot(normal[:, 0], normal[:, 2]) / 2
     running: Float64 = np.cumsum(area)
     if not running[-1] > 0:
         running = np.arange(1, len(faces) + 1, dtype=np.float64)
@@ -277,6 +324,40 @@ def aim_rays(
     sight = targets[eye] - stand
     heading[eye] = sight / np.linalg.norm(sight, axis=1, keepdims=True)
     return Rays(origins.astype(np.float32), heading.astype(np.float32), kind)
+
+
+def grazing_rays(
+    targets: Float32,
+    normals: Float32,
+    free_m: Callable[[Float32, Float32], Float32],
+    rng: np.random.Generator,
+) -> Rays:
+    """Look at places from their front at small angles, from where each place is seen.
+
+    Parameters
+    ----------
+    targets, normals : ndarray of shape (R, 3), float32
+        Places, metres, and the unit normals of the faces there.
+    free_m : callable
+        Distances from places in directions to the first surface, ``inf`` where there is none.
+    rng : numpy.random.Generator
+        Source of chance.
+
+    Returns
+    -------
+    Rays
+        One per place, in the order given.
+    """
+    count = len(targets)
+    along = rng.normal(size=(count, 3))
+    along -= (along * normals).sum(axis=1, keepdims=True) * normals
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    angle = np.radians(np.exp(rng.uniform(*np.log(GRAZING_DEG), count)))[:, None]
+    outward = (np.cos(angle) * along + np.sin(angle) * normals).astype(np.float32)
+    away = np.exp(rng.uniform(*np.log(GRAZING_REACH_M), count)).astype(np.float32)
+    away = np.minimum(away, np.float32(0.9) * free_m(targets, outward))
+    origins = (targets + outward * away[:, None]).astype(np.float32)
+    return Rays(origins, -outward, np.full(count, RayKind.GRAZING, np.uint8))
 
 
 def strict_misses(detail_t: Float32, base_t: Float32, mixed_t: Float32, tolerance_m: float) -> Bool:

@@ -138,6 +138,20 @@ def test_no_hole_on_slanting_rays(rays, seed):
     assert count_holes(*meets, segment, cover, seed, subsets=60) == 0
 
 
+@pytest.mark.parametrize(("tolerances", "listed"), [(3.0, True), (3.9, True), (6.5, False)])
+def test_a_base_face_waits_for_detail_within_four_tolerances(tolerances, listed):
+    """On a steep face the base beside the detail, along its normal, is what stands in for it."""
+    tolerance = 0.3
+    base_v, base_f = grid_mesh(2, 20.0, lambda x, z: 0 * x)
+    detail_v, detail_f = grid_mesh(200, 20.0, lambda x, z: 0 * x)
+    first_x = detail_v[detail_f][:, :, 0].min(axis=1)
+    segment = (first_x > 10.0 + tolerances * tolerance - 0.05).astype(int)
+    cover = build_cover(base_v, base_f, detail_v, detail_f, segment, tolerance_m=tolerance)
+    left = np.flatnonzero(base_v[base_f][:, :, 0].max(axis=1) <= 10.0)
+    lists = np.split(cover.segments, cover.offsets[1:-1])
+    assert {(1 in lists[face]) for face in left} == {listed}
+
+
 def test_recess_is_listed_by_the_face_that_bridges_it():
     """Detail set back 3 m into a wall: the base wall before it waits for the recess (rule 2)."""
     y, z = np.meshgrid(np.linspace(0, 12, 13), np.linspace(0, 12, 13), indexing="ij")
