@@ -323,9 +323,12 @@ class _Prover:
     def _from_over_base(self, rays: Rays) -> Rays:
         """Leave out rays that start below the base: they are no views from outside the ground."""
         model = self._model
-        face = self._base.closest_hit(rays.origins, rays.directions)[1]
-        normals = face_normals(model.base_vertices, model.base_faces, np.maximum(face, 0))
-        over = (face < 0) | ((normals * rays.directions).sum(axis=1) < 0)
+        over = np.ones(len(rays.kind), np.bool_)
+        up = np.tile(np.float32([0, 1, 0]), (len(rays.kind), 1))
+        for heading in (rays.directions, up):
+            face = self._base.closest_hit(rays.origins, heading)[1]
+            normals = face_normals(model.base_vertices, model.base_faces, np.maximum(face, 0))
+            over &= (face < 0) | ((normals * heading).sum(axis=1) < 0)
         return Rays(rays.origins[over], rays.directions[over], rays.kind[over])
 
     def _border_places(self, hidden: Bool, count: int) -> tuple[Float32, Int32]:

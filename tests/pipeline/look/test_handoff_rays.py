@@ -83,7 +83,7 @@ def test_every_ray_passes_through_its_place_from_the_right_side() -> None:
     length = np.linalg.norm(ahead, axis=1)
     np.testing.assert_allclose(np.linalg.norm(rays.directions, axis=1), 1, atol=1e-6)
     np.testing.assert_allclose(rays.directions * length[:, None], ahead, atol=2e-3)
-    down, above, eye = (rays.kind == kind for kind in RayKind)
+    down, above, eye = (rays.kind == kind for kind in (RayKind.DOWN, RayKind.ABOVE, RayKind.EYE))
     assert down.sum() == above.sum() == eye.sum() == 1_000
     assert (rays.directions[down] == [0, -1, 0]).all()
     np.testing.assert_allclose(rays.origins[above, 1], 25.0, atol=1e-4)

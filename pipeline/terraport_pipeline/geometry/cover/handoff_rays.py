@@ -352,12 +352,19 @@ def grazing_rays(
     along = rng.normal(size=(count, 3))
     along -= (along * normals).sum(axis=1, keepdims=True) * normals
     along /= np.linalg.norm(along, axis=1, keepdims=True)
-    angle = np.radians(np.exp(rng.uniform(*np.log(GRAZING_DEG), count)))[:, None]
+    angle = np.radians(_log_uniform(GRAZING_DEG, count, rng))[:, None]
     outward = (np.cos(angle) * along + np.sin(angle) * normals).astype(np.float32)
-    away = np.exp(rng.uniform(*np.log(GRAZING_REACH_M), count)).astype(np.float32)
+    away = _log_uniform(GRAZING_REACH_M, count, rng).astype(np.float32)
     away = np.minimum(away, np.float32(0.9) * free_m(targets, outward))
     origins = (targets + outward * away[:, None]).astype(np.float32)
     return Rays(origins, -outward, np.full(count, RayKind.GRAZING, np.uint8))
+
+
+def _log_uniform(limits: tuple[float, float], count: int, rng: np.random.Generator) -> Float64:
+    """Draw numbers between two limits, evenly over their logarithms."""
+    low, high = (float(np.log(limit)) for limit in limits)
+    drawn: Float64 = np.exp(rng.uniform(low, high, count))
+    return drawn
 
 
 def strict_misses(detail_t: Float32, base_t: Float32, mixed_t: Float32, tolerance_m: float) -> Bool:
