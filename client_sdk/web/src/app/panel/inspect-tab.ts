@@ -43,7 +43,7 @@ export function createInspectTab(store: ViewerStore, actions: InspectActions): H
   const pickHint = h("p", { class: "faint" });
   const pickFacts = createFacts([
     ["region", "Region"],
-    ["area", "Area of the region"],
+    ["area", "Surface area of the region"],
     ["region-slope", "Its mean slope"],
     ["within", "Part of"],
     ["east", "East"],
