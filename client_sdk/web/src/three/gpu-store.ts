@@ -229,7 +229,7 @@ export class GpuStore {
     state.unbindTexture();
   }
 
-  /** Left as it was found: three.js remembers some of it, in some versions. The browser answers without the GPU. */
+  /** Restore the WebGL state: some versions of three.js cache parts of it. The browser answers without asking the GPU. */
   #withUnpack(skipRows: number, act: () => void): void {
     const gl = this.#gl;
     const wanted: readonly (readonly [GLenum, number | boolean])[] = [
