@@ -51,7 +51,7 @@ _READ_ONLY = (
 
 
 def may_paint(service: Service, token_pass: TokenPass, served: ServedScene) -> bool:
-    """Return whether a token's bearer may paint on a scene whose folder is writable.
+    """Return whether a token's bearer may paint on a scene, and the scene's folder is writable.
 
     Without authentication, clients on this machine may paint, and no others.
     """

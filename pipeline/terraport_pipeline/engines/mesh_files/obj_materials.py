@@ -95,7 +95,7 @@ def _library_names(path: Path, text: str) -> list[str]:
     words = text.split()
     if len(words) < 2 or find_beside(path, text) is not None:
         return [text]
-    # Missing text with blanks is a single name, unless a part of it names a file.
+    # If no file has this name, it is still a single name, unless a part of it names a file.
     return words if any(find_beside(path, word) is not None for word in words) else [text]
 
 
