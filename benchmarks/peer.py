@@ -1,30 +1,30 @@
-"""terraport's page beside 3DTilesRendererJS with its LoadRegion plugin: same browser, same bytes.
+"""Compare terraport's page with 3DTilesRendererJS and its LoadRegion plugin, on the same data.
 
 ::
 
     npm install --prefix FOLDER 3d-tiles-renderer@0.5.3 three@0.187.0 esbuild
     TERRAPORT_TILES_TOOLS=FOLDER python benchmarks/peer.py --scenes SCENES --scene sample_scene
 
-Both go to the same places in turn, with the same radius, over the same line (50 Mbit/s and 40 ms
-there and back, shaped by a relay of our own, since Chromium's network conditions do not reach
-WebSockets), through the same proxy (Caddy, TLS). Both pages are bundled, minified and compressed by
-brotli beforehand, and decode meshes in workers; JSON is compressed by the proxy. The peer's page
-has lights, as its examples have. A hop ends with the frame after which the picture does not change
-any more. *Cold*: for the first time. *Warm*: the same places again, in the same page.
+Both visit the same places in the same order, with the same radius, over the same connection
+(50 Mbit/s, 40 ms round trip; a relay shapes it, since Chromium's network conditions do not apply to
+WebSockets), through the same proxy (Caddy, TLS). Both pages are bundled, minified and compressed
+with brotli beforehand, and decode meshes in workers; the proxy compresses JSON. The peer's page has
+lights, as its examples have. A hop ends with the last frame that changes the picture. *Cold*: the
+first visit to a place. *Warm*: a second visit in the same page.
 
 The peer reads the service's live tileset, whose segments have the vertices that terraport streams,
-byte for byte: ``peer`` as it is, where a cell of up to 12 segments replaces its part of the base as
-a whole (``REPLACE``), and ``peer+add`` with cells that segments are added to one by one (``ADD``):
-fewer bytes, but the base stays drawn and stands out of the detail.
+byte for byte. ``peer`` reads it unchanged: a cell of up to 12 segments replaces its part of the
+base at once (``REPLACE``). For ``peer+add`` segments are added to a cell one by one (``ADD``):
+fewer bytes, but the base stays drawn and pokes through the detail.
 
-What is counted: time from the call to the last change; bytes on the line, with TLS and headers;
-HTTP requests of the page and its workers; frames of over 50 ms and frames whose picture changes,
-both up to the last change. The camera stands above, the same in both, with all of the scene in
-view; pictures are small, since WebGL is drawn by the CPU. Every way is run several times in turn,
-in a new browser context each; a figure is the median of all hops, and behind it stand the least and
-the greatest median of a run.
+Measured: time from the call to the last change; bytes on the wire, with TLS and headers; HTTP
+requests of the page and its workers; frames longer than 50 ms and frames that change the picture,
+both up to the last change. Both cameras look from above and see the whole scene; pictures are
+small, since the CPU draws WebGL. Every variant runs several times, each time in a new browser
+context. A figure is the median of all hops, followed by the smallest and the largest median of a
+run.
 
-Skips, and says so, without Chromium, Caddy, the built page, or the peer's packages.
+Exits with a message if Chromium, Caddy, the built page or the peer's packages are missing.
 """
 
 from __future__ import annotations
@@ -148,9 +148,9 @@ class Bench:
         self.box: tuple[Place, Place] = ((0, 0, 0), (0, 0, 0))
         self.missed: list[str] = []
         self.opened: dict[str, list[dict[str, float]]] = defaultdict(list)
-        """What opening the page took, by way, run by run."""
+        """Measurements of opening the page, by variant and run."""
         self.hops: dict[str, list[list[dict[str, float]]]] = defaultdict(list)
-        """By way and heat, run by run."""
+        """Measurements of hops, by variant, cold or warm, and run."""
         self._choose_places()
         self._write_added_tileset()
 
@@ -167,7 +167,7 @@ class Bench:
         context.close()
 
     def _write_added_tileset(self) -> None:
-        """Write the live tileset with cells that segments are added to, for the peer's page."""
+        """Write a copy of the live tileset that refines by ``ADD``, for the peer's page."""
         address = f"/scenes/{self.options.scene}/"
         tileset = httpx.get(f"{self.service.url}{address}tileset.json", timeout=60).json()
 
@@ -385,7 +385,7 @@ def _bundled(packages: Path, folder: Path) -> Path:
 
 
 def _medians(runs: list[list[float]]) -> str:
-    """Return the median of all values, and the least and greatest median of a run."""
+    """Format the median of all values, with the smallest and the largest median of a run."""
     middles = sorted(statistics.median(values) for values in runs)
     middle = statistics.median(value for values in runs for value in values)
     return f"{middle:,.0f} ({middles[0]:,.0f} to {middles[-1]:,.0f})"

@@ -30,7 +30,7 @@ PROFILES: Final[list[list[str]]] = [
     ["teach"],
     ["build", "monitoring", "s3", "teach", "upload"],
 ]
-"""The last one has every service."""
+"""Profiles of the checked configurations; the last one has every service."""
 
 
 def compose_config(scenes: Path, secrets: Path, alerts_to: str) -> dict[str, Any] | None:
@@ -60,14 +60,14 @@ def compose_config(scenes: Path, secrets: Path, alerts_to: str) -> dict[str, Any
 
 
 def check_profiles(config: dict[str, Any]) -> None:
-    """Without a profile proxy and service run alone; no bind mount is made by the engine."""
+    """Check that only proxy and service run without a profile, and no folder is created."""
     services = config["services"]
     always = {name for name, service in services.items() if not service.get("profiles")}
     assert always == {"proxy", "server"}, always
     for name in ("server", "build", "teach", "upload"):
         binds = [one for one in services[name]["volumes"] if one["type"] == "bind"]
         for bind in binds:
-            # Left out it means true: a missing folder would be made, and belong to root.
+            # The default is true: the engine would create a missing folder, owned by root.
             assert bind["bind"].get("create_host_path") is False, (name, bind)
     users = {services[name].get("user") for name in ("server", "build", "teach")}
     assert len(users) == 1, users

@@ -82,7 +82,7 @@ class Services:
             command = command or [program]
         else:
             stage = self._stages[STAGES[service]]
-            # Compose's own user goes first.
+            # The user in the Compose file overrides the image's.
             user = int(str(spec.get("user") or stage.last("USER") or 0).partition(":")[0])
             environment |= stage.environment(environment) | {"PATH": path}
             words = stage.words("CMD") if words is None and command is None else words

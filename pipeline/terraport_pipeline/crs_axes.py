@@ -1,9 +1,9 @@
-"""Axes of a coordinate reference system: which way x, y and z point, and in which unit.
+"""Axes of a coordinate reference system: directions and units of x, y and z.
 
-PURE but for PROJ's own database.
+PURE except for PROJ's database.
 
-Files hold x to the east and y to the north whatever order a CRS lists them in (EPSG:2180, 3301 and
-31467 list northings first). Axes that point south, west or down do change what the numbers mean.
+Files store x as easting and y as northing, whatever the axis order of their CRS (EPSG:2180, 3301
+and 31467 list northings first). Axes that point south, west or down do change the coordinates.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _PLAN: Final[tuple[Axis, ...]] = ("east", "west", "north", "south")
 _EAST_WEST: Final = ("east", "west")
 
 _SCREEN: Final = frozenset({"unspecified", "displayRight", "displayUp", "right", "left"})
-"""Directions of local grids that say nothing about the Earth: x and y are taken as they are."""
+"""Axis directions of local grids without a relation to the Earth: x and y are used unchanged."""
 
 _NAMES: Final = {
     "east": ("Easting", "E"), "west": ("Westing", "W"), "north": ("Northing", "N"),
@@ -47,13 +47,13 @@ _NORTH_ORIENTED: Final = {
     1042: (1043, "Krovak Modified (North Orientated)"),
     9808: (9807, "Transverse Mercator"),
 }
-"""Methods that count to the south and west whatever the axes say, and the same to the north and
-east, by EPSG's codes. False easting and northing change their sign."""
+"""EPSG codes of projection methods whose coordinates increase to the south and west whatever their
+axes state, with the same method to the north and east. False easting and northing change sign."""
 
 _FALSE_ORIGIN: Final = frozenset({8806, 8807})
 
 _SAME_UNIT: Final = 1e-9
-"""Share by which two lengths of a unit may differ: feet of two kinds differ by two millionths."""
+"""Largest relative difference of equal units; international and US survey feet differ by 2e-6."""
 
 _SAME_PLACE_M: Final = 1e-4
 
@@ -79,7 +79,7 @@ def plan_axes(horizontal: CRS) -> tuple[tuple[Axis, Axis], float]:
     Raises
     ------
     UnusableAxesError
-        They are not perpendicular axes of the compass, or have two units.
+        The axes are not perpendicular compass directions, or have two units.
     """
     axes = horizontal.axis_info[:2]
     if len(axes) < 2:
@@ -89,7 +89,7 @@ def plan_axes(horizontal: CRS) -> tuple[tuple[Axis, Axis], float]:
         raise UnusableAxesError(f"units of {units[0]:.9g} m and {units[1]:.9g} m")
     first, second = (axis.direction for axis in axes)
     if {first, second} <= _SCREEN or first == second or (first, second) == ("north", "east"):
-        # Both to the north or to the south: easting and northing about a pole.
+        # Both to the north or both to the south: a polar projection.
         return ("east", "north"), units[0]
     for x in _PLAN:
         for y in _PLAN:
@@ -110,7 +110,7 @@ def height_axis(crs: CRS) -> tuple[Axis, float] | None:
 
 
 def own_code(crs: CRS) -> int | None:
-    """Return the EPSG code that a CRS gives itself, or by which PROJ recognises it."""
+    """Return the EPSG code that a CRS states, or that PROJ identifies."""
     stated = crs.to_json_dict().get("id", {})
     if stated.get("authority") == "EPSG" and str(stated.get("code", "")).isdigit():
         return int(stated["code"])
@@ -119,10 +119,10 @@ def own_code(crs: CRS) -> int | None:
 
 
 def epsg_of(crs: CRS) -> int | None:
-    """Return the EPSG code of a CRS whose numbers mean the same as those of the code.
+    """Return the EPSG code of a CRS if its coordinates mean the same as under that code.
 
-    PROJ gives the code of a system also to one with other axes: what counts to the north and east
-    is not EPSG:5513, which counts to the south and west.
+    PROJ also identifies a CRS with other axes: a CRS whose axes point north and east is not
+    EPSG:5513, whose axes point south and west.
     """
     code = own_code(crs)
     if code is None:
@@ -141,10 +141,10 @@ def code_of(crs: CRS) -> int | None:
 
 
 def same_grid(one: CRS, other: CRS) -> bool:
-    """Whether two horizontal CRSs are one grid, however each is spelled.
+    """Return whether two horizontal CRSs are the same grid, however each is written.
 
-    The order of northing and easting does not count, as it does not in files; directions, units,
-    datum and projection do.
+    The order of northing and easting is ignored, as in files; directions, units, datum and
+    projection must agree.
     """
     if one == other:
         return True
@@ -161,10 +161,10 @@ def same_grid(one: CRS, other: CRS) -> bool:
 
 
 def is_one_system(one: CRS, other: CRS) -> bool:
-    """Whether files in two CRSs are one survey: one grid, and heights that do not contradict.
+    """Return whether files in two CRSs can be one survey: the same grid and consistent heights.
 
-    A shift to another datum (``TOWGS84``) does not count, nor a vertical system that one of them
-    states alone, where heights are in the unit that the other's are taken in.
+    A shift to another datum (``TOWGS84``) is ignored. So is a vertical CRS that only one of them
+    states, if its unit is the one in which the other's heights are read.
     """
     (plan, upright), (other_plan, other_upright) = parts_of(one), parts_of(other)
     if plan is None or other_plan is None:
@@ -196,15 +196,15 @@ def with_axes(
     ----------
     crs : CRS
     axes : tuple of three directions, optional
-        None leaves them, but for the order of northing and easting.
+        None keeps them, except that easting comes first.
     horizontal_m, height_m : float, optional
-        Metres in a unit; None leaves it.
+        Metres per unit; None keeps the unit.
     name : str, optional
 
     Returns
     -------
     CRS or None
-        None where PROJ cannot say it.
+        None if PROJ cannot represent it.
     """
     description = copy.deepcopy(crs.to_json_dict())
 
@@ -233,7 +233,7 @@ def with_axes(
 
 
 def is_same_place(own: CRS, metric: CRS, places: Any, to_metres: Callable[[Any], Any]) -> bool:
-    """Whether PROJ agrees that places in one CRS are those in another that were computed.
+    """Return whether PROJ's transformation between two CRSs agrees with a computed one.
 
     Parameters
     ----------
@@ -242,7 +242,7 @@ def is_same_place(own: CRS, metric: CRS, places: Any, to_metres: Callable[[Any],
     places : ndarray of shape (N, 2)
         In `own`.
     to_metres : callable
-        What makes coordinates in `metric` of them.
+        Converts them to coordinates in `metric`.
     """
     try:
         convert = Transformer.from_crs(own, metric, always_xy=True)
@@ -254,7 +254,7 @@ def is_same_place(own: CRS, metric: CRS, places: Any, to_metres: Callable[[Any],
 
 
 def _numbers(crs: CRS) -> tuple[object, ...]:
-    """Return what numbers in a CRS count: directions and units, in nanometres."""
+    """Return directions of a CRS's axes and their units, in nanometres."""
     horizontal, _ = parts_of(crs)
     plan: tuple[object, ...] = ()
     if horizontal is not None:
@@ -270,7 +270,7 @@ def _edit_axes(
     horizontal_m: float | None,
     height_m: float | None,
 ) -> list[str]:
-    """Change the axes of one system in PROJ's JSON, in place; return the directions turned."""
+    """Change the axes of one CRS in PROJ's JSON, in place; return the reversed directions."""
     turned: list[str] = []
     plan = [axis for axis in listed if axis["direction"] not in ("up", "down")]
     upright = [axis for axis in listed if axis["direction"] in ("up", "down")]
@@ -307,7 +307,7 @@ def _edit_axes(
 
 
 def _to_north_and_east(conversion: dict[str, Any]) -> None:
-    """Replace a projection that counts to the south and west by the same to the north and east."""
+    """Replace a south- and west-oriented projection by its north- and east-oriented form."""
     method = conversion.get("method", {})
     replacement = _NORTH_ORIENTED.get(method.get("id", {}).get("code"))
     if replacement is None:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from terraport_pipeline.errors import OptionError
 
-if TYPE_CHECKING:  # the command line prints its help without NumPy
+if TYPE_CHECKING:  # not needed to print the command line's help
     from terraport_payload.types import Bool, Float64
 
 __all__ = ["Extent"]

@@ -13,7 +13,7 @@ MEMORY_SHARE: Final = 0.8
 
 def available_memory_bytes() -> int:
     """Return what is free for this process: on the machine, or in its container if that is less."""
-    import psutil  # only builds ask, not those who read their help
+    import psutil  # needed by builds, not to print help
 
     free = int(psutil.virtual_memory().available)
     try:

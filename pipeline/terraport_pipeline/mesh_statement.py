@@ -53,7 +53,7 @@ class MeshStatement:
 
     @property
     def recorded(self) -> dict[str, Any]:
-        """What was stated, by the names of the options; JSON values, empty where nothing was."""
+        """Stated values as JSON, by the names of the options; empty without any."""
         stated = {name: value for name, value in asdict(self).items() if value not in (None, False)}
         if self.shift is not None:
             stated["shift"] = [*self.shift]

@@ -69,7 +69,8 @@ class Survey:
     warnings: tuple[str, ...] = ()
     """What the reader noticed and the user should know, whole sentences."""
     whole: tuple[str, ...] = ()
-    """Attributes that are whole numbers although floats: NaN where a point has none."""
+    """Attributes of whole numbers that are stored as floats, with NaN for points without a
+    value."""
 
 
 @dataclass(frozen=True, slots=True)

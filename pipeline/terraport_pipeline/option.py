@@ -80,7 +80,7 @@ def parse_count(text: str, what: str = "count") -> int:
 
 
 def format_bytes(count: float) -> str:
-    """Write a size for people.
+    """Format a size in human-readable form.
 
     Examples
     --------
@@ -108,7 +108,7 @@ def parse_bytes(text: str, what: str = "size") -> int:
     1610612736
     """
     match = re.fullmatch(r"\s*([0-9]+(?:\.[0-9]+)?)\s*([kmgt]?)(?:i?b)?\s*", text.lower())
-    # Nobody means 8 bytes by --max-memory 8.
+    # --max-memory 8 certainly does not mean 8 bytes.
     if match is None or (not match[2] and float(match[1]) < _SIZES["m"]):
         raise OptionError(f"{what} {text!r}; expected a number with K, M, G or T, for example 8G")
     return int(float(match[1]) * _SIZES[match[2]])

@@ -49,7 +49,7 @@ complete."""
 
 
 _THOUSAND = 1000
-"""From here on numbers have no decimals, and a comma."""
+"""Numbers from this on are formatted with thousands separators and without decimals."""
 
 
 class Progress(Protocol):
@@ -221,7 +221,7 @@ class _AmountColumn(ProgressColumn):
 
 
 def format_fact(value: object) -> str:
-    """Format a value for people: thousands with commas, other numbers to four digits.
+    """Format a value in human-readable form: thousands with commas, other numbers to four digits.
 
     Examples
     --------

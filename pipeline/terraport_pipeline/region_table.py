@@ -45,15 +45,15 @@ def region_rows(
     Returns
     -------
     list of dict
-        One row per region with ``stable_id`` (None where regions have none), ``label`` ("" for
-        none), ``region``, and, None where the file does not say: ``plan_area_m2``,
+        One row per region with ``stable_id`` (None if regions have none), ``label`` ("" for
+        none), ``region``, and the following, None if missing in the file: ``plan_area_m2``,
         ``surface_area_m2``, ``above_toe_m3``, ``below_toe_m3``, ``toe_uncertainty_m3``,
         ``objects_m3``, ``overhang_m3``, ``faces``,
         ``east_m``, ``north_m``, ``height_m`` (of the centre, in the survey's coordinates),
         ``lowest_m``, ``highest_m``, ``mean_colour`` (``#rrggbb``), ``slope_deg``, ``roughness_m``.
-        Of a scene that was built over another also ``cut_m3``, ``fill_m3`` and
-        ``change_uncertainty_m3``; of one that was taught ``class`` and ``confidence``. Equal
-        areas: by region.
+        A scene that was built over another also has ``cut_m3``, ``fill_m3`` and
+        ``change_uncertainty_m3``; a scene with trained classes ``class`` and ``confidence``.
+        Regions of equal area are ordered by number.
     """
     rows = []
     was_renewed = isinstance(document.get("change"), Mapping)
@@ -237,7 +237,7 @@ def _text(path: Path) -> str:
 
 
 def _toe_volumes(volume: object) -> dict[str, float | None]:
-    """Volumes of a region at its toe; None where it has none."""
+    """Return the volumes of a region at its toe; None if it has none."""
     values: Mapping[str, Any] = volume if isinstance(volume, Mapping) else {}
     return {
         "above_toe_m3": _number(values.get("above_m3")),
@@ -249,7 +249,7 @@ def _toe_volumes(volume: object) -> dict[str, float | None]:
 
 
 def _change_volumes(change: object) -> dict[str, float | None]:
-    """Volumes of cut and fill of a region; 0 where none of its ground moved."""
+    """Return the volumes of cut and fill of a region; 0 if none of its ground moved."""
     values: Mapping[str, Any] = change if isinstance(change, Mapping) else {}
     return {
         "cut_m3": _number(values.get("cut_m3", 0.0)),

@@ -81,9 +81,9 @@ def inspect_headers(survey: SurveyFiles, heads: Sequence[FileHead]) -> dict[str,
     Parameters
     ----------
     survey : SurveyFiles
-        From :meth:`.SurveyFiles.heads`, its meaning not checked.
+        From :meth:`.SurveyFiles.heads`, with coordinates not yet checked.
     heads : sequence of FileHead
-        Of its files.
+        Headers of its files.
 
     Returns
     -------

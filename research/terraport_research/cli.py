@@ -249,7 +249,7 @@ _app.command("study")(study)
 
 
 _WIDEST_TABLE: Final = 1000
-"""Characters of a line, at most."""
+"""Maximum width of a table, characters."""
 
 
 def _booklet_table(table: BookletTable) -> Table:
@@ -313,7 +313,7 @@ def _table(title: str, *columns: str) -> Table:
 
 
 def _print_table(console: Console, table: Table) -> None:
-    """Print a table with every figure whole: where it is wider, the terminal wraps its lines."""
+    """Print a table without truncated figures; the terminal wraps lines that are too long."""
     unbounded = console.options.update(width=_WIDEST_TABLE)
     console.width = max(console.width, console.measure(table, options=unbounded).maximum)
     console.print(table)

@@ -90,12 +90,12 @@ def evaluate(options: ReconstructionOptions, progress: Progress | None = None) -
     Returns
     -------
     Evaluation
-        A data file that is missing is part of the result.
+        The result lists missing data files.
 
     Raises
     ------
     OptionError
-        Before any work.
+        An option is invalid; raised before any work.
     """
     watcher = progress or NullProgress()
     skipped: list[str] = []

@@ -24,7 +24,7 @@ _HOMES: Final = {
     "create_app": "app",
     "run": "serving",
 }
-"""Module of each name: imported when it is used, so that ``terraport serve --help`` is quick."""
+"""Module of each name, imported at first use, so that ``terraport serve --help`` is quick."""
 
 
 def __getattr__(name: str) -> Any:

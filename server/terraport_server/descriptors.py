@@ -1,7 +1,7 @@
-"""File descriptors: enough for the connections that the settings allow, and some in reserve.
+"""Limit of file descriptors: enough for the allowed connections, and a reserve.
 
-A connection takes one descriptor; many systems start a process with 1,024 in all. Without this,
-the process could run out of descriptors long before it has ``max_connections`` connections.
+A connection takes one descriptor; many systems start a process with a limit of 1,024. Without this
+module, a process could run out of descriptors long before it has ``max_connections`` connections.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ NO_DESCRIPTOR: Final = (
     "got a connection while all file descriptors of the service are in use, expected a free one; "
     "try again later, or raise the service's limit of open files (ulimit -n)"
 )
-"""What the client of a refused connection is told."""
+"""Error text for the client of a refused connection."""
 
 _OTHERS: Final = 256
 """A few packs, threads' pipes, log, listening sockets."""
 _PACKS: Final = 16_384
 """Of scenes in a folder, where the system lets a process have so many."""
 _RESERVED: Final = 64
-"""Descriptors that no accepted connection keeps, or a quarter of all if that is less: for refusing
-further connections, looking at scenes, and reading files."""
+"""Descriptors reserved from connections, or a quarter of all if that is less: for refusing further
+connections, watching scenes, and reading files."""
 
 
 def make_room(max_connections: int) -> None:
@@ -57,10 +57,10 @@ def make_room(max_connections: int) -> None:
 
 
 def first_reserved() -> int | None:
-    """Return the lowest descriptor number that no connection may keep; None = without bound.
+    """Return the lowest descriptor number that no connection may keep; None = unlimited.
 
-    The system always gives the lowest number that is free, so a connection with a higher number
-    means that nearly all are in use.
+    The system always assigns the lowest free number, so a connection with a higher number means
+    that nearly all are in use.
     """
     most = _most_descriptors()
     return None if most is None else most - min(_RESERVED, most // 4)
@@ -81,7 +81,7 @@ def most_packs() -> int | None:
 
 
 def _most_descriptors() -> int | None:
-    """Return how many descriptors this process may have; None = without bound."""
+    """Return how many descriptors this process may have; None = unlimited."""
     try:
         import resource  # Unix has it
     except ImportError:

@@ -101,7 +101,7 @@ class Doorway:
                 continue  # nobody else waits
             except ConnectionError:
                 continue  # who waited is gone
-            except OSError:  # no descriptor is left
+            except OSError:  # no file descriptor is free
                 if not (self._entrance.make_room() or self._make_room(None)):
                     await asyncio.sleep(_PAUSE_S)
             await asyncio.sleep(0)

@@ -1,11 +1,11 @@
-"""Bodies of HTTP answers by ``sendfile``: the ASGI extension ``http.response.zerocopysend``.
+"""HTTP response bodies by ``sendfile``: the ASGI extension ``http.response.zerocopysend``.
 
-uvicorn does not have it. With it a range of an open file goes from the page cache to the socket,
-and the head of the answer with its first bytes, in one segment. When the socket is full, one small
-piece goes to the transport, which calls ``resume_writing`` when the socket has taken it: no second
-descriptor is needed to wait. Under TLS it is read piece by piece, as the socket takes it, through
-one buffer for all connections: no client that reads slowly has more of a body here than a piece.
-Not on every system: an application asks the scope.
+uvicorn does not implement it. It sends a range of an open file from the page cache to the socket;
+the response head and the first bytes of the body leave in one segment. When the socket is full, one
+small piece is written to the transport, which calls ``resume_writing`` once the socket has accepted
+it: waiting needs no second descriptor. Under TLS the file is read piece by piece, as the socket
+accepts it, through one buffer for all connections: a slow client holds at most one piece in memory.
+The extension is not available on every system: an application checks the scope.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ FILES: Final = "http.response.zerocopysend"
 Done = Callable[[OSError | None], None]
 
 _PIECE_BYTES: Final = 16 << 10
-"""Bytes read and copied, not sent by ``sendfile``: those that leave with the head, and those that
-the transport holds while it waits for a full socket."""
+"""Maximum bytes that are copied instead of sent by ``sendfile``: those sent with the head, and
+those that the transport buffers while the socket is full."""
 
 _REASONS: Final = {
     status.value: f"HTTP/1.1 {status.value} {status.phrase}\r\n".encode() for status in HTTPStatus
@@ -37,21 +37,21 @@ _REASONS: Final = {
 
 
 class FileSender:
-    """Sends the answers of one connection; one answer at a time.
+    """Sender of the responses of one connection, one response at a time.
 
     Parameters
     ----------
     transport
-        Of the connection, whose protocol calls :meth:`on_room` in ``resume_writing``.
+        Transport of the connection, whose protocol calls :meth:`on_room` in ``resume_writing``.
     """
 
     def __init__(self, transport: asyncio.Transport) -> None:
         self._transport = transport
         self._secure = transport if isinstance(transport, SendingTransport) else None
-        transport.set_write_buffer_limits(0)  # nothing is left: then a file goes on
+        transport.set_write_buffer_limits(0)  # the transport is empty: then a file continues
         self._loop = asyncio.get_running_loop()
         self._done: Done | None = None
-        """Called when the body is handed over, or lost; None where none is under way."""
+        """Called when the body is sent, or lost; None without a body in progress."""
         self._rest: tuple[bytes, int, int, int] = (b"", -1, 0, 0)
         """What is left of it: head, descriptor, offset, bytes."""
 
@@ -68,27 +68,27 @@ class FileSender:
         Parameters
         ----------
         head
-            Goes first.
+            Response head, sent first.
         file, offset, count
-            A descriptor, and what of it.
+            File descriptor and byte range.
         done
-            Called once, where this returns False: with None when socket and transport have all,
-            else with what went wrong.
+            Called once if this returns False: with None when socket and transport have accepted
+            everything, else with the error.
 
         Returns
         -------
         bool
-            Whether socket and transport took all of it at once.
+            True if socket and transport accepted everything at once.
 
         Raises
         ------
         OSError
-            When the connection is gone, or the file cannot be read or ends before `count`.
+            The connection is closed, or the file cannot be read or is too short.
         """
         self._rest = (head, file, offset, count)
         if self._push():
             return True
-        self._done = done  # on_room goes on: no task is woken for a part of a body
+        self._done = done  # on_room continues: no task is woken for a part of a body
         return False
 
     async def answer(
@@ -136,7 +136,7 @@ class FileSender:
         cycle.on_response()
 
     def close(self) -> None:
-        """Tell the sender of a body that the connection is gone."""
+        """Report to the sender of a body that the connection is closed."""
         if self._done is not None:
             self._end(ConnectionResetError())
 
@@ -160,11 +160,11 @@ class FileSender:
                 self._end(None)
 
     def _push(self) -> bool:
-        """Hand over what the socket takes now; return whether that was all."""
+        """Send what the socket accepts now; return whether that was everything."""
         if self._transport.is_closing():
             raise ConnectionResetError
         if self._transport.get_write_buffer_size():
-            return False  # nothing may be overtaken
+            return False  # keep the order of bytes
         if self._secure is not None:
             return self._push_secure(self._secure)
         head, descriptor, offset, left = self._rest
@@ -185,7 +185,7 @@ class FileSender:
         return not left
 
     def _send_file_now(self, descriptor: int, offset: int, left: int) -> tuple[int, int]:
-        """Send of the file what the socket takes; return offset and count of what remains."""
+        """Send as much of the file as the socket accepts; return the remaining offset and count."""
         number = self._transport.get_extra_info("socket").fileno()
         try:
             while left and (sent := os.sendfile(number, descriptor, offset, left)):

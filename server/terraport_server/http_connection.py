@@ -54,7 +54,7 @@ class HttpConnection(BoundedRequests):
     refused: Callable[[str, str, str], None]
     """Told reason, text and client of each refusal, for metric and log."""
     first_reserved: int | None = None
-    """Lowest descriptor number with which a connection is refused; None = without bound."""
+    """Lowest descriptor number with which a connection is refused; None = unlimited."""
 
     _end_timer: asyncio.TimerHandle | None = None
     _counted: str | None = None

@@ -74,12 +74,12 @@ class _Segments:
 
 @contextmanager
 def segment_faults(service: Service, served: ServedScene, segment: int) -> Iterator[None]:
-    """Tell the client of a payload that cannot be read, or is not whole.
+    """Convert errors about a payload that is unreadable or incomplete into a client error.
 
     Raises
     ------
     RequestError
-        What the client is told.
+        The error for the client.
     """
     try:
         yield

@@ -122,16 +122,16 @@ class SceneRegistry:
         raise UnknownSceneError(scene_id)
 
     async def refresh(self) -> None:
-        """Look at the root once; open what is new, retire what was replaced or is gone.
+        """Scan the root once; open new scenes, retire replaced and removed ones.
 
-        A scene that cannot be opened is logged once per change, and what was served before stays;
-        one whose storage does not answer, or for which no file descriptor was free, is tried again
-        with every look.
+        A scene that cannot be opened is logged once per change, and its previous version stays
+        served; a scene whose storage does not answer, or for which no file descriptor was free, is
+        tried again at every scan.
 
         Raises
         ------
         StoreError, OSError
-            When the scenes cannot be listed; everything stays as it is.
+            The scenes cannot be listed; all served scenes are unchanged.
         """
         looks, self._look_cpu_s = await asyncio.to_thread(_timed, self.root.look)
         for scene_id, seen in looks.items():
@@ -253,7 +253,7 @@ class SceneRegistry:
 
 
 def _passes(error: Exception) -> bool:
-    """Return whether the same file may well be read at the next look."""
+    """Return whether an error is temporary, so that the next scan may read the file."""
     return isinstance(error, OriginError) or is_shortage(error)
 
 

@@ -249,7 +249,7 @@ def _secure_context(settings: Settings) -> SecureContext | None:
 
 
 def _check_pem(setting: str, path: Path, mark: bytes, what: str) -> None:
-    """Refuse a file that is missing or holds something else; OpenSSL's error names neither."""
+    """Refuse a missing file or one of another kind; OpenSSL's error does not name the file."""
     try:
         text = path.read_bytes()
     except FileNotFoundError:

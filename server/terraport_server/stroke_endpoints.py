@@ -51,9 +51,9 @@ _READ_ONLY = (
 
 
 def may_paint(service: Service, token_pass: TokenPass, served: ServedScene) -> bool:
-    """Return whether a token's bearer may paint on a scene, and strokes can be kept in its folder.
+    """Return whether a token's bearer may paint on a scene, and the scene's folder is writable.
 
-    Where no token is asked for, everybody at this machine may, and nobody from elsewhere.
+    Without authentication, clients on this machine may paint, and no others.
     """
     is_local = served.fetchers is None
     return is_local and _has_right(service, token_pass, served) and _is_writable(served)
@@ -66,7 +66,7 @@ def _has_right(service: Service, token_pass: TokenPass, served: ServedScene) -> 
 
 
 def _is_writable(served: ServedScene) -> bool:
-    """Return whether files can be made in the scene's folder: it may be mounted read-only."""
+    """Return whether files can be created in the scene's folder: it may be mounted read-only."""
     return os.access(served.scene.path, os.W_OK)
 
 

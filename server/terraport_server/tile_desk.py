@@ -75,12 +75,12 @@ class TileDesk:
         return (await self.tiles(served)).parts.get(name)
 
     async def segment(self, served: ServedScene, number: int) -> bytes:
-        """Return a segment with unlit materials, as the parts of the base have them.
+        """Return a segment with unlit materials, like those of the base's parts.
 
         Raises
         ------
         StoreError, OSError
-            When it cannot be read, or is not whole.
+            The segment cannot be read, or is incomplete.
         """
         return await self._in_thread(served, lambda: unlit_glb(served.scene.payload(number)))
 

@@ -1,4 +1,4 @@
-"""A scene as 3D Tiles over HTTP: the tileset, and the contents that it names."""
+"""A scene as 3D Tiles over HTTP: the tileset, and the contents that it refers to."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ async def get_unlit_segment(
     segment: str,
     v: str | None = None,
 ) -> Response:
-    """Return a segment's payload with ``KHR_materials_unlit``, which the parts of the base have."""
+    """Return a segment's payload with ``KHR_materials_unlit``, like the parts of the base."""
     number = segment_number(segment, len(served.hashes))
     headers = caching_headers(
         f'"{served.hashes[number]:016x}-unlit"', v, is_open=service.gate.is_open

@@ -1,15 +1,15 @@
-"""uvicorn's WebSocket protocol with small socket buffers, a look at the clock, and few calls.
+"""uvicorn's WebSocket protocol with small socket buffers, timestamps, and few system calls.
 
 A subclass of uvicorn's sans-I/O implementation, whose minor version pyproject.toml pins. It adds to
-the ASGI scope an extension, ``terraport.connection``, by which the sender reaches the connection.
-Under another server, or if uvicorn changes, the extension is missing and the sender does without:
-everything works, with larger buffers and more copies per chunk.
+the ASGI scope an extension, ``terraport.connection``, through which the sender accesses the
+connection. Under another server, or if uvicorn changes, the extension is missing; everything still
+works, with larger buffers and more copies per chunk.
 
-Many frames go to a plain socket in one call, headers beside payload, past the transport while that
-has nothing to send: by ``os.writev`` to the transport's own descriptor. What the socket does not
-take of a frame goes through the transport, which keeps the order: a pong or a close comes behind
-it. Under TLS the transport is ours, and takes as much as the socket does. Measured:
-``docs/decisions/0049-many-frames-a-call.md``.
+On a plain socket many frames are written in one call, headers and payloads together, bypassing the
+transport while its buffer is empty: by ``os.writev`` to the transport's descriptor. The rest of a
+frame that the socket does not accept goes through the transport, which keeps the order: a pong or a
+close is sent after it. Under TLS the transport is our own, and accepts as much as the socket does.
+Measured: ``docs/decisions/0049-many-frames-a-call.md``.
 """
 
 from __future__ import annotations
@@ -87,7 +87,7 @@ class Connection(BoundedPeer):
             _set_option(raw, socket.IPPROTO_TCP, TCP_CONGESTION, name)
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Write to the socket no more: its descriptor's number may be another connection's next."""
+        """Stop writing to the socket: its descriptor number may be reused by another connection."""
         super().connection_lost(exc)
         self._secure = self._raw = None
         self._tell_clear()

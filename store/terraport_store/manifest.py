@@ -63,7 +63,7 @@ class CrsInfo(_Frozen):
 
 
 Axis = Literal["east", "west", "north", "south", "up", "down"]
-"""Direction in which a coordinate grows."""
+"""Direction in which a coordinate increases."""
 
 EAST_NORTH_UP: Final[tuple[Axis, Axis, Axis]] = ("east", "north", "up")
 
@@ -91,7 +91,7 @@ class SurveyUnits(_Frozen):
 
     @property
     def is_mirrored(self) -> bool:
-        """Whether x, y, z are a left-handed system."""
+        """True if x, y, z are left-handed."""
         swapped = _TARGET[self.axes[0]] == 1
         return (sum(axis in _BACKWARDS for axis in self.axes) + swapped) % 2 == 1
 
@@ -112,7 +112,7 @@ class SurveyUnits(_Frozen):
         return result
 
     def document(self) -> dict[str, Any]:
-        """Return the values for JSON, without those that are the default."""
+        """Return the values for JSON, without defaults."""
         document = self.model_dump(mode="json")
         if self.axes == EAST_NORTH_UP:
             del document["axes"]
@@ -121,7 +121,7 @@ class SurveyUnits(_Frozen):
         return document
 
     def _unit(self, column: int) -> float:
-        """Metres in a unit of a column, negative where it grows to the west, south or down."""
+        """Metres per unit of a column, negative if it increases to the west, south or down."""
         unit_m = self.height_m if column == 2 else self.horizontal_m
         return -unit_m if self.axes[column] in _BACKWARDS else unit_m
 

@@ -17,7 +17,7 @@ import {
 import { GLTFLoader } from "three/addons/loaders/GLTFLoader.js";
 import { MeshoptDecoder } from "three/addons/libs/meshopt_decoder.module.js";
 
-/** The base alone: where segments are added to it, those outside of the landing are not asked for. */
+/** Only the base: segments outside the landing are not loaded if segments are added one by one. */
 class BaseRegion extends SphereRegion {
   intersectsTile(volume, tile) {
     return !tile.content?.uri?.includes("segments/");
@@ -41,8 +41,8 @@ tiles.errorTarget = 1e5;
 MeshoptDecoder.useWorkers(Math.min(4, navigator.hardwareConcurrency));
 const loader = new GLTFLoader(tiles.manager).setMeshoptDecoder(MeshoptDecoder);
 tiles.manager.addHandler(/\.(glb|gltf)(\?.*)?$/, loader);
-// Where cells are replaced as a whole, every segment of one has to be there, or the ground has a hole. Where segments are
-// added, the regions alone choose: with a camera, all that it sees of a refined cell would be loaded.
+// If a cell is replaced as a whole, all of its segments must be loaded, else the ground has a hole. If segments are added,
+// only the regions select them: with a camera, everything visible in a refined cell would be loaded.
 const isAdded = parameters.get("tileset").endsWith("/added.json");
 if (!isAdded) {
   tiles.setCamera(camera);

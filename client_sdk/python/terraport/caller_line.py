@@ -1,4 +1,4 @@
-"""The application's line that called, for warnings that are given later and on another thread."""
+"""Line of application code that made a call, for warnings issued later or on another thread."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any, Final, Self
 __all__ = ["CallerLine"]
 
 _SKIPPED: Final = ("terraport", "asyncio")
-"""Packages whose lines are not the application's."""
+"""Packages that the search skips, as they are not application code."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,11 +21,11 @@ class CallerLine:
     filename: str
     number: int
     scope: dict[str, Any]
-    """Global names of its module: each warning is shown once for a line."""
+    """Globals of its module: Python notes there which warnings it has shown for the line."""
 
     @classmethod
     def find(cls) -> Self:
-        """Return the innermost line outside this package and asyncio; without one, this."""
+        """Return the innermost line outside this package and asyncio, else the current line."""
         frame = first = inspect.currentframe()
         while frame is not None and _is_skipped(frame):
             frame = frame.f_back
@@ -34,7 +34,7 @@ class CallerLine:
         return cls(frame.f_code.co_filename, frame.f_lineno, frame.f_globals)
 
     def warn(self, text: str, category: type[Warning]) -> None:
-        """Give a warning that points at the line."""
+        """Issue a warning that points at the line."""
         registry = self.scope.setdefault("__warningregistry__", {})
         module = self.scope.get("__name__")
         warnings.warn_explicit(

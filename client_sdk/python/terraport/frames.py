@@ -1,4 +1,4 @@
-"""Between the survey's coordinates and the scene's.
+"""Conversion between the survey's coordinates and the scene frame.
 
 Scene frame: metres, right-handed, Y up, about the float64 ``origin`` (E0, N0, H0) of the manifest:
 ``x = E - E0``, ``y = H - H0``, ``z = -(N - N0)``, with E, N and H in metres. A survey that is not
@@ -45,16 +45,16 @@ def to_scene(
     origin: Sequence[float],
     survey_units: Mapping[str, Any] | None = None,
 ) -> Any:
-    """Convert coordinates as the survey has them to the scene frame, in float64.
+    """Convert coordinates of the survey to the scene frame, in float64.
 
     Parameters
     ----------
     coordinates : sequence of 3 numbers, or ndarray of shape (N, 3)
         x, y, z (mostly easting, northing, height) in the survey's own units and along its own axes.
     origin : sequence of float
-        The manifest's, metres.
+        ``origin`` of the manifest, metres.
     survey_units : mapping, optional
-        The manifest's; None, as there: metres east, north and up.
+        ``survey_units`` of the manifest; None means metres east, north and up.
 
     Returns
     -------
@@ -92,7 +92,7 @@ def to_crs(
     origin: Sequence[float],
     survey_units: Mapping[str, Any] | None = None,
 ) -> Any:
-    """Convert scene positions to coordinates as the survey has them, in float64.
+    """Convert scene positions to coordinates of the survey, in float64.
 
     The inverse of :func:`to_scene`, with the same parameters: one position, or (N, 3) of any type.
 
@@ -132,7 +132,7 @@ def crs_positions(mesh: SegmentMesh, manifest: Mapping[str, Any]) -> Points:
 
 
 def _rows(values: Sequence[float] | npt.NDArray[Any]) -> tuple[Points, bool]:
-    """Return values as (N, 3) float64, and whether they are one position."""
+    """Return values as (N, 3) float64, and True if they are a single position."""
     given = np.asarray(values, np.float64)
     if given.ndim not in (1, 2) or given.shape[-1] != 3:
         raise ValueError(f"got positions of shape {given.shape}, expected (3,) or (N, 3)")
@@ -147,7 +147,7 @@ def _result(values: Points, is_one: bool) -> Point | Points:
 
 
 def _axes(survey_units: Mapping[str, Any] | None) -> list[tuple[int, float]]:
-    """Return for x, y and z of the survey: the column of easting, northing, height; metres."""
+    """Return the column (easting, northing, height) and metres per unit of the survey's x, y, z."""
     units = survey_units or {"horizontal_m": 1.0, "height_m": 1.0}
     lengths = (units["horizontal_m"], units["horizontal_m"], units["height_m"])
     axes = units.get("axes") or _AXES

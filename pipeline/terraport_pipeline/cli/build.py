@@ -90,7 +90,7 @@ def build(
         terraport serve scenes                           shows what was built
     """
     for given in options.inputs:
-        expand_input(given)  # a wrong name is refused before anything slow is imported
+        expand_input(given)  # refuse a wrong name before slow imports
     from terraport_pipeline.workflow.photo_input import photo_folder, project_texturing
 
     console = Console(stderr=True, soft_wrap=True)

@@ -175,7 +175,7 @@ def _show_shipped(
 
 
 def _can_build() -> bool:
-    """Whether the extra is there with which surveys are built: looking at a scene needs none."""
+    """Return whether the extra that builds surveys is installed; showing a scene needs none."""
     return importlib.util.find_spec("numba") is not None
 
 

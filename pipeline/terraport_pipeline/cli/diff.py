@@ -146,7 +146,7 @@ def _facts(
         },
         "heights": None if ground is None else asdict(ground),
         "heights_problem": problem,
-        # Of the build over the version before; of two scenes nobody has measured it.
+        # A build over the previous version measures it; two separate scenes have no such volumes.
         "change": change.get("whole") if isinstance(change, dict) else None,
         "options": {name: list(values) for name, values in difference.options.items()},
     }

@@ -45,7 +45,7 @@ def reporting_errors(console: Console) -> Iterator[None]:
         raise typer.Exit(130) from error
     except (typer.Exit, typer.Abort, typer.BadParameter):  # said already
         raise
-    except ModuleNotFoundError:  # an extra is missing: the command line says which
+    except ModuleNotFoundError:  # an extra is missing: the error message names it
         raise
     except Exception as error:
         from terraport_store import StoreError  # slow to import, and wrong words need none of it

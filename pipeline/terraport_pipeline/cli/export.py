@@ -148,7 +148,7 @@ def export(
     errors = Console(stderr=True)
     start = time.perf_counter()
     with reporting_errors(errors):
-        # (1) Wrong words, or a missing package, before anything slow is imported.
+        # (1) Report wrong arguments or a missing package before slow imports.
         product = product_of(output, product, interval=interval, line=line)
         for package in _PACKAGES:
             if find_spec(package) is None:

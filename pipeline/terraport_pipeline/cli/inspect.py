@@ -138,7 +138,7 @@ def inspect(
     """
     for text in target:
         if "://" not in text:
-            expand_input(Path(text))  # a wrong name is refused before anything slow is imported
+            expand_input(Path(text))  # refuse a wrong name before slow imports
     from terraport_pipeline.cli.mesh_table import mesh_table
     from terraport_pipeline.engines.camera_files import has_cameras
     from terraport_pipeline.engines.odm_project import find_odm_project, originals_in

@@ -179,7 +179,7 @@ def _attributes(facts: Mapping[str, Any]) -> list[RenderableType]:
 
 
 def _axis_names(units: Mapping[str, Any] | None) -> tuple[str, str, str]:
-    """Name the columns of coordinates by the directions in which they count."""
+    """Name the columns of coordinates by the directions in which they increase."""
     x, y, z = (units or {}).get("axes", ("east", "north", "up"))
     return x, y, "depth" if z == "down" else "height"
 

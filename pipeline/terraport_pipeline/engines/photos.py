@@ -119,7 +119,7 @@ _Index = dict[str, list[Path]]
 
 
 def _comparable(name: str) -> str:
-    """Write a name in lower case with composed accents: all spellings of a name are one."""
+    """Normalise a name to lower case and composed accents, for comparison."""
     return unicodedata.normalize("NFC", name.lower())
 
 

@@ -145,14 +145,14 @@ def decode_halved(data: bytes, halvings: int) -> UInt8:
 
 
 def rgb_of(image: PIL.Image.Image) -> PIL.Image.Image:
-    """Bring an image to 8 bits of red, green and blue; alpha is dropped.
+    """Convert an image to 8 bits of red, green and blue; alpha is dropped.
 
-    Pillow's own conversion clips grey of 16 bits at 255: nearly all of it is white.
+    Pillow's own conversion clips 16-bit grey at 255, so that nearly all pixels become white.
 
     Raises
     ------
     ValueError
-        Its pixels are 32-bit numbers, which say no brightness.
+        The pixels are 32-bit numbers without a defined white.
     """
     if image.mode.startswith("I;16") or (image.mode == "I" and image.format == "PNG"):
         levels = (np.asarray(image).astype(np.uint32) + 128) // 257

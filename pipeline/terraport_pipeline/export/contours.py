@@ -40,7 +40,7 @@ class _Contour:
     height: float
     is_index: bool
     points: Float64
-    """(N, 2) plan coordinates; a closed line ends where it begins."""
+    """(N, 2) plan coordinates; a closed line repeats its first point at the end."""
 
 
 def write_contours(

@@ -1,14 +1,13 @@
 """The coordinates that exports are written in: those of the survey, in its own unit and axes.
 
-A scene is in metres east, north and up. Where the survey is not, the manifest says in which units,
-along which axes and in which CRS it is (``survey_units``), and what is handed on goes back to them.
-Where that CRS is not known (the user stated another unit than the CRS's), exports stay in the CRS
-of the scene.
+A scene is in metres east, north and up. If the survey is not, the manifest states its units, axes
+and CRS (``survey_units``), and exports are converted back to them. If that CRS is not known (the
+user stated another unit than the CRS's), exports stay in the CRS of the scene.
 
-Two kinds of coordinates are told apart. *Plan* coordinates are easting, northing and height in the
-survey's units, whatever its axes: grids, cuts and outlines are computed in them. *Survey*
-coordinates have the survey's axes too (EPSG:2053 counts to the west and south): files have them,
-and people type them. Without such axes both are the same.
+There are two kinds of coordinates. *Plan* coordinates are easting, northing and height in the
+survey's units, whatever its axes: grids, sections and outlines are computed in them. *Survey*
+coordinates also have the survey's axes (those of EPSG:2053 point west and south): they are used in
+files and on the command line. If the axes point east, north and up, both are the same.
 """
 
 from __future__ import annotations
@@ -46,12 +45,12 @@ class SurveyFrame:
 
     @property
     def unit_m(self) -> float:
-        """Metres in a unit of easting and northing."""
+        """Metres per unit of easting and northing."""
         return self.units.horizontal_m
 
     @property
     def height_unit_m(self) -> float:
-        """Metres in a unit of height."""
+        """Metres per unit of height."""
         return self.units.height_m
 
     @property
@@ -66,18 +65,18 @@ class SurveyFrame:
 
     @property
     def decimals(self) -> int:
-        """Digits after the point that texts need for a tenth of a millimetre, four at least."""
+        """Decimals that a text needs for a tenth of a millimetre, at least four."""
         longest_m = max(self.unit_m, self.height_unit_m, 1.0)
         return 4 + math.ceil(math.log10(longest_m))
 
     @property
     def is_turned(self) -> bool:
-        """Whether survey coordinates have axes of their own."""
+        """True if the survey's axes are not east, north and up."""
         return self.units.axes != EAST_NORTH_UP
 
     @property
     def height_sign(self) -> float:
-        """-1 where the survey has depths, else 1."""
+        """-1 if the survey has depths, else 1."""
         return -1.0 if self.units.axes[2] == "down" else 1.0
 
     @property
@@ -95,7 +94,7 @@ class SurveyFrame:
         return self._plan_units.from_metres(to_crs(positions, np.array(self.origin)))
 
     def directions_to_survey(self, directions: AnyFloat) -> Float64:
-        """Convert directions (N, 3) of the scene frame to the survey's axes; lengths stay."""
+        """Convert directions (N, 3) of the scene frame to the survey's axes, with equal lengths."""
         turned = SurveyUnits(horizontal_m=1.0, height_m=1.0, axes=self.units.axes)
         return turned.from_metres(to_crs(directions, np.zeros(3)))
 
@@ -134,7 +133,7 @@ class SurveyFrame:
         return (np.asarray(y, np.float64) + self.origin[2]) / self.height_unit_m
 
     def in_metres(self, manifest: Manifest) -> SurveyFrame:
-        """Return the frame of formats that know metres and heights alone (glTF)."""
+        """Return the frame for formats with metres and an upward axis only (glTF)."""
         return self if self.units == _METRES else SurveyFrame(self.origin, _stated(manifest.crs))
 
     @property

@@ -128,10 +128,10 @@ def _profile(grid: PixelGrid, frame: SurveyFrame) -> dict[str, Any]:
 
 
 def raster_transform(frame: SurveyFrame, west: float, north: float, step: float) -> Affine:
-    """Return what makes survey coordinates of columns and rows; row 0 is the northernmost.
+    """Return the transform from columns and rows to survey coordinates; row 0 is the northernmost.
 
-    Where the survey's axes are not east and north, pixels still lie as seen with the north up, and
-    the transform turns them.
+    If the survey's axes are not east and north, the image still has north at the top, and the
+    transform includes the rotation.
     """
     (x, y), (ax, ay), (bx, by) = frame.plan_to_survey(
         np.array([(west, north), (step, 0.0), (0.0, -step)])

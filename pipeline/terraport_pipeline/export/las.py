@@ -28,7 +28,7 @@ _CLASS: Final = "classification"
 """Attribute of surveys that come as LAS: the ASPRS class, whole numbers."""
 
 _STEP_M: Final = 1e-3
-"""Step of the coordinates in the file, at most: powers of ten of the CRS's unit."""
+"""Maximum step of the coordinates in the file; steps are powers of ten of the CRS's unit."""
 
 _POINT_FORMAT: Final = 7
 """LAS 1.4: colours, and classes above 31."""

@@ -205,7 +205,7 @@ def write_obj(
 
 
 def _corners(faces: AnyArray, frame: SurveyFrame) -> AnyArray:
-    """Order the corners of faces as programs do that take the survey's axes for right-handed."""
+    """Order the corners of faces for programs that assume right-handed axes."""
     return faces[:, ::-1] if frame.units.is_mirrored else faces
 
 

@@ -43,24 +43,24 @@ _USUAL: Final[dict[str, Product]] = {
 def product_of(
     path: Path, stated: Product | None, *, interval: float | None = None, line: str | None = None
 ) -> Product:
-    """Choose the product that a file holds: stated, implied by an option, by its name or ending.
+    """Choose the product of a file: as stated, or by an option, the file's name or its extension.
 
     Parameters
     ----------
     path : Path
-        Its ending is the format; tiles may be a folder, of any other name.
+        Its extension is the format; tiles may be a folder, with any other name.
     stated : Product, optional
-        What the user says; needed where the ending leaves a choice (.tif, .dxf) and neither an
-        option nor the name decides it.
+        Product that the user states; needed if the extension is ambiguous (.tif, .dxf) and neither
+        an option nor the name decides it.
     interval : float, optional
-        Between contours: only these have one.
+        Interval of contours; other products have none.
     line : str, optional
-        Of a section: only that has one.
+        Line of a section; other products have none.
 
     Raises
     ------
     OptionError
-        The ending is none of ours, leaves a choice, or does not fit what is stated.
+        The extension is unknown, ambiguous, or does not fit the stated product.
 
     Examples
     --------

@@ -33,14 +33,14 @@ _PROPERTIES: Final = {
     "slope_deg": "slope_deg", "roughness_m": "rough_m", "lowest_m": "lowest_m",
     "highest_m": "highest_m",
 }  # fmt: skip
-"""What is written of a region by its name in the table of regions."""
+"""Names of the written properties, by the names in the table of regions."""
 
 _SHORT: Final = {
     "plan_area_m2": "plan_m2", "surface_area_m2": "surface_m2", "above_toe_m3": "above_m3",
     "below_toe_m3": "below_m3", "toe_uncertainty_m3": "toe_unc_m3", "overhang_m3": "overh_m3",
     "change_uncertainty_m3": "chg_unc_m3",
 }  # fmt: skip
-"""Names in a Shapefile, which holds ten characters."""
+"""Names in a Shapefile, which allows ten characters."""
 
 _NO_LAYER_NAME: Final = re.compile(r'[<>/\\":;?*|=`,\x00-\x1f]')
 """What CAD programs refuse in the name of a layer."""
@@ -123,9 +123,9 @@ def region_shapes(
     Returns
     -------
     dict of int to shapely MultiPolygon
-        By region, in plan coordinates, corner by corner along the triangles' edges: the
-        centre of a face of ground that does not overhang lies in its own region's outline alone.
-        Where ground lies over ground, by the winding number. Empty of what is vertical throughout.
+        Outlines by region, in plan coordinates, exactly along the triangles' edges: the centre of
+        a face of ground that does not overhang is in the outline of its own region only. Overhangs
+        are resolved by the winding number. Empty for a region that is vertical throughout.
     """
     edges, of_region = outline_edges(ground.mesh.faces, ground.region_of_face)
     places = frame.to_plan(ground.mesh.vertices)[:, :2]

@@ -29,7 +29,7 @@ _COLUMNS: Final = {
     "east": "easting", "west": "westing", "north": "northing", "south": "southing",
     "up": "height", "down": "depth",
 }  # fmt: skip
-"""Names of coordinates in a table, by the direction in which they count."""
+"""Column names of coordinates, by the direction in which they increase."""
 
 _EXAMPLE: Final = '"641150,8594650 641250,8594750"'
 

@@ -31,7 +31,7 @@ class Selection:
     """What is handed on."""
 
     extent: Extent | None = None
-    """Easting and northing in the survey's unit; None for all of the ground."""
+    """Range of easting and northing in the survey's unit; None for the whole ground."""
     regions: frozenset[int] | None = None
     """Regions by their number in this version; None for all."""
     stable_ids: tuple[int, ...] = ()
@@ -119,7 +119,7 @@ def _choices(names: RegionNames, count: int) -> str:
 
 
 def choose_segments(selected: SelectedScene, within: Extent | None = None) -> Int64:
-    """Choose the segments that may have something of a selection; the others have nothing of it.
+    """Choose the segments that may overlap a selection; all others do not.
 
     Parameters
     ----------

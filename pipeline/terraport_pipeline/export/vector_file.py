@@ -36,26 +36,26 @@ def write_shapes(
     Parameters
     ----------
     path : Path
-        A new file that ends with .gpkg, .geojson or .shp.
+        A new file with the extension .gpkg, .geojson or .shp.
     layer : str
-        Name of the layer, where the format has any.
+        Name of the layer, for formats with layers.
     geometry_type : str
         ``LineString`` or ``MultiPolygon``.
     shapes : sequence of shapely geometries
         In plan coordinates.
     properties : mapping of str to sequence
-        Columns, one value a shape: text, numbers or truth; None or NaN for none.
+        Columns with one value per shape: text, number or boolean; None or NaN for no value.
     frame : SurveyFrame
 
     Raises
     ------
     OptionError
-        GeoJSON of a CRS that it cannot name.
+        GeoJSON in a CRS without a code.
     """
     ending = path.suffix.lower()
     crs = None if frame.crs is None else frame.crs.to_wkt()
     if frame.crs is not None:
-        # GeoJSON names a CRS by its code alone; of one with heights that of the plan will do.
+        # GeoJSON names a CRS only by its code; for a compound CRS, the horizontal code is enough.
         code = code_of(frame.crs) if ending == ".geojson" else epsg_of(frame.crs)
         if code is not None:
             crs = f"EPSG:{code}"

@@ -345,7 +345,7 @@ def _rows(ground: Ground, regions: Int32, count: int) -> list[dict[str, Any]]:
 
 
 def _plan(ground: Ground, regions: Int32, count: int, wanted: frozenset[int]) -> dict[str, Any]:
-    """Measure what regions are seen from above, by the raster that the build measured them by."""
+    """Measure regions in plan, on the same raster as the build."""
     mesh, raster = ground.mesh, ground.document.get(RASTER, {})
     spacing_m = raster.get("spacing_m")
     cell_m = raster.get("cell_m") or float(np.sqrt(2.0 * ground.area.mean()))
@@ -357,10 +357,10 @@ def _plan(ground: Ground, regions: Int32, count: int, wanted: frozenset[int]) ->
 
 
 def _share_changes(ground: Ground, regions: Int32, rows: list[dict[str, Any]], same: Any) -> None:
-    """Share the volumes of cut and fill of regions out over what became of them.
+    """Distribute the volumes of cut and fill of regions over the pieces that replace them.
 
-    By the height difference that faces have and their area seen from above; where no face has any,
-    by that area. A region's volumes add up to what they were; its uncertainty to no less.
+    In proportion to the height difference of faces times their plan area; if no face has moved, to
+    the plan area. A region's volumes keep their sum; its uncertainties do not become smaller.
     """
     old_rows = ground.document["regions"]
     changed = [n for n, row in enumerate(old_rows) if isinstance(row.get("change"), dict)]
@@ -393,7 +393,7 @@ def _share_changes(ground: Ground, regions: Int32, rows: list[dict[str, Any]], s
             share = by_plan if share.sum() <= 0.0 else share
             share = share / share.sum()
             if key == "uncertainty_m3":
-                # As of independent errors, which add up to no less than those of the whole.
+                # Treated as independent errors, so that the sum is not less than that of the whole.
                 share = np.sqrt(share)
             part = float(old_rows[number]["change"].get(key, 0.0)) * share
             for heir, value in zip(heirs.tolist(), part.tolist(), strict=True):

@@ -63,7 +63,7 @@ def name_table(
             f"{100 * area(name) / whole:.1f} %" if whole else "",
         ]
         if has_volumes:
-            # Uncertainties add up as of surveys that are apart throughout: none is too small.
+            # Uncertainties are added up as shared errors, so that none is too small.
             for key in ("cut_m3", "fill_m3", "change_uncertainty_m3"):
                 volume = sum(row.get(key) or 0.0 for row in of_name)
                 cells.append(unit.volume_value(volume))

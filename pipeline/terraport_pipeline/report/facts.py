@@ -471,7 +471,7 @@ def _number(value: object, default: float) -> float:
 
 
 def named_count(name: str, value: object) -> str:
-    """Write one count of a stage, its unit taken from its name.
+    """Format one count of a stage, with the unit from its name.
 
     Examples
     --------

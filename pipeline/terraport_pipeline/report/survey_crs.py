@@ -11,9 +11,9 @@ __all__ = ["crs_line", "tiles_line"]
 
 
 def crs_line(manifest: Manifest) -> tuple[str, bool]:
-    """Name the survey's CRS with its code; and whether there is one.
+    """Return the name and code of the survey's CRS, and whether there is one.
 
-    Of a survey in feet, or with axes to the south and west, this is its own CRS, not the one that
+    For a survey in feet, or with axes to the south and west, this is its own CRS, not the one that
     the scene is built in.
     """
     info = manifest.crs

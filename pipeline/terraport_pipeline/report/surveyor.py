@@ -55,10 +55,10 @@ FAR_SHARE: Final = 0.01
 OVERLAP_POINTS: Final = 20_000
 
 LOOSE_SHARE: Final = 0.03
-"""Share of a volume from which what may not be material is named."""
+"""Share of a volume above which the parts that may not be material are reported."""
 
 MAX_LOOSE: Final = 5
-"""Regions that are named for it."""
+"""Maximum number of such regions in the report."""
 
 ACCURACY_UNKNOWN: Final = (
     "Unknown: the survey's points are not at hand. They are in the build's work directory; "
@@ -373,7 +373,7 @@ def _regions(scene: Scene, plan: Plan) -> tuple[tuple[RegionLine, ...], int, str
 
 
 def _loose_parts(rows: Sequence[Mapping[str, Any]], scene: Scene) -> tuple[str, ...]:
-    """Name the regions of whose volume a part may not be material."""
+    """List the regions with parts of their volume that may not be material."""
     unit, found = SurveyUnit.of(scene.manifest), []
     for row in rows:
         above_m3, below_m3 = row["above_toe_m3"], row["below_toe_m3"]
@@ -402,7 +402,7 @@ def _name(row: Mapping[str, Any]) -> str:
 
 
 def _middle(plan: Plan, number: int, box: tuple[slice, slice] | None) -> tuple[float, float] | None:
-    """Find the place that is furthest from a region's border: shares of width and height."""
+    """Find the point furthest from a region's border, as shares of width and height."""
     if box is None:
         return None
     depth = ndimage.distance_transform_edt(np.pad(plan.region[box] == number, 1))[1:-1, 1:-1]

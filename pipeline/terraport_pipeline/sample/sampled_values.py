@@ -39,7 +39,7 @@ class Colours:
     """Colours, by the points that were read."""
 
     depths: tuple[str, ...]
-    """As the files hold them: ``unit`` (0..1), ``eight`` or ``sixteen`` bits, or the range."""
+    """Colour depths of the files: ``unit`` (0..1), ``eight`` or ``sixteen`` bits, or the range."""
     distinct: int
     """Different colours, as 8 bits each of red, green and blue."""
     black: int

@@ -36,12 +36,12 @@ def read_survey(
     survey : SurveyFiles or path
         LAS, LAZ, COPC, PLY, PCD, E57, PTX, or text (XYZ, CSV, TXT, ASC, PTS).
     progress : Progress, optional
-        Told about points read (bytes, for text and for several files).
+        Receives the number of points read (bytes, for text and for several files).
     max_points : int, optional
         Thin the cloud to this many points, evenly over the ground and the same ones each time;
         None reads all. At least 1.
     share : float
-        Read about this share of each file, for a look at a survey that is too large for more.
+        Read about this share of each file, as a preview of a survey that is too large.
 
     Returns
     -------

@@ -44,23 +44,23 @@ def run(given: MeshInput, context: Context, *, textured: bool) -> tuple[Mapping[
     ----------
     given : MeshInput
     context : Context
-        Gets ``vertices.npy`` (V, 3) float64 easting, northing, height in metres; ``faces.npy``;
-        ``colours.npy`` where there are any; ``attribute-<i>.npy``; of a textured mesh
-        ``pixels.npy`` (F, 3, 2) float32 corners in their image, NaN where none,
-        ``image.npy`` (F,) int32, ``images.npy`` the encoded images one behind the other,
+        Receives ``vertices.npy`` (V, 3) float64 easting, northing, height in metres; ``faces.npy``;
+        ``colours.npy`` if there are any; ``attribute-<i>.npy``; for a textured mesh
+        ``pixels.npy`` (F, 3, 2) float32 corners in their image, NaN for none,
+        ``image.npy`` (F,) int32, ``images.npy`` the concatenated encoded images,
         ``offsets.npy`` and ``sizes.npy`` (N, 2) width and height.
     textured : bool
-        Refuse a mesh that means images which are not there.
+        Refuse a mesh that refers to missing images.
 
     Returns
     -------
     values, facts
-        ``attributes``, ``crs``, ``units`` as of a survey; ``textured``, ``faces``, ``vertices``.
+        ``attributes``, ``crs``, ``units`` as for a survey; ``textured``, ``faces``, ``vertices``.
 
     Raises
     ------
     ReadError
-        The file cannot be used; says which line where it is text.
+        The file cannot be used; names the line of a text file.
     """
     context.progress.start(f"read: {given.path.name}", None, "faces")
     mesh = read_mesh(given.path)
@@ -114,10 +114,10 @@ class PlacedMesh:
     positions: Float64
     """(V, 3) easting, northing, height."""
     is_turned: bool
-    """The corners of its faces stand in reverse order: its axes are a left-handed system."""
+    """True if its axes are left-handed, so that the corners of faces have to be reversed."""
     crs: Crs | None
     units: SurveyUnits | None
-    """What brought them to metres; None where they are."""
+    """Conversion that was applied; None if the file is in metres east, north and up."""
     warnings: tuple[str, ...]
     choices: tuple[str, ...]
 
@@ -154,7 +154,7 @@ def place_mesh(given: MeshInput, mesh: FileMesh) -> PlacedMesh:
     if units is not None:
         positions = units.to_metres(positions)
         choices.append(conversion_line(units, place.crs, given.survey))
-        # Programs take x, y and z for a right-handed system, and order the corners by it.
+        # Programs assume that x, y and z are right-handed, and order corners accordingly.
         is_turned = units.is_mirrored and _area_up(positions, mesh.faces) < 0.0
     return PlacedMesh(
         np.ascontiguousarray(positions), is_turned, crs, units, tuple(warnings), tuple(choices)
@@ -170,7 +170,7 @@ def _turned(mesh: FileMesh) -> FileMesh:
 
 
 def _area_up(positions: Float64, faces: Int32) -> float:
-    """Return the area seen from above of faces that point up, less that of the others."""
+    """Return the plan area of faces that point up, minus that of the others."""
     a, b, c = (positions[faces[:, corner], :2] for corner in range(3))
     first, second = b - a, c - a
     return float((first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]).sum())

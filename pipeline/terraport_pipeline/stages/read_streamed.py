@@ -1,15 +1,15 @@
-"""Read a survey, whatever files it comes in, to columns on disk in bounded memory.
+"""Read a survey of any number of files to columns on disk in bounded memory.
 
-The result depends on the points alone: not on how they lie in files, in which order, or whether
-some lie in several (tiles with a margin). Points outside the extent that was asked for are left
-out before anything is noted of them, however their file is read. Points without finite
-coordinates, with a height that stands for "no data", or that a file marks as noise, are dropped
-and counted. Feet become metres, fields that say nothing are left out, records that repeat another
-in every value are taken once, and all are put along a curve through the survey's box.
+The result depends only on the points: not on their distribution over files, their order, or
+duplicates in several files (tiles with a margin). Points outside the requested extent are skipped
+before any statistics, in every format. Points without finite coordinates, with a height that means
+"no data", or that a file marks as noise, are dropped and counted. Feet are converted to metres,
+fields without information are dropped, duplicate records are kept once, and all points are sorted
+along a curve through the survey's bounding box.
 
-Three passes, each over blocks: files to raw rows on disk, these to buckets that are consecutive
+Three passes, each over blocks: files to raw rows on disk, rows to buckets that are consecutive
 along the curve, buckets to sorted columns. Memory: one part of a file or one bucket (about 200 MB),
-24 bytes for every 2,000th point, and what is noted of each file. Disk: the points twice.
+24 bytes for every 2,000th point, and statistics of each file. Disk: twice the size of the points.
 """
 
 from __future__ import annotations
@@ -67,25 +67,25 @@ def run(
     ----------
     survey : SurveyFiles or pathlib.Path
     folder : pathlib.Path
-        Gets ``points.npy``, ``colours.npy`` and ``attribute-<i>.npy``.
+        Receives ``points.npy``, ``colours.npy`` and ``attribute-<i>.npy``.
     context : Context
     max_points : int, optional
-        Thin to this many points, evenly over the ground, the same ones each time. At least 1.
+        Thin to this many points, evenly over the ground and deterministically. At least 1.
     bounded : bool
         Refuse files that can only be read whole.
     share : float
-        Read about this share of each file, as :func:`open_stream` does: for a look at the survey,
-        not for a build.
+        Read about this share of each file, as :func:`open_stream` does: for a preview of the
+        survey, not for a build.
 
     Returns
     -------
     values, facts
         ``attributes`` (names), ``crs``, ``format``, ``whole``, the box in ``low`` and ``high``, and
-        ``units`` (:class:`SurveyUnits`) where they are not metres east, north and up.
-        What depends on the files stands in the facts' notes: ``files`` (xxh3, points, those of
-        them outside the extent, repeats), and of what reading found ``colours`` (how deep),
-        ``outside`` (name and points of files without a point within the extent), ``empty`` (names),
-        ``damaged`` (name and reason) and ``remarks`` (on indices that could not be used).
+        ``units`` (:class:`SurveyUnits`) if they are not metres east, north and up.
+        Values that depend on the files are in the facts' notes: ``files`` (xxh3, points, number of
+        points outside the extent, duplicates), ``colours`` (their depths), ``outside`` (name and
+        points of files without a point within the extent), ``empty`` (names), ``damaged`` (name and
+        reason) and ``remarks`` (on indices that could not be used).
 
     Raises
     ------
@@ -114,7 +114,7 @@ def run(
         high = np.max([part.high for part in spooled], axis=0)
         check_box(spooled, low, high)
         if crs is None and survey.statement.crs is None and survey.statement.units is None:
-            # Before the numbers are judged: what a text states of its units is plainer.
+            # Before the coordinates are checked: an error about stated units is clearer.
             _check_units(spooled, None, survey)
         doubts = [doubt for part in outcome.opened for doubt in part.stream.doubts]
         units, metre_crs, notes = interpret_coordinates(

@@ -64,7 +64,7 @@ _COLOUR_SHARE: Final = 0.3
 """Of blocks renewed for their colour alone, from which the light was another."""
 
 _UNCOUNTED_SHARE: Final = 0.05
-"""Of the ground whose volumes count, from which ground that one survey lacks is a warning."""
+"""Share of the measured ground above which ground that is in one survey only gives a warning."""
 
 _MIXER: Final = np.uint64(0x9E3779B97F4A7C15)
 

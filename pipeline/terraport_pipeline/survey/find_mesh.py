@@ -109,7 +109,7 @@ def find_mesh(
 
 
 def _companions(path: Path) -> tuple[Path, ...]:
-    """List the materials, images and buffers that a mesh is read with."""
+    """List the files of materials, images and buffers that a mesh refers to."""
     kind = path.suffix.lower()
     if kind in GLTF_ENDINGS:
         return gltf_companions(path)

@@ -1,4 +1,4 @@
-"""The paths and patterns that a survey is given by."""
+"""Paths and patterns of a survey's input files."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ def expand_input(given: Path) -> list[Path]:
     Raises
     ------
     SurveyError
-        There is no such file, no file matches, or it is an address.
+        The file does not exist, no file matches, or the path is a URL.
     """
     if given.exists():
         return [given]
     if re.match(r"\w+:/", str(given)):
-        from terraport_store import meant_url  # slow to import, and addresses are rare
+        from terraport_store import meant_url  # slow to import, and URLs are rare
 
         url = meant_url(given)
         if url is not None:
@@ -40,7 +40,7 @@ def expand_input(given: Path) -> list[Path]:
 
 
 def natural_order(name: str) -> list[tuple[int, int, str]]:
-    """Key that sorts numbers in names by value.
+    """Return a sort key that orders numbers in names by value.
 
     Examples
     --------

@@ -34,19 +34,19 @@ FAR: Final = 100_000.0
 
 
 def crs_groups(files: Iterable[tuple[str, CRS | None]]) -> list[tuple[CRS, list[str]]]:
-    """Group files by the system that they state, however each spells it.
+    """Group files by the CRS that they state, however each writes it.
 
     Parameters
     ----------
     files : iterable of (str, pyproj.CRS or None)
-        Name of every file, and what it states; files without a CRS are left out.
+        Name of every file, and the CRS that it states; files without a CRS are left out.
 
     Returns
     -------
     list of (pyproj.CRS, list of str)
-        The fullest statement of each system (with heights, with an EPSG code), and the files.
+        The most complete statement of each CRS (with heights, with an EPSG code), and its files.
     """
-    by_text: dict[str, tuple[CRS, list[str]]] = {}  # comparing systems is slow, texts is not
+    by_text: dict[str, tuple[CRS, list[str]]] = {}  # comparing CRSs is slow, comparing texts is not
     for name, crs in files:
         if crs is not None:
             by_text.setdefault(crs.srs, (crs, []))[1].append(name)
@@ -71,21 +71,21 @@ def one_crs(
     Parameters
     ----------
     files : sequence of (str, pyproj.CRS or None)
-        Name of every file, and what it states.
+        Name of every file, and the CRS that it states.
     advice : str
-        What else can be done where they differ.
+        Further advice for the error if they differ.
     statement : SurveyStatement, optional
-        The user's: a CRS of theirs overrules all files.
+        The user's statements; a CRS in it overrides all files.
 
     Returns
     -------
     pyproj.CRS or None
-        None where no file states one.
+        None if no file states one.
 
     Raises
     ------
     SurveyError
-        Two state different ones; names the files of each.
+        Files state different CRSs; names the files of each.
     """
     groups = crs_groups(files)
     if len(groups) > 1 and statement is not None and statement.system is not None:
@@ -111,7 +111,7 @@ def _fullness(crs: CRS) -> tuple[bool, bool, str]:
 
 
 def _described(crs: CRS) -> str:
-    """Name a CRS with the unit of its heights: that alone may be the difference."""
+    """Name a CRS with the unit of its heights, which may be the only difference."""
     height = height_axis(crs)
     if height is None:
         return str(crs.name)

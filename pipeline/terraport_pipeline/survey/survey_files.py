@@ -234,7 +234,7 @@ def meaning_of(
     crs: Any | None,
     statement: SurveyStatement,
 ) -> tuple[SurveyUnits | None, list[str]]:
-    """Refuse by the headers' boxes what :func:`.interpret_coordinates` refuses of all points.
+    """Apply :func:`.interpret_coordinates` to the bounding boxes in the headers.
 
     Returns
     -------
@@ -242,7 +242,7 @@ def meaning_of(
         Units and axes of the coordinates; None where they are metres east, north and up, or not
         known yet.
     warnings : list of str
-        What is doubtful, as whole sentences.
+        Doubtful statements, as whole sentences.
 
     Raises
     ------

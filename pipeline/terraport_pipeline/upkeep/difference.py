@@ -97,7 +97,7 @@ class Difference:
     files_bytes: int
     """Base mesh and cover, where they differ."""
     regions: tuple[dict[str, Any], ...]
-    """Those that differ, largest first: ``stable_id``, ``state`` (changed, new, gone, renamed),
+    """Regions that differ, largest first: ``stable_id``, ``state`` (changed, new, gone, renamed),
     ``label``, ``label_before``, ``surface_area_m2``, ``surface_area_before_m2``."""
     regions_kept: int
     regions_problem: str | None

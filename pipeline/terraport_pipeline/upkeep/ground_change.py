@@ -1,8 +1,8 @@
-"""How the ground of two scenes differs in height, where their segments differ.
+"""Height differences of two scenes where their segments differ.
 
-Where both hold the same segments the ground is the same: only pixels over the others are looked at.
-There are no volumes here: noise of two surfaces would count as cut and as fill. Those are measured
-from the surveys' points, when a survey is built over the scene of the one before.
+Where both have the same segments the ground is the same: only pixels over other segments are
+compared. There are no volumes here: noise of two surfaces would appear as cut and fill. Volumes are
+measured from the points when a survey is built over the previous scene.
 """
 
 from __future__ import annotations

@@ -56,7 +56,7 @@ MAX_EXACT_SUBSETS: Final = 16
 """Mixed models that are really built; failing rays of further subsets count as holes unverified."""
 
 _PLACES_FAR_FROM_BASE: Final = 200_000
-"""Places of the detail that are tried for those that the base has nothing near."""
+"""Number of points on the detail that are tried, to find those without base nearby."""
 
 _LEAST_SUBSETS: Final = 6
 """Of a window: none, all, and one of each random sort but one."""
@@ -275,7 +275,7 @@ class _Prover:
         self._tally.under_base += int(self._judge.under_base(met, mixed, strict).sum())
         whole = loaded[model.segment_of_face[met.detail[1][rows]]]
         self._tally.overlaps += int((whole & (base_t[rows] < first_t[rows])).sum())
-        # Grazing rays look for what the base does not have: they would be all of the percentiles.
+        # Grazing rays search for detail that the base lacks: they would dominate the percentiles.
         self._tally.distances.append(distance[rays.kind[rows] != RayKind.GRAZING])
         down = rays.kind[rows] == RayKind.DOWN
         self._tally.down.append(np.abs(mixed_t[rows] - first_t[rows])[down])
@@ -284,10 +284,10 @@ class _Prover:
         return len(rays.kind)
 
     def _choose_rays(self, index: int, loaded: Bool, hidden: Bool) -> Rays:
-        """Half of the rays at places anywhere, a quarter at the rim of what is loaded.
+        """Choose the rays: half at random points, a quarter at the rim of the loaded segments.
 
         The last quarter grazes: along the border between hidden and shown base, and past detail
-        that is not loaded and that the base does not have.
+        that is not loaded and that the base lacks.
         """
         model, options = self._model, self._options
         count = options.rays // options.subsets + (index < options.rays % options.subsets)
@@ -321,7 +321,7 @@ class _Prover:
         )
 
     def _from_over_base(self, rays: Rays) -> Rays:
-        """Leave out rays that start below the base: they are no views from outside the ground."""
+        """Leave out rays that start below the base: they are not views from outside the ground."""
         model = self._model
         over = np.ones(len(rays.kind), np.bool_)
         up = np.tile(np.float32([0, 1, 0]), (len(rays.kind), 1))
@@ -332,7 +332,7 @@ class _Prover:
         return Rays(rays.origins[over], rays.directions[over], rays.kind[over])
 
     def _border_places(self, hidden: Bool, count: int) -> tuple[Float32, Int32]:
-        """Choose places of the detail over the border of the hidden base, and their faces.
+        """Choose points of the detail over the border of the hidden base, and their faces.
 
         Steep base faces are preferred.
         """
@@ -352,7 +352,7 @@ class _Prover:
         return starts[near] + inward[near] * t[near, None], face[near]
 
     def _places_far_from_base(self, count: int) -> tuple[Float32, Int32]:
-        """Find places of the detail that no base stands near, and their faces.
+        """Find points of the detail without base nearby, and their faces.
 
         Steep faces are preferred.
         """
@@ -365,7 +365,7 @@ class _Prover:
         return places[far], face[far]
 
     def _free_m(self, points: Float32, directions: Float32) -> Float32:
-        """Distance to the detail from places on it; the face of the place itself does not count."""
+        """Return the distance to the detail from points on it, ignoring the point's own face."""
         past = np.float32(1e-2 * self._model.tolerance_m)
         return self._detail.closest_hit(points + directions * past, directions)[0] + past
 

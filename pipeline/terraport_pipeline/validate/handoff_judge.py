@@ -29,10 +29,10 @@ MEASURE_REACH: Final = STAND_IN_TOLERANCES
 """Distances are measured up to this many tolerances; what lies further counts by its ray."""
 
 _MAX_PASSES: Final = 16
-"""Places in the air behind which a ray is judged again; a ray with more of them is a hole."""
+"""Maximum number of points in the air behind which a ray is judged again; more make it a hole."""
 
 _STEP_PAST: Final = 1e-3
-"""Distance behind such a place at which the ray starts again, tolerances."""
+"""Distance behind such a point at which the ray restarts, in tolerances."""
 
 Hit = tuple[Float32, Int32]
 
@@ -90,7 +90,7 @@ class Judge:
         return Places(rays.origins[rows], rays.directions[rows], met.detail[0][rows], normals)
 
     def base_stands_near(self, points: Float32, faces: Int32) -> Bool:
-        """Tell where the full base crosses the normal or the vertical of places on the detail.
+        """Return whether the full base crosses the normal or the vertical of points on the detail.
 
         Parameters
         ----------
@@ -128,7 +128,7 @@ class Judge:
         smoothed : ndarray of int
             Those that are excused because the base never had what they look at.
         """
-        # Invariant: `ray[i]` is the ray of row i of `met`; passed rays wait for their next verdict.
+        # Invariant: `ray[i]` is the ray of row i of `met`; `met` shrinks to rays that passed.
         ray = np.arange(len(mixed_t))
         found, smoothed = [], []
         for _ in range(_MAX_PASSES):
@@ -138,7 +138,7 @@ class Judge:
             met, mixed_t = self._behind_base(met, mixed_t, passing)
             ray = ray[passing]
             ahead = np.isfinite(met.detail[0])
-            smoothed.append(ray[~ahead])  # nothing is behind the place in the full detail either
+            smoothed.append(ray[~ahead])  # nothing is behind it in the full detail either
             rows = np.flatnonzero(ahead)
             if not len(rows):
                 break
@@ -174,10 +174,10 @@ class Judge:
         return holes, open_rows[excused & off_base], open_rows[excused & ~off_base]
 
     def _in_air(self, met: Meetings, rows: AnyInt) -> Bool:
-        """Tell where no detail is near q, and the ray has left the ground again before it.
+        """Return whether no detail is near q and the ray has left the ground again before q.
 
-        The last detail before q tells: its back side is met where the ray leaves the ground. A ray
-        that is under the ground at q is not excused, as q hidden would let it pass there.
+        This follows from the last detail before q: the ray meets its back side when it leaves the
+        ground. A ray that is under the ground at q is a hole, as a hidden q would let it pass.
         """
         in_air = np.isfinite(met.base[0][rows])
         at = rows[in_air]
@@ -196,7 +196,7 @@ class Judge:
     def _behind_base(
         self, met: Meetings, mixed_t: Float32, rows: AnyInt
     ) -> tuple[Meetings, Float32]:
-        """Start some rays again behind the places q; returns what they meet, one row per ray."""
+        """Restart some rays behind the points q; return what they meet, one row per ray."""
         shift = met.base[0][rows] + np.float32(_STEP_PAST * self._model.tolerance_m)
         rays = met.rays
         origins = rays.origins[rows] + rays.directions[rows] * shift[:, None]
@@ -227,7 +227,7 @@ class Judge:
         return near
 
     def _base_places(self, met: Meetings, rows: AnyInt) -> Places:
-        """Gather where some rays meet the full base."""
+        """Return the points where some rays meet the full base."""
         model, rays = self._model, met.rays
         normals = face_normals(model.base_vertices, model.base_faces, met.base[1][rows])
         return Places(rays.origins[rows], rays.directions[rows], met.base[0][rows], normals)

@@ -92,7 +92,7 @@ def bring_survey(
         )
         points = ground.measured["points"]
         area_m2 = points * ground.measured["surface_spacing_m"] ** 2
-        # Tiles solve their margins too.
+        # Tiles also include their margins.
         faces = ground.forecast.faces * points / int(ground.plan.points.sum())
         cells = count_cells(segment_options, area_m2, faces)
         check_cells(cells, segment_options, runner.max_memory_bytes)

@@ -149,8 +149,7 @@ class BuildForecast:
     seconds: float
     """With its report, on the cores of this machine were they those of the reference."""
     memory_bytes: int
-    """At the peak, of all processes. More than allowed: regions need it, and the build is
-    refused."""
+    """Peak memory of all processes. If regions need more than allowed, the build is refused."""
     scene_bytes: int
     work_bytes: int
     """Work directory beside the scene; it may be deleted."""

@@ -123,23 +123,23 @@ class LocatedPhotos:
 
 
 def photo_folder(texturing: Texturing) -> Path:
-    """Return the folder that photos are searched in: of an OpenDroneMap project the originals."""
+    """Return the folder that is searched for photos; for an OpenDroneMap project its originals."""
     if texturing.photos is None:
         raise ValueError("textures without photos have no folder of them")
     return originals_in(texturing.photos)
 
 
 def locate_photos(texturing: Texturing, progress: Progress) -> LocatedPhotos | None:
-    """Find the cameras and photos and hash them; None with textures that need none.
+    """Find and hash the cameras and photos; None if the textures need none.
 
     Raises
     ------
     OptionError
-        No cameras are given, and none are beside the photos.
+        No cameras are given, and none are next to the photos.
     ReadError
         The cameras cannot be read.
     PhotoError
-        No photo of the cameras is there, or none can be used.
+        No photo of the cameras exists, or none can be used.
     """
     if texturing.photos is None:
         return None
@@ -147,7 +147,7 @@ def locate_photos(texturing: Texturing, progress: Progress) -> LocatedPhotos | N
         raise PhotoError(f"{texturing.photos} is no folder; give the folder of the original photos")
     cameras = texturing.cameras or cameras_beside(texturing.photos)
     raw = read_raw_cameras(cameras, sizes_below(photo_folder(texturing)))
-    # Names and sizes are all that is looked at; poses in the scene need the cloud.
+    # Only names and sizes are checked; poses in the scene need the cloud.
     path_of_photo = find_photos(photo_folder(texturing), raw.cameras)
     refused: dict[str, PhotoError] = {}
     for camera in raw.cameras:
@@ -176,7 +176,7 @@ def locate_photos(texturing: Texturing, progress: Progress) -> LocatedPhotos | N
 
 
 def recorded_textures(texturing: Texturing, photos: LocatedPhotos | None) -> dict[str, Any]:
-    """Return what changes the published bytes, as the manifest records it."""
+    """Return the options that change the published bytes, as the manifest records them."""
     values: dict[str, Any] = asdict(texturing.options)
     if photos is not None:
         values["photos"] = {"count": photos.count, "xxh3": photos.photos_xxh3}

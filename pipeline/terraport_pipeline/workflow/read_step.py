@@ -87,7 +87,7 @@ def crs_of(read: StageRecord) -> Crs | None:
 
 
 def units_of(read: StageRecord) -> SurveyUnits | None:
-    """Units and axes of a survey as delivered; None where they are metres east, north and up."""
+    """Units and axes of the input files; None if they are metres east, north and up."""
     units = read.values.get("units")
     return None if units is None else SurveyUnits(**units)
 

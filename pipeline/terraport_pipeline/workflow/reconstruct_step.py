@@ -66,7 +66,7 @@ class Surface:
     spacing_m: float = 0.0
     """Typical distance between the points; see :class:`pack.About`."""
     noise_m: float | None = None
-    """Standard deviation of the points across their surface; None of a mesh."""
+    """Standard deviation of the points perpendicular to their surface; None for a mesh."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -1,4 +1,4 @@
-"""The place of a build's scene, checked before any work."""
+"""Output path of a build's scene, checked before any work."""
 
 from __future__ import annotations
 

@@ -143,7 +143,7 @@ def _segment(runner: Runner, surface: Surface, options: segment.Options) -> Segm
     boxes = [tiles.box(tile) for tile in range(tiles.count)]
     near = NearBase.of(base, boxes, scene.median_edges_m, cover_scale.value())
     covers = passes.cover(labels, near, cover_scale)
-    # (5) What regions measure from above, over all tiles.
+    # (5) Plan areas and volumes of regions, over all tiles.
     count = joined.count
     noise_m = surface.noise_m
     survey = None if noise_m is None else SurveyNoise(surface.spacing_m, noise_m)
@@ -160,7 +160,7 @@ def _segment(runner: Runner, surface: Surface, options: segment.Options) -> Segm
             },
         )
     )
-    # (6) One numbering, one cover, one set of facts.
+    # (6) Join numbers, covers and facts of the tiles.
     result = runner.run(
         Stage(
             segment.NAME,
@@ -249,7 +249,7 @@ class _Passes:
         def unite(context: Context) -> Regions:
             samples = before.work.load(stood) if before is not None and stood is not None else None
             tiles = units.every()
-            if count_cells(self.options, 1.0, 1.0):  # engine borders: exact now
+            if count_cells(self.options, 1.0, 1.0):  # engine borders: now an exact number
                 cells = sum(len(tile.arrays["keys"]) for tile in tiles)
                 check_cells(cells, self.options, self.runner.max_memory_bytes)
             return tiled_segment.regions(

@@ -82,7 +82,7 @@ class TextureInput:
 def texture_input(
     asked: Texturing, photos: LocatedPhotos | None, brought: Brought, max_memory_bytes: int
 ) -> TextureInput:
-    """Say what the textures of a build are made of.
+    """Choose the source of a build's textures.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def texture_input(
     photos : LocatedPhotos or None
         From :func:`.photo_input.locate_photos`.
     brought : Brought
-        The scene's frame, samples that the cameras must look at, a mesh's own images.
+        The scene's frame, samples that the cameras must see, a mesh's own images.
     max_memory_bytes : int
     """
     keep_bytes = texture.photo_bytes(max_memory_bytes)

@@ -57,7 +57,7 @@ PARENT_BYTES: Final = 900 * 2**20
 takes up to 1.4 GB earlier and later, when no tile is."""
 
 _LEAST_CELL_SHARE: Final = 0.25
-"""Share of the allowed memory that cells of regions may always take: of a small survey the rest of
+"""Share of the allowed memory that cells of regions may always take: for a small survey the rest of
 the build takes less than ``PARENT_BYTES``."""
 
 _TILE_DEPTHS: Final = range(8, 11)
@@ -264,14 +264,14 @@ def _tile_bytes(plan: TilePlan, points: int, area_m2: float) -> int:
 
 
 def count_cells(options: Options, area_m2: float, faces: float) -> int:
-    """Estimate the cells of ground that engine borders unites at once; 0 for other engines.
+    """Estimate the number of ground cells that engine borders unites at once; 0 for other engines.
 
-    Faces that are as large as cells leave some empty: as many as chance does.
+    If faces are as large as cells, some cells stay empty: as many as with random placement.
 
     Parameters
     ----------
     options : Options
-        Of regions, as asked.
+        Requested options of regions.
     area_m2 : float
         Area of the surface.
     faces : float
@@ -285,12 +285,12 @@ def count_cells(options: Options, area_m2: float, faces: float) -> int:
 
 
 def cell_bytes(cells: int) -> int:
-    """Forecast the peak of a build while cells are united to regions."""
+    """Forecast the peak memory of a build while cells are united to regions."""
     return PARENT_BYTES + CELL_BYTES * cells if cells else 0
 
 
 def check_cells(cells: int, options: Options, max_memory_bytes: int) -> None:
-    """Refuse cells that take more memory than a build allows itself.
+    """Refuse a number of cells that takes more memory than allowed.
 
     Cells are united over the whole survey at once, whatever its tiles. Their number follows from
     the surface's area, so this is known before any tile is solved.
@@ -298,13 +298,13 @@ def check_cells(cells: int, options: Options, max_memory_bytes: int) -> None:
     Raises
     ------
     ResourceError
-        Says how much memory or which region size would do.
+        States the memory or the region size that would suffice.
     """
     allowed = max(max_memory_bytes - PARENT_BYTES, int(_LEAST_CELL_SHARE * max_memory_bytes))
     if CELL_BYTES * cells <= allowed:
         return
     size_m = options.borders_size_m or BORDERS_SIZE_M
-    # A quarter wider than their number says: fewer of the larger cells are empty.
+    # A quarter larger than their number requires: fewer of the larger cells are empty.
     fitting_m = 1.25 * size_m * math.sqrt(CELL_BYTES * cells / allowed)
     raise ResourceError(
         f"regions by engine borders: about {cells:,} cells of ground take "

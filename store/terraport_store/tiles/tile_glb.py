@@ -175,7 +175,7 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
     if used:
         document["extensionsUsed"].append(_EXTENSION)
         document["extensions"] = {_EXTENSION: {"schema": facts.schema, **used}}
-    # (3) The light of its colours.
+    # (3) Unlit materials.
     _make_unlit(document)
     # Other tools need none of ours, and codes that are said to be normalised are not ours.
     del document["meshes"][0]["extras"]
@@ -184,12 +184,12 @@ def encode_tile(mesh: SegmentMesh, facts: TileFacts) -> bytes:
 
 
 def unlit_glb(glb: bytes | memoryview) -> bytes:
-    """Return a payload with unlit materials, as all content of a tileset has; nothing else changes.
+    """Return a payload with unlit materials, as in all content of a tileset; nothing else changes.
 
     Raises
     ------
     PayloadError
-        When it is not a GLB.
+        The payload is not a GLB.
     """
     document, binary, _ = split_glb(glb)
     _make_unlit(document)
@@ -197,9 +197,9 @@ def unlit_glb(glb: bytes | memoryview) -> bytes:
 
 
 def _make_unlit(document: dict[str, Any]) -> None:
-    """Mark materials as unlit: a survey's colours contain its light, and lit again they are dark.
+    """Mark materials as unlit: a survey's colours contain its light, and become dark if lit again.
 
-    All content of a tileset has to agree, or full detail differs from the base in brightness.
+    All content of a tileset must agree, else full detail and base differ in brightness.
     """
     for material in document.get("materials", ()):
         material.setdefault("extensions", {})[_UNLIT] = {}

@@ -15,7 +15,7 @@ from terraport.live import Session
 __all__ = ["landing_facts", "print_report", "report_facts"]
 
 _LETTERS: Final = {"east": "E", "west": "W", "north": "N", "south": "S", "up": "H", "down": "D"}
-"""Of coordinates by the direction in which they count."""
+"""Letter of a coordinate, by the direction in which it increases."""
 
 
 async def report_facts(

@@ -1,7 +1,7 @@
-"""Make the plugin's materials when the editor starts, where the project has none yet.
+"""Create the plugin's materials when the editor starts, if the project has none yet.
 
-Unreal runs a file of this name in each plugin's Python folder. It waits until the editor knows the
-project's assets. Without a window, as in the cooker, nothing is made.
+Unreal runs the file of this name in the Python folder of each plugin. It waits until the editor has
+loaded the list of assets. In a process without a window, such as the cooker, it does nothing.
 """
 
 # ruff: noqa: INP001 - Unreal puts this folder on Python's path
@@ -13,7 +13,7 @@ import unreal
 
 
 def make_when_known(_seconds: float) -> None:
-    """Make what is missing, once, as soon as the assets are known."""
+    """Create the missing materials once, as soon as the list of assets is loaded."""
     if unreal.AssetRegistryHelpers.get_asset_registry().is_loading_assets():
         return
     unreal.unregister_slate_post_tick_callback(_callback)

@@ -1,11 +1,11 @@
-"""Make the plugin's materials in the project, once, in the editor: four unlit, four lit.
+"""Create the plugin's materials in the project, once, in the editor: four unlit, four lit.
 
-init_unreal.py does it when the editor starts. By hand, in the Output Log's Python prompt:
+init_unreal.py calls it when the editor starts. By hand, in the Output Log's Python prompt:
 import terraport_materials; terraport_materials.make()
 
-Assets are binary and belong to one engine version, so the plugin ships what makes them. Needs the
-Python Editor Script Plugin, which is part of the engine and switched on by the plugin. What it
-makes, as graphs, stands in docs/how-to/unreal.md.
+Assets are binary and belong to one engine version, so the plugin ships a script that creates them.
+It needs the Python Editor Script Plugin, which is part of the engine and which this plugin enables.
+docs/how-to/unreal.md shows the graphs of the materials.
 """
 
 # ruff: noqa: INP001 - Unreal puts this folder on Python's path

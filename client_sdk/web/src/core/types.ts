@@ -427,7 +427,7 @@ export interface StreamOptions {
   readonly token?: Token;
   /** Default: those of a desktop computer (`budgetsFor`). */
   readonly budgets?: Budgets;
-  /** Payload bytes kept in memory beside what is shown. Default: those of a desktop computer. */
+  /** Payload bytes kept in memory in addition to those shown. Default: that of a desktop computer. */
   readonly cacheBytes?: number;
   /** Payload bytes kept on disk over all scenes, for the next visit; 0, or no such storage, keeps none. Default 0. */
   readonly diskBytes?: number;

@@ -229,7 +229,10 @@ export class GpuStore {
     state.unbindTexture();
   }
 
-  /** Left as it was found: three.js remembers some of it, in some versions. The browser answers without the GPU. */
+  /**
+   * Run an action with the unpack state for uploads, then restore the state, as some versions of three.js cache parts of it.
+   * The browser reads the state without asking the GPU.
+   */
   #withUnpack(skipRows: number, act: () => void): void {
     const gl = this.#gl;
     const wanted: readonly (readonly [GLenum, number | boolean])[] = [

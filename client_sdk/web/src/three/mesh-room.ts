@@ -174,7 +174,7 @@ export function setMeasure(geometry: BufferGeometry, attribute: GLBufferAttribut
 /** A mesh at the origin of the ground's frame: it goes where the ground as a whole goes. */
 export function stayInFrame(mesh: Mesh): void {
   mesh.matrixAutoUpdate = false;
-  // Else it would miss where the ground is already.
+  // Otherwise it would not get the current transform of the ground.
   mesh.matrixWorldNeedsUpdate = true;
 }
 

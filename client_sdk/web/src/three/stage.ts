@@ -59,8 +59,8 @@ const RESTORED_REVISION = Number.MAX_SAFE_INTEGER;
 /** Base mesh, segments of the newest landing, and the swap between two landings. Owns what it puts on the GPU; `dispose` gives it back. */
 export class Stage implements Landings {
   /**
-   * To be added to the scene, and moved, turned and scaled as any object. Every position, direction and distance that a stage
-   * takes or tells is one of the scene's own frame, the object's inside: `object.worldToLocal` and `localToWorld` convert.
+   * Add it to the scene; it can be moved, rotated and scaled as any object. All positions, directions and distances that a
+   * stage accepts or returns are in the object's local frame: `object.worldToLocal` and `localToWorld` convert.
    */
   readonly object = new Group();
   readonly #renderer: WebGLRenderer;

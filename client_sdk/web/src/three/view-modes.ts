@@ -69,7 +69,7 @@ export function modeFrom(
   const mode = typeof given === "string" ? modeOfKey(given, manifest, regions) : given;
   const isAttribute = mode?.kind === "attribute" && manifest.attributes.some(({ name }) => name === mode.name);
   if (isAttribute && Number.isFinite(mode.min) && Number.isFinite(mode.max)) return mode;
-  // Kinds without values of their own can be asked for in every scene: what has none is drawn paled.
+  // Kinds without parameters are valid in every scene: ground without data is drawn paled.
   if (mode && mode.kind !== "attribute" && Object.hasOwn(MODE_NUMBER, mode.kind)) return mode;
   const keys = modesOf(manifest, regions).map((choice) => keyOfMode(choice.mode));
   throw new RangeError(`got mode ${JSON.stringify(given)}, expected one of ${keys.join(", ")}`);

@@ -151,7 +151,7 @@ def _read_chunk(path: Path, chunk: ET.Element) -> tuple[list[RawCamera], int, in
 def _labelled(
     element: ET.Element | None, groups: tuple[str, ...] = ()
 ) -> Iterator[tuple[tuple[str, ...], str, ET.Element]]:
-    """Walk through all cameras, with the labels of their groups from the outside."""
+    """Yield all cameras, with the labels of their groups from the outermost to the innermost."""
     for one in () if element is None else element:
         if one.tag == "camera":
             yield groups, one.get("label") or f"camera {one.get('id')}", one

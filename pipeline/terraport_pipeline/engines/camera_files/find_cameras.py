@@ -174,15 +174,15 @@ def _only(folder: Path, candidates: list[tuple[Path, str, _Format]]) -> tuple[Pa
 
 
 def _model_number(path: Path) -> tuple[bool, int, Path]:
-    """Order COLMAP's numbered models by number: 2 before 10."""
+    """Sort key of COLMAP's numbered models: 2 before 10."""
     number = path.parent.name
     return not number.isdecimal(), int(number) if number.isdecimal() else 0, path
 
 
 def _further_models(source: Path, candidates: list[tuple[Path, str, _Format]]) -> tuple[Path, ...]:
-    """List the folders of COLMAP's other models beside the one that is read.
+    """List the folders of COLMAP's other models, next to the one that is read.
 
-    COLMAP numbers them from 0: one for every set of photos that it could not join.
+    COLMAP writes one model, numbered from 0, for every set of photos that it could not join.
     """
     if not source.parent.name.isdecimal():
         return ()
@@ -196,7 +196,7 @@ def _further_models(source: Path, candidates: list[tuple[Path, str, _Format]]) -
 
 
 def _read_first_model(source: Path, models: Sequence[Path]) -> RawCameras:
-    """Read one of COLMAP's models; tell how many photos the others have."""
+    """Read one of COLMAP's models; warn how many photos the others have."""
     raw = _read_colmap(source, partial(_no_photos, source))
     used = {camera.name for camera in raw.cameras}
     counts = []

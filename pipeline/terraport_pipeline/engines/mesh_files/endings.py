@@ -1,4 +1,4 @@
-"""Endings of the mesh files that are read, and of the files that segments are written to."""
+"""File name extensions of the mesh files that are read, and of written segments."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""glTF 2.0 (``.glb``, ``.gltf``) as its reader takes it, with what the reader would get wrong.
+"""Checks of glTF 2.0 files (``.glb``, ``.gltf``) before trimesh reads them.
 
-trimesh leaves out what it does not know, without a word: base colours are rounded to 8 bits, KTX2
-images and extensions vanish, compressed triangles become zeros. So the description is read here
-first. What changes the geometry or the picture and is not read is refused or becomes a warning, by
-name; materials are reduced to base colour factor and texture; the rest is left to trimesh.
+trimesh silently ignores features that it does not support: it rounds base colours to 8 bits, drops
+KTX2 images and extensions, and reads compressed triangles as zeros. So the JSON is read here first.
+Unsupported features that change the geometry or the picture are refused or become a warning that
+names them. Materials are reduced to base colour factor and texture. trimesh reads the rest.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ _READ: Final = frozenset(
         "KHR_texture_transform",
     )
 )
-"""Extensions that a file may require: read, refused where they change something, or of no meaning
-for base colours."""
+"""Extensions that a file may require: they are supported, checked below, or do not change base
+colours."""
 
 _HARMLESS: Final = re.compile(
     r"KHR_materials_.*|KHR_lights_.*|KHR_xmp.*|KHR_animation_.*|KHR_texture_basisu|EXT_texture_.*"
@@ -41,7 +41,7 @@ _HARMLESS: Final = re.compile(
     r"|EXT_feature_metadata|CESIUM_primitive_outline|KHR_draco_mesh_compression"
     r"|(EXT|KHR)_meshopt_compression|EXT_mesh_gpu_instancing|CESIUM_RTC|EXT_lights_.*"
 )
-"""Extensions that change neither places nor base colours, and those that are looked for where they
+"""Extensions that change neither positions nor base colours, and those that are checked where they
 are used."""
 
 _DRACO: Final = "KHR_draco_mesh_compression"
@@ -58,9 +58,9 @@ _JSON: Final = b"JSON"
 _HEAD: Final = struct.Struct("<4sIII4s")
 _CHUNK: Final = struct.Struct("<II")
 _BINARY: Final = "binary chunk"
-"""Name that the reader knows the GLB's own bytes by."""
+"""Name of the GLB's binary chunk for the reader."""
 _NAMING: Final = ("buffers", "images")
-"""Parts of a description that name other files."""
+"""Members of the JSON that refer to other files."""
 _PLAIN: Final = "export it again without compression or quantisation"
 _IDENTITY: Final = {"offset": [0, 0], "rotation": 0, "scale": [1, 1], "texCoord": 0}
 
@@ -70,22 +70,22 @@ class GltfMaterial:
     """The base colour of a material."""
 
     label: str
-    """For messages: its name, else its number."""
+    """Its name, else its number, for messages."""
     factor: tuple[float, float, float] = (1.0, 1.0, 1.0)
     """``baseColorFactor``, linear light."""
     texture: str = ""
-    """Which image is meant, for messages; empty without one."""
+    """Number and name of its image, for messages; empty without one."""
     repeats: bool = True
-    """Whether the image repeats beyond 0..1; else it is clamped or mirrored."""
+    """True if the image repeats outside 0..1; False if it is clamped or mirrored."""
     is_opaque: bool = True
     """Whether ``alphaMode`` ignores alpha."""
     only_emits: bool = False
-    """Whether its only texture is of light that it emits, which is not read."""
+    """True if its only texture is an emissive one, which is not read."""
 
 
 @dataclass(frozen=True, slots=True)
 class GltfFile:
-    """A file as trimesh's reader of ``.gltf`` takes it, and what it does not take."""
+    """A file prepared for trimesh's glTF reader, with its materials."""
 
     path: Path
     document: bytes
@@ -96,7 +96,7 @@ class GltfFile:
     """Offset and length of the GLB's binary chunk."""
 
     def __getitem__(self, uri: str) -> bytes:
-        """Read a buffer or image that the description names."""
+        """Read a buffer or image that the JSON refers to."""
         if uri == _BINARY:
             with self.path.open("rb") as file:
                 file.seek(self.binary[0])
@@ -110,7 +110,7 @@ class GltfFile:
 
 
 def open_gltf(path: Path) -> GltfFile:
-    """Read the description of a file, and refuse what would be read as another mesh than it is.
+    """Read the JSON of a file, and refuse features that would give a wrong mesh.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def open_gltf(path: Path) -> GltfFile:
     Raises
     ------
     ReadError
-        Not glTF 2.0, cut off in its description, or in a form that is not read; it names the form.
+        The file is not glTF 2.0, its JSON is cut off, or it uses an unsupported feature; names it.
     """
     tree, binary = _description(path)
     if binary != (0, 0) and tree.get("buffers"):
@@ -138,7 +138,7 @@ def open_gltf(path: Path) -> GltfFile:
 
 
 def gltf_companions(path: Path) -> tuple[Path, ...]:
-    """List the buffers and images that a file is read with, each once; those that are there."""
+    """List the existing buffer and image files that a file refers to, each once."""
     tree, _ = _description(path)
     try:
         named = [part.get("uri", "data:") for name in _NAMING for part in tree.get(name, ())]
@@ -150,7 +150,7 @@ def gltf_companions(path: Path) -> tuple[Path, ...]:
 
 
 def _description(path: Path) -> tuple[dict[str, Any], tuple[int, int]]:
-    """Read the JSON, and where the binary chunk is."""
+    """Read the JSON and the position of the binary chunk."""
     binary = (0, 0)
     if path.suffix.lower() == ".gltf":
         data = path.read_bytes()
@@ -184,7 +184,7 @@ def _description(path: Path) -> tuple[dict[str, Any], tuple[int, int]]:
 
 
 def _unread(path: Path, tree: dict[str, Any]) -> Iterator[str]:
-    """Refuse forms that are not read, and tell of what is left out."""
+    """Refuse unsupported features, and return warnings about ignored ones."""
     # (1) Extensions: required ones, those that move or multiply the mesh, and unknown ones.
     required = set(tree.get("extensionsRequired", ()))
     if _DRACO in required and not _reads_draco():
@@ -216,7 +216,7 @@ def _unread(path: Path, tree: dict[str, Any]) -> Iterator[str]:
     ]
     if others:
         yield f"{', '.join(others)} of {path.name} is not read: what it changes is missing."
-    # (2) What a reader of triangles leaves out.
+    # (2) Primitives and deformations that are ignored.
     primitives = [one for mesh in tree.get("meshes", ()) for one in mesh.get("primitives", ())]
     left_out = sum(one.get("mode", 4) not in _TRIANGLES for one in primitives)
     if left_out:
@@ -235,8 +235,8 @@ def _unread(path: Path, tree: dict[str, Any]) -> Iterator[str]:
 
 
 def _reduced_materials(path: Path, tree: dict[str, Any]) -> tuple[GltfMaterial, ...]:
-    """Replace the tree's materials by base colour textures, named by number; return the rest."""
-    materials = [*tree.get("materials", ()), {}]  # the last one for primitives without
+    """Replace the JSON's materials by numbered base colour textures; return their properties."""
+    materials = [*tree.get("materials", ()), {}]  # the last: primitives without one
     for mesh in tree.get("meshes", ()):
         for primitive in mesh.get("primitives", ()):
             primitive.setdefault("material", len(materials) - 1)
@@ -245,7 +245,7 @@ def _reduced_materials(path: Path, tree: dict[str, Any]) -> tuple[GltfMaterial, 
         base = material.get("pbrMetallicRoughness", {})
         factor, texture = base.get("baseColorFactor"), base.get("baseColorTexture")
         specular = material.get("extensions", {}).get(_SPECULAR)
-        if specular is not None:  # stands in for the other where both are stated
+        if specular is not None:  # used instead of the other if both are stated
             factor, texture = specular.get("diffuseFactor"), specular.get("diffuseTexture")
         label = material.get("name") or f"number {number}"
         image, repeats = "", True
@@ -274,7 +274,7 @@ def _check_texture(path: Path, label: str, texture: dict[str, Any]) -> None:
 
 
 def _image_of(tree: dict[str, Any], number: int) -> tuple[str, bool]:
-    """Describe the image of a texture for messages; and whether it repeats."""
+    """Describe the image of a texture for messages; also return whether it repeats."""
     texture = tree["textures"][number]
     extensions = texture.get("extensions", {})
     source = extensions.get("EXT_texture_webp", {}).get("source", texture.get("source"))
@@ -287,7 +287,7 @@ def _image_of(tree: dict[str, Any], number: int) -> tuple[str, bool]:
 
 
 def _check_accessors(path: Path, tree: dict[str, Any]) -> None:
-    """Refuse positions, and coordinates of textures, that would be read as something else."""
+    """Refuse positions and texture coordinates that trimesh would misread."""
     accessors = tree.get("accessors", [])
     names = ("POSITION", "TEXCOORD_0") if tree.get("textures") else ("POSITION",)
     for mesh in tree.get("meshes", ()):

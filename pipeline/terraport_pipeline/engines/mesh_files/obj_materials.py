@@ -1,7 +1,7 @@
-"""Material libraries beside an OBJ: which image, or which colour, each material has.
+"""Material libraries of an OBJ: the image or colour of each material.
 
-A file that a library names and that is not there is no error yet: it is raised where the image is
-needed, with the line that names it.
+A missing image file is not an error here. The error is raised where the image is needed, with the
+line that names it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _OPTION: Final = re.compile(
 )
 """An option before the file name of ``map_Kd``, with its values."""
 _UNCHANGED: Final = {"o": {"0"}, "s": {"1"}, "t": {"0"}, "mm": {"0", "1"}, "cc": {"off"}}
-"""Values of options that place or change an image which leave it unchanged."""
+"""Values with which an option that moves, scales or changes an image has no effect."""
 _MAX_LIBRARY_BYTES: Final = 16 << 20
 """Largest material library: a hundred thousand materials."""
 
@@ -44,7 +44,7 @@ class ObjMaterial:
     missing: ReadError | None = None
     """Why there is no image although the file means one."""
     has_mask: bool = False
-    """Whether ``map_d`` cuts holes into it, which is not read."""
+    """True if it has an opacity map (``map_d``), which is not read."""
 
 
 def read_materials(path: Path, libraries: Sequence[tuple[int, str]]) -> dict[str, ObjMaterial]:
@@ -91,11 +91,11 @@ def obj_companions(path: Path) -> tuple[Path, ...]:
 
 
 def _library_names(path: Path, text: str) -> list[str]:
-    """Split a ``mtllib`` line: one name, which may have blanks, or several."""
+    """Split an ``mtllib`` line into one name, which may contain blanks, or several."""
     words = text.split()
     if len(words) < 2 or find_beside(path, text) is not None:
         return [text]
-    # A name with blanks that is not there is one name, unless a part of it is a file.
+    # If no file has this name, it is still a single name, unless a part of it names a file.
     return words if any(find_beside(path, word) is not None for word in words) else [text]
 
 
@@ -129,8 +129,8 @@ def _materials(path: Path, library: Path) -> Iterator[ObjMaterial]:
 
 
 def _image(path: Path, text: str) -> tuple[Path | None, tuple[str, str, str] | None]:
-    """Find the image that ``map_Kd`` names; else say which, why not, and what to do."""
-    # The whole text is the name where there is such a file; else options stand before it.
+    """Find the image that ``map_Kd`` names, or return its name, the reason and advice."""
+    # If a file has the whole text as its name, that is the image; else options precede the name.
     whole = find_beside(path, text)
     if whole is not None:
         return whole, None
@@ -141,7 +141,7 @@ def _image(path: Path, text: str) -> tuple[Path | None, tuple[str, str, str] | N
             what = f"is moved, scaled or changed (-{option[1]}{option[2]})"
             return None, (text, what, "export it again with its coordinates applied")
         name = name[option.end() :]
-    # Of a name with options that are not known the last word.
+    # After unknown options, the last word is the name.
     image = find_beside(path, name) or find_beside(path, name.split()[-1])
     return image, None if image else (name, "is not there", "copy it beside the OBJ")
 
@@ -164,7 +164,7 @@ def _colour(text: str) -> tuple[int, int, int] | None:
 
 
 def decode_text(data: bytes) -> str:
-    """Decode UTF-8, or what older programs on Windows write."""
+    """Decode UTF-8, else the encoding of older Windows programs."""
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -174,8 +174,8 @@ def decode_text(data: bytes) -> str:
 def find_beside(path: Path, name: str) -> Path | None:
     """Find a named file below a mesh's folder, or by its bare name in it; None elsewhere.
 
-    Upper and lower case count only where two names differ in nothing else: they do not on Windows,
-    where many of these names are written. A name never leads outside the folder.
+    Case is ignored unless two names differ only in case, since Windows, where many of these files
+    are written, ignores it. A name never leads outside the folder.
     """
     given = PurePosixPath(name.strip().strip('"').replace("\\", "/"))
     within = not given.is_absolute() and ".." not in given.parts

@@ -1,7 +1,7 @@
 """Triangle meshes of other programs as plain arrays: OFF, PLY, OBJ, STL, GLB, glTF.
 
-Triangles keep their order in the file, so that a table with a row a triangle belongs to it. OBJ is
-read here (:mod:`.read_obj`), the rest by trimesh.
+Triangles keep their order in the file, so that a table with one row per triangle matches it.
+:mod:`.read_obj` reads OBJ, trimesh the other formats.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _INWARDS: Final = 0.2
 _WIDEST_MEAN: Final = 8
 """Texels along a side of the mean that a vertex takes, at most."""
 _OUTSIDE: Final = 1e-3
-"""Share of an image by which corners may be outside it: rounding, no more."""
+"""Share of an image by which corners may lie outside it: an allowance for rounding."""
 _HEAD_BYTES: Final = 65536
 _PLY_IMAGE: Final = re.compile(
     rb"^comment +TextureFile +(.+?)[ \t\r]*$", re.MULTILINE | re.IGNORECASE
@@ -59,7 +59,7 @@ _PLY_COLOURS: Final = (
 )  # fmt: skip
 _COLOURS: Final = frozenset(("alpha", *(name for names in _PLY_COLOURS for name in names)))
 _LEAST_OF_BYTES: Final = 2.0
-"""Greatest colour from which numbers are not shares of 1."""
+"""Colours are on a scale of 0 to 255 or more, not 0 to 1, if the largest is at least this."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -110,7 +110,7 @@ class FileMesh:
     """What else the file holds, by name: ``parts``, ``materials``, ``polygons`` that were cut into
     triangles."""
     warnings: tuple[str, ...] = ()
-    """What the file holds that is not read, whole sentences."""
+    """Contents of the file that are not read, as whole sentences."""
 
 
 def read_mesh(path: Path) -> FileMesh:
@@ -190,7 +190,7 @@ def _parts_of_obj(path: Path, warnings: list[str]) -> list[_Part]:
             "colour, unlike the others: they are grey."
         )
     warnings += mesh.warnings
-    # Of a text whole numbers are taken for what was meant.
+    # OBJ is text: an axis with only whole numbers is taken as exact.
     warnings += _coarse(mesh.vertices, (mesh.vertices != np.rint(mesh.vertices)).any(axis=0))
     masked = [material.name for material in mesh.materials if material.has_mask]
     if masked:
@@ -288,9 +288,9 @@ def _looked_up(image: UInt8, uvs: AnyArray) -> UInt8:
 
 
 def _tells(colours: AnyArray) -> bool:
-    """Whether the colours of materials, (N, 3), mean something: one grey for all does not.
+    """Return whether the colours of materials, (N, 3), carry information: a single grey does not.
 
-    Programs write a grey or white for want of any; -1 is none.
+    Programs write grey or white if they have no colours; -1 means none.
     """
     distinct = np.unique(colours, axis=0)
     return len(distinct) > 1 or len(np.unique(distinct)) > 1
@@ -320,13 +320,13 @@ def _parts_by_trimesh(path: Path, warnings: list[str]) -> list[_Part]:
             document = io.BytesIO(gltf.document)
             scene = load(document, file_type="gltf", resolver=gltf, process=False)
         else:
-            # The image of a PLY is not left to it: a missing one becomes a grey one.
+            # trimesh does not load the image of a PLY: it would replace a missing one by grey.
             more = {"skip_materials": True} if kind == ".ply" else {}
             scene = load(path, process=False, **more)
         parts: list[_Part] = []
         images: dict[tuple[int, str], FileImage] = {}
         told: set[GltfMaterial] = set()
-        # Nodes in the order of the file: a mesh may be in several places.
+        # Nodes in the order of the file: several nodes may use one mesh.
         for name in scene.graph.nodes_geometry:
             transform, key = scene.graph[name]
             mesh = scene.geometry[key]
@@ -352,7 +352,7 @@ def _parts_by_trimesh(path: Path, warnings: list[str]) -> list[_Part]:
     parts = [replace(part, missing=missing) for part in parts]
     if not parts and warnings:
         raise ReadError(path, f"no triangle mesh: {warnings[0].rstrip('.')}", "export triangles")
-    # Base colours alone, and one grey for all of them, say nothing.
+    # A single grey for all base colours carries no information.
     alone = all(part.origin_of_colours in ("material", "none") for part in parts)
     plain = [
         part.colours[0]
@@ -365,7 +365,7 @@ def _parts_by_trimesh(path: Path, warnings: list[str]) -> list[_Part]:
 
 
 def _used_alone(part: _Part) -> _Part:
-    """Leave out the vertices that no face of a part uses: parts often share one list of them."""
+    """Remove vertices that no face of a part uses: parts often share one vertex list."""
     used, corner = np.unique(part.faces, return_inverse=True)
     count = len(part.vertices)
     if len(used) == count:
@@ -383,7 +383,7 @@ def _used_alone(part: _Part) -> _Part:
 
 
 def _coarse(stored: Float64, axes: Bool | bool = True) -> tuple[str, ...]:
-    """Warn of coordinates, before a node moves them, that are too large for 32-bit floats."""
+    """Warn about coordinates, before node transforms, that are too large for 32-bit floats."""
     if not len(stored):
         return ()
     single = (stored == stored.astype(np.float32)).all(axis=0) & axes
@@ -391,12 +391,12 @@ def _coarse(stored: Float64, axes: Bool | bool = True) -> tuple[str, ...]:
 
 
 def ply_image(path: Path) -> Path | None:
-    """Find the image that a PLY names, there or not; None where it names none.
+    """Return the path of the image that a PLY names, even if it is missing; None without one.
 
     Raises
     ------
     ReadError
-        It names several.
+        The file names several images.
     """
     with path.open("rb") as file:
         head = file.read(_HEAD_BYTES).partition(b"end_header")[0]
@@ -410,14 +410,14 @@ def ply_image(path: Path) -> Path | None:
 
 
 def _left_out(path: Path, mesh: Any, material: GltfMaterial) -> list[str]:
-    """Tell what of a glTF part's picture is not read."""
+    """Return warnings about parts of a glTF material that are not read."""
     if mesh.visual.uv is None or not material.texture:
         return []
     found = []
     if not material.is_opaque and _has_alpha(mesh.visual.material.baseColorTexture):
         found.append(_transparent(material.label))
     codes = _vertex_codes(mesh)
-    if codes is not None and (codes != np.iinfo(codes.dtype).max).any():  # white changes nothing
+    if codes is not None and (codes != np.iinfo(codes.dtype).max).any():  # white has no effect
         found.append(
             f"{path.name} has vertex colours (COLOR_0) on top of a texture; the texture alone is "
             "used."
@@ -468,9 +468,9 @@ def _texture_of_trimesh(
     material: GltfMaterial | Path | None,
     images: dict[tuple[int, str], FileImage],
 ) -> FileTexture | None:
-    """Texture of a part, from the image of its material or of its PLY.
+    """Return the texture of a part, from the image of its material or of its PLY.
 
-    `images` are those of the file so far, by object and factor.
+    `images` holds the images of the file found before, by object and factor.
     """
     uvs = getattr(mesh.visual, "uv", None)
     if material is None or uvs is None:
@@ -498,7 +498,7 @@ def _texture_of_trimesh(
     key = id(held), str(material.factor)
     if key not in images:
         data = io.BytesIO()
-        # Without loss, and quickly: it is drawn into atlases, and dropped.
+        # Lossless and fast: the image is only an intermediate result, drawn into atlases.
         _multiplied(rgb_of(held), material.factor).save(data, "PNG", compress_level=1)
         images[key] = FileImage(f"image {len(images)}", data.getvalue())
     row = list(images).index(key)
@@ -529,7 +529,7 @@ def _colours_of_trimesh(
             "faces"
         )
     if material is None:
-        # A PLY with texture coordinates has its colours beside them.
+        # In a PLY with texture coordinates, trimesh stores the colours next to them.
         own = np.asarray(mesh.vertex_attributes.get("color", ()))
         is_read = own.shape[:1] == (len(mesh.vertices),) and own.ndim == _TABLE
         return (own[:, :3].astype(np.uint8), "vertices") if is_read else (None, "none")
@@ -545,7 +545,7 @@ def _colours_of_trimesh(
 
 
 def _vertex_codes(mesh: Any) -> AnyArray | None:
-    """Colours of a glTF's vertices, (V, 3): uint8 as stored, or uint16 of linear light."""
+    """Return the colours of glTF vertices, (V, 3): uint8 as stored, or uint16 in linear light."""
     codes = np.asarray(getattr(mesh.visual, "vertex_attributes", {}).get("color", ()))
     if codes.shape[:1] != (len(mesh.vertices),) or codes.ndim != _TABLE:
         return None
@@ -584,7 +584,7 @@ def _attributes(mesh: Any, n_vertices: int, n_faces: int) -> dict[str, Float64]:
 
 
 def _ply_columns(mesh: Any, element: str) -> Mapping[str, Any]:
-    """Columns of a PLY as they are in the file, by name."""
+    """Return the columns of a PLY as stored in the file, by name."""
     data = mesh.metadata.get("_ply_raw", {}).get(element, {}).get("data")
     if isinstance(data, dict):
         return data
@@ -593,7 +593,7 @@ def _ply_columns(mesh: Any, element: str) -> Mapping[str, Any]:
 
 
 def _ply_colours(path: Path, mesh: Any, faces: Int32) -> tuple[UInt8, str] | None:
-    """Colours of a PLY of any depth; trimesh takes the low byte of 16 bits."""
+    """Return the colours of a PLY of any depth; trimesh would use the low byte of 16 bits."""
     for element, origin, count in (
         ("vertex", "vertices", len(mesh.vertices)), ("face", "faces", len(faces)),
     ):  # fmt: skip
@@ -609,7 +609,7 @@ def _ply_colours(path: Path, mesh: Any, faces: Int32) -> tuple[UInt8, str] | Non
 
 
 def _levels(path: Path, values: AnyArray) -> UInt8:
-    """Bring colours to 8 bits: shares of 1, 8 or 16 bits, by their kind and greatest value."""
+    """Convert colours from 0..1, 8 or 16 bits to 8 bits, by data type and largest value."""
     top = float(values.max(initial=0))
     if values.dtype.kind == "f" and top < _LEAST_OF_BYTES:
         scale = 255.0

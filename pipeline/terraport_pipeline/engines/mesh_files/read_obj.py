@@ -1,7 +1,7 @@
 """Textured meshes of other programs: OBJ with MTL, as Pix4D, OpenDroneMap and Metashape write them.
 
-An OBJ gives every corner a texture coordinate of its own (a wedge), so a vertex on a seam is in the
-file once, and neighbours over a seam share it. So they do here.
+An OBJ stores a texture coordinate for every corner (a wedge), so a vertex on a seam is in the file
+once, and the faces on both sides of a seam share it. They also do so here.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ _LEAST_OF_BYTES: Final = 2.0
 _BYTE: Final = 255.0
 _GREY: Final = 128
 _LOOKED_AT: Final = 1000
-"""Vertices that are looked at for how they are written."""
+"""Vertices whose spelling is checked for lost digits."""
 _SHORT: Final = re.compile(rb"(?<![0-9.])[0-9](?:\.[0-9]{1,5})?e\+0?([678])\b", re.IGNORECASE)
-"""A number of a million or more in at most six digits."""
+"""A number of a million or more that is written with at most six digits."""
 _MIXED_SHOWN: Final = 40
 """Characters of a bad line that are shown."""
 
@@ -56,10 +56,10 @@ class ObjMesh:
     materials: tuple[ObjMaterial, ...]
     """Those that faces name, in the order of their first face."""
     colours: UInt8 | None
-    """(V, 3) sRGB, of ``v`` lines with six numbers (0..1, as MeshLab writes them, or 0..255); grey
-    on lines without beside others, None where no line has any."""
+    """(V, 3) sRGB from ``v`` lines with six numbers (0..1, as MeshLab writes them, or 0..255); grey
+    for lines without a colour if others have one, None if no line has one."""
     uncoloured: int
-    """Vertices without a colour although others have one."""
+    """Number of vertices without a colour if others have one."""
     line: Int64
     """(F,) line of the file, from 1."""
     polygons: int
@@ -67,7 +67,7 @@ class ObjMesh:
     objects: int
     """``o`` lines; one body at least."""
     warnings: tuple[str, ...]
-    """What its numbers lost on their way, whole sentences."""
+    """Precision that its numbers lost when they were written, as whole sentences."""
 
 
 @dataclass(slots=True)
@@ -156,7 +156,7 @@ def read_obj(path: Path) -> ObjMesh:
 
 
 def _short_numbers(path: Path, points: list[bytes]) -> Iterator[str]:
-    """Warn of large coordinates in six digits, as C++ streams write them by default."""
+    """Warn about large coordinates with six digits, as C++ streams write them by default."""
     some = points[:: max(1, len(points) // _LOOKED_AT)]
     found = next(filter(None, map(_SHORT.search, some)), None)
     if found is not None:
@@ -204,7 +204,7 @@ def _sorted_lines(data: bytes) -> _Lines:
 def _table(
     path: Path, rows: list[bytes], numbers: Sequence[int], columns: int, label: str
 ) -> Float64:
-    """Numbers of all lines of a kind, at least *columns* on each; NaN where others have more."""
+    """Return the numbers of all lines of a kind, at least *columns* per line, padded with NaN."""
     width = len(rows[0].split())
     try:
         values = np.array(b" ".join(rows).split(), dtype=np.float64)
@@ -212,7 +212,7 @@ def _table(
         values = np.zeros(0)
     if width >= columns and len(values) == width * len(rows) and np.isfinite(values).all():
         return values.reshape(len(rows), width)
-    # One by one, as lines are bad or differ in how many numbers they have.
+    # Line by line, since a line is bad or lines have different numbers of columns.
     words = [_finite(row) for row in rows]
     bad = next((at for at, found in enumerate(words) if len(found) < columns), None)
     if bad is not None:
@@ -228,7 +228,7 @@ def _table(
 
 
 def _finite(row: bytes) -> list[float]:
-    """Return the numbers of a line; nothing where one of them is not finite."""
+    """Return the numbers of a line, or nothing if one of them is not finite."""
     try:
         values = [float(word) for word in row.split()]
     except ValueError:
@@ -237,9 +237,9 @@ def _finite(row: bytes) -> list[float]:
 
 
 def _colours(path: Path, further: Float64) -> tuple[UInt8 | None, int]:
-    """Read colours behind the three coordinates, and count the lines without beside others.
+    """Read the colours after the three coordinates, and count the lines that lack one.
 
-    Four numbers (a weight) hold none.
+    Lines with four numbers have a weight and no colour.
     """
     if further.shape[1] < _CHANNELS:
         return None, 0
@@ -254,7 +254,7 @@ def _colours(path: Path, further: Float64) -> tuple[UInt8 | None, int]:
                 path, f"v lines with {3 + further.shape[1]} numbers, expected x y z r g b", _ADVICE
             )
         colours = further[:, 1:] if is_weight else colours
-    # A line with some of the three has a weight: no colour.
+    # A line with only some of the three numbers has a weight and no colour.
     none = np.isnan(colours).any(axis=1)
     known = colours[~none]
     if known.max() > _BYTE:

@@ -1,4 +1,4 @@
-"""Names of attributes that stay distinct in a scene, where each is also written as a glTF name.
+"""Attribute names that stay distinct when they are written as glTF names.
 
 PURE.
 """
@@ -14,14 +14,14 @@ from terraport_payload import gltf_attribute_name
 __all__ = ["distinct_names"]
 
 _RESERVED: Final = "_FEATURE_ID_"
-"""Names that begin so hold the numbers of regions (EXT_mesh_features)."""
+"""Prefix of the names that hold region numbers (EXT_mesh_features)."""
 
 
 def distinct_names(names: Iterable[str]) -> tuple[dict[str, str], tuple[str, ...]]:
     """Rename attributes whose glTF names would be the same.
 
     glTF names are in capitals, with ``_`` for everything but letters and digits: ``intensity`` and
-    ``Intensity`` are one name there, and so are ``a b`` and ``a_b``.
+    ``Intensity`` become the same name, and so do ``a b`` and ``a_b``.
 
     Parameters
     ----------
@@ -31,9 +31,9 @@ def distinct_names(names: Iterable[str]) -> tuple[dict[str, str], tuple[str, ...
     Returns
     -------
     renamed : dict of str to str
-        The new name of every one, in their order.
+        New name of every attribute, in the given order.
     warnings : tuple of str
-        A sentence for each that changes.
+        One sentence for each name that changes.
 
     Examples
     --------

@@ -25,7 +25,7 @@ _EDGES: Final = re.compile(rb"^[ \t\r]+|[ \t\r]+$", re.MULTILINE)
 
 
 _TAIL_OF_TABS: Final = re.compile(rb"^[ \r]+|[ \r]+$", re.MULTILINE)
-"""Edges where a tab is a delimiter: one at the end has an empty value behind it."""
+"""Blanks to strip if tabs are delimiters; a tab at the end of a line precedes an empty value."""
 
 _COUNT: Final = re.compile(rb"^[0-9]+(?:\n|\Z)", re.MULTILINE)
 
@@ -38,7 +38,7 @@ def text_encoding(path: Path, head: bytes) -> str:
     Raises
     ------
     ReadError
-        It has zero bytes, and no mark of UTF-16.
+        The text has zero bytes and no byte order mark of UTF-16.
     """
     if head[:2] in _UTF_16 and head[2:4] != b"\0\0":
         return _UTF_16[head[:2]]
@@ -62,25 +62,25 @@ def text_encoding(path: Path, head: bytes) -> str:
 
 
 class CleanText(io.RawIOBase):
-    """The rows of a file as a stream for pyarrow.
+    """The rows of a text file as a stream for pyarrow.
 
-    Comments, what is above the rows, surplus blanks, and lines that count the points of the next
-    block are left out; UTF-16 becomes UTF-8.
+    Comments, lines above the first row, surplus blanks, and lines with the number of points of the
+    next block are skipped; UTF-16 is converted to UTF-8.
 
     Parameters
     ----------
     file : binary file
-        At its beginning.
+        Positioned at its beginning.
     encoding : str
-        As of :func:`text_encoding`.
+        Result of :func:`text_encoding`.
     delimiter : str
-        Of values; a blank stands for any run of blanks and tabs.
+        Delimiter of values; a blank means any run of blanks and tabs.
     skip_lines : int
-        Lines before the first row, comments not counted.
+        Lines before the first row, comments not included.
     counted : bool
-        Lines with a single whole number are counts.
+        True if lines with a single whole number are point counts.
     advance : callable
-        Told of bytes read since last time.
+        Called with the number of bytes read since the last call.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class CleanText(io.RawIOBase):
         self._edges = _TAIL_OF_TABS if delimiter == "\t" else _EDGES
         self._counted = counted
         self.counts = 0
-        """Sum of the counts within the rows."""
+        """Sum of the point counts found between the rows."""
         self._advance = advance
         self._skip = skip_lines
         self._first = True
@@ -142,7 +142,7 @@ class CleanText(io.RawIOBase):
 
 
 def _blocks(file: io.BufferedReader, encoding: str) -> Iterator[tuple[bytes, int]]:
-    """Yield blocks of whole lines as UTF-8 or the like, and how long each is in the file."""
+    """Yield blocks of whole lines in an ASCII-compatible encoding, and their length in the file."""
     if encoding == "utf-8":
         while block := file.read(BLOCK_BYTES):
             block += file.readline()

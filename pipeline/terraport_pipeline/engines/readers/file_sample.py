@@ -91,7 +91,7 @@ def text_sample(path: Path, share: float) -> Iterator[Path]:
     with tempfile.TemporaryDirectory(prefix="terraport-text-") as folder:
         sample = Path(folder, path.name)
         with path.open("rb") as source, sample.open("wb") as target:
-            # Of UTF-16 with its low bytes first, the byte that ends a line has another behind it.
+            # In UTF-16 LE, a zero byte follows the newline byte.
             wide = source.read(2) == codecs.BOM_UTF16_LE
             source.seek(0)
 

@@ -96,9 +96,9 @@ def file_blocks(path: Path, header: Any) -> Blocks | None:
 
 
 def _chunk_table(path: Path, header: Any) -> tuple[list[tuple[int, int]], int]:
-    """Read (points, bytes) of every chunk, and the byte of their table; none where it is damaged.
+    """Read (points, bytes) of every chunk, and the offset of their table; none if it is damaged.
 
-    Where chunks have one size, the last is told as full and need not be.
+    If all chunks have one size, the table states the last one as full, which it need not be.
     """
     start = int(header.offset_to_point_data)
     try:
@@ -128,7 +128,7 @@ def count_records(path: Path, header: Any) -> int | None:
     Returns
     -------
     int or None
-        Of a compressed file the least number that its table of chunks allows; None without one.
+        For a compressed file, the least number that its chunk table allows; None without a table.
     """
     start, size = int(header.offset_to_point_data), path.stat().st_size
     if header.are_points_compressed:
@@ -137,7 +137,7 @@ def count_records(path: Path, header: Any) -> int | None:
             return None
         one_size = len({chunk[0] for chunk in chunks}) == 1
         return sum(chunk[0] for chunk in chunks) - (chunks[-1][0] - 1 if one_size else 0)
-    # Records of other kinds may follow the points.
+    # Extended variable length records may follow the points.
     others = [int(getattr(header, "start_of_waveform_data_packet_record", 0))]
     if header.version.minor >= 4 and header.number_of_evlrs:
         others.append(int(header.start_of_first_evlr))

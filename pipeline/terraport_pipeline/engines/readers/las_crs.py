@@ -1,8 +1,8 @@
 """The coordinate reference system that a LAS file states: well-known text, or GeoTIFF keys.
 
-Of the keys (GeoTIFF 1.0, section 6.2; OGC 19-008r4) the EPSG codes of the horizontal and the
-vertical system count, and their units. A user-defined projection (code 32767) becomes a local grid
-with its name and unit: its parameters are not read.
+Of the keys (GeoTIFF 1.0, section 6.2; OGC 19-008r4), the EPSG codes of the horizontal and the
+vertical CRS and their units are read. A user-defined projection (code 32767) becomes a local grid
+with its name and unit; its parameters are not read.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ __all__ = ["LasCrs", "las_crs"]
 
 _WKT: Final = 2112
 _ASCII: Final = 34737
-"""Numbers of records of well-known text, and of the keys' texts."""
+"""Numbers of the records that hold well-known text, and the texts of GeoTIFF keys."""
 
 _CITATION: Final = 1026
 _GEOGRAPHIC: Final = 2048
@@ -48,20 +48,20 @@ _CODES: Final = range(1024, 32767)
 """Values that are EPSG codes."""
 
 _ESRI_TEXT: Final = "ESRI PE String = "
-"""Stands before well-known text in a citation."""
+"""Prefix of well-known text in a citation."""
 
 _LIKE: Final = 1e-5
-"""Share by which both kinds of feet differ less, and any other two units more."""
+"""Relative difference above that of the two kinds of feet, and below that of any other units."""
 
 _SAME: Final = 1e-9
 
 Unit = tuple[str, float]
-"""Name, and metres in it."""
+"""Name of a unit, and its length in metres."""
 
 
 @dataclass(frozen=True, slots=True)
 class LasCrs:
-    """What a LAS file states of its coordinates."""
+    """Coordinate reference system of a LAS file, with doubts about its units and warnings."""
 
     crs: CRS | None = None
     doubts: tuple[UnitDoubt, ...] = ()
@@ -71,8 +71,8 @@ class LasCrs:
 def las_crs(header: laspy.LasHeader) -> LasCrs:
     """Read the coordinate reference system of a LAS file.
 
-    Where a file has well-known text and GeoTIFF keys, the bit in its header says which counts; a
-    warning names the other where it says something else.
+    If a file has well-known text and GeoTIFF keys, the WKT bit of its header decides; a warning
+    names the other one if they differ.
     """
     records = [*header.vlrs, *(header.evlrs or ())]
     texts = [text.decode("utf-8", "replace").strip(" \0") for text in _data(records, _WKT)]
@@ -102,7 +102,7 @@ def las_crs(header: laspy.LasHeader) -> LasCrs:
 
 
 def _data(records: list[Any], number: int) -> list[bytes]:
-    """Return the bytes of records: laspy reads no text that is not ASCII."""
+    """Return the bytes of records: laspy cannot read text that is not ASCII."""
     return [
         record.record_data_bytes()
         for record in records
@@ -138,7 +138,7 @@ class _Keys:
         return self.code(key) != 0
 
     def code(self, key: int) -> int:
-        """Return a whole number; 0, which means undefined, where there is none."""
+        """Return a whole number; 0 (undefined) if the key is missing."""
         return int(self._numbers.get(key, 0))
 
     def number(self, key: int) -> float | None:
@@ -150,7 +150,7 @@ class _Keys:
         return next((self._texts[key] for key in keys if self._texts.get(key)), "")
 
     def unit(self, key: int, size: int | None = None) -> Unit | None:
-        """Return a unit of length; None where there is none, or none that is known."""
+        """Return a unit of length; None if the key is missing or the unit unknown."""
         code = self.code(key)
         if code == _USER_DEFINED and size is not None:
             length = self.number(size)
@@ -166,7 +166,7 @@ def _linear_units() -> dict[int, Unit]:
 
 
 def _of_keys(keys: _Keys) -> LasCrs:
-    """Put together what the keys say of x and y, and of z."""
+    """Combine the horizontal and the vertical CRS of the keys."""
     plan = _plan_of_keys(keys)
     unit_m = None
     if plan.crs is not None and not (plan.crs.is_geographic or plan.crs.is_geocentric):
@@ -180,7 +180,7 @@ def _of_keys(keys: _Keys) -> LasCrs:
 
 
 def _plan_of_keys(keys: _Keys) -> LasCrs:
-    """Read what the keys say of x and y."""
+    """Read the horizontal CRS of the keys."""
     code, unit = keys.code(_PROJECTED), keys.unit(_PLAN_UNITS, _PLAN_UNIT_SIZE)
     name = keys.text(_PROJECTED_CITATION, _CITATION)
     warnings: list[str] = []
@@ -209,7 +209,7 @@ def _plan_of_keys(keys: _Keys) -> LasCrs:
         return LasCrs(CRS.from_epsg(code) if code in _CODES else None)
     if name.startswith(_ESRI_TEXT):
         return LasCrs(CRS.from_wkt(name.removeprefix(_ESRI_TEXT)))
-    # A system of the user's own.
+    # A user-defined CRS.
     if unit is None and _PLAN_UNITS in keys:
         return LasCrs(None, (_unknown_unit(keys, _PLAN_UNITS, is_height=False),), tuple(warnings))
     shown = f" ({name})" if name else ""
@@ -229,7 +229,7 @@ def _plan_of_keys(keys: _Keys) -> LasCrs:
 
 
 def _height_of_keys(keys: _Keys, plan_unit_m: float | None) -> LasCrs:
-    """Read what the keys say of z; nothing where heights are in the unit of x and y."""
+    """Read the vertical CRS of the keys; nothing if heights have the unit of x and y."""
     code, unit = keys.code(_VERTICAL), keys.unit(_VERTICAL_UNITS)
     doubt: tuple[UnitDoubt, ...] = ()
     if unit is None and _VERTICAL_UNITS in keys:
@@ -284,7 +284,7 @@ def _unknown_unit(keys: _Keys, key: int, *, is_height: bool) -> UnitDoubt:
 
 
 def _local_crs(name: str, unit: Unit) -> CRS:
-    """Make a system without a place on Earth."""
+    """Create an engineering CRS, without a position on Earth."""
     name = name.replace('"', "'")
     return CRS.from_wkt(
         f'ENGCRS["{name}",EDATUM["{name}"],CS[Cartesian,2],AXIS["easting (E)",east],'
@@ -293,7 +293,7 @@ def _local_crs(name: str, unit: Unit) -> CRS:
 
 
 def _unknown_heights(name: str, unit: Unit) -> CRS:
-    """Make a vertical system of which the unit alone is known."""
+    """Create a vertical CRS of which only the unit is known."""
     name = name.replace('"', "'")
     return CRS.from_wkt(
         f'VERTCRS["{name}",VDATUM["{name}"],CS[vertical,1],AXIS["height (H)",up],'
@@ -302,7 +302,7 @@ def _unknown_heights(name: str, unit: Unit) -> CRS:
 
 
 def _agree(one: CRS, other: CRS) -> bool:
-    """Whether two statements of one file give coordinates the same meaning."""
+    """Return whether two CRS statements of one file give coordinates the same meaning."""
     grids = parts_of(one)[0], parts_of(other)[0]
     if (grids[0] is None) != (grids[1] is None):
         return False

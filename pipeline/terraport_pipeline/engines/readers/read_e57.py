@@ -38,18 +38,18 @@ _INVALID_VALUES: Final = {
     "isIntensityInvalid": ("intensity",),
     "isTimeStampInvalid": ("timeStamp",),
 }
-"""Fields that say of which points others hold nothing."""
+"""Fields that mark invalid values, with the fields whose values they mark."""
 
 _NORMAL: Final = "normalX"
-"""End of the name of a normal's first component; an extension's prefix comes before it."""
+"""Suffix of the field name of a normal's first component; an extension's prefix precedes it."""
 
 _ZERO_LENGTH: Final = 1e-6
 _UNIT_ERROR: Final = 1e-3
-"""Lengths of a quaternion: below the first it states no rotation, and from the second off 1 on a
-warning is due."""
+"""Length below which a quaternion states no rotation, and difference of its length from 1 that
+gives a warning."""
 
 _MOST_INTENSITY_RATIO: Final = 4.0
-"""Ranges of intensity of two scans that differ by more are of different units."""
+"""Largest ratio of two scans' intensity ranges; above it they are in different units."""
 
 _MAX_POINTS_PER_BYTE: Final = 64
 """E57 packs bits; a point of less than an eighth of a bit holds no coordinates."""
@@ -68,7 +68,7 @@ class E57Stream:
     """Known when all parts were read."""
     colours: tuple[str, ...]
     colour_limits: dict[int, tuple[float, float]]
-    """By scan, least and greatest value that the file states for a channel."""
+    """Smallest and largest colour value that the file states, by scan."""
     scans: int
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
@@ -146,7 +146,7 @@ def _stream_image(path: Path, image: Any) -> E57Stream:
             texts += (
                 f"{invalid['points']:,} points that the scanner marked invalid were left out.",
             )
-        for name in ("intensity", "timeStamp"):  # the survey tells of colours
+        for name in ("intensity", "timeStamp"):  # the survey as a whole warns about colours
             if invalid[name]:
                 texts += (
                     f"{invalid[name]:,} values of {name} are marked invalid: no value there.",
@@ -180,7 +180,7 @@ def _stream_image(path: Path, image: Any) -> E57Stream:
 
 
 def _valid_points(table: dict[str, AnyArray], shape: tuple[str, ...], count: int) -> Bool:
-    """Take out the columns that mark points as invalid, and mark those that are valid."""
+    """Remove the columns that mark invalid points, and return a mask of the valid points."""
     states = [table.pop(name, None) for name in _INVALID]
     if shape is _SPHERICAL:
         states.reverse()
@@ -190,7 +190,7 @@ def _valid_points(table: dict[str, AnyArray], shape: tuple[str, ...], count: int
 
 
 def _pose(path: Path, header: Any, number: int) -> tuple[Float64 | None, Float64, list[str]]:
-    """Read a scan's rotation as a matrix (None without one), its translation, and what is odd."""
+    """Read a scan's rotation as a matrix (None without one), its translation, and warnings."""
     rotation, translation = None, np.zeros(3)
     warnings: list[str] = []
     if not header.has_pose():
@@ -218,7 +218,7 @@ def _pose(path: Path, header: Any, number: int) -> tuple[Float64 | None, Float64
 
 
 def _components(path: Path, node: Any, names: str, number: int) -> Float64:
-    """Read the numbers of a structure by name, in whatever order they are written."""
+    """Read the numbers of a structure by name, in any order."""
     values = np.array(
         [float(_value(node[name])) if node.isDefined(name) else np.nan for name in names]
     )
@@ -233,12 +233,12 @@ def _components(path: Path, node: Any, names: str, number: int) -> Float64:
 
 
 def _value(node: Any) -> float:
-    """Value of a number in the header, whatever type it is stored in."""
+    """Return a number of the header, whatever type it is stored in."""
     return float(node.scaledValue() if hasattr(node, "scaledValue") else node.value())
 
 
 def _limits(header: Any, name: str, fields: Sequence[str]) -> list[tuple[float, float]]:
-    """Read the stated least and greatest values of fields; none where they are not all sane."""
+    """Read the stated smallest and largest values of fields; None if they are not all plausible."""
     node = header.node[name] if header.node.isDefined(name) else None
     pairs = []
     for field in fields:
@@ -255,15 +255,15 @@ def _limits(header: Any, name: str, fields: Sequence[str]) -> list[tuple[float, 
 def _colour_limits(header: Any) -> tuple[float, float] | None:
     """Read the range of a scan's colours.
 
-    None where channels have different ones: those are of what they hold, not what they can hold,
-    and say nothing of the depth.
+    None if the channels have different ranges: these are then ranges of the actual values, which do
+    not tell the depth.
     """
     pairs = set(_limits(header, "colorLimits", _COLOURS))
     return pairs.pop() if len(pairs) == 1 else None
 
 
 def _intensity_warnings(scans: Sequence[tuple[int, Any]]) -> tuple[str, ...]:
-    """Warn of scans whose intensities cannot be compared by what they state of them."""
+    """Warn about scans whose stated intensity ranges show that they cannot be compared."""
     stated = {
         number: pairs[0]
         for number, header in scans
@@ -377,7 +377,7 @@ def _scan_parts(
 
 
 def _normals(fields: Sequence[str]) -> list[list[str]]:
-    """Find the fields that hold the components of directions: ``nor:normalX`` and so on."""
+    """Find the fields that hold the components of normals: ``nor:normalX`` and so on."""
     stems = [name.removesuffix("X") for name in fields if name.endswith(_NORMAL)]
     triples = [[stem + axis for axis in "XYZ"] for stem in stems]
     return [triple for triple in triples if all(name in fields for name in triple)]

@@ -5,8 +5,8 @@ attribute under its LAS name, except X, Y, Z and colour, and except standard fie
 "not set" value in every point (0; 1 for the return numbers). Where an extra dimension states a
 value for "no data", points with that value have NaN.
 
-For an extent only those blocks are read that may hold points within it, where the file has an index
-that says which (:mod:`.las_index`); a file whose header puts it outside the extent is not read.
+With an extent and a spatial index (:mod:`.las_index`), only blocks that may have points within the
+extent are read; a file whose header shows that it is outside is not read.
 """
 
 from __future__ import annotations
@@ -62,11 +62,11 @@ _EXTENDED_RECORD_BYTES: Final = 60
 """Sizes of LAS 1.4: public header block, and the heads of variable length records."""
 
 _NO_DATA_BYTE: Final = 40
-"""Byte of the description of an extra dimension at which its value for "no data" stands, widened to
-64 bits. laspy wraps what the dimension's own type cannot hold."""
+"""Offset of the 64-bit "no data" value in the description of an extra dimension. laspy wraps values
+that the type of the dimension cannot hold."""
 
 _LEGACY_COUNT: Final = 107
-"""Byte of the header at which the number of points of 32 bits stands."""
+"""Offset of the 32-bit number of points in the header."""
 
 _REPAIR: Final = "repair its header (LAStools: lasinfo -repair_counters)"
 
@@ -88,12 +88,12 @@ class LasStream:
     count: int
     """Points in the file."""
     stated: LasCrs
-    """What it says of its coordinates."""
+    """Coordinate reference system that the file states."""
     warnings: tuple[str, ...]
     standard: frozenset[str]
     """Dimensions that the standard names; they are left out where they hold nothing."""
     whole: frozenset[str]
-    """Columns of whole numbers that are floats because the file states a value for "no data"."""
+    """Integer columns that are read as floats because the file states a value for "no data"."""
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
     box: tuple[tuple[float, float, float], tuple[float, float, float]] | None
@@ -252,7 +252,7 @@ def _chunk_of(
 ) -> StreamChunk:
     columns = {name: np.asarray(chunk[name]) for name in names}
     for name, value in no_data.items():
-        # The standard states it in the stored type: before scale and offset.
+        # The standard stores it in the type of the dimension, before scale and offset.
         stored = chunk.array[name]
         missing = stored == value.astype(stored.dtype)
         kind = columns[name].dtype if columns[name].dtype.kind == "f" else np.dtype(np.float64)
@@ -263,12 +263,12 @@ def _chunk_of(
 
 
 def _stated_no_data(header: Any) -> dict[str, AnyArray]:
-    """Read which value of each extra dimension stands for "no data" (LAS 1.4, table 24).
+    """Read the "no data" value of each extra dimension (LAS 1.4, table 24).
 
     Returns
     -------
     dict
-        By name, one value per component. A value that the stored type cannot hold marks no point.
+        One value per component, by name. A value that the stored type cannot hold marks no point.
     """
     structs = [s for vlr in header.vlrs.get("ExtraBytesVlr") for s in vlr.extra_bytes_structs]
     extra = set(header.point_format.extra_dimension_names)
@@ -288,7 +288,7 @@ def _stated_no_data(header: Any) -> dict[str, AnyArray]:
 
 
 def _whole_columns(header: Any, no_data: Mapping[str, AnyArray]) -> frozenset[str]:
-    """Name the columns of whole numbers that become floats for their missing values."""
+    """Name the integer columns that become floats because of missing values."""
     return frozenset(
         f"{info.name}_{component}" if info.num_elements > 1 else info.name
         for info in header.point_format.extra_dimensions
@@ -371,8 +371,8 @@ def _check_records(path: Path) -> None:
 def _point_count(path: Path, header: Any) -> tuple[int, tuple[str, ...]]:
     """Read how many points a header states; LAS 1.4 does so twice.
 
-    Beside the count of 64 bits there is the older one of 32, which is 0 where it cannot hold the
-    number or the point format is new. Some writers fill in only one of them.
+    LAS 1.4 has a 64-bit count and the legacy 32-bit count, which is 0 if the number is too large or
+    the point format is new. Some writers fill in only one of them.
 
     Returns
     -------
@@ -384,7 +384,7 @@ def _point_count(path: Path, header: Any) -> tuple[int, tuple[str, ...]]:
     NoPointsError
         The file has no points.
     ReadError
-        The header says that there are none, and compressed points follow.
+        The header states 0 points, but compressed points follow.
     """
     count, legacy = int(header.point_count), 0
     present = None if header.are_points_compressed else count_records(path, header)
@@ -418,7 +418,7 @@ def _point_count(path: Path, header: Any) -> tuple[int, tuple[str, ...]]:
 
 
 def _further_records(path: Path, header: Any) -> tuple[str, ...]:
-    """Warn of point records beyond those that the header states."""
+    """Warn about point records in excess of the stated number."""
     present, count = count_records(path, header), int(header.point_count)
     if present is None or present <= count:
         return ()

@@ -35,7 +35,7 @@ _PADDING: Final = "#$%&~~"
 """pypcd4's own name for fields that the file calls ``_``."""
 
 _VERSIONS: Final = (".5", ".6", ".7")
-"""Versions whose points are stored as those of 0.7; before .6 a header has no COUNT."""
+"""Older versions that store points like 0.7; headers before .6 have no COUNT."""
 
 _PACKED: Final = ("rgb", "rgba")
 """Fields that hold 0x00RRGGBB in 32 bits, whatever type they claim."""
@@ -133,7 +133,7 @@ def _whole_table(path: Path, meta: Any, start: int) -> AnyArray:
                 dtype = meta.build_dtype()
                 table: AnyArray = np.loadtxt(file, dtype, max_rows=meta.points, ndmin=1)
             else:
-                # pypcd4 reads the header of today's version only: it gets one.
+                # pypcd4 reads only version 0.7 headers, so it is given one.
                 whole = io.BytesIO(meta.compose_header().encode() + file.read())
                 table = np.atleast_1d(PointCloud.from_fileobj(io.BufferedReader(whole)).pc_data)
                 _interleave(table, meta)
@@ -147,7 +147,7 @@ def _whole_table(path: Path, meta: Any, start: int) -> AnyArray:
 def _interleave(table: AnyArray, meta: Any) -> None:
     """Put the values of fields with COUNT > 1 in order: PCL compresses them point by point.
 
-    pypcd4 takes each of the values for a column of its own.
+    pypcd4 reads each of the values as a separate column.
     """
     first = 0
     for count in meta.count:
@@ -220,7 +220,7 @@ def _read_header(path: Path) -> tuple[Any, int]:
 
 
 def _header_entries(text: str) -> dict[str, Any]:
-    """Parse a header; what the older versions do not state gets its default.
+    """Parse a header; entries that older versions do not have get their default.
 
     Raises
     ------

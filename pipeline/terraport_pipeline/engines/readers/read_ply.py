@@ -33,7 +33,7 @@ _CHUNK_POINTS: Final = 1_000_000
 _ASCII_CHUNK: Final = 200_000
 
 _LISTS_BYTES: Final = 1 << 24
-"""Bytes that are read at once of rows with lists; a single row is shorter."""
+"""Bytes of rows with lists that are read at once; also the maximum size of a row."""
 
 _TYPES: Final = {
     "char": "i1", "int8": "i1", "uchar": "u1", "uint8": "u1",
@@ -56,7 +56,7 @@ class _Property:
     code: str
     """NumPy type code of the value, or of a list's values."""
     count_code: str | None = None
-    """Type code of the number before a list's values; None of a scalar."""
+    """Type code of a list's length; None for a scalar."""
 
 
 @dataclass(slots=True)
@@ -98,9 +98,9 @@ class PlyStream:
 def stream_ply(path: Path, *, share: float = 1.0) -> PlyStream:
     """Check a file's header, and read its vertices in parts of a million.
 
-    With a `share` below 1 about so much is read: of a binary file parts that are spread over it, of
-    a text, or where vertices have lists, its beginning. Columns keep their properties' spelling;
-    ``x``, ``y``, ``z`` and the colours are recognised in any case.
+    With a `share` below 1, about that share is read: evenly spread parts of a binary file, or the
+    beginning of a text file or of a file with lists at vertices. Columns keep the spelling of their
+    properties; ``x``, ``y``, ``z`` and the colours are recognised in any case.
 
     Raises
     ------
@@ -268,7 +268,7 @@ def _binary_tables(
 
 
 class _ListedRows:
-    """Finds where each row of a binary element with lists, and each run of its scalars, begins."""
+    """Offsets of the rows, and of their runs of scalars, in a binary element with lists."""
 
     def __init__(self, path: Path, element: _Element, file_format: str) -> None:
         self._path, self._element = path, element
@@ -288,9 +288,9 @@ class _ListedRows:
         self._runs.append(np.dtype(run))
 
     def blocks(self, file: BinaryIO) -> Iterator[tuple[bytes, list[list[int]]]]:
-        """Yield bytes, and for each row in them where its runs of scalars begin.
+        """Yield bytes, with the offsets of the runs of scalars of each row.
 
-        The file is left behind the element's last row.
+        At the end the file is positioned after the element's last row.
         """
         data, done = b"", 0
         while done < self._element.count:
@@ -312,7 +312,7 @@ class _ListedRows:
         file.seek(-len(data), 1)
 
     def _find(self, data: bytes, want: int, done: int) -> tuple[list[list[int]], int]:
-        """Find whole rows, and where the last one ends."""
+        """Find the complete rows, and the end of the last one."""
         steps = [
             (run.itemsize, count.unpack_from, count.size, item)
             for run, (count, item) in zip(self._runs, self._lists, strict=False)
@@ -328,7 +328,7 @@ class _ListedRows:
                 if at + width > size:
                     return rows, end
                 number = unpack(data, at)[0]
-                if not 0 <= number <= size:  # also floats, which no list's length is
+                if not 0 <= number <= size:  # also refuses floats, which cannot be a length
                     raise ReadError(
                         self._path,
                         f"a list has {number:,} values",
@@ -344,7 +344,7 @@ class _ListedRows:
         return rows, end
 
     def table(self, data: bytes, rows: list[list[int]], dtype: np.dtype[Any]) -> AnyArray:
-        """Take the scalars of the rows that were found."""
+        """Return the scalars of the rows that were found."""
         values = np.frombuffer(data, np.uint8)
         starts = np.array(rows, np.int64)
         table = np.empty(len(rows), dtype)
@@ -379,7 +379,7 @@ def _ascii_tables(
     # (1) Refuse a header that promises more than the file can hold, before memory is taken for
     # it.
     dtype = _row_type(vertex, "ascii")
-    columns = len(vertex.properties)  # of a list one at least: its length
+    columns = len(vertex.properties)  # a list has at least one word, its length
     size = path.stat().st_size
     if vertex.count * 2 * columns > size + 1:  # a digit and a blank for each value
         raise ReadError(
@@ -423,12 +423,12 @@ def _parse_lines(path: Path, lines: list[bytes], first: int, vertex: _Element) -
 
 
 def _scalar_words(words: list[bytes], vertex: _Element) -> list[bytes]:
-    """Leave out the lists of a row.
+    """Return the words of a row without its lists.
 
     Raises
     ------
     ValueError
-        It has fewer or more values than it says.
+        The row has fewer or more values than its lists' lengths say.
     """
     out = []
     at = 0

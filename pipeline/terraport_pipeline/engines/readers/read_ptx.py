@@ -1,9 +1,10 @@
-"""PTX (Leica Cyclone, and many that write its form) by pyarrow's CSV reader (``terraport[text]``).
+"""PTX (Leica Cyclone and other programs) by pyarrow's CSV reader (``terraport[text]``).
 
-A file is one scan after another, each a grid of returns: two lines with its columns and rows, four
-with the scanner's position and axes, four with a matrix, and a line ``x y z intensity [red green
-blue]`` for each cell. The matrix takes a row vector ``x y z 1`` to the survey's coordinates; the
-position repeats it. A cell without return is ``0 0 0``. Lengths are in metres.
+A file holds one scan after another, each a grid of returns: two lines with its columns and rows,
+four with the scanner's position and axes, four with a matrix, and a line ``x y z intensity [red
+green blue]`` for each cell. The matrix transforms a row vector ``x y z 1`` to the survey's
+coordinates; the position repeats its translation. A cell without a return is ``0 0 0``. Lengths are
+in metres.
 """
 
 from __future__ import annotations
@@ -34,18 +35,18 @@ _NAMES: Final = {
     4: ("x", "y", "z", "intensity"),
     7: ("x", "y", "z", "intensity", *_COLOURS),
 }
-"""Columns by how many a row has."""
+"""Names of the columns, by their number."""
 
 _HEADER_WIDTHS: Final = (1, 1, 3, 3, 3, 3, 4, 4, 4, 4)
-"""Values in the lines above a scan's rows."""
+"""Number of values in each header line of a scan."""
 
 _ROTATION_TOLERANCE: Final = 1e-3
-"""Matrices are written with 6 decimals; a scale differs more."""
+"""Largest error of a rotation: matrices are written with 6 decimals; a scale differs more."""
 
 _POSITION_TOLERANCE_M: Final = 0.01
 
 _SURPLUS: Final = (b"\t", b"  ", b" \n", b" \r", b"\n ")
-"""What stands in a text whose values are not parted by one blank each; looking is fast."""
+"""Bytes that occur in a text whose values are not separated by single blanks; the check is fast."""
 
 _BLANKS: Final = re.compile(rb"[ \t]+")
 _EDGES: Final = re.compile(rb"^ | ?\r?$", re.MULTILINE)
@@ -60,9 +61,9 @@ class _Scan:
     matrix: Float64
     """(4, 4); row vectors times it are the survey's coordinates."""
     stray_m: float
-    """Distance of the position that the header states from the matrix's."""
+    """Distance between the stated position and the matrix's translation, metres."""
     start: int
-    """Byte of the first row."""
+    """Byte offset of the first row."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,19 +71,19 @@ class PtxStream:
     """An open file that yields its points chunk by chunk."""
 
     count: int
-    """Cells of all scans, those without return included."""
+    """Number of cells of all scans, including those without a return."""
     warnings: tuple[str, ...]
     late_warnings: Callable[[], tuple[str, ...]]
-    """What is known when all chunks were read."""
+    """Returns the warnings that are known once all chunks are read."""
     colours: tuple[str, ...]
     """Names of red, green, blue, or none."""
     scans: int
     chunks: Callable[[], Iterator[StreamChunk]]
-    """Makes the iterator; once."""
+    """Creates the iterator; call it once."""
 
 
 def stream_ptx(path: Path) -> PtxStream:
-    """Check the headers of all scans, and read their points in parts.
+    """Check the headers of all scans, and read their points in chunks.
 
     Raises
     ------
@@ -90,13 +91,13 @@ def stream_ptx(path: Path) -> PtxStream:
         A header is wrong, a matrix is no rotation and translation, or the file is cut off; names
         the scan. Damaged rows are found while they are read.
     """
-    # (1) Every header; what any scan has is a column, NaN in the others.
+    # (1) All headers; a field of any scan becomes a column, with NaN in the other scans.
     scans = _find_scans(path)
     names = list(dict.fromkeys(n for scan in scans for n in scan.names if n not in ("x", "y", "z")))
     total = sum(scan.rows for scan in scans)
     empty = 0
 
-    # (2) Scan after scan.
+    # (2) The rows, scan by scan.
     def chunks() -> Iterator[StreamChunk]:
         nonlocal empty
         for number, scan in enumerate(scans):
@@ -133,7 +134,7 @@ def stream_ptx(path: Path) -> PtxStream:
 
 
 def _find_scans(path: Path) -> list[_Scan]:
-    """Read every header, and step over the rows."""
+    """Read every header, and skip the rows."""
     scans: list[_Scan] = []
     with path.open("rb") as file:
         while True:
@@ -159,14 +160,14 @@ def _find_scans(path: Path) -> list[_Scan]:
 
 
 def _lines(file: BinaryIO) -> Iterator[bytes]:
-    """Yield the lines that are not blank, and read none ahead."""
+    """Yield the lines that are not blank, without reading ahead."""
     while line := file.readline():
         if line.strip():
             yield line
 
 
 def _header(path: Path, lines: list[bytes], number: int) -> tuple[int, int, Float64, Float64]:
-    """Parse the lines above a scan's rows: columns, rows, position, matrix."""
+    """Parse the header of a scan: columns, rows, position, matrix."""
     values = [line.split() for line in lines]
     try:
         for line, width in zip(values, _HEADER_WIDTHS, strict=True):
@@ -205,7 +206,7 @@ def _tables(path: Path, scan: _Scan, number: int) -> Iterator[dict[str, AnyArray
             want = min(_CHUNK_ROWS, scan.rows - first)
             lines = list(itertools.islice(file, want))
             block = b"".join(lines).lstrip(b" ")
-            if any(blanks in block for blanks in _SURPLUS):  # most writers have one blank alone
+            if any(blanks in block for blanks in _SURPLUS):  # most writers use single blanks
                 block = _EDGES.sub(b"", _BLANKS.sub(b" ", block))
             try:
                 table = csv.read_csv(

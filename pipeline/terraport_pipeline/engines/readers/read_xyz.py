@@ -41,7 +41,7 @@ class XyzStream:
     chunks: Callable[[], Iterator[StreamChunk]]
     """Makes the iterator; once."""
     units: Mapping[str, tuple[str, str]]
-    """Of x, y and z where the text states it: its words, and the unit."""
+    """Units that the text states for x, y and z: its words, and the unit."""
 
 
 def stream_xyz(
@@ -54,9 +54,9 @@ def stream_xyz(
     path : pathlib.Path
         Its suffix matters in one case: ``.pts`` has intensity before colour.
     columns : tuple of str, optional
-        What all columns are, in their order, whatever a header says.
+        Names of all columns, in order; they override a header.
     sampled : bool
-        The file is a part of a text: it may have fewer points than it says.
+        True if the file is a part of a text, which may have fewer points than stated.
 
     Raises
     ------
@@ -94,7 +94,7 @@ def stream_xyz(
 
 
 def _find_types(path: Path, layout: Layout) -> tuple[dict[str, pa.DataType], int, int]:
-    """Find the narrowest type that every row of each column has, the rows, and what counts say."""
+    """Find the narrowest type of each column, the number of rows, and the sum of point counts."""
     types = {axis: pa.float64() for axis in "xyz"}
     while True:
         seen: dict[str, pa.DataType] = {}
@@ -129,7 +129,7 @@ def _find_types(path: Path, layout: Layout) -> tuple[dict[str, pa.DataType], int
 
 
 def _check_colours(path: Path, layout: Layout, batch: Any) -> None:
-    """Refuse columns that are colours by the first rows of a bare file, and not by later ones."""
+    """Refuse columns that look like colours only in the first rows of a file without header."""
     if layout.colour_top is None:
         return
     for name in _COLOURS:
@@ -188,7 +188,7 @@ def _csv_options(layout: Layout, types: dict[str, pa.DataType]) -> tuple[Any, An
             null_values=list(NULLS),
             decimal_point=layout.decimal,
             strings_can_be_null=True,
-            check_utf8=False,  # text is left out, in whatever encoding it is
+            check_utf8=False,  # text columns are ignored, so their encoding does not matter
         ),
     )
 

@@ -31,7 +31,7 @@ class StreamChunk:
     noise: Bool | None = None
     """(n,) points that the file itself calls no part of the survey; None where it says nothing."""
     scan: int = 0
-    """Scan of the file that all of them are of; 0 where it has no scans."""
+    """Number of the scan that all its points belong to; 0 if the file has no scans."""
 
 
 def tell_precision(single: Bool, top: Float64) -> tuple[str, ...]:

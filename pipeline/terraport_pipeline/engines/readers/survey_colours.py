@@ -24,7 +24,7 @@ __all__ = [
 ]
 
 GREY: Final = 160
-"""sRGB of a point without colour: the eye's middle between black and white on a lit surface."""
+"""sRGB value of points without colour: perceived as halfway between black and white when lit."""
 
 _COLOUR_NAMES: Final = (
     ("red", "green", "blue"),
@@ -37,63 +37,63 @@ _UNIT: Final = 1.0
 _EIGHT: Final = 255.0
 _SIXTEEN: Final = 65535.0
 DEPTH_TEXTS: Final = {"unit": "0 to 1", "eight": "8 bits", "sixteen": "16 bits"}
-"""Depths by name, for people."""
+"""Texts that messages use for the depths."""
 
 _NAMES: Final = {_UNIT: "unit", _EIGHT: "eight", _SIXTEEN: "sixteen"}
 
 _EDGES: Final = np.array([0.0, 0.5, _UNIT, 2.0, 127.0, _EIGHT, 511.0, _SIXTEEN])
-"""Classes of a point's brightest channel: up to each value, from the one before."""
+"""Upper limits of the histogram bins for a point's brightest channel."""
 
 _FEW: Final = 0.01
-"""Share of the points above a depth's greatest value that are slips of a writer, not its depth."""
+"""Largest share of points above a depth's maximum that counts as writer errors."""
 
 _BULK: Final = 0.1
 _DROP: Final = 1 / 16
-"""The values of a depth stop at its greatest one where the upper half of its range holds the first
-share of its points at least, and the equally wide range above less than the second share of these.
-Dark colours of a greater depth thin out steadily instead (an exponential never meets both)."""
+"""Colours end at the maximum of a depth if the upper half of its range has at least the first share
+of its points, and the equally wide range above it less than the second share of that half. Dark
+colours of a larger depth decrease steadily instead (an exponential never meets both conditions)."""
 
 _SLIPS: Final = {_UNIT: 16.0, _EIGHT: 511.0}
-"""Greatest value of a point that still counts to each depth: a writer that rounds up or does not
-clip. Read by the next depth, such a point would be black."""
+"""Largest value that is still read with each depth, as some writers round up or do not clip. With
+the next larger depth, such a point would be black."""
 
 _FAR_BEYOND: Final = 32
-"""Times that stated limits exceed the depth of the values, from which they are not believed."""
+"""Ratio of stated limits to the depth of the values above which the limits are ignored."""
 
 _IMPOSSIBLE: Final = 0.05
-"""Share of points with values that are no colours from which the fields are something else."""
+"""Share of points with impossible values above which the fields are not colours."""
 
 _FEWEST: Final = 50
-"""Points below which a survey is refused anyway."""
+"""Minimum number of points for a brightness warning; a smaller survey is refused later."""
 
 _BLACK_SHARE: Final = 0.02
 _DARK_MEDIAN: Final = 20
 _DARK_MOST: Final = 64
-"""A scene is told to be nearly black where half of the points have no channel as bright as the
-first, or 99 % none as bright as the second, of 255."""
+"""A scene is nearly black if the median of the points' brightest channels is below the first, or
+their 99th percentile below the second, of 255."""
 
 
 @dataclass(slots=True)
 class ColourCounts:
-    """What is known of the colours of a file, or of a scan in it, while it is read in parts."""
+    """Statistics of the colours of a file, or of a scan in it, collected while it is read."""
 
     limits: tuple[float, float] | None = None
-    """Least and greatest value that the file states a channel can have."""
+    """Smallest and largest value that a channel can have, as the file states."""
     bins: Int64 = field(default_factory=lambda: np.zeros(len(_EDGES) + 1, np.int64))
-    """Points with a colour by the class of their brightest channel."""
+    """Histogram of the brightest channel of the points with a colour."""
     steps: int = 0
-    """Points above 255 whose channels are 8-bit values times 256 or 257."""
+    """Number of points above 255 whose channels are 8-bit values times 256 or 257."""
     none: int = 0
-    """Points without colour: a channel is no finite number."""
+    """Number of points without colour: a channel is not a finite number."""
     negative: int = 0
     beyond: int = 0
-    """Points with a channel beyond the stated limits."""
+    """Number of points with a channel outside the stated limits."""
     low: float = np.inf
     high: float = -np.inf
     whole: bool = True
 
     def look(self, colours: AnyArray) -> None:
-        """Take the colours (n, 3) of further points into account."""
+        """Update with the colours (n, 3) of more points."""
         if colours.dtype.kind == "f":
             finite = np.isfinite(colours).all(axis=1)
             self.none += len(colours) - int(finite.sum())
@@ -113,24 +113,24 @@ class ColourCounts:
 
     @property
     def total(self) -> int:
-        """Points with a colour, black ones too."""
+        """Number of points with a colour, including black ones."""
         return int(self.bins.sum())
 
     @property
     def impossible(self) -> int:
-        """Points with a value that no depth has."""
+        """Number of points with a value that no depth allows."""
         return int(self.bins[-1]) + self.negative
 
     def below(self, top: float) -> int:
-        """Points that are not black and have no channel above the greatest value of a depth."""
+        """Count the points that are not black and have no channel above a depth's maximum."""
         return int(self.bins[1 : int(np.searchsorted(_EDGES, top)) + 1].sum())
 
     def above(self, top: float) -> int:
-        """Points with a channel above the greatest value of a depth."""
+        """Count the points with a channel above a depth's maximum."""
         return int(self.bins[int(np.searchsorted(_EDGES, top)) + 1 :].sum())
 
     def stops_at(self, top: float) -> bool:
-        """Whether a depth is that of some points at least, by how its values are distributed."""
+        """Return whether at least some points have a depth, by the distribution of values."""
         below, above = self.below(top), self.above(top)
         if not below or not above:
             return below > 0
@@ -148,8 +148,8 @@ class ColourRule:
     """How the colours of a file, or of a scan in it, become 0..255."""
 
     tops: tuple[float, ...]
-    """Greatest value of each depth that its points have, ascending: a point has the first one that
-    holds its channels."""
+    """Maxima of the depths in use, ascending: a point has the first depth that its channels do
+    not exceed."""
     low: float = 0.0
     """Value of black."""
 
@@ -162,7 +162,7 @@ class ColourRule:
         )
 
     def apply(self, colours: AnyArray) -> UInt8:
-        """Bring colours (n, 3) to 0..255; points without a possible one become grey."""
+        """Convert colours (n, 3) to 0..255; points without a valid colour become grey."""
         if colours.dtype.kind == "f" or colours.dtype.kind == "i":
             possible = np.asarray(np.isfinite(colours).all(axis=1))
             possible &= (colours >= min(0.0, self.low)).all(axis=1)
@@ -178,7 +178,7 @@ class ColourRule:
         out = self._of_depth(colours, first)
         top = colours.max(axis=1)
         for before, depth in zip(self.tops, more, strict=False):
-            # A little above the smaller depth a writer rounded up, unless 8 bits were widened.
+            # Slightly above the smaller depth: the writer rounded up, unless 8 bits were widened.
             rows = np.flatnonzero(top > before)
             slip = (top[rows] <= _SLIPS[before]) & ~_are_widened(colours[rows])
             rows = rows[~slip]
@@ -187,7 +187,7 @@ class ColourRule:
 
     def _of_depth(self, colours: AnyArray, top: float) -> UInt8:
         if not self.low and top == _SIXTEEN:
-            # The high byte, whether 8 bits were widened by 256 or by 257.
+            # The high byte is right whether 8 bits were multiplied by 256 or by 257.
             return (np.clip(colours, 0, _SIXTEEN).astype(np.uint16) >> 8).astype(np.uint8)
         if not self.low and top == _EIGHT and colours.dtype.kind != "f":
             return np.clip(colours, 0, int(_EIGHT)).astype(np.uint8)
@@ -199,27 +199,27 @@ class ColourRule:
 def choose_rule(
     counts: ColourCounts, dtype: np.dtype[Any], *, where: str
 ) -> tuple[ColourRule | None, tuple[str, ...]]:
-    """Choose by the distribution of a file's colours how they become 0..255.
+    """Choose how to convert a file's colours to 0..255, by the distribution of their values.
 
-    Floats mostly within 0..1 are scaled by 255; values within 0..255 are taken as they are; larger
-    ones up to 65,535 lose their low byte (which is right both for files that multiply by 256 and
-    for those that multiply by 257). Where the values of a smaller depth stop at its greatest one
-    and larger ones follow, the file mixes depths, and each point has its own. Limits that the file
-    states come first, unless its values contradict them.
+    Floats mostly within 0..1 are scaled by 255; values within 0..255 are kept; larger values up to
+    65,535 lose their low byte (which is right both for files that multiply by 256 and for those
+    that multiply by 257). If many values end at the maximum of a smaller depth and larger ones also
+    occur, the file mixes depths, and each point is read with its own. Limits that the file states
+    have precedence, unless its values contradict them.
 
     Parameters
     ----------
     counts : ColourCounts
-        Of all points.
+        Statistics of all points.
     dtype : numpy.dtype
-        That the file has them in.
+        Data type of the colours in the file.
     where : str
-        Names the fields in warnings, for example ``"red, green, blue"``.
+        Names of the fields for warnings, for example ``"red, green, blue"``.
 
     Returns
     -------
     rule : ColourRule or None
-        None when they are no colours, or black everywhere.
+        None if the fields are not colours, or black in all points.
     warnings : tuple of str
     """
     if not counts.total:
@@ -259,7 +259,7 @@ def choose_rule(
 
 
 def _depths(counts: ColourCounts, dtype: np.dtype[Any]) -> tuple[float, ...]:
-    """Find the greatest value of each depth that the points of a file have, ascending."""
+    """Find the maxima of the depths that the points of a file have, ascending."""
     fractions = dtype.kind == "f" and (not counts.whole or counts.high <= _UNIT)
     if fractions and counts.high <= _SLIPS[_UNIT]:
         return (_UNIT,)
@@ -275,16 +275,16 @@ def _depths(counts: ColourCounts, dtype: np.dtype[Any]) -> tuple[float, ...]:
 def brightness_warnings(
     points: Int64, names: Sequence[str], rules: Sequence[ColourRule]
 ) -> tuple[str, ...]:
-    """Warn of a scene that comes out black, or nearly, or of files that do.
+    """Warn about a black or nearly black scene, or about such files.
 
     Parameters
     ----------
     points : ndarray of shape (F, 256), int64
-        Points of each file by their brightest channel.
+        Histogram of each file's points by their brightest channel.
     names : sequence of str
-        Of the files.
+        Names of the files.
     rules : sequence of ColourRule
-        That their colours were read by.
+        Rules that were applied to their colours.
     """
     every = points.sum(axis=0)
     total = int(every.sum())
@@ -313,7 +313,7 @@ def brightness_warnings(
 
 
 def _brightness(points: Int64) -> tuple[int, int]:
-    """Brightest channel that half and 99 % of the points do not exceed."""
+    """Return the median and the 99th percentile of the points' brightest channel."""
     below = np.cumsum(points) / points.sum()
     return int(np.searchsorted(below, 0.5)), int(np.searchsorted(below, 0.99))
 

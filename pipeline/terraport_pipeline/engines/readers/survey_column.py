@@ -15,14 +15,14 @@ from terraport_payload.types import AnyArray
 __all__ = ["SurveyColumn", "without_extremes"]
 
 _EXTREME: Final = 1e30
-"""Values from here on stand for no data: the greatest float, or 1e30 itself."""
+"""Values of at least this mean no data: the largest float, or 1e30 itself."""
 
 _VOID_CODES: Final = frozenset((-9999.0, -32767.0, -32768.0, -99999.0, -999999.0))
-"""Least values of a column that stand for no data as a rule, though the file does not say so."""
+"""Minimum values of a column that usually mean no data, even if the file does not state it."""
 
 
 def without_extremes(values: AnyArray) -> tuple[AnyArray, int]:
-    """Turn the float extremes of a column that stand for no data into NaN, and count them."""
+    """Replace the float extremes of a column, which mean no data, by NaN, and count them."""
     if values.dtype.kind != "f":
         return values, 0
     extreme = np.isfinite(values) & (np.abs(values) >= _EXTREME)
@@ -46,9 +46,9 @@ class SurveyColumn:
     whole: bool = True
     """Finite whole numbers only."""
     extremes: int = 0
-    """Values that stood for no data: float extremes."""
+    """Number of values that meant no data: float extremes."""
     voids: int = 0
-    """Values that may stand for no data though nothing says so: a usual code below all others."""
+    """Number of values that may mean no data, though unstated: a common code below all others."""
 
     def look(self, values: AnyArray) -> None:
         """Take further values into account."""
@@ -88,7 +88,7 @@ class SurveyColumn:
 
     @property
     def void_code(self) -> float | None:
-        """Least value, where it is a usual code for no data and not the only value."""
+        """Return the minimum if it is a common code for no data and not the only value."""
         return self.low if self.low in _VOID_CODES and self.low < self.high else None
 
     @property

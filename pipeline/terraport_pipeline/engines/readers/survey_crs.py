@@ -1,21 +1,21 @@
-"""What the coordinates of a survey mean: directions and units of x, y and z.
+"""Interpretation of a survey's coordinates: directions and units of x, y and z.
 
-The rules, in order; what a user states (:class:`.SurveyStatement`) overrules what files say:
+The rules, in order; the user's statements (:class:`.SurveyStatement`) override those of files:
 
 1. A CRS in degrees (geographic) or Earth-centred (geocentric) *and* coordinates that fit: refused.
-   A mesh in degrees is no shape, and in an Earth-centred frame up is not up.
-2. Degrees or Earth-centred, but coordinates that cannot be that: the statement is wrong (it
-   happens); the survey counts as one without CRS, with a warning.
+   A mesh in degrees is distorted, and in an Earth-centred frame no axis points up.
+2. Degrees or Earth-centred, but coordinates that do not fit: the statement is wrong (this occurs);
+   the survey is treated as one without a CRS, with a warning.
 3. A projected or local CRS. Coordinates are converted to easting, northing and height in metres:
    feet, and axes that point south, west or down. The scene's CRS becomes the same projection with
-   such axes, so that a scene coordinate still means a place. Heights follow their own unit where
-   the CRS states one, else the horizontal one. Coordinates outside the CRS's area that lie in it
-   with x and y swapped, with their signs changed or in the other unit are refused; others outside
-   it get a warning. So is a projection that draws lengths more than 1 % wrong there (Web Mercator).
-4. No CRS and no unit: refused where the numbers look like degrees, or can hardly be metres (feet
-   of a State Plane); large ones are taken as metres with a warning, small ones are a local frame.
-5. Statements of one file that contradict each other, or cannot be read, in the unit: refused until
-   the user says which is right.
+   such axes, so that scene coordinates can be converted back. Heights have their own unit if the
+   CRS states one, else the horizontal unit. Coordinates outside the CRS's area are refused if they
+   are inside it with x and y swapped, with their signs changed or in the other unit; otherwise they
+   give a warning. So does a projection with a scale error above 1 % there (Web Mercator).
+4. No CRS and no unit: refused if the numbers look like degrees, or can hardly be metres (feet of a
+   State Plane); large ones are taken as metres with a warning, small ones are a local frame.
+5. Units that one file states in contradictory ways, or that cannot be read: refused until the user
+   states the right one.
 """
 
 from __future__ import annotations
@@ -93,14 +93,14 @@ _OTHER_UNITS: Final = ("us-ft", "m")
 
 @dataclass(frozen=True, slots=True)
 class UnitDoubt:
-    """A unit that a file states twice and differently, or in a way that cannot be read."""
+    """A unit that a file states in two different ways, or that cannot be read."""
 
     is_height: bool
-    """Of the heights; else of x and y."""
+    """True for the unit of heights, False for that of x and y."""
     reason: str
 
     def is_settled(self, statement: SurveyStatement) -> bool:
-        """Whether the user says which unit it is."""
+        """Return whether the user's statement decides the unit."""
         if statement.units is not None or (self.is_height and statement.height_units is not None):
             return True
         system = statement.system
@@ -115,27 +115,27 @@ def interpret_coordinates(
     statement: SurveyStatement | None = None,
     doubts: Iterable[UnitDoubt] = (),
 ) -> tuple[SurveyUnits | None, Crs | None, list[str]]:
-    """Apply the rules above to a cloud of which only the box is known.
+    """Apply the rules above to the bounding box of a cloud.
 
     Parameters
     ----------
     path : pathlib.Path
-        Named in errors.
+        Name for errors.
     low, high : ndarray of shape (3,), float64
-        Corners of the cloud's box as the files have it.
+        Corners of the cloud's bounding box in the files' coordinates.
     crs : pyproj.CRS or None
-        As the files state it.
+        CRS that the files state.
     statement : SurveyStatement, optional
-        What the user states.
+        The user's statements.
     doubts : iterable of UnitDoubt
-        Of the files.
+        Units that are unclear in the files.
 
     Returns
     -------
     units : SurveyUnits or None
-        What brings coordinates to metres east, north and up; None where they are.
+        Conversion of coordinates to metres east, north and up; None if they are already.
     crs : Crs or None
-        Of those.
+        CRS of the converted coordinates.
     warnings : list of str
 
     Raises
@@ -166,7 +166,7 @@ def interpret_coordinates(
         kind = "degrees" if horizontal.is_geographic else "Earth-centred"
         warnings.append(_wrong_crs(horizontal, kind, low, high))
         horizontal = None
-    # (3) Directions and units: by the user, else by the CRS, else metres where the numbers can be.
+    # (3) Directions and units: by the user, else by the CRS, else metres if the numbers allow it.
     if horizontal is None:
         crs = None
         if statement.units is None:
@@ -196,7 +196,7 @@ def interpret_coordinates(
                 "it. If the scene is a mirror image, swap x and y in the file."
             )
     is_plain = units == SurveyUnits(horizontal_m=1.0, height_m=1.0)
-    # (4) The CRS of the scene; the survey's own one is kept with the units.
+    # (4) The CRS of the scene; the survey's CRS is stored with the units.
     if crs is None or horizontal is None:
         return None if is_plain else units, None, warnings
     scene = Crs(crs.name, crs.to_wkt(), code_of(crs))
@@ -205,7 +205,7 @@ def interpret_coordinates(
         scene = _scene_crs(crs, of_crs, corners)
     if is_plain:
         return None, scene, warnings
-    # It is that of the survey where the user does not state another unit than it has.
+    # The CRS describes the survey unless the user states another unit.
     says_heights = height is not None and units.height_m != of_crs.height_m
     if units.horizontal_m == of_crs.horizontal_m and not says_heights:
         units = units.model_copy(update={"crs_wkt": crs.to_wkt()})
@@ -213,16 +213,16 @@ def interpret_coordinates(
 
 
 def conversion_line(units: SurveyUnits, crs: CRS | None, statement: SurveyStatement | None) -> str:
-    """Say how coordinates were converted: by which units and axes, and who said so.
+    """Describe how coordinates were converted: units, axes and the source of the statement.
 
     Parameters
     ----------
     units : SurveyUnits
-        Of :func:`interpret_coordinates`.
+        Result of :func:`interpret_coordinates`.
     crs : CRS, optional
-        That the files state.
+        CRS that the files state.
     statement : SurveyStatement, optional
-        The user's.
+        The user's statements.
     """
     if statement is not None and statement.system is not None:
         crs = statement.system
@@ -242,7 +242,7 @@ def conversion_line(units: SurveyUnits, crs: CRS | None, statement: SurveyStatem
 
 
 def _refuse_lost_heights(path: Path, crs: CRS, statement: SurveyStatement) -> None:
-    """Refuse a --crs without heights over files that state others than those it would imply."""
+    """Refuse a --crs without heights if the files state another height unit than it implies."""
     stated, system = height_axis(crs), statement.system
     if stated is None or system is None or height_axis(system) is not None:
         return
@@ -270,7 +270,7 @@ def _refuse_lost_heights(path: Path, crs: CRS, statement: SurveyStatement) -> No
 def _refuse_lone_height(
     path: Path, height: tuple[Axis, float] | None, statement: SurveyStatement
 ) -> None:
-    """Refuse heights in a stated unit other than metres where nothing says that of x and y."""
+    """Refuse heights in a stated unit other than metres if the unit of x and y is not stated."""
     if height is None or statement.height_units is not None or abs(height[1] - 1.0) < 1e-9:
         return
     raise ReadError(
@@ -288,10 +288,10 @@ def _with_stated_axes(
     horizontal: CRS,
     statement: SurveyStatement,
 ) -> tuple[CRS, CRS]:
-    """Settle which axes are meant where a text and the EPSG code in it have different ones.
+    """Choose the axes if well-known text and the EPSG code in it have different ones.
 
-    Well-known text of before 2015 often leaves out the axes of a system that counts to the south
-    and west (EPSG:5513), and has its code; the numbers tell which is meant.
+    Well-known text older than 2015 often has the code of a CRS with axes to the south and west
+    (EPSG:5513), but not its axes; the coordinates tell which axes are right.
     """
     code = own_code(horizontal)
     try:
@@ -324,7 +324,7 @@ def _with_stated_axes(
 
 
 def _units_of(path: Path, horizontal: CRS | None, height: tuple[Axis, float] | None) -> SurveyUnits:
-    """Return directions and units by the CRS; metres east, north, up where it says nothing."""
+    """Return directions and units of the CRS; metres east, north, up by default."""
     try:
         directions, unit_m = (
             (EAST_NORTH_UP[:2], 1.0) if horizontal is None else plan_axes(horizontal)
@@ -344,7 +344,7 @@ def _units_of(path: Path, horizontal: CRS | None, height: tuple[Axis, float] | N
 
 
 def _stated_units(statement: SurveyStatement, of_crs: SurveyUnits) -> SurveyUnits:
-    """Return the units by the user before those of the CRS."""
+    """Return the user's units, else those of the CRS."""
     horizontal, upright = of_crs.horizontal_m, of_crs.height_m
     if statement.units is not None:
         horizontal = upright = METRES_PER_UNIT[statement.units]
@@ -360,7 +360,7 @@ def _lists_north_first(crs: CRS) -> bool:
 def _scene_crs(crs: CRS, of_crs: SurveyUnits, corners: Float64) -> Crs:
     """Return the same CRS with axes east, north and up in metres.
 
-    Only a name where PROJ cannot say it, or does not agree on where the corners are.
+    Only a name if PROJ cannot represent it, or transforms the corners differently.
     """
     changes = []
     if of_crs.axes[:2] != EAST_NORTH_UP[:2]:
@@ -454,7 +454,7 @@ def _check_area(
     units: SurveyUnits,
     statement: SurveyStatement,
 ) -> list[str]:
-    """Refuse what is in its CRS's area only with x and y swapped, negated or in the other unit."""
+    """Refuse coordinates that fit the CRS's area only swapped, negated or in another unit."""
     code = own_code(crs)
     area = _Area.of(crs, None if code is None else _known(code))
     if area is None:
@@ -522,7 +522,7 @@ def _check_area(
 
 
 def _middle(low: Float64, high: Float64, crs: CRS, units: SurveyUnits) -> tuple[float, float]:
-    """Return x and y of the middle of a box in the CRS's own unit."""
+    """Return x and y of the centre of a bounding box in the CRS's unit."""
     share = units.horizontal_m / plan_axes(crs)[1]
     x, y = ((0.5 * (low + high))[:2] * share).tolist()
     return x, y
@@ -536,7 +536,7 @@ def _known(code: int) -> CRS | None:
 
 
 def _turned(crs: CRS) -> str:
-    """Spell a CRS with axes to the east and north for the command line."""
+    """Return the --crs value of the same CRS with axes to the east and north."""
     turned = with_axes(crs, EAST_NORTH_UP, None, None)
     if turned is None:
         return "EPSG:n"
@@ -549,13 +549,13 @@ class _Area:
 
     def __init__(self, crs: CRS, box: tuple[float, float, float, float]) -> None:
         self._box = box
-        # Its own degrees may be grads, and count from Paris or Ferro.
+        # Its angles may be grads, relative to Paris or Ferro.
         self._to_degrees = Transformer.from_crs(crs, _DEGREES, always_xy=True)
         self._proj = Proj(crs)
 
     @classmethod
     def of(cls, crs: CRS, known: CRS | None = None) -> _Area | None:
-        """Make it, where the CRS has one, or the system that EPSG knows it as."""
+        """Return the area of use of the CRS, or of its EPSG definition."""
         use = crs.area_of_use or (None if known is None else known.area_of_use)
         if use is None or crs.geodetic_crs is None:
             return None

@@ -32,13 +32,13 @@ _PCD: Final = re.compile(
     rb"^\s*# \.PCD|^VERSION[ \t]+0?\.[567]\s|^(?:FIELDS|COLUMNS)[ \t].*\n[ \t]*SIZE[ \t]",
     re.IGNORECASE | re.MULTILINE,
 )
-"""A line of a PCD header; comments may stand before it."""
+"""First line of a PCD header; comments may precede it."""
 
 _PTX: Final = re.compile(
     rb"\s*\d+\s*\n\s*\d+\s*\n(?:[ \t]*[-+.\deE]+[ \t]+[-+.\deE]+[ \t]+[-+.\deE]+[ \t]*\r?\n){4}"
     rb"(?:[ \t]*[-+.\deE]+[ \t]+[-+.\deE]+[ \t]+[-+.\deE]+[ \t]+[-+.\deE]+[ \t]*\r?\n){4}"
 )
-"""The lines above a scan of a PTX file, whatever its name."""
+"""Header lines of a scan in a PTX file, which may have any name."""
 
 _RASTER_ADVICE: Final = (
     "terraport wants the points that it was made of; of a raster of heights, gdal2xyz makes points"
@@ -149,7 +149,7 @@ def find_format(path: Path) -> str:
 
 
 def is_foreign(path: Path) -> bool:
-    """Whether a file's first bytes are those of something that people give by mistake."""
+    """Return whether a file's first bytes are those of an unsupported format given by mistake."""
     with path.open("rb") as file:
         head = file.read(64)
     return any(head.startswith(start) for start, _, _ in _FOREIGN)

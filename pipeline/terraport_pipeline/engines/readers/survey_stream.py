@@ -56,18 +56,18 @@ class SurveyStream:
     """pyproj.CRS as the file states it."""
     warnings: tuple[str, ...] = ()
     colours: tuple[str, ...] = ()
-    """The columns that hold red, green, blue; one (n, 3) column, or none. NaN is no colour."""
+    """Columns of red, green, blue; or one (n, 3) column, or none. NaN means no colour."""
     colour_limits: Mapping[int, tuple[float, float]] = field(default_factory=dict)
-    """By scan, least and greatest value that the file states its colours can have."""
+    """Smallest and largest value that colours can have, as the file states, by scan."""
     scan_column: str | None = None
-    """Column that says which scan a point is of, where there are several: each has colours of its
-    own depth."""
+    """Column with the scan number of each point, if there are several scans: colour depth is
+    decided per scan."""
     unset: Mapping[str, tuple[int, ...]] = field(default_factory=dict)
     """Columns to leave out when every point has one value and it is one of these."""
     narrow: bool = False
     """Columns of whole numbers get an integer type."""
     whole: frozenset[str] = frozenset()
-    """Columns of whole numbers that are floats because points may have no value."""
+    """Integer columns that are read as floats because points may have no value."""
     stated_step: bool = False
     """Nothing is to suspect of 32-bit floats: the format says how fine its coordinates are, or the
     opener looks itself."""
@@ -80,9 +80,9 @@ class SurveyStream:
     remarks: tuple[str, ...] = ()
     """What changes how the file is read, and not what is read of it."""
     units: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Of x, y and z where a text states it: its words, and the unit."""
+    """Units that a text states for x, y and z: its words, and the unit."""
     doubts: tuple[UnitDoubt, ...] = ()
-    """Units that the file states in two ways."""
+    """Units that are unclear in the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +101,7 @@ class FileHead:
     ranges: tuple[tuple[int, int], ...] | None = None
     """Bytes that are read then, as first and the one behind the last; None: all."""
     doubts: tuple[UnitDoubt, ...] = ()
-    """Units that it states in two ways."""
+    """Units that are unclear in the file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -201,12 +201,12 @@ def open_stream(
     name : str
         Format, from :func:`~terraport_pipeline.engines.readers.survey_format.find_format`.
     bounded : bool
-        Refuse what can only be read whole; otherwise it comes as one part.
+        Refuse files that can only be read whole; otherwise they are read as one part.
     extent : Extent, optional
-        Leave out what an index or the header shows to lie outside it. All other formats, and LAS
-        without an index, come whole: whoever takes the points decides which are within.
+        Skip parts that an index or the header shows to be outside. Other formats, and LAS without
+        an index, are read whole: the caller selects the points that are within.
     columns : tuple of str, optional
-        What the columns of a text are; other formats name theirs.
+        Names of the columns of a text; other formats name theirs.
     share : float
         Read about this share, in pieces spread over the file; of E57, PTX, and PLY as text or with
         lists, its beginning. 1 reads all.
@@ -214,7 +214,7 @@ def open_stream(
     Raises
     ------
     ReadError
-        The file is damaged, or of a kind that cannot be read in parts; says how to convert it.
+        The file is damaged, or of a format that cannot be read in parts; says how to convert it.
     """
     if name == "las":
         opened = _open_las(path, extent, share)

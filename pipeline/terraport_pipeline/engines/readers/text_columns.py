@@ -1,19 +1,19 @@
-"""Which column of a text survey means what. PURE.
+"""Meaning of the columns of a text survey. PURE.
 
 With a header, names decide (any case, several languages; see :data:`ALIASES`); other columns keep
-their names. A single letter counts only where no word means the same.
+their names. A single letter is used only if no column has a word with the same meaning.
 
-Without one, the first three columns are x (east), y (north), z (up), and of the rest:
+Without a header, the first three columns are x (east), y (north), z (up), and of the rest:
 
 1. three neighbouring columns of unit vectors are ``nx``, ``ny``, ``nz``.
 2. three neighbouring columns that hold whole numbers 0..255, or 0..65,535 in each of them, are red,
    green, blue. In ``.pts`` files, which have intensity first, the 5th to 7th are tried first.
-3. a single column, or the one before or after the colours, is ``intensity``; but not where it has
-   one value, whole numbers as small as classes, or numbers above 65,535.
-4. everything else is ``column_4``, ``column_5``, ... by its place in the file, from 1.
+3. a single column, or the one before or after the colours, is ``intensity``; unless it is
+   constant, has whole numbers as small as classes, or numbers above 65,535.
+4. all other columns are ``column_4``, ``column_5``, ... by their position in the file, from 1.
 
-Where two readings fit (intensity 0..255 before or after the colours; numbers 0..1, or numbers as
-small as classes, that may be colours or not), both are returned, and the caller asks.
+If two readings fit (intensity 0..255 before or after the colours; numbers 0..1, or numbers as small
+as classes, that may be colours or not), both are returned, and the caller asks the user.
 """
 
 from __future__ import annotations
@@ -53,16 +53,16 @@ ALIASES: Final[dict[str, str]] = {
     "green": "green diffusegreen colorg colourg gf grün gruen vert verde groen",
     "blue": "blue diffuseblue colorb colourb bf blau bleu azul blu blauw",
 }
-"""Column names that mean a coordinate or a colour: lower case, letters alone."""
+"""Column names that mean a coordinate or a colour: lower case, only letters."""
 
 _SHORT: Final = {"x": "e", "y": "n", "z": "h alt", "red": "r", "green": "g", "blue": "b"}
-"""Names that mean it only where no other column does."""
+"""Names that have the meaning only if no other column has it."""
 
 _MEANINGS: Final = {word: key for key, words in ALIASES.items() for word in words.split()}
 _SHORT_MEANINGS: Final = {word: key for key, words in _SHORT.items() for word in words.split()}
 
 _DOWNWARDS: Final = re.compile(r"depth|down|tiefe|profond|profund", re.IGNORECASE)
-"""What a column is called whose numbers grow downwards: no height."""
+"""Names of columns whose values increase downwards, which are not heights."""
 
 _AXES: Final = ("x", "y", "z")
 _COLOURS: Final = ("red", "green", "blue")
@@ -79,16 +79,16 @@ _UNIT_TOLERANCE: Final = 0.02
 _MOST_INTENSITY: Final = 65_535
 
 _DARK: Final = 31
-"""A column of whole numbers up to this is a class or the number of a return as likely as a colour:
-LAS has 32 classes."""
+"""A column of whole numbers up to this may be a class or a return number as well as a colour: LAS
+has 32 classes."""
 
 
 def name_header_columns(header: Sequence[str]) -> list[str]:
     """Translate a header: aliases become x, y, z, red, green, blue; other names stay.
 
-    Of several columns of one meaning the one that is spelled x, y or z is taken, else the first;
-    the others keep their own names. Colours are translated only where all three are there: a lone
-    ``g`` is no green.
+    If several columns have one meaning, the one named x, y or z is used, else the first; the others
+    keep their names. Colours are translated only if all three exist: a ``g`` without ``r`` and
+    ``b`` is not green.
 
     Examples
     --------
@@ -101,10 +101,10 @@ def name_header_columns(header: Sequence[str]) -> list[str]:
 
 
 def header_readings(header: Sequence[str]) -> list[list[str]]:
-    """Return every reading of a header that fits equally well; one where it is clear.
+    """Return all readings of a header that fit equally well; only one if it is unambiguous.
 
-    It is not where it names two whole sets of coordinates, or one of them twice. Columns that
-    belong to the other reading are :data:`LEFT_OUT`.
+    It is ambiguous if it names two complete sets of coordinates, or one coordinate twice. Columns
+    that belong to the other reading are :data:`LEFT_OUT`.
 
     Examples
     --------
@@ -130,7 +130,7 @@ def header_readings(header: Sequence[str]) -> list[list[str]]:
 
 
 def degree_columns(header: Sequence[str]) -> list[str]:
-    """Return the columns whose names or units say that they hold a position in degrees."""
+    """Return the columns whose names or units indicate a position in degrees."""
     names = name_header_columns(header)
     by_unit = [
         label
@@ -143,12 +143,12 @@ def degree_columns(header: Sequence[str]) -> list[str]:
 
 
 def _candidates(header: Sequence[str]) -> dict[str, list[int]]:
-    """Find the columns that may have each meaning, the likeliest first."""
+    """Find the candidate columns of each meaning, the most likely first."""
     found: dict[str, list[int]] = {}
     for meanings in (_MEANINGS, _SHORT_MEANINGS):
         of_these: dict[str, list[int]] = {}
         for column, label in enumerate(header):
-            # What is in brackets is the more exact: "X (North)" is a northing.
+            # The text in brackets is more specific: "X (North)" is a northing.
             _, groups, _ = split_label(_bare(label))
             keys = [_key(group) for group in groups] + [_key(label)]
             meaning = next((meanings[key] for key in keys if key in meanings), None)
@@ -182,7 +182,7 @@ def _bare(label: str) -> str:
 
 
 def _key(label: str) -> str:
-    """Reduce a column's name to what :data:`ALIASES` hold."""
+    """Normalise a column's name to the form used in :data:`ALIASES`."""
     name, _, _ = split_label(_bare(label))
     return re.sub(r"[\W_]", "", name.lower())
 
@@ -200,7 +200,7 @@ def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[list[st
     Returns
     -------
     list of list of str
-        Every reading that fits; one where it is clear.
+        All readings that fit; only one if it is unambiguous.
 
     Examples
     --------
@@ -227,7 +227,7 @@ def name_bare_columns(sample: Float64, *, intensity_first: bool) -> list[list[st
 
 
 def colour_depth(highest: float) -> int:
-    """Return the highest value that colours may have where one is so high.
+    """Return the maximum of the smallest colour depth that a value fits.
 
     Examples
     --------
@@ -256,10 +256,10 @@ def _bare_names(sample: Float64, colour: int | None, normal: int | None) -> list
 
 
 def first_column_names_points(sample: Float64) -> str | None:
-    """Say why the first column of a file without a header names points instead of being x.
+    """Return why the first column of a file without a header is a point name and not x.
 
-    It does where it is no number, or where, beside coordinates with decimals, it is whole and
-    another one in each row. The x of a raster may be whole, too, but comes again in each row of it.
+    It is a name if it is not a number, or if it is a different whole number in each row while the
+    coordinates have decimals. The x of a raster may be whole, too, but repeats in each raster row.
 
     Parameters
     ----------
@@ -283,16 +283,16 @@ def first_column_names_points(sample: Float64) -> str | None:
 
 
 def _colour_fit(triple: Float64) -> bool | None:
-    """Whether three columns are colours clearly; None where they cannot be."""
+    """Return whether three columns are clearly colours; None if they cannot be."""
     if not np.isfinite(triple).all() or triple.min() < 0 or np.ptp(triple) == 0:
         return None
     highest = triple.max(axis=0)
     if not (triple == np.rint(triple)).all():
-        return False if triple.max() <= 1 else None  # floats: colours, or shares of anything
+        return False if triple.max() <= 1 else None  # floats: colours or any other fractions
     top = colour_depth(float(triple.max()))
     if triple.max() > top or (top > 255 and highest.min() <= 255):
         return None
-    # All or nothing in a channel, with others that vary: an alpha channel, or an empty column.
+    # A channel with only its minimum and maximum next to varying ones: alpha, or an empty column.
     constant = np.ptp(triple, axis=0) == 0
     empty = constant & np.isin(highest, (0, 255, 65_535))
     return bool(highest.min() > _DARK and (constant.all() or not empty.any()))

@@ -1,11 +1,11 @@
-"""How a text is a table of points: delimiter, decimal sign, header, and what its columns are.
+"""Layout of a text with points: delimiter, decimal sign, header, and meaning of the columns.
 
 Delimiter (comma, semicolon, tab or blanks), decimal comma and a header are detected from the start
-of the file; columns that the user states go before a header. The rows begin with the first line
-that has as many values as most lines, three of them numbers. The line above is the header where it
-names as many columns, also in a comment (``#`` or ``//``; CloudCompare writes it so), and between
-the two may be a row of units. What is above that is a title. A line with a single whole number is
-a count of points (PTS: one before each scan).
+of the file; columns that the user states override a header. The rows begin with the first line that
+has as many values as most lines, at least three of them numbers. The line above is the header if it
+names as many columns; it may be a comment (``#`` or ``//``, as CloudCompare writes it), and a row
+of units may follow it. Lines above the header are titles. A line with a single whole number is a
+number of points (PTS: one before each scan).
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _COUNT: Final = re.compile(r"[0-9]+")
 _DECIMAL_COMMA: Final = re.compile(r"^[-+]?\d+,\d+$")
 
 _MOST_READINGS: Final = 3
-"""Readings that an error shows."""
+"""Maximum number of readings that an error shows."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,9 +73,9 @@ class _Form:
     titles: list[str]
     """Lines above the header."""
     notes: list[str]
-    """The same and comments: they may state a unit."""
+    """Titles and comments, which may state a unit."""
     counted: int | None
-    """Points by the count line before the first row; None without one."""
+    """Number of points that the line before the first row states; None without one."""
     cells: list[list[str]]
     """The first rows."""
 
@@ -85,7 +85,7 @@ class Layout:
     """How a text is a table, and what its columns are called."""
 
     encoding: str
-    """UTF-8 (and what is like it), or UTF-16 with its byte order."""
+    """UTF-8 (also for ASCII-compatible encodings), or UTF-16 with its byte order."""
     delimiter: str
     """One character; a blank stands for any run of blanks and tabs."""
     decimal: str
@@ -95,13 +95,13 @@ class Layout:
     bare: bool
     """The file has no header, and nobody stated its columns."""
     counted: int | None = None
-    """Points by the count line before the first row; further ones may follow (PTS)."""
+    """Number of points stated before the first row; more such lines may follow (PTS)."""
     colour_top: int | None = None
-    """Highest value that the colours may have, as found from the first rows of a bare file."""
+    """Maximum of the colour depth found in the first rows of a file without header."""
     units: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """Of x, y and z where the text states it: its words, and the unit."""
+    """Units that the text states for x, y and z: its words, and the unit."""
     titles: tuple[str, ...] = ()
-    """Lines of title above the table."""
+    """Title lines above the table."""
 
 
 def is_table(path: Path) -> bool:
@@ -111,13 +111,13 @@ def is_table(path: Path) -> bool:
     except (OSError, ReadError):
         return False
     if form.header is None:
-        # Under a title, numbers are as often a list: of control points under their CRS.
+        # Numbers below a title may also be a list of control points below their CRS.
         return len(form.cells[0]) >= len(_AXES) and not form.titles
     return set(_AXES) <= set(name_header_columns(form.header))
 
 
 def find_layout(path: Path, columns: tuple[str, ...] | None = None) -> Layout:
-    """Find how the text is a table, and what its columns are: as stated, by header, by rule.
+    """Detect the layout of a text and its columns: as stated, by the header, or by rules.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def find_layout(path: Path, columns: tuple[str, ...] | None = None) -> Layout:
 
 
 def _find_form(path: Path) -> _Form:
-    # (1) The first lines, as text; those that are comments apart.
+    # (1) The first lines as text, with comments separated.
     with path.open("rb") as file:
         head = file.read(_SAMPLE_BYTES)
     encoding = text_encoding(path, head)
@@ -162,7 +162,7 @@ def _find_form(path: Path) -> _Form:
         )
     found = text.split("\n")
     if len(head) == _SAMPLE_BYTES:
-        found = found[:-1]  # the last one may be cut
+        found = found[:-1]  # the last line may be cut off
     every = [line for raw in found if (line := raw.strip())]
     lines = [line for line in every if not _is_comment(line)]
     # (2) Delimiter by majority of the lines; a decimal comma only where it does not separate. The
@@ -195,7 +195,7 @@ def _find_form(path: Path) -> _Form:
     )
     rows = [cells for cells in split[first:] if len(cells) > 1][:_SAMPLE_ROWS]
     _refuse_comma_twice(path, rows, delimiter)
-    # (3) What is above the rows: titles, a header, units, the number of points.
+    # (3) Lines above the rows: titles, a header, units, the number of points.
     counts = [int(line) for line in lines[:first] if _COUNT.fullmatch(line)]
     titles = [line for line in lines[:first] if not _COUNT.fullmatch(line)]
     comments = [line for line in every[: every.index(lines[first])] if _is_comment(line)]
@@ -218,16 +218,16 @@ def _find_form(path: Path) -> _Form:
 def _take_header(
     path: Path, titles: list[str], rows: list[list[str]], width: int, delimiter: str
 ) -> list[str] | None:
-    """Take the header, and units below it, off the end of the lines above the rows."""
+    """Remove the header and the row of units from the lines above the rows, and return them."""
     if not titles:
         return None
-    titles[-1] = titles[-1].lstrip("%!;* \t")  # comments of further programs
+    titles[-1] = titles[-1].lstrip("%!;* \t")  # comment signs of other programs
     units = unit_row(_split_names(titles[-1], width, delimiter) or [])
     header = _split_names(titles[-2 if units and len(titles) > 1 else -1], width, delimiter)
     if header is None:
         names = _split(titles[-1], delimiter)
         if len(names) == width - 1 and not any(row[-1] for row in rows):
-            header = [*names, ""]  # a delimiter at the end of each row
+            header = [*names, ""]  # each row ends with a delimiter
         elif len(set(_AXES) & set(name_header_columns(names))) > 1:
             raise ReadError(
                 path,
@@ -248,7 +248,7 @@ def _take_header(
 
 
 def _header_in_comment(comments: list[str], width: int, delimiter: str) -> list[str] | None:
-    """Find the comment that names the columns: the last one, or one that names x, y and z."""
+    """Find the comment that names the columns: the last comment, or one that names x, y and z."""
     for number, line in enumerate(reversed(comments)):
         names = _split_names(line.lstrip("#/ \t"), width, delimiter)
         if names is None or _is_number(names[0], "."):
@@ -259,7 +259,7 @@ def _header_in_comment(comments: list[str], width: int, delimiter: str) -> list[
 
 
 def _split_names(line: str, width: int, delimiter: str) -> list[str] | None:
-    """Split a header into as many names as the rows have columns, if any delimiter does."""
+    """Split a header by the delimiter that gives as many names as the rows have columns."""
     for separator in (delimiter, ",", ";", "\t", " "):
         names = _split(line, separator)
         if len(names) == width:
@@ -313,7 +313,7 @@ def _name_by_header(path: Path, header: list[str]) -> list[str]:
 
 
 def _which(path: Path, what: str, readings: Sequence[Sequence[str]]) -> ReadError:
-    """Ask which of several readings is right."""
+    """Raise the error that asks which of several readings is right."""
     lines = [
         "--columns " + shlex.quote(",".join(name.replace(",", "_") for name in reading))
         for reading in readings[:_MOST_READINGS]
@@ -326,7 +326,7 @@ def _which(path: Path, what: str, readings: Sequence[Sequence[str]]) -> ReadErro
 
 
 def _units(path: Path, form: _Form, names: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Find what the text states of the units of x, y and z, by axis: words, unit."""
+    """Find the units that the text states for x, y and z, by axis: words, unit."""
     units: dict[str, tuple[str, str]] = {}
     if form.header is not None:
         for name, label in zip(names, form.header, strict=True):
@@ -354,7 +354,7 @@ def _first_row(form: _Form) -> str:
 
 
 def _name_bare(path: Path, form: _Form) -> tuple[list[str], int | None]:
-    """Name the columns by their numbers, and say how high the colours may be."""
+    """Name the columns by their values, and return the maximum of the colour depth."""
     cells, decimal = form.cells, form.decimal
     width = len(cells[0])
     if width < 3:
@@ -390,7 +390,7 @@ def _name_bare(path: Path, form: _Form) -> tuple[list[str], int | None]:
 
 
 def _refuse_comma_twice(path: Path, rows: list[list[str]], delimiter: str) -> None:
-    """Refuse commas that part both values and decimals: 12,07,3,50 has two numbers, or four."""
+    """Refuse commas as both delimiter and decimal sign: 12,07,3,50 has two numbers, or four."""
     cells = [cell for row in rows for cell in row]
     whole = all(re.fullmatch(r"-?\d*", cell) for cell in cells)
     if delimiter == "," and whole and any(re.match(r"-?0\d", cell) for cell in cells):
@@ -402,9 +402,9 @@ def _refuse_comma_twice(path: Path, rows: list[list[str]], delimiter: str) -> No
 
 
 def _decoded(head: bytes, encoding: str) -> str:
-    """Decode the beginning of a text; what is no UTF-8 is taken as Windows-1252."""
+    """Decode the beginning of a text as UTF-8, else as Windows-1252."""
     try:
-        text = codecs.getincrementaldecoder(encoding)().decode(head)  # the last letter may be cut
+        text = codecs.getincrementaldecoder(encoding)().decode(head)  # the last one may be cut
     except UnicodeDecodeError:
         text = head.decode("cp1252", errors="replace")
     return text.removeprefix("\ufeff")
@@ -418,7 +418,7 @@ def _find_delimiter(rows: list[str]) -> str:
     delimiter = Counter(map(_delimiter_of, rows)).most_common(1)[0][0]
     if delimiter != "\t":
         return delimiter
-    # One tab between every two values, or runs of tabs and blanks? Runs leave a column empty.
+    # Single tabs, or runs of tabs and blanks? Runs would give a column without values.
     tabs = Counter(row.count("\t") for row in rows).most_common(1)[0][0]
     split = [row.split("\t") for row in rows if row.count("\t") == tabs]
     is_run = any(all(not cell.strip() for cell in column) for column in zip(*split, strict=True))
@@ -446,9 +446,9 @@ def _split(row: str, delimiter: str) -> list[str]:
 
 
 def _is_row(cells: list[str], decimal: str) -> bool:
-    """Whether a line can be a point: three values that are numbers or missing, two of them there.
+    """Return whether a line can be a point: three values are numbers, one of which may be missing.
 
-    Names and codes may be text; of a table with fewer columns all must be numbers.
+    Names and codes may be text; in a table with fewer columns all values must be numbers.
     """
     good = [cell for cell in cells if _is_number(cell, decimal)]
     there = sum(cell not in NULLS for cell in good)

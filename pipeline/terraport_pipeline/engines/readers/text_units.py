@@ -1,8 +1,8 @@
-"""Units that a text states for its columns: in brackets, behind the name, or in a title. PURE.
+"""Units that a text states for its columns: in brackets, after the name, or in a title. PURE.
 
-Nothing is converted by them: they are compared with the unit in which the coordinates would be
-read, and a text that contradicts it is refused. Feet in a header are not enough to convert by:
-they may be international or US survey feet.
+They are not used for conversion, only compared with the unit in which the coordinates would be
+read; a text that contradicts it is refused. A header that says feet is not enough for a conversion:
+these may be international or US survey feet.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _WORDS: Final = {
     DEGREES: "deg degree degrees grad° ° rad radian radians dd",
 }
 _UNITS: Final = {word: unit for unit, words in _WORDS.items() for word in words.split()}
-"""Unit by how it is written, in lower case and letters alone."""
+"""Unit by its spelling, in lower case and without punctuation."""
 
 _BRACKETS: Final = re.compile(r"[(\[{<]([^()\[\]{}<>]*)[)\]}>]")
 _GAPS: Final = re.compile(r"[\s_,./:-]+")
@@ -55,11 +55,11 @@ _UNIT_LINE: Final = re.compile(
 )
 
 _SAME: Final = 1e-5
-"""Relative difference below which units are the same: both kinds of feet are, 2e-6 apart."""
+"""Relative difference below which units are equal; the two kinds of feet (2e-6) are equal, too."""
 
 
 def split_label(label: str) -> tuple[str, list[str], str | None]:
-    """Split a column's name into the name itself, what is in brackets, and the unit.
+    """Split a column's name into the plain name, the texts in brackets, and the unit.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def split_label(label: str) -> tuple[str, list[str], str | None]:
 
 
 def unit_row(cells: Sequence[str]) -> list[str] | None:
-    """Return a row of units, as it may stand between header and points; None for any other row."""
+    """Return the units of a row between header and points; None if the row has no units."""
     texts = [cell.strip("()[]{}<> ") for cell in cells]
     units = [_unit(text) for text in texts]
     if sum(unit is not None for unit in units) < 2:
@@ -93,7 +93,7 @@ def unit_row(cells: Sequence[str]) -> list[str] | None:
 
 
 def unit_of_line(line: str) -> str | None:
-    """Find the unit that a title or a comment states: feet of any kind, others after "unit".
+    """Find the unit in a title or comment: feet anywhere, other units only after "unit".
 
     Examples
     --------
@@ -114,23 +114,23 @@ def check_units(
     factors: Float64 | None,
     statement: SurveyStatement,
 ) -> None:
-    """Refuse a text whose own words contradict the unit that its coordinates are read in.
+    """Refuse a text that states another unit than the one in which its coordinates are read.
 
     Parameters
     ----------
     path : pathlib.Path
-        Named in the error.
+        Name for the error.
     stated : mapping of str to (str, str)
-        Of ``"x"``, ``"y"``, ``"z"``: the words of the text, and the unit that they mean.
+        For ``"x"``, ``"y"``, ``"z"``: the words of the text, and the unit that they mean.
     factors : ndarray of shape (3,), float64, or None
-        Metres in a unit of each axis as they will be read; None where all are 1.
+        Metres per unit in which each axis will be read; None if all are 1.
     statement : SurveyStatement
-        What the user states goes before the text's words.
+        The user's statements, which override the text.
 
     Raises
     ------
     ReadError
-        With the option that says it.
+        Names the option that states the unit.
     """
     for axis, (words, unit) in stated.items():
         upright = axis == "z"
@@ -161,5 +161,5 @@ def _units_of(stated: Mapping[str, tuple[str, str]], axes: str) -> set[str]:
 
 
 def _unit(text: str) -> str | None:
-    """Return the unit of a word, spelled in any of the usual ways."""
+    """Return the unit that a word means, in any common spelling."""
     return _UNITS.get(re.sub(r"[^\w°]|[\d_]", "", text.lower()))

@@ -1,4 +1,4 @@
-"""Which segments lie over each face of the base mesh, so that detail can replace it.
+"""Segments over each face of the base mesh, so that detail can replace it.
 
 At run time a base face is hidden **iff all segments of its list are loaded**; a face with an empty
 list is never hidden. The lists must leave no hole for *any* subset of loaded segments. A list that
@@ -15,48 +15,46 @@ Rules
 
    Why no hole on any vertical line: let the line meet full detail, and a base face b. Each detail
    face on the line is in the line's column, and b touches that column, so b lists its segment. If
-   no detail face on the line is loaded, then b's list holds a segment that is not loaded, so b is
-   shown. Nothing was said of heights: the argument holds for a rock that the base smoothed away,
-   for thin vegetation metres above it, for overhangs and bridges. With ``max_gap_m`` set, segments
-   farther above or below b than that are dropped where the column holds a nearer one. The line's
-   argument then holds only where the nearer surface spans the whole cell. It is for surveys with
-   storeys (mine tunnels under a surface), where the ground would otherwise wait for the tunnel's
-   segments.
+   no detail face on the line is loaded, then b's list has a segment that is not loaded, so b is
+   shown. The argument does not use heights: it holds for a rock that the base smoothed away, for
+   thin vegetation metres above it, for overhangs and bridges. With ``max_gap_m``, segments farther
+   above or below b than that are dropped if the column has a nearer one. The argument then holds
+   only where the nearer surface spans the whole cell. The option is for surveys with several levels
+   (mine tunnels under a surface), where the ground would otherwise wait for the tunnel's segments.
 
-   Why grow by ``reach_m``: on a steep face the base is beside the detail, not over or under it. It
-   stands in for a place of the detail if it crosses the place's vertical, or the place's normal
-   within 4 tolerances (:data:`STAND_IN_TOLERANCES`, which the proof of the hand-off measures by).
-   So a base face has to list every segment within 4 tolerances of it in any direction. The default
-   is that length or one cell, the larger, and a twentieth more for positions that are rounded to
-   the payloads' grid afterwards.
+   Why grow by ``reach_m``: on a steep face the base is next to the detail, not over or under it. It
+   replaces a point of the detail if it crosses the vertical through the point, or the normal there
+   within 4 tolerances (:data:`STAND_IN_TOLERANCES`, which the proof of the hand-off also uses). So
+   a base face has to list every segment within 4 tolerances of it in any direction. The default is
+   the larger of that length and one cell, plus a twentieth, as positions are later rounded to the
+   payloads' grid.
 
 2. *Nearest base.* A detail face farther than ``2 t`` from every base face near its columns (a
    recess in a highwall that the base bridges over) is listed by all base faces around the four base
    vertices nearest to it. A horizontal ray into the recess passes exactly there, while the columns
    of the bridging face may hold only the ground below it.
 
-3. *Partly covered faces are never hidden.* A base face under whose inside there is a cell with no
-   detail in it or in the eight cells around it reaches beyond the detail (outer rim, hole over
-   water). Hiding it would tear a slit between the detail's rim and the next base face. Its list is
-   emptied.
+3. *Partly covered faces are never hidden.* A base face reaches beyond the detail (outer rim, hole
+   over water) if it contains a cell without detail in it and in the eight cells around it. Hiding
+   it would open a gap between the detail's rim and the next base face. Its list is emptied.
 
 Why no hole on any other ray, by the definition in ``docs/topics/hand-off.md``: let a ray meet
-detail at a place p of a segment that is not loaded. If base stands in for p, rule 1 keeps it shown.
-If none does, let q be the next place of the base on the ray. If q is hidden, all detail within 4
-tolerances of q is loaded. If there is none, and q is in the air, the detail shows nothing at q
-either, and what is behind q on the ray is judged in the same way. One case is left: nothing stands
-in for p, the ray goes under the ground at p, and meets q, hidden, still under the ground and more
-than 4 tolerances from all detail. No list of bounded length excludes it; ``terraport validate``
-looks for it.
+detail at a point p of a segment that is not loaded. If a base face replaces p, rule 1 keeps it
+shown. If none does, let q be the next point of the base on the ray. If q is hidden, all detail
+within 4 tolerances of q is loaded. If there is no such detail and q is in the air, the detail shows
+nothing at q either, and the rest of the ray behind q is judged in the same way. One case remains:
+no base face replaces p, the ray enters the ground at p and meets q, which is hidden, still under
+the ground and more than 4 tolerances from all detail. No list of bounded length excludes it;
+``terraport validate`` searches for it.
 
 Algorithm: both meshes are rasterised conservatively (exact triangle-square overlap) into one grid
 of columns with cells of ``max(t, median detail edge)``; the detail's cells are reduced to runs of
 (segment, lowest, highest); each base face unites the runs of its cells. Linear in cells touched:
 about 4 per detail face.
 
-Rejected: a voxel join of dilated cells (the same near field, but it says nothing of smoothed-away
-rocks and needs a second, vertical pass for them); rays along base normals from samples (misses what
-lies between samples).
+Rejected: a voxel join of dilated cells (the same near the base, but it misses smoothed-away rocks
+and needs a second, vertical pass for them); rays along base normals from samples (they miss detail
+between samples).
 
 PURE: no I/O, no clock.
 """
@@ -86,7 +84,8 @@ from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 __all__ = ["STAND_IN_TOLERANCES", "BaseCover", "build_cover"]
 
 STAND_IN_TOLERANCES: Final = 4.0
-"""Base stands in for detail up to this many tolerances from it, along the vertical or a normal."""
+"""Maximum distance, in tolerances, at which base replaces detail, along the vertical or a
+normal."""
 
 _ROUNDING_SHARE: Final = 0.05
 """Share added to the reach: published positions are rounded to a grid whose step is a fiftieth of
@@ -150,16 +149,16 @@ def build_cover(
     segment_of_face : ndarray of shape (F,), integer
         Segment of every detail face, >= 0.
     tolerance_m : float
-        [t] usual deviation of base from detail (say its 99th percentile), metres, > 0.
+        [t] usual deviation of base from detail (for example the 99th percentile), metres, > 0.
     reach_m : float, optional
-        How far base faces are grown; None for the larger of four tolerances and one cell, and a
-        twentieth more.
+        Distance by which base faces are grown; None for the larger of four tolerances and one cell,
+        plus a twentieth.
     max_gap_m : float, optional
-        See rule 1; None keeps everything in a column, which is what the proof needs.
+        See rule 1; None keeps everything in a column, as the proof requires.
     hide_partly_covered : bool
-        True leaves rule 3 out.
+        True disables rule 3.
     threads : int
-        Threads at most; they change nothing but the time.
+        Maximum number of threads; it does not change the result.
 
     Returns
     -------

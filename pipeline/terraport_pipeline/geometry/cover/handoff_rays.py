@@ -48,13 +48,15 @@ OBLIQUE_DEG: Final = (15.0, 80.0)
 
 
 GRAZING_DEG: Final = (1.0, 60.0)
-"""Angle between a grazing ray and the face that it is aimed at; small angles more often."""
+"""Range of angles between a grazing ray and its target face, degrees; small angles are more
+frequent."""
 
 GRAZING_REACH_M: Final = (0.5, 80.0)
-"""How far from the aimed place a grazing ray starts; nearer where the ground is in the way."""
+"""Range of distances from a grazing ray's start to its target, metres; less if ground is in
+between."""
 
 STEEP_WEIGHT: Final = 4.0
-"""Rays at a vertical face for one at a horizontal face of the same area, less one."""
+"""Additional weight of a vertical face: five rays for one at a horizontal face of equal area."""
 
 
 class RayKind(IntEnum):
@@ -67,7 +69,7 @@ class RayKind(IntEnum):
     EYE = 2
     """From eye height above the ground."""
     GRAZING = 3
-    """At a small angle to a face where the hand-off can fail, from where that face is seen."""
+    """At a small angle to a face where the hand-off can fail, from a point that sees the face."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -207,7 +209,7 @@ def random_places(
     *,
     cumulative_area: Float64 | None = None,
 ) -> tuple[Float64, Int64]:
-    """Choose places evenly over the surface of a mesh.
+    """Choose random points, evenly distributed over the surface of a mesh.
 
     Parameters
     ----------
@@ -216,18 +218,18 @@ def random_places(
     faces : ndarray of shape (F, 3), int32
         F >= 1.
     count : int
-        How many places.
+        Number of points.
     rng : numpy.random.Generator
-        Source of chance.
+        Random number generator.
     cumulative_area : ndarray of shape (F,), float64, optional
-        Running sum of the faces' weights, where it is used again and again; areas otherwise.
+        Cumulative weights of the faces, for repeated calls; areas by default.
 
     Returns
     -------
     points : ndarray of shape (count, 3), float64
         Points on faces, metres.
     faces : ndarray of shape (count,), int64
-        The face that each is on.
+        Face of each point.
     """
     running = cumulative_face_area(vertices, faces) if cumulative_area is None else cumulative_area
     drawn = rng.random(count) * running[-1]
@@ -244,7 +246,7 @@ def random_places(
 
 
 def cumulative_face_area(vertices: Float32, faces: Int32, *, steep_weight: float = 0.0) -> Float64:
-    """Sum face areas up, for :func:`random_places`.
+    """Return the cumulative sum of face areas, for :func:`random_places`.
 
     Parameters
     ----------
@@ -253,12 +255,12 @@ def cumulative_face_area(vertices: Float32, faces: Int32, *, steep_weight: float
     faces : ndarray of shape (F, 3), int32
         F >= 1.
     steep_weight : float
-        A vertical face counts for this many of its areas on top of its own, others for less.
+        A vertical face gets this multiple of its area in addition; other faces get less.
 
     Returns
     -------
     ndarray of shape (F,), float64
-        Square metres up to and with each face; a mesh without area counts faces instead.
+        Cumulative area, square metres; for a mesh without area the number of faces.
     """
     corner = vertices[faces]
     edge, other = corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0]
@@ -332,21 +334,21 @@ def grazing_rays(
     free_m: Callable[[Float32, Float32], Float32],
     rng: np.random.Generator,
 ) -> Rays:
-    """Look at places from their front at small angles, from where each place is seen.
+    """Create rays that meet points from their front at small angles, from where they are visible.
 
     Parameters
     ----------
     targets, normals : ndarray of shape (R, 3), float32
-        Places, metres, and the unit normals of the faces there.
+        Points, metres, and the unit normals of the faces there.
     free_m : callable
-        Distances from places in directions to the first surface, ``inf`` where there is none.
+        Returns distances from points in directions to the first surface, ``inf`` without one.
     rng : numpy.random.Generator
-        Source of chance.
+        Random number generator.
 
     Returns
     -------
     Rays
-        One per place, in the order given.
+        One per point, in the given order.
     """
     count = len(targets)
     along = rng.normal(size=(count, 3))
@@ -361,7 +363,7 @@ def grazing_rays(
 
 
 def _log_uniform(limits: tuple[float, float], count: int, rng: np.random.Generator) -> Float64:
-    """Draw numbers between two limits, evenly over their logarithms."""
+    """Draw random numbers between two limits, uniform in their logarithm."""
     low, high = (float(np.log(limit)) for limit in limits)
     drawn: Float64 = np.exp(rng.uniform(low, high, count))
     return drawn

@@ -19,7 +19,7 @@ __all__ = [
 ]
 
 _MOST_ROUNDS: Final = 64
-"""Beyond this colours blur farther than any piece worth telling apart is wide."""
+"""Maximum smoothing rounds: more would blur colours across whole pieces."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,14 +94,14 @@ class GraphOptions:
 
 
 COLOUR_GRAPH: Final = GraphOptions()
-"""For coloured ground, or a scalar that stands for the colour."""
+"""Options for coloured ground, or for a scalar used as colour."""
 SHAPE_GRAPH: Final = GraphOptions(
     threshold=5.0, small_share=0.01, weights=EdgeWeights(colour_scale=0.0, concavity=20.0)
 )
-"""For shape alone (CAD parts, scans without colour): concavity decides. Chosen on Princeton's
+"""Options for shape only (CAD parts, scans without colour): concavity decides. Tuned on Princeton's
 models (docs/topics/segmentation.md)."""
 OPEN_SHAPE_GRAPH: Final = replace(SHAPE_GRAPH, threshold=2.5, small_share=0.003)
-"""For the shape of open ground. Halving a flat square lowers the cut by 4, halving a ball by 7.1: a
-threshold for closed bodies would part every field."""
+"""Options for the shape of open ground. Halving a flat square lowers the cut by 4, halving a ball
+by 7.1: a threshold for closed bodies would split every field."""
 BODY_GRAPH: Final = replace(SHAPE_GRAPH, small_share=0.002)
-"""How the pieces of a closed body are made; the threshold is not used."""
+"""Options for the pieces of a closed body; the threshold is not used."""

@@ -1,4 +1,4 @@
-"""Default sizes and thresholds of the region engines, apart from their kernels for a quick help.
+"""Default sizes and thresholds of the region engines, without their kernels, so that help is quick.
 
 PURE: no I/O, no clock.
 """
@@ -21,16 +21,17 @@ BORDERS_SIZE_M: Final = 15.0
 """Region size of the border engine, metres."""
 
 MEANS_SPREAD: Final = 0.95
-"""Limit of the colour difference of the mean-colour engine, in spreads of the scene's colours."""
+"""Maximum colour difference of the mean-colour engine, in multiples of the scene's colour
+spread."""
 
 MEANS_SMALL_SHARE: Final = 0.002
 """Share of all faces below which a region of the mean-colour engine joins a neighbour."""
 
 FELZENSZWALB_SCALE: Final = 100.0
-"""k of regions by felzenszwalb, CIELAB units x faces."""
+"""k of the felzenszwalb engine, CIELAB units x faces."""
 
 FELZENSZWALB_SHARE: Final = 0.002
-"""Share of all faces below which a region by felzenszwalb joins a neighbour."""
+"""Share of all faces below which a region of the felzenszwalb engine joins a neighbour."""
 
 MEANS_LIGHTNESS: Final = 0.25
 """Weight of lightness against a* and b* in the mean-colour engine."""

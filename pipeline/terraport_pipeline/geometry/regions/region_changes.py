@@ -1,13 +1,12 @@
-"""Volumes of cut and fill by region: the raster of a change, shared out over the ground beneath.
+"""Volumes of cut and fill by region, distributed from the cells of a change raster.
 
-A cell of the raster belongs to the regions whose surface is in it, to each in the share of its
-area as seen from above. So the volumes of all regions, and those of cells that no surface is in,
-add up to the raster's. Uncertainties do not: errors of single cells partly cancel out in the whole.
+A cell of the raster is divided among the regions whose surface is in it, in proportion to their
+plan area in the cell. So the volumes of all regions, and of cells without a surface, add up to the
+raster's. Uncertainties do not: errors of single cells partly cancel out in the sum.
 
-Uncertainty (:mod:`terraport_pipeline.geometry.volume_error`): the distance that the surveys are
-apart throughout, as measured on ground that did not move, is shared by all cells; the noise of each
-cell's height difference is independent; noise about no change, of which one sign is summed, is
-added.
+Uncertainty (:mod:`terraport_pipeline.geometry.volume_error`): the offset between the surveys, as
+measured on ground that did not move, is an error shared by all cells; the noise of each cell's
+height difference is independent; the bias from summing only one sign of the noise is added.
 
 PURE: no I/O, no clock.
 """
@@ -27,13 +26,14 @@ __all__ = ["ChangeMap", "RegionVolumes", "add_shares", "region_volumes"]
 
 
 _BLOCK_CELLS: Final = 8
-"""Cells along a block whose mean tells what surveys are apart: noise of single cells is a tenth."""
+"""Side of a block, cells, whose mean gives the surveys' offset: it has a tenth of a cell's
+noise."""
 
 _LEAST_BLOCKS: Final = 5
-"""Blocks that did not move, from which the distance of the surveys is measured."""
+"""Minimum number of blocks that did not move, to measure the offset of the surveys."""
 
 _MEDIAN_TO_DEVIATION: Final = 1.4826
-"""Standard deviation of normal values over their median size."""
+"""Ratio of the standard deviation of normal values to the median of their absolute values."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -50,7 +50,7 @@ class ChangeMap:
     moved: Bool
     """(nx, nz) counts for the volumes."""
     registration_m: float
-    """By which all heights may be off together, as the levels of detection take it."""
+    """Offset common to all heights that the levels of detection assume."""
 
     @property
     def counted(self) -> Bool:
@@ -60,16 +60,16 @@ class ChangeMap:
 
     @property
     def noise_m(self) -> Float64:
-        """(nx, nz) standard deviation of each cell's difference, without what all share."""
+        """(nx, nz) standard deviation of each cell's difference, without the common offset."""
         noise: Float64 = np.maximum(self.lod_m.astype(np.float64) - self.registration_m, 0.0)
         return noise / CONFIDENCE
 
     @property
     def shared_m(self) -> float:
-        """Standard deviation of what large parts of the surveys are apart, where nothing moved.
+        """Standard deviation of the offset between the surveys where nothing moved.
 
-        The median size of the means of blocks of cells. Where too little ground did not move it is
-        what is taken for the levels of detection.
+        The median of the absolute means of blocks of cells. If too little ground did not move, the
+        offset that the levels of detection assume.
         """
         still = ~self.moved & ~np.isnan(self.dz_m)
         i, j = np.nonzero(still)

@@ -1,4 +1,4 @@
-"""What regions measure seen from above: plan area, and volumes at their toe.
+"""Measures of regions seen from above: plan area, and volumes at their toe.
 
 PURE: no I/O, no clock.
 """
@@ -17,13 +17,13 @@ from terraport_pipeline.geometry.regions.top_surface import TopSurface
 __all__ = ["MAX_VOLUMES", "RASTER", "measure_plan", "with_plan"]
 
 MAX_VOLUMES: Final = 500
-"""Regions with volumes, those with most cells: each takes some 10 ms."""
+"""Maximum number of regions with volumes, the largest ones: each takes about 10 ms."""
 
 RASTER: Final = "volume_raster"
-"""Key of regions.json: what the volumes were measured by."""
+"""Key of regions.json for the raster on which volumes were measured."""
 
 _DECIMALS: Final = 3
-"""Of areas and volumes: litres."""
+"""Decimals of areas and volumes: litres."""
 
 
 def measure_plan(
@@ -34,9 +34,9 @@ def measure_plan(
     Parameters
     ----------
     top : TopSurface
-        With the whole scene in it.
+        Raster of the whole scene.
     survey : SurveyNoise or None
-        None of a mesh, whose points are not known: volumes have no uncertainty then.
+        None for a mesh, whose points are not known: its volumes have no uncertainty.
     wanted : collection of int, optional
         Only these regions.
 
@@ -69,12 +69,12 @@ def measure_plan(
 
 
 def with_plan(document: Mapping[str, Any], measured: Mapping[str, Any]) -> dict[str, Any]:
-    """Write what :func:`measure_plan` found into the contents of regions.json.
+    """Add the results of :func:`measure_plan` to the contents of regions.json.
 
     Parameters
     ----------
     document : mapping
-        Not modified. Its ``plan_area_m2`` are the areas of the triangles seen from above.
+        Not modified. Its ``plan_area_m2`` are the areas of the triangles in plan.
     measured : mapping
     """
     volumes, regions = measured["volumes"], []

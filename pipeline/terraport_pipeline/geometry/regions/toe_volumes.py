@@ -1,34 +1,34 @@
-"""Volumes of regions above and below the surface that their border (the toe) spans.
+"""Volumes of regions above and below a reference surface that is triangulated over their toe.
 
-The reference is what surveyors take for a stockpile whose whole toe is seen and whose ground is not
-flat: the points of the border, triangulated. Here these are the cells of a raster of the highest
-surface that are just outside the region, at inner borders too (Delaunay's triangles, heights linear
-over each). What is above the reference and what is below it are two sums: Pix4D calls them cut and
-fill of the base "Triangulated", which a pit and a pile tell apart.
+Surveyors use this reference for a stockpile on uneven ground whose whole toe is visible. The toe
+consists of the cells just outside the region, at inner borders too, in a raster of the highest
+surface; the reference is its Delaunay triangulation, with linear heights. Volumes above and below
+the reference are separate sums: Pix4D calls them cut and fill of the "Triangulated" base surface.
+They distinguish a pile from a pit.
 
 Uncertainty (:mod:`terraport_pipeline.geometry.volume_error`). A shift of the whole survey moves
-pile and toe alike, and cancels out. What is left:
+pile and toe alike, and cancels out. The remaining errors:
 
-- noise of the points on the surface, independent: a point stands for the square of the spacing;
-- noise of the points at the toe, independent, each weighted with the area whose reference it
-  carries;
-- the height of the toe, shared: three quarters of what the ground is higher or lower at twice the
+- noise of the points on the surface, independent: a point represents the square of the spacing;
+- noise of the points at the toe, independent, each weighted with the area of the reference that
+  depends on it;
+- the height of the toe, shared: three quarters of the height difference to the ground at twice the
   distance;
 - the placement of the border, shared: a quarter of a spacing or cell, times the height of the
   surface above the reference there, along the border;
-- noise about the reference itself, of which only one sign is summed.
+- the bias from summing only one sign of the noise around the reference.
 
-Two parts of a volume may not be material: things with flanks steeper than loose material holds
-(trees, machines, walls), found as K. Zhang et al. filter point clouds, and empty space under
-overhangs. Neither is taken out of the volumes.
+Two parts of a volume may not be material: objects with flanks steeper than loose material allows
+(trees, machines, walls), found by the filter of K. Zhang et al., and empty space under overhangs.
+Neither is subtracted from the volumes.
 
 References
 ----------
 Pix4D, "Which Base Surface is recommended for the Volume Calculation?", PIX4Dmapper support, article
 217114246. B. Delaunay, "Sur la sphère vide", Bulletin de l'Académie des Sciences de l'URSS 6, 1934.
 K. Zhang et al., "A progressive morphological filter for removing nonground measurements from
-airborne LIDAR data", IEEE Transactions on Geoscience and Remote Sensing 41, 2003. Departures:
-windows that double, and the heights below an object interpolated from around it.
+airborne LIDAR data", IEEE Transactions on Geoscience and Remote Sensing 41, 2003. Differences:
+window sizes double, and heights below an object are interpolated from the cells around it.
 
 PURE: no I/O, no clock.
 """
@@ -53,38 +53,38 @@ MAX_CELLS: Final = 20_000
 """Cells of a region that are summed up: of a larger one every n-th each way."""
 
 MAX_TOE: Final = 4_000
-"""Cells of a toe that are triangulated: of a longer one every n-th."""
+"""Maximum number of toe cells that are triangulated; a longer toe uses every n-th cell."""
 
 LEAST_CELLS: Final = 50
 """Cells of a region below which its volume is left out: it would be all border."""
 
 _TOE_SPACINGS: Final = 2.0
-"""Distance of the toe from the border, in spacings of the points or cells: beyond it triangles do
-not reach onto the region."""
+"""Distance of the toe from the border, in spacings of the points or cells: triangles there do not
+reach onto the region."""
 
 _CLOSED: Final = 2.0
-"""Half the width of notches in a border that are closed, over that distance."""
+"""Half the width of notches in a border that are closed, in multiples of that distance."""
 
 _LIFT: Final = 0.75
-"""Standard deviation of the toe's height, of its difference to the ground at twice the distance."""
+"""Standard deviation of the toe's height, as a share of its difference to the ground at twice the
+distance."""
 
 _PLACEMENT: Final = 0.25
-"""Standard deviation of the placement of a region's border, spacings or cells."""
+"""Standard deviation of the placement of a region's border, in spacings or cells."""
 
 _STEEP: Final = 1.0
-"""Slope of flanks from which something stands on the ground: loose material holds 0.9 (42 degrees)
-at most."""
+"""Slope above which flanks belong to an object: loose material is stable up to 0.9 (42 degrees)."""
 
 _WIDEST_OBJECT_M: Final = 12.0
-"""Of a crown or a machine. What is wider is ground."""
+"""Maximum width of an object, such as a crown or a machine; anything wider is ground."""
 
 _NOISE_DEVIATIONS: Final = 4.0
-"""By which the least of many heights is below their mean."""
+"""Standard deviations by which the lowest of many noisy heights may be below their mean."""
 
 
 @dataclass(frozen=True, slots=True)
 class SurveyNoise:
-    """What is known of the points that a surface rests on."""
+    """Spacing and noise of the points of a surface."""
 
     spacing_m: float
     noise_m: float
@@ -98,9 +98,9 @@ class ToeVolume:
     above_m3: float
     below_m3: float
     uncertainty_m3: float | None
-    """Half the 95 % interval of either; None where the noise of the survey is not known."""
+    """Half the 95 % interval of either volume; None if the noise of the survey is not known."""
     objects_m3: float
-    """Part of `above_m3` that stands on the surface with flanks too steep for loose material."""
+    """Part of `above_m3` in objects with flanks too steep for loose material."""
     overhang_m3: float
     """Empty space below the region's surface, where it is seen from above: part of `above_m3`, or
     missing from `below_m3`."""
@@ -114,14 +114,14 @@ def toe_volumes(
     survey: SurveyNoise | None = None,
     empty_m: AnyFloat | None = None,
 ) -> dict[int, ToeVolume]:
-    """Sum up volumes of regions over a raster of heights.
+    """Compute the volumes of regions over a raster of heights.
 
     Parameters
     ----------
     height_m : ndarray of shape (rows, columns)
-        Metres; NaN where no surface is.
+        Metres; NaN without a surface.
     region : ndarray of shape (rows, columns), int
-        Region of each cell; negative: none.
+        Region of each cell; negative for none.
     cell_m : float
         Side of a cell.
     wanted : iterable of int
@@ -133,7 +133,7 @@ def toe_volumes(
     Returns
     -------
     dict of int to ToeVolume
-        Regions too small for a volume are not in it.
+        Regions that are too small for a volume are missing.
 
     Examples
     --------
@@ -166,8 +166,8 @@ def toe_volumes(
 def _volume(
     heights: Float64, inside: Bool, cell_m: float, survey: SurveyNoise | None, overhang_m3: float
 ) -> ToeVolume | None:
-    """Measure one region; None where its border spans no surface."""
-    # (1) The reference at the cells: shares of three points of the toe each.
+    """Measure one region; None if no reference can be triangulated over its toe."""
+    # (1) The reference at each cell: weights of three points of the toe.
     spacing_m = cell_m if survey is None else survey.spacing_m
     away_m = _TOE_SPACINGS * max(spacing_m, cell_m)
     places, toe_m, rise_m = _toe(heights, inside, away_m / cell_m)
@@ -175,7 +175,7 @@ def _volume(
     places, toe_m, rise_m = places[some], toe_m[some], rise_m[some]
     try:
         triangles = Delaunay(places)
-    except QhullError:  # a border in one line
+    except QhullError:  # all points of the border are collinear
         return None
     cells = np.argwhere(inside)
     step = int(np.ceil(np.sqrt(len(cells) / MAX_CELLS)))
@@ -189,13 +189,13 @@ def _volume(
     first = np.einsum("nij,nj->ni", affine[:, :2], cells - affine[:, 2])
     shares = np.column_stack([first, 1.0 - first.sum(axis=1)])
     corners = triangles.simplices[simplex]
-    good = np.isfinite(shares).all(axis=1)  # a flat triangle has no shares
+    good = np.isfinite(shares).all(axis=1)  # a degenerate triangle has no weights
     cells, shares, corners = cells[good], shares[good], corners[good]
-    # (2) What is above it and below it.
+    # (2) Volumes above and below the reference.
     over_m = heights[cells[:, 0], cells[:, 1]] - (shares * toe_m[corners]).sum(axis=1)
     cell_m2 = float(inside.sum()) * cell_m**2 / max(len(cells), 1)
     above = over_m > 0
-    # (3) How uncertain either is, and what of it may not be material.
+    # (3) Uncertainty, and the parts that may not be material.
     uncertainty_m3 = None
     if survey is not None:
         place_m = _PLACEMENT * max(survey.spacing_m, cell_m)
@@ -207,7 +207,7 @@ def _volume(
             weight_m2 = cell_m2 * np.bincount(
                 corners[side].ravel(), shares[side].ravel(), len(toe_m)
             )
-            # Cells of a toe that are nearer than the points have one error.
+            # Toe cells that are closer together than the points share one error.
             alike = max(survey.spacing_m / (cell_m * (some.step or 1)), 1.0)
             either.append(
                 interval_m3(
@@ -230,12 +230,12 @@ def _volume(
 
 
 def _toe(heights: Float64, inside: Bool, away_cells: float) -> tuple[Float64, Float64, Float64]:
-    """Take the ground around a region, where its toe is: (row, column), metres, and step.
+    """Return the toe of a region: positions (row, column), heights in metres, and height steps.
 
     Triangles that cross the toe of a pile lift the surface just outside of it, and the border of a
-    region is only as exact as its triangles. So the ground is taken at a distance, at its own
-    place: on a slope that makes no difference. At the rim of the survey the region's own cell
-    counts, on its edge. The step is to the height at twice the distance.
+    region is only as exact as its triangles. So heights are taken at a distance from the border, at
+    the positions of those cells, which is exact on a slope. At the rim of the survey the region's
+    own edge cells are used. A height step is the difference to the ground at twice the distance.
     """
     # (1) The region without notches in its border: a point in one would carry the reference of a
     # large part of the region.
@@ -245,12 +245,12 @@ def _toe(heights: Float64, inside: Bool, away_cells: float) -> tuple[Float64, Fl
     closed = padded | (ndimage.distance_transform_edt(near) > _CLOSED * away_cells)
     cut = slice(wide - 1, 1 - wide)
     padded, closed = padded[cut, cut], closed[cut, cut]
-    # (2) The ground at a distance.
+    # (2) The ground at the distance of the toe.
     around = np.pad(heights, 1, constant_values=np.nan)
     ground = ~np.isnan(around)
     distance = ndimage.distance_transform_edt(~closed)
     ring = ground & (distance > away_cells) & (distance <= away_cells + 1.0)
-    # Of a gap that is narrower the cells beside the region count.
+    # In a gap narrower than that, the cells next to the region are used.
     reached = ndimage.distance_transform_edt(~ring) <= 2.0 * away_cells + 2.0
     ring |= ground & (distance > 0) & (distance <= 1.0) & ~reached
     places, values = [np.argwhere(ring) - 1.0], [around[ring]]
@@ -271,13 +271,13 @@ def _toe(heights: Float64, inside: Bool, away_cells: float) -> tuple[Float64, Fl
 
 
 def _windows(cell_m: float) -> list[int]:
-    """Half widths of the windows that objects are looked for in, cells: 1, 2, 4, ..."""
+    """Return the half widths of the windows in which objects are detected, cells: 1, 2, 4, ..."""
     widest = _WIDEST_OBJECT_M / 2 / cell_m
     return [1 << k for k in range(12) if 1 << k <= max(widest, 1.0)]
 
 
 def _objects_m(heights: Float64, inside: Bool, cell_m: float, noise_m: float) -> float:
-    """Add up the heights of what stands on the surface with steep flanks, over a region's cells."""
+    """Sum up, over a region's cells, the heights of objects with steep flanks."""
     ground = ~np.isnan(heights)
     opened, half, marked = heights, 0, np.zeros_like(inside)
     for window in _windows(cell_m):
@@ -285,13 +285,13 @@ def _objects_m(heights: Float64, inside: Bool, cell_m: float, noise_m: float) ->
         low = ndimage.minimum_filter(np.where(ground, opened, np.inf), size, mode="nearest")
         low[np.isinf(low)] = -np.inf
         wider = ndimage.maximum_filter(low, size, mode="nearest")
-        # Corners of a window are further from its middle than its sides.
+        # Corners of a window are further from its centre than its sides.
         most_m = _STEEP * np.sqrt(2.0) * (window - half) * cell_m + _NOISE_DEVIATIONS * noise_m
         marked |= ground & (opened - wider > most_m)
         opened, half = np.where(ground, np.minimum(opened, wider), np.nan), window
     if not (marked & inside).any():
         return 0.0
-    # The foot of a flank is not steep any more; below, the surface goes on as around.
+    # The foot of a flank is not steep; the surface below an object continues that around it.
     marked = ground & ndimage.binary_dilation(marked, iterations=2)
     around = ground & ndimage.binary_dilation(marked, iterations=2) & ~marked
     try:

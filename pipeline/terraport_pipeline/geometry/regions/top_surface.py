@@ -1,9 +1,9 @@
-"""The highest surface of a scene, seen from above, and what lies hidden below it.
+"""Raster of the highest surface of a scene, and of the area hidden below it.
 
-A raster is filled with triangles, tile by tile, in any order: each cell has the height and region
-of the highest surface at its middle. What a surface hides of others is added up by region, so that
-the plan areas of regions (the areas of their triangles seen from above, less what is hidden) add up
-to the area of the scene, however often the ground overhangs.
+The raster is filled with triangles, tile by tile, in any order: each cell stores the height and
+region of the highest surface at its centre. Hidden area is summed up by region, so that the plan
+areas of regions (the areas of their triangles in plan, minus the hidden area) add up to the area of
+the scene, however often the ground overhangs.
 
 PURE: no I/O, no clock.
 """
@@ -22,7 +22,7 @@ from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
 __all__ = ["MAX_CELLS", "TopSurface"]
 
 MAX_CELLS: Final = 1 << 22
-"""Cells of the raster at most, 13 bytes each; wider ones are taken beyond it."""
+"""Maximum number of cells, 13 bytes each; larger scenes use wider cells."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -37,9 +37,9 @@ class TopSurface:
     region: Int32
     """(nx, nz) its region; -1 where there is none."""
     column_m: Float32
-    """(nx, nz) sum of the heights of all surfaces, those that face down subtracted."""
+    """(nx, nz) sum of the heights of surfaces that face up, minus those that face down."""
     net: Int8
-    """(nx, nz) surfaces that face up less those that face down: 1 of ground without gaps."""
+    """(nx, nz) surfaces that face up, minus those that face down: 1 for ground without gaps."""
     hidden_m2: Float64
     """(R,) area of each region below other surfaces."""
 
@@ -50,14 +50,14 @@ class TopSurface:
         Parameters
         ----------
         low, high : array-like of shape (3,)
-            Box of the scene.
+            Bounding box of the scene.
         regions : int
             Number of regions.
         spacing_m : float
-            Side of a cell, where the raster stays within :data:`MAX_CELLS`.
+            Side of a cell, unless the raster would exceed :data:`MAX_CELLS`.
         """
         wide, deep = (max(float(high[axis] - low[axis]), 1e-6) for axis in (0, 2))
-        # One more cell each way than the box needs.
+        # One cell more in each direction than the bounding box needs.
         cell_m = max(spacing_m, np.sqrt(wide * deep / MAX_CELLS), max(wide, deep) / MAX_CELLS)
         cell_m = float(cell_m)
         shape = int(wide / cell_m) + 2, int(deep / cell_m) + 2
@@ -74,9 +74,9 @@ class TopSurface:
 
     @property
     def empty_m(self) -> Float32:
-        """(nx, nz) height of the empty space below the highest surface, by overhangs.
+        """(nx, nz) height of the empty space below overhangs.
 
-        0 where the surfaces of a column do not bound a body.
+        0 if the surfaces of a column are not the closed boundary of a solid.
         """
         empty: Float32 = np.where(
             self.net == 1, np.maximum(self.height_m - self.column_m, 0.0), 0.0
@@ -109,9 +109,9 @@ class TopSurface:
 
 @numba.njit(cache=True, nogil=True)
 def _is_left(ax: float, az: float, bx: float, bz: float, px: float, pz: float) -> bool:
-    """Whether a place is left of a line, the same for both triangles at it, whichever way round.
+    """Return whether a point is left of an edge, consistently for both triangles at the edge.
 
-    A place on the line is on one side alone, so that of two triangles one has it.
+    A point on the edge is assigned to one side, so that exactly one of the triangles has it.
     """
     if ax > bx or (ax == bx and az > bz):
         return not ((ax - bx) * (pz - bz) - (az - bz) * (px - bx) >= 0.0)
@@ -160,7 +160,7 @@ def _fill(
                 u = ((bx - px) * (cz - pz) - (bz - pz) * (cx - px)) / twice
                 v = ((cx - px) * (az - pz) - (cz - pz) * (ax - px)) / twice
                 y = np.float32(u * ay + v * by + (1.0 - u - v) * cy)
-                # Counter-clockwise from above is clockwise in x and z, as z points south.
+                # Counter-clockwise seen from above is clockwise in x and z, as z points south.
                 column[i, j] += -y if is_left else y
                 net[i, j] += -1 if is_left else 1
                 if region[i, j] < 0:

@@ -23,7 +23,7 @@ _EIGHT: Final = 255.0
 _SIXTEEN: Final = 65535.0
 
 _DARK: Final = 0.05
-"""Share of points with values up to 255 in files of 16 bits from which the survey is a dark one."""
+"""Share of points with values up to 255 in 16-bit files above which the whole survey is dark."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,23 +33,24 @@ class Layout:
     names: list[str]
     """Attributes in their order."""
     sources: list[str]
-    """Column of the files that each comes from: its name, unless two were the same in a scene."""
+    """Column of the files for each attribute; differs from its name if the attribute was
+    renamed."""
     dtypes: list[np.dtype[Any]]
     fills: list[float]
     """Value of each where a file does not have it."""
     whole: list[str]
-    """Attributes of whole numbers that are floats because some points have no value."""
+    """Attributes of whole numbers that are stored as floats because some points have no value."""
     colours: list[dict[int, ColourRule]]
-    """For every file, by scan, how its colours become 0..255; nothing where it has none."""
+    """Colour rules of every file, by scan; empty for a file without colours."""
 
     @property
     def has_colour(self) -> bool:
-        """Any point has a colour."""
+        """True if any point has a colour."""
         return any(self.colours)
 
     @property
     def rules(self) -> list[ColourRule]:
-        """Every rule once."""
+        """All distinct rules."""
         every = {rule for rules in self.colours for rule in rules.values()}
         return sorted(every, key=lambda rule: (rule.tops, rule.low))
 
@@ -143,8 +144,8 @@ def _with_gaps(name: str, dtype: np.dtype[Any], survey: SurveyFiles) -> np.dtype
 
 
 def _colour_rules(spooled: Sequence[Spooled]) -> tuple[list[dict[int, ColourRule]], list[str]]:
-    """Decide for every file, and every scan in it, how its colours become 0..255."""
-    # (1) Each by what it holds.
+    """Choose the colour rule of every file and of every scan in it."""
+    # (1) Each by its own values.
     rules: list[dict[int, ColourRule]] = []
     said: dict[str, list[str]] = {}
     for part in spooled:
@@ -161,7 +162,7 @@ def _colour_rules(spooled: Sequence[Spooled]) -> tuple[list[dict[int, ColourRule
                 said.setdefault(note, []).append(name)
         rules.append(chosen)
     _keep_dark(spooled, rules)
-    # (2) What is to be said of it.
+    # (2) Warnings.
     one = len(spooled) == 1 and len(spooled[0].colours) <= 1
     warnings = [note if one else f"{note} (In {listed(names)}.)" for note, names in said.items()]
     narrow = [
@@ -194,10 +195,10 @@ def _colour_rules(spooled: Sequence[Spooled]) -> tuple[list[dict[int, ColourRule
 
 
 def _keep_dark(spooled: Sequence[Spooled], rules: list[dict[int, ColourRule]]) -> None:
-    """Read files without a value above 255 by 16 bits, too, where all of a survey is dark.
+    """Also read files without a value above 255 as 16 bits if the whole survey is dark.
 
-    Alone such a file has 8 bits, and among bright ones as well: a photo is never that dark. Where
-    many points of the others are, it is one more of a survey in the dark.
+    On its own, or among bright files, such a file has 8 bits: a photo is never that dark. If many
+    points of the other files are also dark, it has 16 bits like them.
     """
     eight, sixteen = ColourRule((_EIGHT,)), ColourRule((_SIXTEEN,))
     groups: dict[tuple[str, str], list[int]] = {}

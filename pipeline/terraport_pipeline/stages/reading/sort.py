@@ -108,7 +108,7 @@ class SurveyColumns:
         ]
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
         self.brightness: Int64 = np.zeros((len(layout.colours), 256), np.int64)
-        """Points of each file by their brightest channel."""
+        """Histogram of the points' brightest channel, for each file."""
 
     @property
     def rows(self) -> int:

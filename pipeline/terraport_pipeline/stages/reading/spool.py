@@ -50,7 +50,7 @@ class Spooled:
     columns: dict[str, SurveyColumn]
     writer: NpyWriter
     colours: dict[int, ColourCounts] = field(default_factory=dict)
-    """Of each scan, or of scan 0; empty without colours."""
+    """Colour statistics by scan; without scans, those of scan 0; empty without colours."""
     read: int = 0
     kept: int = 0
     dropped: int = 0
@@ -58,7 +58,7 @@ class Spooled:
     noise: int = 0
     """Points left out because the file calls them no part of the survey."""
     voids: int = 0
-    """Points whose height stands for "no data"."""
+    """Number of points whose height means "no data"."""
     heights: HeightEdges = field(default_factory=HeightEdges)
     low: Float64 = field(default_factory=lambda: np.full(3, np.inf))
     high: Float64 = field(default_factory=lambda: np.full(3, -np.inf))
@@ -71,7 +71,7 @@ class Spooled:
     """Its points that a file before it has, too, or that are in it twice."""
 
     def look_at_colours(self, colours: AnyArray, scan: int) -> None:
-        """Take the colours of further points into account."""
+        """Update with the colours of more points."""
         if scan not in self.colours:
             self.colours[scan] = ColourCounts(self.stream.colour_limits.get(scan))
         self.colours[scan].look(colours)
@@ -214,7 +214,7 @@ def _spool(
             stream = replace(stream, crs=file.crs_beside)
         reading.start(file, stream)
         for chunk in stream.chunks():
-            # (1) Which points are taken. Invariant: read = kept + dropped + noise + voids + those
+            # (1) Select points. Invariant: read = kept + dropped + noise + voids + those
             # outside.
             columns = _columns_of(chunk, stream)
             if part is None:

@@ -1,6 +1,6 @@
-"""Points and files that are no part of the survey by where they are: left out, or refused.
+"""Points and files that do not belong to the survey by their position: left out, or refused.
 
-Heights that stand for "no data", and points that lie too far from all others.
+These are heights that mean "no data", and points too far from all others.
 """
 
 from __future__ import annotations
@@ -30,22 +30,23 @@ _MOST_STRAYS: Final = 0.01
 """Share of points that may lie far from the others; more are another site, not a slip."""
 
 _VOID_GAP: Final = 50.0
-"""Least distance, in the file's unit, of a height that stands for "no data" from all others. Below
-it a shared height may be still water under a canopy, or a roof."""
+"""Minimum distance, in the file's unit, of a height that means "no data" from all others. Below it,
+a shared height may be still water under a canopy, or a roof."""
 
 _VOID_SHARE: Final = 0.001
-"""Share of the points that have such a height, at least; a few are strays that cleaning drops."""
+"""Minimum share of points with such a height; fewer are outliers that the cleaning stage
+removes."""
 
 _IMPOSSIBLE_HEIGHT: Final = 9000.0
 _IMPOSSIBLE_GAP: Final = 1000.0
-"""A height beyond the first and so far from all others is no ground, wherever its points lie."""
+"""A height beyond the first, and at least the second away from all others, cannot be ground."""
 
 _SCATTERED: Final = 0.5
-"""Share of the points with a shared height that have others of the survey in their cell from above,
-from which they are no surface of their own (still water at the foot of a cliff)."""
+"""Minimum share of points with a shared height that have other points in their plan cell; below it,
+they may be a surface (still water at the foot of a cliff)."""
 
 _RIM: Final = 5
-"""Percentile of the coordinates at which the middle of a survey ends; cells cover three times its
+"""Percentile of the coordinates that bounds the middle of a survey; cells cover three times its
 sides."""
 
 _CELL_POINTS: Final = 16
@@ -53,18 +54,18 @@ _MOST_CELLS: Final = 1 << 22
 
 _SUSPECT_GAP: Final = 10.0
 _SUSPECT_SPREAD: Final = 0.5
-"""A shared height that stays is told of where it lies so far from the others, and so much of the
-range of theirs."""
+"""A shared height that is kept gives a warning if it is at least this far from the others, in units
+and as a share of their range."""
 
 
 @dataclass(frozen=True, slots=True)
 class PointFilter:
-    """Which points are of the survey."""
+    """Criteria for points that belong to the survey."""
 
     middle: Float64 | None = None
-    """(3,) median of all points, where some are so far away that they cannot be of it."""
+    """(3,) median of all points, if some are too far away to belong to the survey."""
     voids: tuple[float, ...] = ()
-    """Heights that stand for "no data"."""
+    """Heights that mean "no data"."""
 
     def holds(self, points: Float64) -> Bool:
         """Tell which of some points (n, 3) are of the survey."""
@@ -75,17 +76,17 @@ class PointFilter:
 
 
 def leave_void_heights(spooled: Sequence[Spooled]) -> tuple[PointFilter, tuple[str, ...]]:
-    """Leave out points whose height stands for "no data", such as -9999, or 0 in mountains.
+    """Leave out points whose height means "no data", such as -9999, or 0 in mountains.
 
-    Such a height is shared by many points, lies far below or above all others, and its points lie
-    among others as seen from above; a surface that is flat to the last digit (still water) has its
-    own place. Where it cannot be told, the points stay and a warning says so.
+    Many points share such a height, it is far below or above all others, and its points are
+    scattered among others in plan; an exactly flat surface (still water) covers an area of its own.
+    In doubt the points are kept, with a warning.
 
     Returns
     -------
     taken : PointFilter
     warnings : tuple of str
-        What is left out, and what may be worth it.
+        Heights that are left out, and heights that perhaps should be.
     """
     edges = HeightEdges.joined(part.heights for part in spooled)
     total = sum(part.kept for part in spooled)
@@ -122,9 +123,9 @@ def leave_void_heights(spooled: Sequence[Spooled]) -> tuple[PointFilter, tuple[s
 
 
 def _far_heights(heights: Sequence[float]) -> list[tuple[list[float], float]]:
-    """Group the heights at an end of the survey, and give how far each group is from the next.
+    """Group the heights at an end of the survey, and return the distance of each group to the next.
 
-    The last group is where the others begin; it is left out.
+    The last group, where all other heights begin, is omitted.
     """
     groups: list[tuple[list[float], float]] = []
     first = 0
@@ -137,14 +138,14 @@ def _far_heights(heights: Sequence[float]) -> list[tuple[list[float], float]]:
 
 
 def _range_of(edges: HeightEdges, heights: Sequence[float]) -> float:
-    """Range of the heights apart from some at an end."""
+    """Return the range of the heights without some at an end."""
     others = [h for h in (*edges.lowest, *edges.highest) if h not in heights]
     return max(others) - min(others)
 
 
 def _scattered_share(spooled: Sequence[Spooled], heights: Sequence[float]) -> float:
-    """Share of the points with some heights that have others in their cell, seen from above."""
-    # (1) Cells over nearly all points: a stray must not make them as wide as the survey.
+    """Return the share of points with given heights that have other points in their plan cell."""
+    # (1) Cells over nearly all points: an outlier must not make them as wide as the survey.
     some = _some_points(spooled)[:, :2]
     low, high = np.percentile(some, (_RIM, 100 - _RIM), axis=0)
     low, high = 2 * low - high, 2 * high - low
@@ -153,7 +154,7 @@ def _scattered_share(spooled: Sequence[Spooled], heights: Sequence[float]) -> fl
     cells = min(max(1, 9 * rows // _CELL_POINTS), _MOST_CELLS)
     cell = max(float(np.sqrt(sides[0] * sides[1] / cells)), float(sides.max()) / cells)
     columns, lines = (int(side / cell) + 1 for side in sides)
-    # (2) What each holds.
+    # (2) The points in each cell.
     shared: Int64 = np.zeros(columns * lines, np.int64)
     others = np.zeros(columns * lines, bool)
     for part in spooled:
@@ -169,7 +170,7 @@ def _scattered_share(spooled: Sequence[Spooled], heights: Sequence[float]) -> fl
 
 
 def _some_points(spooled: Sequence[Spooled]) -> Float64:
-    """Read at most a million points or so, of all files alike."""
+    """Read about a million points at most, the same share of all files."""
     step = max(1, sum(part.writer.rows for part in spooled) // _MEDIAN_POINTS)
     chosen: Float64 = np.concatenate(
         [
@@ -198,19 +199,19 @@ def _outside(
 
 
 def leave_strays(spooled: Sequence[Spooled], taken: PointFilter) -> PointFilter:
-    """Leave out the few points that lie hundreds of kilometres from all others, such as 0 0 0.
+    """Leave out the few points that are hundreds of kilometres from all others, such as 0 0 0.
 
     Parameters
     ----------
     spooled : sequence of Spooled
     taken : PointFilter
-        Points that are left out already.
+        Criteria that already leave out points.
 
     Returns
     -------
     PointFilter
-        As it was where there are none, or where they are too many: then the survey is refused by
-        :func:`check_box`. What the columns noted of them (greatest values) stays noted.
+        Unchanged if there are no such points, or too many: then :func:`check_box` refuses the
+        survey. The statistics of columns (largest values) still include these points.
     """
     low = np.min([part.low for part in spooled], axis=0)
     high = np.max([part.high for part in spooled], axis=0)

@@ -82,19 +82,19 @@ def join(
     Parameters
     ----------
     tiles : iterable of Stored
-        From :func:`~.tiled_segment.cut`, in order of the tiles; looked at one at a time.
+        From :func:`~.tiled_segment.cut`, in order of the tiles; loaded one at a time.
     covers : iterable of Stored
-        From :func:`.base_cover.cover`, likewise.
+        From :func:`.base_cover.cover`, in the same order.
     scene : TiledScene
     scale : SceneScale
     regions : Regions
-        As they are published.
+        The published regions.
     seam_regions : ndarray of shape (N, 2), int32
         Regions on both sides of every seam.
     near : NearBase
     options : Options
     tolerance_m : float
-        Of the cover.
+        Tolerance of the cover, metres.
     plan : mapping
         Values of :func:`.tiled_plan.run`.
 

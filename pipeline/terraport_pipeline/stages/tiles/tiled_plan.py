@@ -18,7 +18,8 @@ __all__ = ["NAME", "loose_parts", "run"]
 NAME: Final = "plan-regions"
 
 _LEAST_SHARE: Final = 0.03
-"""Of a region's volume above its toe, from which what may not be material is worth a warning."""
+"""Share of a region's volume above its toe that may not be material, above which a warning is
+given."""
 
 
 def run(
@@ -29,7 +30,7 @@ def run(
     spacing_m: float,
     survey: SurveyNoise | None,
 ) -> Stored:
-    """Measure all regions seen from above.
+    """Measure the plan area and volumes of all regions.
 
     Parameters
     ----------
@@ -37,11 +38,11 @@ def run(
     tiles : DetailTiles
         Read one at a time.
     regions : callable
-        Gives the region of every face of a tile, (F,).
+        Returns the region of every face of a tile, (F,).
     count : int
         Number of regions.
     spacing_m : float
-        Of the points, or of a mesh's vertices.
+        Spacing of the points, or of a mesh's vertices.
     survey : SurveyNoise or None
 
     Returns
@@ -57,7 +58,7 @@ def run(
 
 
 def loose_parts(volumes: Mapping[str, Mapping[str, Any]]) -> list[str]:
-    """Write warnings about volumes that may not be material."""
+    """Return warnings about volumes that may not be material."""
     texts = []
     for key, what in (
         (

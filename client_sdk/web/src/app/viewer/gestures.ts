@@ -18,7 +18,7 @@ export interface GestureTarget {
   paintEnd(cancelled: boolean): void;
 }
 
-/** A tap or a press may move by so many pixels; beyond it is a drag. */
+/** Maximum movement of a tap or a press, pixels; a larger movement is a drag. */
 const STILL_PX = 8;
 const PRESS_MS = 450;
 
@@ -173,7 +173,7 @@ export function listenToGestures(canvas: HTMLElement, target: GestureTarget): ()
     "wheel",
     (event) => {
       event.preventDefault();
-      // Turning the wheel with a button down is looking around.
+      // Turning the wheel while a button is down means looking around.
       for (const contact of contacts.values()) contact.moved = true;
       endPress(true);
       const { x, y } = canvasPointOf(event);

@@ -92,7 +92,7 @@ export function createHints(
     announcer.announce(hint.text);
   }
 
-  /** In any order: who has landed already is not asked to, once he has looked round. */
+  /** Actions may be done in any order: a user who has already landed is not asked to land after looking around. */
   function skipDone(state: ViewerState): void {
     while (seen === 0 ? hasLooked : hints[seen]?.isDone(state) === true) go(1);
   }

@@ -19,7 +19,7 @@ export type KeyAction =
   | "compare"
   | "help";
 
-/** Actions by what is printed on the key. */
+/** Actions, by the character printed on the key. */
 const ACTIONS: Readonly<Record<string, KeyAction>> = {
   " ": "aim",
   e: "aim",
@@ -40,7 +40,7 @@ const ACTIONS: Readonly<Record<string, KeyAction>> = {
   "؟": "help",
 };
 
-/** Keys that move as long as they are held, by what is printed on them; the value is the direction. */
+/** Directions of keys that move while they are held, by the character printed on the key. */
 const HELD: Readonly<Record<string, string>> = {
   arrowup: "up",
   arrowdown: "down",
@@ -55,10 +55,10 @@ const HELD: Readonly<Record<string, string>> = {
   shift: "fast",
 };
 
-/** Keys that walk, by their position: the cross under the left hand, whatever is printed there. */
+/** Directions of keys that walk, by their position under the left hand, whatever is printed on them. */
 const WALKS: Readonly<Record<string, string>> = { w: "forward", a: "left", s: "back", d: "right" };
 
-/** Letters printed on the keys that walk, as far as the browser or a pressed key has said; of a US keyboard otherwise. */
+/** Letters printed on the keys that walk, if known from the browser or a pressed key; else those of a US keyboard. */
 const printed = { w: "W", a: "A", s: "S", d: "D" };
 
 /** The letters printed on the keys that walk: "W A S D", or "Z Q S D" on a French keyboard. */
@@ -77,8 +77,8 @@ function positionOf({ code }: KeyPress): string {
 /**
  * What a key does: a direction while it is held, or an action.
  *
- * Letters mean what is printed on the key. On a keyboard of another script, where no key has Latin letters as its first
- * meaning, they mean the key's position, as those keyboards have Latin letters printed there as well.
+ * Shortcut letters are those printed on the key. On a keyboard with another script, whose keys do not type Latin letters,
+ * they are key positions, since Latin letters are also printed on these keyboards.
  */
 export function meaningOf(event: KeyPress): { readonly held?: string; readonly action?: KeyAction } {
   const position = positionOf(event);
@@ -100,15 +100,15 @@ export interface Keys {
   dispose(): void;
 }
 
-/** Controls that take every key: typing there is no shortcut. A dialog is modal. */
+/** Controls that receive every key: typing in them is not a shortcut. A dialog is modal. */
 const TAKES_ALL =
   "input:not([type=checkbox],[type=radio],[type=range],[type=color],[type=file],[type=button]),textarea,select,[contenteditable],dialog";
 
 /** Listen. `changed` is called when a held key goes down or up. */
 export function listenToKeys(canvas: HTMLElement, act: (action: KeyAction) => void, changed: () => void): Keys {
-  /** What each key that is down does, by its position. */
+  /** Action of each key that is down, by its position. */
   const pressed = new Map<string, string>();
-  /** The control that was clicked last; null once the user goes on with the Tab key. */
+  /** The control that was clicked last; null after the user presses the Tab key. */
   let clicked: Element | null = null;
   const abort = new AbortController();
   const options = { signal: abort.signal };
@@ -116,8 +116,8 @@ export function listenToKeys(canvas: HTMLElement, act: (action: KeyAction) => vo
   const idOf = ({ code, key }: KeyPress) => code || key.toLowerCase();
 
   /**
-   * Whether the focused control keeps this key. A control that was reached with the Tab key keeps those that it may use
-   * itself: Enter, Space, arrows. One that was clicked does not: the user has gone back to the scene.
+   * Return whether the focused control receives this key. A control that was reached with the Tab key receives the keys that
+   * it may use: Enter, Space, arrows. A control that was clicked does not: the user has returned to the scene.
    */
   function isTaken(target: EventTarget | null, key: string): boolean {
     if (!(target instanceof Element) || target === canvas || target === document.body) return false;
@@ -144,7 +144,7 @@ export function listenToKeys(canvas: HTMLElement, act: (action: KeyAction) => vo
       if (isTaken(event.target, event.key)) return;
       const { held, action } = meaningOf(event);
       if (held === undefined && action === undefined) return;
-      // In the capture phase: a tab that was clicked would take the arrows otherwise.
+      // In the capture phase, else a tab that was clicked would handle the arrow keys.
       if (held !== "fast") {
         event.preventDefault();
         event.stopPropagation();
@@ -174,7 +174,7 @@ export function listenToKeys(canvas: HTMLElement, act: (action: KeyAction) => vo
   // A key that goes up in another window is never told.
   window.addEventListener("blur", () => pressed.clear(), options);
 
-  // Only Chromium reports what is printed before a key is pressed.
+  // Only Chromium reports the keyboard layout before a key is pressed.
   const { keyboard } = navigator as { keyboard?: { getLayoutMap?(): Promise<ReadonlyMap<string, string>> } };
   keyboard?.getLayoutMap?.().then(
     (layout) => {

@@ -17,7 +17,7 @@ export interface Labels {
   set(labels: readonly Label[]): void;
   /** After the camera moved: put each where its place is now. */
   update(pixelOf: (position: Vec3) => { readonly x: number; readonly y: number } | null): void;
-  /** Draw what is shown into a picture of the canvas, as the page's style has it; `scale`: its pixels per CSS pixel. */
+  /** Draw the visible labels into a picture of the canvas, in the page's style; `scale`: its pixels per CSS pixel. */
   paint(context: CanvasRenderingContext2D, scale: number): void;
 }
 

@@ -75,7 +75,7 @@ class PageStream {
   constructor(options: StreamOptions) {
     // A worker's addresses are relative to its script, not to the page.
     const sceneUrl = new URL(options.sceneUrl, location.href).href;
-    // Refused here, where the mistake is: from within the worker it would be told as a link that is closed.
+    // Refuse it here, where the mistake is: the worker would report it as a closed connection.
     streamUrl(sceneUrl);
     sessionOptionsOf(options);
     this.#worker = new Worker(new URL("./stream.worker.ts", import.meta.url), {

@@ -247,7 +247,7 @@ export class StreamCore {
   }
 }
 
-/** Without the hash, a bigint, which JSON does not have. */
+/** Omit the hash, a bigint, which JSON cannot represent. */
 function summaryOf({ xxh3: _, ...summary }: SegmentFacts): SegmentSummary {
   return summary;
 }

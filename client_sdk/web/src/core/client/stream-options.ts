@@ -1,4 +1,4 @@
-/** What a stream is opened with: defaults, and what cannot be. PURE. */
+/** Options of a stream: defaults and validation. PURE. */
 
 import { budgetsFor } from "../budgets.ts";
 import { check } from "../session/checks.ts";
@@ -7,7 +7,7 @@ import type { StreamOptions } from "../types.ts";
 import { CLIENT } from "./version.ts";
 
 /**
- * What a session is made with; where nothing is said, as on a desktop computer.
+ * Return the complete options of a session; the defaults are for a desktop computer.
  *
  * @throws RangeError on numbers that the protocol does not allow.
  */

@@ -23,7 +23,7 @@ export class StreamError extends Error {
     this.status = status;
   }
 
-  /** Of an Error, JSON would have neither name nor message. */
+  /** JSON omits name and message of an Error by default. */
   toJSON(): object {
     const { name, code, message, status } = this;
     return { name, code, message, status };
