@@ -101,7 +101,7 @@ def find_photos(directory: Path, views: Iterable[Named]) -> dict[str, Path]:
 
 def _index(directory: Path) -> tuple[dict[str, list[Path]], dict[str, list[Path]]]:
     if not directory.is_dir():
-        raise PhotoError(f"{directory} is no folder; give the folder of the original photos")
+        raise PhotoError(f"{directory} is not a folder; give the folder of the original photos")
     by_name: dict[str, list[Path]] = {}
     by_stem: dict[str, list[Path]] = {}
     for count, path in enumerate(directory.rglob("*")):

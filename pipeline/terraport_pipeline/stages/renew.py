@@ -363,8 +363,8 @@ def _facts(
     warnings = []
     if gone_m2 + added_m2 > _UNCOUNTED_SHARE * whole.area_m2:
         warnings.append(
-            f"{gone_m2 + added_m2:,.0f} m2 of the ground that changed are in one survey alone: "
-            f"cut and fill are without them, over {whole.area_m2:,.0f} m2 that both surveys have."
+            f"{gone_m2 + added_m2:,.0f} m2 of changed ground are in only one of the surveys: cut "
+            f"and fill cover only the {whole.area_m2:,.0f} m2 that are in both."
         )
     if abs(change.shift_m) > seen.registration_m:
         warnings.append(

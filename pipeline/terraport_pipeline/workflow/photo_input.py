@@ -144,7 +144,9 @@ def locate_photos(texturing: Texturing, progress: Progress) -> LocatedPhotos | N
     if texturing.photos is None:
         return None
     if not texturing.photos.is_dir():
-        raise PhotoError(f"{texturing.photos} is no folder; give the folder of the original photos")
+        raise PhotoError(
+            f"{texturing.photos} is not a folder; give the folder of the original photos"
+        )
     cameras = texturing.cameras or cameras_beside(texturing.photos)
     raw = read_raw_cameras(cameras, sizes_below(photo_folder(texturing)))
     # Only names and sizes are checked; poses in the scene need the cloud.

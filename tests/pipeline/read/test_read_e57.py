@@ -164,7 +164,7 @@ def test_values_marked_invalid_are_no_values(tmp_path, sample) -> None:
 
 @pytest.mark.parametrize(
     ("rotation", "says"),
-    [((0.0, 0.0, 0.0, 0.0), "0 0 0 0, which is no rotation"), (HALF_TURN * 2.0, "of length 2")],
+    [((0.0, 0.0, 0.0, 0.0), "0 0 0 0, which is not a rotation"), (HALF_TURN * 2.0, "of length 2")],
 )
 def test_a_quaternion_that_is_no_unit(tmp_path, sample, rotation, says: str) -> None:
     local = sample.points - OFFSET

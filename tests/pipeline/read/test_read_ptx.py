@@ -74,7 +74,7 @@ def test_a_position_that_the_matrix_contradicts_is_named(tmp_path, sample) -> No
     path = tmp_path / "a.ptx"
     path.write_text("\n".join(lines))
     survey = read_in_order(path, sample.points[there(500)])
-    words = "1 of 1 scans state a position up to 5.00 m from where their matrix puts it"
+    words = "In 1 of 1 scans the stated position differs from the matrix by up to 5.00 m"
     assert any(words in warning for warning in survey.warnings)
 
 

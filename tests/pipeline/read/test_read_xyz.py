@@ -190,7 +190,7 @@ def test_intensity_before_or_after_colour_is_never_taken_for_colour(
     path.write_text(rows(sample, columns))
     statement = SurveyStatement()
     if columns != "xyziRGB" and name != "a.pts":  # 16 bits after 8 have one reading, PTS by rule
-        with pytest.raises(ReadError, match="can be read in 2 ways") as caught:
+        with pytest.raises(ReadError, match="it can be read in 2 ways") as caught:
             read_survey(path)
         assert f"--columns {stated}" in caught.value.advice
         statement = SurveyStatement(columns=tuple(stated.split(",")))
@@ -213,7 +213,7 @@ def test_two_sets_of_coordinates_in_a_header_are_refused_with_both_readings(
 ) -> None:
     path = tmp_path / "a.csv"
     path.write_text("E,N,H,X,Y,Z\n" + rows(sample, "xyzXYZ", ","))
-    with pytest.raises(ReadError, match="can be read in 2 ways") as caught:
+    with pytest.raises(ReadError, match="it can be read in 2 ways") as caught:
         read_survey(path)
     assert "--columns -,-,-,x,y,z or --columns x,y,z,-,-,-" in caught.value.advice
 
@@ -300,7 +300,7 @@ def test_metres_in_a_header_contradict_a_crs_in_feet(tmp_path, sample) -> None:
     path = tmp_path / "a.csv"
     path.write_text("X (m),Y (m),Z (m)\n" + rows(sample, "xyz", ","))
     with pytest.raises(
-        ReadError, match=r"'X \(m\)', and x would be read in units of 0.3048"
+        ReadError, match=r"'X \(m\)' for x \(1 m\), but x would be read in units of 0.3048"
     ) as caught:
         read_in_order(path, sample.points, SurveyStatement(crs="EPSG:2263"))
     assert caught.value.advice.startswith("add --units m")
@@ -313,9 +313,9 @@ def test_pts_of_several_scans_with_a_count_before_each(tmp_path, sample) -> None
     path.write_text("\r\n".join(parts) + "\r\n")
     survey = read_in_order(path, sample.points)
     np.testing.assert_array_equal(survey.colours, sample.colours)
-    assert not any("cut off" in warning for warning in survey.warnings)
+    assert not any("truncated" in warning for warning in survey.warnings)
     path.write_text("\n".join(parts[:-50]))
-    expected = "The file says that it has 500 points, and has 450: it may be cut off."
+    expected = "The file states 500 points but has 450: it may be truncated."
     assert expected in read_survey(path).warnings
 
 

@@ -159,7 +159,7 @@ def test_stated_limits_come_first() -> None:
 def test_limits_that_the_values_contradict_are_not_believed(factor: float, limit: float) -> None:
     got, warnings, _ = read(LIT * factor, limits=(0.0, limit))
     np.testing.assert_array_equal(got, LIT)
-    assert "read by their values instead" in warnings[0]
+    assert "the stated range is ignored" in warnings[0]
 
 
 def test_colour_names_are_found_in_any_case_and_spelling() -> None:

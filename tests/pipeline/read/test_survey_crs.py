@@ -194,8 +194,8 @@ def test_units_overrule_the_crs_and_heights_have_their_own() -> None:
         (480_000 * FEET, 2_210_000 * FEET, 32614, "within it in us-ft", "--units us-ft"),
         (984_000 * 0.3048, 200_000 * 0.3048, 2263, "within it in m", "--units m"),
         (-8_240_000, 4_970_000, 3857, "are 1.3", "reproject it"),
-        (1_160_300, 601_250, 5514, "within it as southing and westing", "EPSG:5513"),
-        (1_160_300, 601_250, 5221, "within it as southing and westing", "EPSG:5513"),
+        (1_160_300, 601_250, 5514, "read as southing and westing they are inside", "EPSG:5513"),
+        (1_160_300, 601_250, 5221, "read as southing and westing they are inside", "EPSG:5513"),
     ],
 )
 def test_coordinates_that_contradict_their_crs_are_refused(

@@ -173,7 +173,7 @@ def test_tiles_of_three_depths_and_one_without_colour(tmp_path: Path) -> None:
     warnings = "\n".join(survey.warnings)
     assert "above 255 in 1 points: they are taken as 255. (In t0.laz.)" in warnings
     assert "mix depths" in warnings
-    assert "each point is read by its own depth. (in t2.laz.)" in warnings.lower()
+    assert "each point is scaled by its own depth. (in t2.laz.)" in warnings.lower()
     assert "The fields red, green, blue are 0 in every point. (In t3.laz.)" in warnings
     assert "no colour (RGB) in t3.laz" in warnings
 

@@ -103,7 +103,9 @@ class GltfFile:
                 return file.read(self.binary[1])
         found = find_beside(self.path, unquote(uri))
         if found is None:
-            raise ReadError(self.path, f"its file {uri[:80]} is not beside it", "copy it there")
+            raise ReadError(
+                self.path, f"its file {uri[:80]} is missing", "copy it next to the mesh"
+            )
         return found.read_bytes()
 
     get = __getitem__
@@ -215,7 +217,7 @@ def _unread(path: Path, tree: dict[str, Any]) -> Iterator[str]:
         if name not in _READ and not _HARMLESS.fullmatch(name)
     ]
     if others:
-        yield f"{', '.join(others)} of {path.name} is not read: what it changes is missing."
+        yield f"{path.name} uses {', '.join(others)}, which is not supported and is ignored."
     # (2) Primitives and deformations that are ignored.
     primitives = [one for mesh in tree.get("meshes", ()) for one in mesh.get("primitives", ())]
     left_out = sum(one.get("mode", 4) not in _TRIANGLES for one in primitives)

@@ -215,14 +215,14 @@ def _plan_of_keys(keys: _Keys) -> LasCrs:
     shown = f" ({name})" if name else ""
     if unit is None:
         warnings.append(
-            f"The GeoTIFF keys state a coordinate reference system of the user's own{shown}, "
-            "without a unit. --crs EPSG:n or --units state it."
+            f"The GeoTIFF keys have a user-defined coordinate reference system{shown} without a "
+            "unit. State it with --crs EPSG:n or --units."
         )
         return LasCrs(None, (), tuple(warnings))
     warnings.append(
-        f"The GeoTIFF keys state a coordinate reference system of the user's own{shown} in units "
-        f"of {unit[0]}: sizes are right, and where on Earth the survey lies is not known. --crs "
-        "EPSG:n states it."
+        f"The GeoTIFF keys have a user-defined coordinate reference system{shown} in units of "
+        f"{unit[0]}: sizes are right, but the position on Earth is not known. State it with --crs "
+        "EPSG:n."
     )
     local = _local_crs(name or "local grid", unit)
     return LasCrs(local, (), tuple(warnings))
@@ -315,7 +315,7 @@ def _agree(one: CRS, other: CRS) -> bool:
 def _both(taken: CRS, source: str, other: CRS, other_source: str) -> str:
     return (
         f"The file states {taken.name} ({_axes(taken)}) as {source} and {other.name} "
-        f"({_axes(other)}) as {other_source}: the first counts, by the header. --crs overrules it."
+        f"({_axes(other)}) as {other_source}. Its header selects the first. Override it with --crs."
     )
 
 
@@ -325,7 +325,9 @@ def _axes(crs: CRS) -> str:
 
 
 def _taken(said: str, unit: str) -> str:
-    return f"{said[0].upper()}{said[1:]}: {unit} counts. --units and --height-units overrule it."
+    return (
+        f"{said[0].upper()}{said[1:]}: {unit} is used. Override it with --units or --height-units."
+    )
 
 
 def _not_understood(error: Exception) -> str:

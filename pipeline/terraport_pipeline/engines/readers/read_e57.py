@@ -204,8 +204,8 @@ def _pose(path: Path, header: Any, number: int) -> tuple[Float64 | None, Float64
         written = " ".join(f"{value:g}" for value in quaternion)
         if length < _ZERO_LENGTH:
             warnings.append(
-                f"The pose of scan {number} states the quaternion {written}, which is no rotation: "
-                "its points are moved, and not turned."
+                f"The pose of scan {number} has the quaternion {written}, which is not a rotation: "
+                "only its translation is applied."
             )
         else:
             rotation = Rotation.from_quat(np.roll(quaternion, -1)).as_matrix()

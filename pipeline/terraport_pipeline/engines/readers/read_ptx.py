@@ -125,9 +125,8 @@ def stream_ptx(path: Path) -> PtxStream:
     moved = [number for number, scan in enumerate(scans) if scan.stray_m > _POSITION_TOLERANCE_M]
     if moved:
         warnings.append(
-            f"{len(moved):,} of {len(scans):,} scans state a position up to "
-            f"{max(scan.stray_m for scan in scans):,.2f} m from where their matrix puts it: the "
-            "matrix is used."
+            f"In {len(moved):,} of {len(scans):,} scans the stated position differs from the "
+            f"matrix by up to {max(scan.stray_m for scan in scans):,.2f} m: the matrix is used."
         )
     colours = _COLOURS if has_colour else ()
     return PtxStream(total, tuple(warnings), late_warnings, colours, len(scans), chunks)

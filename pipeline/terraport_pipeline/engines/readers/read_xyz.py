@@ -78,8 +78,8 @@ def stream_xyz(
         warnings.append(_titles(layout.titles))
     if layout.counted is not None and layout.counted + counted != rows and not sampled:
         warnings.append(
-            f"The file says that it has {layout.counted + counted:,} points, and has {rows:,}: it "
-            "may be cut off."
+            f"The file states {layout.counted + counted:,} points but has {rows:,}: it may be "
+            "truncated."
         )
     has_colour = all(name in names for name in _COLOURS)
 

@@ -241,14 +241,14 @@ def choose_rule(
         ):
             return ColourRule((high,), low), ()
         warnings.append(
-            f"The colours are stated to be within {low:g} to {high:g}, and reach from "
-            f"{counts.low:g} to {counts.high:g}: they are read by their values instead."
+            f"The stated range of colours is {low:g} to {high:g}, but they reach from "
+            f"{counts.low:g} to {counts.high:g}: the stated range is ignored."
         )
     if len(tops) > 1:
         small, others = counts.below(tops[0]), counts.above(tops[0])
         warnings.append(
             f"The colours mix depths: {small:,} points have values up to {tops[0]:g}, and "
-            f"{others:,} larger ones up to {counts.high:g}. Each point is read by its own depth."
+            f"{others:,} larger ones up to {counts.high:g}. Each point is scaled by its own depth."
         )
     elif beyond := counts.above(tops[0]):
         warnings.append(

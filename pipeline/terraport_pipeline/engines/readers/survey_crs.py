@@ -184,9 +184,9 @@ def interpret_coordinates(
         )
     if units.axes[2] == "down" and high[2] <= 0.0:
         warnings.append(
-            f"The CRS states depths, which count down, and all z are negative ({low[2]:,.2f} to "
-            f"{high[2]:,.2f}): the ground is taken to be above the datum. If z are heights, state "
-            "a CRS with heights: --crs EPSG:n+m."
+            f"The CRS has depths (positive down), but all z are negative ({low[2]:,.2f} to "
+            f"{high[2]:,.2f}), so the ground would be above the datum. If z are heights, state a "
+            "CRS with heights: --crs EPSG:n+m."
         )
     if horizontal is not None and crs is not None:
         warnings += _check_area(path, low, high, horizontal, units, statement)
@@ -498,8 +498,8 @@ def _check_area(
         if area.holds(turned_x, turned_y):
             raise ReadError(
                 path,
-                f"its coordinates ({where}) lie outside the area of {crs.name}, and within it as "
-                f"{names}: the scene would be turned or a mirror image",
+                f"its coordinates ({where}) are outside the area of {crs.name}; read as {names} "
+                "they are inside: the scene would be rotated or mirrored",
                 "export it as easting, northing, height, or state the CRS that counts so (as "
                 "EPSG:5513 does, and not EPSG:5514)",
             )

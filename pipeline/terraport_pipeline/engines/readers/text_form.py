@@ -320,7 +320,7 @@ def _which(path: Path, what: str, readings: Sequence[Sequence[str]]) -> ReadErro
     ]
     return ReadError(
         path,
-        f"{what} can be read in {len(readings)} ways, and no column says which is right",
+        f"{what} is ambiguous: it can be read in {len(readings)} ways",
         f"add {' or '.join(lines)}",
     )
 

@@ -150,8 +150,8 @@ def check_units(
             advice = "convert the coordinates to metres and export the survey again"
         raise ReadError(
             path,
-            f"it states {words!r}, and {axis} would be read in units of {factor:.9g} m, expected "
-            f"{_METRES[unit]:.9g} m",
+            f"it states {words!r} for {axis} ({_METRES[unit]:.9g} m), but {axis} would be read in "
+            f"units of {factor:.9g} m",
             advice,
         )
 
