@@ -267,7 +267,7 @@ def test_what_is_used_but_not_required_is_refused_by_name_too(
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        (with_extension("ACME_displacement", lambda tree: tree), "ACME_displacement of a.glb"),
+        (with_extension("ACME_displacement", lambda tree: tree), "a.glb uses ACME_displacement"),
         (lambda tree: tree["materials"][0].update(alphaMode="MASK", name="leaf"), "material leaf"),
         (lambda tree: tree["nodes"][0].update(skin=0), "skeleton"),
         (
