@@ -31,9 +31,9 @@ from terraport_pipeline.geometry.graph.graph_options import COLOUR_GRAPH, SHAPE_
 from terraport_pipeline.geometry.graph.graph_segmenter import GraphSegmenter
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.regions.colour import face_lab
+from terraport_pipeline.geometry.regions.engine_options import TrianglePoolOptions
 from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter
 from terraport_pipeline.geometry.regions.mean_colour import MeanColourSegmenter
-from terraport_pipeline.geometry.regions.pool_options import TrianglePoolOptions
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh
 from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools
 from terraport_pipeline.synth.options import QuarryOptions

@@ -47,8 +47,8 @@ from parts.work_arrays import read_base, read_tiles, welded
 from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.geometry.cover.cover import build_cover
 from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
+from terraport_pipeline.geometry.regions.engine_options import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.geometry.regions.kmeans_1d import kmeans_1d
-from terraport_pipeline.geometry.regions.pool_options import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh, segmenter_by_name
 from terraport_pipeline.geometry.regions.triangle_pool import (
     TrianglePools,

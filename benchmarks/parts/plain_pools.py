@@ -13,7 +13,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from terraport_payload.types import AnyArray, Float32, Float64, Int32, UInt8
-from terraport_pipeline.geometry.regions.pool_options import TrianglePoolOptions
+from terraport_pipeline.geometry.regions.engine_options import TrianglePoolOptions
 
 __all__ = ["plain_pools"]
 

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 from terraport_pipeline.cli import build as build_cli
 from terraport_pipeline.option import option_fields
 from terraport_pipeline.options import regions as segment
-from terraport_pipeline.profiles import PROFILES, texture_options
+from terraport_pipeline.options.profiles import PROFILES, texture_options
 from terraport_pipeline.stages import texture
 from terraport_pipeline.workflow.build import BuildOptions
 

@@ -14,14 +14,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final, overload
 
 import numpy as np
-import numpy.typing as npt
 
 from terraport_payload import SegmentMesh
+from terraport_payload.types import AnyArray, Float64
 
 __all__ = ["crs_positions", "to_crs", "to_scene"]
 
 Point = tuple[float, float, float]
-Points = npt.NDArray[np.float64]
+Points = Float64
 
 _AXES: Final = ("east", "north", "up")
 _COLUMN: Final = {"east": 0, "west": 0, "north": 1, "south": 1, "up": 2, "down": 2}
@@ -36,12 +36,12 @@ def to_scene(
 ) -> Point: ...
 @overload
 def to_scene(
-    coordinates: npt.NDArray[Any],
+    coordinates: AnyArray,
     origin: Sequence[float],
     survey_units: Mapping[str, Any] | None = None,
 ) -> Any: ...
 def to_scene(
-    coordinates: Sequence[float] | npt.NDArray[Any],
+    coordinates: Sequence[float] | AnyArray,
     origin: Sequence[float],
     survey_units: Mapping[str, Any] | None = None,
 ) -> Any:
@@ -83,12 +83,12 @@ def to_crs(
 ) -> Point: ...
 @overload
 def to_crs(
-    position: npt.NDArray[Any],
+    position: AnyArray,
     origin: Sequence[float],
     survey_units: Mapping[str, Any] | None = None,
 ) -> Any: ...
 def to_crs(
-    position: Sequence[float] | npt.NDArray[Any],
+    position: Sequence[float] | AnyArray,
     origin: Sequence[float],
     survey_units: Mapping[str, Any] | None = None,
 ) -> Any:
@@ -131,7 +131,7 @@ def crs_positions(mesh: SegmentMesh, manifest: Mapping[str, Any]) -> Points:
     return positions
 
 
-def _rows(values: Sequence[float] | npt.NDArray[Any]) -> tuple[Points, bool]:
+def _rows(values: Sequence[float] | AnyArray) -> tuple[Points, bool]:
     """Return values as (N, 3) float64, and True if they are a single position."""
     given = np.asarray(values, np.float64)
     if given.ndim not in (1, 2) or given.shape[-1] != 3:

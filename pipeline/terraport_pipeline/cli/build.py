@@ -17,8 +17,8 @@ from terraport_pipeline.cli.edge import watching
 from terraport_pipeline.cli.from_options import command_of
 from terraport_pipeline.errors import PipelineError
 from terraport_pipeline.options.build import BuildOptions
+from terraport_pipeline.options.profiles import PROFILES, Profile, texture_options
 from terraport_pipeline.options.texturing import Texturing
-from terraport_pipeline.profiles import PROFILES, Profile, texture_options
 from terraport_pipeline.survey.inputs import expand_input
 
 if TYPE_CHECKING:

@@ -22,8 +22,8 @@ from terraport_pipeline.geometry.regions.region_totals import (
     tile_totals,
     totals_document,
 )
-from terraport_pipeline.geometry.regions.toe_volumes import SurveyNoise
-from terraport_pipeline.geometry.regions.top_surface import TopSurface
+from terraport_pipeline.geometry.volumes.toe_volumes import SurveyNoise
+from terraport_pipeline.geometry.volumes.top_surface import TopSurface
 from terraport_pipeline.naming.views import best_views
 from terraport_pipeline.published.ground import Ground
 

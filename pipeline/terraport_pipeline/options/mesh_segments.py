@@ -12,13 +12,13 @@ from terraport_pipeline.geometry.graph.graph_options import (
     OPEN_SHAPE_GRAPH,
     SHAPE_GRAPH,
 )
-from terraport_pipeline.geometry.regions.engine_defaults import (
+from terraport_pipeline.geometry.regions.engine_options import (
     FELZENSZWALB_SHARE,
     MEANS_LEAK,
     MEANS_LIGHTNESS,
     MEANS_SMALL_SHARE,
+    REGION_POOLS,
 )
-from terraport_pipeline.geometry.regions.pool_options import REGION_POOLS
 from terraport_pipeline.option import Option, check_options
 from terraport_pipeline.options.regions import MOST_SCALE, OF_ENGINES, Engine, EngineOptions
 

@@ -11,14 +11,15 @@ from terraport_pipeline.geometry.graph.graph_options import (
     OPEN_SHAPE_GRAPH,
     SHAPE_GRAPH,
 )
-from terraport_pipeline.geometry.regions.engine_defaults import (
+from terraport_pipeline.geometry.regions.engine_options import (
     BORDERS_SIZE_M,
     FELZENSZWALB_SCALE,
     FELZENSZWALB_SHARE,
+    FINE_POOLS,
     MEANS_SMALL_SHARE,
     MEANS_SPREAD,
+    REGION_POOLS,
 )
-from terraport_pipeline.geometry.regions.pool_options import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.option import LENGTH, Option, check_options, option_fields
 
 __all__ = [

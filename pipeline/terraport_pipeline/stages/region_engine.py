@@ -19,9 +19,9 @@ from terraport_pipeline.geometry.graph.graph_options import (
     SHAPE_GRAPH,
 )
 from terraport_pipeline.geometry.graph.graph_segmenter import GraphSegmenter
+from terraport_pipeline.geometry.regions.engine_options import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.geometry.regions.grid_segmenter import GridSegmenter
 from terraport_pipeline.geometry.regions.mean_colour import MeanColourSegmenter
-from terraport_pipeline.geometry.regions.pool_options import FINE_POOLS, REGION_POOLS
 from terraport_pipeline.geometry.regions.segmenter import (
     Segmenter,
     SegmenterMesh,

@@ -324,7 +324,7 @@ class _Prover:
         """Leave out rays that start below the base: they are not views from outside the ground."""
         model = self._model
         over = np.ones(len(rays.kind), np.bool_)
-        up = np.tile(np.float32([0, 1, 0]), (len(rays.kind), 1))
+        up = np.tile(np.array([0, 1, 0], np.float32), (len(rays.kind), 1))
         for heading in (rays.directions, up):
             face = self._base.closest_hit(rays.origins, heading)[1]
             normals = face_normals(model.base_vertices, model.base_faces, np.maximum(face, 0))
@@ -415,6 +415,8 @@ class _Prover:
         rank = np.where(distance <= reach, distance / reach, -1.0) + sum(
             weight * mark[rows] for weight, mark in zip((4, 2), marks, strict=True)
         )
+        # Grazing rays search for holes; what they see beside is outlines.
+        rank[(rays.kind[rows] == RayKind.GRAZING) & ~marks[0][rows]] = -1.0
         at = int(np.argmax(rank))
         row, score = int(rows[at]), float(rank[at])
         if score <= self._tally.worst_score:

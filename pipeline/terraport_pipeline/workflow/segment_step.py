@@ -28,7 +28,7 @@ import xxhash
 
 from terraport_payload.types import AnyArray, Int32
 from terraport_pipeline.geometry.regions.region_totals import slope_bins
-from terraport_pipeline.geometry.regions.toe_volumes import SurveyNoise
+from terraport_pipeline.geometry.volumes.toe_volumes import SurveyNoise
 from terraport_pipeline.options import regions as segment
 from terraport_pipeline.stages.contract import STORED, Context, Json, Stored
 from terraport_pipeline.stages.tiles import (

@@ -13,7 +13,7 @@ from typing import Final
 
 from terraport_pipeline.engines import poisson
 from terraport_pipeline.errors import OptionError, ResourceError
-from terraport_pipeline.geometry.regions.engine_defaults import BORDERS_SIZE_M
+from terraport_pipeline.geometry.regions.engine_options import BORDERS_SIZE_M
 from terraport_pipeline.geometry.tiles.tile_plan import TilePlan
 from terraport_pipeline.options.regions import Options
 from terraport_pipeline.stages.region_engine import border_segmenter, sized

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from terraport_payload.types import Int32
-from terraport_pipeline.geometry.regions.pool_options import TrianglePoolOptions
+from terraport_pipeline.geometry.regions.engine_options import TrianglePoolOptions
 from terraport_pipeline.geometry.regions.shape_index import shape_index
 from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools
 from terraport_research.cutters.contract import Body, Cut, Cutter

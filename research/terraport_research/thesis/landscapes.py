@@ -9,7 +9,7 @@ import numpy as np
 
 from terraport_payload.types import Int32
 from terraport_pipeline.errors import PipelineError
-from terraport_pipeline.geometry.regions.pool_options import REGION_POOLS
+from terraport_pipeline.geometry.regions.engine_options import REGION_POOLS
 from terraport_pipeline.geometry.regions.segmenter import SegmenterMesh, segmenter_by_name
 from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools
 from terraport_pipeline.progress import Progress

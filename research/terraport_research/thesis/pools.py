@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.geometry.regions.pool_options import REGION_POOLS
+from terraport_pipeline.geometry.regions.engine_options import REGION_POOLS
 from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools_many
 from terraport_pipeline.progress import Progress
 from terraport_research.booklet_model import Column, Row, Table

@@ -27,7 +27,7 @@ from terraport_pipeline.cli.build import register
 from terraport_pipeline.cli.from_options import options_of
 from terraport_pipeline.engines.ktx2 import require_encoder
 from terraport_pipeline.errors import OptionError
-from terraport_pipeline.profiles import PROFILES
+from terraport_pipeline.options.profiles import PROFILES
 from terraport_pipeline.workflow.build import BuildOptions
 from terraport_store import read_manifest, validate_scene
 

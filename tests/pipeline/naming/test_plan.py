@@ -243,7 +243,7 @@ def test_a_hole_is_none_of_the_region_and_facts_are_written(scene, tmp_path) -> 
     meta, _, geometry, columns = pyogrio.raw.read(path)
     row = dict(zip(meta["fields"], (column[0] for column in columns), strict=True))
     assert row["name"] == "pit"
-    assert row["area_m2"] > 60 * 50 - 15 * 15
+    assert row["surface_area_m2"] > 60 * 50 - 15 * 15
     assert row["colour"].startswith("#")
     assert {"region", "slope_deg", "rough_m", "lowest_m", "highest_m"} <= set(row)
     import shapely

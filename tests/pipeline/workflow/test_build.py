@@ -48,7 +48,7 @@ KEPT = {
     "segment": [
         "segment-measure-00000", "segment-scale", "segment-units-00000", "segment-regions",
         "segment-numbers", "segment-samples", "segment-cut-00000", "cover-scale",
-        "segment-cover-00000", "segment",
+        "segment-cover-00000", "segment", "plan-regions",
     ],
     "base_atlas": ["base_atlas"],
     "pack": ["pack-scales", "pack-tile-00000", "pack"],
@@ -317,7 +317,7 @@ def test_a_bad_survey_leaves_the_old_scene(copy: Path) -> None:
 
 
 def test_paths_that_cannot_be(tmp_path: Path, hill_file: Path) -> None:
-    with pytest.raises(SurveyError, match="no file"):
+    with pytest.raises(SurveyError, match="no such file"):
         build(options_for(tmp_path / "none.laz", tmp_path / "scene"))
     (tmp_path / "empty").mkdir()
     with pytest.raises(SurveyError, match="empty is empty"):

@@ -53,7 +53,7 @@ from terraport_pipeline.geometry.borders.lasting import lasting_regions
 from terraport_pipeline.geometry.borders.unions import CostRule, Units, unite_level, unite_seeds
 from terraport_pipeline.geometry.graph.merge_tree import MergeTree, merge_tree
 from terraport_pipeline.geometry.regions.colour import face_lab
-from terraport_pipeline.geometry.regions.engine_defaults import BORDERS_SIZE_M
+from terraport_pipeline.geometry.regions.engine_options import BORDERS_SIZE_M
 from terraport_pipeline.geometry.regions.mean_scale import ColourTotals, axis_index
 from terraport_pipeline.geometry.regions.pool_refine import number_by_first
 from terraport_pipeline.geometry.regions.segmenter import Segmentation, SegmenterMesh

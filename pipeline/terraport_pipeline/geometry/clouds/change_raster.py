@@ -36,7 +36,7 @@ from terraport_pipeline.geometry.clouds.ground_cells import (
     key_indices,
 )
 from terraport_pipeline.geometry.clouds.ground_change import GroundScale
-from terraport_pipeline.geometry.volume_error import CONFIDENCE
+from terraport_pipeline.geometry.volumes.volume_error import CONFIDENCE
 
 __all__ = ["MAX_RASTER_CELLS", "ChangeRaster", "make_raster"]
 

@@ -208,7 +208,7 @@ def random_places(
     rng: np.random.Generator,
     *,
     cumulative_area: Float64 | None = None,
-) -> tuple[Float64, Int64]:
+) -> tuple[Float64, Int32]:
     """Choose random points, evenly distributed over the surface of a mesh.
 
     Parameters
@@ -228,7 +228,7 @@ def random_places(
     -------
     points : ndarray of shape (count, 3), float64
         Points on faces, metres.
-    faces : ndarray of shape (count,), int64
+    faces : ndarray of shape (count,), int32
         Face of each point.
     """
     running = cumulative_face_area(vertices, faces) if cumulative_area is None else cumulative_area
@@ -242,7 +242,7 @@ def random_places(
         + corner[:, 1] * first * (1 - second)
         + corner[:, 2] * first * second
     )
-    return points, face
+    return points, face.astype(np.int32)
 
 
 def cumulative_face_area(vertices: Float32, faces: Int32, *, steep_weight: float = 0.0) -> Float64:

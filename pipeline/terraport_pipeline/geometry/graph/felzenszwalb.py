@@ -30,7 +30,7 @@ from terraport_pipeline.geometry.regions.colour import (
     srgb_to_lab,
     white_distance_of_sums,
 )
-from terraport_pipeline.geometry.regions.engine_defaults import (
+from terraport_pipeline.geometry.regions.engine_options import (
     FELZENSZWALB_SCALE,
     FELZENSZWALB_SHARE,
 )

@@ -40,7 +40,7 @@ from terraport_payload.types import Float32, Float64, Int32
 from terraport_pipeline.geometry.mesh.face_measures import edge_steps
 from terraport_pipeline.geometry.mesh.unit_rows import rows_of_pairs
 from terraport_pipeline.geometry.regions.colour import face_lab
-from terraport_pipeline.geometry.regions.engine_defaults import (
+from terraport_pipeline.geometry.regions.engine_options import (
     MEANS_LEAK,
     MEANS_LIGHTNESS,
     MEANS_SMALL_SHARE,

@@ -4,9 +4,10 @@ A cell of the raster is divided among the regions whose surface is in it, in pro
 plan area in the cell. So the volumes of all regions, and of cells without a surface, add up to the
 raster's. Uncertainties do not: errors of single cells partly cancel out in the sum.
 
-Uncertainty (:mod:`terraport_pipeline.geometry.volume_error`): the offset between the surveys, as
-measured on ground that did not move, is an error shared by all cells; the noise of each cell's
-height difference is independent; the bias from summing only one sign of the noise is added.
+Uncertainty (:mod:`terraport_pipeline.geometry.volumes.volume_error`): the offset between the
+surveys, as measured on ground that did not move, is an error shared by all cells; the noise of
+each cell's height difference is independent; the bias from summing only one sign of the noise is
+added.
 
 PURE: no I/O, no clock.
 """
@@ -20,7 +21,7 @@ from typing import Final
 import numpy as np
 
 from terraport_payload.types import AnyFloat, Bool, Float32, Float64, Int32, Int64
-from terraport_pipeline.geometry.volume_error import CONFIDENCE, clipping_bias, interval_m3
+from terraport_pipeline.geometry.volumes.volume_error import CONFIDENCE, clipping_bias, interval_m3
 
 __all__ = ["ChangeMap", "RegionVolumes", "add_shares", "region_volumes"]
 

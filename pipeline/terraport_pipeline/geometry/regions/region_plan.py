@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from terraport_pipeline.geometry.regions.toe_volumes import SurveyNoise, toe_volumes
-from terraport_pipeline.geometry.regions.top_surface import TopSurface
+from terraport_pipeline.geometry.volumes.toe_volumes import SurveyNoise, toe_volumes
+from terraport_pipeline.geometry.volumes.top_surface import TopSurface
 
 __all__ = ["MAX_VOLUMES", "RASTER", "measure_plan", "with_plan"]
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from terraport_payload.types import AnyFloat, Float32, Int32, UInt8
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
-from terraport_pipeline.geometry.regions.pool_options import (
+from terraport_pipeline.geometry.regions.engine_options import (
     FINE_POOLS,
     REGION_POOLS,
     TrianglePoolOptions,

@@ -45,12 +45,12 @@ from terraport_pipeline.geometry.mesh.adjacency import (
 )
 from terraport_pipeline.geometry.mesh.chunks import side_by_side
 from terraport_pipeline.geometry.mesh.kernel_input import as_kernel_input
-from terraport_pipeline.geometry.regions.kmeans_1d import kmeans_1d
-from terraport_pipeline.geometry.regions.pool_options import (
+from terraport_pipeline.geometry.regions.engine_options import (
     FINE_POOLS,
     REGION_POOLS,
     TrianglePoolOptions,
 )
+from terraport_pipeline.geometry.regions.kmeans_1d import kmeans_1d
 from terraport_pipeline.geometry.regions.pool_refine import (
     join_nearest,
     number_by_first,

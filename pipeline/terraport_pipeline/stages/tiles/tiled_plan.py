@@ -7,8 +7,8 @@ from typing import Any, Final
 
 from terraport_payload.types import Int32
 from terraport_pipeline.geometry.regions.region_plan import measure_plan
-from terraport_pipeline.geometry.regions.toe_volumes import SurveyNoise
-from terraport_pipeline.geometry.regions.top_surface import TopSurface
+from terraport_pipeline.geometry.volumes.toe_volumes import SurveyNoise
+from terraport_pipeline.geometry.volumes.top_surface import TopSurface
 from terraport_pipeline.stages.contract import Stored
 from terraport_pipeline.stages.tiles.detail_tiles import DetailTiles
 from terraport_pipeline.stages.tiles.scene_facts import TiledScene

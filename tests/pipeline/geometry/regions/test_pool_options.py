@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from terraport_pipeline.geometry.regions.pool_options import (
+from terraport_pipeline.geometry.regions.engine_options import (
     FINE_POOLS,
     REGION_POOLS,
     TrianglePoolOptions,

@@ -7,7 +7,7 @@ import pytest
 
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs, vertex_pairs
 from terraport_pipeline.geometry.regions import triangle_pool
-from terraport_pipeline.geometry.regions.pool_options import (
+from terraport_pipeline.geometry.regions.engine_options import (
     FINE_POOLS,
     REGION_POOLS,
     TrianglePoolOptions,

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from terraport_pipeline.geometry.regions.toe_volumes import SurveyNoise, ToeVolume, toe_volumes
-from terraport_pipeline.geometry.regions.top_surface import TopSurface
+from terraport_pipeline.geometry.volumes.toe_volumes import SurveyNoise, ToeVolume, toe_volumes
+from terraport_pipeline.geometry.volumes.top_surface import TopSurface
 
 LINE = np.arange(-60.0, 60.5, 0.5)
 X, Y = np.meshgrid(LINE, LINE)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from terraport_pipeline.geometry.regions.region_plan import measure_plan, with_plan
-from terraport_pipeline.geometry.regions.top_surface import TopSurface
+from terraport_pipeline.geometry.volumes.top_surface import TopSurface
 
 
 def sheet(low: float, high: float, y: float, cells: int, *, is_down: bool = False) -> tuple:

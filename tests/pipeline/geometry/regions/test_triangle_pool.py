@@ -12,7 +12,7 @@ import pytest
 from terraport_pipeline.geometry.mesh import adjacency
 from terraport_pipeline.geometry.mesh.adjacency import face_pairs
 from terraport_pipeline.geometry.regions.colour import white_distance
-from terraport_pipeline.geometry.regions.pool_options import (
+from terraport_pipeline.geometry.regions.engine_options import (
     FINE_POOLS,
     REGION_POOLS,
     TrianglePoolOptions,

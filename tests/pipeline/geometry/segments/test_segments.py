@@ -9,7 +9,7 @@ import pytest
 
 from terraport_pipeline.geometry.mesh.adjacency import components, face_pairs
 from terraport_pipeline.geometry.mesh.chunks import CHUNK
-from terraport_pipeline.geometry.regions.pool_options import FINE_POOLS, TrianglePoolOptions
+from terraport_pipeline.geometry.regions.engine_options import FINE_POOLS, TrianglePoolOptions
 from terraport_pipeline.geometry.regions.triangle_pool import triangle_pools, triangle_pools_many
 from terraport_pipeline.geometry.segments.segments import SegmentOptions, build_segments
 

@@ -6,8 +6,8 @@ surface; the reference is its Delaunay triangulation, with linear heights. Volum
 the reference are separate sums: Pix4D calls them cut and fill of the "Triangulated" base surface.
 They distinguish a pile from a pit.
 
-Uncertainty (:mod:`terraport_pipeline.geometry.volume_error`). A shift of the whole survey moves
-pile and toe alike, and cancels out. The remaining errors:
+Uncertainty (:mod:`terraport_pipeline.geometry.volumes.volume_error`). A shift of the whole survey
+moves pile and toe alike, and cancels out. The remaining errors:
 
 - noise of the points on the surface, independent: a point represents the square of the spacing;
 - noise of the points at the toe, independent, each weighted with the area of the reference that
@@ -45,7 +45,7 @@ from scipy.interpolate import LinearNDInterpolator
 from scipy.spatial import Delaunay, QhullError
 
 from terraport_payload.types import AnyFloat, AnyInt, Bool, Float64
-from terraport_pipeline.geometry.volume_error import clipping_bias, interval_m3, noise_m3
+from terraport_pipeline.geometry.volumes.volume_error import clipping_bias, interval_m3, noise_m3
 
 __all__ = ["SurveyNoise", "ToeVolume", "toe_volumes"]
 

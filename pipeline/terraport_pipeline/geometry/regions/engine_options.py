@@ -1,4 +1,6 @@
-"""Parameters of the Triangle Pool Algorithm, and the two published settings.
+"""Parameters of the Triangle Pool Algorithm, and default sizes and thresholds of other engines.
+
+Apart from the kernels, so that ``--help`` imports only this.
 
 PURE: no I/O, no clock.
 """
@@ -9,7 +11,18 @@ import math
 from dataclasses import dataclass
 from typing import Final, Literal
 
-__all__ = ["FINE_POOLS", "REGION_POOLS", "TrianglePoolOptions"]
+__all__ = [
+    "BORDERS_SIZE_M",
+    "FELZENSZWALB_SCALE",
+    "FELZENSZWALB_SHARE",
+    "FINE_POOLS",
+    "MEANS_LEAK",
+    "MEANS_LIGHTNESS",
+    "MEANS_SMALL_SHARE",
+    "MEANS_SPREAD",
+    "REGION_POOLS",
+    "TrianglePoolOptions",
+]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,3 +87,25 @@ REGION_POOLS: Final = TrianglePoolOptions()
 """Published setting for regions: Th = 0.7, sTh = 0.015."""
 FINE_POOLS: Final = TrianglePoolOptions(threshold=0.2, small_threshold=0.0)
 """Published setting for streaming segments: Th = 0.2, sTh = 0."""
+
+BORDERS_SIZE_M: Final = 15.0
+"""Region size of the border engine, metres."""
+
+MEANS_SPREAD: Final = 0.95
+"""Maximum colour difference of the mean-colour engine, in multiples of the scene's colour
+spread."""
+
+MEANS_SMALL_SHARE: Final = 0.002
+"""Share of all faces below which a region of the mean-colour engine joins a neighbour."""
+
+FELZENSZWALB_SCALE: Final = 100.0
+"""k of the felzenszwalb engine, CIELAB units x faces."""
+
+FELZENSZWALB_SHARE: Final = 0.002
+"""Share of all faces below which a region of the felzenszwalb engine joins a neighbour."""
+
+MEANS_LIGHTNESS: Final = 0.25
+"""Weight of lightness against a* and b* in the mean-colour engine."""
+
+MEANS_LEAK: Final = 0.3
+"""Power of perimeter over common border in the mean-colour engine."""

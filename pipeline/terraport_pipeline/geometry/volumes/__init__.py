@@ -1,0 +1,1 @@
+"""Volumes and areas of regions: the highest surface, the toe, and the uncertainty."""
