@@ -6,7 +6,9 @@
  */
 
 import type { GroupCommand, GroupEvent } from "./group-types.ts";
-import type { SurveyAxis } from "./scene/survey.ts";
+
+/** Direction in which a coordinate of the survey counts. */
+export type SurveyAxis = "east" | "west" | "north" | "south" | "up" | "down";
 
 /** x, y, z in metres of the scene frame. */
 export type Vec3 = readonly [number, number, number];

@@ -34,6 +34,10 @@ export class FakeContext {
     return null;
   }
 
+  pixelStorei(): void {
+    // Images are kept as they are written.
+  }
+
   bindVertexArray(): void {
     // There is only one.
   }
@@ -132,11 +136,18 @@ export function fakeRenderer(): WebGLRenderer {
       context.images = images;
     },
     unbindTexture: () => undefined,
-    pixelStorei: () => undefined,
   };
+  const properties = new WeakMap<object, object>();
   const renderer = {
     getContext: () => context,
     state,
+    properties: {
+      get: (of: object): object => {
+        const found = properties.get(of) ?? {};
+        properties.set(of, found);
+        return found;
+      },
+    },
     xr: { isPresenting: false },
     compileAsync: async () => undefined,
   };

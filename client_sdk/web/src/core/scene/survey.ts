@@ -1,18 +1,16 @@
 /** From the scene's frame to the survey's coordinates (scene format, sections 3 and 4). */
 
-import type { SceneManifest, Vec3 } from "../types.ts";
+import type { SceneManifest, SurveyAxis, Vec3 } from "../types.ts";
 
 /** Column of easting, northing, height, and sign, by the direction in which a coordinate counts. */
-const DIRECTIONS = {
+const DIRECTIONS: Readonly<Record<SurveyAxis, readonly [0 | 1 | 2, 1 | -1]>> = {
   east: [0, 1],
   west: [0, -1],
   north: [1, 1],
   south: [1, -1],
   up: [2, 1],
   down: [2, -1],
-} as const;
-
-export type SurveyAxis = keyof typeof DIRECTIONS;
+};
 
 export function isSurveyAxis(value: unknown): value is SurveyAxis {
   return typeof value === "string" && Object.hasOwn(DIRECTIONS, value);
