@@ -15,7 +15,7 @@ async (given) => {
   const PER_PAGE = Math.min(64, Math.floor(65535 / vPerSeg));
   const height_of = (x, z) => 3 * Math.sin(x * .11) * Math.cos(z * .13) + 1.2 * Math.sin(x * .5 + z * .3) + 4 * Math.max(0, Math.sin((x + z) * .045)) ;
   // ---- programs
-  const HEAD = "#version 300 es\n#extension GL_ANGLE_multi_draw : require\nprecision highp float;precision highp int;precision highp sampler2DArray;\nuniform mat4 projectionMatrix;uniform mat4 viewMatrix;\n";
+  const HEAD = "#version 300 es\n#extension GL_ANGLE_multi_draw : require\nprecision highp float;precision highp int;precision highp sampler2DArray;\nuniform mat4 projectionMatrix;uniform mat4 modelViewMatrix;\n";
   const FHEAD = "#version 300 es\nprecision highp float;precision highp int;precision highp sampler2DArray;\nvec4 linearToOutputTexel(vec4 c){return vec4(mix(pow(c.rgb,vec3(0.41666))*1.055-vec3(0.055),c.rgb*12.92,vec3(lessThanEqual(c.rgb,vec3(0.0031308)))),c.a);}\n";
   function program(vs, fs) {
     const p = gl.createProgram();
@@ -95,7 +95,7 @@ async (given) => {
   gl.viewport(0, 0, width, height); gl.enable(gl.DEPTH_TEST);
   let calls = 0;
   function common({p, u}, pose, textured) {
-    gl.useProgram(p); gl.uniformMatrix4fv(u.projectionMatrix, false, perspective()); gl.uniformMatrix4fv(u.viewMatrix, false, view(pose.pitch));
+    gl.useProgram(p); gl.uniformMatrix4fv(u.projectionMatrix, false, perspective()); gl.uniformMatrix4fv(u.modelViewMatrix, false, view(pose.pitch));
     const [x, y, z] = pose.eye; gl.uniform3f(u.eyeCoarse, Math.round(x), Math.round(y), Math.round(z)); gl.uniform3f(u.eyeFine, x - Math.round(x), y - Math.round(y), z - Math.round(z));
     if (u.stepM) { gl.uniform1f(u.stepM, STEP); gl.uniform2f(u.uvScale, 1, 1); } gl.uniform1i(u.mode, 0); gl.uniform1i(u.hasMap, textured); gl.uniform1i(u.hasTint, !textured); gl.uniform1i(u.hasRegion, 1);
     gl.uniform1i(u.map, 0); gl.uniform1i(u.regionColours, 1); gl.uniform1i(u.ramps, 2); gl.uniform1i(u.taught, 3); gl.uniform1f(u.relief, 1); gl.uniform1f(u.mapRelief, 0); gl.uniform1f(u.highlight, -1); gl.uniform1i(u.side, 1); gl.uniform1f(u.taughtShare, 0);
