@@ -25,11 +25,11 @@ from server.grid_scene import write_grid_scene
 
 from terraport_server import Settings
 from terraport_server.app import create_app
-from terraport_server.auth import Gate, TokenPass
+from terraport_server.auth.gate import Gate, TokenPass
+from terraport_server.auth.keys import KeyRing, TokenKey, new_key
+from terraport_server.auth.signed_tokens import make_token
+from terraport_server.auth.token_file import StaticToken
 from terraport_server.http_connection import http_protocol_class
-from terraport_server.signed_tokens import make_token
-from terraport_server.token_file import StaticToken
-from terraport_server.token_keys import KeyRing, TokenKey, new_key
 
 STATIC = 100
 SESSIONS = 2000

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from attacks.messages import Corpus, sensible, sensible_hello
 
-from terraport_server.actions import (
+from terraport_server.session.actions import (
     Close,
     MakePlan,
     RunPick,
@@ -20,8 +20,8 @@ from terraport_server.actions import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.selection import SegmentTable
-from terraport_server.session import Session
+from terraport_server.session.selection import SegmentTable
+from terraport_server.session.session import Session
 from terraport_wire import (
     CLOSE_CODES,
     MAX_CHUNK_BYTES,

@@ -1,8 +1,8 @@
 """terraport service: scenes in, landings out.
 
 :func:`create_app` makes the ASGI application, :func:`run` serves it, :class:`BackgroundServer` runs
-it in a thread. :mod:`~terraport_server.selection`, :mod:`~terraport_server.session` and what they
-are made of are PURE; everything that touches the network is in :mod:`~terraport_server.sender`.
+it in a thread. ``session`` and ``groups`` decide (pure: no I/O, no clock), ``stream`` and ``http``
+speak with clients, ``scenes`` reads what is served, ``auth`` says who may see it.
 """
 
 from __future__ import annotations

@@ -11,12 +11,12 @@ from fastapi.middleware.cors import CORSMiddleware
 from starlette.types import Receive, Scope, Send
 from starlette.websockets import WebSocket
 
-from terraport_server.app_guard import AppGuard
-from terraport_server.endpoints import add_routes
-from terraport_server.page_endpoints import add_page_routes
+from terraport_server.http.guard import AppGuard
+from terraport_server.http.pages import add_page_routes
+from terraport_server.http.scenes import add_routes
 from terraport_server.service import Service
 from terraport_server.settings import Settings
-from terraport_server.stream import stream
+from terraport_server.stream.endpoint import stream
 from terraport_wire import PROTOCOL
 
 __all__ = ["create_app"]

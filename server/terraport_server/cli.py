@@ -198,7 +198,7 @@ def _address(settings: Settings, scheme: str) -> str:
 
 def _viewer_line(settings: Settings, scheme: str) -> str:
     """Return the viewer's address, or why there is no viewer."""
-    from terraport_server.viewer_page import BUILT_PAGE
+    from terraport_server.http.viewer import BUILT_PAGE
 
     if not settings.viewer:
         return "switched off"

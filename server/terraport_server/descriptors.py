@@ -10,7 +10,7 @@ import errno
 import logging
 from typing import Final
 
-from terraport_server.logs import log
+from terraport_server.logging import log
 
 __all__ = ["NO_DESCRIPTOR", "first_reserved", "is_shortage", "make_room", "most_packs"]
 

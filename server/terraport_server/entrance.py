@@ -16,9 +16,9 @@ from collections.abc import Callable, Iterator
 from typing import Final, Protocol
 
 from terraport_server.client_addresses import ARRIVALS_S, ClientAddresses, too_many_of_address
-from terraport_server.fair_queue import FairQueue
 from terraport_server.small_reads import READ_BYTES
 from terraport_server.strangers import Strangers
+from terraport_server.stream.fair_queue import FairQueue
 
 __all__ = ["ADDRESS_SHARE", "PROXIES", "Entrance", "Stranger"]
 

@@ -25,12 +25,12 @@ from websockets.frames import Frame
 from websockets.protocol import State
 
 from terraport_server.client_addresses import too_many_of_address
-from terraport_server.client_turns import ClientTurns
 from terraport_server.entrance import Entrance
 from terraport_server.frame_cutter import FrameCutter
-from terraport_server.priced_queue import Account
-from terraport_server.rate import RateLimit
-from terraport_server.signals import Inbox, Signal
+from terraport_server.session.rate import RateLimit
+from terraport_server.stream.client_turns import ClientTurns
+from terraport_server.stream.priced_queue import Account
+from terraport_server.stream.signals import Inbox, Signal
 from terraport_wire import MAX_CLIENT_MESSAGE_BYTES, CloseCode, ErrorCode
 
 __all__ = ["FRAMES_PER_MESSAGE", "MAX_UNREAD_BYTES", "REFUSED_CLOSE_S", "BoundedPeer"]

@@ -11,28 +11,28 @@ from collections.abc import Awaitable, Callable
 from importlib.metadata import PackageNotFoundError, version
 from typing import Final
 
-from terraport_server.access_watch import AccessWatch
-from terraport_server.actions import RunPick
-from terraport_server.auth import Gate
-from terraport_server.client_turns import ClientTurns
+from terraport_server.auth.gate import Gate
+from terraport_server.auth.watch import AccessWatch
 from terraport_server.errors import PickTimeoutError
-from terraport_server.group_desk import GroupDesk
-from terraport_server.logs import OncePerMinute, log
+from terraport_server.groups.registry import GroupDesk
+from terraport_server.http.viewer import BUILT_PAGE, ViewerPage
+from terraport_server.logging import OncePerMinute, log
 from terraport_server.metrics import Metrics
-from terraport_server.pick import MeshCache, pick
-from terraport_server.pick_line import PickLine
-from terraport_server.priced_queue import Account
-from terraport_server.rate import RateLimit, RatesByName
 from terraport_server.read_buffer import ReadBuffer
-from terraport_server.scene_roots import root_of
-from terraport_server.scenes import SceneRegistry
-from terraport_server.sender import LARGEST_BATCH_BYTES, Sender, SenderLimits
-from terraport_server.served_scene import ServedScene
+from terraport_server.scenes.pick_queue import PickLine
+from terraport_server.scenes.picking import MeshCache, pick
+from terraport_server.scenes.registry import SceneRegistry
+from terraport_server.scenes.roots import root_of
+from terraport_server.scenes.served_scene import ServedScene
+from terraport_server.scenes.strokes import StrokeDesk
+from terraport_server.scenes.tileset import TileDesk
+from terraport_server.session.actions import RunPick
+from terraport_server.session.rate import RateLimit, RatesByName
 from terraport_server.settings import Settings
-from terraport_server.stroke_desk import StrokeDesk
-from terraport_server.tile_desk import TileDesk
-from terraport_server.turns import Turns
-from terraport_server.viewer_page import BUILT_PAGE, ViewerPage
+from terraport_server.stream.client_turns import ClientTurns
+from terraport_server.stream.priced_queue import Account
+from terraport_server.stream.scheduler import Turns
+from terraport_server.stream.sender import LARGEST_BATCH_BYTES, Sender, SenderLimits
 from terraport_store import OriginError
 from terraport_wire import MAX_CHUNK_BYTES, Hit
 

@@ -21,7 +21,7 @@ from terraport_server.doorway import Doorway
 from terraport_server.errors import ServerError, SettingsError
 from terraport_server.group_connection import GroupConnection, passing_class
 from terraport_server.listeners import Listeners
-from terraport_server.logs import configure_logging
+from terraport_server.logging import configure_logging
 from terraport_server.mailbox import Parcel
 from terraport_server.payload_connection import answering_class
 from terraport_server.service import Service

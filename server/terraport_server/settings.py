@@ -15,9 +15,9 @@ from typing import Annotated, Literal
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
-from terraport_server.actions import SessionLimits
 from terraport_server.errors import SettingsError
-from terraport_server.group_state import GroupLimits
+from terraport_server.groups.state import GroupLimits
+from terraport_server.session.actions import SessionLimits
 from terraport_store import is_url, meant_url
 from terraport_wire import (
     MAX_CLIENT_MESSAGE_BYTES,

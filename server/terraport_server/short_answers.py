@@ -12,9 +12,9 @@ import re
 from http import HTTPStatus
 from typing import Final, NamedTuple
 
-from terraport_server.app_guard import EVERYWHERE, RequestRules
 from terraport_server.errors import ServerError
-from terraport_server.payload_files import FileAnswer, Headers, PayloadFiles
+from terraport_server.http.guard import EVERYWHERE, RequestRules
+from terraport_server.http.payload_files import FileAnswer, Headers, PayloadFiles
 from terraport_server.service import Service
 from terraport_store import PayloadRange, StoreError
 

@@ -27,7 +27,7 @@ from typing import Any, Final
 from terraport_server.errors import ServerError
 from terraport_server.group_homes import GroupHomes
 from terraport_server.listeners import Listeners
-from terraport_server.logs import OncePerMinute, log
+from terraport_server.logging import OncePerMinute, log
 from terraport_server.mailbox import Parcel
 from terraport_server.merged_metrics import EndedWorkers
 from terraport_server.settings import Settings

@@ -24,10 +24,10 @@ from starlette.websockets import WebSocketDisconnect
 from websockets.http11 import Request
 from websockets.protocol import State
 
-from terraport_server.client_turns import ClientTurns
 from terraport_server.link_buffer import LinkBuffer
 from terraport_server.peer_limits import FRAMES_PER_MESSAGE, BoundedPeer
 from terraport_server.sending_transport import SendingTransport
+from terraport_server.stream.client_turns import ClientTurns
 
 __all__ = ["EXTENSION", "MAX_FRAMES", "Connection", "connection_of", "protocol_class"]
 

@@ -19,7 +19,7 @@ from typing import Any
 from terraport_server.control import Channel
 from terraport_server.doorway import Doorway
 from terraport_server.errors import ServerError
-from terraport_server.logs import configure_logging, log
+from terraport_server.logging import configure_logging, log
 from terraport_server.mailbox import Mailbox, Parcel
 from terraport_server.serving import TerraportServer, make_server
 from terraport_server.settings import Settings

@@ -20,7 +20,7 @@ from browser.watched_page import Watch
 from faults.service import Service
 from playwright.sync_api import Browser, Page, Playwright, expect, sync_playwright
 
-from terraport_server.viewer_page import BUILT_PAGE
+from terraport_server.http.viewer import BUILT_PAGE
 
 HINTS_SEEN: Final = """try { localStorage.setItem("terraport.hints", "3"); } catch {}"""
 """As the page keeps it; a page without an origin has no storage."""

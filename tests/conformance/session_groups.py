@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from terraport_server.group_state import GroupLimits, Place
-from terraport_server.groups import Groups
-from terraport_server.session import Session
+from terraport_server.groups.groups import Groups
+from terraport_server.groups.state import GroupLimits, Place
+from terraport_server.session.session import Session
 from terraport_wire import Arrived, Gather, Join
 
 __all__ = ["GROUP", "GroupHall"]
@@ -21,7 +21,7 @@ OTHER: Final = "other"
 
 
 class _Door:
-    """One connection's way to the groups; see `terraport_server.actions.GroupPort`."""
+    """One connection's way to the groups; see `terraport_server.session.actions.GroupPort`."""
 
     def __init__(self, groups: Groups, number: int) -> None:
         self._groups = groups

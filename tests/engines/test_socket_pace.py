@@ -41,7 +41,8 @@ def late(cpp: cores.CppCore, server: Service) -> dict[str, Any]:
 def test_the_plugin_sets_the_pace_before_the_module_is_loaded(early: dict[str, Any]) -> None:
     assert early["frame_time_s"] == 0.001
     assert early["warnings"] == 0
-    assert early["rounds"] >= 4 * early["frames"]
+    # Five a frame; a loaded machine misses some. At the engine's own pace it is one in six frames.
+    assert early["rounds"] >= 2 * early["frames"]
 
 
 def test_loaded_before_the_engines_pace_stays_and_the_log_says_so(late: dict[str, Any]) -> None:

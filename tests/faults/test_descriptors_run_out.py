@@ -20,7 +20,7 @@ from server.test_access_watch import write_certificate
 from server.test_secure_transport import client_context
 from websockets.exceptions import InvalidStatus
 
-from terraport_server.scenes import SceneRegistry
+from terraport_server.scenes.registry import SceneRegistry
 from terraport_store import change_labels
 from terraport_wire import Land, Ready
 

@@ -15,7 +15,7 @@ from terraport.cache import CachedSegment, SegmentCache
 from terraport.events import Event, RestoreNeeded, SegmentArrived
 from terraport.session import ClientSession, SessionOptions
 from terraport_payload import encode_glb
-from terraport_server.actions import (
+from terraport_server.session.actions import (
     Close,
     GroupPort,
     MakePlan,
@@ -25,8 +25,8 @@ from terraport_server.actions import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.selection import SegmentTable
-from terraport_server.session import Session as ServerSession
+from terraport_server.session.selection import SegmentTable
+from terraport_server.session.session import Session as ServerSession
 from terraport_wire import (
     DecodeError,
     Direction,

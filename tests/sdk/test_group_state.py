@@ -16,8 +16,8 @@ from terraport.events import (
     GroupRoster,
 )
 from terraport.session import ClientSession, SessionOptions
-from terraport_server.group_state import GroupLimits
-from terraport_server.groups import Groups
+from terraport_server.groups.groups import Groups
+from terraport_server.groups.state import GroupLimits
 from terraport_wire import (
     Arrived,
     Direction,

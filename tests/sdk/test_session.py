@@ -21,7 +21,7 @@ from terraport.events import (
     Refused,
     SegmentRejected,
 )
-from terraport_server.actions import SessionLimits
+from terraport_server.session.actions import SessionLimits
 from terraport_wire import (
     Direction,
     Hello,

@@ -13,7 +13,7 @@ import numpy as np
 from server.plain_client import make_hello
 
 from terraport_payload import box_distances_m
-from terraport_server.actions import (
+from terraport_server.session.actions import (
     Action,
     Close,
     MakePlan,
@@ -23,8 +23,8 @@ from terraport_server.actions import (
     SendMessage,
     SessionLimits,
 )
-from terraport_server.selection import SegmentTable
-from terraport_server.session import Session
+from terraport_server.session.selection import SegmentTable
+from terraport_server.session.session import Session
 from terraport_wire import (
     Aim,
     CloseCode,

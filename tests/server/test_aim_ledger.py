@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from server.session_model import Client, aim, ids, land, make_scene
 
-from terraport_server.actions import Observer, SessionLimits
-from terraport_server.aim_ledger import AimLedger
-from terraport_server.id_set import IdSet
-from terraport_server.session import Session
+from terraport_server.session.actions import Observer, SessionLimits
+from terraport_server.session.aim_ledger import AimLedger
+from terraport_server.session.id_set import IdSet
+from terraport_server.session.session import Session
 from terraport_wire import MAX_CHUNK_BYTES, Evict, Reject
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from terraport_server.auth import Gate, bearer_token, origin_is_allowed
+from terraport_server.auth.gate import Gate, bearer_token, origin_is_allowed
+from terraport_server.auth.token_file import StaticToken, read_tokens
 from terraport_server.errors import SettingsError
 from terraport_server.settings import Settings
-from terraport_server.token_file import StaticToken, read_tokens
 from terraport_wire import ErrorCode
 
 GATE = Gate(

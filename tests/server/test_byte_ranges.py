@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from terraport_server.byte_ranges import choose_part
+from terraport_server.http.byte_ranges import choose_part
 
 ETAG = '"0123456789abcdef"'
 

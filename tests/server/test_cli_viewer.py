@@ -31,5 +31,5 @@ def test_where_the_viewer_is(
 
 
 def test_how_to_get_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("terraport_server.viewer_page.BUILT_PAGE", tmp_path)
+    monkeypatch.setattr("terraport_server.http.viewer.BUILT_PAGE", tmp_path)
     assert "pip install -e ." in _viewer_line(Settings(scenes_dir=tmp_path), "http")

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from terraport_server.client_turns import LEAST_COST, ClientTurns
-from terraport_server.priced_queue import Account
+from terraport_server.stream.client_turns import LEAST_COST, ClientTurns
+from terraport_server.stream.priced_queue import Account
 
 
 def plan(order: list[str], name: str, cost: int) -> Callable[[], int]:

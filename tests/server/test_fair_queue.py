@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terraport_server.fair_queue import EARNED, FairQueue
+from terraport_server.stream.fair_queue import EARNED, FairQueue
 
 
 @given(st.lists(st.sampled_from("abc")))

@@ -8,8 +8,8 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 
-from terraport_server.group_state import GroupLimits
-from terraport_server.groups import Groups
+from terraport_server.groups.groups import Groups
+from terraport_server.groups.state import GroupLimits
 from terraport_wire import Gather, Gathered, Gathering, Join, Joined, Message, Roster
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from terraport_server.id_set import IdSet
+from terraport_server.session.id_set import IdSet
 
 some_ids = st.lists(st.sampled_from([0, 1, 2, 3, 5, 8, 13, 4000, 2**32 - 1]), max_size=8)
 changes = st.lists(

@@ -8,7 +8,7 @@ import logging
 
 import pytest
 
-from terraport_server.logs import (
+from terraport_server.logging import (
     LINES_PER_S,
     LOGGER,
     OncePerMinute,

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from terraport_server.actions import Close, Observer, SendMessage
-from terraport_server.outbox import Outbox
+from terraport_server.session.actions import Close, Observer, SendMessage
+from terraport_server.session.outbox import Outbox
 from terraport_wire import CloseCode, ErrorCode, Gathering, Notice, Roster
 
 

@@ -182,7 +182,7 @@ def test_a_long_list_is_cut(tmp_path: Path, built: Path, monkeypatch: pytest.Mon
     """Of 3,000 scenes each page took 67 ms of the event loop."""
     for name in "abc":
         write_grid_scene(tmp_path / name, cells=2, name=name)
-    monkeypatch.setattr("terraport_server.page_endpoints.MOST_LISTED", 1)
+    monkeypatch.setattr("terraport_server.http.pages.MOST_LISTED", 1)
     with BackgroundServer(tmp_path, viewer=False, viewer_dir=built) as running:
         page = httpx.get(running.url).text
     assert page.count("segments,") == 1

@@ -11,7 +11,7 @@ from server.grid_scene import GridScene, write_grid_scene
 
 from terraport_payload import SegmentMesh
 from terraport_server.errors import PickTimeoutError
-from terraport_server.pick import MeshCache, pick, ray_box_entry, ray_triangles
+from terraport_server.scenes.picking import MeshCache, pick, ray_box_entry, ray_triangles
 from terraport_store import RegionNames, Scene
 from terraport_wire import Hit
 

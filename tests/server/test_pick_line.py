@@ -9,8 +9,8 @@ from collections.abc import Callable
 import pytest
 
 from terraport_server.errors import PickTimeoutError
-from terraport_server.pick_line import PickLine
-from terraport_server.priced_queue import Account
+from terraport_server.scenes.pick_queue import PickLine
+from terraport_server.stream.priced_queue import Account
 
 
 def test_a_newcomers_pick_goes_before_the_rest_of_a_flood() -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from terraport_server.actions import Observer, RunPick, SendMessage
-from terraport_server.outbox import Outbox
-from terraport_server.pick_talk import PickTalk
+from terraport_server.session.actions import Observer, RunPick, SendMessage
+from terraport_server.session.outbox import Outbox
+from terraport_server.session.pick_talk import PickTalk
 from terraport_wire import Error, Pick, Picked
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from terraport_server.priced_queue import Account, PricedQueue
+from terraport_server.stream.priced_queue import Account, PricedQueue
 
 
 def test_who_has_used_least_goes_first_and_then_who_asked_first() -> None:

@@ -14,7 +14,7 @@ from s3_servers import s3_environment
 from server.grid_scene import write_grid_scene
 
 from terraport_server.errors import SettingsError
-from terraport_server.scene_roots import FolderRoot, ObjectRoot, root_of
+from terraport_server.scenes.roots import FolderRoot, ObjectRoot, root_of
 from terraport_server.settings import Settings
 from terraport_store import OriginError
 from terraport_store.object_files import ObjectStorage

@@ -9,8 +9,8 @@ import pytest
 from server.grid_scene import write_grid_scene
 
 from terraport_server.errors import UnknownSceneError
-from terraport_server.scenes import SceneRegistry
-from terraport_server.served_scene import ServedScene
+from terraport_server.scenes.registry import SceneRegistry
+from terraport_server.scenes.served_scene import ServedScene
 from terraport_store import change_labels
 
 
@@ -77,7 +77,7 @@ def test_scenes_leave_descriptors_for_connections(
         for name in "abc":
             write_grid_scene(tmp_path / name, cells=2)
         packs = len(write_grid_scene(tmp_path / "d", cells=2).manifest.encodings)
-        monkeypatch.setattr("terraport_server.scenes.most_packs", lambda: 2 * packs)
+        monkeypatch.setattr("terraport_server.scenes.registry.most_packs", lambda: 2 * packs)
         registry = SceneRegistry(tmp_path)
         await registry.refresh()
         assert registry.ids() == ["a", "b"]

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from terraport_payload import box_distances_m
 from terraport_payload.types import Bool, Float32
-from terraport_server.id_set import IdSet
-from terraport_server.selection import (
+from terraport_server.session.id_set import IdSet
+from terraport_server.session.selection import (
     Budgets,
     SegmentTable,
     Selection,

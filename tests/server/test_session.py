@@ -28,8 +28,8 @@ from server.session_model import (
 )
 
 from terraport_payload import box_distances_m
-from terraport_server.actions import Close, Observer, SessionLimits
-from terraport_server.session import INTERNAL_TEXT, Session
+from terraport_server.session.actions import Close, Observer, SessionLimits
+from terraport_server.session.session import INTERNAL_TEXT, Session
 from terraport_wire import (
     HELD_DTYPE,
     Budgets,

@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, rule
 from server.session_model import Client, aim, assert_fatal, land, make_client, make_scene
 
-from terraport_server.actions import SendMessage, SessionLimits
-from terraport_server.group_state import GroupLimits, Place
-from terraport_server.groups import Groups
-from terraport_server.session import Session
+from terraport_server.groups.groups import Groups
+from terraport_server.groups.state import GroupLimits, Place
+from terraport_server.session.actions import SendMessage, SessionLimits
+from terraport_server.session.session import Session
 from terraport_wire import (
     Arrived,
     Bye,

@@ -22,8 +22,8 @@ from server.session_model import (
     make_scene,
 )
 
-from terraport_server.actions import SendChunk
-from terraport_server.session import INTERNAL_TEXT
+from terraport_server.session.actions import SendChunk
+from terraport_server.session.session import INTERNAL_TEXT
 from terraport_wire import (
     HELD_DTYPE,
     MAX_CHUNK_BYTES,

@@ -17,7 +17,7 @@ from server.session_model import (
     make_scene,
 )
 
-from terraport_server.actions import MakePlan, SendChunk
+from terraport_server.session.actions import MakePlan, SendChunk
 from terraport_wire import (
     MAX_CHUNK_BYTES,
     Budgets,

@@ -15,7 +15,7 @@ from server.session_model import Client, aim, ids, land, make_client, make_scene
 
 from terraport_payload import box_distances_m
 from terraport_payload.types import UInt64
-from terraport_server.actions import SendChunk, SendMessage
+from terraport_server.session.actions import SendChunk, SendMessage
 from terraport_wire import HELD_DTYPE, Credit, Evict, Plan, Prefetch, Ready, Reject, Superseded
 
 COUNT = 12

@@ -17,8 +17,8 @@ from server.session_model import (
     make_scene,
 )
 
-from terraport_server.actions import PullView, SceneView, SendChunk
-from terraport_server.rate import HELD_ROWS_PER_MESSAGE, RATE_WINDOW_S
+from terraport_server.session.actions import PullView, SceneView, SendChunk
+from terraport_server.session.rate import HELD_ROWS_PER_MESSAGE, RATE_WINDOW_S
 from terraport_wire import (
     BLOCK_BYTES,
     HELD_DTYPE,

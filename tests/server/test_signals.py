@@ -6,7 +6,7 @@ import asyncio
 
 import pytest
 
-from terraport_server.signals import Inbox, Signal
+from terraport_server.stream.signals import Inbox, Signal
 
 
 def test_everybody_goes_on_and_who_was_cancelled_takes_nobody_along() -> None:

@@ -9,9 +9,9 @@ from typing import Any
 import jwt
 import pytest
 
-from terraport_server.auth import Gate, TokenPass
-from terraport_server.signed_tokens import look_into, make_token, read_token
-from terraport_server.token_keys import KeyRing, TokenKey, new_key
+from terraport_server.auth.gate import Gate, TokenPass
+from terraport_server.auth.keys import KeyRing, TokenKey, new_key
+from terraport_server.auth.signed_tokens import look_into, make_token, read_token
 from terraport_wire import ErrorCode
 
 KEY = TokenKey("k1", "HS256", bytes(range(32)))

@@ -14,8 +14,8 @@ import pytest
 
 from terraport_payload.glb_container import split_glb
 from terraport_server import BackgroundServer, tile_desk
-from terraport_server.served_scene import ServedScene
-from terraport_server.tile_desk import MAX_KEPT_BYTES, TileDesk
+from terraport_server.scenes.served_scene import ServedScene
+from terraport_server.scenes.tileset import MAX_KEPT_BYTES, TileDesk
 from terraport_store import Scene
 
 SAMPLE = Path(__file__).resolve().parents[2] / "data" / "sample_scene"
@@ -114,7 +114,7 @@ def test_without_a_library_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     def missing(_manifest: object) -> object:
         raise ModuleNotFoundError("No module named 'pyproj'", name="pyproj")
 
-    monkeypatch.setattr("terraport_server.tile_desk.place_scene", missing)
+    monkeypatch.setattr("terraport_server.scenes.tileset.place_scene", missing)
     with BackgroundServer(SAMPLE) as running:
         answer = httpx.get(f"{running.url}/scenes/sample_scene/tileset.json")
     assert answer.status_code == 501
@@ -123,7 +123,7 @@ def test_without_a_library_it_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_parts_that_are_too_many_go(monkeypatch: pytest.MonkeyPatch) -> None:
     assert MAX_KEPT_BYTES >= 64 << 20
-    monkeypatch.setattr("terraport_server.tile_desk.MAX_KEPT_BYTES", 1 << 20)
+    monkeypatch.setattr("terraport_server.scenes.tileset.MAX_KEPT_BYTES", 1 << 20)
 
     async def work() -> None:
         desk = TileDesk()

@@ -11,8 +11,8 @@ import pytest
 from typer.testing import CliRunner
 
 from terraport.cli import app
-from terraport_server.auth import Gate
-from terraport_server.token_keys import read_keys
+from terraport_server.auth.gate import Gate
+from terraport_server.auth.keys import read_keys
 
 
 def run(*arguments: str | Path, typed: str | None = None) -> tuple[int, str, str]:

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
+from terraport_server.auth.keys import KeyRing, TokenKey, new_key, read_keys, write_keys
 from terraport_server.errors import SettingsError
-from terraport_server.token_keys import KeyRing, TokenKey, new_key, read_keys, write_keys
 
 SECRET = "A" * 43
 """32 bytes in base64url."""

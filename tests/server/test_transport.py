@@ -18,7 +18,7 @@ from websockets.typing import Subprotocol
 from websockets.uri import parse_uri
 
 from terraport_server import BackgroundServer
-from terraport_server.client_turns import ClientTurns
+from terraport_server.stream.client_turns import ClientTurns
 from terraport_server.transport import (
     TCP_CONGESTION,
     TCP_NOTSENT_LOWAT,

@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import pytest
 
-from terraport_server.turns import Pause, Rank, Turns, rank_of
+from terraport_server.stream.scheduler import Pause, Rank, Turns, rank_of
 
 Burst = Callable[[], Rank | Pause | None]
 

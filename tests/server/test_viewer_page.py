@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 import xxhash
 
-from terraport_server.viewer_page import ViewerPage, chosen_coding
+from terraport_server.http.viewer import ViewerPage, chosen_coding
 
 
 def test_nothing_built_is_no_page(tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ from server.grid_scene import SIDE, TILE_M, GridScene, write_grid_scene
 from server.plain_client import PlainClient, assemble
 
 from terraport_server import BackgroundServer
-from terraport_server.scene_roots import ObjectRoot
+from terraport_server.scenes.roots import ObjectRoot
 from terraport_store import change_labels
 from terraport_store.origin import ObjectCounts, ObjectOptions, Origin
 from terraport_store.upload import upload_scene

@@ -12,9 +12,9 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient, make_hello
 
 from terraport_server import BackgroundServer
-from terraport_server.logs import configure_logging, log
-from terraport_server.signed_tokens import make_token
-from terraport_server.token_keys import TokenKey, write_keys
+from terraport_server.auth.keys import TokenKey, write_keys
+from terraport_server.auth.signed_tokens import make_token
+from terraport_server.logging import configure_logging, log
 from terraport_wire import Error, Land, Pick, Picked, Ready
 
 POSITION = (30.0, 50.0, 30.0)

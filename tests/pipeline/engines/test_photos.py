@@ -79,7 +79,7 @@ def test_no_photo_at_all_is_an_error_that_names_some(tmp_path):
     save(tmp_path / "other.jpg")
     with pytest.raises(PhotoError, match=r"none of the 2 photos .*a.jpg, b.jpg.*1 pictures"):
         find_photos(tmp_path, [view("a.jpg"), view("b.jpg")])
-    with pytest.raises(PhotoError, match="is no folder"):
+    with pytest.raises(PhotoError, match="is not a folder"):
         find_photos(tmp_path / "nothing", [view("a.jpg")])
 
 

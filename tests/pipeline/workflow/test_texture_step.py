@@ -149,7 +149,7 @@ def test_what_is_missing_is_told_before_any_work(field: Path, tmp_path: Path) ->
     scene = tmp_path / "scene"
     with pytest.raises(OptionError, match="photos without cameras"):
         build(options_for(field, scene, texture=Texturing(photos=alone)))
-    with pytest.raises(PhotoError, match="is no folder"):
+    with pytest.raises(PhotoError, match="is not a folder"):
         build(options_for(field, scene, texture=Texturing(photos=tmp_path / "no")))
     with pytest.raises(OptionError, match="options of cameras or textures without photos"):
         Texturing(cameras=field / "colmap")

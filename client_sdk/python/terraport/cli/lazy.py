@@ -54,7 +54,7 @@ VERBS: Final = (
     ),
     Verb(
         "token",
-        "terraport_server.token_cli",
+        "terraport_server.auth.cli",
         "server",
         "Make keys, and tokens that expire, for a service that asks for them.",
     ),

@@ -1,0 +1,1 @@
+"""Who may see what: tokens, their files and keys."""

@@ -1,0 +1,235 @@
+"""Who may see what: bearer tokens, and the origins of web pages."""
+
+from __future__ import annotations
+
+import hashlib
+import secrets
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+from urllib.parse import urlsplit
+
+from terraport_server.auth.keys import KeyRing, read_keys
+from terraport_server.auth.scopes import EVERYTHING, LAND, Scope
+from terraport_server.auth.signed_tokens import SignedClaims, read_token
+from terraport_server.auth.token_file import StaticToken, check_token, read_tokens
+from terraport_server.settings import Settings
+from terraport_wire import MAX_TOKEN_BYTES, ErrorCode
+
+__all__ = ["Gate", "TokenPass", "Withdrawal", "bearer_token", "origin_is_allowed", "static_tokens"]
+
+Withdrawal = Literal["expired", "revoked"]
+"""Why a token that opened a scene does so no more."""
+
+
+@dataclass(frozen=True, slots=True)
+class TokenPass:
+    """What one token opens; what is left of it once it was shown."""
+
+    name: str
+    """For logs; never the token."""
+    scenes: frozenset[str] | None
+    """Ids; ``None`` = every scene."""
+    scopes: frozenset[Scope] = LAND
+    """What its bearer may do."""
+    digest: bytes = b""
+    """SHA-256 over this process's salt and a static token; empty for a signed one."""
+    signed: SignedClaims | None = None
+
+    def opens(self, scene_id: str) -> bool:
+        """Whether its bearer may see the scene, whatever the time."""
+        return "land" in self.scopes and (self.scenes is None or scene_id in self.scenes)
+
+    @property
+    def guide(self) -> bool:
+        """Whether its bearer may move a group."""
+        return "guide" in self.scopes
+
+
+_OPEN_PASS = TokenPass("open", None, EVERYTHING)
+"""Of everybody where no token is asked for."""
+
+
+class Gate:
+    """Checks tokens, static and signed.
+
+    A static token is looked up by its digest, over a salt that nobody else knows: how long that
+    takes says nothing about the tokens there are, and does not grow with them. Signatures are
+    compared by PyJWT, which does not stop early.
+
+    Parameters
+    ----------
+    tokens
+        Static ones; ``None`` and no keys = no token is asked for.
+    keys
+        That signed tokens are accepted from.
+    audience
+        What a signed token's ``aud`` must be; ``None`` = it must have none.
+    leeway_s
+        How far this machine's clock may be from that of whoever makes the tokens.
+    clock
+        Seconds since 1970. The only place of the service that looks at the wall clock.
+    """
+
+    def __init__(
+        self,
+        tokens: Sequence[StaticToken] | None,
+        keys: KeyRing | None = None,
+        *,
+        audience: str | None = None,
+        leeway_s: float = 0.0,
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self.is_open = tokens is None and keys is None
+        """Whether no token is asked for."""
+        self._salt = secrets.token_bytes(32)
+        self._audience = audience
+        self._leeway_s = leeway_s
+        self._clock = clock
+        self._keys = keys
+        self._static: dict[bytes, TokenPass] = {}
+        """By digest."""
+        self.use_tokens(tokens or ())
+
+    @classmethod
+    def from_settings(cls, settings: Settings) -> Gate:
+        """Make the gate that settings ask for.
+
+        Raises
+        ------
+        SettingsError
+            When a file cannot be read or holds something else, or a token is too short.
+        """
+        if settings.metrics_token is not None:
+            check_token("metrics_token", settings.metrics_token.get_secret_value())
+        if settings.is_open:
+            return cls(None)
+        keys = None if settings.token_keys_file is None else read_keys(settings.token_keys_file)
+        return cls(
+            static_tokens(settings),
+            keys,
+            audience=settings.token_audience,
+            leeway_s=settings.token_leeway_s,
+        )
+
+    def use_tokens(self, tokens: Sequence[StaticToken]) -> None:
+        """Take these static tokens in place of those before."""
+        digests = [self._digest(one.token) for one in tokens]
+        self._static = {
+            digest: TokenPass(one.name, one.scenes, one.scopes, digest)
+            for digest, one in zip(digests, tokens, strict=True)
+        }
+
+    def use_keys(self, keys: KeyRing) -> None:
+        """Take these keys in place of those before."""
+        self._keys = keys
+
+    def find(self, token: str | None) -> TokenPass | None:
+        """Return what a token opens; ``None`` where it opens nothing, now."""
+        if self.is_open:
+            return _OPEN_PASS
+        if token is None:
+            return None
+        static_pass = self._static.get(self._digest(token[: MAX_TOKEN_BYTES + 1]))
+        if static_pass is None and self._keys is not None and len(token) <= MAX_TOKEN_BYTES:
+            claims = read_token(token, self._keys, audience=self._audience)
+            if claims is not None and self._is_in_time(claims):
+                return TokenPass(claims.name, claims.scenes, claims.scopes, signed=claims)
+        return static_pass
+
+    def admit(self, token: str | None, scene_id: str) -> TokenPass | ErrorCode:
+        """Return the pass of a token that opens the scene, or why it does not."""
+        token_pass = self.find(token)
+        if token_pass is None:
+            return ErrorCode.UNAUTHORISED
+        return token_pass if token_pass.opens(scene_id) else ErrorCode.FORBIDDEN
+
+    def check(self, token: str | None, scene_id: str) -> ErrorCode | None:
+        """Return ``None`` if the token opens the scene, else why not."""
+        admission = self.admit(token, scene_id)
+        return None if isinstance(admission, TokenPass) else admission
+
+    def may_guide(self, token: str | None, scene_id: str) -> bool:
+        """Whether the token opens the scene and lets its bearer move a group there."""
+        admission = self.admit(token, scene_id)
+        return isinstance(admission, TokenPass) and admission.guide
+
+    def withdrawal(self, token_pass: TokenPass, scene_id: str) -> Withdrawal | None:
+        """Return why a pass opens the scene no more; ``None`` while it does."""
+        if self.is_open:
+            return None
+        if token_pass.signed is not None:
+            return self._signed_withdrawal(token_pass.signed)
+        still = self._static.get(token_pass.digest)
+        return None if still is not None and still.opens(scene_id) else "revoked"
+
+    def _signed_withdrawal(self, claims: SignedClaims) -> Withdrawal | None:
+        key = None if self._keys is None else self._keys.find(claims.key.id)
+        # Both keys are ours: nobody learns anything from how long it takes.
+        if self._keys is None or key != claims.key:
+            return "revoked"
+        if claims.token_id in self._keys.revoked:
+            return "revoked"
+        # A clock set back before nbf is nobody's fault: who was let in stays.
+        return "expired" if self._clock() >= claims.expires_s + self._leeway_s else None
+
+    def _is_in_time(self, claims: SignedClaims) -> bool:
+        now_s = self._clock()
+        return claims.begins_s - self._leeway_s <= now_s < claims.expires_s + self._leeway_s
+
+    def _digest(self, token: str) -> bytes:
+        return hashlib.sha256(self._salt + token.encode("utf-8", "surrogatepass")).digest()
+
+
+def static_tokens(settings: Settings) -> list[StaticToken]:
+    """Return the tokens of ``token`` and ``tokens_file``.
+
+    Raises
+    ------
+    SettingsError
+        When the file cannot be read or holds something else, or a token is too short.
+    """
+    tokens: list[StaticToken] = []
+    if settings.token is not None:
+        token = settings.token.get_secret_value()
+        check_token("token", token)
+        tokens.append(StaticToken("token", token, scopes=LAND | {"guide"}))
+    if settings.tokens_file is not None:
+        tokens.extend(read_tokens(settings.tokens_file))
+    return tokens
+
+
+def bearer_token(authorization: str | None) -> str | None:
+    """Return the token of an ``Authorization`` header; ``""`` where it is of another kind.
+
+    A header that is there decides, right or wrong, so another kind must not read as absent.
+    """
+    if authorization is None:
+        return None
+    scheme, _, token = authorization.partition(" ")
+    return token.strip() if scheme.lower() == "bearer" else ""
+
+
+def origin_is_allowed(origin: str | None, host: str | None, allowed: tuple[str, ...]) -> bool:
+    """Whether a web page of that origin may connect.
+
+    Programs send no origin and pass: the check protects people whose browser shows a foreign page
+    beside an open service, not the service from programs.
+
+    Parameters
+    ----------
+    origin
+        ``Origin`` header, ``scheme://host[:port]``.
+    host
+        ``Host`` header.
+    allowed
+        Origins beside the service's own; "*" = all.
+    """
+    if origin is None or "*" in allowed or origin in allowed:
+        return True
+    try:
+        netloc = urlsplit(origin).netloc
+    except ValueError:  # an address in broken brackets
+        return False
+    return host is not None and netloc.lower() == host.lower()

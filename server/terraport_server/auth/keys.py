@@ -1,0 +1,235 @@
+"""Keys that sign expiring tokens, and the file that they stand in.
+
+One key a line: ``ID ALGORITHM KEY``, the key as base64url. Tokens are signed by the first key and
+accepted from every one, so a key is changed without cutting anybody off: put the new one on top,
+and take the old one away when its last token has run out. A line ``revoke TOKEN_ID`` takes one
+token back before its time.
+
+=================== ================================================ ==========================
+algorithm           key                                              who may hold it
+=================== ================================================ ==========================
+``HS256``           secret of 32 bytes or more                       whoever makes tokens, and
+                                                                     the service
+``EdDSA``           public Ed25519 key, 32 bytes                     the service: it can check
+                                                                     tokens, not make any
+``EdDSA-private``   private Ed25519 key, 32 bytes                    whoever makes tokens
+=================== ================================================ ==========================
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import os
+import re
+import secrets
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from terraport_server.auth.token_file import read_lines
+from terraport_server.errors import SettingsError
+
+__all__ = ["ALGORITHMS", "KeyRing", "TokenKey", "new_key", "read_keys", "write_keys"]
+
+ALGORITHMS: Final = ("HS256", "EdDSA", "EdDSA-private")
+"""What may stand in the file. What a token may say is decided by its key's line alone."""
+
+MAX_KEYS: Final = 16
+
+_KEY_BYTES: Final = 32
+"""SHA-256's own width: a shorter HMAC secret is weaker than its hash (RFC 7518, section 3.2)."""
+_MAX_KEY_BYTES: Final = 1024
+_REVOKE: Final = "revoke"
+_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
+
+
+@dataclass(frozen=True, slots=True)
+class TokenKey:
+    """A key that signs or checks tokens: one line of the key file."""
+
+    id: str
+    algorithm: str
+    secret: bytes
+    """Never shown: kept out of :func:`repr`."""
+
+    def __repr__(self) -> str:
+        return f"TokenKey({self.id!r}, {self.algorithm!r})"
+
+    @property
+    def jwt_algorithm(self) -> str:
+        """Name in a token's header."""
+        return self.algorithm.removesuffix("-private")
+
+    def verifying(self) -> Any:
+        """Return what PyJWT checks with."""
+        if self.algorithm == "HS256":
+            return self.secret
+        if self.algorithm == "EdDSA":
+            return _ed25519().Ed25519PublicKey.from_public_bytes(self.secret)
+        return self.signing().public_key()
+
+    def signing(self) -> Any:
+        """Return what PyJWT signs with.
+
+        Raises
+        ------
+        SettingsError
+            When it is a public key.
+        """
+        if self.algorithm == "HS256":
+            return self.secret
+        if self.algorithm == "EdDSA-private":
+            return _ed25519().Ed25519PrivateKey.from_private_bytes(self.secret)
+        what = f"key {self.id} is public, expected HS256 or EdDSA-private to make tokens with"
+        raise SettingsError("token_keys_file", what)
+
+    def public(self) -> TokenKey:
+        """Return the key that checks this one's tokens and makes none; EdDSA only."""
+        raw = self.signing().public_key().public_bytes_raw()
+        return TokenKey(self.id, "EdDSA", raw)
+
+    def line(self) -> str:
+        """Return the key as it stands in the file."""
+        text = base64.urlsafe_b64encode(self.secret).rstrip(b"=").decode()
+        return f"{self.id} {self.algorithm} {text}"
+
+
+@dataclass(frozen=True, slots=True)
+class KeyRing:
+    """What a key file holds."""
+
+    keys: tuple[TokenKey, ...]
+    """The first one signs."""
+    revoked: frozenset[str]
+    """Ids of tokens that were taken back."""
+
+    def find(self, key_id: str) -> TokenKey | None:
+        """Return the key of that id."""
+        return next((key for key in self.keys if key.id == key_id), None)
+
+
+def new_key(key_id: str, algorithm: str) -> TokenKey:
+    """Make a key from the system's random source.
+
+    Parameters
+    ----------
+    key_id
+        1 to 64 letters, digits, ``.``, ``_``, ``-``.
+    algorithm
+        "HS256" or "EdDSA"; the latter gives the private key.
+
+    Raises
+    ------
+    SettingsError
+        When the id cannot be, or the algorithm is another.
+    """
+    _check_id("key", key_id)
+    if algorithm == "HS256":
+        return TokenKey(key_id, algorithm, secrets.token_bytes(_KEY_BYTES))
+    if algorithm == "EdDSA":
+        raw = _ed25519().Ed25519PrivateKey.generate().private_bytes_raw()
+        return TokenKey(key_id, "EdDSA-private", raw)
+    raise SettingsError("algorithm", f"got {algorithm!r}, expected HS256 or EdDSA")
+
+
+def read_keys(path: Path) -> KeyRing:
+    """Read a key file.
+
+    Raises
+    ------
+    SettingsError
+        With the line, never with a key.
+    """
+    keys: list[TokenKey] = []
+    revoked: set[str] = set()
+    for number, words in read_lines("token_keys_file", path):
+        where = f"{path} line {number}"
+        if words[0] == _REVOKE:
+            if len(words) != 2:
+                raise SettingsError("token_keys_file", f"{where}: expected revoke TOKEN_ID")
+            revoked.add(words[1])
+            continue
+        if len(words) != 3:
+            what = f"{where}: got {len(words)} words, expected ID ALGORITHM KEY"
+            raise SettingsError("token_keys_file", what)
+        keys.append(_read_key(where, *words))
+    if not keys:
+        raise SettingsError("token_keys_file", f"{path} holds no key, expected at least one")
+    if len(keys) > MAX_KEYS:
+        what = f"{path} holds {len(keys)} keys, expected at most {MAX_KEYS}"
+        raise SettingsError("token_keys_file", what)
+    if len({key.id for key in keys}) < len(keys):
+        raise SettingsError("token_keys_file", f"{path} has two keys of one id, expected one each")
+    return KeyRing(tuple(keys), frozenset(revoked))
+
+
+def write_keys(path: Path, lines: list[str]) -> None:
+    """Write a key file that its owner alone can read, in one step.
+
+    Raises
+    ------
+    OSError
+        When it cannot be written; what was there before is still there.
+    """
+    beside = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    # The mode is the file's from its first moment: nobody can open it in between.
+    descriptor = os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    try:
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write("".join(f"{line}\n" for line in lines))
+            file.flush()
+            os.fsync(file.fileno())
+        beside.replace(path)
+    except BaseException:
+        beside.unlink(missing_ok=True)
+        raise
+
+
+def _read_key(where: str, key_id: str, algorithm: str, text: str) -> TokenKey:
+    _check_id(where, key_id)
+    if algorithm not in ALGORITHMS:
+        expected = ", ".join(ALGORITHMS)
+        what = f"{where}: got algorithm {algorithm[:32]!r}, expected one of: {expected}"
+        raise SettingsError("token_keys_file", what)
+    try:
+        raw = base64.b64decode(text + "=" * (-len(text) % 4), altchars=b"-_", validate=True)
+    except (binascii.Error, ValueError):
+        raise SettingsError("token_keys_file", f"{where}: the key is no base64url") from None
+    most = _MAX_KEY_BYTES if algorithm == "HS256" else _KEY_BYTES
+    if not _KEY_BYTES <= len(raw) <= most:
+        expected = f"{_KEY_BYTES}" if most == _KEY_BYTES else f"{_KEY_BYTES} to {most}"
+        what = f"{where}: got a key of {len(raw)} bytes, expected {expected}"
+        raise SettingsError("token_keys_file", what)
+    key = TokenKey(key_id, algorithm, raw)
+    try:
+        key.verifying()  # now, not at the first token
+    except ValueError:
+        what = f"{where}: these bytes are no Ed25519 key, expected one"
+        raise SettingsError("token_keys_file", what) from None
+    return key
+
+
+def _check_id(where: str, key_id: str) -> None:
+    if not _ID.fullmatch(key_id) or key_id == _REVOKE:
+        what = (
+            f"{where}: got id {key_id[:64]!r}, expected 1 to 64 letters, digits, '.', '_', '-', "
+            f"not {_REVOKE!r}"
+        )
+        raise SettingsError("token_keys_file", what)
+
+
+def _ed25519() -> Any:
+    """Import Ed25519, which is worth 10 MB only to who uses it.
+
+    Raises
+    ------
+    SettingsError
+        When it is not installed.
+    """
+    try:
+        from cryptography.hazmat.primitives.asymmetric import ed25519
+    except ModuleNotFoundError:
+        what = 'EdDSA keys need cryptography, expected "terraport[eddsa]" to be installed'
+        raise SettingsError("token_keys_file", what) from None
+    return ed25519

@@ -1,0 +1,398 @@
+"""Groups: who goes together, where to, and who has arrived.
+
+PURE: no I/O, no clock, no randomness; times are seconds on any one monotonic clock of the
+caller's. Section numbers in comments are those of spec/wire-protocol.md.
+
+The caller names each connection by a key of its own, feeds :meth:`Groups.join` and the others, and
+then hands out what :meth:`Groups.take_posts` returns. Nothing here waits for anybody: a member that
+says nothing is left behind by time alone (:meth:`Groups.tick`).
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Hashable
+from typing import Final
+
+import numpy as np
+
+from terraport_payload.types import AnyArray
+from terraport_server.groups.state import Barrier, Group, GroupLimits, Place, Seat
+from terraport_wire import (
+    ID_DTYPE,
+    Gather,
+    Gathered,
+    Join,
+    Joined,
+    Message,
+)
+
+__all__ = ["Groups"]
+
+_NEWS_PERIOD_S: Final = 0.25
+"""Between two rosters of a group, and between two gatherings: a member that joins and leaves, or a
+guide that gathers, as fast as it may costs each of the others four messages a second."""
+
+_PLACES_PERIOD_S: Final = 1.0
+"""From a roster to one that tells of landings alone (16.4): what each of n members may cause is a
+roster of n rows to n members."""
+
+
+class Groups:
+    """All groups of one process.
+
+    Parameters
+    ----------
+    limits
+        Bounds.
+    """
+
+    def __init__(self, limits: GroupLimits) -> None:
+        self._limits = limits
+        self._groups: dict[tuple[str, str], Group] = {}
+        self._memberships: dict[Hashable, tuple[tuple[str, str], int]] = {}
+        """Group and number by connection."""
+        self._posts: list[tuple[Hashable, Message]] = []
+        self._names: frozenset[str] | None = frozenset()
+        self._due_s: dict[tuple[str, str], float] = {}
+        """When each group has something to do; of those that have. Kept, as what one member says
+        must not cost a look at the seats of all groups."""
+
+    @property
+    def group_count(self) -> int:
+        """Groups that exist."""
+        return len(self._groups)
+
+    @property
+    def names(self) -> frozenset[str]:
+        """Names of the groups that exist, in any scene: the same object until one comes or goes."""
+        if self._names is None:
+            self._names = frozenset(name for _, name in self._groups)
+        return self._names
+
+    @property
+    def member_count(self) -> int:
+        """Seats of all groups, kept ones included."""
+        return sum(len(group.seats) for group in self._groups.values())
+
+    def take_posts(self) -> list[tuple[Hashable, Message]]:
+        """Return, once, whom to tell what, in order."""
+        posts, self._posts = self._posts, []
+        return posts
+
+    def wake_at_s(self) -> float | None:
+        """When :meth:`tick` has something to do at the latest; None = never."""
+        return min(self._due_s.values(), default=None)
+
+    def join(
+        self,
+        key: Hashable,
+        scene_id: str,
+        join: Join,
+        now_s: float,
+        *,
+        new_secret: str,
+        may_guide: bool,
+        owner: Hashable = None,
+        place: Place | None = None,
+    ) -> str | None:
+        """Take a seat, a new one or the one held before (16.1); return why not.
+
+        Where there is no room, what is kept for lost connections gives way.
+
+        Parameters
+        ----------
+        key
+            The connection.
+        scene_id
+            Scene of its session: groups of different scenes are different groups.
+        join
+            What is asked for.
+        now_s
+            Time now.
+        new_secret
+            Of a new seat; at least 128 random bits.
+        may_guide
+            Whether this client may take the guide's seat.
+        owner
+            Address and token of the client: whose groups and lost seats are counted together.
+        place
+            Where this connection landed last, in metres of the scene frame; None before its first
+            landing: then a seat that is taken again stays where it was.
+
+        Notes
+        -----
+        Invariant: a connection has one seat at most, a seat one connection at most, and
+        ``_memberships`` is the inverse of the seats' keys.
+        """
+        # A secret of this group leads back to its seat; else a new seat must be free. Nothing is
+        # changed before a refusal.
+        group_id = (scene_id, join.group)
+        group = self._groups.get(group_id)
+        seat = None if group is None else group.seat_of(join.seat)
+        if seat is None or self._memberships.get(key) != (group_id, seat.number):
+            if seat is None:
+                refusal = self._refusal(key, group_id, join, owner, may_guide=may_guide)
+                if refusal is not None:
+                    return refusal
+                self._make_room(key, group_id, owner, now_s)
+            self.leave(key, now_s)
+        # Seat and connection belong to one another from here on.
+        if group_id not in self._groups:
+            self._groups[group_id] = Group(group_id, owner)
+            self._names = None
+        group = self._groups[group_id]
+        if seat is None:
+            group.newest += 1
+            seat = Seat(group.newest, new_secret, join.name, join.role, key, owner)
+            group.seats[seat.number] = seat
+        elif seat.key is not None and seat.key != key:
+            del self._memberships[seat.key]  # the old connection only looks alive
+        seat.key = key
+        if place is not None:
+            seat.place = place
+        self._memberships[key] = (group_id, seat.number)
+        # The member first hears its own number, then who else is there, then where they go.
+        self._posts.append(
+            (
+                key,
+                Joined(
+                    request=join.request,
+                    group=join.group,
+                    member=seat.number,
+                    role=seat.role,
+                    seat=seat.secret,
+                ),
+            )
+        )
+        self._changed(group, now_s)
+        if group.barrier is not None:
+            self._posts.append((key, group.barrier.gathering(now_s)))
+        self._note_due(group)
+        return None
+
+    def leave(self, key: Hashable, now_s: float) -> None:
+        """Give up a seat; nothing where there is none."""
+        membership = self._find(key)
+        if membership is not None:
+            self._remove(*membership, now_s)
+
+    def lost(self, key: Hashable, now_s: float) -> None:
+        """Note that a connection is gone; its seat is kept for a while."""
+        membership = self._find(key)
+        if membership is not None:
+            group, seat = membership
+            del self._memberships[key]
+            seat.key, seat.lost_s = None, now_s
+            self._changed(group, now_s)
+            self._note_due(group)
+
+    def gather(self, key: Hashable, gather: Gather, now_s: float) -> str | None:
+        """Land the group (16.2); return why not."""
+        membership = self._find(key)
+        if membership is None:
+            return "got gather without a seat in a group, expected join first"
+        group, seat = membership
+        if seat.role != "guide":
+            return f"got gather from a {seat.role}, expected it from the guide"
+        most_s = self._limits.group_deadline_s
+        wait_s = most_s if gather.deadline_ms is None else min(most_s, gather.deadline_ms / 1000.0)
+        number = 1 if group.barrier is None else group.barrier.number + 1
+        group.barrier = Barrier(number, seat.number, gather, now_s + wait_s)
+        group.gathering_due_s = max(now_s, group.gathering_told_s + _NEWS_PERIOD_S)
+        if group.gathering_due_s <= now_s:
+            self._tell_gathering(group, now_s)
+        self._note_due(group)
+        return None
+
+    def arrived(self, key: Hashable, number: int, state: str) -> None:
+        """Note what a member says of a group landing; one that is over is ignored (16.2)."""
+        membership = self._find(key)
+        if membership is None:
+            return
+        group, seat = membership
+        barrier = group.barrier
+        if barrier is not None and barrier.number == number and not barrier.is_open:
+            barrier.states[seat.number] = state
+            self._open_if_all_are_there(group)
+
+    def landed(self, key: Hashable, place: Place, now_s: float) -> None:
+        """Note where a member stands; the others hear of it before long (16.1, 16.4)."""
+        membership = self._find(key)
+        if membership is None or membership[1].place == place:
+            return
+        group, seat = membership
+        seat.place = place
+        self._changed(group, now_s, period_s=_PLACES_PERIOD_S)
+        self._note_due(group)
+
+    def tick(self, now_s: float) -> None:
+        """Act on what time alone decides: seats lost for too long, deadlines, rosters."""
+        for group in [self._groups[key] for key, due_s in self._due_s.items() if due_s <= now_s]:
+            for seat in list(group.seats.values()):
+                if seat.key is None and now_s >= seat.lost_s + self._limits.group_absence_s:
+                    self._remove(group, seat, now_s)
+            barrier = group.barrier
+            is_late = barrier is not None and now_s >= barrier.deadline_s
+            if group.gathering_due_s is not None and (is_late or now_s >= group.gathering_due_s):
+                self._tell_gathering(group, now_s)
+                self._open_if_all_are_there(group)
+            if barrier is not None and is_late and not barrier.is_open:
+                self._open(group, barrier)
+            if group.roster_due_s is not None and now_s >= group.roster_due_s:
+                self._tell_roster(group, now_s)
+            self._note_due(group)
+
+    def _refusal(
+        self,
+        key: Hashable,
+        group_id: tuple[str, str],
+        join: Join,
+        owner: Hashable,
+        *,
+        may_guide: bool,
+    ) -> str | None:
+        """Return why a new seat cannot be had.
+
+        The seat that this key holds now would be left, and what is kept for lost connections would
+        give way: see `_make_room`.
+        """
+        limits, group = self._limits, self._groups.get(group_id)
+        own = self._find(key)
+        if join.role == "guide" and not may_guide:
+            return "got role guide with a token that does not allow it, expected role member"
+        if group is None:
+            present = [one for one in self._staying_groups(key) if not one.is_absent]
+            most, of_owner = limits.max_groups, limits.max_groups_per_client
+            if len(present) >= most:
+                return f"got a new group, expected at most {most} on this server"
+            if sum(one.owner == owner for one in present) >= of_owner:
+                return f"got a new group, expected at most {of_owner} of one address and token"
+            return None
+        others = [seat for seat in group.seats.values() if own is None or seat is not own[1]]
+        if join.role == "guide" and any(seat.role == "guide" for seat in others):
+            return "got role guide in a group that has one, expected role member"
+        if sum(seat.key is not None for seat in others) >= limits.max_group_members:
+            most = limits.max_group_members
+            return f"got member {len(others) + 1} of the group, expected at most {most}"
+        return None
+
+    def _staying_groups(self, key: Hashable) -> list[Group]:
+        """Return the groups that are left when this connection has left its own, oldest first."""
+        own = self._find(key)
+        left = own[0] if own is not None and len(own[0].seats) == 1 else None
+        return [group for group in self._groups.values() if group is not left]
+
+    def _make_room(
+        self, key: Hashable, group_id: tuple[str, str], owner: Hashable, now_s: float
+    ) -> None:
+        """Let what is kept for lost connections give way where a new seat needs the room.
+
+        First what belongs to whom most of it belongs to, the oldest of that: who comes and goes
+        takes his own places.
+        """
+        limits, group = self._limits, self._groups.get(group_id)
+        if group is None:
+            staying = self._staying_groups(key)
+            absent = [one for one in staying if one.is_absent]
+            own = [one for one in absent if one.owner == owner]
+            if own and sum(one.owner == owner for one in staying) >= limits.max_groups_per_client:
+                self._dissolve(own[0], now_s)
+            elif len(staying) >= limits.max_groups:
+                count = Counter(one.owner for one in absent)
+                self._dissolve(max(absent, key=lambda one: count[one.owner]), now_s)
+            return
+        holder = self._find(key)
+        others = [seat for seat in group.seats.values() if holder is None or seat is not holder[1]]
+        if len(others) >= limits.max_group_members:
+            lost = [seat for seat in others if seat.key is None]
+            of_owner = Counter(seat.owner for seat in lost)
+            self._remove(
+                group, max(lost, key=lambda seat: (of_owner[seat.owner], -seat.lost_s)), now_s
+            )
+
+    def _dissolve(self, group: Group, now_s: float) -> None:
+        for seat in list(group.seats.values()):
+            self._remove(group, seat, now_s)
+
+    def _find(self, key: Hashable) -> tuple[Group, Seat] | None:
+        membership = self._memberships.get(key)
+        if membership is None:
+            return None
+        group_id, number = membership
+        group = self._groups[group_id]
+        return group, group.seats[number]
+
+    def _remove(self, group: Group, seat: Seat, now_s: float) -> None:
+        del group.seats[seat.number]
+        if seat.key is not None:
+            del self._memberships[seat.key]
+        if not group.seats:
+            del self._groups[group.id]
+            self._names = None
+            self._note_due(group)
+            return
+        if group.barrier is not None:
+            group.barrier.states.pop(seat.number, None)
+        self._changed(group, now_s)
+        self._open_if_all_are_there(group)
+        self._note_due(group)
+
+    def _open_if_all_are_there(self, group: Group) -> None:
+        """Open the barrier where everybody is ready or will not come (16.3)."""
+        barrier = group.barrier
+        if group.gathering_due_s is not None:
+            return  # nobody hears that it is over before that it began
+        if barrier is not None and not barrier.is_open:
+            states = [barrier.states.get(number) for number in group.seats]
+            if all(state in {"ready", "declined"} for state in states):
+                self._open(group, barrier)
+                self._note_due(group)
+
+    def _open(self, group: Group, barrier: Barrier) -> None:
+        barrier.is_open = True
+        by_state: dict[str, list[int]] = {"ready": [], "degraded": [], "missing": []}
+        for number in group.seats:
+            state = barrier.states.get(number)
+            by_state[state if state in {"ready", "degraded"} else "missing"].append(number)
+        message = Gathered(
+            gathering=barrier.number,
+            ready=_ids(by_state["ready"]),
+            degraded=_ids(by_state["degraded"]),
+            missing=_ids(by_state["missing"]),
+        )
+        self._tell(group, message)
+
+    def _changed(self, group: Group, now_s: float, *, period_s: float = _NEWS_PERIOD_S) -> None:
+        """Tell all of a change, at once or as soon as the period allows."""
+        due_s = max(now_s, group.roster_told_s + period_s)
+        if due_s <= now_s:
+            self._tell_roster(group, now_s)
+        elif group.roster_due_s is None or due_s < group.roster_due_s:
+            group.roster_due_s = due_s
+
+    def _tell_gathering(self, group: Group, now_s: float) -> None:
+        assert group.barrier is not None
+        group.gathering_due_s, group.gathering_told_s = None, now_s
+        self._tell(group, group.barrier.gathering(now_s))
+
+    def _tell_roster(self, group: Group, now_s: float) -> None:
+        group.roster_due_s, group.roster_told_s = None, now_s
+        self._tell(group, group.roster())
+
+    def _note_due(self, group: Group) -> None:
+        """Look at when a group has something to do, after whatever changed it."""
+        due_s = group.due_s(self._limits.group_absence_s)
+        if due_s is None:
+            self._due_s.pop(group.id, None)
+        else:
+            self._due_s[group.id] = due_s
+
+    def _tell(self, group: Group, message: Message) -> None:
+        self._posts += [
+            (seat.key, message) for seat in group.seats.values() if seat.key is not None
+        ]
+
+
+def _ids(numbers: list[int]) -> AnyArray:
+    return np.array(numbers, dtype=ID_DTYPE)

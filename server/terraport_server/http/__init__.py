@@ -1,0 +1,1 @@
+"""Endpoints beside the stream: scenes, payload, viewer, tiles, strokes."""

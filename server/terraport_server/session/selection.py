@@ -1,0 +1,351 @@
+"""Which segments a landing needs: arrays in, one plan out.
+
+PURE: no I/O, no clock. A segment's distance is the Euclidean distance, in metres and in float64,
+from the landing to the nearest point of its axis-aligned box (0 inside). Everything is decided in
+one order, (distance, id), so equal distances never depend on the caller's order and the budgets cut
+a *prefix*: what is left out is never nearer than what is in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from terraport_payload import box_distances_m
+from terraport_payload.types import AnyInt, Bool, Float32, Int64, UInt32, UInt64
+from terraport_server.session.id_set import IdSet
+
+__all__ = [
+    "NO_BUDGETS",
+    "Budgets",
+    "SegmentTable",
+    "Selection",
+    "find_candidates",
+    "gpu_bytes",
+    "select",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class SegmentTable:
+    """What planning needs to know about S segments of one scene in one payload encoding.
+
+    Rows 0 to S - 1 are the segments at full detail, S to 2 S - 1 those at the coarser level.
+    """
+
+    bounds: Float32
+    """(S, 6) min x, y, z, max x, y, z; metres, scene frame."""
+    lengths: UInt32
+    """(S,) payload bytes."""
+    hashes: UInt64
+    """(S,) xxh3-64 of the payload."""
+    faces: UInt32
+    """(S,) triangles."""
+    vertices: UInt32
+    """(S,) vertices."""
+    texture_bytes: UInt64
+    """(S,) bytes of the texture on a GPU, mips included; 0 without one."""
+    levels: int = 1
+    """Rows of each segment."""
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self.lengths)
+
+    @property
+    def segment_count(self) -> int:
+        """S."""
+        return len(self.lengths) // self.levels
+
+
+@dataclass(frozen=True, slots=True)
+class Budgets:
+    """Hard upper bounds on everything a plan makes resident (loaded, kept and nearby together).
+
+    ``None`` means no bound.
+    """
+
+    max_triangles: int | None = None
+    max_bytes: int | None = None
+    max_segments: int | None = None
+    max_gpu_bytes: int | None = None
+    gpu_vertex_bytes: int = 24
+    """Bytes of a vertex on the client's GPU."""
+    gpu_face_bytes: int = 6
+    """Bytes of a triangle's indices on it."""
+
+
+NO_BUDGETS = Budgets()
+
+_MOST_OF_SHORT_INDICES: Final = 65534
+"""Vertices that 16-bit indices reach everywhere: 65535 restarts a strip on some GPUs."""
+
+_LONG_FACE_BYTES: Final = 12
+"""Of a triangle with indices of 32 bits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Selection:
+    """The outcome of :func:`select`; ``load`` and ``keep`` are disjoint and together the plan."""
+
+    load: UInt32
+    """To be sent, nearest first."""
+    keep: UInt32
+    """Within the radius and already held by the client, ascending."""
+    nearby: UInt32
+    """Held beyond the radius and within the release radius: kept, not shown; ascending."""
+    plan: IdSet
+    """The ids of the plan, loaded and kept."""
+    order: UInt32
+    """The same, nearest first."""
+    inner: UInt32
+    """The ids of the plan within ``inner_radius_m`` (none without one), nearest first."""
+    effective_radius_m: float
+    """Everything nearer than this is in the plan; the radius asked for if nothing was left out."""
+    load_bytes: int
+    load_triangles: int
+    total_bytes: int
+    """Payload bytes of ``load`` and ``keep``; with those of ``nearby`` bounded by ``max_bytes``."""
+    total_triangles: int
+    total_gpu_bytes: int | None
+    """On the client's GPU, of ``load``, ``keep`` and ``nearby``; ``None`` where nothing bounds
+    them."""
+    omitted_segments: int
+    """Segments within the radius that were left out for a budget."""
+    omitted_by: str | None
+    """The budget that left them out, by its field name in :class:`Budgets`; ``None`` for none."""
+
+
+def find_candidates(
+    table: SegmentTable,
+    near: Int64,
+    held: IdSet,
+    centre: Sequence[float],
+    release_radius_m: float,
+) -> tuple[Int64, Bool]:
+    """Find what a landing may want: all that is near, and of what is held what is not far.
+
+    Beyond the load radius only held segments are looked at, never the scene: its ball of four times
+    the radius has sixteen times as many.
+
+    Parameters
+    ----------
+    table
+        The scene's S segments.
+    near
+        Every row that is to be shown, ascending.
+    held
+        What the client holds.
+    centre
+        Landing, metres, scene frame.
+    release_radius_m
+        Keep within it; at least the largest load radius.
+
+    Returns
+    -------
+    candidates : ndarray of int64
+        Ids, each once; every one that :func:`select` could want is among them.
+    is_held : ndarray of bool
+        For each of them whether it is held.
+    """
+    ids = held.array()
+    if not len(ids):  # nothing is held: a dozen steps on nothing take as long as on a little
+        return near, np.zeros(len(near), dtype=np.bool_)
+    # One axis after the other: of a large cache nearly all is far away. The margin keeps every box
+    # that the exact distance takes in, rounding included; select looks at those.
+    for axis in (0, 2):
+        at_m = np.float64(centre[axis])  # not a float, which would be rounded to float32
+        reach_m = release_radius_m + 1e-12 * (release_radius_m + abs(at_m)) + 1e-30
+        low_m, high_m = table.bounds[ids, axis], table.bounds[ids, axis + 3]
+        ids = ids[(low_m <= at_m + reach_m) & (high_m >= at_m - reach_m)]
+    positions = np.searchsorted(near, ids)
+    positions[positions == len(near)] = 0
+    further = ids[near[positions] != ids] if len(near) else ids
+    candidates = np.concatenate((near, further))
+    is_held = np.ones(len(candidates), dtype=np.bool_)
+    is_held[: len(near)] = held.contains(near)
+    return candidates, is_held
+
+
+def select(
+    table: SegmentTable,
+    candidates: AnyInt,
+    centre: Sequence[float],
+    radius_m: float,
+    *,
+    release_radius_m: float,
+    inner_radius_m: float | None,
+    held: Bool,
+    budgets: Budgets = NO_BUDGETS,
+    coarse: tuple[float, float] | None = None,
+) -> Selection:
+    """Choose the segments of one landing.
+
+    The plan is everything within ``radius_m``, and beyond it the coarser level of everything within
+    ``coarse``; of what is held, everything further within a level's release radius is kept nearby.
+    The budgets cut a strict prefix of both in the order
+    (distance, id), so what is nearby goes first.
+    spec/wire-protocol.md, sections 6.1 to 6.3.
+
+    Parameters
+    ----------
+    table
+        The scene's S segments.
+    candidates
+        Unique rows that include every one to be shown, and every held one within its level's
+        release radius (a superset is fine).
+    centre
+        Landing, metres, scene frame.
+    radius_m
+        Load within it; at least 0.
+    release_radius_m
+        Keep nearby within it; at least ``radius_m``.
+    inner_radius_m
+        The declared degraded set's radius; ``None`` = there is no such set.
+    held
+        True for each of ``candidates`` whose payload the client holds.
+    budgets
+        Hard bounds.
+    coarse
+        Radius and release radius of the coarser level, each at least that of the detail; ``None`` =
+        it is not asked for.
+
+    Returns
+    -------
+    Selection
+        One plan.
+
+    Notes
+    -----
+    Invariant: within the plan, (distance, id) ascends; no segment left out for a budget stands
+    before one that is in, and whatever is nearby stands behind the plan.
+
+    O(C log C) in the number of candidates; never of the whole scene. Where a budget of segments
+    cuts most of it off, O(C) and the sorting of what it leaves.
+    """
+    # What is wanted: near, or held and not yet far. Each segment is near at one level alone.
+    ids = np.asarray(candidates, dtype=np.int64)
+    distances = box_distances_m(table.bounds[ids], centre)
+    in_radius = distances <= radius_m
+    is_kept = ~in_radius & (distances <= release_radius_m)
+    if coarse is not None or table.levels > 1:
+        coarse_m, coarse_release_m = coarse or (-1.0, -1.0)
+        coarser = ids >= table.segment_count
+        in_ring = ~in_radius & (distances <= coarse_m)
+        is_kept[coarser] = ((distances > coarse_m) & (distances <= coarse_release_m))[coarser]
+        in_radius[coarser] = in_ring[coarser]
+    wanted = np.flatnonzero(in_radius | (held & is_kept))
+
+    # What is wanted is a prefix of the order: what comes behind the budget of segments need not be
+    # sorted.
+    omitted = 0
+    most, inside = budgets.max_segments, np.flatnonzero(in_radius)
+    if most is not None and len(inside) > 2 * (most + 1):
+        head = distances[inside] <= np.partition(distances[inside], most)[most]
+        omitted = int(np.count_nonzero(~head))
+        wanted = inside[head]
+
+    # The order, and the longest prefix that keeps every budget. What is to be shown comes first: of
+    # what is kept some may be nearer than the ring.
+    order = wanted[np.lexsort((ids[wanted], distances[wanted], ~in_radius[wanted]))]
+    ids, distances, in_radius, held = ids[order], distances[order], in_radius[order], held[order]
+    count, omitted_by = _budget_prefix(table, ids, budgets)
+
+    within = int(np.count_nonzero(in_radius))
+    nearby = ids[within:count]
+    omitted += max(within - count, 0)
+    outer_m = radius_m if coarse is None else coarse[0]
+    effective_radius_m = float(outer_m if within <= count else distances[count])
+
+    # Both halves of the plan.
+    count = min(within, count)
+    plan, plan_distances = ids[:count], distances[:count]
+    load, keep = plan[~held[:count]], plan[held[:count]]
+    plan_order = plan.astype(np.uint32)
+    inner = plan_order[:0]
+    if inner_radius_m is not None:
+        inner = plan_order[plan_distances <= inner_radius_m]
+    load_bytes, load_triangles = _totals(table, load)
+    keep_bytes, keep_triangles = _totals(table, keep)
+    return Selection(
+        load=load.astype(np.uint32),
+        keep=np.sort(keep).astype(np.uint32),
+        nearby=np.sort(nearby).astype(np.uint32),
+        plan=IdSet.of_sorted(np.sort(plan_order)),
+        order=plan_order,
+        inner=inner,
+        effective_radius_m=effective_radius_m,
+        load_bytes=load_bytes,
+        load_triangles=load_triangles,
+        total_bytes=load_bytes + keep_bytes,
+        total_triangles=load_triangles + keep_triangles,
+        total_gpu_bytes=(
+            None
+            if budgets.max_gpu_bytes is None
+            else int(gpu_bytes(table, np.concatenate((plan, nearby)), budgets).sum())
+        ),
+        omitted_segments=omitted,
+        omitted_by=omitted_by if omitted else None,
+    )
+
+
+def gpu_bytes(table: SegmentTable, ids: Int64, budgets: Budgets) -> Int64:
+    """Reckon what segments take on a client's GPU; spec/wire-protocol.md, section 6.2.
+
+    Parameters
+    ----------
+    table
+        The scene's S segments.
+    ids
+        N of them.
+    budgets
+        What a vertex and a triangle take there.
+
+    Returns
+    -------
+    ndarray of shape (N,), int64
+        Bytes.
+    """
+    vertices, faces = table.vertices[ids].astype(np.int64), table.faces[ids].astype(np.int64)
+    face_bytes = np.where(
+        vertices > _MOST_OF_SHORT_INDICES,
+        max(budgets.gpu_face_bytes, _LONG_FACE_BYTES),
+        budgets.gpu_face_bytes,
+    )
+    textures = table.texture_bytes[ids].astype(np.int64)
+    total: Int64 = vertices * budgets.gpu_vertex_bytes + faces * face_bytes + textures
+    return total
+
+
+def _totals(table: SegmentTable, ids: Int64) -> tuple[int, int]:
+    """Bytes and triangles of some segments."""
+    if not len(ids):
+        return 0, 0
+    lengths, faces = table.lengths[ids], table.faces[ids]
+    return int(lengths.sum(dtype=np.int64)), int(faces.sum(dtype=np.int64))
+
+
+def _budget_prefix(table: SegmentTable, ids: Int64, budgets: Budgets) -> tuple[int, str | None]:
+    """Length of the longest prefix within all budgets, and which budget ended it.
+
+    Where two budgets end at the same segment, the first of segments, triangles, bytes and GPU bytes
+    is named.
+    """
+    count, omitted_by = len(ids), None
+    if budgets.max_segments is not None and budgets.max_segments < count:
+        count, omitted_by = budgets.max_segments, "max_segments"
+    for name, sizes_of, limit in (
+        ("max_triangles", lambda: table.faces[ids], budgets.max_triangles),
+        ("max_bytes", lambda: table.lengths[ids], budgets.max_bytes),
+        ("max_gpu_bytes", lambda: gpu_bytes(table, ids, budgets), budgets.max_gpu_bytes),
+    ):
+        if limit is None:
+            continue
+        running = np.cumsum(sizes_of(), dtype=np.int64)
+        fits = int(np.searchsorted(running, limit, side="right"))
+        if fits < count:
+            count, omitted_by = fits, name
+    return count, omitted_by

@@ -1,0 +1,1 @@
+"""The WebSocket: connections, sessions run over them, and whose payload goes next."""

@@ -1,0 +1,294 @@
+"""The WebSocket endpoint: who may come in, and on what terms."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import secrets
+from dataclasses import dataclass
+from time import monotonic
+
+from starlette.responses import JSONResponse
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from terraport_server.auth.gate import TokenPass, bearer_token, origin_is_allowed
+from terraport_server.auth.watch import Visitor
+from terraport_server.client_addresses import client_key
+from terraport_server.errors import AccessError, UnknownSceneError
+from terraport_server.groups.registry import GroupDoor
+from terraport_server.http.guard import host_is_ours
+from terraport_server.logging import log
+from terraport_server.peer_limits import REFUSED_CLOSE_S
+from terraport_server.service import Service
+from terraport_server.session.greeting import UNOPENED_TEXT, no_hello_text
+from terraport_server.session.session import INTERNAL_TEXT, Session
+from terraport_server.stream.sender import Sender
+from terraport_server.stream.session_log import Chronicle, note_error
+from terraport_server.transport import connection_of
+from terraport_wire import (
+    CLOSE_CODES,
+    SUBPROTOCOL,
+    CloseCode,
+    DecodeError,
+    Direction,
+    Error,
+    ErrorCode,
+    Hello,
+    Message,
+    decode,
+    encode,
+    token_from_subprotocols,
+)
+
+__all__ = ["stream"]
+
+
+@dataclass(frozen=True, slots=True)
+class _Refusal:
+    """A client that is not let in: what it is told, and what is counted."""
+
+    code: ErrorCode
+    text: str
+    reason: str
+    """For the metric; see docs/topics/metrics.md."""
+
+
+async def stream(websocket: WebSocket, scene_id: str, service: Service) -> None:
+    """Serve one client from handshake to close."""
+    offered = list(websocket.scope["subprotocols"])
+    speaks = SUBPROTOCOL in offered
+    client_ip = websocket.client.host if websocket.client is not None else "unknown"
+    connection = connection_of(websocket.scope)
+    full = None if connection is None else connection.count_client(client_ip)
+    if full is not None:
+        service.note_refusal("connections", full, client_ip)
+        error = {"error": {"code": "connections", "message": full}}
+        await websocket.send_denial_response(JSONResponse(error, 503))
+        return
+    await websocket.accept(SUBPROTOCOL if speaks else None)
+    if not speaks:
+        service.metrics.errors.labels(ErrorCode.UNSUPPORTED_VERSION).inc()
+        service.metrics.refused.labels("version").inc()
+        if connection is not None:
+            connection.leave_within(REFUSED_CLOSE_S)
+        await websocket.close(int(CloseCode.VERSION), f"offered: {SUBPROTOCOL}")
+        return
+    with contextlib.suppress(WebSocketDisconnect):
+        came = _let_in(websocket, scene_id, offered, service)
+        if not isinstance(came, _Refusal) and (came is not None or service.gate.is_open):
+            # Said at once to whom it may be said; who has a token to show counts once it is seen.
+            full = service.fullness(client_key(client_ip))
+            if full is not None:
+                came = _Refusal(ErrorCode.TOO_MANY, full, _kind_of(full))
+        if not isinstance(came, _Refusal):
+            await _serve(websocket, scene_id, came, client_ip, service)
+            return
+        if connection is not None and came.code in {ErrorCode.DRAINING, ErrorCode.TOO_MANY}:
+            connection.excuse()
+        service.metrics.refused.labels(came.reason).inc()
+        note_error(service.metrics, service.once, came.code, came.text, client_ip=client_ip)
+        await _refuse(websocket, came.code, came.text)
+
+
+async def _serve(
+    websocket: WebSocket,
+    scene_id: str,
+    token_pass: TokenPass | None,
+    client_ip: str,
+    service: Service,
+) -> None:
+    """Run the session of a client that was let in, from its first message to its last.
+
+    Invariant: what is entered (scene held, visitor watched, seat taken) is left again in the
+    ``finally``, however the session ends; nothing between entering and ``try`` awaits.
+    """
+    # The scene.
+    try:
+        served = service.registry.get(scene_id)
+    except UnknownSceneError:  # hello's token decides who is told so
+        code, text = await _judge_hello(websocket, scene_id, service)
+        service.metrics.refused.labels(str(code)).inc()
+        note_error(service.metrics, service.once, code, text, client_ip=client_ip)
+        await _refuse(websocket, code, text)
+        return
+    # Access: by the handshake's token, or by that of hello, which the session asks about.
+    session_id = secrets.token_hex(6)
+    connection = connection_of(websocket.scope)
+    client = client_key(client_ip)
+    is_counted = False
+
+    def authorise(token: str | None) -> tuple[ErrorCode, str] | None:
+        nonlocal is_counted
+        if token_pass is None:
+            admission = service.gate.admit(token, scene_id)
+            if isinstance(admission, ErrorCode):
+                service.metrics.refused.labels(str(admission)).inc()
+                return admission, UNOPENED_TEXT
+            visitor.token_pass = admission
+        # Only now does it count: whoever says no hello would else keep others out.
+        full = service.admit(client)
+        if connection is not None:
+            connection.excuse()
+        if full is not None:
+            service.metrics.refused.labels(_kind_of(full)).inc()
+            return ErrorCode.TOO_MANY, full
+        is_counted = True
+        if connection is not None:
+            connection.let_in()
+        chronicle.opened()
+        return None
+
+    chronicle = Chronicle(
+        service.metrics, service.once, session_id=session_id, served=served, client_ip=client_ip
+    )
+    # The session's surroundings: who hears of it, its way to the groups.
+    door: GroupDoor | None = None
+    if service.groups is not None:
+
+        def may_guide() -> bool:
+            token = visitor.token_pass
+            return service.settings.group_guides == "first" or (token is not None and token.guide)
+
+        def owner() -> tuple[str, str | None]:
+            token = visitor.token_pass
+            return client, None if token is None else token.name
+
+        def deliver(message: Message) -> None:
+            session.tell_group(message)
+            sender.wake()
+
+        named_by_url = websocket.query_params.get("group")
+        door = service.groups.door(
+            scene_id, named_by_url, may_guide=may_guide, deliver=deliver, owner=owner
+        )
+    # The session itself is pure; the sender carries out what it decides.
+    session = Session(
+        served.view,
+        service.session_limits,
+        session_id=session_id,
+        now_s=monotonic(),
+        authorise=authorise,
+        observer=chronicle,
+        groups=door,
+    )
+    sender = Sender(
+        websocket,
+        session,
+        served,
+        limits=service.sender_limits,
+        metrics=service.metrics,
+        turns=service.turns,
+        client_turns=service.client_turns,
+        read_buffer=service.read_buffer,
+        run_pick=service.run_pick,
+    )
+
+    def withdraw(text: str) -> None:
+        session.withdraw(text)
+        sender.wake()
+
+    # Enter, serve, leave.
+    visitor = Visitor(scene_id, withdraw, session_id, token_pass)
+    service.add(sender, served)
+    service.access.add(visitor)
+    try:
+        await sender.run()
+    except Exception:
+        service.metrics.errors.labels(ErrorCode.INTERNAL).inc()
+        chronicle.ending(ErrorCode.INTERNAL)
+        log("session failed", level=logging.ERROR, session=session_id, scene=scene_id)
+        logging.getLogger("terraport.server").exception("session failed")
+        await _refuse(websocket, ErrorCode.INTERNAL, INTERNAL_TEXT)
+    finally:
+        session.ended()
+        if door is not None:
+            door.close(monotonic())
+        service.access.remove(visitor)
+        service.remove(sender)
+        if is_counted:
+            service.dismiss(client)
+        chronicle.closed()
+        # What is told to both holds them, and they hold it: no rings, see HttpConnection.
+        session = sender = None  # type: ignore[assignment]
+
+
+def _let_in(
+    websocket: WebSocket, scene_id: str, offered: list[str], service: Service
+) -> TokenPass | _Refusal | None:
+    """Judge a handshake: the pass of its token, why not, or ``None`` where ``hello`` decides."""
+    if service.draining or not service.ready:
+        text = "got a new session while the server goes away, expected none"
+        return _Refusal(ErrorCode.DRAINING, text, "draining")
+    headers, settings = websocket.headers, service.settings
+    if settings.checks_host and not host_is_ours(headers.get("host"), settings.allowed_hosts):
+        text = "got a Host that is not this service's, expected an address or localhost"
+        return _Refusal(ErrorCode.FORBIDDEN, text, "host")
+    allowed = settings.allowed_origins
+    if not origin_is_allowed(headers.get("origin"), headers.get("host"), allowed):
+        text = f"got origin {headers.get('origin', '')[:200]!r}, expected one that is allowed"
+        return _Refusal(ErrorCode.FORBIDDEN, text, "origin")
+    token, token_pass = _given_token(websocket, offered), None
+    if token is not None:
+        admitted = service.gate.admit(token, scene_id)
+        if isinstance(admitted, ErrorCode):
+            return _Refusal(admitted, str(AccessError(admitted)), str(admitted))
+        token_pass = admitted
+    elif not service.gate.is_open:
+        # Whether there is such a scene is told to nobody before the token: hello is waited for.
+        return None
+    try:
+        service.registry.get(scene_id)
+    except UnknownSceneError as error:
+        return _Refusal(error.code, str(error), str(error.code))
+    return token_pass
+
+
+def _kind_of(full: str) -> str:
+    return "sessions_per_ip" if "one address" in full else "sessions"
+
+
+async def _judge_hello(
+    websocket: WebSocket, scene_id: str, service: Service
+) -> tuple[ErrorCode, str]:
+    """Refuse a client that wants an unknown scene exactly as it would be at a known one."""
+    settings = service.settings
+    try:
+        async with asyncio.timeout(settings.handshake_timeout_s):
+            event = await websocket.receive()
+    except TimeoutError:
+        return ErrorCode.TIMEOUT, no_hello_text(settings.handshake_timeout_s)
+    if event["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(1006)
+    text = event.get("text")
+    data: bytes | str = event["bytes"] if text is None else text
+    try:
+        most_bytes = service.settings.max_message_bytes
+        message = decode(data, Direction.CLIENT_TO_SERVER, max_bytes=most_bytes)
+    except DecodeError as error:
+        return error.code, str(error)
+    token = message.token if isinstance(message, Hello) else None
+    code = service.gate.check(token, scene_id)
+    if code is not None:
+        return code, UNOPENED_TEXT
+    return ErrorCode.UNKNOWN_SCENE, str(UnknownSceneError(scene_id))
+
+
+def _given_token(websocket: WebSocket, offered: list[str]) -> str | None:
+    """Return the handshake's token; ``""`` where there is one that cannot be read."""
+    token = bearer_token(websocket.headers.get("authorization"))
+    if token is not None:
+        return token
+    if any(entry.startswith("terraport.token.") for entry in offered):
+        return token_from_subprotocols(offered) or ""
+    return None
+
+
+async def _refuse(websocket: WebSocket, code: ErrorCode, text: str) -> None:
+    error = encode(Error(code=code, message=text[:1024], fatal=True))
+    connection = connection_of(websocket.scope)
+    if connection is not None:
+        connection.leave_within(REFUSED_CLOSE_S)
+    with contextlib.suppress(WebSocketDisconnect, RuntimeError):  # gone, or closed already
+        await websocket.send_bytes(error)
+        await websocket.close(int(CLOSE_CODES[code]), code)
