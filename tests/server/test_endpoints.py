@@ -19,7 +19,8 @@ import pytest
 from server.grid_scene import GridScene, write_grid_scene
 from server.plain_client import PlainClient
 
-from terraport_server import BackgroundServer, served_scene
+from terraport_server import BackgroundServer
+from terraport_server.scenes import served_scene
 from terraport_store import Scene, change_labels
 from terraport_store.labels import encode_labels, parse_labels
 

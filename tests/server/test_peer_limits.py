@@ -21,7 +21,7 @@ from server.grid_scene import write_grid_scene
 from server.plain_client import PlainClient, make_hello
 from uvicorn.protocols.utils import ClientDisconnected
 
-from terraport_server import BackgroundServer, client_addresses, sender
+from terraport_server import BackgroundServer, client_addresses
 from terraport_server.entrance import ADDRESS_SHARE
 from terraport_server.peer_limits import (
     FRAMES_PER_MESSAGE,
@@ -29,6 +29,7 @@ from terraport_server.peer_limits import (
     MAX_FIRST_FRAMES,
     BoundedPeer,
 )
+from terraport_server.stream import sender
 from terraport_wire import (
     HELD_DTYPE,
     MAX_HELD_SEGMENTS,

@@ -13,7 +13,8 @@ import httpx
 import pytest
 
 from terraport_payload.glb_container import split_glb
-from terraport_server import BackgroundServer, tile_desk
+from terraport_server import BackgroundServer
+from terraport_server.scenes import tileset as tile_desk
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.scenes.tileset import MAX_KEPT_BYTES, TileDesk
 from terraport_store import Scene
