@@ -14,12 +14,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
-import shapely
-from pyproj import CRS
-from pyproj.exceptions import CRSError
 
 from terraport_payload.types import AnyFloat, Float64
 from terraport_pipeline.extent import Extent
@@ -27,6 +24,10 @@ from terraport_pipeline.model import to_crs
 from terraport_pipeline.survey_statement import METRES_PER_UNIT
 from terraport_store import EAST_NORTH_UP, Manifest, SurveyUnits
 from terraport_store.manifest import CrsInfo
+
+if TYPE_CHECKING:
+    import shapely
+    from pyproj import CRS
 
 __all__ = ["SurveyFrame", "survey_frame"]
 
@@ -112,6 +113,8 @@ class SurveyFrame:
 
     def shape_to_survey(self, shape: shapely.Geometry) -> shapely.Geometry:
         """Convert a shape in plan coordinates to survey coordinates."""
+        import shapely  # terraport list needs neither this nor PROJ
+
         return shapely.transform(shape, self.plan_to_survey) if self.is_turned else shape
 
     def extent_to_plan(self, extent: Extent) -> Extent:
@@ -155,12 +158,7 @@ def survey_frame(manifest: Manifest) -> SurveyFrame:
     stated, units = _stated(manifest.crs), manifest.survey_units
     if units is None:
         return SurveyFrame(manifest.origin, stated)
-    own = None
-    if units.crs_wkt:
-        try:
-            own = CRS.from_wkt(units.crs_wkt)
-        except CRSError:
-            own = None
+    own = _read_crs(units.crs_wkt) if units.crs_wkt else None
     if own is None and stated is not None:
         return SurveyFrame(manifest.origin, stated)
     return SurveyFrame(manifest.origin, own, units)
@@ -178,13 +176,18 @@ def _extent_of(ends: Float64) -> Extent:
 def _stated(info: CrsInfo | None) -> CRS | None:
     if info is None:
         return None
-    for text in (info.wkt, None if info.epsg is None else f"EPSG:{info.epsg}"):
-        if text:
-            try:
-                return CRS.from_user_input(text)
-            except CRSError:
-                continue
-    return None
+    texts = (info.wkt, None if info.epsg is None else f"EPSG:{info.epsg}")
+    return next((crs for text in texts if text and (crs := _read_crs(text))), None)
+
+
+def _read_crs(text: str) -> CRS | None:
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    try:
+        return CRS.from_user_input(text)
+    except CRSError:
+        return None
 
 
 def _unit_name(metres: float) -> str:

@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from terraport_pipeline.export.frame import survey_frame
+from terraport_pipeline.export.frame import SurveyFrame, survey_frame
 from terraport_pipeline.published.work_directory import default_work_directory
 from terraport_pipeline.workflow.scene_lock import build_process
 from terraport_pipeline.workflow.workdir import is_work_directory
@@ -49,7 +49,9 @@ class SceneExtent:
     @classmethod
     def of(cls, manifest: Manifest) -> SceneExtent:
         """Convert the manifest's bounds."""
-        frame = survey_frame(manifest)
+        # In metres the CRS does not matter here; to read one takes longer than all the rest.
+        in_metres = manifest.survey_units is None
+        frame = SurveyFrame(manifest.origin, None) if in_metres else survey_frame(manifest)
         (x0, y0, z0), (x1, y1, z1) = manifest.bounds.min, manifest.bounds.max
         ends = np.sort(frame.to_survey(np.array([(x0, y0, z1), (x1, y1, z0)])), axis=0)
         low, high = ends.tolist()

@@ -15,7 +15,6 @@ from typing import Annotated, NoReturn
 import typer
 
 from terraport.cli.lazy import STOPPED, VERBS, LazyGroup, stub
-from terraport.version import __version__
 
 __all__ = ["app", "main"]
 
@@ -77,6 +76,8 @@ def _leave_at_once() -> NoReturn:
 
 def _show_version(wanted: bool) -> None:
     if wanted:
+        from terraport.version import __version__  # reads the metadata
+
         typer.echo(f"terraport {__version__}")
         raise typer.Exit
 
