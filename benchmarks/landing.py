@@ -43,8 +43,13 @@ from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port
 from parts.swarm import drain_all, drain_paced
 
-from terraport_server.session.actions import MakePlan, SceneView, SendMessage, SessionLimits
-from terraport_server.session.selection import SegmentTable
+from terraport_server.session.interface import (
+    MakePlan,
+    SceneView,
+    SegmentTable,
+    SendMessage,
+    SessionLimits,
+)
 from terraport_server.session.session import Session
 from terraport_store import PackedRTree, RTreeIndex
 from terraport_wire import (

@@ -27,7 +27,8 @@ from typing import Final
 import numpy as np
 
 from terraport_server.scenes.served_scene import ServedScene
-from terraport_server.session.selection import Budgets, SegmentTable, gpu_bytes, select
+from terraport_server.session.interface import SegmentTable
+from terraport_server.session.planner import Budgets, gpu_bytes, select
 
 CORPUS: Final = Path(__file__).resolve().parents[1] / "tests" / "conformance" / "scene"
 SEED: Final = 23

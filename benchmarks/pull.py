@@ -45,14 +45,14 @@ from parts.random_scene import TILE_M, write_random_scene
 from parts.service_process import ServiceProcess, free_port, listening
 
 import terraport
-from terraport_server.session.actions import (
+from terraport_server.session.interface import (
     MakePlan,
     PullView,
     SceneView,
+    SegmentTable,
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.selection import SegmentTable
 from terraport_server.session.session import Session
 from terraport_store import PackedRTree, Scene
 from terraport_store.origin import ObjectOptions

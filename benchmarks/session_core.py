@@ -13,8 +13,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from terraport_server.session.actions import MakePlan, SceneView, SendChunk, SessionLimits
-from terraport_server.session.selection import SegmentTable
+from terraport_server.session.interface import (
+    MakePlan,
+    SceneView,
+    SegmentTable,
+    SendChunk,
+    SessionLimits,
+)
 from terraport_server.session.session import Session
 from terraport_store.packed_rtree import PackedRTree
 from terraport_wire import (

@@ -11,8 +11,13 @@ import msgpack
 import numpy as np
 from parts.random_scene import TILE_M
 
-from terraport_server.session.actions import MakePlan, SceneView, SendMessage, SessionLimits
-from terraport_server.session.selection import SegmentTable
+from terraport_server.session.interface import (
+    MakePlan,
+    SceneView,
+    SegmentTable,
+    SendMessage,
+    SessionLimits,
+)
 from terraport_server.session.session import Session
 from terraport_store import PackedRTree
 from terraport_wire import (

@@ -11,16 +11,16 @@ from dataclasses import dataclass
 import numpy as np
 from attacks.messages import Corpus, sensible, sensible_hello
 
-from terraport_server.session.actions import (
+from terraport_server.session.interface import (
     Close,
     MakePlan,
     RunPick,
     SceneView,
+    SegmentTable,
     SendChunk,
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.selection import SegmentTable
 from terraport_server.session.session import Session
 from terraport_wire import (
     CLOSE_CODES,
@@ -152,15 +152,15 @@ def _act(
             break
         assert not closes, f"{action} after the close"
         if isinstance(action, SendChunk):
-            deliveries = session.deliveries
-            assert deliveries is not None
-            assert 0 < action.length <= min(MAX_CHUNK_BYTES, deliveries.credit_bytes)
+            transfers = session.transfers
+            assert transfers is not None
+            assert 0 < action.length <= min(MAX_CHUNK_BYTES, transfers.credit_bytes)
             assert action.offset + action.length <= action.total
             if draw.random() < 0.03:
                 session.payload_failed(action, now_s)
             else:
                 session.chunks_sent([action], now_s)
-            assert deliveries.credit_bytes >= 0
+            assert transfers.credit_bytes >= 0
             run.chunks += 1
         elif isinstance(action, SendMessage):
             _check_answer(action)

@@ -13,7 +13,7 @@ import logging
 import sys
 from typing import Any, Final
 
-from terraport_server.session.rate import RateLimit
+from terraport_server.session.rate_limit import RateLimit
 
 __all__ = [
     "LINES_PER_S",

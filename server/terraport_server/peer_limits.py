@@ -27,7 +27,7 @@ from websockets.protocol import State
 from terraport_server.client_addresses import too_many_of_address
 from terraport_server.entrance import Entrance
 from terraport_server.frame_cutter import FrameCutter
-from terraport_server.session.rate import RateLimit
+from terraport_server.session.rate_limit import RateLimit
 from terraport_server.stream.client_turns import ClientTurns
 from terraport_server.stream.priced_queue import Account
 from terraport_server.stream.signals import Inbox, Signal

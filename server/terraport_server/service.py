@@ -26,8 +26,8 @@ from terraport_server.scenes.roots import root_of
 from terraport_server.scenes.served_scene import ServedScene
 from terraport_server.scenes.strokes import StrokeDesk
 from terraport_server.scenes.tileset import TileDesk
-from terraport_server.session.actions import RunPick
-from terraport_server.session.rate import RateLimit, RatesByName
+from terraport_server.session.interface import RunPick
+from terraport_server.session.rate_limit import RateLimit, RatesByName
 from terraport_server.settings import Settings
 from terraport_server.stream.client_turns import ClientTurns
 from terraport_server.stream.priced_queue import Account

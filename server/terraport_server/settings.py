@@ -17,7 +17,7 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 
 from terraport_server.errors import SettingsError
 from terraport_server.groups.state import GroupLimits
-from terraport_server.session.actions import SessionLimits
+from terraport_server.session.interface import SessionLimits
 from terraport_store import is_url, meant_url
 from terraport_wire import (
     MAX_CLIENT_MESSAGE_BYTES,

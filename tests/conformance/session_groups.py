@@ -21,7 +21,7 @@ OTHER: Final = "other"
 
 
 class _Door:
-    """One connection's way to the groups; see `terraport_server.session.actions.GroupPort`."""
+    """One connection's way to the groups; see `terraport_server.session.interface.GroupPort`."""
 
     def __init__(self, groups: Groups, number: int) -> None:
         self._groups = groups

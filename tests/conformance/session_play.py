@@ -19,7 +19,7 @@ from sdk.pairing import Pair, ToyScene
 
 from terraport import events as told
 from terraport.session import ClientSession
-from terraport_server.session.actions import SendChunk, SessionLimits
+from terraport_server.session.interface import SendChunk, SessionLimits
 from terraport_wire import Hit, PayloadFrame, encode_frame
 
 __all__ = ["Operation", "Script", "World", "play"]

@@ -15,17 +15,17 @@ from terraport.cache import CachedSegment, SegmentCache
 from terraport.events import Event, RestoreNeeded, SegmentArrived
 from terraport.session import ClientSession, SessionOptions
 from terraport_payload import encode_glb
-from terraport_server.session.actions import (
+from terraport_server.session.interface import (
     Close,
     GroupPort,
     MakePlan,
     RunPick,
     SceneView,
+    SegmentTable,
     SendChunk,
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.selection import SegmentTable
 from terraport_server.session.session import Session as ServerSession
 from terraport_wire import (
     DecodeError,

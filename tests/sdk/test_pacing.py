@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from terraport.pacing import Pacer
-from terraport_server.session.rate import RateLimit
+from terraport_server.session.rate_limit import RateLimit
 
 
 @given(

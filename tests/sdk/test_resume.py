@@ -15,7 +15,7 @@ from server.session_model import make_scene
 from terraport.cache import SegmentCache
 from terraport.events import Dropped, Opened, Planned, Prefetched, Ready, Refused
 from terraport.session import ClientSession, SessionOptions
-from terraport_server.session.actions import MakePlan, SendMessage, SessionLimits
+from terraport_server.session.interface import MakePlan, SendMessage, SessionLimits
 from terraport_server.session.session import Session as ServerSession
 from terraport_wire import (
     Direction,

@@ -21,7 +21,7 @@ from terraport.events import (
     Refused,
     SegmentRejected,
 )
-from terraport_server.session.actions import SessionLimits
+from terraport_server.session.interface import SessionLimits
 from terraport_wire import (
     Direction,
     Hello,
@@ -272,5 +272,5 @@ def test_whatever_happens_the_last_landing_alone_decides_what_is_visible(
     pair.client.land(MIDDLE, 3.3)
     pair.settle()
     assert pair.server is not None
-    believed = set(pair.server.deliveries.held.array().tolist())
+    believed = set(pair.server.transfers.held.array().tolist())
     assert {segment for segment in believed if segment not in pair.client.holdings} == set()

@@ -40,7 +40,7 @@ def test_evictions_are_told_before_the_next_landing(toy: ToyScene) -> None:
     plans = [event.plan for event in pair.of(Planned)]
     assert plans[2].load_bytes == plans[0].load_bytes > 0
     assert pair.server is not None
-    held_ids = pair.server.deliveries.held
+    held_ids = pair.server.transfers.held
     # What the server counts as held beyond the visible is what the next evict will name.
     pair.client.land((0, 0, 0), 2.0)
     messages = [decode(data, Direction.CLIENT_TO_SERVER) for data in pair.client.data_to_send()]

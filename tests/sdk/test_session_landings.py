@@ -17,7 +17,7 @@ from terraport.events import (
     SegmentRejected,
     Superseded,
 )
-from terraport_server.session.actions import SessionLimits
+from terraport_server.session.interface import SessionLimits
 from terraport_wire import (
     encode_frame,
 )

@@ -13,17 +13,17 @@ import numpy as np
 from server.plain_client import make_hello
 
 from terraport_payload import box_distances_m
-from terraport_server.session.actions import (
+from terraport_server.session.interface import (
     Action,
     Close,
     MakePlan,
     RunPick,
     SceneView,
+    SegmentTable,
     SendChunk,
     SendMessage,
     SessionLimits,
 )
-from terraport_server.session.selection import SegmentTable
 from terraport_server.session.session import Session
 from terraport_wire import (
     Aim,

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from server.session_model import Client, aim, ids, land, make_scene
 
-from terraport_server.session.actions import Observer, SessionLimits
-from terraport_server.session.aim_ledger import AimLedger
-from terraport_server.session.id_set import IdSet
+from terraport_server.session.interface import Observer, SessionLimits
 from terraport_server.session.session import Session
 from terraport_wire import MAX_CHUNK_BYTES, Evict, Reject
 
@@ -31,20 +29,6 @@ def listened(**limits: object) -> tuple[Client, Ear]:
     client = Client(session, scene)
     client.greet()
     return client, ear
-
-
-def test_every_byte_is_settled_once() -> None:
-    ear = Ear()
-    ledger = AimLedger(ear)
-    for segment, length in ((1, 10), (2, 20), (2, 5), (3, 40)):
-        ledger.sent(segment, length)
-    ledger.waste([3, 9])
-    assert ledger.open_bytes == 35
-    ledger.land(IdSet([2, 3]), needed_more=True)
-    ledger.land(IdSet([1, 2, 3]), needed_more=False)
-    assert ear.ended == [(40, 0), (35, 25)]
-    assert ear.judged == [], "no aim was computed"
-    assert ledger.open_bytes == 0
 
 
 def test_a_hit() -> None:

@@ -17,7 +17,7 @@ from server.plain_client import PlainClient
 from terraport_server import BackgroundServer, Settings
 from terraport_server.metrics import MAX_SCENE_LABELS, Metrics
 from terraport_server.service import METRIC_PAGES_PER_S, Service
-from terraport_server.session.rate import RateLimit
+from terraport_server.session.rate_limit import RateLimit
 from terraport_wire import Bye, Credit, Land, Plan, Ready
 
 PAGE = Path(__file__).resolve().parents[2] / "docs" / "topics" / "metrics.md"

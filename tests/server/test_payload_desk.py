@@ -15,7 +15,7 @@ from server.grid_scene import GridScene, write_grid_scene
 from terraport_server.read_buffer import ReadBuffer
 from terraport_server.scenes.payload_reader import COMPARED_AT_ONCE
 from terraport_server.scenes.served_scene import ServedScene
-from terraport_server.session.actions import SendChunk
+from terraport_server.session.interface import SendChunk
 from terraport_store import CorruptPayloadError, PayloadRange, RangeError
 
 

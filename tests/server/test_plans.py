@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from server.plain_client import make_hello
 from server.session_model import aim, land, make_scene
 
-from terraport_server.session.actions import SessionLimits
 from terraport_server.session.id_set import IdSet
-from terraport_server.session.plans import Planner
+from terraport_server.session.interface import SessionLimits
+from terraport_server.session.planner import Planner
 from terraport_wire import Budgets, Direction, Plan, Prefetch, decode, encode
 
 

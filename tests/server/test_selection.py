@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from terraport_payload import box_distances_m
 from terraport_payload.types import Bool, Float32
 from terraport_server.session.id_set import IdSet
-from terraport_server.session.selection import (
+from terraport_server.session.interface import SegmentTable
+from terraport_server.session.planner import (
     Budgets,
-    SegmentTable,
     Selection,
     find_candidates,
     select,

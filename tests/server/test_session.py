@@ -28,7 +28,7 @@ from server.session_model import (
 )
 
 from terraport_payload import box_distances_m
-from terraport_server.session.actions import Close, Observer, SessionLimits
+from terraport_server.session.interface import Close, Observer, SessionLimits
 from terraport_server.session.session import INTERNAL_TEXT, Session
 from terraport_wire import (
     HELD_DTYPE,
@@ -388,9 +388,9 @@ def test_any_history_keeps_the_rules(
                 if newest is not None and first in {*newest.load["id"].tolist(), *newest.keep}:
                     client.load[newest.generation].append(first)
                 client.tell(Reject(generation=generation, segment=first, reason="x"))
-        assert client.session.deliveries is not None
+        assert client.session.transfers is not None
         if client.session.pending == 0:
-            server_held = client.session.deliveries.held.array().tolist()
+            server_held = client.session.transfers.held.array().tolist()
             assert server_held == sorted(client.held)
     client.credit += 1 << 20
     client.tell(Credit(bytes=1 << 20))

@@ -11,7 +11,7 @@ from server.session_model import Client, aim, assert_fatal, land, make_client, m
 
 from terraport_server.groups.groups import Groups
 from terraport_server.groups.state import GroupLimits, Place
-from terraport_server.session.actions import SendMessage, SessionLimits
+from terraport_server.session.interface import SendMessage, SessionLimits
 from terraport_server.session.session import Session
 from terraport_wire import (
     Arrived,

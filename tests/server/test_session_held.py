@@ -22,7 +22,7 @@ from server.session_model import (
     make_scene,
 )
 
-from terraport_server.session.actions import SendChunk
+from terraport_server.session.interface import SendChunk
 from terraport_server.session.session import INTERNAL_TEXT
 from terraport_wire import (
     HELD_DTYPE,

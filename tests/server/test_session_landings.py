@@ -17,7 +17,7 @@ from server.session_model import (
     make_scene,
 )
 
-from terraport_server.session.actions import MakePlan, SendChunk
+from terraport_server.session.interface import MakePlan, SendChunk
 from terraport_wire import (
     MAX_CHUNK_BYTES,
     Budgets,
@@ -249,10 +249,10 @@ def test_no_credit_no_payload_but_messages() -> None:
 
 def test_credit_is_clamped() -> None:
     client = make_client(max_credit_bytes=1200)
-    assert client.session.deliveries is not None
-    assert client.session.deliveries.credit_bytes == 1200
+    assert client.session.transfers is not None
+    assert client.session.transfers.credit_bytes == 1200
     client.tell(Credit(bytes=1 << 50))
-    assert client.session.deliveries.credit_bytes == 1200
+    assert client.session.transfers.credit_bytes == 1200
 
 
 # Deadlines.

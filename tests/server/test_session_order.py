@@ -15,7 +15,7 @@ from server.session_model import Client, aim, ids, land, make_client, make_scene
 
 from terraport_payload import box_distances_m
 from terraport_payload.types import UInt64
-from terraport_server.session.actions import SendChunk, SendMessage
+from terraport_server.session.interface import SendChunk, SendMessage
 from terraport_wire import HELD_DTYPE, Credit, Evict, Plan, Prefetch, Ready, Reject, Superseded
 
 COUNT = 12
@@ -57,12 +57,12 @@ def test_no_chunk_of_an_older_generation_and_never_beyond_the_credit(
             client.run(until=lambda sent=sent, most=first: len(client.chunks) >= sent + most)
             for chunk in client.chunks[sent:]:
                 assert chunk.generation >= oldest
-        elif kind == "reject" and session.deliveries is not None:
+        elif kind == "reject" and session.transfers is not None:
             _reject(client, first)
         elif kind == "evict":
             _evict(client, first)
-        assert session.deliveries is not None
-        assert session.deliveries.credit_bytes == granted - sum(c.length for c in client.chunks)
+        assert session.transfers is not None
+        assert session.transfers.credit_bytes == granted - sum(c.length for c in client.chunks)
     client.credit += 1 << 24
     client.tell(Credit(bytes=1 << 24))
     sent = len(client.chunks)
@@ -84,18 +84,18 @@ def _reject(client: Client, segment: int) -> None:
 
 def _until_told(client: Client) -> None:
     """Take every message and plan, and no payload."""
-    deliveries = client.session.deliveries
-    assert deliveries is not None
-    client.run(until=lambda: client.session.pending == 0 and not deliveries.plan_is_due)
+    transfers = client.session.transfers
+    assert transfers is not None
+    client.run(until=lambda: client.session.pending == 0 and not transfers.plan_is_due)
 
 
 def _evict(client: Client, segment: int) -> None:
     _until_told(client)
-    deliveries = client.session.deliveries
-    assert deliveries is not None
+    transfers = client.session.transfers
+    assert transfers is not None
     newest = next((m for m in reversed(client.messages) if isinstance(m, Plan)), None)
     plan = [] if newest is None else [*newest.load["id"].tolist(), *newest.keep.tolist()]
-    if not (deliveries.landing_open and segment in plan):
+    if not (transfers.landing_open and segment in plan):
         client.held.discard(segment)
         client.tell(Evict(segments=ids(segment)))
 

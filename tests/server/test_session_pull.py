@@ -17,8 +17,8 @@ from server.session_model import (
     make_scene,
 )
 
-from terraport_server.session.actions import PullView, SceneView, SendChunk
-from terraport_server.session.rate import HELD_ROWS_PER_MESSAGE, RATE_WINDOW_S
+from terraport_server.session.interface import PullView, SceneView, SendChunk
+from terraport_server.session.rate_limit import HELD_ROWS_PER_MESSAGE, RATE_WINDOW_S
 from terraport_wire import (
     BLOCK_BYTES,
     HELD_DTYPE,
@@ -103,8 +103,8 @@ def test_a_wrong_hash_is_not_held() -> None:
     client.tell(Held(segments=np.array([(0, 1), (1, 7001)], dtype=HELD_DTYPE)))
     (checked,) = client.run()
     assert (checked.dropped.tolist(), checked.held_count) == ([0], 1)
-    assert client.session.deliveries is not None
-    assert client.session.deliveries.landing_open
+    assert client.session.transfers is not None
+    assert client.session.transfers.landing_open
 
 
 def test_a_newer_landing_ends_an_older_one() -> None:
@@ -147,8 +147,8 @@ def test_what_is_being_sent_again_is_not_held_by_word() -> None:
     checked = fetched(client, 0, 1, 2)[0]
     assert checked.held_count == 2
     client.held.discard(1)
-    assert client.session.deliveries is not None
-    assert client.session.deliveries.landing_open
+    assert client.session.transfers is not None
+    assert client.session.transfers.landing_open
 
 
 def test_an_aim_waits_for_the_landing_and_is_superseded() -> None:

@@ -21,8 +21,8 @@ from concurrent.futures import Executor
 from time import monotonic
 from typing import Final
 
-from terraport_server.session.actions import SendChunk
-from terraport_server.session.rate import RatesByName
+from terraport_server.session.interface import SendChunk
+from terraport_server.session.rate_limit import RatesByName
 from terraport_server.read_buffer import ReadBuffer, read_cached
 from terraport_store import PayloadRange, RangeError, Scene, StoreError
 

@@ -16,12 +16,12 @@ from urllib.parse import quote
 import xxhash
 
 from terraport_payload.texture import gpu_texture_bytes
-from terraport_server.session.actions import PullView, SceneView
+from terraport_server.session.interface import PullView, SceneView
 from terraport_server.descriptors import is_shortage
 from terraport_server.logging import SomePerMinute, log
 from terraport_server.scenes.payload_reader import PayloadDesk
 from terraport_server.scenes.pick_queue import PickLine
-from terraport_server.session.selection import SegmentTable
+from terraport_server.session.interface import SegmentTable
 from terraport_store import (
     RegionNames,
     Scene,

@@ -1,55 +1,82 @@
-"""One client's session: messages and time in, actions out.
+"""State machine of one client's session: messages and time in, actions out.
 
-PURE: no I/O, no clock, no task. Times are seconds on any one monotonic clock of the caller's.
+PURE: no I/O, no clock, no task. Times are seconds on one monotonic clock of the caller.
 
 The caller feeds :meth:`Session.receive`, :meth:`Session.refuse`, :meth:`Session.heard`,
-:meth:`Session.tick` and a few news, and carries out what :meth:`Session.next_action` returns, in
-that order, until it returns ``None``. Messages go before plans, plans before payload, a landing's
-payload before an aim's. Section numbers in comments are those of spec/wire-protocol.md.
+:meth:`Session.tick` and events of the server, and carries out what :meth:`Session.next_action`
+returns, in that order, until it returns ``None``. Messages precede plans, plans precede payload,
+and a landing's payload precedes an aim's. Section numbers are those of spec/wire-protocol.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
-from terraport_server.session.actions import (
+from terraport_server.groups.state import Place
+from terraport_server.session.interface import (
     Action,
     Authorise,
+    Close,
     GroupPort,
     MakePlan,
     Observer,
+    RunPick,
     SceneView,
     SendChunk,
+    SendMessage,
     SessionLimits,
 )
-from terraport_server.session.deliveries import Deliveries
-from terraport_server.session.greeting import check_hello, make_welcome, no_hello_text
-from terraport_server.session.group_talk import GroupMessage, GroupTalk
-from terraport_server.session.outbox import Outbox
-from terraport_server.session.pick_talk import INTERNAL_TEXT, PickTalk
-from terraport_server.session.rate import HELD_ROWS_PER_MESSAGE, RateLimit
+from terraport_server.session.rate_limit import HELD_ROWS_PER_MESSAGE, RateLimit
+from terraport_server.session.transfers import Transfers
 from terraport_wire import (
+    CLOSE_CODES,
+    PROTOCOL,
     Aim,
+    Arrived,
     Bye,
     CloseCode,
     Credit,
     DecodeError,
+    Error,
     ErrorCode,
     Evict,
     FieldError,
+    Gather,
     Held,
     HeldChecked,
     Hello,
     Hit,
+    Join,
+    Joined,
     Land,
+    Leave,
     Message,
     Notice,
     Pick,
+    Picked,
     Reject,
+    SceneInfo,
+    ServerLimits,
     Unknown,
+    Welcome,
 )
 
-__all__ = ["INTERNAL_TEXT", "Session"]
+__all__ = ["INTERNAL_TEXT", "UNAUTHORISED_TEXT", "Session", "no_hello_text"]
+
+INTERNAL_TEXT = "the server failed; the operator's log has the reason"
+"""Text of every internal error; details are logged, never sent."""
+
+UNAUTHORISED_TEXT = "got no token that opens this scene, expected one"
+
+_MAX_ERROR_TEXT = 1024
+"""Maximum characters of an error's text."""
+
+_GroupMessage = Join | Leave | Gather | Arrived
+
+
+def no_hello_text(timeout_s: float) -> str:
+    """Return the error text for a client that sent no ``hello`` in time."""
+    return f"got no hello in {timeout_s:g} s, expected it first"
 
 
 class Session:
@@ -89,17 +116,22 @@ class Session:
         self._limits = limits
         self._authorise = authorise
         self._observer = observer or Observer()
-        self._out = Outbox(self._observer)
-        self._groups = GroupTalk(
-            groups, self._out, max_radius_m=limits.max_radius_m, observer=self._observer
-        )
+        self._actions: list[Action] = []  # an empty deque would take 0.8 KB per session
+        self._group_news: dict[str, Message] = {}
+        """Newest message of each type about the group, sent after all actions (16.4)."""
+        self.closing = False
+        """Whether the session is over except for its pending actions."""
+        self._groups = groups
+        self._place: Place | None = None
+        """Centre of the newest accepted landing: the member's position on joining (16.1)."""
         self._opened_s = self._heard_s = now_s
         self._rate = RateLimit(limits.max_messages_per_s, now_s=now_s)
         self._draining_until_s: float | None = None
         self._generation: int | None = None
-        self._picks = PickTalk(self._out, limits.max_picks)
-        self._news: str | None = None
-        self._deliveries: Deliveries | None = None
+        self._open_picks = 0
+        self._published: str | None = None
+        """Newest scene version published before the welcome."""
+        self._transfers: Transfers | None = None
 
     @property
     def pending(self) -> int:
@@ -108,12 +140,7 @@ class Session:
         It grows only by what the client sends, so a caller that stops reading while it is high
         keeps it bounded.
         """
-        return len(self._out)
-
-    @property
-    def closing(self) -> bool:
-        """Whether the session is over but for what is pending."""
-        return self._out.closing
+        return len(self._actions)
 
     @property
     def generation(self) -> int | None:
@@ -123,26 +150,26 @@ class Session:
     @property
     def encoding(self) -> str:
         """The payload encoding; only once it is welcome."""
-        assert self._deliveries is not None
-        return self._deliveries.encoding
+        assert self._transfers is not None
+        return self._transfers.encoding
 
     @property
-    def deliveries(self) -> Deliveries | None:
+    def transfers(self) -> Transfers | None:
         """What the client holds and is being sent, once it is welcome; to look at only."""
-        return self._deliveries
+        return self._transfers
 
     def upcoming(self, most: int) -> list[int]:
         """Return the segments that are sent next, in order, ``most`` of them at most."""
-        return [] if self._deliveries is None else self._deliveries.upcoming(most)
+        return [] if self._transfers is None else self._transfers.upcoming(most)
 
     def wake_at_s(self) -> float:
         """When :meth:`tick` has something to do at the latest."""
-        if self._deliveries is None:
+        if self._transfers is None:
             times = [self._opened_s + self._limits.handshake_timeout_s]
         else:
             times = [self._heard_s + self._limits.idle_timeout_s]
-            if self._deliveries.deadline_s is not None:
-                times.append(self._deliveries.deadline_s)
+            if self._transfers.deadline_s is not None:
+                times.append(self._transfers.deadline_s)
         if self._draining_until_s is not None:
             times.append(self._draining_until_s)
         return min(times)
@@ -153,10 +180,15 @@ class Session:
         A :class:`SendChunk` or :class:`MakePlan` is returned again until it is answered; everything
         else once.
         """
-        action = self._out.pop()
-        if action is not None or self._deliveries is None or self._out.closing:
-            return action
-        if self._deliveries.plan_is_due:
+        if self._actions:
+            return self._actions.pop(0)
+        if self.closing:
+            return None
+        if self._group_news:
+            return SendMessage(self._group_news.pop(next(iter(self._group_news))))
+        if self._transfers is None:
+            return None
+        if self._transfers.plan_is_due:
             return MakePlan()
         chunks = self.next_chunks(1)
         return chunks[0] if chunks else None
@@ -169,9 +201,9 @@ class Session:
         int
             How many segments were looked at: what it cost.
         """
-        if self._deliveries is None or self._out.closing:
+        if self._transfers is None or self.closing:
             return 0
-        looked_at = self._deliveries.make_plan(now_s)
+        looked_at = self._transfers.make_plan(now_s)
         self._close_if_drained()
         return looked_at
 
@@ -180,42 +212,45 @@ class Session:
 
         None while anything else goes first. Answer for those sent by :meth:`chunks_sent`.
         """
-        if self._deliveries is None or not self._out.is_idle:
+        if self._transfers is None or self._actions or self._group_news or self.closing:
             return []
-        return self._deliveries.next_chunks(most_bytes)
+        return self._transfers.next_chunks(most_bytes)
 
     def receive(self, message: Message | Unknown, now_s: float) -> None:
         """Act on one decoded message; before ``hello`` every other one is fatal."""
         if not self._admit(now_s):
             return
-        deliveries = self._deliveries
+        transfers = self._transfers
         if isinstance(message, Hello):
             self._on_hello(message)
-        elif deliveries is None:
+        elif transfers is None:
             what = "an unknown type" if isinstance(message, Unknown) else message.TYPE
-            self._out.fatal(ErrorCode.OUT_OF_ORDER, f"got {what} first, expected hello")
+            self._fatal(ErrorCode.OUT_OF_ORDER, f"got {what} first, expected hello")
         elif isinstance(message, Land | Aim):
             if self._take_generation(message.generation) and self._may_go(message):
                 if isinstance(message, Land):
-                    deliveries.land(message, now_s)
-                    self._groups.landed(message.position, now_s)
+                    transfers.land(message, now_s)
+                    self._place = message.position
+                    if self._groups is not None:
+                        self._groups.landed(message.position, now_s)
                 else:
-                    deliveries.aim(message, now_s)
+                    transfers.aim(message, now_s)
         elif isinstance(message, Credit):
-            deliveries.grant(message.bytes, now_s)
+            transfers.grant(message.bytes, now_s)
         elif isinstance(message, Evict):
-            self._on_evict(message, deliveries)
+            self._on_evict(message, transfers)
         elif isinstance(message, Reject):
-            self._on_reject(message, deliveries, now_s)
+            self._on_reject(message, transfers, now_s)
         elif isinstance(message, Pick):
-            self._picks.receive(message)
+            self._on_pick(message)
         elif isinstance(message, Held):
-            self._on_held(message, deliveries, now_s)
-        elif isinstance(message, GroupMessage):
-            self._groups.receive(message, now_s, draining=self._draining_until_s is not None)
+            self._on_held(message, transfers, now_s)
+        elif isinstance(message, _GroupMessage):
+            self._on_group_message(message, now_s)
         elif isinstance(message, Bye):
-            self._groups.leave(now_s)
-            self._out.close(CloseCode.NORMAL, "bye", at_once=True)
+            self._leave_group(now_s)
+            self._actions.clear()
+            self._close(CloseCode.NORMAL, "bye")
 
     def refuse(self, error: DecodeError, now_s: float) -> None:
         """Answer one message that could not be decoded: fatal, or an error of its request."""
@@ -224,10 +259,10 @@ class Session:
         generation = request = None
         if isinstance(error, FieldError):
             generation, request = error.generation, error.request
-        if error.fatal or self._deliveries is None:
-            self._out.fatal(error.code, str(error), generation=generation)
+        if error.fatal or self._transfers is None:
+            self._fatal(error.code, str(error), generation=generation)
         elif generation is None or self._take_generation(generation):
-            self._out.error(error.code, str(error), generation=generation, request=request)
+            self._error(error.code, str(error), generation=generation, request=request)
 
     def heard(self, now_s: float) -> None:
         """Note that something, if only a pong, came from the client."""
@@ -235,53 +270,57 @@ class Session:
 
     def tick(self, now_s: float) -> None:
         """Act on what time alone decides."""
-        if self._out.closing:
+        if self.closing:
             return
-        limits, deliveries = self._limits, self._deliveries
+        limits, transfers = self._limits, self._transfers
         if self._draining_until_s is not None and now_s >= self._draining_until_s:
-            self._out.close(CloseCode.DRAINING, ErrorCode.DRAINING)
-        elif deliveries is None:
+            self._close(CloseCode.DRAINING, ErrorCode.DRAINING)
+        elif transfers is None:
             if now_s >= self._opened_s + limits.handshake_timeout_s:
-                self._out.fatal(ErrorCode.TIMEOUT, no_hello_text(limits.handshake_timeout_s))
+                self._fatal(ErrorCode.TIMEOUT, no_hello_text(limits.handshake_timeout_s))
         elif now_s >= self._heard_s + limits.idle_timeout_s:
             text = f"got nothing for {limits.idle_timeout_s:g} s, expected at least pongs"
-            self._out.fatal(ErrorCode.TIMEOUT, text)
+            self._fatal(ErrorCode.TIMEOUT, text)
         else:
-            deliveries.settle(now_s)
+            transfers.settle(now_s)
 
     def chunks_sent(self, chunks: Sequence[SendChunk], now_s: float) -> None:
         """Book as sent the chunk of :meth:`next_action`, or the first of :meth:`next_chunks`."""
-        assert self._deliveries is not None
-        self._deliveries.chunks_sent(chunks, now_s)
+        assert self._transfers is not None
+        self._transfers.chunks_sent(chunks, now_s)
         self._close_if_drained()
 
     def payload_failed(self, chunk: SendChunk, now_s: float) -> None:
         """Note that the segment of that chunk cannot be read whole and right: it is missing."""
-        assert self._deliveries is not None
-        self._deliveries.payload_failed(chunk, now_s)
+        assert self._transfers is not None
+        self._transfers.payload_failed(chunk, now_s)
         self._close_if_drained()
 
     def plan_sent(self, generation: int, now_s: float) -> None:
         """Note that the plan of that generation was handed to the socket."""
-        if self._deliveries is not None:
-            self._deliveries.plan_sent(generation, now_s)
+        if self._transfers is not None:
+            self._transfers.plan_sent(generation, now_s)
 
     def picked(self, request: int, hit: Hit | None) -> None:
         """Answer a pick."""
-        self._picks.picked(request, hit)
+        self._open_picks -= 1
+        if not self.closing:
+            self._send(Picked(request=request, hit=hit))
 
     def pick_failed(self, request: int) -> None:
         """Say that a pick could not be answered; the session goes on."""
-        self._picks.failed(request)
+        self._open_picks -= 1
+        if not self.closing:
+            self._error(ErrorCode.INTERNAL, INTERNAL_TEXT, request=request)
 
     def scene_published(self, version: str) -> None:
         """Tell, after the welcome at the earliest, that new sessions get a newer version."""
-        if self._out.closing:
+        if self.closing:
             return
-        if self._deliveries is None:
-            self._news = version
+        if self._transfers is None:
+            self._published = version
         else:
-            self._out.say(Notice(kind="scene_published", version=version))
+            self._send(Notice(kind="scene_published", version=version))
 
     def drain(
         self, now_s: float, timeout_s: float, *, reconnect_after_ms: int | None = None
@@ -290,90 +329,183 @@ class Session:
 
         ``reconnect_after_ms`` is what the client is told; None: what the limits say.
         """
-        if self._out.closing or self._draining_until_s is not None:
+        if self.closing or self._draining_until_s is not None:
             return
         self._draining_until_s = now_s + timeout_s
-        if self._deliveries is not None:
+        if self._transfers is not None:
             after_ms = reconnect_after_ms
             if after_ms is None:
                 after_ms = self._limits.reconnect_after_ms
-            self._out.say(Notice(kind="draining", reconnect_after_ms=after_ms))
-            self._deliveries.end_aims(by=None)
+            self._send(Notice(kind="draining", reconnect_after_ms=after_ms))
+            self._transfers.end_aims(by=None)
         self._close_if_drained()
 
     def withdraw(self, text: str) -> None:
         """End the session because its token opens the scene no more; the text says why."""
-        self._out.fatal(ErrorCode.UNAUTHORISED, text)
+        self._fatal(ErrorCode.UNAUTHORISED, text)
 
     def tell_group(self, message: Message) -> None:
-        """Pass on a message of the group."""
-        self._groups.tell(message)
+        """Send a message of the group; of those that wait, only the newest of each type (16.4)."""
+        if isinstance(message, Joined):
+            self._group_news.clear()  # of the group joined before
+            self._send(message)
+        elif not self.closing:
+            self._group_news.pop(message.TYPE, None)
+            self._group_news[message.TYPE] = message
 
     def ended(self) -> None:
         """Settle the accounts: the connection is gone."""
-        if self._deliveries is not None:
-            self._deliveries.end()
+        if self._transfers is not None:
+            self._transfers.end()
 
     def fail(self) -> None:
         """End the session for a fault of our own, without telling what it was."""
-        self._out.fatal(ErrorCode.INTERNAL, INTERNAL_TEXT)
+        self._fatal(ErrorCode.INTERNAL, INTERNAL_TEXT)
 
     def _on_hello(self, hello: Hello) -> None:
-        if self._deliveries is not None:
-            self._out.fatal(ErrorCode.OUT_OF_ORDER, "got a second hello, expected one")
+        if self._transfers is not None:
+            self._fatal(ErrorCode.OUT_OF_ORDER, "got a second hello, expected one")
             return
-        scene, limits = self._scene, self._limits
-        refusal = check_hello(hello, scene, limits, self._authorise)
-        if refusal is not None:
-            self._out.fatal(refusal.code, refusal.text, protocols=refusal.protocols)
+        if not self._accepts(hello):
             return
-        self._deliveries = Deliveries(
-            scene, limits, hello, say=self._out.say, observer=self._observer
+        transfers = Transfers(
+            self._scene, self._limits, hello, send=self._send, observer=self._observer
         )
-        self._out.say(make_welcome(hello, scene, limits, self._deliveries, self.id))
-        if self._news is not None:
-            self.scene_published(self._news)
+        self._transfers = transfers
+        self._send(self._welcome(hello, transfers))
+        if self._published is not None:
+            self.scene_published(self._published)
 
-    def _on_held(self, held: Held, deliveries: Deliveries, now_s: float) -> None:
-        rows, most = len(held.segments), self._limits.max_held_segments
-        if not deliveries.may_offer:
-            text = "got held after an aim or land, expected it before the first one"
-            self._out.fatal(ErrorCode.OUT_OF_ORDER, text)
-        elif rows > most:
+    def _accepts(self, hello: Hello) -> bool:
+        """Check a ``hello``; the token first, so that an error tells nothing about the scene."""
+        if hello.protocol[0] != PROTOCOL[0]:
+            text = f"got protocol {hello.protocol[0]}.{hello.protocol[1]}, expected {PROTOCOL[0]}.x"
+            self._fatal(ErrorCode.UNSUPPORTED_VERSION, text, protocols=(PROTOCOL,))
+            return False
+        refused = None if self._authorise is None else self._authorise(hello.token)
+        if refused is not None:
+            self._fatal(*refused)
+            return False
+        if hello.encoding not in self._scene.encodings:
+            offered = ", ".join(sorted(self._scene.encodings))
+            text = f"got encoding {hello.encoding}, expected one of: {offered}"
+            self._fatal(ErrorCode.UNSUPPORTED_ENCODING, text)
+            return False
+        return self._may_hold(0 if hello.held is None else len(hello.held))
+
+    def _may_hold(self, rows: int) -> bool:
+        most = self._limits.max_held_segments
+        if rows > most:
             text = f"got {rows} held segments, expected at most {most}"
-            self._out.fatal(ErrorCode.TOO_LARGE, text)
-        elif self._admit(now_s, rows // HELD_ROWS_PER_MESSAGE):
-            dropped = deliveries.take_held(held.segments, now_s)
-            self._out.say(HeldChecked(dropped=dropped, held_count=len(deliveries.held)))
+            self._fatal(ErrorCode.TOO_LARGE, text)
+        return rows <= most
+
+    def _welcome(self, hello: Hello, transfers: Transfers) -> Welcome:
+        scene, limits = self._scene, self._limits
+        rows = 0 if hello.held is None else len(hello.held)
+        table = scene.encodings[hello.encoding]
+        return Welcome(
+            protocol=(PROTOCOL[0], min(hello.protocol[1], PROTOCOL[1])),
+            server=limits.server,
+            session=self.id,
+            scene=SceneInfo(
+                id=scene.id,
+                version=scene.version,
+                name=scene.name,
+                segment_count=table.segment_count,
+                levels=None if table.levels == 1 else table.levels,
+            ),
+            limits=ServerLimits(
+                max_radius_m=limits.max_radius_m,
+                max_message_bytes=limits.max_message_bytes,
+                max_messages_per_s=limits.max_messages_per_s,
+                max_held_segments=limits.max_held_segments,
+                max_plan_segments=limits.max_plan_segments,
+                max_credit_bytes=limits.max_credit_bytes,
+                idle_timeout_s=limits.idle_timeout_s,
+                groups=limits.groups,
+            ),
+            release_factor=transfers.release_factor,
+            dropped=transfers.dropped,
+            held_count=rows - len(transfers.dropped),
+            pull=None if transfers.pull is None else transfers.pull.info,
+        )
+
+    def _on_held(self, held: Held, transfers: Transfers, now_s: float) -> None:
+        rows = len(held.segments)
+        if not transfers.may_offer:
+            text = "got held after an aim or land, expected it before the first one"
+            self._fatal(ErrorCode.OUT_OF_ORDER, text)
+        elif self._may_hold(rows) and self._admit(now_s, rows // HELD_ROWS_PER_MESSAGE):
+            dropped = transfers.take_held(held.segments, now_s)
+            self._send(HeldChecked(dropped=dropped, held_count=len(transfers.held)))
             self._close_if_drained()
 
-    def _on_evict(self, evict: Evict, deliveries: Deliveries) -> None:
-        wrong = deliveries.evict(evict.segments)
+    def _on_evict(self, evict: Evict, transfers: Transfers) -> None:
+        wrong = transfers.evict(evict.segments)
         if wrong is not None:
-            self._out.fatal(ErrorCode.OUT_OF_ORDER, wrong)
+            self._fatal(ErrorCode.OUT_OF_ORDER, wrong)
 
-    def _on_reject(self, reject: Reject, deliveries: Deliveries, now_s: float) -> None:
-        if reject.segment >= deliveries.payload_count:
-            text = f"got segment {reject.segment}, expected one below {deliveries.payload_count}"
-            self._out.fatal(ErrorCode.INVALID_FIELD, f"reject.segment: {text}")
+    def _on_reject(self, reject: Reject, transfers: Transfers, now_s: float) -> None:
+        if reject.segment >= transfers.payload_count:
+            text = f"got segment {reject.segment}, expected one below {transfers.payload_count}"
+            self._fatal(ErrorCode.INVALID_FIELD, f"reject.segment: {text}")
             return
-        deliveries.reject(reject, now_s)
+        transfers.reject(reject, now_s)
         self._close_if_drained()
 
+    def _on_pick(self, pick: Pick) -> None:
+        most = self._limits.max_picks
+        if self._open_picks >= most:
+            text = f"got {self._open_picks + 1} picks at once, expected at most {most}"
+            self._error(ErrorCode.TOO_MANY, text, request=pick.request)
+            return
+        self._open_picks += 1
+        self._actions.append(RunPick(pick.request, pick.origin, pick.direction))
+
+    def _on_group_message(self, message: _GroupMessage, now_s: float) -> None:
+        if isinstance(message, Join | Gather):
+            refusal = self._request_group(message, now_s)
+            self._observer.grouped(message.TYPE if refusal is None else "refused")
+            if refusal is not None:
+                self._error(ErrorCode.GROUP_REFUSED, refusal, request=message.request)
+        elif isinstance(message, Leave):
+            self._leave_group(now_s)
+        elif self._groups is not None:
+            self._groups.arrived(message)
+
+    def _request_group(self, message: Join | Gather, now_s: float) -> str | None:
+        """Pass on a join or gather; return the reason of a refusal."""
+        most_m = self._limits.max_radius_m
+        if self._groups is None:
+            return f"got {message.TYPE}, expected none: no groups are served here"
+        if self._draining_until_s is not None:
+            return f"got {message.TYPE} while the server goes away, expected a new connection"
+        if isinstance(message, Join):
+            return self._groups.join(message, self._place, now_s)
+        if message.radius_m > most_m:
+            return f"gather.radius_m: got {message.radius_m:g}, expected at most {most_m:g}"
+        return self._groups.gather(message, now_s)
+
+    def _leave_group(self, now_s: float) -> None:
+        self._group_news.clear()
+        if self._groups is not None:
+            self._groups.leave(now_s)
+
     def _admit(self, now_s: float, count: int = 1) -> bool:
-        if self._out.closing:
+        if self.closing:
             return False
         self.heard(now_s)
         if self._rate.take(now_s, count):
             return True
-        self._out.fatal(ErrorCode.TOO_MANY, self._rate.broken_text)
+        self._fatal(ErrorCode.TOO_MANY, self._rate.broken_text)
         return False
 
     def _take_generation(self, generation: int) -> bool:
         newest = self._generation
         if newest is not None and generation <= newest:
             text = f"got generation {generation}, expected one above {newest}"
-            self._out.fatal(ErrorCode.OUT_OF_ORDER, text, generation=generation)
+            self._fatal(ErrorCode.OUT_OF_ORDER, text, generation=generation)
             return False
         self._generation = generation
         return True
@@ -383,17 +515,60 @@ class Session:
         most_m = self._limits.max_radius_m
         if self._draining_until_s is not None:
             text = f"got {message.TYPE} while the server goes away, expected a new connection"
-            self._out.fatal(ErrorCode.DRAINING, text, generation=message.generation)
+            self._fatal(ErrorCode.DRAINING, text, generation=message.generation)
             return False
         name = "radius_m" if message.coarse_radius_m is None else "coarse_radius_m"
         largest_m: float = getattr(message, name)
         if largest_m > most_m:
             text = f"{message.TYPE}.{name}: got {largest_m:g}, expected at most {most_m:g}"
-            self._out.error(ErrorCode.RADIUS_TOO_LARGE, text, generation=message.generation)
+            self._error(ErrorCode.RADIUS_TOO_LARGE, text, generation=message.generation)
             return False
         return True
 
     def _close_if_drained(self) -> None:
-        lands = self._deliveries is not None and self._deliveries.landing_open
-        if not (self._out.closing or self._draining_until_s is None or lands):
-            self._out.close(CloseCode.DRAINING, ErrorCode.DRAINING)
+        lands = self._transfers is not None and self._transfers.landing_open
+        if not (self.closing or self._draining_until_s is None or lands):
+            self._close(CloseCode.DRAINING, ErrorCode.DRAINING)
+
+    def _send(self, message: Message) -> None:
+        self._actions.append(SendMessage(message))
+
+    def _error(
+        self,
+        code: ErrorCode,
+        text: str,
+        *,
+        fatal: bool = False,
+        generation: int | None = None,
+        request: int | None = None,
+        protocols: tuple[tuple[int, int], ...] | None = None,
+    ) -> None:
+        error = Error(
+            code=code,
+            message=text[:_MAX_ERROR_TEXT],
+            fatal=fatal,
+            generation=generation,
+            request=request,
+            protocols=protocols,
+        )
+        self._send(error)
+        self._observer.refused(error)
+
+    def _fatal(
+        self,
+        code: ErrorCode,
+        text: str,
+        *,
+        generation: int | None = None,
+        protocols: tuple[tuple[int, int], ...] | None = None,
+    ) -> None:
+        """Send a fatal error and close; ignored once the session is closing."""
+        if not self.closing:
+            self._error(code, text, fatal=True, generation=generation, protocols=protocols)
+            self._close(CLOSE_CODES[code], code)
+
+    def _close(self, code: CloseCode, reason: str) -> None:
+        """Close after the pending actions."""
+        self.closing = True
+        self._observer.ending(reason)
+        self._actions.append(Close(code, reason))

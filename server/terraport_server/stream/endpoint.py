@@ -21,8 +21,12 @@ from terraport_server.http.guard import host_is_ours
 from terraport_server.logging import log
 from terraport_server.peer_limits import REFUSED_CLOSE_S
 from terraport_server.service import Service
-from terraport_server.session.greeting import UNOPENED_TEXT, no_hello_text
-from terraport_server.session.session import INTERNAL_TEXT, Session
+from terraport_server.session.session import (
+    INTERNAL_TEXT,
+    UNAUTHORISED_TEXT,
+    Session,
+    no_hello_text,
+)
 from terraport_server.stream.sender import Sender
 from terraport_server.stream.session_log import Chronicle, note_error
 from terraport_server.transport import connection_of
@@ -124,7 +128,7 @@ async def _serve(
             admission = service.gate.admit(token, scene_id)
             if isinstance(admission, ErrorCode):
                 service.metrics.refused.labels(str(admission)).inc()
-                return admission, UNOPENED_TEXT
+                return admission, UNAUTHORISED_TEXT
             visitor.token_pass = admission
         # Only now does it count: whoever says no hello would else keep others out.
         full = service.admit(client)
@@ -270,7 +274,7 @@ async def _judge_hello(
     token = message.token if isinstance(message, Hello) else None
     code = service.gate.check(token, scene_id)
     if code is not None:
-        return code, UNOPENED_TEXT
+        return code, UNAUTHORISED_TEXT
     return ErrorCode.UNKNOWN_SCENE, str(UnknownSceneError(scene_id))
 
 

@@ -6,7 +6,7 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 from terraport_server.metrics import Metrics
-from terraport_server.session.actions import RunPick
+from terraport_server.session.interface import RunPick
 from terraport_server.session.session import Session
 from terraport_wire import Hit
 

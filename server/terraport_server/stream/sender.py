@@ -26,7 +26,7 @@ from terraport_server.metrics import Metrics
 from terraport_server.peer_limits import REFUSED_CLOSE_S
 from terraport_server.read_buffer import ReadBuffer
 from terraport_server.scenes.served_scene import ServedScene
-from terraport_server.session.actions import Close, MakePlan, RunPick, SendChunk, SendMessage
+from terraport_server.session.interface import Close, MakePlan, RunPick, SendChunk, SendMessage
 from terraport_server.session.session import Session
 from terraport_server.stream.client_turns import ClientTurns
 from terraport_server.stream.pick_tasks import PickTasks
@@ -393,6 +393,6 @@ class Sender:
     async def _close(self, action: Close) -> None:
         self._flush()
         self._clock.look()
-        if self._connection is not None and self.session.deliveries is None:  # was never let in
+        if self._connection is not None and self.session.transfers is None:  # was never let in
             self._connection.leave_within(REFUSED_CLOSE_S)
         await self._websocket.close(int(action.code), str(action.reason))

@@ -11,7 +11,7 @@ from terraport_server.client_addresses import client_key
 from terraport_server.logging import OncePerMinute, log
 from terraport_server.metrics import Metrics
 from terraport_server.scenes.served_scene import ServedScene
-from terraport_server.session.actions import Observer
+from terraport_server.session.interface import Observer
 from terraport_wire import Error, ErrorCode, Plan, Ready, Reject, Superseded
 
 __all__ = ["Chronicle", "note_error"]
